@@ -9,10 +9,11 @@ namespace moondb {
 namespace {
 
 constexpr double kRatioMin = 0.01;
-// What a batch of one piece holds beside it, at most: so that two fit into the credit.
+// Upper bound of the bytes that a batch has beside its fragment. Fragments are this much smaller than a batch, so two
+// batches fit into the credit.
 constexpr std::size_t kFragmentHeadBytes = 64;
 
-// Takes the batch's first records off what is missing by type, of which nothing is sent yet.
+// Counts the missing records by data type after the first `sent_count` records of the reply are sent.
 std::vector<proto::TypeBacklog> BacklogOf(const proto::MissingReply& reply, int sent_count) {
   std::vector<proto::TypeBacklog> backlog(reply.backlog().begin(), reply.backlog().end());
   for (int i = reply.records_size(); i-- > sent_count;) {
@@ -25,9 +26,9 @@ std::vector<proto::TypeBacklog> BacklogOf(const proto::MissingReply& reply, int 
   return backlog;
 }
 
-// As many intervals as fit into `bytes_max`, at least one.
+// Returns as many dropped intervals as fit into `bytes_max`, but at least one.
 std::vector<proto::StreamHave> FirstDropped(const proto::MissingReply& reply, std::size_t bytes_max) {
-  constexpr std::size_t kFieldBytes = 6;  // At most, around each of them.
+  constexpr std::size_t kFieldBytes = 6;  // Upper bound of the tag and length bytes of one interval or stream.
   std::vector<proto::StreamHave> first;
   std::size_t bytes = 0;
   for (const proto::StreamHave& stream : reply.dropped()) {
@@ -74,7 +75,7 @@ bool BatchMaker::Make(const proto::MissingReply& reply, std::size_t bytes_max, b
   Code(reply, bytes_max, is_part_of_order);
   missing_count_ = ready_->message.remaining();
   if (missing_count_ == 0) is_end_reported_ = true;
-  // One message does not always hold all that is dropped.
+  // One message does not always hold all dropped intervals.
   return missing_count_ == 0 && reply.dropped().empty();
 }
 
@@ -89,7 +90,7 @@ void BatchMaker::Code(const proto::MissingReply& reply, std::size_t bytes_max, b
   LearnRatio(coded.bytes.size(), content_bytes);
   missing_types_ = BacklogOf(reply, count);
   std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
-  if (is_part_of_order) ++remaining;  // The end is not sent before the rest of the order has gone.
+  if (is_part_of_order) ++remaining;  // Only the last part of the order may announce that nothing remains.
   if (coded.bytes.size() <= bytes_max || count != 1) return MakeWhole(std::move(coded), reply, remaining, bytes_max);
   const std::uint32_t run = coded.run;
   const bool leans_on_others = coded.leans_on_others;
@@ -122,7 +123,7 @@ void BatchMaker::MakeWhole(CodedBatch coded, const proto::MissingReply& reply, s
   batch.set_codec(coded.codec);
   batch.set_run(coded.run);
   batch.set_record_count(static_cast<std::uint32_t>(coded.record_count));
-  // What is dropped never travels before what superseded it.
+  // Dropped intervals are sent only after the records that superseded them.
   if (remaining == 0) {
     made.contents.dropped = FirstDropped(reply, bytes_max - std::min(bytes_max, coded.bytes.size()));
     batch.mutable_dropped()->Assign(made.contents.dropped.begin(), made.contents.dropped.end());
@@ -185,7 +186,8 @@ HaveSet BatchMaker::Contents() const {
 }
 
 double BatchMaker::ContentBytesFor(std::size_t coded_bytes) const {
-  // What cannot be cut without being coded anew should just fit.
+  // The compact codec can stop at the size limit, so ask for more content than needed. The other codecs must code a
+  // batch again to make it smaller, so ask for a little less.
   const double share = codec_ == proto::CODEC_COMPACT ? 1.25 : 0.9;
   return share * static_cast<double>(coded_bytes) / coded_ratio_;
 }

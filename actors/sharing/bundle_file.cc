@@ -53,12 +53,12 @@ int BundleWriter::Add(const proto::RecordBatch& records) {
   if (count == 0 || count == records.records_size()) return count;
   proto::RecordBatch rest = records;
   rest.mutable_records()->DeleteSubrange(0, count);
-  rest.mutable_records()->DeleteSubrange(count, rest.records_size() - count);  // Twice as many did not fit.
+  rest.mutable_records()->DeleteSubrange(count, rest.records_size() - count);  // 2 * count records did not fit.
   return count + Add(rest);
 }
 
 bool BundleWriter::AddAll(const proto::RecordBatch& records) {
-  BatchEncoder encoder = *encoder_;  // What does not fit leaves no trace in it.
+  BatchEncoder encoder = *encoder_;  // A copy: records that do not fit must not change the encoder's state.
   HaveSet have = have_;
   for (const proto::StoredRecord& record : records.records()) Note(record, have);
   proto::BundlePart& part = *file_.add_parts();

@@ -1,7 +1,7 @@
-// A bundle for the ground: one file of records within a byte budget, in the compact form of batches, with its have-set
-// and a checksum over all of it (proto/bundle.proto has its bytes).
+// Bundles for a ground station. A bundle is one file of records within a byte budget, in the compact form of batches,
+// with its have-set and a checksum over all bytes (proto/bundle.proto defines the format).
 //
-// Plain values and functions, no files: from one thread at a time.
+// Plain values and functions, which open no files. Not thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -26,17 +26,19 @@ class BatchEncoder;
 
 class BundleWriter {
  public:
-  // `head`: all but have and parts. `bytes_max`: of the file; kBundleBytesMin to kBundleBytesMax.
+  // `head` is a BundleFile without `have` and `parts`. `bytes_max` limits the size of the file. Requires: `bytes_max`
+  // lies between kBundleBytesMin and kBundleBytesMax.
   BundleWriter(proto::BundleFile head, std::size_t bytes_max);
   ~BundleWriter();
 
-  // Adds as many of the records as fit, from the first on; how many. Encodes each a few times where not all fit.
+  // Adds as many of the records as fit, in order, and returns their number. Encodes a record several times if not all
+  // records fit.
   int Add(const proto::RecordBatch& records);
 
   const HaveSet& have() const { return have_; }
   std::uint64_t record_count() const { return record_count_; }
 
-  // The file. Once.
+  // Returns the bytes of the file. Call once.
   std::string Finish();
 
  private:
@@ -49,14 +51,14 @@ class BundleWriter {
   std::unique_ptr<BatchEncoder> encoder_;
 };
 
-// Sees one record; an error ends the reading and is returned.
+// Called for each record of a bundle. An error stops ReadBundle, which returns it.
 using VisitBundled = std::function<Result<void>(const proto::StoredRecord& record)>;
 
-// Shows all records of a bundle, in order, and gives back its head: all but the parts. kCorrupt: no bundle, one of
-// another version, damaged, or with other records than its have-set says.
+// Calls `visit` for all records of a bundle, in order, and returns the bundle without its parts. Returns kCorrupt if
+// `file` is not a bundle, has another version, is damaged, or holds other records than its have-set says.
 Result<proto::BundleFile> ReadBundle(std::string_view file, const VisitBundled& visit);
 
-// XXH64, which names a bundle beside its number.
+// Returns the XXH64 of the file, which identifies a bundle together with its number.
 std::uint64_t HashOfBundle(std::string_view file);
 
 }  // namespace moondb

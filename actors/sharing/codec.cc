@@ -38,7 +38,7 @@ proto::RecordBatch FirstOf(const proto::RecordBatch& batch, int count) {
   return first;
 }
 
-// Codes and cuts until it fits.
+// Encodes the batch again and again, with fewer records each time, until it fits into `bytes_max`.
 CodedBatch EncodePlainUpTo(const proto::RecordBatch& batch, bool may_compress, std::size_t bytes_max) {
   CodedBatch coded = EncodePlain(batch, may_compress);
   while (coded.bytes.size() > bytes_max && coded.record_count > 1) {

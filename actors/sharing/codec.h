@@ -1,10 +1,10 @@
-// The coded form of a batch of records on the wire: in the compact form (coding/batch_codec.h), or a serialised
-// RecordBatch, as one zstd frame where that is smaller.
+// The wire format of a batch of records: the compact form (coding/batch_codec.h), or a serialised RecordBatch, which is
+// compressed into one zstd frame if that is smaller.
 //
-// A batch is coded as a whole, since zstd makes single small rows larger. Batches of maps in the compact form make up
-// runs, in which each leans on those before; all others can be decoded whatever became of those before. Every form
-// carries a checksum and states what it decodes to, so that a decoder knows its limits before it allocates and notices
-// damage. zstd's bytes differ between its versions; only decoding is the contract.
+// A batch is coded as a whole, since zstd makes single small rows larger. Batches of maps in the compact form form
+// runs, in which each batch depends on those before it. All other batches can be decoded independently. Every form
+// carries a checksum and states its decoded size, so a decoder can check its limits before it allocates, and detects
+// damage. The compressed bytes may differ between versions of zstd; the contract covers only the decoded result.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@
 
 namespace moondb {
 
-// Of the largest record, or page of a bundle (actors/storage/missing_records.h), and what their parts take beside it.
+// Bytes of the largest record, or of the largest page of a bundle (actors/storage/missing_records.h), plus overhead.
 inline constexpr std::size_t kDecodedBytesMax = 18 * 1024 * 1024;
 inline constexpr std::size_t kCodedBytesMax = kDecodedBytesMax;
 inline constexpr std::uint32_t kBatchRecordsMax = 4096;
@@ -33,36 +33,38 @@ struct CodedBatch {
   proto::Codec codec = proto::CODEC_PLAIN;
   std::string bytes;
   int record_count = 0;
-  std::uint32_t run = 0;         // Of maps, of which it is a part; 0: of none.
-  bool leans_on_others = false;  // It cannot be decoded without the run's batches before.
+  std::uint32_t run = 0;         // The run of maps to which the batch belongs; 0: none.
+  bool leans_on_others = false;  // The batch can be decoded only after the earlier batches of its run.
 };
 
-// The paper's form: one record's populated statement, and back (actors/storage/paper_sql.h, which knows SQLite). Where
-// it is empty, CODEC_PAPER_SQL is neither written nor read.
+// The paper's format: converts one record to a populated SQL statement, and back. The implementation needs SQLite and
+// lies in actors/storage/paper_sql.h. If the functions are empty, CODEC_PAPER_SQL is neither written nor read.
 struct PaperSql {
   std::function<std::optional<std::string>(const proto::StoredRecord&)> sql_of;
   std::function<Result<proto::StoredRecord>(std::string_view sql, const RecordKey& key)> record_of;
 };
 
-// All of it, as a zstd frame or plain.
+// Encodes the whole batch, as a zstd frame or uncompressed, whichever is smaller.
 CodedBatch EncodeBatch(const proto::RecordBatch& batch);
 
-// Codes the batches to one destination: learns from each how many records fit into the next, and keeps the run of maps
-// that goes on from one to the other. Not thread-safe.
+// Encodes the batches to one destination. Estimates from each batch how many records fit into the next, and keeps the
+// current run of maps, which continues from batch to batch. Not thread-safe.
 class SharingEncoder {
  public:
-  // Numbers its runs from `first_run` on, which differs from those of an earlier process.
+  // Runs are numbered from `first_run`. Requires: `first_run` differs from the run numbers of earlier processes.
   explicit SharingEncoder(PaperSql paper_sql = {}, std::uint32_t first_run = 1)
       : paper_sql_(std::move(paper_sql)), run_(std::max<std::uint32_t>(first_run, 1)) {}
 
-  // The next batch can be decoded without those before: one of them was not decoded, or may not have been.
+  // Makes the next batch independent of those before it. Call this if the destination may not have decoded one of them.
   void BeginRun();
-  // The present one; not 0.
+  // The number of the current run; never 0.
   std::uint32_t run() const { return run_; }
 
-  // As many of the first records as fit into `bytes_max`, at least one, whatever its size: in `codec`, or where that is
-  // smaller (of CODEC_PAPER_SQL, where it is not possible) as a zstd frame or plain, but for maps in CODEC_COMPACT.
-  // With CODEC_PAPER_SQL one record. The first of a run has the same bytes each time (pieces.h).
+  // Encodes as many of the first records as fit into `bytes_max`, but at least one, whatever its size. Uses `codec`,
+  // with these exceptions. CODEC_COMPACT without maps falls back to a zstd frame or the uncompressed form if that is
+  // smaller; CODEC_ZSTD falls back to the uncompressed form. CODEC_PAPER_SQL encodes the first record as a statement,
+  // or the batch in one of the other two forms if that record has no statement. Encoding the first batch of a run is
+  // deterministic, which fragments rely on (pieces.h).
   CodedBatch Encode(proto::Codec codec, const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:
@@ -73,16 +75,18 @@ class SharingEncoder {
   BatchEncoder compact_{MapRunEncoder::Previous::kWhileItPays};
 };
 
-// kCorrupt for a codec that is unknown here, bytes that do not decode, a size beyond the limits above, more than one
-// frame, or another number of records than `record_count`; kNotFound for a batch that leans on others than `run` has
-// decoded. The records themselves are StorageActor's to check.
+// Decodes a batch, which may depend on the batches that `run` has decoded. Returns kCorrupt if the codec is unknown,
+// the bytes do not decode, a size exceeds the limits above, there is more than one frame, or the number of records is
+// not `record_count`. Returns kNotFound if the batch depends on batches that `run` has not decoded. Does not check the
+// records themselves; StorageActor does.
 Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count,
                                        BatchDecoder& run);
 
-// By itself. Safe from any thread.
+// Decodes a batch that depends on no other. Thread-safe.
 Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count);
 
-// The one record that a statement makes; `record_id`: as it was announced. kCorrupt where there is no such form here.
+// Decodes a SQL statement into a batch of one record. `record_id` is the key that the message announced. kCorrupt if
+// this agent does not read statements, or if the statement or the key is malformed.
 Result<proto::RecordBatch> DecodePaperSql(const PaperSql& paper_sql, std::string_view sql, std::string_view record_id);
 
 }  // namespace moondb

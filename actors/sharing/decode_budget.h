@@ -1,8 +1,9 @@
-// DecodeBudget: what one sender's batches may become when they are decoded. A few hundred bytes can state 18 MiB; who
-// sends such ones again and again would take the processor from all others.
+// DecodeBudget: limits the decoded bytes of one sender's batches. A batch of a few hundred bytes can decode to 18 MiB.
+// A sender that repeats such batches would use up the processor.
 //
-// kAtOnceBytes at once, which come back within a minute, and kBytesPerCodedByte for each byte that is sent: honest
-// batches become some ten times as large, sparse maps a hundred times. A plain value.
+// A token bucket: it holds at most kAtOnceBytes, which refill within a minute, and each coded byte adds
+// kBytesPerCodedByte. Batches of an honest sender grow about 10 times when decoded, sparse maps about 100 times. Plain
+// value.
 #pragma once
 
 #include <algorithm>
@@ -17,10 +18,10 @@ class DecodeBudget {
 
   static constexpr double kAtOnceBytes = 16.0 * 1024 * 1024;
   static constexpr double kBytesPerCodedByte = 100;
-  // A batch that does not decode counts as this: what it cost is not known. Few bytes can cost as much as a full batch.
+  // Charge for a batch that does not decode. Its cost is unknown, and few bytes can cost as much as a full batch.
   static constexpr std::size_t kDamagedBytes = 16 * 1024 * 1024;
 
-  // Whether the sender's next coded bytes are decoded.
+  // Adds the credit for the next coded bytes. Returns true if they may be decoded.
   bool Takes(std::size_t coded_bytes, Time now) {
     const double minutes = std::chrono::duration<double, std::ratio<60>>(now - at_).count();
     const double earned = minutes * kAtOnceBytes + static_cast<double>(coded_bytes) * kBytesPerCodedByte;
@@ -28,7 +29,7 @@ class DecodeBudget {
     at_ = now;
     return left_ > 0;
   }
-  // What they became.
+  // Subtracts the size of a decoded batch from the budget.
   void Charge(std::size_t decoded_bytes) { left_ -= static_cast<double>(decoded_bytes); }
 
  private:

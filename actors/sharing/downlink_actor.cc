@@ -8,13 +8,13 @@ namespace moondb {
 namespace {
 
 constexpr std::uint32_t kTimedOut = 1;
-constexpr std::uint32_t kContentBytesAtATime = 32 * 1024;  // Some maps: 50 ms to encode.
+constexpr std::uint32_t kContentBytesAtATime = 32 * 1024;  // A few maps, which take about 50 ms to encode.
 constexpr std::uint32_t kRecordsAtATime = 512;
 
 }  // namespace
 
 void DownlinkActor::OnStart(Context& context) {
-  question_ = context.rng()() | 1;  // So that an answer from before a restart meets no new question.
+  question_ = context.rng()() | 1;  // Random: an answer to a request from before a restart must not match a new one.
 }
 
 void DownlinkActor::OnMessage(Context& context, const proto::Message& message) {
@@ -182,7 +182,7 @@ void DownlinkActor::EndWithError(Context& context, const Error& error) {
 
 void DownlinkActor::End(Context& context) {
   context.Cancel(timer_);
-  ++question_;  // A late answer meets no question.
+  ++question_;  // A late answer then matches no request.
   writer_.reset();
   taken_ = {};
   bundle_.Clear();

@@ -1,18 +1,27 @@
-// DownlinkActor ("downlink"): packs what this agent holds and the ground lacks into bundles, files of a given size that
-// somebody else carries there (a relay satellite's pass, a memory stick).
+// DownlinkActor ("downlink"): packs records that a ground station lacks into bundles, files of a given size.
+// Something outside moondb carries the files there: a relay satellite's pass, a memory stick.
 //
-//   DownlinkRequest{bytes_max}     makes the next bundle: what `ground` of the team file asks for and no bundle has
-//                                  held, most urgent class first, until the file is full. Storage keeps it.
-//   DownlinkRequest{acknowledge}   the ground has that bundle: its file goes. What was in it counts as downlinked.
-//   DownlinkRequest{}              shows what waits.
+//   DownlinkRequest{bytes_max}     Makes the next bundle from the records that `ground` of the team file asks for and
+//                                  that are in no earlier bundle, most urgent class first, until the file is full.
+//                                  Storage keeps the file.
+//   DownlinkRequest{acknowledge}   The ground station has that bundle. Deletes the file; its records count as
+//                                  downlinked.
+//   DownlinkRequest{}              Lists the bundles that wait for an acknowledgment.
 //
-// A bundle that was not acknowledged stays as it is, however often it is fetched (ReadBundleRequest, to storage), and
-// its records are in no other. At most kBundlesWaitingMax wait. Numbers count from 1 within one life of the store:
-// after a lost disk they begin anew, so that a bundle's hash says whether two are the same.
+// A bundle does not change until it is acknowledged, however often it is fetched (ReadBundleRequest, to storage). No
+// record is in two bundles. At most kBundlesWaitingMax bundles wait. Bundle numbers count from 1 and restart after a
+// lost disk, so compare the hashes of two bundles to see whether they are the same.
 //
-// From actors of this agent alone; one order at a time, and a few that wait. Errors: kInvalid (a size beyond the limits
-// of actors/sharing/bundle_file.h, or too small for the next record; both fields), kRefused (`ground` asks for nothing;
-// too many bundles wait), kNotFound (no such bundle), kFull (too many orders), kTimedOut (storage), or storage's own.
+// Accepts requests only from actors of this agent. Serves one request at a time; a few more may wait. Requests
+// fail with these errors.
+//   `kInvalid`: the size is outside the limits of actors/sharing/bundle_file.h or too small for the next record, or the
+//       request has both fields.
+//   `kRefused`: `ground` asks for nothing, or too many bundles wait.
+//   `kNotFound`: there is no such bundle.
+//   `kFull`: too many requests wait, or storage's mailbox is full.
+//   `kTimedOut`: storage did not answer.
+//   `kUnavailable`: storage could not read the missing records.
+//   Errors of storage are passed on.
 #pragma once
 
 #include <deque>
@@ -30,9 +39,9 @@ class DownlinkActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;  // Complete and checked.
+    proto::TeamConfig team;  // The validated team configuration.
     std::size_t orders_max = 16;
-    Duration timeout = std::chrono::seconds(60);  // Of storage, for each answer.
+    Duration timeout = std::chrono::seconds(60);  // Limit for each answer of storage.
   };
 
   explicit DownlinkActor(Options options) : options_(std::move(options)) {}
@@ -58,17 +67,17 @@ class DownlinkActor final : public Actor {
   void Save(Context& context);
   void Ask(Context& context, proto::Message message);
   void EndWithError(Context& context, const Error& error);
-  void End(Context& context);  // Answers, and goes on to the next order.
+  void End(Context& context);  // Replies to the current order and starts the next one.
 
   const Options options_;
-  std::deque<Order> orders_;  // The first is being worked on.
-  // What belongs to the order that is being worked on.
-  std::uint64_t question_ = 0;  // To storage, whose answer is waited for.
+  std::deque<Order> orders_;  // The first order is the current one.
+  // The members below belong to the current order.
+  std::uint64_t question_ = 0;  // Id of the last request to storage.
   TimerId timer_ = 0;
   proto::DownlinkReply reply_;
-  HaveSet taken_;                       // In bundles, the one being made included.
-  std::optional<BundleWriter> writer_;  // While it is being filled.
-  proto::DownlinkBundle bundle_;        // The one being made.
+  HaveSet taken_;                       // Records that are in bundles, including the new one.
+  std::optional<BundleWriter> writer_;  // Set while a new bundle is being made.
+  proto::DownlinkBundle bundle_;        // Description of the new bundle.
 };
 
 }  // namespace moondb

@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Never 0, which stands for none.
+// Never returns 0, since a hash of 0 means "no whole".
 std::uint64_t HashOf(const std::string& bytes) {
   return std::max<std::uint64_t>(XXH64(bytes.data(), bytes.size(), 0), 1);
 }
@@ -42,8 +42,9 @@ Result<std::optional<std::string>> FragmentCollector::Take(AgentId sender, const
   Part* part = Find(sender);
   const bool is_known = part != nullptr && part->hash == fragment.hash() && part->size == fragment.whole_bytes();
   if (!is_known && fragment.first_byte() == 0) {
-    // What it began before gives its buffer: a sender that finishes nothing has one, however often it begins. Growing
-    // by doubling would take three times as much; pages that nothing was written to take nothing.
+    // Reuse the buffer of the sender's unfinished whole, so a sender holds one buffer however often it starts again.
+    // Reserve the full size now: growing by doubling would take three times the memory, and memory pages that are never
+    // written cost nothing.
     Part begun = part != nullptr ? std::move(*part) : Part{};
     Forget(sender);
     begun.sender = sender;
@@ -54,7 +55,8 @@ Result<std::optional<std::string>> FragmentCollector::Take(AgentId sender, const
     parts_.push_back(std::move(begun));
     part = &parts_.back();
   } else if (!is_known || fragment.first_byte() > part->bytes.size()) {
-    // The sender goes on from this part because its hash is right; reported again, the part would bring the same piece.
+    // The hash matches but the size does not. Forget the part: if it were reported again, the sender would send the
+    // same fragment again.
     if (!is_known && part != nullptr && part->hash == fragment.hash()) Forget(sender);
     return Fail(ErrorCode::kNotFound, "what comes before this fragment is not here", "fragment");
   }

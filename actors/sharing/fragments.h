@@ -1,11 +1,12 @@
-// Pieces: how one batch that is too large for a message of the radio travels, and goes on after a cut where it ended.
+// Fragmentation: splits a batch that is too large for one radio message into fragments, and resumes after a lost link.
 //
-// A batch of one large record is coded once and cut into pieces, which are batches of the session like others: each has
-// its number, counts against the credit and is acknowledged. A piece names the whole by its hash and size. The receiver
-// keeps pieces in their order only, in memory, and says in its Have of which whole it has how much; it reads the whole
-// when the last one is there. One whole of at most kWholeBytesMax per sender, so that one sender alone takes no more,
-// and all together at most `bytes_max`: when there is no room, what was begun first gives way, and its sender begins
-// anew.
+// A batch of one large record is coded once and cut into fragments. Each fragment is a batch of the session with its
+// own number, counts against the credit, and is acknowledged. A fragment identifies the whole coded batch by hash and
+// size. The receiver accepts fragments only in order and keeps them in memory. Its Have reports how many bytes of which
+// whole it holds. When the last fragment arrives, the receiver decodes the whole.
+//
+// The receiver holds at most one whole per sender, of at most kWholeBytesMax, and at most `bytes_max` for all senders.
+// If there is no room, it discards the whole that was begun first, and that sender has to start again.
 #pragma once
 
 #include <algorithm>
@@ -23,10 +24,10 @@
 
 namespace moondb {
 
-// The largest record, and what its coding adds.
+// Bytes of the largest record, plus the overhead of its coding.
 inline constexpr std::size_t kWholeBytesMax = kRecordContentBytesMax + 64 * 1024;
 
-// What a receiver has of a whole; hash 0: nothing.
+// The part of a fragmented batch that a receiver holds, from the first byte on. `hash` 0: nothing.
 struct PartOfWhole {
   std::uint64_t hash = 0;
   std::size_t bytes = 0;
@@ -34,10 +35,11 @@ struct PartOfWhole {
 
 class FragmentCutter {
  public:
-  // Goes on behind `had` where that is a part of this.
+  // Starts behind the bytes that the receiver already holds (`had`), if these belong to `whole`.
   FragmentCutter(CodedBatch whole, std::uint32_t record_count, const PartOfWhole& covered);
 
-  // codec, coded, record_count and piece of the next batch, at most `bytes_max` (not 0) of the whole.
+  // Returns the next batch, with codec, coded, record_count and piece filled in. It has at most `bytes_max` bytes of
+  // the whole. Requires: `bytes_max` is not 0.
   proto::Batch Next(std::size_t bytes_max);
   bool is_done() const { return next_ == whole_.bytes.size(); }
 
@@ -53,9 +55,9 @@ class FragmentCollector {
   explicit FragmentCollector(std::size_t bytes_max, std::size_t whole_bytes_max = kWholeBytesMax)
       : bytes_max_(bytes_max), whole_bytes_max_(std::min(bytes_max, whole_bytes_max)) {}
 
-  // The whole's bytes, once this was its last piece. A piece that came before changes nothing. kNotFound: what comes
-  // before it is not here, the sender has to begin anew. kCorrupt: it cannot be a piece, or the whole is not what its
-  // hash says.
+  // Adds a fragment. Returns the bytes of the whole if the fragment was the last one, else nullopt. Ignores a duplicate
+  // fragment. kNotFound if earlier fragments are missing here; the sender has to start again. kCorrupt if the fragment
+  // is malformed, or the whole does not match its hash.
   Result<std::optional<std::string>> Take(AgentId sender, const proto::Batch& batch);
 
   PartOfWhole PartFrom(AgentId sender) const;
@@ -66,7 +68,7 @@ class FragmentCollector {
     std::uint64_t hash = 0;
     std::uint64_t size = 0;
     std::string bytes;
-    std::size_t written_bytes = 0;  // Of the buffer, by this whole or one before it.
+    std::size_t written_bytes = 0;  // Bytes of the buffer that were ever written, by this whole or an earlier one.
   };
 
   Part* Find(AgentId sender);
@@ -74,7 +76,7 @@ class FragmentCollector {
 
   std::size_t bytes_max_;
   std::size_t whole_bytes_max_;
-  std::deque<Part> parts_;  // Oldest first.
+  std::deque<Part> parts_;  // Unfinished wholes, the one that was begun first in front.
 };
 
 }  // namespace moondb

@@ -1,9 +1,9 @@
-// HaveCollector: puts a destination's have-set together out of the pages in which it comes (model/have_page.h).
+// HaveCollector: assembles a destination's have-set from the pages in which it arrives (model/have_page.h).
 //
-// One page is waited for at a time; one that came before, or late, changes nothing. What is here stays until Clear, so
-// that only the page that was lost is asked for again. A page is refused that names a record outside of what it speaks
-// of, that says nothing and is not the last, or with which the have-set would be larger than any may be: so a
-// destination that never comes to an end is noticed, and what is kept of it is bounded. Plain value.
+// The collector waits for one page at a time and ignores duplicate and late pages. Collected pages stay until Clear, so
+// only a lost page is requested again. The collector refuses a page that names a record outside the page's own key
+// range, an empty page that is not the last, and a page that would make the have-set larger than the limit. These
+// checks bound the memory for one destination and detect a destination that sends pages endlessly. Plain value.
 #pragma once
 
 #include <utility>
@@ -18,20 +18,20 @@ namespace moondb {
 class HaveCollector {
  public:
   enum class Taken {
-    kNothing,  // It is not the page that is waited for.
+    kNothing,  // The page is not the expected one.
     kPage,
     kLastPage,
   };
 
-  // kInvalid for a page that cannot be; all that was collected is forgotten then.
+  // Accepts one page. Returns kInvalid for a malformed page, and then discards all collected pages.
   Result<Taken> Take(const proto::Have& page);
   void Clear() { *this = HaveCollector(); }
 
-  // A page is here, and more are to come.
+  // True if at least one page was collected and more are expected.
   bool is_begun() const { return page_count_ > 0; }
-  // Where the page begins that is waited for; a default key: the first one.
+  // The first key of the expected page. A default key means the first page.
   const RecordKey& next() const { return next_; }
-  // After the last page; begins anew.
+  // Returns the complete have-set and clears the collector. Requires: the last page was collected.
   HaveSet TakeWhole() { return std::exchange(*this, HaveCollector()).have_; }
 
  private:

@@ -38,7 +38,7 @@ HaveSet InFlightBatches::ExpectedHave(const HaveSet& more) const {
   for (const auto& [number, batch] : batches_) AddContents(batch, coming);
   HaveSet expected = have_;
   expected.Merge(refused_);
-  expected.Merge(coming);  // Held and dropped stay apart, whatever overlapped in what is coming.
+  expected.Merge(coming);  // Merge keeps held and dropped disjoint, even if they overlap in `coming`.
   return expected;
 }
 
@@ -89,7 +89,7 @@ void InFlightBatches::NoteRefused(const BatchContents& batch) {
   for (const RecordKey& key : batch.keys) {
     if (!Has(have_, key)) refused_[key.stream].held.Add(key.seq);
   }
-  AddDropped(batch.dropped, refused_);  // Where the destination keeps one for now, it has its reason.
+  AddDropped(batch.dropped, refused_);  // The destination may have a reason to keep a record that is dropped here.
 }
 
 std::size_t InFlightBatches::GiveUpBefore(std::uint32_t number) {

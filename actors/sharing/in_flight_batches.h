@@ -1,8 +1,10 @@
-// InFlightBatches: what was handed over to a destination and is not acknowledged, and what the destination has.
+// InFlightBatches: the batches that are in flight to a destination (sent, not acknowledged), and the have-set that the
+// destination reported.
 //
-// What is under way counts as had while the next batch is chosen, and only there: a batch that is given up is missing
-// again. What an acknowledged batch carried and the destination did not take is not sent again before the session
-// starts over. Un-acknowledged bytes stay within the credit, but for one batch that travels alone. Plain value.
+// Records in flight count as held by the destination only while the next batch is chosen. The records of a batch that
+// is given up are missing again. Records that the destination refused, although it acknowledged their batch, are not
+// sent again before the session starts over. Unacknowledged bytes stay within the credit (flow control), except that
+// one larger batch may be in flight alone. Plain value.
 #pragma once
 
 #include <cstddef>
@@ -18,29 +20,30 @@
 
 namespace moondb {
 
-// What one batch carries.
+// The records and dropped intervals that one batch carries.
 struct BatchContents {
   std::vector<RecordKey> keys;
   std::vector<proto::StreamHave> dropped;
-  std::size_t bytes = 0;         // Coded.
-  std::uint32_t run = 0;         // As of CodedBatch.
-  bool leans_on_others = false;  // As of CodedBatch.
+  std::size_t bytes = 0;         // Coded bytes.
+  std::uint32_t run = 0;         // The run of maps to which the batch belongs; 0: none.
+  bool leans_on_others = false;  // The batch can be decoded only after the earlier batches of its run.
 };
 
-// Adds what a batch carries. What is held here and dropped there stays both.
+// Adds the contents of a batch to `have`. A record that is held in one of them and dropped in the other ends up in both
+// interval sets.
 void AddContents(const BatchContents& batch, HaveSet& have);
 
 class InFlightBatches {
  public:
-  // The session starts over: nothing is under way, and what the destination did not take may be sent again.
+  // Called when the session starts over. Forgets the batches in flight, and allows refused records to be sent again.
   void Clear();
 
-  // The destination said that it has this.
+  // Sets the have-set that the destination reported in its answer to a Hello.
   void SetHave(HaveSet have) { have_ = std::move(have); }
-  // What the destination says later joins what it said before.
+  // Merges a later report of the destination into its have-set.
   void Join(const HaveSet& heard) { have_.Merge(heard); }
   const HaveSet& have() const { return have_; }
-  // Had once everything under way and `more` arrives.
+  // The have-set of the destination once everything in flight and `more` has arrived.
   HaveSet ExpectedHave(const HaveSet& more) const;
 
   void SetCredit(std::size_t bytes) { credit_bytes_ = bytes; }
@@ -52,20 +55,22 @@ class InFlightBatches {
   bool is_empty() const { return batches_.empty(); }
   std::size_t RecordCount() const;
   std::vector<RecordKey> Keys() const;
-  std::uint64_t RefusedCount() const;  // Records that acknowledged batches carried and the destination did not take.
+  // Number of records of acknowledged batches that the destination refused to store.
+  std::uint64_t RefusedCount() const;
 
   struct Acknowledged {
     std::size_t batches = 0;
-    std::size_t records = 0;  // Records that the destination took.
-    std::size_t bytes = 0;    // Coded.
+    std::size_t records = 0;  // Number of records that the destination stored.
+    std::size_t bytes = 0;    // Coded bytes.
   };
-  // The batch of that number is acknowledged, and so is each other batch whose records the destination has by now.
+  // Removes the batch of that number, and each other batch of which the destination now holds or dropped all records.
   Acknowledged Acknowledge(std::uint32_t number);
-  // Batches travel nearly in order: one that is still open when the second after it is acknowledged was lost. How many
-  // were given up.
+  // Gives up each batch whose number is at least 2 below the acknowledged `number`. Batches arrive nearly in order, so
+  // such a batch was lost. Returns how many were given up.
   std::size_t GiveUpBefore(std::uint32_t number);
-  // The destination lacks what this batch leans on: gives it up, and says which run it is of. None where it leans on
-  // nothing: so a destination that always says so is not listened to for ever.
+  // The destination reports that it lacks the earlier batches on which this batch depends. Gives the batch up and
+  // returns its run. Returns nullopt, and keeps the batch, if it depends on no other: a destination that always
+  // complains then cannot stall the session permanently.
   std::optional<std::uint32_t> GiveUpBroken(std::uint32_t number);
 
  private:
@@ -74,10 +79,10 @@ class InFlightBatches {
   Batches::iterator Remove(Batches::iterator batch);
   void NoteRefused(const BatchContents& batch);
 
-  Batches batches_;  // By number.
-  HaveSet have_;
-  HaveSet refused_;  // By the destination.
-  std::size_t unacked_bytes_ = 0;
+  Batches batches_;                // The batches in flight, by number.
+  HaveSet have_;                   // Reported by the destination.
+  HaveSet refused_;                // Records that the destination refused since the session started over.
+  std::size_t unacked_bytes_ = 0;  // The sum of the coded bytes in batches_.
   std::size_t credit_bytes_ = 0;
 };
 

@@ -1,11 +1,13 @@
-// OrderWatch: the orders to share that clients gave this agent, how far each is, and which requests wait for them.
+// OrderWatch: tracks the progress of the sharing orders that clients gave this agent, and the requests that wait for
+// them.
 //
-// A request waits for the end of its order (ShareRequest.wait_s) or for news of it (ShareProgressRequest). The actor
-// says how far an order is (RowsOf) and looks at the waiting requests: after a message, but at most once in
-// kLookPeriod, and when deadline() has come. An order of a role ends with the term that it was given in.
+// A request waits for the end of its order (ShareRequest.wait_s) or for the next change of its progress
+// (ShareProgressRequest). The actor supplies the progress of an order (RowsOf). It calls Look after each message and
+// when deadline() is reached; Look does its work at most once per kLookPeriod. An order by role ends with the term in
+// which it was given.
 //
-// Bounded: so many orders, and so many requests; the oldest order that no request waits for is forgotten first. A plain
-// state machine; time comes in with each input. Not thread-safe.
+// Holds at most kOrdersMax orders and kRequestsMax requests. The oldest order for which no request waits is forgotten
+// first. A plain state machine: the caller passes the time with each input. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -29,32 +31,36 @@ class OrderWatch {
   using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 
   static constexpr Duration kLookPeriod = std::chrono::milliseconds(50);
-  static constexpr Duration kNewsPeriod = std::chrono::milliseconds(500);  // Between two answers with news.
-  static constexpr Duration kRelayedNewsPeriod = std::chrono::seconds(5);  // Between two that cross the radio.
-  static constexpr Duration kCountdownPeriod = std::chrono::seconds(5);    // Reasons that only time changes.
+  // Shortest time between two answers with news, and between two such answers that cross the radio.
+  static constexpr Duration kNewsPeriod = std::chrono::milliseconds(500);
+  static constexpr Duration kRelayedNewsPeriod = std::chrono::seconds(5);
+  // How often progress is updated without a message, since a countdown such as "drives for 40 s more" changes with
+  // time.
+  static constexpr Duration kCountdownPeriod = std::chrono::seconds(5);
   static constexpr std::size_t kOrdersMax = 32;
   static constexpr std::size_t kRequestsMax = 64;
 
-  // One direction of the order: between this agent and a peer.
+  // One direction of an order: records from this agent to a peer, or from the peer to this agent.
   struct Pair {
     AgentId peer = 0;
-    bool is_incoming = false;  // From the peer to this agent.
+    bool is_incoming = false;  // Records travel from the peer to this agent.
+    // Counters of the pair when the order began. Progress counts only what was added since.
     double coded_bytes_before = 0;
-    std::uint64_t batches_before = 0;  // What had come in of an incoming pair.
-    int refusals_before = 0;           // How often this agent had refused an incoming pair's batches.
+    std::uint64_t batches_before = 0;  // Batches received from the peer; used for an incoming pair.
+    int refusals_before = 0;           // Batches of the peer that were refused; used for an incoming pair.
   };
 
   struct Order {
     std::uint64_t number = 0;
-    proto::Term term;         // In which it was given.
-    bool is_by_role = false;  // Ends with the term.
+    proto::Term term;         // The term in which the order was given.
+    bool is_by_role = false;  // The order ends with its term.
     std::vector<Pair> pairs;
-    bool is_gathering_meant = false;  // The order also waits for what the leader still has to gather.
-    std::set<AgentId> gathering_of;   // Only from these agents; empty: from all.
-    std::set<AgentId> gathers_from;   // Agents on the list to gather from at any look since the order was given.
+    bool is_gathering_meant = false;  // The order also waits for records that the leader still has to gather.
+    std::set<AgentId> gathering_of;   // Waits for gathering from these agents only; empty: from all agents.
+    std::set<AgentId> gathers_from;   // Agents from which the leader had to gather at some time since the order.
   };
 
-  // How far an order is. `is_open_ended`: more pairs may come.
+  // The progress of an order. `is_open_ended`: further pairs may be added, so the order is not complete yet.
   struct Rows {
     std::vector<proto::PairProgress> pairs;
     bool is_open_ended = false;
@@ -62,45 +68,46 @@ class OrderWatch {
   using RowsOf = std::function<Rows(Order&)>;
 
   struct Request {
-    AgentId agent = 0;  // The address that asks, with `actor`.
+    AgentId agent = 0;  // With `actor`: the address of the requester.
     std::string actor;
     std::uint64_t request_id = 0;
     std::uint64_t order = 0;
     Time until{};
-    bool is_for_end = false;  // Else for news after this version:
-    std::uint64_t after_version = 0;
-    Duration news_period{};  // At least, since the last news of this order.
+    bool is_for_end = false;          // Waits for the end of the order; false: waits for a change of its progress.
+    std::uint64_t after_version = 0;  // If is_for_end is false: wait for a version above this one.
+    Duration news_period{};           // Shortest time since the last answer with news of this order.
   };
 
   struct Answer {
     Request request;
-    proto::ShareProgress progress;  // With an error where the order ended with its term.
+    proto::ShareProgress progress;  // Has an error if the order ended with its term.
   };
 
   void Add(Order order);
-  // kFull where too many requests wait. kNotFound for an order that is not known.
+  // Adds a waiting request. kFull if too many requests wait. kNotFound if the order is unknown.
   Result<void> Wait(Request request);
-  // Orders by role of another term than this end, with this error.
+  // Ends all orders by role that were given in another term, with this error.
   void EndTerm(const proto::Term& term, const Error& error);
   bool is_waiting() const { return !requests_.empty(); }
-  // Gives the answers that are due. None where the last look was a moment ago: then deadline() says when to look.
+  // Returns the answers that are due. Returns none if the last look was less than kLookPeriod ago; deadline() then says
+  // when to look again.
   std::vector<Answer> Look(Time now, const RowsOf& rows_of);
-  // When the next look is due; none while no request waits.
+  // Time of the next look; nullopt while no request waits.
   std::optional<Time> deadline() const;
 
  private:
   struct Watched {
     Order order;
-    proto::ShareProgress progress;  // As of the last look.
-    bool is_settled = false;        // Complete or failed: it changes no more.
-    std::optional<Time> reported;   // The last answer with news.
+    proto::ShareProgress progress;  // Progress as of the last look.
+    bool is_settled = false;        // The order is complete or has failed, so its progress is final.
+    std::optional<Time> reported;   // Time of the last answer with news.
   };
 
   Watched* Find(std::uint64_t number);
   bool IsWaitedFor(std::uint64_t number) const;
   static void Update(Watched& watched, const RowsOf& rows_of);
 
-  std::list<Watched> orders_;  // Oldest first.
+  std::list<Watched> orders_;  // All tracked orders, oldest first.
   std::vector<Request> requests_;
   Time last_look_{};
   bool is_look_due_ = false;

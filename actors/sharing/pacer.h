@@ -1,5 +1,6 @@
-// Pacer: keeps bytes within a rate. A bucket holds what may leave at once and fills at the rate; who has any left may
-// send, and owes what was too much. Time comes in with each call. Plain value.
+// Pacer: limits sent bytes to a rate, with a token bucket. The bucket holds at most `burst_bytes` and fills at the
+// rate. Sending is allowed while the bucket is not empty, and may overdraw it; the next send then waits until the debt
+// is paid. The caller passes the time with each call. Plain value.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +16,8 @@ class Pacer {
 
   explicit Pacer(std::size_t burst_bytes) : burst_bytes_(static_cast<double>(burst_bytes)), left_bytes_(burst_bytes_) {}
 
-  void SetRate(double bytes_per_second, Time now) {  // 0: no limit.
+  // Sets the rate at which the bucket fills; 0: no limit.
+  void SetRate(double bytes_per_second, Time now) {
     left_bytes_ = LeftBytes(now);
     at_ = now;
     bytes_per_second_ = bytes_per_second;
@@ -27,7 +29,7 @@ class Pacer {
     at_ = now;
   }
 
-  // When something may be sent; not after `now` where it may be at once.
+  // Returns the time from which bytes may be sent; `now` if that is possible at once.
   Time Next(Time now) const {
     const double left_bytes = LeftBytes(now);
     if (left_bytes > 0) return now;

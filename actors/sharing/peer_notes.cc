@@ -6,7 +6,7 @@
 namespace moondb {
 namespace {
 
-// Held or dropped is one to storage: what was had before and is dropped by now is no news.
+// Storage does not distinguish held from dropped records here. A known record that was dropped meanwhile is no news.
 HaveSet NewsOf(const HaveSet& heard, const HaveSet& known) {
   HaveSet news;
   for (const auto& [key, stream] : heard.streams()) {
@@ -16,7 +16,7 @@ HaveSet NewsOf(const HaveSet& heard, const HaveSet& known) {
   return news;
 }
 
-// The message of this step; the first to note something adds it.
+// Returns the PeerHave message among the actions of this step. Adds the message if there is none yet.
 proto::Message& MessageIn(SharingActions& actions) {
   const auto note = std::find_if(actions.begin(), actions.end(),
                                  [](const SharingAction& action) { return action.message.has_peer_have(); });

@@ -1,8 +1,10 @@
-// PeerOrders: "share with me", to one peer each, again and again with a growing delay until it answers; and again when
-// the peer is reached again, until it has told the order's end, since its process may have forgotten the order.
+// PeerOrders: orders peers to share their records with this agent. Each peer has at most one open order.
 //
-// A plain state machine like SharingSession: inputs return what is to be sent, and OnTimer is called when deadline()
-// has come. The sender completes the messages with its term.
+// An order is sent again, with a growing delay, until the peer answers. It is also sent again when the peer reconnects,
+// until the peer has reported the order's end, since the peer's process may have restarted and forgotten the order.
+//
+// A plain state machine like SharingSession: inputs return the messages to send, and the caller calls OnTimer when
+// deadline() is reached. The caller adds its term to the messages.
 #pragma once
 
 #include <chrono>
@@ -24,7 +26,7 @@ class PeerOrders {
   using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 
   struct Options {
-    AgentId self = 0;  // Whom the peers are to share with.
+    AgentId self = 0;  // The agent with which the peers are to share.
     proto::SharingKind kind = proto::SHARING_KIND_UNSPECIFIED;
     Duration resend_after = std::chrono::seconds(5);
     Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this.
@@ -32,15 +34,16 @@ class PeerOrders {
 
   explicit PeerOrders(const Options& options) : options_(options) {}
 
-  // An order to that peer that has not ended gives way to this one; where it had no limit, neither has this one.
-  // `bytes_max` 0: no limit.
+  // Sends an order to the peer. It replaces an order to that peer that has not ended. If the replaced order had no byte
+  // limit, neither has the new one. `bytes_max` 0: no limit.
   SharingActions Give(AgentId peer, std::uint64_t number, std::uint64_t bytes_max, Time now);
-  // The peer was reached again: its order is sent at once, and the delay is the shortest again.
+  // The peer reconnected. Sends its order at once and resets the delay.
   SharingActions OnConnected(AgentId peer, Time now);
   SharingActions OnTimer(Time now);
-  // True where the order of that number waited for this answer. `is_taken`: the peer shares.
+  // Accepts the peer's answer to an order. `is_taken`: the peer accepted the order. Returns true if the order of that
+  // number was waiting for an answer.
   bool TakeAnswer(AgentId peer, std::uint64_t number, bool is_taken);
-  // The peer has told how this order, or a later one, ended.
+  // The peer reported the end of the order `number`. Removes that order and earlier ones.
   void TakeEnd(AgentId peer, std::uint64_t number);
   void Cancel(AgentId peer) { orders_.erase(peer); }
   void CancelAll() { orders_.clear(); }
@@ -59,7 +62,7 @@ class PeerOrders {
   SharingAction Send(AgentId peer, Order& order, Time now) const;
 
   const Options options_;
-  std::map<AgentId, Order> orders_;  // By whom they go to.
+  std::map<AgentId, Order> orders_;  // By the peer that receives the order.
 };
 
 }  // namespace moondb

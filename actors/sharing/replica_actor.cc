@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-// How long an agent may bring nothing before the next one's turn comes; twice as long after each turn in vain.
+// How long an agent may make no progress before the next agent's turn. Doubles after each turn that ends this way.
 constexpr Duration kPatienceMin = std::chrono::minutes(1);
 constexpr Duration kPatienceMax = std::chrono::hours(1);
 
@@ -35,7 +35,7 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
     return Fail(ErrorCode::kRefused, NameOf(roles().survivor()) + " survives, but has left the team");
   }
   Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, request.bytes_max());
-  // After a limited order nothing is brought on: the limit would be exceeded.
+  // Records gathered later would exceed the limit of a limited order, so such an order does not continue with them.
   order_to_bring_on_ = request.bytes_max() == 0 ? order_in_hand() : 0;
   return 1;
 }
@@ -52,7 +52,7 @@ void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& pre
   }
 }
 
-// --- What a leader gathers ---
+// --- Gathering by a leader ---
 
 void ReplicaActor::AddStatus(const Context& context, proto::ShareStatus& status) const {
   for (const AgentId agent : to_ask_) {
@@ -130,7 +130,7 @@ void ReplicaActor::OnReceived(Context& context, AgentId sender, bool is_all) {
   if (!is_sync_notified_) NotifySyncActor(context);
   patience_ = kPatienceMin;
   if (sender == asked_) last_progress_ = context.now();
-  // What an order of before brings is not all that the sender holds.
+  // Only the end of this term's gathering order shows that the sender has sent all records.
   const auto order = orders_to_gather_.find(sender);
   const std::optional<proto::OrderEnd> end = OrderEndBy(sender);
   const bool is_gathered = order != orders_to_gather_.end() && end && HasReached(end->order(), order->second);

@@ -1,16 +1,17 @@
-// ReplicaActor: brings all records that the leader holds to the designated survivor (paper, Section 4), and to a new
-// leader all that the team holds.
+// ReplicaActor: replicates all records of the leader to the designated survivor (paper, Section 4), and gathers all
+// records of the team at a new leader.
 //
-// Nothing is left out but what the receiver's have-set shows: so a lost disk, the survivor's own too, is filled again.
-// A ShareRequest{REPLICATION} is the leader's to carry out; with `destination` set any agent replicates to there.
-// When the roles change, an unfinished replication turns to the new survivor.
+// Replication skips only records that the receiver's have-set covers, so a lost disk is filled again, including the
+// survivor's. The leader carries out a ShareRequest{REPLICATION}; with `destination` set, any agent replicates to that
+// destination. When the roles change, an unfinished replication continues to the new survivor.
 //
-// In each term of its own a leader asks every other agent once for all that it holds: what a deposed leader alone had
-// collected, what was lost with the leader's disk. It asks one after another, the survivor first, so that nobody sends
-// what another has just sent: those that are connected in an open window, and the others when they are. Who brings
-// nothing for a while lets the next one go first, and is asked again later and later. Where nothing is missing this
-// costs a have-set each. SyncActor hears whom it has yet to ask. An order of a client is done when what was gathered
-// meanwhile is with the survivor, too.
+// In each of its terms a leader asks every other agent once for all records that it holds. This recovers records that
+// only a deposed leader had collected, or that were lost with the leader's disk. The leader asks one agent after
+// another, the survivor first, so no two agents send the same records. It asks agents that are connected in an open
+// window, and the others as soon as they are. If the asked agent makes no progress, the next one takes its turn; the
+// waiting time doubles with each such turn. If nothing is missing, gathering costs one have-set per agent. ReplicaActor
+// notifies SyncActor which agents are still to be asked. A client's order is complete only when the records gathered
+// meanwhile are with the survivor.
 #pragma once
 
 #include <deque>
@@ -44,15 +45,16 @@ class ReplicaActor final : public SharingActor {
   void PassOver(Context& context);
   void CrossOff(Context& context, AgentId agent);
 
-  std::deque<AgentId> to_ask_;                         // In turn.
-  std::set<AgentId> refused_;                          // They do not share in this term: nobody asks them again.
-  std::map<AgentId, std::uint64_t> orders_to_gather_;  // By whom they go to, in this term.
-  std::uint64_t order_to_bring_on_ = 0;                // Of a client, to replicate to the survivor in this term.
-  AgentId asked_ = 0;  // Of to_ask_, the one whose turn it is. 0: none of them is connected in an open window.
+  std::deque<AgentId> to_ask_;                         // Agents to gather from, in the order of their turns.
+  std::set<AgentId> refused_;                          // Agents that refused to share; not asked again in this term.
+  std::map<AgentId, std::uint64_t> orders_to_gather_;  // Order numbers of this term, by the agent that is asked.
+  std::uint64_t order_to_bring_on_ = 0;                // A client's order in this term to replicate to the survivor.
+  // The agent of to_ask_ whose turn it is. 0: none of them is connected in an open window.
+  AgentId asked_ = 0;
   MonotonicTime last_progress_{};
-  Duration patience_{};           // How long the asked agent may make no progress before the next one's turn.
-  std::uint64_t step_ = 0;        // A timer of an earlier one is late.
-  bool is_sync_notified_ = true;  // SyncActor's mailbox had room for whom is yet to be asked.
+  Duration patience_{};           // How long the asked agent may make no progress before the next agent's turn.
+  std::uint64_t step_ = 0;        // Number of the current turn. A timer with an earlier number is ignored.
+  bool is_sync_notified_ = true;  // SyncActor was notified of the agents to ask; false if its mailbox was full.
 };
 
 }  // namespace moondb

@@ -1,5 +1,5 @@
-// ResendDelay: how long a session waits without progress before it starts over: longer each time, and from the first
-// again where there is progress. Plain value.
+// ResendDelay: how long a session waits without progress before it starts over (exponential backoff). The delay doubles
+// up to a maximum and is reset by progress. Plain value.
 #pragma once
 
 #include <algorithm>
@@ -18,25 +18,25 @@ class ResendDelay {
   bool has_grown() const { return delay_ > first_; }
 
   void Grow() { delay_ = std::min(2 * delay_, longest_); }
-  // Nothing is held against the destination any more.
+  // Restores the first delay and forgets refusals.
   void Reset() {
     delay_ = first_;
     refusals_ = 0;
     has_started_over_at_once_ = false;
   }
 
-  // The destination could not store a batch.
+  // The destination refused a batch, for example because it could not store it.
   void NoteRefusal() { ++refusals_; }
   void ForgetRefusals() { refusals_ = 0; }
-  // It refused what was sent, and refused it again after a pause.
+  // True if the destination refused at least twice in a row.
   bool is_refused_again() const { return refusals_ > 1; }
-  // A batch was acknowledged. Pieces are acknowledged by a destination, too, that cannot store what they make up: after
-  // a refusal only records are progress.
+  // A batch was acknowledged. Fragments are acknowledged even by a destination that cannot store the record, so after a
+  // refusal only acknowledged records count as progress.
   void NoteProgress(bool has_records) {
     if (has_records || refusals_ == 0) Reset();
   }
-  // A destination that has forgotten the session is answered at once, but only once until there is progress: the delay
-  // is for trouble that lasts. True where it is that once.
+  // Returns true if the session may start over at once, because the destination has forgotten it. This is allowed once
+  // until there is progress; after that the delay applies.
   bool TakeStartAtOnce() { return !std::exchange(has_started_over_at_once_, true); }
 
  private:

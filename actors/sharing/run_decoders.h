@@ -1,9 +1,9 @@
-// RunDecoders: what a receiver keeps of the runs of maps that come in (coding/batch_codec.h).
+// RunDecoders: the decoders of the runs of maps that a receiver gets from its senders (coding/batch_codec.h).
 //
-// A run goes on from batch to batch and from session to session of its sender, which numbers its runs: so a map leans
-// on the one before whenever that came. There are places for so many senders, each with one run: some 4 MB of maps of
-// 4 x 100 x 100 cells, at most 10 MB, or 42 of layers two cells wide. A sender without a place codes each batch by
-// itself. Not thread-safe.
+// A run continues from batch to batch and across sessions of its sender, so a map can depend on the preceding map
+// whenever that one arrived. Senders number their runs. There are `places_max` places, each for the current run of one
+// sender. A place takes about 4 MB for maps of 4 x 100 x 100 cells, and at most 10 MB, or 42 MB for layers that are two
+// cells wide. A sender without a place codes each batch independently. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -23,15 +23,16 @@ class RunDecoders {
  public:
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
-  // Who has not been heard for longer than `idle_after` may lose its place.
+  // A sender that sent nothing for longer than `idle_after` may lose its place.
   RunDecoders(std::size_t places_max, std::chrono::nanoseconds idle_after)
       : places_max_(places_max), idle_after_(idle_after) {}
 
-  // Whether that sender has a place from now on.
+  // Gives the sender a place if one is free or idle. Returns true if the sender has a place.
   bool TakePlace(AgentId sender, Time now);
 
-  // `coded`: the batch's, or of pieces all of them. As DecodeBatch; kNotFound: the batch leans on others of its run
-  // that were not decoded here.
+  // Decodes a batch of the sender, with the errors of DecodeBatch. `coded` holds the coded bytes of the batch, put
+  // together if they came in fragments. kNotFound if the batch depends on batches of its run that were not decoded
+  // here.
   Result<proto::RecordBatch> Decode(AgentId sender, const proto::Batch& batch, std::string_view coded, Time now);
 
  private:

@@ -1,5 +1,5 @@
-// SessionCounts: what one session has done, for status: since its actor started, and since the destination answered the
-// last Hello. Plain value.
+// SessionCounts: counters of one session for status reports. Most count since the actor's start; some count since the
+// destination answered the last Hello. Plain value.
 #pragma once
 
 #include <chrono>
@@ -13,15 +13,15 @@ class ShareSession;
 
 namespace moondb {
 
-// How an order ended: all was acknowledged, it was closed before, or the coded bytes that it was limited to are used
-// up.
+// How an order ended: all records were acknowledged, the order was closed before that, or its limit of coded bytes is
+// used up.
 enum class Ending { kCompleted, kClosed, kLimited };
 
 class SessionCounts {
  public:
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
-  void NoteAnswer(Time now);  // Of the destination, to a Hello.
+  void NoteAnswer(Time now);  // The destination answered a Hello.
   void NoteSent(std::size_t records, std::size_t coded_bytes, proto::Codec codec);
   void NoteAcknowledged(std::size_t records, std::size_t coded_bytes);
   void NoteResends(std::size_t batches) { resends_ += static_cast<double>(batches); }
@@ -29,14 +29,14 @@ class SessionCounts {
   void NoteEnd(Ending ending);
 
   void AddTo(proto::ShareSession& status) const;
-  // While the destination has answered the session's last Hello.
+  // Adds the counters since the destination's answer. Requires: the destination has answered the session's last Hello.
   void AddSinceAnswerTo(proto::ShareSession& status, Time now) const;
 
  private:
   double sent_records_ = 0;
   double acknowledged_records_ = 0;
   double coded_bytes_ = 0;
-  proto::Codec codec_ = proto::CODEC_UNSPECIFIED;  // The last batch's.
+  proto::Codec codec_ = proto::CODEC_UNSPECIFIED;  // Codec of the last batch.
   double completed_ = 0;
   double closed_ = 0;
   double limited_ = 0;

@@ -1,4 +1,4 @@
-// What a plain state machine of this folder wants done; the actor around it does it.
+// SharingAction: a message that a state machine of this folder returns. The actor that owns the state machine sends it.
 #pragma once
 
 #include <vector>
@@ -9,7 +9,7 @@
 namespace moondb {
 
 struct SharingAction {
-  AgentId to = 0;  // The peer whose actor of the same name is meant; 0: this agent's StorageActor.
+  AgentId to = 0;  // Sent to this peer's actor of the same name; 0: to this agent's StorageActor.
   proto::Message message;
 };
 

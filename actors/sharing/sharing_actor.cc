@@ -26,11 +26,11 @@ namespace {
 
 enum TimerKind : std::uint32_t { kSession = 1, kOrders = 2, kStep = 3, kBudget = 4, kWatch = 5 };
 
-// A peer that was lost a moment ago is likely to be back in a moment.
+// A peer that was lost less than this time ago does not count as out of reach, since it is likely to reconnect.
 constexpr Duration kReconnectMax = std::chrono::seconds(5);
 
-// What sharing sends one another fits into a message, whatever a peer brings: a page, and what is around its streams;
-// the acknowledgment of a batch with as many records as there may be, each of a stream of its own.
+// Bytes of a message beside the streams of its have-set. With them, two messages must fit into the largest peer
+// message: a page of a have-set, and the acknowledgment of a full batch whose records all belong to different streams.
 constexpr std::size_t kAroundBytesMax = 8 * 1024;
 static_assert(kHavePageBytesMax + kAroundBytesMax <= kPeerMessageBytesMax);
 static_assert(kBatchRecordsMax * (kHaveStreamBytesMax + kHaveIntervalBytesMax) + kAroundBytesMax <=
@@ -46,10 +46,11 @@ proto::PairProgress MakeRow(AgentId sender, AgentId destination, proto::SharingK
   return row;
 }
 
-// Bytes a second; 0: the team file sets none, as in tests.
+// The radio budget in bytes per second; 0 if the team file sets none, as in tests.
 double BudgetOf(const proto::TeamConfig& team) { return team.radio().budget_kbps() * 1000 / 8; }
 
-// Small, and of each agent one at most: what passes a window that driving shuts.
+// Data types that may be sent while an end drives: built-in states under the policy `latest`. They are small, and each
+// agent has at most one record of each.
 std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   std::vector<DataType> types;
   for (const DataType type : BuiltInDataTypes()) {
@@ -58,7 +59,7 @@ std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   return types;
 }
 
-// The codec in which the team's agents send.
+// Returns the codec for sent batches: the one in the team file, or else the default of the options.
 proto::Codec CodecOf(const SharingActor::Options& options) {
   const proto::Codec codec = options.team.radio().codec();
   return codec == proto::CODEC_UNSPECIFIED ? options.session.codec : codec;
@@ -92,7 +93,7 @@ void SharingActor::OnStart(Context& context) {
   receiver.kind = kind_;
   receiver.bytes_per_second_max = BudgetOf(options_.team);
   receiver.schemas = SchemasOf(options_.team.custom_types());
-  // Statements of peers are run by SQLite: only where the team sends some.
+  // SQLite runs the statements of peers, so accept statements only if the team uses them.
   if (CodecOf(options_) == proto::CODEC_PAPER_SQL) receiver.paper_sql = options_.session.paper_sql;
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
@@ -126,7 +127,7 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
     case proto::Message::kStoreReply:
       return OnStoreReply(context, message);
     case proto::Message::kMissingReply:
-      // Only the session that asked takes it.
+      // Sessions that did not ask ignore the answer.
       for (auto& [destination, outgoing] : outgoing_) {
         Perform(context, outgoing,
                 outgoing.session.OnMissingReply(message.request_id(), message.missing_reply(), context.now()));
@@ -197,7 +198,7 @@ void SharingActor::OnBatch(Context& context, const proto::Message& message) {
                       ": " + ToString(actions.error()));
     return;
   }
-  // What was refused, dropped, late or not to be decoded without others brings nothing.
+  // A batch that was refused, dropped or late, or that depends on missing batches, is no progress.
   const bool is_taken =
       !actions->empty() && !actions->front().message.has_refusal() && !actions->front().message.have().needs_new_run();
   Perform(context, *std::move(actions));
@@ -265,13 +266,14 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   (void)context.Reply(std::move(reply));
 }
 
-// The leader gives an order again when it reaches this agent again, as it cannot know whether this process is another.
+// The leader repeats an order when it reconnects, since this agent's process may have restarted. Returns true if the
+// order is a repetition of one that a session is carrying out.
 bool SharingActor::IsBeingCarriedOut(ShareOrderId id) {
   const Outgoing* outgoing = id.agent == options_.self || id.number == 0 ? nullptr : FindOutgoing(id.agent);
   return outgoing != nullptr && outgoing->session.StateOf(id) == StandingOrder::Reached::kOpen;
 }
 
-// --- Who waits for an order ---
+// --- Requests that wait for an order ---
 
 void SharingActor::OnProgressRequest(Context& context, const proto::Message& message) {
   const proto::ShareProgressRequest& request = message.share_progress_request();
@@ -293,7 +295,7 @@ void SharingActor::WatchOrder(const Context& context, const proto::ShareRequest&
   order.term = roles_.term();
   order.is_by_role = request.destination() == 0 || request.destination() == options_.self;
   order.pairs = std::move(pairs_in_hand_);
-  // What a limit ends is not all in any case.
+  // A limited order ends before everything is gathered anyway, so it does not wait for gathering.
   order.is_gathering_meant = order.is_by_role && is_leading() && request.bytes_max() == 0;
   order.gathering_of = {request.from_agents().begin(), request.from_agents().end()};
   for (OrderWatch::Pair& pair : order.pairs) {
@@ -347,7 +349,7 @@ OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order&
     AddObstacle(context, agent, row);
     const auto refusal = order_refusals_.find(agent);
     if (kind_ == proto::SHARING_KIND_REPLICATION && refusal != order_refusals_.end()) row.set_why(refusal->second);
-    // An agent that drives or sleeps is asked when it does no longer; nothing waits for that.
+    // An agent that drives or sleeps is asked when its window opens. The order does not wait for that.
     row.set_is_stopped(!row.why().empty());
   }
   return rows;
@@ -491,7 +493,7 @@ void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
   }
   if (timer.kind() == kWatch) {
     watch_timer_.armed.reset();
-    return;  // AnswerWhoWaits looks at the orders after each message.
+    return;  // AnswerWhoWaits, which runs after each message, looks at the orders.
   }
   if (timer.kind() == kStep) return OnStepTimer(context, timer.value());
   Outgoing* outgoing = FindOutgoing(static_cast<AgentId>(timer.value()));
@@ -562,7 +564,7 @@ SharingActor::Outgoing& SharingActor::FindOrMakeOutgoing(Context& context, Agent
   session_options.schemas = SchemasOf(options_.team.custom_types());
   session_options.codec = CodecOf(options_);
   SharingSession session(std::move(session_options), kind_, destination, context.rng()());
-  (void)session.SetWindow(WindowTo(context, destination), context.now());  // Nothing is to be done yet.
+  (void)session.SetWindow(WindowTo(context, destination), context.now());  // A closed session returns no actions.
   return outgoing_.emplace(destination, Outgoing{std::move(session), false, {}}).first->second;
 }
 
@@ -614,7 +616,7 @@ std::uint64_t SharingActor::OrderFrom(Context& context, AgentId peer, std::uint6
   return number;
 }
 
-// One that was never given is no end, whatever the peer says.
+// Ignores the end of an order that this actor never gave, even if the peer reports one.
 std::optional<proto::OrderEnd> SharingActor::OrderEndBy(AgentId peer) const {
   const proto::OrderEnd& end = receiver_->heard(peer).order_end;
   return HasReached(last_order_, end.order()) ? std::optional(end) : std::nullopt;
@@ -623,7 +625,7 @@ std::optional<proto::OrderEnd> SharingActor::OrderEndBy(AgentId peer) const {
 void SharingActor::OnShareReply(Context& context, const proto::Message& message) {
   const AgentId peer = context.sender().agent;
   const proto::ShareReply& reply = message.share_reply();
-  // A peer that has not heard of these roles yet is asked again.
+  // The peer does not know the current roles yet. Its order stays unanswered and is sent again.
   if (reply.error().code() == proto::ERROR_CODE_UNAVAILABLE) return;
   if (!orders_.TakeAnswer(peer, message.request_id(), !IsError(reply.error()))) return;
   ArmOrdersTimer(context);
@@ -722,7 +724,7 @@ void SharingActor::PerformOrders(Context& context, SharingActions actions) {
 void SharingActor::Arm(Context& context, DeadlineTimer& timer, std::optional<MonotonicTime> deadline,
                        std::uint32_t kind, AgentId peer) {
   if (timer.armed == deadline) return;
-  // A timer that comes early costs one wake-up; arming it anew with each message would cost more.
+  // Keep an earlier timer: one early wake-up costs less than setting the timer again with each message.
   if (timer.armed && deadline && *timer.armed < *deadline) return;
   if (timer.armed) context.Cancel(timer.timer);
   timer.armed = deadline;
@@ -749,7 +751,8 @@ void SharingActor::DivideBudget(Context& context) {
     outgoing.session.SetRate(radio_share_.Part(moving), context.now());
     ArmSessionTimer(context, outgoing);
   }
-  if (incoming > 0 && !is_budget_timer_armed_) {  // Who falls silent gives its part back, and nothing tells of it.
+  // A sender that becomes silent gives up its part without a message, so divide again after kBudgetPeriod.
+  if (incoming > 0 && !is_budget_timer_armed_) {
     (void)context.AfterTimer(kBudgetPeriod, kBudget, 0);
     is_budget_timer_armed_ = true;
   }

@@ -1,15 +1,16 @@
-// SharingActor: what SyncActor and ReplicaActor have in common: sessions out, sessions in, and the way to storage.
+// SharingActor: base class of SyncActor and ReplicaActor: outgoing sessions, incoming sessions, and access to storage.
 //
-// The conversation with peers goes to the actor of the same name there. Sessions, receiver, orders to peers and the
-// share of the radio are plain classes (SharingSession, SharingReceiver, PeerOrders, RadioShare); this actor only
-// carries their messages, timers and roles. One outgoing session per destination, several at a time; after a restart of
-// this actor orders are forgotten (whoever wants the records asks again) but nothing that was acknowledged is. A client
-// may wait until its order is done (order_watch.h). Where an end of a session drives or sleeps (LeasesChanged) the
-// session waits until neither does; past one that drives states may go. What the agent sends and receives keeps to the
-// team file's radio.budget_kbps: its sessions in both directions and of both kinds have equal parts of it.
+// The actor exchanges messages with the peers' actors of the same name. Sessions, the receiver, orders to peers and the
+// radio share are plain classes (SharingSession, SharingReceiver, PeerOrders, RadioShare). This actor only transports
+// their messages and supplies timers and roles. There is one outgoing session per destination; several run at a time.
 //
-// Bodies that belong to this agent (timers, roles, storage's answers) are taken from this agent only, sharing's own
-// from agents of the team only; everything else is ignored.
+// A restart of this actor forgets orders, and requesters order again. Acknowledged records are not lost. A client may
+// wait until its order is complete (order_watch.h). If one end of a session drives or sleeps (LeasesChanged), the
+// session waits until neither end does; only states may be sent while an end drives. Sent and received bytes keep to
+// radio.budget_kbps of the team file: all sessions, of both directions and both kinds, get equal parts of it.
+//
+// Timers, roles and storage's answers are accepted from this agent only. Sharing messages are accepted from agents of
+// the team only. All other messages are ignored.
 #pragma once
 
 #include <map>
@@ -40,8 +41,8 @@ class SharingActor : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;         // Complete and checked.
-    std::uint64_t config_hash = 0;  // TeamFile::hash.
+    proto::TeamConfig team;         // The validated team configuration.
+    std::uint64_t config_hash = 0;  // Hash of the team file (TeamFile::hash).
     SharingSession::Options session;
     std::size_t have_page_bytes_max = kHavePageBytesMax;
   };
@@ -52,52 +53,54 @@ class SharingActor : public Actor {
  protected:
   SharingActor(Options options, proto::SharingKind kind);
 
-  // How many sessions were started, asked for or already open because of this. kRefused where the roles do not allow
-  // it, kInvalid for a request that cannot be meant for this agent. Kind, destination and from_agents are checked.
-  // `is_leaders`: from the agent that leads, perhaps in a term that this agent will only hear of.
+  // Carries out a request to share. Returns how many sessions were started, were ordered from peers, or were already
+  // open. kRefused if the roles do not allow the request; kInvalid if the request makes no sense for this agent.
+  // Requires: kind, destination and from_agents were checked. `is_leaders`: the leader sent the request, perhaps the
+  // leader of a term that has not been announced to this agent yet.
   virtual Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) = 0;
-  // roles() are new. At first, and until RoleActor speaks, they are those of the team file.
+  // Called after roles() changed. Until RoleActor reports roles, roles() are those of the team file.
   virtual void OnNewRoles(Context& context, const proto::RoleAssignment& previous) = 0;
   virtual void OnPeerEvent(Context&, AgentId) {}
-  // Any agent may have begun or ended to be quiet (IsWindowOpen).
+  // Called if the leases of any agent may have changed (IsWindowOpen).
   virtual void OnWindowsChanged(Context&) {}
-  // A batch came; `is_all`: all that its sender had for this agent, when it was ordered to share, is stored here.
+  // Called after a batch of the sender arrived. `is_all`: all records that the sender had for this agent when it was
+  // ordered to share are now stored here.
   virtual void OnReceived(Context&, AgentId, bool /*is_all*/) {}
-  // An order was answered with an error.
+  // Called if a peer answered an order with an error.
   virtual void OnOrderRefused(Context&, AgentId) {}
-  // Once, at the actor's start.
+  // Called once, when the actor starts.
   virtual void OnStarted(Context&) {}
-  // From whom the leader has yet to gather in this term; none: it is not known yet.
+  // Agents from which the leader still has to gather in this term; nullopt if they are not known yet.
   virtual std::optional<std::vector<AgentId>> YetToGather() const = 0;
-  // Adds what only this kind of sharing knows.
+  // Adds the fields that only this kind of sharing knows.
   virtual void AddStatus(const Context&, proto::ShareStatus&) const {}
   virtual void OnGathering(Context&, const proto::Gathering&) {}
-  // A timer that StartStepTimer started.
+  // Called when a timer of StartStepTimer fires.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
-  // Orders a session; `is_by_role` ones end when CloseByRole is called. Within Share the session hears of the request's
-  // number. `bytes_max`: as of SharingSession::Order.
+  // Orders a session to the destination. `is_by_role`: CloseByRole ends the session. A call within Share passes the
+  // number of the request to the session. `bytes_max`: see SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
-  // This agent's latest states, at least (SharingSession::BringPeriodic).
+  // Sends this agent's latest states without an order (SharingSession::BringPeriodic).
   void BringPeriodicStates(Context& context, AgentId destination);
-  // Those to the leader of now stay. Where another one that was ordered was open: how many bytes it had left (0: no
-  // limit).
+  // Closes all sessions by role except one to the current leader. Returns how many bytes the orders of the closed
+  // sessions had left, the largest of them (0: no limit), or nullopt if no ordered session was closed.
   std::optional<std::uint64_t> CloseByRole(Context& context);
-  // As Open, for the order that a client gave before: it is not done before this session is.
+  // Like Open, but for an earlier order of a client, which is not complete before this session is.
   void OpenAgain(Context& context, std::uint64_t order, AgentId destination, proto::RecordFilter filter);
-  // The order of a client that Share carries out now.
+  // The number of the client's order that Share carries out now; 0 outside of Share, or if a peer gave the order.
   std::uint64_t order_in_hand() const { return in_hand_.agent == options_.self ? in_hand_.number : 0; }
-  // "Share with me", to that agent, again and again until it answers. Returns the order's number.
+  // Orders the peer to share with this agent, and repeats the order until the peer answers. Returns the order's number.
   std::uint64_t OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max = 0);
-  // How the last order of this actor to that agent ended, as far as what it brought is stored.
+  // The last order end that the peer reported for an order of this actor. Nullopt until the batch with it is stored.
   std::optional<proto::OrderEnd> OrderEndBy(AgentId peer) const;
   void CancelOrder(Context& context, AgentId peer);
   void CancelOrders(Context& context);
   void StartStepTimer(Context& context, Duration delay, std::uint64_t step);
-  // Neither this agent nor that one drives or sleeps.
+  // True if no lease of this agent or the peer (driving, sleeping, paused) shuts the window between them.
   bool IsWindowOpen(const Context& context, AgentId peer) const;
-  // "rover2 drives for 40 s more"; empty where it is open.
+  // Text such as "rover2 drives for 40 s more"; empty if the window is open.
   std::string WhyWindowIsShut(const Context& context, AgentId peer) const;
 
   const proto::TeamConfig& team() const { return options_.team; }
@@ -108,10 +111,10 @@ class SharingActor : public Actor {
   bool is_connected(AgentId peer) const { return connected_.contains(peer); }
   bool is_from_here(const Context& context) const { return context.sender().agent == options_.self; }
   std::string NameOf(AgentId agent) const;
-  std::string TermText(const proto::Term& term) const;  // "4 by rover2".
+  std::string TermText(const proto::Term& term) const;  // Text such as "4 by rover2".
 
  private:
-  // A timer of the runtime that stands for a deadline which moves.
+  // A runtime timer for a deadline that changes.
   struct DeadlineTimer {
     TimerId timer = 0;
     std::optional<MonotonicTime> armed;
@@ -132,13 +135,14 @@ class SharingActor : public Actor {
   void OnShareRequest(Context& context, const proto::Message& message);
   void OnShareReply(Context& context, const proto::Message& message);
   void OnProgressRequest(Context& context, const proto::Message& message);
-  // Watches the order in hand.
+  // Adds the order that Share just carried out to watch_.
   void WatchOrder(const Context& context, const proto::ShareRequest& request);
   void AnswerWhoWaits(Context& context);
   OrderWatch::Rows RowsOf(const Context& context, OrderWatch::Order& order);
   proto::PairProgress OutgoingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair);
   proto::PairProgress IncomingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair) const;
-  // Why nothing passes between this agent and that one now: stopped where it is out of reach, else it waits.
+  // Adds the reason why the pair makes no progress now. The pair is stopped if the peer is out of reach; it waits if
+  // the window is shut.
   void AddObstacle(const Context& context, AgentId peer, proto::PairProgress& row) const;
   bool IsOutOfReach(const Context& context, AgentId peer) const;
   void OnControlRequest(Context& context, const proto::Message& message);
@@ -146,26 +150,27 @@ class SharingActor : public Actor {
   void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
   void OnTimer(Context& context, const proto::Timer& timer);
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
-  // Of a sharing order: whether the agent that gives it, in this term, may.
+  // Checks that the sender of the current message may order this agent to share, in this term.
   Result<void> CheckOrderer(const Context& context, const proto::Term& term) const;
   bool IsBeingCarriedOut(ShareOrderId id);
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
-  // kRefused where a client of this agent relies on the roles of another term.
+  // kRefused if a client of this agent relies on the roles of another term.
   Result<void> CheckExpectedTerm(const Context& context, const proto::ShareRequest& request) const;
 
   SharingSession::Window WindowTo(const Context& context, AgentId peer) const;
-  // As far as both ends' leases say.
+  // Seconds until the leases of both ends expire; 0 if the window is open.
   double SecondsUntilWindowOpens(const Context& context, AgentId peer) const;
   Outgoing* FindOutgoing(AgentId destination);
   Outgoing& FindOrMakeOutgoing(Context& context, AgentId destination);
   void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
-  void Perform(Context& context, SharingActions actions);  // The receiver's: whoever misses one sends again.
+  // Sends the receiver's actions. Ignores send errors, since a peer that gets no answer repeats its message.
+  void Perform(Context& context, SharingActions actions);
   void PerformOrders(Context& context, SharingActions actions);
   static void Arm(Context& context, DeadlineTimer& timer, std::optional<MonotonicTime> deadline, std::uint32_t kind,
                   AgentId peer);
   void ArmSessionTimer(Context& context, Outgoing& outgoing);
   void ArmOrdersTimer(Context& context);
-  // Divides the radio's budget among the sessions of this agent that are moving, the other sharing actor's too.
+  // Divides the radio budget among this agent's moving sessions, including those of the other sharing actor.
   void DivideBudget(Context& context);
   void NotifyOfLoad(Context& context, std::size_t moving);
 
@@ -173,15 +178,17 @@ class SharingActor : public Actor {
   const proto::SharingKind kind_;
   proto::RoleAssignment roles_;
   std::set<AgentId> connected_;
-  std::map<AgentId, MonotonicTime> lost_at_;  // Who is not connected; since this actor's start who never was.
+  // When each unconnected agent was lost; for an agent that was never connected, when this actor started.
+  std::map<AgentId, MonotonicTime> lost_at_;
   Leases leases_;
-  std::map<AgentId, Outgoing> outgoing_;  // By destination.
+  std::map<AgentId, Outgoing> outgoing_;  // Outgoing sessions by destination.
   PeerOrders orders_;
   DeadlineTimer orders_timer_;
-  std::uint64_t last_order_ = 0;  // The last one that this life of the actor gave or took of a client.
-  ShareOrderId in_hand_;          // The request that Share carries out now.
+  // Number of the last order that this actor gave to a peer or accepted from a client since its restart.
+  std::uint64_t last_order_ = 0;
+  ShareOrderId in_hand_;  // The order that Share carries out now.
   std::vector<OrderWatch::Pair> pairs_in_hand_;
-  std::map<AgentId, std::string> order_refusals_;  // Why the peer does not share; until it is ordered again.
+  std::map<AgentId, std::string> order_refusals_;  // Why a peer refused the last order, until it is ordered again.
   OrderWatch watch_;
   DeadlineTimer watch_timer_;
   std::optional<SharingReceiver> receiver_;

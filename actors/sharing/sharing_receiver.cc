@@ -10,14 +10,15 @@
 namespace moondb {
 namespace {
 
-// Ids of one sender's sessions count up: one a little below the present id is an old Hello that came late.
+// The session ids of a sender count up. A Hello whose id is less than this much below the current id is late and
+// ignored.
 constexpr std::uint64_t kStaleSessions = 1024;
-constexpr std::chrono::seconds kStorageAnswersWithin(10);  // Then the answer is taken for lost.
+constexpr std::chrono::seconds kStorageAnswersWithin(10);  // After this time the answer counts as lost.
 
 constexpr int kEveryonesTypesMax = 256;
 
-// Of two batches, and what travels with them: a sender that keeps to the rate that it was granted is heard again before
-// that is sent. One that has less left for this session may be taken for silent in between.
+// Bytes of two batches with their overhead. A sender that uses its granted rate sends its next batch before it could
+// have sent this many bytes. A sender with less of its own budget left may count as silent between two batches.
 constexpr double kBatchesBytes = 2 * 4500;
 
 SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
@@ -40,7 +41,7 @@ Result<void> CheckDropped(const proto::Batch& batch) {
   return {};
 }
 
-// The acknowledgment of a batch but for its have-set; it names the data as the batch did.
+// Returns the acknowledgment of a batch without its have-set. It repeats the agent, type and record id of the batch.
 proto::Message AcknowledgmentOf(const proto::Message& message, const proto::RecordBatch& records) {
   proto::Message result;
   result.set_ms_type(proto::ACKNOWLEDGMENT);
@@ -82,13 +83,14 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
     const bool is_late = age > 0 && age < kStaleSessions && now - known->second.last_heard < options_.idle_after;
     if (is_repeated || is_late) return {};
   }
-  // The earlier pages are of a session that was forgotten here, perhaps with a disk that had what they name.
+  // The Hello asks for a later page, but the session is unknown here. The disk that the earlier pages described may be
+  // lost, so the session must start over.
   if (have_from != RecordKey() && !(is_known && age == 0)) return RefuseUnknown(sender, hello.session_id());
   if (!is_known && !MakeRoom(now)) {
     return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});
   }
   Incoming& incoming = incoming_[sender];
-  // However many Hellos a sender says, storage has one question of it at a time.
+  // Each sender has at most one HaveRequest at storage, however many Hellos it sends.
   if (incoming.have_request_id != 0 && now - incoming.have_asked_at < kStorageAnswersWithin) {
     incoming.next_hello = hello;
     return {};
@@ -137,7 +139,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   }
   std::optional<std::string> whole;
   if (batch.has_fragment()) {
-    // A late copy: of an earlier record, it would cost the present one.
+    // Ignore a late copy. If it belongs to an earlier record, it would replace the fragments of the current one.
     if (batch.batch_number() <= incoming.last_fragment_batch) return SharingActions();
     incoming.last_fragment_batch = batch.batch_number();
     Result<std::optional<std::string>> taken = fragments_.Take(sender, batch);
@@ -157,7 +159,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   }
   const bool is_late = batch.batch_number() <= incoming.last_run_batch;
   Result<proto::RecordBatch> records = Decode(sender, message, whole, is_late);
-  const bool lacks_run = !records && records.error().code == ErrorCode::kNotFound;  // The batch was not decoded.
+  const bool lacks_run = !records && records.error().code == ErrorCode::kNotFound;  // Earlier batches are missing.
   budget.Charge(records ? records->ByteSizeLong() : lacks_run ? coded_bytes : DecodeBudget::kDamagedBytes);
   if (lacks_run) {
     if (is_late) return SharingActions();
@@ -313,11 +315,12 @@ Result<proto::RecordBatch> SharingReceiver::Decode(AgentId sender, const proto::
     return DecodePaperSql(options_.paper_sql, whole ? *whole : message.sql(), message.record_id());
   }
   const std::string& coded = whole ? *whole : batch.coded();
-  // A late copy would put its run back to where it was.
+  // A late copy must not go through the run's decoder: it would reset the decoder to an earlier state.
   return is_late ? DecodeBatch(batch.codec(), coded, batch.record_count()) : runs_.Decode(sender, batch, coded, now_);
 }
 
-// All of them come in over one radio: together they may fill it no further than one of them would.
+// Grants the sender its part of the credit and of the budget. All senders share this agent's radio, so together they
+// may have no more in flight than a single sender.
 void SharingReceiver::Grant(Incoming& incoming, proto::Have& have) const {
   const std::size_t moving = std::max<std::size_t>(MovingSessions(now_), 1);
   have.set_unacked_bytes_max(options_.unacked_bytes_max / static_cast<std::uint32_t>(moving));

@@ -1,18 +1,22 @@
-// SharingReceiver: the receiving side of all sessions of one kind.
+// SharingReceiver: the receiving side of all sessions of one kind. With SharingSession it implements anti-entropy: the
+// receiver reports its have-set (a version vector whose entries are interval sets), the sender sends the missing
+// records. Delivery is at least once; storing a record again has no effect.
 //
-//   Hello -> HaveRequest to storage -> Have (a page of the whole) to the sender
-//   Batch -> decoded -> StoreRequest to storage -> StoreReply, after the commit -> Have (touched streams), which
-//            acknowledges
+//   Hello -> HaveRequest to storage -> Have (one page of the have-set) to the sender
+//   Batch -> decoded -> StoreRequest to storage -> StoreReply after the commit -> Have (touched streams), which
+//            acknowledges the batch
 //
-// Keeps nothing that matters: what was stored shows in the have-set. A sender has one session; its newer Hello
-// replaces it. A Hello costs one page (model/have_page.h), whatever it asks for, and the next page is made when the
-// session's sender asks for it. Everything is bounded: sessions, StoreRequests that wait per sender, coded and decoded
-// bytes. A batch of an unknown session is refused with kNotFound, so that its sender starts over at once; a damaged one
-// is counted and dropped; for one that leans on others that are not here its sender is asked for a new run
-// (run_decoders.h). Records are taken from any agent of the team, whatever its role or term: they are immutable and
-// named.
+// Holds no durable state; everything stored is visible in the have-set. A sender has one session, which a newer Hello
+// replaces. Each Hello is answered with one page (model/have_page.h), whatever it asks for; the sender requests the
+// next page with another Hello. Sessions, waiting StoreRequests per sender, coded bytes and decoded bytes are all
+// bounded.
 //
-// A plain state machine like SharingSession; whether the sender belongs to the team is the caller's to check.
+// A batch of an unknown session is refused with kNotFound, so its sender starts over at once. A damaged batch is
+// counted and dropped. If a batch depends on missing batches of its run, the receiver asks the sender for a new run
+// (run_decoders.h). Batches are accepted from any agent of the team, whatever its role or term, since records are
+// immutable and have unique keys.
+//
+// A plain state machine like SharingSession. Requires: the caller checked that the sender belongs to the team.
 #pragma once
 
 #include <chrono>
@@ -41,98 +45,99 @@ class SharingReceiver {
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
   struct Options {
-    std::string team;     // Its name, for people.
-    std::string team_id;  // As messages carry it (model/team_id.h); Hellos of another one are refused.
+    std::string team;     // Name of the team, for error texts.
+    std::string team_id;  // Id as in messages (model/team_id.h); a Hello with another id is refused.
     std::uint64_t config_hash = 0;
     proto::SharingKind kind = proto::SHARING_KIND_SYNC;
-    std::uint32_t unacked_bytes_max = 8 * 1024;  // The credit that those who are sending are granted together.
-    // Who was silent for longer, and than a sender is that keeps to its part of the budget, has no part of it.
+    std::uint32_t unacked_bytes_max = 8 * 1024;  // Credit in bytes, divided among all moving senders.
+    // A sender that is silent for longer gets no part of credit and budget. The limit is longer for a sender whose
+    // granted rate makes it wait longer between two batches.
     std::chrono::nanoseconds sending_after = std::chrono::seconds(5);
-    double bytes_per_second_max = 0;  // Of the radio's budget, likewise; 0: no limit.
-    TypeSchemas schemas;              // What this agent understands by each type.
-    PaperSql paper_sql;               // For CODEC_PAPER_SQL.
-    std::size_t sessions_max = 16;    // When full, one that was silent for idle_after gives way.
+    double bytes_per_second_max = 0;  // Radio budget, divided among all moving senders; 0: no limit.
+    TypeSchemas schemas;              // This agent's schema of each data type.
+    PaperSql paper_sql;               // Used for CODEC_PAPER_SQL.
+    std::size_t sessions_max = 16;    // At this limit a new session replaces one that was silent for idle_after.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
-    std::size_t run_places_max = 8;                  // Of senders whose runs of maps are kept (run_decoders.h).
-    std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
+    std::size_t run_places_max = 8;                  // Number of senders whose runs of maps are kept (run_decoders.h).
+    std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond this limit is dropped and counted.
     std::size_t have_page_bytes_max = kHavePageBytesMax;
   };
 
   struct Counts {
-    double received_records = 0;  // Stored as new rows.
-    double rejected_records = 0;  // Refused by storage, but for what the sender may not bring.
+    double received_records = 0;  // Records stored as new rows.
+    double rejected_records = 0;  // Records that storage refused, except records that the sender may not supply.
     double damaged_messages = 0;
-    double dropped_messages = 0;  // Too much waits for storage, or the sender's batches become too much when decoded.
+    double dropped_messages = 0;  // Messages dropped for too many waiting StoreRequests or too many decoded bytes.
     double refused_hellos = 0;
   };
 
-  // `first_request_id` is random: answers to an earlier life's requests must not fit.
+  // `first_request_id` is random, so answers to requests from before a restart match no new request.
   SharingReceiver(Options options, std::uint64_t first_request_id);
 
-  // From a peer.
+  // Messages from a peer.
   SharingActions OnHello(AgentId sender, const proto::Hello& hello, Time now);
-  // Reads `message.batch`. kCorrupt where it is damaged (already counted; for the log).
+  // Reads `message.batch`. Returns kCorrupt for a damaged batch, which is already counted; the caller logs the error.
   Result<SharingActions> OnBatch(AgentId sender, const proto::Message& message, Time now);
 
-  // From storage; answers to requests that are not waiting are ignored.
+  // Answers from storage. An answer that matches no waiting request is ignored.
   SharingActions OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply);
   SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
 
-  // What this actor has heard of one sender since it started.
+  // Counters and order states of one sender since this actor started.
   struct Heard {
-    double coded_bytes = 0;       // Of batches.
-    std::uint64_t remaining = 0;  // Records behind the last batch.
+    double coded_bytes = 0;       // Coded bytes of all batches.
+    std::uint64_t remaining = 0;  // Records that remained to be sent after the last batch.
     std::uint64_t batches = 0;
-    proto::OrderEnd order_end;          // The last one that is stored here; its not_taken counts all of the session.
-    std::uint64_t completed_order = 0;  // The last one of which nothing is left, and everything was taken.
-    int refusals = 0;                   // Since a batch of the sender was stored last.
-    std::string refusal;                // The last one.
+    proto::OrderEnd order_end;          // The last order end whose batch is stored; not_taken covers the whole session.
+    std::uint64_t completed_order = 0;  // The last order of which all records were sent and stored.
+    int refusals = 0;                   // Refused batches since a batch of the sender was last stored.
+    std::string refusal;                // Error text of the last refusal.
   };
   const Heard& heard(AgentId sender) const;
 
-  // Senders that have sent no end yet and are not silent: each has its part of credit and budget.
+  // Number of senders that have records left to send and are not silent. Each gets a part of credit and budget.
   std::size_t MovingSessions(Time now) const;
-  // Sessions of this agent's that are moving beside these, and have their part of the budget.
+  // Sets the number of this agent's other moving sessions, which also get a part of the budget.
   void SetMovingElsewhere(std::size_t sessions) { moving_elsewhere_ = sessions; }
 
   const Counts& counts() const { return counts_; }
-  // Whose last Hello since the link came up named another team configuration; it was taken nevertheless.
+  // Agents whose last Hello since they connected named another team configuration. Their sessions are accepted anyway.
   const std::set<AgentId>& other_configs() const { return other_configs_; }
-  // The link came up: the peer may run with another team file than before, and may have nothing to send.
+  // The peer connected. It may have a new team file, and may send no Hello if it has no records to send.
   void OnConnected(AgentId peer) { other_configs_.erase(peer); }
 
  private:
-  // What is answered when storage has stored a batch.
+  // The answer to be sent when storage has stored a batch.
   struct WaitingStore {
-    proto::Message acknowledgment;  // But for its have-set.
+    proto::Message acknowledgment;  // Without its have-set, which storage's reply adds.
     proto::OrderEnd order_end;
-    std::vector<RecordKey> keys;  // Of the batch that has an order's end.
+    std::vector<RecordKey> keys;  // Records of the batch, if the batch has an order end.
   };
 
   struct Incoming {
     std::uint64_t session_id = 0;
-    std::uint64_t have_request_id = 0;                     // 0: none waits.
-    Time have_asked_at{};                                  // When that one was sent to storage.
-    std::optional<proto::Hello> next_hello;                // Answered after that one.
-    RecordKey have_from;                                   // Where the page begins that was asked for last.
-    std::map<std::uint64_t, WaitingStore> waiting_stores;  // By request id.
+    std::uint64_t have_request_id = 0;                     // Id of the waiting HaveRequest; 0: none waits.
+    Time have_asked_at{};                                  // When the waiting HaveRequest was sent.
+    std::optional<proto::Hello> next_hello;                // Hello to answer after the waiting HaveRequest.
+    RecordKey have_from;                                   // First key of the page that was requested last.
+    std::map<std::uint64_t, WaitingStore> waiting_stores;  // Waiting StoreRequests by request id.
     Time last_heard{};
     bool is_other_schema = false;
-    bool is_at_end = false;  // It said that nothing remains.
-    std::uint32_t last_fragment_batch = 0;
-    std::uint32_t last_run_batch = 0;  // Of a run of maps, that was decoded.
-    double bytes_per_second = 0;       // As granted last; 0: no limit.
+    bool is_at_end = false;                 // The sender's last batch said that nothing remains.
+    std::uint32_t last_fragment_batch = 0;  // Number of the last batch with a fragment.
+    std::uint32_t last_run_batch = 0;       // Number of the last decoded batch that belongs to a run of maps.
+    double bytes_per_second = 0;            // The last granted rate; 0: no limit.
   };
 
   Result<void> CheckHello(const proto::Hello& hello) const;
   SharingActions AskForPage(Incoming& incoming, const proto::Hello& hello);
-  // What stands on the last page alone.
+  // Adds the fields that only the last page of an answer has.
   void CompleteAnswer(AgentId sender, const Incoming& incoming, proto::Have& have);
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   void NoteStored(AgentId sender, const WaitingStore& stored, const proto::StoreReply& reply);
   SharingActions RefuseBatch(AgentId sender, std::uint64_t session_id, Error error);
   bool MakeRoom(Time now);
-  // `whole`: of pieces, all their bytes.
+  // `whole`: the joined bytes of all fragments; nullopt if the batch is not fragmented.
   Result<proto::RecordBatch> Decode(AgentId sender, const proto::Message& message,
                                     const std::optional<std::string>& whole, bool is_late);
   SharingActions AnswerWithoutRecords(AgentId sender, const proto::Message& message, Incoming& incoming) const;
@@ -143,10 +148,10 @@ class SharingReceiver {
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
   std::map<AgentId, Heard> heard_;
-  std::map<AgentId, DecodeBudget> decode_budgets_;  // By sender, whatever its sessions.
+  std::map<AgentId, DecodeBudget> decode_budgets_;  // By sender; a new session does not reset the budget.
   FragmentCollector fragments_{2 * kWholeBytesMax};
   RunDecoders runs_;
-  Time now_{};  // Of what was heard last.
+  Time now_{};  // Time of the last message from a peer.
   std::size_t moving_elsewhere_ = 0;
   std::uint64_t schema_hash_;
   std::set<AgentId> other_configs_;

@@ -9,15 +9,16 @@
 namespace moondb {
 namespace {
 
-// What one MissingRequest may bring into memory, whatever the ratio says; and what is coded within one message's
-// handling: at most 300,000 cells of maps, which take some 15 ms here and at the destination. With more of them in a
-// batch the two that fit into the credit are not there and decoded before the radio is idle.
+// Limits of the content bytes of one MissingRequest, whatever the coded ratio is. They bound the memory and the coding
+// time per handled message: at most 300,000 map cells, about 15 ms here and at the destination. With more cells per
+// batch, decoding the two batches that fit into the credit would take longer than sending them, and the radio would
+// idle.
 constexpr double kContentBytesMin = 512;
 constexpr double kContentBytesMax = 72 * 1024;
 constexpr std::uint32_t kRecordsMax = 1024;
-// Smaller batches cost more in headers and commits than they save in waiting.
+// Smaller batches cost more time for headers and commits than they save in waiting.
 constexpr std::size_t kBatchBytesMin = 1024;
-// Beside a batch's own bytes: the heads of its frames, and its acknowledgment, which travels over the same radio.
+// Bytes on the radio beside a batch's own bytes: its frame headers and its acknowledgment.
 constexpr std::size_t kBatchOverheadBytes = 300;
 
 }  // namespace
@@ -51,7 +52,7 @@ SharingActions SharingSession::BringPeriodic(const proto::RecordFilter& states, 
     LookAgain(now, actions);
     return actions;
   }
-  // What storage is asked already, or what ends, needs no reminder; neither does a destination that is silent.
+  // Skip if storage was already asked, if the session is ending, or if the destination has not answered.
   const bool is_sending = is_answered() && phase_ != Phase::kAsking && !maker_.has_reported_end();
   if (order_.is_waiting() ? order_.is_waiting_for_states() : is_sending) LookAgain(now, actions);
   return actions;
@@ -66,7 +67,7 @@ void SharingSession::LookAgain(Time now, SharingActions& actions) {
   } else if (was_waiting || order_.NeedsNewStart()) {
     Start(now, actions);
   } else if (phase_ == Phase::kAwaitingHave) {
-    // Whoever asks again while the destination is silent does not wait for a delay that has grown.
+    // A new order to a silent destination does not wait for a delay that has grown.
     if (resend_delay_.has_grown()) GoOn(now, actions);
   } else {
     AskAgain();
@@ -78,7 +79,7 @@ SharingActions SharingSession::Close() {
   SharingActions actions;
   if (!is_open()) return actions;
   End(Ending::kClosed, actions);
-  maker_.EndRun();  // The run may be some megabytes, and nobody may ever share with this destination again.
+  maker_.EndRun();  // Free the run's memory, some megabytes: the destination may never be used again.
   return actions;
 }
 
@@ -179,8 +180,9 @@ SharingActions SharingSession::OnRefusal(const proto::Refusal& refusal, Time now
   SharingActions actions;
   if (!is_open() || refusal.session_id() != session_id_) return actions;
   const Error error = FromProto(refusal.error());
-  pages_.Clear();  // Whatever is wrong, the next Hello begins anew.
-  if (error.code == ErrorCode::kNotFound && resend_delay_.TakeStartAtOnce()) {  // The receiver started anew.
+  pages_.Clear();  // After any refusal the next Hello requests the first page again.
+  // kNotFound: the receiver has restarted or forgotten the session.
+  if (error.code == ErrorCode::kNotFound && resend_delay_.TakeStartAtOnce()) {
     Restart(now, actions);
     return actions;
   }
@@ -194,7 +196,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   SharingActions actions;
   if (phase_ != Phase::kAsking || request_id != request_id_) return actions;
   if (reply.records().empty() && reply.remaining() > 0) {
-    NoteError("storage cannot say what is missing");  // Still asking, so that the deadline starts over.
+    NoteError("storage cannot say what is missing");  // The phase stays kAsking; at the deadline the session restarts.
     return actions;
   }
   const bool is_all = maker_.Make(reply, BatchBytesMax(), /*is_part_of_order=*/order_.is_for_states());
@@ -310,7 +312,7 @@ void SharingSession::Complete(SharingActions& actions) {
   if (!order_.is_periodic()) {
     counts_.NoteEnd(Ending::kCompleted);
     const std::uint64_t refused = in_flight_.RefusedCount();
-    // A client that waits for the order must not read that all of it is acknowledged.
+    // If records were refused, a client that waits for the order must not read that all of it is acknowledged.
     order_.End(refused == 0 ? Ending::kCompleted : Ending::kClosed);
     last_error_ = refused == 0 ? "" : "the destination did not take " + std::to_string(refused) + " records";
   }
@@ -377,11 +379,12 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
 bool SharingSession::MayLeave(const MadeBatch& batch) const {
   if (order_.is_used_up()) return false;
   if (in_flight_.is_empty()) return true;
-  // The last one says that all is there: so all before it is.
+  // The last batch says that everything was sent. It waits until all batches before it are acknowledged.
   return batch.message.remaining() > 0 && in_flight_.HasRoomFor(batch.contents.bytes);
 }
 
-// One batch leaves without credit too: where several senders share what the receiver grants, it is no larger than that.
+// Returns the size limit of the next batch. With nothing in flight a batch is sent even if it exceeds the credit, so
+// the limit keeps it within this sender's part of the credit, which several senders may share.
 std::size_t SharingSession::BatchBytesMax() const {
   const std::size_t credit = in_flight_.credit_bytes();
   const std::size_t left = std::min<std::uint64_t>(order_.bytes_left().value_or(credit), credit);

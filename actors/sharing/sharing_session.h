@@ -1,36 +1,40 @@
-// SharingSession: brings the records that one destination lacks to it, over a radio that loses, repeats and cuts.
+// SharingSession: sends one destination the records that it lacks, over a radio that loses, duplicates and interrupts.
 //
-// One object per destination and kind: sync (own records) and replication (all records) differ in their filter alone
-// (paper, Section 4). It trusts nothing but the destination's have-set: a lost acknowledgment, a restart on either
-// side, a lost disk or a new leader need no special case.
+// This is the sending side of anti-entropy: the session compares the destination's have-set (a version vector whose
+// entries are interval sets) with this agent's records, and retransmits until all are acknowledged. Delivery is at
+// least once, and the receiver's insert is idempotent. There is one session per destination and kind. Sync (own
+// records) and replication (all records) differ only in their filter (paper, Section 4). The session trusts only the
+// destination's have-set, so a lost acknowledgment, a restart on either side, a lost disk or a new leader needs no
+// special case.
 //
 //   Order -> Hello -> (Have, a page) ... -> MissingRequest -> (MissingReply) -> Batch -> (Have: acknowledgment) ...
 //   done
 //
-// The destination's have-set comes in pages, each asked for by a Hello of the session (have_collector.h). One that is
-// lost is asked for again, also when the destination is reached again; those before it are not.
+// The destination's have-set arrives in pages, and the session requests each page with a Hello (have_collector.h). A
+// lost page is requested again after a delay, or when the destination reconnects. Pages that arrived before are kept.
 //
-// The last batch says that none remain, and holds nothing where nothing was missing: the receiver hears the end of each
-// order. Several batches may be under way. What they carry counts as had while the next one is chosen, and only there:
-// when a batch is given up, or the session starts again, its records are missing again. Un-acknowledged bytes stay
-// within `unacked_bytes_max` and what the receiver grants; one message that is larger travels when nothing else is
-// under way. Without progress for `resend_after` the session starts again under a new id, with a growing delay, for as
-// long as it takes: an order stands until all is acknowledged or Close is called.
+// The last batch of an order says that no records remain, and is sent even if no record was missing, so the receiver
+// learns that the order ended. Several batches may be in flight. Their records count as held only while the next batch
+// is chosen. If a batch is given up or the session starts over, its records are missing again.
 //
-// While the window to the destination is not open (SetWindow) it sends nothing there and waits for nothing; what was
-// handed over before may be acknowledged. When the window opens, an open session starts over at once. In between, where
-// states pass, each order brings the destination the states that it lacks, and the rest of it waits.
+// Flow control: unacknowledged bytes stay within `unacked_bytes_max` and the receiver's credit. A larger message is
+// sent only when nothing else is in flight. Without progress for `resend_after` the session starts over under a new id,
+// again and again with a growing delay. An order stays open until all its records are acknowledged or Close is called.
 //
-// What it sends keeps to a rate: the smaller of what this agent's own part of the radio's budget leaves it (SetRate)
-// and what the destination grants. An order may be limited to so many coded bytes; it ends when they are used up. A
-// destination that gave the order itself is told its end (OrderEnd).
-// Records of a type that the two ends understand differently (model/type_schema.h) are not sent.
+// While the window to the destination is not open (SetWindow), the session sends nothing and runs no timer, but accepts
+// acknowledgments of batches in flight. When the window opens, an open session starts over at once. If the window
+// admits only states, each order sends the states that the destination lacks, and its other records wait.
 //
-// What is ordered, the batches that are made, those that are under way and what storage is notified of are parts of
-// their own (standing_order.h, batch_maker.h, in_flight_batches.h, peer_notes.h); the session itself is in one phase at
-// a time and has one deadline.
+// The send rate is the smaller of the session's part of this agent's radio budget (SetRate) and the rate that the
+// destination grants. An order may have a limit of coded bytes, and ends when they are used up. If the destination gave
+// the order, the session reports the end to it (OrderEnd). Records of a type whose schemas differ between the two ends
+// (model/type_schema.h) are not sent.
 //
-// A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
+// The parts of a session are separate classes: the order (standing_order.h), making batches (batch_maker.h), batches in
+// flight (in_flight_batches.h) and notes to storage (peer_notes.h). The session itself has one phase and one deadline.
+//
+// A plain state machine: inputs return the actions to perform. The caller passes the time with each input. Not
+// thread-safe.
 #pragma once
 
 #include <chrono>
@@ -68,78 +72,81 @@ class SharingSession {
   using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 
   struct Options {
-    Duration resend_after = std::chrono::seconds(5);       // Longer than one round trip of the radio.
+    Duration resend_after = std::chrono::seconds(5);       // Must be longer than a round trip of the radio.
     Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this.
-    std::size_t unacked_bytes_max = 8 * 1024;              // 65 ms of a 1 Mbps radio.
-    std::size_t batch_bytes_max = 4 * 1024;                // Coded. A larger record travels in pieces of this size.
-    std::size_t bytes_per_second_min = 16 * 1024;          // A slower radio is given up on and tried again.
-    std::vector<DataType> state_types;                     // What may pass a window of kStatesOnly.
-    proto::Codec codec = proto::CODEC_COMPACT;             // Of what it sends.
-    PaperSql paper_sql;                                    // For CODEC_PAPER_SQL.
-    TypeSchemas schemas;                                   // What this agent understands by each type.
+    std::size_t unacked_bytes_max = 8 * 1024;              // Bytes that a 1 Mbps radio sends in 65 ms.
+    std::size_t batch_bytes_max = 4 * 1024;                // Coded bytes. Larger records are sent in fragments.
+    std::size_t bytes_per_second_min = 16 * 1024;          // At a lower rate the session times out and starts over.
+    std::vector<DataType> state_types;                     // Types that may be sent in a window of kStatesOnly.
+    proto::Codec codec = proto::CODEC_COMPACT;             // Codec of the sent batches.
+    PaperSql paper_sql;                                    // Used for CODEC_PAPER_SQL.
+    TypeSchemas schemas;                                   // This agent's schema of each data type.
   };
 
   using Window = StandingOrder::Window;
 
-  // `first_id` is random: the ids of this session count from it, so that they differ from those of an earlier process.
+  // Ids of this session count from `first_id`, which is random, so they differ from the ids of an earlier process.
   SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
 
-  // Start, or, when open, look again for records once all is sent: what was stored before this is included, and what is
-  // stored later is not, but for types under the policy `latest` (MissingRequest.mark).
-  // `bytes_max` not 0: it ends when so many coded bytes are sent, give or take a batch; an open order without that
-  // limit stays without. Status says by `id` how the order ended: only a session that
-  // completes after this has completed it.
+  // Starts the session. An open session looks for further records once all others are sent. The order includes records
+  // that are stored before this call. Records stored later are included only if their type is under the policy `latest`
+  // (MissingRequest.mark). `bytes_max` not 0: the order ends when about that many coded bytes are sent, give or take a
+  // batch; but if an open order has no limit, neither has this one. StateOf(id) says how the order ended. Only a
+  // session that completes after this call completes the order.
   SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0, ShareOrderId id = {});
-  // States that nobody ordered, when no session is open: one that does not count, that tells no end and that any order
-  // takes the place of. An open session is reminded that there may be new records.
+  // Sends states without an order. If no session is open, starts one that is not counted, reports no order end, and is
+  // replaced by any order. An open session only looks for new records again.
   SharingActions BringPeriodic(const proto::RecordFilter& states, Time now);
-  // End without completing. The order is forgotten.
+  // Ends the session before all records are acknowledged, and forgets the order.
   SharingActions Close();
 
-  // From the destination. A session id other than the present one is ignored; a have-set that is malformed, too large
-  // or of a batch that was never sent is refused and counted.
+  // Messages from the destination. A message with another session id than the current one is ignored. A Have is refused
+  // and counted if its have-set is malformed or too large, or if it acknowledges a batch that was never sent.
   SharingActions OnHave(const proto::Have& have, Time now);
   SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
-  // From storage; an answer to another question than the last one is ignored.
+  // Storage answered a MissingRequest. An answer to an earlier request than the last one is ignored.
   SharingActions OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now);
-  // Storage lacks what was noted of the destination before the note of this id.
+  // Storage could not use the note with this id, since it misses an earlier note about the destination (peer_notes.h).
   SharingActions OnPeerHaveRequest(std::uint64_t request_id);
-  // Bytes a second that this agent's other sessions leave to this one; 0, as at first: no limit.
+  // Sets this session's part of the agent's radio budget, in bytes per second. 0, the initial value: no limit.
   void SetRate(double bytes_per_second, Time now);
-  // Open at first.
+  // Sets the window to the destination, which is initially open.
   SharingActions SetWindow(Window window, Time now);
-  // The destination was reached again: an open session starts over at once, or asks for the page that it waits for.
+  // The destination reconnected. An open session starts over at once, or requests the expected page again.
   SharingActions OnConnected(Time now);
-  // To be called when deadline() has come; earlier calls do nothing.
+  // Call when deadline() is reached. Earlier calls have no effect.
   SharingActions OnTimer(Time now);
 
-  // The actor could not hand over a message; shown in status.
+  // The actor could not send a message. The text is shown in Status.
   void NoteError(std::string text) { last_error_ = std::move(text); }
 
-  std::optional<Time> deadline() const;  // None while closed, and while it waits for the window.
+  std::optional<Time> deadline() const;  // Nullopt while the session is closed or waits for the window.
   bool is_open() const { return phase_ != Phase::kClosed; }
   bool is_ordered() const { return is_open() && !order_.is_periodic(); }
-  std::uint64_t bytes_left() const { return order_.bytes_left().value_or(0); }  // Of a limited order; 0: not limited.
+  // Coded bytes that a limited order has left; 0: no limit.
+  std::uint64_t bytes_left() const { return order_.bytes_left().value_or(0); }
   StandingOrder::Reached StateOf(ShareOrderId id) const { return order_.StateOf(id); }
-  bool is_refused_again() const { return is_open() && resend_delay_.is_refused_again(); }  // Without progress between.
-  bool is_moving() const { return is_answered() && !order_.is_waiting(); }  // It has its part of the radio.
-  // What the destination understands differently, as it said last.
+  // True if the destination refused at least twice without progress in between.
+  bool is_refused_again() const { return is_open() && resend_delay_.is_refused_again(); }
+  // True if the session uses the radio and so gets a part of its budget.
+  bool is_moving() const { return is_answered() && !order_.is_waiting(); }
+  // Types whose schema differs at the destination, as of its last answer.
   const std::set<DataType>& other_schema_types() const { return order_.other_schema_types(); }
   AgentId destination() const { return destination_; }
   proto::ShareSession Status(Time now) const;
 
  private:
-  // While the order waits for its window nothing is sent, in whichever phase.
+  // In each phase, nothing is sent while the order waits for its window.
   enum class Phase {
     kClosed,
-    kAwaitingHave,  // The destination is to say what it has.
-    kSending,       // It has; storage may be asked what it lacks.
-    kAsking,        // Storage was asked.
-    kEnding,        // Storage said that nothing more is missing.
+    kAwaitingHave,  // Waits for the destination's have-set.
+    kSending,       // The have-set is known. Storage may be asked for missing records.
+    kAsking,        // Waits for storage to return missing records.
+    kEnding,        // Storage returned the last missing records.
   };
 
   bool is_answered() const { return phase_ != Phase::kClosed && phase_ != Phase::kAwaitingHave; }
-  // Pages of the destination's have-set are here, but not all of them.
+  // True if some, but not all, pages of the destination's have-set have arrived.
   bool IsCollecting() const { return phase_ == Phase::kAwaitingHave && pages_.is_begun(); }
   void LookAgain(Time now, SharingActions& actions);
   Result<void> CheckBatchNumber(const proto::Have& have) const;
@@ -148,24 +155,24 @@ class SharingSession {
   Result<void> TakeTouchedStreams(const proto::Have& have, SharingActions& actions);
   void TakeGrant(const proto::Have& have, Time now);
   void TakeAcknowledgment(std::uint32_t batch_number, Time now);
-  void Start(Time now, SharingActions& actions);  // Restart with the shortest delay.
-  // Start, but for pages that are here and of use: the next one is asked for.
+  void Start(Time now, SharingActions& actions);  // Calls Restart with the shortest delay.
+  // Like Start, but if pages have arrived that are still useful, keeps them and requests the next page.
   void GoOn(Time now, SharingActions& actions);
-  void AskForPage(Time now, SharingActions& actions);  // Unless it waits for the window.
-  // A new id and Hello, unless it waits for the window; nothing is under way any more.
+  void AskForPage(Time now, SharingActions& actions);  // Sends no Hello while the order waits for its window.
+  // Starts over under a new session id. Forgets the batches in flight and requests the first page.
   void Restart(Time now, SharingActions& actions);
   void SayHello(SharingActions& actions);
   void Complete(SharingActions& actions);
-  void End(Ending ending, SharingActions& actions);  // Without having completed.
+  void End(Ending ending, SharingActions& actions);  // Ends the session before all records are acknowledged.
   void Fill(Time now, SharingActions& actions);
   void SendWhatMayLeave(Time now, SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
-  // The order's bytes are used up: tells the destination if it gave the order, then ends.
+  // Ends a session whose order's bytes are used up. If the destination gave the order, reports the end to it first.
   void EndLimited(Time now, SharingActions& actions);
   bool MayLeave(const MadeBatch& batch) const;
   std::size_t BatchBytesMax() const;
   void AskForMissing(SharingActions& actions);
-  void AskAgain();  // What storage said is missing is no longer all.
+  void AskAgain();  // Records became missing since storage's last answer, so ask storage again.
   void GiveUp(std::size_t batches);
   void ForgetInFlight();
   void SetPace(Time now);
@@ -177,18 +184,18 @@ class SharingSession {
 
   Phase phase_ = Phase::kClosed;
   std::uint64_t session_id_;
-  std::uint64_t request_id_;  // Of the last question to storage.
+  std::uint64_t request_id_;  // Id of the last MissingRequest.
   StandingOrder order_;
   HaveCollector pages_;
   BatchMaker maker_;
   InFlightBatches in_flight_;
   PeerNotes notes_;
-  bool is_limit_reported_ =
-      false;  // To the destination, since the last order and the last Hello that begins a session.
+  // The destination was notified that the limit is used up, since the last order and the last restart.
+  bool is_limit_reported_ = false;
   double own_rate_ = 0;
   double granted_rate_ = 0;
   Pacer pacer_;
-  std::optional<Time> paced_until_;  // What is ready waits for the rate.
+  std::optional<Time> paced_until_;  // The ready batch waits until this time to keep to the rate.
   ResendDelay resend_delay_;
   Time deadline_{};
   Time last_progress_{};

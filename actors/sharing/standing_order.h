@@ -1,9 +1,9 @@
-// StandingOrder: what one session was ordered to bring, who ordered it, and which part of it is meant now.
+// StandingOrder: the order that one session carries out: which records, for whom, and which of them may be sent now.
 //
-// An order stands until the session ends it. Its filter says which records; its limit, if it has one, how many coded
-// bytes. The window to the destination says what may pass: all of it, the states alone, or nothing. What one Hello asks
-// for is settled as the session starts over (StartOver, Ask): the whole order, its states where only these pass, or
-// states that nobody ordered. Plain value.
+// An order stays open until the session ends it. Its filter selects the records; its limit, if it has one, bounds the
+// coded bytes. The window to the destination admits all records, only states, or nothing. The scope of a session is
+// fixed when the session starts over (StartOver, Ask): the whole order, only its states if the window admits no more,
+// or states that are sent without an order. Plain value.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +24,8 @@ class ShareSession;
 
 namespace moondb {
 
-// Who gave an order, and what it is called there (model/order_number.h). 0: an order that nobody waits for.
+// The agent that gave an order, and its number for the order (model/order_number.h). Number 0: no agent or client waits
+// for the order.
 struct ShareOrderId {
   AgentId agent = 0;
   std::uint64_t number = 0;
@@ -34,56 +35,57 @@ class StandingOrder {
  public:
   enum class Window { kOpen, kStatesOnly, kShut };
 
-  // `state_types` may pass a window of kStatesOnly.
-  // `first_mark` is random: no mark of an earlier process is met again.
+  // `state_types` may be sent in a window of kStatesOnly. `first_mark` is random, so no mark of an earlier process is
+  // used again.
   StandingOrder(std::vector<DataType> state_types, std::uint64_t first_mark)
       : state_types_(std::move(state_types)), mark_(first_mark) {}
 
-  // `is_added`: an order is open, which this one takes the place of; one without a limit stays without. `bytes_max` 0:
-  // not limited.
+  // Sets the order. `is_added`: an order is open, which the new one replaces; if the open order has no limit, neither
+  // has the new one. `bytes_max` 0: no limit.
   void Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added);
-  // How far this order is, or a later one of the same agent that took its place. kUnknown: it never came here.
+  // The state of an order, or of a later order of the same agent that replaced it. kUnknown: the order was never given
+  // to this session.
   enum class Reached { kUnknown, kOpen, kCompleted, kClosed, kLimited };
   Reached StateOf(ShareOrderId id) const;
   void AddPeriodic(const proto::RecordFilter& states);
-  // Each agent's open order has come so far.
+  // Ends the open orders of all agents.
   void End(Ending ending);
 
-  // True where it changed. A window that opens lets everything pass; one that closes holds back the states, too, until
-  // LookAgain.
+  // Sets the window and returns true if it changed. An open window admits all records. In any other window the session
+  // waits, with its states too, until LookAgain.
   bool SetWindow(Window window);
-  // In a window for states: is there a state among what is ordered?
+  // In a window of kStatesOnly, stops waiting if the order's filter includes a state type.
   void LookAgain();
-  // The states that may pass have passed; the rest waits for the window.
+  // All states were sent. The other records wait for the window to open.
   void HoldBackTheRest() { is_waiting_ = true; }
-  bool is_waiting() const { return is_waiting_; }  // Nothing may be sent.
+  bool is_waiting() const { return is_waiting_; }  // True while nothing may be sent.
   bool is_waiting_for_states() const { return is_waiting_ && window_ == Window::kStatesOnly; }
 
-  // The session starts over; from now on it is for what passes now.
+  // The session starts over. Sets its scope to the records that the window admits now.
   void StartOver();
-  // Whose streams the destination is asked about.
+  // Fills in the streams about which the Hello asks the destination.
   void Ask(proto::Hello& hello);
-  // The agents whose streams the last Hello asked about; empty: all.
+  // The origins of the streams about which the last Hello asked; empty: all.
   const std::set<AgentId>& asked_origins() const { return asked_origins_; }
-  // The session has to start over to bring all that is ordered: the destination was not asked about some of it, or more
-  // may pass now.
+  // True if the session must start over to send all ordered records: the last Hello did not ask about some of their
+  // streams, or the window admits more records now.
   bool NeedsNewStart() const;
   bool is_periodic() const { return scope_ == Scope::kPeriodicStates; }
-  // The session brings states alone, which are not the end of an order.
+  // True if the session sends only states; sending them does not complete an order.
   bool is_for_states() const { return scope_ != Scope::kAll; }
-  // What storage is asked for, and the number under which it notes what is there now (MissingRequest.mark): another one
-  // for each order. 0: states that nobody ordered.
+  // The filter and the mark for the next MissingRequest. The mark is a number under which storage remembers the records
+  // that exist now (MissingRequest.mark); each order has a new one. Mark 0: the states are sent without an order.
   proto::RecordFilter Meant() const;
   std::uint64_t mark() const { return is_periodic() ? 0 : mark_; }
 
-  // The number of the newest order of `destination`, to be told to it with the end. 0: it has no open order.
+  // The number of the newest order that `destination` gave, which OrderEnd reports to it. 0: it has no open order.
   std::uint64_t NumberFor(AgentId destination) const;
 
   void SpendBytes(std::size_t coded_bytes);
-  const std::optional<std::uint64_t>& bytes_left() const { return bytes_left_; }  // None: it is not limited.
+  const std::optional<std::uint64_t>& bytes_left() const { return bytes_left_; }  // Nullopt: no limit.
   bool is_used_up() const { return bytes_left_ == 0; }
 
-  // What the destination understands differently, as it said last; not sent.
+  // Types whose schema differs at the destination, as of its last answer. Their records are not sent.
   void SetOtherSchemaTypes(std::set<DataType> types) { other_schema_types_ = std::move(types); }
   const std::set<DataType>& other_schema_types() const { return other_schema_types_; }
 
@@ -92,15 +94,15 @@ class StandingOrder {
  private:
   enum class Scope { kAll, kStates, kPeriodicStates };
 
-  // The newest order of one agent.
+  // The newest order that one agent gave, and how it ended.
   struct KnownOrder {
     proto::SessionOrder order;
-    bool is_open = false;  // The session has not ended since.
+    bool is_open = false;  // The session has not ended since the order.
     Reached ended = Reached::kUnknown;
   };
 
   void Note(ShareOrderId id);
-  std::set<AgentId> OriginsMeant() const;  // Empty: everybody's streams.
+  std::set<AgentId> OriginsMeant() const;  // Empty: the streams of all origins.
   bool IsAllAsked() const;
   proto::RecordFilter StatesMeant() const;
 
@@ -113,7 +115,7 @@ class StandingOrder {
   Window window_ = Window::kOpen;
   bool is_waiting_ = false;
   std::set<AgentId> asked_origins_;
-  std::set<DataType> asked_types_;  // Whatever the origin.
+  std::set<DataType> asked_types_;  // Types of which the last Hello asked about the streams of all origins.
   std::set<DataType> other_schema_types_;
 };
 

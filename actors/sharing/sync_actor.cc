@@ -15,7 +15,7 @@ proto::RecordFilter GroundRecords(const proto::TeamConfig& team) {
     const proto::Policy policy = GroundPolicyOf(team, type);
     if (policy == proto::POLICY_NONE) continue;
     filter.add_data_types(type);
-    // Where rovers share all, more is held than the ground wants.
+    // The ground station wants only the newest records of this type, although rovers share all.
     if (policy == proto::POLICY_LATEST && SharePolicyOf(team, type) == proto::POLICY_ALL) {
       filter.add_newest_only_types(type);
     }
@@ -81,7 +81,7 @@ void SyncActor::OnGathering(Context& context, const proto::Gathering& gathering)
   }
 }
 
-// ReplicaActor hears of a new term a moment before or after this actor.
+// ReplicaActor receives a new term a moment before or after this actor, so ignore its report about another term.
 std::optional<std::vector<AgentId>> SyncActor::YetToGather() const {
   if (!gathering_ || OrderOf(gathering_->term()) != OrderOf(roles().term())) return std::nullopt;
   return std::vector<AgentId>(gathering_->from().begin(), gathering_->from().end());
@@ -92,7 +92,7 @@ int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
   const auto is_meant = [&from](AgentId agent) {
     return from.empty() || std::find(from.begin(), from.end(), agent) != from.end();
   };
-  // What a limit ended is not begun again.
+  // A limited order is not continued when more records arrive.
   const bool is_limited = request.bytes_max() != 0;
   if (is_meant(self()) || is_limited) {
     is_bringing_to_base_ = BaseStationOf(team()) != 0 && !is_limited;
@@ -122,7 +122,8 @@ void SyncActor::OnStarted(Context& context) {
   proto::Message question;
   question.set_ms_type(proto::CONTROL);
   question.mutable_gathering();
-  (void)context.Send({self(), actor_name::kReplica}, std::move(question));  // Where it starts later it speaks first.
+  // If ReplicaActor has not started yet, this question is lost, but ReplicaActor will report without it.
+  (void)context.Send({self(), actor_name::kReplica}, std::move(question));
 }
 
 void SyncActor::StartStatesTimer(Context& context) {
@@ -140,7 +141,7 @@ void SyncActor::OnStepTimer(Context& context, std::uint64_t) {
 proto::RecordFilter SyncActor::OwnRecords() const {
   proto::RecordFilter filter;
   filter.add_origin_agents(self());
-  filter.add_everyones_types(proto::ROLE_ASSIGNMENT);  // Whoever hears of it may lack it.
+  filter.add_everyones_types(proto::ROLE_ASSIGNMENT);  // The destination may lack assignments of any issuer.
   return filter;
 }
 
@@ -155,12 +156,13 @@ proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
       if (SharePolicyOf(team(), type) != proto::POLICY_NONE) filter.add_data_types(type);
     }
     filter.add_everyones_types(proto::ROLE_ASSIGNMENT);
-    // Who merges maps leaves out the same ones.
+    // All agents that merge maps must leave out the same quarantined maps.
     if (SharePolicyOf(team(), proto::MAP_QUARANTINE) != proto::POLICY_NONE) {
       filter.add_everyones_types(proto::MAP_QUARANTINE);
     }
   }
-  if (filter.data_types().empty()) {  // Of others nothing, then; without types it would be all.
+  // An empty list of types means "all types" to storage. Then restrict the filter to the destination's own records.
+  if (filter.data_types().empty()) {
     filter.clear_origin_agents();
     filter.add_origin_agents(destination);
   }

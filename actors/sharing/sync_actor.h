@@ -1,24 +1,28 @@
-// SyncActor: brings this agent's own records to one destination, usually @leader (paper, Section 4).
+// SyncActor: sends this agent's own records to one destination, usually the leader (paper, Section 4).
 //
-// What a ShareRequest{SYNC} means:
-//   on a rover or the base station   a session of its own records to the leader, or to `destination`.
-//   on the leader, without another destination   "collect": the same order goes to every other agent (or to
-//       from_agents), again and again until each answers; and the leader brings each rover its newest optimized
-//       poses and edge verdicts, and the base station what the policy `ground` asks for, again as each agent's
-//       records have come in. Both get home what they shared themselves and have lost. What a leader in a new term
-//       gathers meanwhile (replica_actor.h) belongs to the order: it is brought on before the order is done.
-// From another agent it always means: your own records to `destination`, or to who asks.
+// The meaning of a ShareRequest{SYNC} depends on the agent and the sender.
+//   From a client at a rover or the base station: starts a session with the agent's own records, to the leader or to
+//       `destination`.
+//   From a client at the leader, without another destination ("collect"): the leader sends the order to every other
+//   agent
+//       (or to from_agents), and repeats it until each answers. It also sends each rover its newest optimized poses and
+//       edge verdicts, and the base station the records that the policy `ground` asks for, again each time that an
+//       agent's records are complete. Rovers and base station also get back own records that they have lost. The order
+//       includes records that a leader in a new term gathers meanwhile (replica_actor.h): it is complete only after
+//       these are sent.
+//   From a peer: starts a session with the agent's own records, to `destination` or to the requester.
 //
-// With the team file's radio.states_period_s each agent that is connected to the leader sends it its latest states
-// unasked, so often.
+// If the team file sets radio.states_period_s, each agent that is connected to the leader sends it its latest states
+// with that period, without an order.
 #pragma once
 
 #include "actors/sharing/sharing_actor.h"
 
 namespace moondb {
 
-// What the team file's `ground` asks for, of all origins: what the leader brings the base station, and what goes into
-// bundles. Without data types where it asks for nothing: to StorageActor that would mean all.
+// Returns the filter of the records that the team file's `ground` asks for, of all origins. The leader sends them to
+// the base station, and bundles contain them. The filter has no data types if `ground` asks for nothing. Do not pass
+// such a filter to StorageActor, which takes an empty list as "all types".
 proto::RecordFilter GroundRecords(const proto::TeamConfig& team);
 
 class SyncActor final : public SharingActor {
@@ -41,9 +45,9 @@ class SyncActor final : public SharingActor {
   proto::RecordFilter OwnRecords() const;
   proto::RecordFilter LeadersRecordsFor(AgentId destination) const;
 
-  bool is_bringing_to_base_ = false;           // Since the last order to collect.
-  std::uint64_t collecting_order_ = 0;         // The last order to collect that brings records from here, too.
-  std::optional<proto::Gathering> gathering_;  // As ReplicaActor said last.
+  bool is_bringing_to_base_ = false;           // The last order to collect also sends records to the base station.
+  std::uint64_t collecting_order_ = 0;         // The last order to collect that also sends records from this agent.
+  std::optional<proto::Gathering> gathering_;  // The last report of ReplicaActor.
 };
 
 }  // namespace moondb

@@ -19,13 +19,14 @@ namespace {
 
 constexpr std::size_t kHashBytes = 8;
 constexpr std::size_t kChecksumBytes = 4;
-constexpr std::size_t kRowsKeptMax = 64 * 1024;  // Of a run's last batch, for the next one to refer to.
-constexpr std::size_t kHeadBytes = 48;           // Of a batch and its rows, at most, where nothing is packed.
-// Before any were coded. What is too little for rows costs little: only cells take long to code anew.
+constexpr std::size_t kRowsKeptMax = 64 * 1024;  // Bytes of rows kept as the zstd prefix for a run's next batch.
+constexpr std::size_t kHeadBytes = 48;           // Upper bound of the header bytes of an uncompressed batch.
+// Estimated compression ratios before any record was coded. A ratio that is too low costs little for rows: only cells
+// take long to code again.
 constexpr double kRowRatioAtFirst = 0.1;
 constexpr double kFrameRatioAtFirst = 0.5;
 
-// What stands beside the contents, in columns.
+// Columns of the record fields other than the contents.
 struct Columns {
   std::vector<std::uint64_t> origins, epochs, types, seqs, hashes, are_maps;
 
@@ -99,12 +100,12 @@ Result<std::string> TakePacked(ByteReader& reader, std::string_view before) {
   return std::string(packed);
 }
 
-// A batch's rows, taken apart.
+// The decoded rows of a batch.
 struct Rows {
-  std::string plain;  // What they were made of.
+  std::string plain;  // The uncompressed bytes of all rows.
   std::uint32_t checksum = 0;
   Columns columns;
-  std::vector<std::string> contents;  // Of maps whose cells are coded, their frames.
+  std::vector<std::string> contents;  // For maps with coded cells: the record without cells.
 };
 
 std::string WriteRows(const Columns& columns, std::uint32_t checksum, const std::vector<std::string_view>& contents) {
@@ -141,7 +142,7 @@ void KeepRows(std::string rows, std::string& kept) {
   kept = rows.size() <= kRowsKeptMax ? std::move(rows) : std::string();
 }
 
-// Puts the cells back into the rows' maps.
+// Decodes the cells and puts them back into the maps among the rows.
 Result<void> JoinMaps(std::string_view cells, MapRunDecoder& run, Rows& rows, std::uint64_t& map_count) {
   std::vector<std::vector<MapLayer>> maps;
   for (std::size_t i = 0; i < rows.contents.size(); ++i) {
@@ -165,7 +166,7 @@ Result<void> JoinMaps(std::string_view cells, MapRunDecoder& run, Rows& rows, st
   return {};
 }
 
-// Checks that all came back.
+// Makes the batch and checks its hashes against the checksum.
 Result<proto::RecordBatch> ToBatch(Rows rows) {
   proto::RecordBatch batch;
   std::vector<std::uint64_t> hashes;
@@ -202,15 +203,15 @@ void BatchEncoder::BeginRun(const proto::StoredRecord* reference) {
   if (map) run_.emplace(previous_, &map->layers, trials_);
 }
 
-// Records taken apart, whose cells are in the run already.
+// The parts of the records of one batch. The cells of its maps are already in the run.
 struct BatchEncoder::Parts {
   Columns columns;
   std::vector<std::uint64_t> hashes;
-  std::deque<std::string> frames;  // Of maps; contents refer to them.
+  std::deque<std::string> frames;  // Records of maps without cells. `contents` has views of them.
   std::vector<std::string_view> contents;
   std::size_t content_bytes = 0;
   std::uint64_t cell_count = 0;
-  double row_bytes = kHeadBytes;  // As expected.
+  double row_bytes = kHeadBytes;  // Estimated coded bytes, without cells.
 };
 
 std::string BatchEncoder::Encode(const proto::RecordBatch& batch) {
@@ -218,7 +219,7 @@ std::string BatchEncoder::Encode(const proto::RecordBatch& batch) {
 }
 
 CodedRows BatchEncoder::EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max) {
-  // Without maps only what was learnt of rows' sizes changes.
+  // Encoding changes the run only if there are maps. Then keep a copy of the encoder for another try.
   const auto is_map = [](const proto::StoredRecord& record) {
     return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
   };
@@ -228,7 +229,7 @@ CodedRows BatchEncoder::EncodeSome(const proto::RecordBatch& batch, std::size_t 
   while (true) {
     CodedRows coded = EncodeUpTo(batch, records_max, bytes_max);
     if (coded.bytes.size() <= bytes_max || coded.record_count <= 1) return coded;
-    // Expected too little of rows: rarely with maps, whose cells would be coded anew.
+    // The rows turned out larger than estimated. This is rare for batches with maps, whose cells must be coded again.
     records_max =
         std::clamp<std::size_t>(coded.record_count * bytes_max / coded.bytes.size(), 1, coded.record_count - 1);
     if (!start) continue;
@@ -265,7 +266,7 @@ bool BatchEncoder::AddRecord(const proto::StoredRecord& record, std::size_t byte
   if (!fits(CellBytes() + (map ? last_map_bytes_ : 0))) return false;
   if (map) {
     if (!run_) run_.emplace(previous_, nullptr, trials_);
-    // It may turn out larger than the one before.
+    // The map may need more bytes than the map before. Keep a copy of the run if that could exceed the limit.
     const std::size_t bytes_before = CellBytes();
     std::optional<MapRunEncoder> before;
     if (!fits(bytes_before + 2 * last_map_bytes_)) before = run_;
@@ -305,7 +306,8 @@ std::string BatchEncoder::Finish(const Parts& parts) {
   return bytes;
 }
 
-// A tenth more than it took: of what does not fit, maps would be coded twice.
+// Learns a ratio that is a tenth above the measured one. If a batch does not fit, its maps are coded twice, so an
+// estimate that is too high is cheaper than one that is too low.
 void BatchEncoder::LearnRowRatio(const Parts& parts, std::size_t packed_bytes) {
   const auto& types = parts.columns.types;
   const bool is_of_one_type = std::adjacent_find(types.begin(), types.end(), std::not_equal_to<>()) == types.end();
@@ -345,7 +347,7 @@ Result<proto::RecordBatch> BatchDecoder::Decode(std::string_view coded, std::uin
   const Result<void> begun =
       header->maps == kMapsWithReference ? BeginRun(header->reference, reference) : ContinueRun(header->maps_before);
   if (!begun) return tl::unexpected(begun.error());
-  // Back in its place only when all went well: a run that lost its way has ended.
+  // Put the run back only if everything decodes. After an error the run has ended.
   std::optional<MapRunDecoder> run = std::exchange(run_, std::nullopt);
   Result<Rows> rows = TakeRowsOf(reader, record_count, rows_before_);
   if (!rows) return tl::unexpected(rows.error());

@@ -1,20 +1,20 @@
-// The compact form of batches of records: rows in columns (row_codec.h), and the cells of maps by the map codec
-// (map_codec.h), whose runs go on from batch to batch.
+// The compact form of a batch of records: rows as columns (row_codec.h), and the cells of maps coded by the map codec
+// (map_codec.h), whose runs continue from batch to batch.
 //
 //   batch   := maps, size of rows * 2 + (1: as a zstd frame), rows, cells
-//   maps    := 0: no cells are coded | 1, maps before | 2, the reference: begins a run
-//   rows    := record count, checksum, contents (row_codec.h) behind columns (number_column.h) of origins,
-//              epochs, types, seqs, hashes and "its cells are coded"
+//   maps    := 0: no cells are coded | 1, number of earlier maps of the run | 2, reference: begins a run
+//   rows    := record count, checksum, columns (number_column.h) of origins, epochs, types, seqs, hashes
+//              and "the cells of this record are coded", then the contents (row_codec.h)
 //
-// The frame of a run's later batch refers to the rows of the one before. Those of a run's batches that have coded cells
-// must be decoded in the order in which they were encoded: each says how many such maps came before it, and a decoder
-// that has seen another number refuses it. So a sender that was cut off begins anew, as does one that wants a batch to
-// be decodable on its own; where a batch says 0 the decoder does so too.
+// In a run, the zstd frame of a batch refers to the rows of the batch before. Batches of a run that have coded cells
+// must be decoded in the order of encoding. Each says how many maps of the run came before it, and a decoder that has
+// seen another number refuses it. After a lost batch, or to make a batch independent, the sender begins a new run. A
+// batch with 0 earlier maps begins a run at the decoder too.
 //
-// Every content comes back byte for byte, or decoding fails: a map's record is taken apart only where joining it gives
-// the same bytes (map_record.h), other contents are taken apart into whatever they are made of, hashes are sent as what
-// they differ from HashRecord (mostly nothing), and the checksum covers all hashes. The records themselves are checked
-// by nobody here. Not thread-safe; both ends can be copied, for a trial.
+// Decoding restores every content byte for byte, or fails. A map's record is split only if joining the parts gives the
+// same bytes (map_record.h). Other contents are split into their fields (row_shape.h). A hash is sent as its XOR with
+// HashRecord, which is mostly 0, and the checksum covers all hashes. The codec does not validate the records
+// themselves. Not thread-safe. Encoder and decoder can be copied for a trial.
 #pragma once
 
 #include <cstddef>
@@ -32,46 +32,47 @@
 namespace moondb {
 
 inline constexpr std::size_t kBatchContentBytesMax = 18 * 1024 * 1024;
-// Before zstd: the contents and what is beside them.
+// Bytes of the rows before compression: the contents and the columns beside them.
 inline constexpr std::size_t kBatchRowsBytesMax = 20 * 1024 * 1024;
 
-// A map that both ends hold.
+// Identifies a map that encoder and decoder both hold.
 struct MapReference {
   RecordKey key;
   std::uint64_t hash = 0;
   bool operator==(const MapReference&) const = default;
 };
 
-// Some first records of a batch.
+// The coded form of the first `record_count` records of a batch.
 struct CodedRows {
   std::string bytes;
   std::size_t record_count = 0;
-  bool has_cells = false;        // Of maps: it is a part of the run.
-  bool leans_on_others = false;  // It cannot be decoded without the run's batches before.
+  bool has_cells = false;        // The batch has coded cells of maps, so it belongs to the run.
+  bool leans_on_others = false;  // The batch can be decoded only after the earlier batches of its run.
 };
 
 class BatchEncoder {
  public:
   explicit BatchEncoder(MapRunEncoder::Previous previous);
 
-  // The next batch is decodable without the ones before. With a reference, only where that map is held: `reference`
-  // must then be a map's record; it is not used if the map codec cannot take it.
+  // Begins a new run, so the next batch can be decoded without earlier ones. With a reference, only a decoder that
+  // holds that map can decode the batch. Requires: `reference` is a map's record or null. A reference that the map
+  // codec cannot code is ignored.
   void BeginRun(const proto::StoredRecord* reference = nullptr);
 
-  // At most kRowsMax records, whose contents have at most kBatchContentBytesMax bytes. Unknown fields of the stored
-  // records themselves, outside of their contents, are left out.
+  // Encodes a whole batch. Requires: at most kRowsMax records, with at most kBatchContentBytesMax bytes of contents.
+  // Unknown protobuf fields of a StoredRecord, outside of its content, are lost.
   std::string Encode(const proto::RecordBatch& batch);
 
-  // As many of the first records as fit into `bytes_max`, give or take one, and at least one, whatever its size. Takes
-  // hardly longer than to encode these alone: maps are coded one after the other until no other is expected to fit,
-  // rows are estimated by how the last ones of their type turned out.
+  // Encodes as many of the first records as fit into `bytes_max`, give or take one, but at least one, whatever its
+  // size. Takes hardly longer than encoding only these records: maps are coded one by one until no other is expected to
+  // fit. The coded size of rows is estimated from the last batch of their type.
   CodedRows EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:
   struct Parts;
 
   CodedRows EncodeUpTo(const proto::RecordBatch& batch, std::size_t records_max, std::size_t bytes_max);
-  // False: with it the bytes are too many; it was not added.
+  // Adds a record. Returns false, and adds nothing, if the batch would exceed `bytes_max`.
   bool AddRecord(const proto::StoredRecord& record, std::size_t bytes_max, Parts& parts);
   std::string Finish(const Parts& parts);
   void PutMaps(std::size_t map_count, std::string& bytes);
@@ -80,23 +81,26 @@ class BatchEncoder {
 
   MapRunEncoder::Previous previous_;
   PreviousTrials trials_;
-  std::optional<MapRunEncoder> run_;  // From its first map or reference on.
+  std::optional<MapRunEncoder> run_;  // Set once the run has a map or a reference.
   std::optional<MapReference> reference_;
   std::uint64_t maps_before_ = 0;
   std::string rows_before_;
-  // For estimates: packed bytes a byte of content, without cells, by data type; bytes of the last map's cells.
+  // For size estimates: compressed bytes per content byte by data type, without cells, and the cell bytes of the last
+  // map.
   std::map<DataType, double> row_ratios_;
   std::size_t last_map_bytes_ = 0;
 };
 
-// The map that must be held to decode this batch; nothing: none. kCorrupt where it cannot be read.
+// Returns the map that a decoder must hold to decode this batch, or nullopt if it needs none. kCorrupt if the batch's
+// header is malformed.
 Result<std::optional<MapReference>> ReferenceOf(std::string_view coded);
 
 class BatchDecoder {
  public:
-  // kCorrupt: does not decode, is beyond a limit, does not match its checksum, or
-  // has another number of records than `record_count`. kNotFound: batches before it are missing, or the map that it
-  // refers to is not `reference`; the sender has to begin anew. When cells do not decode, the run has ended.
+  // Decodes a batch. Returns kCorrupt if the batch does not decode, exceeds a limit, does not match its checksum, or
+  // has another number of records than `record_count`. Returns kNotFound if earlier batches of its run are missing, or
+  // if the map to which it refers is not `reference`; the sender must then begin a new run. If cells do not decode, the
+  // run has ended.
   Result<proto::RecordBatch> Decode(std::string_view coded, std::uint32_t record_count,
                                     const proto::StoredRecord* reference = nullptr);
 

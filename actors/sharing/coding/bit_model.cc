@@ -5,13 +5,13 @@ namespace moondb {
 namespace {
 
 constexpr std::uint32_t kCountLimit = 250;
-constexpr int kLearningShift = 15;          // Of weights.
-constexpr std::int16_t kWeightMax = 30000;  // So that none overflows.
-constexpr int kRareShift = 9;               // They adapt by 1/512.
-constexpr int kRareMin = 3;                 // No bit costs more than 15 bits where it is nearly certain.
+constexpr int kLearningShift = 15;          // Learning rate of the weights, as a power of two.
+constexpr std::int16_t kWeightMax = 30000;  // Limits the weights, which would overflow otherwise.
+constexpr int kRareShift = 9;               // Probabilities of rare bits adapt by 1/512.
+constexpr int kRareMin = 3;                 // Lowest probability of rare bits: none costs more than 15 bits.
 
-// By input * error / 2^kLearningShift, rounded: the high half of twice the product, and one more where the low one is
-// large.
+// Returns the weight moved by input * error / 2^kLearningShift, rounded. Uses the high half of twice the product, plus
+// one if the low half is at least half of its range.
 std::int16_t Moved(std::int16_t weight, std::int16_t input, std::int16_t error) {
   static_assert(kLearningShift == 15);
   const std::int16_t twice = static_cast<std::int16_t>(2 * input);
@@ -43,8 +43,8 @@ void BitModel::UpdateRare(Decision decision, int bit) {
   p = static_cast<std::uint16_t>(std::clamp(moved, kRareMin, kProbabilityOne - kRareMin));
 }
 
-// Plain loops over 16 short numbers, which compilers turn into a few instructions; not in the header, since they do so
-// only where the loops stand by themselves.
+// The functions below are plain loops over 16 short numbers. Compilers vectorise them well only in functions of their
+// own, so they are not in the header.
 
 BitModel::Sums BitModel::Multiply(const Inputs& inputs, const std::int16_t* first, const std::int16_t* second) {
   const std::int16_t* input = reinterpret_cast<const std::int16_t*>(inputs.data());
@@ -56,7 +56,7 @@ BitModel::Sums BitModel::Multiply(const Inputs& inputs, const std::int16_t* firs
 
 void BitModel::Adjust(const Inputs& inputs, Errors errors, std::int16_t* first, std::int16_t* second) {
   const std::int16_t* input = reinterpret_cast<const std::int16_t*>(inputs.data());
-  // Apart from the weights, so that no store is in a load's way.
+  // Collect the results outside of the weights: a store between the loads would prevent vectorisation.
   std::array<std::int16_t, kInputs> first_moved, second_moved;
   for (std::size_t i = 0; i < kInputs; ++i) {
     first_moved[i] = Moved(first[i], input[i], errors.first);

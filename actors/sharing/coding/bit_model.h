@@ -1,15 +1,15 @@
-// BitModel: foretells one bit at a time by mixing what several contexts have seen (logistic mixing, as in PAQ).
+// BitModel: predicts one bit at a time from the statistics of several contexts (logistic mixing, as in PAQ).
 //
-// Each context model holds a probability for each of its contexts, with a count of what it has seen: the more, the
-// slower it adapts. Their logits are mixed by two sets of weights, each chosen by a context of its own; the mean of the
-// two is refined by a last table; and everything learns from the bit. Whole numbers only.
+// Each context model holds one probability per context, with a count of the bits seen there; a higher count adapts more
+// slowly. Two sets of weights, each selected by a context, mix the logits of all models. A last table refines the mean
+// of the two mixes. Probabilities, weights and table all learn from the coded bit. All arithmetic uses integers.
 //
-// There are two decisions a cell, with tables of their own, and each is made with or without a previous map, with
-// weights of their own. A run's model begins as a copy of TrainedModel() (trained_tables.h): what it holds is part of
-// the wire format, and so is every number here. 1 MB. Not thread-safe.
+// Each cell takes two decisions, which have separate tables. Predictions with and without a previous map have separate
+// weights. A run's model begins as a copy of TrainedModel() (trained_tables.h). The contents of that model and every
+// number in this file are part of the wire format. Takes 1 MB. Not thread-safe.
 //
-// Most of the time to code a map goes into Predict and Update. They are here to become part of the loop over its cells,
-// so that contexts need not go through memory.
+// Predict and Update take most of the time to code a map. They are in the header so the compiler can inline them into
+// the loop over the cells and keep contexts in registers.
 #pragma once
 
 #include <algorithm>
@@ -27,16 +27,17 @@ enum class Decision { kIsKnown = 0, kIsHazard = 1 };
 inline constexpr std::size_t kDecisionCount = 2;
 inline constexpr std::size_t kModelsAlone = 10;
 inline constexpr std::size_t kModelsWithPrevious = 14;
-inline constexpr std::size_t kInputs = 16;      // Of a mixing: models, one that is always the same, and zeros.
-inline constexpr std::size_t kChoiceCount = 2;  // Of weights.
+inline constexpr std::size_t kInputs = 16;      // Inputs of a mix: one per model, a constant bias, and zeros.
+inline constexpr std::size_t kChoiceCount = 2;  // Number of mixes, each of which selects one set of weights.
 
-// How many contexts each model has, each choice of weights, and the last table.
+// Numbers of contexts of each model, of each choice of weights, and of the last table.
 inline constexpr std::array<std::uint32_t, kModelsWithPrevious> kContextCounts = {
     2916, 11664, 4096, 10368, 3456, 11664, 13824, 3888, 2916, 8192, 5184, 5184, 8192, 6912};
 inline constexpr std::array<std::uint32_t, kChoiceCount> kWeightSetCounts = {144, 256};
 inline constexpr std::uint32_t kRefinementCount = 324;
 
-// One decision's contexts, each below its count above. Without a previous map the first kModelsAlone models count.
+// The contexts of one decision. Each is below its number of contexts. Without a previous map only the first
+// kModelsAlone models are used.
 struct BitContexts {
   Decision decision = Decision::kIsKnown;
   bool has_previous = false;
@@ -47,7 +48,7 @@ struct BitContexts {
 
 class BitModel {
  public:
-  // A context model's memory of one context, in one number: the probability above, the count below.
+  // The state of one context of a model in one number: the probability in the upper 16 bits, the count in the lower 16.
   class Slot {
    public:
     constexpr Slot() = default;
@@ -55,7 +56,7 @@ class BitModel {
         : state_(static_cast<std::uint32_t>(p) << 16 | static_cast<std::uint32_t>(count)) {}
     std::uint32_t p() const { return state_ >> 16; }
     std::uint32_t count() const { return state_ & 0xFFFF; }
-    // Moves the probability by `rate` / 2^16 of its distance from the bit; what it becomes is rounded down.
+    // Moves the probability towards the bit by `rate` / 2^16 of their distance. The new probability is rounded down.
     void MoveTo(int bit, std::uint32_t rate) {
       const std::uint32_t product = bit != 0 ? (0xFFFF - p()) * rate : p() * rate + 0xFFFF;
       const std::uint32_t step = product & 0xFFFF0000;
@@ -67,23 +68,27 @@ class BitModel {
     std::uint32_t state_ = (kProbabilityOne / 2) << 16;
   };
 
-  // Knows nothing.
+  // Makes an untrained model.
   BitModel();
 
-  // The probability that the next bit of a decision is 1; for Update of the same model alone.
+  // Predicts the probability that the next bit of a decision is 1. The result points into this model's tables and is
+  // valid for Update of this model only.
   struct Prediction;
   Prediction Predict(const BitContexts& contexts);
-  // What the bit was. Comes before that decision's next Predict; the other decision's may come between.
+  // Trains the model with the actual bit. Requires: no other Predict of the same decision came between Predict and
+  // Update. A Predict of the other decision may.
   void Update(const Prediction& prediction, int bit);
 
-  // For bits that are nearly certain: one adaptive probability for all of them, without mixing.
+  // Prediction of nearly certain bits: one adaptive probability per decision, without mixing.
   int PredictRare(Decision decision) const { return rare_[static_cast<std::size_t>(decision)]; }
   void UpdateRare(Decision decision, int bit);
 
-  // Contexts that have seen so much adapt no slower; at most kCountMax. Learning takes more than coding.
+  // Sets the count at which a context's adaptation stops slowing down; at most kCountMax. Training uses a higher limit
+  // than coding.
   void SetCountLimit(std::uint32_t limit) { count_limit_ = limit; }
 
-  // What learnt tables hold: all slots, all weights in 1/16384, the probabilities of rare bits.
+  // The parts of the model that the initial tables store: all slots, all weights in units of 1/16384, and the
+  // probabilities of rare bits.
   std::vector<Slot>& slots() { return slots_; }
   std::vector<std::int16_t>& weights() { return weights_; }
   std::array<std::uint16_t, kDecisionCount>& rare() { return rare_; }
@@ -95,15 +100,15 @@ class BitModel {
   using Inputs = std::array<Lanes, kInputs / 8>;
 
   static constexpr int kWeightBits = 14;
-  static constexpr int kErrorShift = 2;       // So that an error fits 16 bits.
-  static constexpr int kBiasLogit = 256;      // The last input, always the same.
-  static constexpr int kRefinementShift = 6;  // The last table adapts by 1/64.
-  static constexpr int kFinalMin = 24;        // No bit costs more than 12 bits.
+  static constexpr int kErrorShift = 2;       // Scales an error to fit into 16 bits.
+  static constexpr int kBiasLogit = 256;      // Value of the constant bias input.
+  static constexpr int kRefinementShift = 6;  // Adaptation rate of the last table: 1/64.
+  static constexpr int kFinalMin = 24;        // Lowest probability: no bit costs more than 12 bits.
   static constexpr std::uint32_t kRefinementKnots = 33;
-  static constexpr std::uint32_t kRefinementStep = 128;  // Logits between two knots.
+  static constexpr std::uint32_t kRefinementStep = 128;  // Distance of two knots in logit units.
   static constexpr int kRefinementMax = kRefinementStep * (kRefinementKnots - 1) / 2;
 
-  // 1 / (count + 1.6), in 1/2^16; its last two bits are zeros.
+  // The adaptation rate by count: 1 / (count + 1.6) in units of 1/2^16. The last two bits are zeros.
   static constexpr std::array<std::uint16_t, kCountMax + 1> MakeRates() {
     std::array<std::uint16_t, kCountMax + 1> rates{};
     for (std::size_t i = 0; i < rates.size(); ++i) {
@@ -119,7 +124,7 @@ class BitModel {
   static const std::array<std::uint16_t, kCountMax + 1> kRates;
   static const std::array<std::uint32_t, kModelsWithPrevious> kSlotOffsets;
 
-  // Of both sets of weights.
+  // The weighted sums, and below the errors, of the two mixes.
   struct Sums {
     std::int32_t first, second;
   };
@@ -133,14 +138,15 @@ class BitModel {
   template <std::size_t kModels>
   void Learn(const Prediction& made, int bit);
 
-  std::vector<Slot> slots_;            // [decision][model][context]
-  std::vector<std::int16_t> weights_;  // Alone, then with a previous map: [decision][choice][set][input]
+  std::vector<Slot> slots_;  // [decision][model][context]
+  // [decision][choice][set][input], first for predictions without a previous map, then for those with one.
+  std::vector<std::int16_t> weights_;
   std::vector<std::uint16_t> refinements_;
   std::array<std::uint16_t, kDecisionCount> rare_;
   std::uint32_t count_limit_;
 };
 
-// A probability, and the places in the model's tables that it was made from.
+// A probability, and pointers to the table entries from which it was computed.
 struct BitModel::Prediction {
   int probability;
   bool has_previous;
@@ -168,7 +174,7 @@ template <std::size_t kModels>
     made.slots[i] = slots + kSlotOffsets[i] + contexts.models[i];
     return static_cast<std::int16_t>(Stretch(static_cast<int>(made.slots[i]->p())));
   };
-  // As whole vectors: numbers that were written one by one are slow to be read together.
+  // Write whole vectors. Reading a vector just after writing its numbers one by one stalls the processor.
   made.inputs[0] = Lanes{input(0), input(1), input(2), input(3), input(4), input(5), input(6), input(7)};
   made.inputs[1] = Lanes{input(8), input(9), input(10), input(11), input(12), input(13), input(14), input(15)};
   std::int16_t* const sets = weights_.data() + table * kSetsPerDecision * kInputs;
@@ -178,7 +184,7 @@ template <std::size_t kModels>
   made.mixed[0] = std::clamp(sums.first >> kWeightBits, -kSquashMax, kSquashMax);
   made.mixed[1] = std::clamp(sums.second >> kWeightBits, -kSquashMax, kSquashMax);
   const int logit = (made.mixed[0] + made.mixed[1]) >> 1;
-  // Between the two knots of the last table that are nearest.
+  // Interpolate linearly between the two nearest knots of the last table.
   const std::uint32_t place =
       static_cast<std::uint32_t>(std::clamp(logit, -kRefinementMax, kRefinementMax - 1) + kRefinementMax);
   const std::uint32_t share = place % kRefinementStep;

@@ -63,7 +63,7 @@ BlockContexts::Numbers BlockContexts::Widen(const std::uint8_t* cells) {
 
 void BlockContexts::LookUpCoarser(const Block& block) {
   Coarser& c = coarser_;
-  Numbers here, east{}, west{};  // Of coarser_row_.
+  Numbers here, east{}, west{};  // Elements of coarser_row_.
   here.fill(kNoCoarser);
   c.half_x.fill(0);
   c.half_y.fill(0);
@@ -97,7 +97,8 @@ void BlockContexts::LookUpCoarser(const Block& block) {
 }
 
 void BlockContexts::LookUpPrevious(const Block& block) {
-  std::array<std::array<std::uint8_t, kBlock + 2>, 3> memory{}, cells;  // From one cell before to one behind.
+  // Three rows of the previous map, from one cell before the block to one cell behind it.
+  std::array<std::array<std::uint8_t, kBlock + 2>, 3> memory{}, cells;
   for (std::size_t row = 0; row < memory.size(); ++row) {
     const std::int32_t at = block.row + (static_cast<std::int32_t>(row) - 1) * block.quadrant.y;
     const std::uint8_t* from = layer_.previous->At(block.column - block.quadrant.x, at);

@@ -1,22 +1,27 @@
-// BlockContexts: the contexts (bit_model.h) of some neighbouring cells of a row, made for all of them at once.
+// BlockContexts: computes the contexts (bit_model.h) of a block of neighbouring cells in a row, all at once.
 //
-// Nearly all that foretells a cell is known before its row is begun: the rows nearer to the middle, the coarser layer
-// and the placed previous map. So the contexts of kBlock cells are made together, in loops over short numbers of which
-// compilers do eight at a time; only what the row's own cells tell is added cell by cell.
+// Most inputs of a prediction are known before the row begins: the rows nearer to the middle, the coarser layer and the
+// placed previous map. The contexts of kBlock cells are therefore computed together, in loops that compilers vectorise
+// to eight numbers at a time. Only the inputs from the row's own cells are added cell by cell.
 //
-// Neighbours are named as in layer_coder.h; west2 is the second one to the west, north_east2 the one east of
-// north_east. The models look at these, and nearly all at the coarser cell here and in which quarter of it the cell
-// lies:
-//   0  west north north_west north_east west2 north2           10  previous map: here and the four beside it
-//   1  west north north_east, coarser east south south_east    11  west north, previous map: here east south_east
-//   2  12 cells, one bit of each                               12  west north, previous map: 9 cells, one bit of each
-//   3  west north north_west north_east, bearing               13  west north north_east, previous maps: here, coarser
-//   4  three cells along the ray, distance, depth
-//   5  coarser: the two nearest, east and south; ray, west
-//   6  west north, ray, depth, bearing
-//   7  coarser: five cells
-//   8  west north north_east north_east2 north_east3 north2_east
-//   9  west north, coarser: 9 cells, one bit of each
+// Neighbours are named as in layer_coder.h; west2 is the second cell to the west, north_east2 the cell east of
+// north_east. Nearly all models use the coarser cell at the same place, and in which quarter of it the cell lies. In
+// addition each model uses the cells listed by its number:
+//   Model 0: west, north, north_west, north_east, west2, north2.
+//   Model 1: west, north, north_east; coarser cells east, south, south_east.
+//   Model 2: 12 cells around, reduced to one bit each.
+//   Model 3: west, north, north_west, north_east; bearing.
+//   Model 4: three cells along the ray; distance, depth.
+//   Model 5: coarser cells (the two nearest, east, south); one cell along the ray; west.
+//   Model 6: west, north, one cell along the ray; depth, bearing.
+//   Model 7: five coarser cells.
+//   Model 8: west, north, north_east, north_east2, north_east3, north2_east.
+//   Model 9: west, north; 9 coarser cells, reduced to one bit each.
+// Models 10 to 13 are used only with a previous map.
+//   Model 10: previous map at this place and at the four cells beside it.
+//   Model 11: west, north; previous map here, east, south_east.
+//   Model 12: west, north; 9 cells of the previous map, reduced to one bit each.
+//   Model 13: west, north, north_east; previous map here and at the coarser cell.
 #pragma once
 
 #include <array>
@@ -30,14 +35,14 @@
 
 namespace moondb {
 
-// Which way is outwards.
+// A quadrant of a layer: the directions in x and y that lead away from the middle (1 or -1), and its number.
 struct Quadrant {
   std::int32_t x = 1;
   std::int32_t y = 1;
   int number = 0;
 };
 
-// What the row's own cells and the ray tell of a cell.
+// The nearest known cells: those before it in its own row, and those towards the sensor along its ray.
 struct NearCells {
   int west, west2, west3;
   int ray1, ray2, ray3;
@@ -49,10 +54,12 @@ class BlockContexts {
 
   struct Block {
     Quadrant quadrant;
-    std::int32_t column, row;    // Of the first cell.
-    std::size_t size;            // At most kBlock.
-    const std::uint8_t* north;   // Inwards of the first cell, by columns outwards; the row inwards of that.
-    const std::uint8_t* north2;  // Both can be read from 2 cells before to kBlock + 3 behind.
+    std::int32_t column, row;  // Position of the first cell.
+    std::size_t size;          // Number of cells, at most kBlock.
+    // The cells north of the block, from the first cell outwards, and the row north of those. Both can be read from 2
+    // cells before the first cell to kBlock + 3 cells behind it.
+    const std::uint8_t* north;
+    const std::uint8_t* north2;
     const RayTable::Ray* rays;
   };
 
@@ -61,10 +68,12 @@ class BlockContexts {
   void StartRow(std::int32_t row, std::int32_t outwards);
   void Start(const Block& block);
 
-  // Of the block's cell `i`: whether all around it is unknown but for its own row; whether a hazard is possible.
+  // True if the neighbouring rows, the coarser layer and the previous map are all unknown around the block's cell `i`.
+  // Does not check the cell's own row.
   bool IsQuiet(std::size_t i) const { return around_.is_quiet[i] != 0; }
+  // True if the block's cell `i` can be a hazard.
   bool MayBeHazard(std::size_t i) const { return !layer_.are_hazards_nested || coarser_.here[i] >= 2; }
-  // Sets what is the same for both decisions, then what is not.
+  // SetShared sets the contexts that both decisions have in common, SetOwn those of one decision. Call SetShared first.
   template <bool kHasPrevious>
   void SetShared(std::size_t i, const NearCells& near, BitContexts& contexts);
   template <bool kHasPrevious>
@@ -73,7 +82,7 @@ class BlockContexts {
  private:
   using Numbers = std::array<std::uint16_t, kBlock>;
 
-  // Cells around each one of the block, and where it lies.
+  // For each cell of the block: the known cells around it, and its place relative to the sensor.
   struct Around {
     Numbers north, north_west, north_west2, north_east, north_east2, north_east3, north2, north2_west, north2_east;
     Numbers bearing, distance;
@@ -81,14 +90,14 @@ class BlockContexts {
   };
   struct Coarser {
     Numbers here, east, south, south_east, west, north, north_east, south_west, north_west;
-    Numbers half_x, half_y;  // 1: the outer half of it.
-    Numbers memory;          // The last map's cell there.
+    Numbers half_x, half_y;  // 1 if the cell lies in the outer half of its coarser cell.
+    Numbers memory;          // The last map's cell at the coarser cell's place.
   };
   struct Previous {
     Numbers here, east, south, south_east, west, north, north_east, south_west, north_west;
     Numbers last, state;
   };
-  // Contexts less what NearCells add.
+  // The contexts without the contributions of NearCells.
   struct Ready {
     std::array<Numbers, kModelsWithPrevious> models;
     std::array<std::array<Numbers, kModelsWithPrevious>, kDecisionCount> own;
@@ -103,19 +112,20 @@ class BlockContexts {
   void MakeOwn(Decision decision);
   void MakeWithPrevious();
 
-  // A number to the base 3 (or another) from its digits, the first one being the highest.
+  // Returns the number with these digits in the given base, most significant digit first.
   template <typename... Digits>
   static std::uint16_t Join(int base, int first, Digits... rest) {
     ((first = static_cast<std::uint16_t>(first * base + rest)), ...);
     return static_cast<std::uint16_t>(first);
   }
-  // Of a cell only one bit: is it known, or is it a hazard?
+  // Reduces a cell to one bit for a decision: 1 if the cell is known, or if it is a hazard.
   static std::uint16_t BitOf(Decision decision, int cell) {
     return static_cast<std::uint16_t>(cell) > static_cast<std::uint16_t>(decision) ? 1 : 0;
   }
 
   const LayerContext& layer_;
-  std::vector<std::uint8_t> coarser_row_;  // In one number: a cell, the one inwards of it and the one outwards.
+  // Row of the coarser layer. Each number packs a cell with its inner and its outer neighbour, two bits each.
+  std::vector<std::uint8_t> coarser_row_;
   Around around_{};
   Coarser coarser_{};
   Previous previous_{};

@@ -1,4 +1,4 @@
-// Numbers in a string of bytes, and a reader that never goes past its end.
+// Writes numbers into a string of bytes, and reads them with a reader that never reads past the end.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@ namespace moondb {
 
 inline constexpr std::size_t kVarintBytesMax = 10;
 
-// Seven bits a byte, the lowest first, as in protobuf; always the shortest form.
+// Appends a varint as in protobuf: seven bits per byte, lowest bits first, in the shortest form.
 inline void PutVarint(std::uint64_t value, std::string& bytes) {
   for (; value >= 0x80; value >>= 7) bytes.push_back(static_cast<char>(value | 0x80));
   bytes.push_back(static_cast<char>(value));
@@ -22,7 +22,8 @@ constexpr std::size_t VarintSize(std::uint64_t value) {
   return size;
 }
 
-// After the first thing that was not there, everything reads as nothing and is_good() is false.
+// Reads numbers and bytes in order. After the first failed read, is_good() is false and every read returns 0 or an
+// empty view.
 class ByteReader {
  public:
   explicit ByteReader(std::string_view bytes) : next_(bytes.data()), end_(bytes.data() + bytes.size()) {}
@@ -32,7 +33,7 @@ class ByteReader {
   std::size_t left() const { return static_cast<std::size_t>(end_ - next_); }
   const char* next() const { return next_; }
 
-  // Not good also where a shorter form of the number would do.
+  // Reads a varint. Fails also if the number is not in its shortest form.
   std::uint64_t Varint() {
     std::uint64_t value = 0;
     for (std::size_t i = 0; i < kVarintBytesMax && next_ != end_; ++i) {
@@ -46,7 +47,7 @@ class ByteReader {
     return Bad();
   }
 
-  // Little-endian.
+  // Reads a little-endian number of `byte_count` bytes.
   std::uint64_t Fixed(std::size_t byte_count) {
     const std::string_view bytes = Bytes(byte_count);
     std::uint64_t value = 0;
@@ -66,7 +67,7 @@ class ByteReader {
     return bytes;
   }
 
-  // Says that what was read makes no sense.
+  // Marks the reader as failed, for a caller that found an invalid value.
   void Fail() {
     is_good_ = false;
     next_ = end_;

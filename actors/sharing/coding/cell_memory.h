@@ -1,8 +1,9 @@
-// CellMemory: what a run remembers of a place, in one byte: what the last map said of it, what the maps before said,
-// and how surely.
+// CellMemory: what a run remembers of one place, in one byte: the cell of the last map, the cell on which earlier maps
+// agreed (the belief), and how often it was confirmed.
 //
-// One map has noise of its own; what several agree on foretells the next one better. Memory moves with the maps: each
-// map's is its own cells over the memory of the map that it was placed in. Whole numbers, the same at both ends.
+// A single map is noisy; a cell on which several maps agree predicts the next map better. Memory moves with the maps:
+// the memory of a map is its own cells merged over the memory of the previous map on which it was placed. Integers
+// only, so both ends compute the same.
 #pragma once
 
 #include <array>
@@ -11,22 +12,22 @@
 
 namespace moondb {
 
-// Bits 0 and 1: the last map's cell; 2 and 3: what is believed; 4 and 5: how often that was confirmed.
+// Bits 0 and 1: the last map's cell. Bits 2 and 3: the believed cell. Bits 4 and 5: how often the belief was confirmed.
 using CellMemory = std::uint8_t;
 
-inline constexpr std::uint8_t kNotCovered = 3;  // A cell of which no earlier map says anything.
+inline constexpr std::uint8_t kNotCovered = 3;  // A cell that no earlier map covers.
 inline constexpr CellMemory kNoMemory = kNotCovered | kNotCovered << 2;
 inline constexpr std::size_t kMemoryStates = 16;
 
-// The last map's cell, or kNotCovered.
+// Returns the last map's cell, or kNotCovered.
 constexpr std::uint32_t LastCell(CellMemory memory) { return memory & 3; }
 
-// The same where what is not covered counts as unknown.
+// Returns the last map's cell, or 0 (unknown) if no map covers it.
 constexpr std::uint32_t LastOrUnknown(CellMemory memory) {
   return LastCell(memory) == kNotCovered ? 0 : LastCell(memory);
 }
 
-// After a map whose cell here is `cell`.
+// Returns the memory after a map whose cell at this place is `cell`.
 constexpr CellMemory Remember(CellMemory memory, std::uint8_t cell) {
   constexpr int kSurest = 3;
   int belief = memory >> 2 & 3;
@@ -42,8 +43,8 @@ constexpr CellMemory Remember(CellMemory memory, std::uint8_t cell) {
   return static_cast<CellMemory>(cell | belief << 2 | confirmed << 4);
 }
 
-// Below kMemoryStates: the last cell, and whether the belief is the same (confirmed never, once, more often) or which
-// other one.
+// Maps a memory to a state below kMemoryStates, which combines the last cell with the belief: the same cell (never,
+// once or more often confirmed), or one of the other cells.
 constexpr std::array<std::uint8_t, 64> MakeMemoryStates() {
   std::array<std::uint8_t, 64> states{};
   for (int memory = 0; memory < 64; ++memory) {

@@ -1,4 +1,5 @@
-// CellPlane: one layer's cells with a margin of cells that are unknown, so that a cell's neighbours need no bounds.
+// CellPlane: the cells of one layer with a margin of unknown cells, so access to a cell's neighbours needs no bounds
+// checks.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +19,7 @@ class CellPlane {
         stride_(width + 2 * kMargin),
         cells_(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height + 2 * kMargin)) {}
 
-  // Columns and rows from -kMargin on.
+  // Requires: column and row are at least -kMargin, and less than width or height + kMargin.
   std::uint8_t* At(std::int32_t column, std::int32_t row) { return cells_.data() + Offset(column, row); }
   const std::uint8_t* At(std::int32_t column, std::int32_t row) const { return cells_.data() + Offset(column, row); }
 

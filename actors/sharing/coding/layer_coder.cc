@@ -49,7 +49,7 @@ class LayerCoder {
     CodeHalfRow({-1, outwards, outwards > 0 ? 2 : 3}, middle - 1, row, middle, rays + cells_.width() % 2);
   }
 
-  // `count` cells from column `first` on outwards.
+  // Codes `count` cells of a row, from column `first` outwards.
   void CodeHalfRow(const Quadrant& quadrant, std::int32_t first, std::int32_t row, std::int32_t count,
                    const RayTable::Ray* rays) {
     for (std::int32_t rows_in = 0; rows_in < kWindowRows; ++rows_in) {
@@ -73,7 +73,7 @@ class LayerCoder {
     }
   }
 
-  // The block's cell `i`, which is this one in the window.
+  // Codes the block's cell `i`. `cell` points to it in window_.
   void CodeCell(std::uint32_t value, std::size_t i, const RayTable::Ray& ray, std::uint8_t* cell) {
     if (blocks_.IsQuiet(i) && (cell[-1] | cell[-2]) == kUnknown) {
       if (CodeRare(Decision::kIsKnown, value != kUnknown)) {
@@ -94,7 +94,7 @@ class LayerCoder {
     if (coder_.Code(value != kUnknown ? 1 : 0, known.probability) == 0) return model_.Update(known, 0);
     *cell = kFree;
     if (!blocks_.MayBeHazard(i)) return model_.Update(known, 1);
-    // The model learns from the first decision behind the second, so that a processor can work on both at once.
+    // Update with the first decision only after the second is coded, so the processor can work on both at once.
     blocks_.SetOwn<kHasPrevious>(Decision::kIsHazard, i, near, contexts);
     const BitModel::Prediction hazard = model_.Predict(contexts);
     const int bit = coder_.Code(value == kHazard ? 1 : 0, hazard.probability);
@@ -116,10 +116,11 @@ class LayerCoder {
   BitModel& model_;
   CellPlane& cells_;
   BlockContexts blocks_;
-  // A half row and those inwards of it, by columns outwards, with the plane's margin before and behind.
+  // The window holds half a row and the kWindowRows - 1 rows next to it towards the middle. Columns are ordered from
+  // the middle outwards, with the plane's margin at both ends.
   std::int32_t stride_;
   std::vector<std::uint8_t> window_;
-  std::array<std::ptrdiff_t, kWindowRows * kWindowRows> ray_offsets_;  // In the window, by Ray::cells_in.
+  std::array<std::ptrdiff_t, kWindowRows * kWindowRows> ray_offsets_;  // Offsets in window_, by Ray::cells_in.
 };
 
 }  // namespace

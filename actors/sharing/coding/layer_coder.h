@@ -1,10 +1,12 @@
-// CodeLayer: one layer's cells through a range coder, foretold from all that both ends know by then.
+// CodeLayer: codes the cells of one layer with a range coder, predicting each cell from data that both ends already
+// have.
 //
-// Rows go outwards from the middle, the lower half first; within a row cells go outwards from the middle, the right
-// half first. So the cells between a cell and the sensor are always known before it, and the four quadrants look alike:
-// all neighbours are named as if the cell lay in the quadrant of growing columns and rows (west and north: inwards).
+// Rows are coded from the middle outwards, first those of rising row numbers. Within a row, cells are coded from the
+// middle outwards, first those of rising columns. The cells between a cell and the sensor are therefore always coded
+// before it, and the four quadrants are mirror images. Neighbours are named as in the quadrant of rising columns and
+// rows: west and north point to the middle.
 //
-// Encoder and decoder run the same code: `Coder` is RangeEncoder, RangeDecoder or anything with their Code().
+// Encoder and decoder run the same code. `Coder` is RangeEncoder, RangeDecoder or a type with the same Code().
 #pragma once
 
 #include <cstdint>
@@ -17,25 +19,27 @@
 
 namespace moondb {
 
-// Which cell of the next coarser layer holds the middle of each column (or row), and in which half of it.
+// For each column (or row) of a layer: the column (or row) of the next coarser layer that contains its middle, and in
+// which half of it the middle lies.
 struct CoarserIndex {
-  std::vector<std::int32_t> index;  // -1 where it lies outside.
+  std::vector<std::int32_t> index;  // -1 if the middle lies outside of the coarser layer.
   std::vector<std::uint8_t> half;
 };
 
-// What else is known of a layer.
+// Further data from which the cells of a layer are predicted.
 struct LayerContext {
-  const CellPlane* coarser = nullptr;  // Null: none, or it has another centre.
+  const CellPlane* coarser = nullptr;  // The next coarser layer; null if there is none.
   const CoarserIndex* columns = nullptr;
   const CoarserIndex* rows = nullptr;
-  const CellPlane* previous = nullptr;  // The placed previous map's memory on this layer's cells; null: none.
+  const CellPlane* previous = nullptr;  // Memory of the previous map, placed on this layer's cells; null: none.
   const CellPlane* coarser_previous = nullptr;
-  std::uint32_t depth = 0;  // Layers that are finer, at most 3.
-  // No cell is a hazard unless the coarser cell is one: then nothing is said of the others.
+  std::uint32_t depth = 0;  // Number of finer layers, at most 3.
+  // True if a cell is a hazard only where its coarser cell is one. The hazard bit of all other cells is then not coded.
   bool are_hazards_nested = false;
 };
 
-// Fills `cells`, which must be unknown everywhere; an encoder reads them from `source`, which is of the same size.
+// Codes a layer and fills `cells`. An encoder reads the cells from `source`. Requires: all of `cells` are unknown, and
+// `source` has the same size.
 template <typename Coder>
 void CodeLayer(const LayerContext& context, const RayTable& rays, const CellPlane& source, Coder& coder,
                BitModel& model, CellPlane& cells);

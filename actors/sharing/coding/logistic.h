@@ -1,7 +1,7 @@
-// The logistic function and its inverse in whole numbers, so that every compiler and processor gets the same bits.
+// The logistic function and its inverse in integer arithmetic, so every compiler and processor computes the same bits.
 //
-// A logit is ln(p / (1 - p)) in 1/256; a probability is that of a 1, in 1/65536. The compiler makes the tables from
-// whole numbers alone.
+// A logit is ln(p / (1 - p)) in units of 1/256. A probability is that of a 1 bit, in units of 1/65536. The tables are
+// computed at compile time from integers only.
 #pragma once
 
 #include <algorithm>
@@ -13,15 +13,15 @@ namespace moondb {
 
 inline constexpr int kProbabilityBits = 16;
 inline constexpr int kProbabilityOne = 1 << kProbabilityBits;
-inline constexpr int kLogitMax = 2815;   // 11: one in 60,000.
-inline constexpr int kSquashMax = 3000;  // Beyond what Squash tells apart.
+inline constexpr int kLogitMax = 2815;   // A logit of 11, or a probability of one in 60,000.
+inline constexpr int kSquashMax = 3000;  // Squash returns the same probability for all larger logits.
 
-// Of the logits -kSquashMax to kSquashMax.
+// Makes the table of probabilities for the logits -kSquashMax to kSquashMax.
 constexpr std::array<std::uint16_t, 2 * kSquashMax + 1> MakeSquashTable() {
   constexpr std::uint64_t kOne = 1ull << 32;
-  constexpr std::uint64_t kStep = 4278222805;  // e^(-1/256).
+  constexpr std::uint64_t kStep = 4278222805;  // e^(-1/256), in units of 1/2^32.
   std::array<std::uint16_t, 2 * kSquashMax + 1> table{};
-  std::uint64_t power = kOne;  // e^-x.
+  std::uint64_t power = kOne;  // e^(-logit/256), in units of 1/2^32.
   for (int logit = 0; logit <= kSquashMax; ++logit) {
     const std::uint64_t p = (kOne << kProbabilityBits) / (kOne + power);
     table[static_cast<std::size_t>(kSquashMax + logit)] = static_cast<std::uint16_t>(p);
@@ -34,12 +34,12 @@ constexpr std::array<std::uint16_t, 2 * kSquashMax + 1> MakeSquashTable() {
 
 inline constexpr std::array<std::uint16_t, 2 * kSquashMax + 1> kSquashTable = MakeSquashTable();
 
-// The probability at a logit, which may be any number; 1 to 65535.
+// Returns the probability for a logit, from 1 to 65535. Accepts any logit.
 constexpr int Squash(int logit) {
   return kSquashTable[static_cast<std::size_t>(std::clamp(logit, -kSquashMax, kSquashMax) + kSquashMax)];
 }
 
-inline constexpr int kStretchBits = 12;  // Probabilities are told apart to so many bits before they are mixed.
+inline constexpr int kStretchBits = 12;  // Bits of a probability that Stretch uses.
 
 constexpr std::array<std::int16_t, 1 << kStretchBits> MakeStretchTable() {
   std::array<std::int16_t, 1 << kStretchBits> table{};
@@ -54,7 +54,7 @@ constexpr std::array<std::int16_t, 1 << kStretchBits> MakeStretchTable() {
 
 inline constexpr std::array<std::int16_t, 1 << kStretchBits> kStretchTable = MakeStretchTable();
 
-// The logit of a probability from 0 to 65535.
+// Returns the logit of a probability from 0 to 65535.
 constexpr int Stretch(int p) { return kStretchTable[static_cast<std::size_t>(p >> (kProbabilityBits - kStretchBits))]; }
 
 }  // namespace moondb

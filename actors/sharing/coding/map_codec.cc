@@ -94,7 +94,7 @@ CoarserIndex MakeCoarserIndex(std::int32_t side, std::int64_t resolution, std::i
                               std::int64_t coarser_resolution) {
   CoarserIndex index;
   for (std::int32_t i = 0; i < side; ++i) {
-    // Half micrometres from the coarser layer's edge to the cell's middle.
+    // Distance from the coarser layer's edge to the cell's middle, in half micrometres.
     const std::int64_t place = (2 * i + 1 - side) * resolution + coarser_side * coarser_resolution;
     const bool is_inside = place >= 0 && place < 2 * coarser_side * coarser_resolution;
     index.index.push_back(is_inside ? static_cast<std::int32_t>(place / (2 * coarser_resolution)) : -1);
@@ -103,7 +103,7 @@ CoarserIndex MakeCoarserIndex(std::int32_t side, std::int64_t resolution, std::i
   return index;
 }
 
-// A layer on the next coarser one's cells.
+// The position of a layer's columns and rows on the next coarser layer.
 struct CoarserIndices {
   CoarserIndex columns;
   CoarserIndex rows;
@@ -244,7 +244,7 @@ PreviousTrials::Way MapRunEncoder::WayOfNext() const {
 
 std::optional<std::size_t> MapRunEncoder::MapsBackTo(std::uint32_t source) const {
   const auto newest = std::find(sources_.rbegin(), sources_.rend(), source);
-  // Behind the last of those with a source lies the reference, if any.
+  // If no map has this source, `newest` is rend(), and maps_back is the place of the reference, if there is one.
   const std::size_t maps_back = static_cast<std::size_t>(newest - sources_.rbegin()) + 1;
   if (maps_back > earlier_.size()) return std::nullopt;
   return maps_back;
@@ -265,7 +265,7 @@ std::optional<MapRun::Reference> MapRunEncoder::CodeBehind(std::size_t maps_back
   return reference;
 }
 
-// With the reference or without; true: with it.
+// Codes the map with and without the reference and keeps the smaller result. Returns true if the reference was used.
 bool MapRunEncoder::CodeCheaper(const Reference& reference, const CodedLayers& source) {
   const std::size_t bytes_before = coder_.byte_count();
   RangeEncoder coder_alone = coder_;

@@ -1,10 +1,10 @@
-// The map codec: the cells of local traversability maps, coded without loss by the cells about them, by the coarser
-// layer, and by an earlier map of the same run.
+// The map codec: lossless coding of the cells of local traversability maps (occupancy grids). Each cell is predicted
+// from the cells around it, from the coarser layer, and from an earlier map of the same run.
 //
-// A run is a row of maps whose coding goes on learning from one to the next; it travels as one string or several, which
-// the decoder must take in the same order. It begins with what was learnt from generated maps, and begins anew by
-// itself where the next map would be one too many for it. Of a map only the cells are coded: sizes and resolutions must
-// be told to the decoder beforehand.
+// A run is a sequence of maps whose model keeps adapting from one map to the next. A run is sent as one or several
+// strings, which the decoder must decode in the same order. It begins with the initial model (trained_tables.h), and
+// restarts by itself if the next map would exceed the run's limits. Only the cells of a map are coded. The decoder must
+// know the sizes and resolutions of the layers beforehand.
 //
 //   map        := reference placement? nested* layer* checksum        (all in one stream of the range coder)
 //   reference  := 0 | 1, 5 bits: how many maps back, less one
@@ -13,7 +13,8 @@
 //   layer      := the cells, coarsest layer first                     (layer_coder.h)
 //   checksum   := the low 16 bits of XXH64 over all cells, finest layer first
 //
-// Everything is in whole numbers, so that each end gets the same on every compiler and processor. A change to anything
+// All arithmetic uses integers, so every compiler and processor computes the same. Any change to the format, the
+// predictions or the initial model changes the wire format (model/wire_version.h). Not thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -35,22 +36,22 @@
 namespace moondb {
 
 inline constexpr std::size_t kRunMapsMax = 32;
-inline constexpr std::uint64_t kRunCellsMax = 4 * 1024 * 1024;   // Of a run's maps, all of which both ends keep.
-inline constexpr std::uint64_t kCodedCellsMax = kRunCellsMax;    // Of one string's maps: half a second to decode.
-inline constexpr std::uint64_t kCodedMapCellsMax = 1024 * 1024;  // Of one map.
-inline constexpr std::int32_t kCodedMapSideMax = 4096;           // Of a layer.
+inline constexpr std::uint64_t kRunCellsMax = 4 * 1024 * 1024;   // Cells of all maps of a run; both ends keep them.
+inline constexpr std::uint64_t kCodedCellsMax = kRunCellsMax;    // Cells of one string; half a second to decode.
+inline constexpr std::uint64_t kCodedMapCellsMax = 1024 * 1024;  // Cells of all layers of one map.
+inline constexpr std::int32_t kCodedMapSideMax = 4096;           // Width and height of a layer, in cells.
 
-// Whether these layers' sizes are within the limits above and those of grid.h; other maps have to travel
-// in another form. Looks at no cell.
+// Returns true if the layers' sizes are within the limits above and those of grid.h. Other maps must be sent in another
+// form. Does not read the cells.
 bool IsCodable(const std::vector<MapLayer>& layers);
 
-// Of all layers.
+// Returns the number of cells of all layers.
 std::uint64_t CellCountOf(const std::vector<MapLayer>& layers);
 
-// What both ends have of a run: at most 10 MB, or 42 where layers are two cells wide.
+// The state of a run, which is the same at both ends. Takes at most 10 MB, or 42 MB if layers are two cells wide.
 class MapRun {
  public:
-  // For learning tables; both ends would have to change it alike.
+  // For training only: both ends would have to change the model in the same way.
   BitModel& model() { return model_; }
 
  protected:
@@ -59,21 +60,22 @@ class MapRun {
     MapPlacement placement;
   };
 
-  // `reference`: a codable map that both ends hold already, as if it were the first of the run; null: none.
+  // `reference`: a map that both ends already hold; it counts as the first map of the run. Null: none. Requires:
+  // IsCodable(*reference).
   explicit MapRun(const std::vector<MapLayer>* reference);
 
   void MakeRoomFor(const CodedLayers& layers);
   const CodedLayers& EarlierOf(const Reference& reference) const {
     return *earlier_[earlier_.size() - reference.maps_back];
   }
-  // Codes all that follows `placement`, fills cells.
+  // Codes the nested bits and the layers of a map, and fills `cells`.
   template <typename Coder>
   void CodeCells(const std::optional<Reference>& reference, const CodedLayers& source, Coder& coder, BitModel& model,
                  CodedLayers& cells);
-  // Remembers a map that was coded so.
+  // Adds a map that was coded with this reference to the earlier maps of the run.
   void Keep(const std::optional<Reference>& reference, CodedLayers layers);
 
-  std::vector<std::shared_ptr<const CodedLayers>> earlier_;  // Newest last; copies of a run share them.
+  std::vector<std::shared_ptr<const CodedLayers>> earlier_;  // Earlier maps, newest last; shared by copies of a run.
   std::uint64_t earlier_cells_ = 0;
   BitModel model_;
 
@@ -81,38 +83,42 @@ class MapRun {
   RayTable rays_;
 };
 
-// Copies can be coded with on trial.
+// Encodes the maps of a run. An encoder can be copied to encode a map on trial.
 class MapRunEncoder : public MapRun {
  public:
-  // kWhereItPays tries it with each map, which takes three times as long as to code the map alone; kWhileItPays rests
-  // where it brings little (previous_trials.h). kWherePlaced is for learning: also where it costs more than it brings.
+  // When a map is predicted from the previous map of its source.
+  //   kNever         Each map is coded alone.
+  //   kWhereItPays   Each map is coded both ways, and the smaller result is kept. Takes three times as long.
+  //   kWhileItPays   Like kWhereItPays, but skips the trial for some maps if it gains little (previous_trials.h).
+  //   kWherePlaced   Uses the previous map whenever it can be placed, even if that costs bytes. For training.
   enum class Previous { kNever, kWhereItPays, kWhileItPays, kWherePlaced };
 
-  // `trials`: what was found out in earlier runs, with kWhileItPays.
+  // `trials`: results of trials in earlier runs; used with kWhileItPays.
   explicit MapRunEncoder(Previous previous, const std::vector<MapLayer>* reference = nullptr,
                          const PreviousTrials& trials = {});
 
-  // Adds a map to the string that Finish returns. IsCodable must hold, every cell must be unknown, free or a hazard,
-  // and the string's maps must have no more than kCodedCellsMax cells. `source` tells apart whose map it is: the newest
-  // earlier one of the same source is tried as its previous map; a reference is of any.
+  // Adds a map to the string that Finish returns. `source` identifies the map's origin: the newest earlier map of the
+  // same source is tried as its previous map, or else the reference. Requires: IsCodable(layers), every cell is
+  // unknown, free or a hazard, and the string's maps have at most kCodedCellsMax cells.
   void Add(const std::vector<MapLayer>& layers, std::uint32_t source = 0);
-  // Of the string so far.
+  // Bytes of the coded string so far.
   std::size_t byte_count() const { return coder_.byte_count(); }
   std::string Finish() { return coder_.Finish(); }
   const PreviousTrials& trials() const { return trials_; }
 
  private:
   PreviousTrials::Way WayOfNext() const;
-  // How many maps back the newest one of that source is.
+  // How many maps back in the run the newest map of the source is; nullopt if there is none.
   std::optional<std::size_t> MapsBackTo(std::uint32_t source) const;
-  // Codes a map that has a previous one; with which placement of that, if with any.
+  // Codes a map that has a previous map. Returns the reference and placement that were used, or nullopt if the map was
+  // coded alone.
   std::optional<Reference> CodeBehind(std::size_t maps_back, const CodedLayers& source);
   void Code(const std::optional<Reference>& reference, const CodedLayers& source, RangeEncoder& coder, BitModel& model);
   bool CodeCheaper(const Reference& reference, const CodedLayers& source);
 
   Previous previous_;
   PreviousTrials trials_;
-  std::vector<std::uint32_t> sources_;  // Of the newest earlier maps; a reference has none.
+  std::vector<std::uint32_t> sources_;  // Sources of the earlier maps, except the reference, which has no source.
   RangeEncoder coder_;
 };
 
@@ -120,9 +126,9 @@ class MapRunDecoder : public MapRun {
  public:
   explicit MapRunDecoder(const std::vector<MapLayer>* reference = nullptr) : MapRun(reference) {}
 
-  // Fills the cells of the next maps of the run, whose layers are as they were at the encoder but for the cells.
-  // kCorrupt: sizes beyond the limits, a reference to a map that is not here, a checksum that does not fit, bytes
-  // behind the last map. After an error the run is over: every call fails.
+  // Fills the cells of the next maps of the run. Requires: the layers have the same sizes and resolutions as at the
+  // encoder. Returns kCorrupt if sizes exceed the limits, a map refers to a map that is not here, a checksum does not
+  // match, or bytes follow the last map. After an error the run has ended and every further call fails.
   Result<void> Decode(std::string_view coded, std::vector<std::vector<MapLayer>*>& maps);
 
  private:

@@ -32,7 +32,7 @@ bool ParseMap(std::string_view content, proto::Record& record) {
   return ParseBounded(content, &record) && record.has_local_traversability_map();
 }
 
-// Without cells; nothing where the map codec cannot take them.
+// Returns the layers' sizes and resolutions, without cells; nullopt if the map codec cannot code such layers.
 std::optional<std::vector<MapLayer>> ShapeOf(const proto::LocalTraversabilityMap& map) {
   if (map.layers_size() > kMapLayersMax) return std::nullopt;
   std::vector<MapLayer> layers;

@@ -1,4 +1,4 @@
-// Records of local traversability maps without their cells, and whole again.
+// Splits the record of a local traversability map into its cells and the rest, and joins both again.
 #pragma once
 
 #include <optional>
@@ -11,20 +11,23 @@
 
 namespace moondb {
 
-// A map's record, apart.
+// A map's record, split.
 struct SplitMap {
-  std::string frame;             // The record's content, but with no cells in its layers.
-  std::vector<MapLayer> layers;  // With cells. Their centres are not filled in.
+  std::string frame;             // The record's content without the cells of its layers.
+  std::vector<MapLayer> layers;  // The layers with cells, but without centres.
 };
 
-// Nothing where the content is not a map, is larger than the map codec takes, or would not come back byte for byte from
-// JoinMap with any version of the schema: fields that are unknown here, or a form that is not the canonical one.
+// Splits a map's record. Returns nullopt if the content is not a map, or if the map is too large for the map codec.
+// Also returns nullopt if JoinMap could not restore the same bytes with every version of the schema, because the record
+// has unknown fields or is not in canonical form.
 std::optional<SplitMap> SplitMapRecord(std::string_view content);
 
-// Of a frame: the sizes and resolutions of its layers, without cells. kCorrupt: it is no map, or too large.
+// Returns the layers of a frame with sizes and resolutions, without cells. kCorrupt if the frame is not a map, or if
+// the map is too large.
 Result<std::vector<MapLayer>> LayersOfFrame(std::string_view frame);
 
-// The content. `layers` are those of the frame, with cells. kCorrupt as above.
+// Returns the content of the map's record. `layers` are the layers of the frame, with cells. kCorrupt if the frame is
+// not a map with the same number of layers.
 Result<std::string> JoinMap(std::string_view frame, const std::vector<MapLayer>& layers);
 
 }  // namespace moondb

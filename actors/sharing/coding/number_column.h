@@ -1,11 +1,11 @@
-// A column of 64-bit numbers as differences in planes of bytes, ready for a general compressor.
+// A column of 64-bit numbers, coded as differences in byte planes for a general-purpose compressor.
 //
 //   column := way, first number, width, width planes of (count - 1) bytes, the lowest bytes first
 //
-// `way` is what is left of each number but the first: its difference to the one before, the difference of that to the
-// difference before, both zigzag, or its XOR with the one before. The encoder takes the way with the fewest bits;
-// numbers that grow evenly, or do not change, leave nothing but zeros. Doubles travel as their bits, whatever these
-// are. Pure.
+// The field `way` says how the numbers after the first are coded: as differences between neighbouring numbers, as
+// differences of these differences (both in zigzag form), or as XOR with the number before. The encoder uses the way
+// with the fewest bits. Numbers that are constant or grow evenly become zeros. A double is coded as its 64 bits. Pure
+// functions.
 #pragma once
 
 #include <cstddef>
@@ -19,8 +19,8 @@ namespace moondb {
 
 void PutColumn(const std::vector<std::uint64_t>& numbers, std::string& bytes);
 
-// The next `count` numbers; the reader is no longer good if there are none of this form. Takes at most 8 bytes of
-// memory a number, whatever the bytes say.
+// Reads a column of `count` numbers. Marks the reader as failed if the column is malformed. Takes at most 8 bytes of
+// memory per number, whatever the bytes are.
 std::vector<std::uint64_t> TakeColumn(std::size_t count, ByteReader& reader);
 
 }  // namespace moondb

@@ -7,12 +7,14 @@ namespace moondb {
 
 namespace {
 
-constexpr int kPlaceBits = 20;  // Fractions of a cell, while rows are walked along.
+constexpr int kPlaceBits = 20;  // Fractional bits of a position in cells.
 
-// Of a quarter turn, by 256 rotations through 1/1024 turn, in 1/2^30.
+// Makes a table of sines for a quarter turn, by 256 rotations of 1/1024 turn. Computes in units of 1/2^30; the entries
+// are in units of 1/2^kRotationBits.
 constexpr std::array<std::int32_t, kTurn / 4 + 1> MakeSines() {
   constexpr std::int64_t kOne = 1 << 30;
-  constexpr std::int64_t kCosine = 1073721611;  // cos and sin of 1/1024 turn.
+  // Cosine and sine of 1/1024 turn.
+  constexpr std::int64_t kCosine = 1073721611;
   constexpr std::int64_t kSine = 6588356;
   std::array<std::int32_t, kTurn / 4 + 1> sines{};
   std::int64_t cosine = kOne;
@@ -34,11 +36,11 @@ std::int64_t Sine(std::int32_t yaw) {
   return (yaw & (kTurn / 2)) != 0 ? -size : size;
 }
 
-// Where the middle of a later layer's cell (0, 0) lies among an earlier layer's cells, and how far apart neighbours
-// lie, in 1/2^kPlaceBits cells.
+// The position of the middle of a later layer's cell (0, 0) on an earlier layer, and the steps to its neighbours, in
+// units of 1/2^kPlaceBits cells of the earlier layer.
 struct GridWalk {
   std::int64_t x = 0, y = 0;
-  std::int64_t step_x = 0, step_y = 0;  // Per column; a row further is (-step_y, step_x).
+  std::int64_t step_x = 0, step_y = 0;  // Step to the next column. The step to the next row is (-step_y, step_x).
 };
 
 GridWalk MakeGridWalk(const CodedLayer& earlier, const CodedLayer& later, std::uint32_t unit_um,
@@ -46,7 +48,8 @@ GridWalk MakeGridWalk(const CodedLayer& earlier, const CodedLayer& later, std::u
   const Rotation rotation = RotationOf(placement.yaw);
   const std::int64_t from = later.resolution_um;
   const std::int64_t to = earlier.resolution_um;
-  // Twice micrometres in the earlier map's frame, in 1/2^kRotationBits; then in cells from its corner.
+  // Lengths are in half micrometres, and in units of 1/2^kRotationBits after a rotation. `cells` converts a position in
+  // the earlier map's frame to cells from the layer's corner.
   const std::int64_t x0 = (1 - later.cells.width()) * from;
   const std::int64_t y0 = (1 - later.cells.height()) * from;
   const auto cells = [to](std::int64_t twice_um, std::int64_t shift_um, std::int32_t side) {
@@ -62,7 +65,7 @@ GridWalk MakeGridWalk(const CodedLayer& earlier, const CodedLayer& later, std::u
   return walk;
 }
 
-// Writes the cells that `earlier` covers.
+// Writes the memory of an earlier layer to all placed cells that this layer covers.
 void Overlay(const CodedLayer& earlier, const GridWalk& walk, CellPlane& placed) {
   const std::uint64_t width = static_cast<std::uint64_t>(earlier.cells.width());
   const std::uint64_t height = static_cast<std::uint64_t>(earlier.cells.height());

@@ -1,7 +1,8 @@
-// MapPlacement: where one map lies in an earlier one, and what is remembered there on the later one's grid.
+// MapPlacement: the pose of a later map relative to an earlier one. Place resamples the earlier map's memory to the
+// later map's grid.
 //
-// The encoder looks for it (FindPlacement) and sends it; the decoder only applies it. All of it is in whole numbers, so
-// that both ends place alike; the search may change without changing the format.
+// The encoder searches for the placement (FindPlacement) and sends it; the decoder only applies it. Placing uses
+// integers, so both ends get the same result. The search may change without a change of the wire format.
 #pragma once
 
 #include <cstdint>
@@ -13,20 +14,20 @@
 
 namespace moondb {
 
-// A map's layers, finest first, as the codec works on them.
+// One layer of a map in the codec's representation. CodedLayers are a map's layers, finest first.
 struct CodedLayer {
-  CellPlane cells;  // As moondb::Cell.
+  CellPlane cells;  // Values of moondb::Cell.
   std::uint32_t resolution_um = 1;
-  CellPlane memory;  // As CellMemory; of earlier maps.
+  CellPlane memory;  // Values of CellMemory; set only for earlier maps of a run.
 };
 using CodedLayers = std::vector<CodedLayer>;
 
-inline constexpr int kPlacementBits = 12;  // Of x and of y, with the sign.
+inline constexpr int kPlacementBits = 12;  // Bits of x and of y, including the sign.
 inline constexpr int kTurnBits = 10;
 inline constexpr std::int32_t kTurn = 1 << kTurnBits;
 
-// earlier_from_later. x and y in half cells of the later map's finest layer, -2048 to 2047; yaw in 1/1024 turn, 0 to
-// 1023.
+// The transform earlier_from_later. x and y are in half cells of the later map's finest layer, from -2048 to 2047. yaw
+// is in 1/1024 turn, from 0 to 1023.
 struct MapPlacement {
   std::int32_t x = 0;
   std::int32_t y = 0;
@@ -34,7 +35,7 @@ struct MapPlacement {
   bool operator==(const MapPlacement&) const = default;
 };
 
-// Cosine and sine of a yaw, in 1/16384.
+// Cosine and sine of a yaw, in units of 1/16384.
 struct Rotation {
   std::int64_t cosine = 0;
   std::int64_t sine = 0;
@@ -42,13 +43,15 @@ struct Rotation {
 inline constexpr int kRotationBits = 14;
 Rotation RotationOf(std::int32_t yaw);
 
-// The earlier map's memory under the middles of a later layer's cells, from its finest layer that is not finer than
-// this one; kNoMemory where none reaches. `unit_um` is the resolution of the later map's finest layer.
+// Returns the earlier map's memory at the middles of the later layer's cells. Each cell uses the finest earlier layer
+// that covers it and is not finer than the later layer; kNoMemory if none covers it. `unit_um` is the resolution of the
+// later map's finest layer.
 CellPlane Place(const CodedLayers& earlier, const CodedLayer& later, std::uint32_t unit_um,
                 const MapPlacement& placement);
 
-// The placement at which hazards best lie on hazards, within some cells of the coarsest layer and any turn; none where
-// there is nothing to go by. Takes some 3 ms for four layers of 100 x 100.
+// Returns the placement at which the hazards of both maps match best, for any yaw and a shift of a few cells of the
+// coarsest layer. Nullopt if there are too few hazards or no placement matches. Takes about 3 ms for four layers of
+// 100 x 100.
 std::optional<MapPlacement> FindPlacement(const CodedLayers& earlier, const CodedLayers& later);
 
 }  // namespace moondb

@@ -1,4 +1,5 @@
-// FindPlacement: correlates hazards, first on the coarsest layer over all turns, then finer and finer about the best.
+// FindPlacement: correlates the hazards of two maps, first on the coarsest layer for all yaws, then on finer layers
+// around the best candidates.
 #include <algorithm>
 #include <array>
 
@@ -8,17 +9,17 @@ namespace moondb {
 
 namespace {
 
-constexpr std::size_t kPointsMax = 128;      // Hazards of a layer that are looked at.
-constexpr std::size_t kPointsMin = 6;        // Fewer say nothing.
-constexpr std::int32_t kReachCells = 6;      // Of the coarsest layer, either way.
-constexpr std::int32_t kCoarseTurnStep = 8;  // 2.8 degrees.
+constexpr std::size_t kPointsMax = 128;      // Hazards of a layer that are sampled.
+constexpr std::size_t kPointsMin = 6;        // Fewer hazards do not determine a placement.
+constexpr std::int32_t kReachCells = 6;      // Largest shift in cells of the coarsest layer, in each direction.
+constexpr std::int32_t kCoarseTurnStep = 8;  // Yaw step of the coarse search: 8/1024 turn or 2.8 degrees.
 constexpr std::size_t kCandidates = 3;
 constexpr std::int8_t kOnHazard = 4;
 constexpr std::int8_t kBesideHazard = 2;
 constexpr std::int8_t kOnFree = -1;
 constexpr std::uint8_t kHazardCell = 2;
 
-// A hazard of the later map: twice its micrometres from the middle.
+// A hazard of the later map: its position relative to the middle, in half micrometres.
 struct Point {
   std::int64_t x = 0;
   std::int64_t y = 0;
@@ -28,7 +29,7 @@ bool IsHazard(const CellPlane& cells, std::int32_t column, std::int32_t row) {
   return *cells.At(column, row) == kHazardCell;
 }
 
-// A hazard with others beside it; one that stands alone is mostly noise.
+// Returns true for a hazard that touches another hazard. A single hazard cell is mostly noise.
 bool IsSupported(const CellPlane& cells, std::int32_t column, std::int32_t row) {
   if (!IsHazard(cells, column, row)) return false;
   int beside = -1;
@@ -38,7 +39,7 @@ bool IsSupported(const CellPlane& cells, std::int32_t column, std::int32_t row) 
   return beside > 0;
 }
 
-// What a hazard is worth on each cell of an earlier layer.
+// The score that a hazard of the later map gets on each cell of an earlier layer.
 class Field {
  public:
   explicit Field(const CodedLayer& layer)
@@ -66,7 +67,8 @@ class Field {
     return worth_.data() + static_cast<std::ptrdiff_t>(row + kReachCells) * stride_ + column + kReachCells;
   }
 
-  // The cell under a point given in 1/2^kRotationBits of twice micrometres from the middle; null outside.
+  // Returns the score cell at a point, or null outside of the layer. The point is relative to the middle, in half
+  // micrometres and units of 1/2^kRotationBits.
   const std::int8_t* Under(std::int64_t x, std::int64_t y) {
     const std::int64_t unit = 2 * resolution_um_;
     const std::int64_t column = ((x >> kRotationBits) + width_ * resolution_um_);
@@ -76,7 +78,7 @@ class Field {
   }
 
  private:
-  // Of the cells around a hazard as well, where that is not worth more already.
+  // Raises the scores of a hazard cell and of the cells around it. Never lowers a score.
   void Mark(std::int32_t column, std::int32_t row) {
     for (std::int32_t y = -1; y <= 1; ++y) {
       for (std::int32_t x = -1; x <= 1; ++x) {
@@ -93,7 +95,7 @@ class Field {
   std::vector<std::int8_t> worth_;
 };
 
-// Evenly some of the hazards that stand with others.
+// Returns at most kPointsMax hazards that touch another hazard, sampled evenly.
 std::vector<Point> PointsOf(const CodedLayer& layer) {
   std::vector<Point> points;
   const std::int64_t resolution = layer.resolution_um;
@@ -115,7 +117,7 @@ struct Candidate {
   std::int32_t score = 0;
 };
 
-// One layer of both maps.
+// One layer of both maps: the scores of the earlier map, the hazards of the later one.
 struct Level {
   Field field;
   std::vector<Point> points;
@@ -140,7 +142,7 @@ class Search {
   }
 
  private:
-  // The best placement of each of the best turns, and of no turn: that is how maps roll.
+  // Returns the best placement of each of the best yaws, and of yaw 0: a rolling map does not rotate.
   std::vector<Candidate> Coarse() {
     std::vector<Candidate> best;
     if (levels_.back().points.size() < kPointsMin) return best;
@@ -179,7 +181,8 @@ class Search {
     return static_cast<std::int32_t>(std::clamp<std::int64_t>(units, kLeast, kMost));
   }
 
-  // Climbs from each candidate by half cells of the first of these levels and by `turn`; the best comes first.
+  // Improves each candidate by hill climbing, in steps of half cells of level `first` and of `turn`. Sorts the
+  // candidates by score, best first.
   void Refine(std::size_t first, std::size_t end, std::int32_t turn, std::vector<Candidate>& candidates) {
     const std::int32_t step = std::max(1, Units(1, levels_[first].field) / 2);
     for (Candidate& candidate : candidates) {

@@ -1,9 +1,10 @@
-// PreviousTrials: with which maps an encoder looks for the previous one, so that it takes no longer than it is worth.
+// PreviousTrials: decides for which maps an encoder tries prediction from the previous map, since a trial is expensive.
 //
-// To place the previous map and to code with it and without takes three times as long as to code a map alone. Where
-// maps roll over one grid it halves them, where they turn with the robot it brings 2 to 8 %. So it is tried now and
-// then: after two trials in a row that brought less than kGainMin it rests for kRestMaps; after one that brought
-// kGainLarge the next kTrustMaps are coded with it without comparing. Not thread-safe.
+// A trial places the previous map and codes the map with and without it, which takes three times as long as coding the
+// map alone. The previous map halves the bytes if maps scroll over one grid. It gains only 2 to 8 % if maps turn with
+// the robot. After two trials in a row that gain less than kGainMin, the next kRestMaps maps are coded alone. After a
+// trial that gains at least kGainLarge, the next kTrustMaps maps are coded with the previous map without a comparison.
+// Not thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -14,15 +15,15 @@ class PreviousTrials {
  public:
   enum class Way { kAlone, kBoth, kWithPrevious };
 
-  static constexpr double kGainMin = 1.0 / 8;  // Of a map's bytes.
+  static constexpr double kGainMin = 1.0 / 8;  // Gains are fractions of the bytes of a map that is coded alone.
   static constexpr double kGainLarge = 1.0 / 4;
   static constexpr int kRestMaps = 32;
   static constexpr int kTrustMaps = 7;
 
-  // For the next map that has a previous one.
+  // How to code the next map that has a previous map.
   Way next() const { return rest_ > 0 ? Way::kAlone : trust_ > 0 ? Way::kWithPrevious : Way::kBoth; }
 
-  // It was coded both ways.
+  // A map was coded both ways, with these sizes.
   void Compared(std::size_t bytes_alone, std::size_t bytes_with_previous) {
     const double alone = static_cast<double>(bytes_alone);
     const double gain = alone - static_cast<double>(bytes_with_previous);
@@ -31,7 +32,7 @@ class PreviousTrials {
     if (gain >= kGainLarge * alone) trust_ = kTrustMaps;
   }
 
-  // It was coded one way, as that way says or because the previous map could not be placed.
+  // A map was coded only one way: as `way` says, or alone because the previous map could not be placed.
   void Coded(Way way, bool is_placed) {
     if (way == Way::kAlone) {
       if (rest_ > 0) --rest_;
@@ -43,7 +44,7 @@ class PreviousTrials {
   }
 
  private:
-  // After a rest one failure is enough for the next.
+  // Records a failed trial. After a rest, a single failure starts the next rest.
   void Fail() {
     trust_ = 0;
     if (++failures_ < 2) return;
@@ -51,9 +52,9 @@ class PreviousTrials {
     rest_ = kRestMaps;
   }
 
-  int rest_ = 0;      // Maps that are coded alone from here on.
-  int trust_ = 0;     // Maps that are coded with the previous one.
-  int failures_ = 0;  // Trials in a row.
+  int rest_ = 0;      // Number of next maps that are coded alone.
+  int trust_ = 0;     // Number of next maps that are coded with the previous map without a comparison.
+  int failures_ = 0;  // Number of failed trials in a row.
 };
 
 }  // namespace moondb

@@ -1,8 +1,8 @@
-// A binary range coder without carries, 32 bits wide: what it writes is final as soon as it is written.
+// A 32-bit binary range coder without carries: a written byte never changes.
 //
-// Each bit comes with the probability that it is 1, in 1/65536, from 1 to 65535. The decoder reads zeros behind the end
-// of its bytes and never fails: what was damaged or cut decodes to other bits, which a checksum has to notice. Both do
-// one multiplication and at most four byte shifts a bit, whatever the bytes.
+// Each bit is coded with the probability that it is 1, from 1 to 65535 in units of 1/65536. The decoder never fails. It
+// reads zeros behind the end of its bytes, and damaged or truncated input decodes to wrong bits, so the caller needs a
+// checksum. Encoder and decoder do one multiplication and at most four byte shifts per bit, whatever the input.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,7 @@ class RangeEncoder {
  public:
   static constexpr bool kIsEncoder = true;
 
-  // Returns `bit`.
+  // Encodes a bit. Returns `bit`, so encoder and decoder can share code.
   int Code(int bit, int probability) {
     const std::uint32_t middle = low_ + static_cast<std::uint32_t>((static_cast<std::uint64_t>(high_ - low_) *
                                                                     static_cast<std::uint32_t>(probability)) >>
@@ -39,9 +39,10 @@ class RangeEncoder {
 
   std::size_t byte_count() const { return bytes_.size(); }
 
-  // The bytes so far, complete; begins anew. Zeros at the end are left out.
+  // Returns the complete string and resets the encoder. Trailing zero bytes are removed.
   std::string Finish() {
-    if (low_ != 0) bytes_.push_back(static_cast<char>((low_ >> 24) + 1));  // low and high differ in their first byte.
+    // The first bytes of low_ and high_ differ, so this byte followed by zeros lies between them.
+    if (low_ != 0) bytes_.push_back(static_cast<char>((low_ >> 24) + 1));
     low_ = 0;
     high_ = 0xFFFFFFFF;
     bytes_.resize(bytes_.find_last_not_of('\0') + 1);
@@ -58,12 +59,12 @@ class RangeDecoder {
  public:
   static constexpr bool kIsEncoder = false;
 
-  // `bytes` must outlive this.
+  // Requires: `bytes` outlives the decoder.
   explicit RangeDecoder(std::string_view bytes) : bytes_(bytes) {
     for (std::size_t i = 0; i < kBytesAhead; ++i) code_ = code_ << 8 | NextByte();
   }
 
-  // The next bit; the first argument is not read.
+  // Returns the next bit. Ignores the first argument, which only the encoder uses.
   int Code(int, int probability) {
     const std::uint32_t middle = low_ + static_cast<std::uint32_t>((static_cast<std::uint64_t>(high_ - low_) *
                                                                     static_cast<std::uint32_t>(probability)) >>
@@ -82,7 +83,7 @@ class RangeDecoder {
     return bit;
   }
 
-  // No encoder would have written bytes behind those that were read.
+  // True if the encoder would have written no further bytes after the bits that were decoded.
   bool IsAtEnd() const { return bytes_.size() <= next_ - kBytesAhead + 1; }
 
  private:

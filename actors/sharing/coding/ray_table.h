@@ -1,6 +1,7 @@
-// RayTable: where each cell of a layer lies about the layer's centre, where the sensor mostly stands.
+// RayTable: the position of each cell of a layer relative to the layer's centre, at which the sensor usually stands.
 //
-// What a cell is depends most on the cells between it and the sensor. By symmetry one quadrant is enough.
+// A cell's value depends most on the cells between it and the sensor. The table covers one quadrant; the others are
+// symmetric.
 #pragma once
 
 #include <array>
@@ -15,17 +16,17 @@ class RayTable {
   static constexpr std::size_t kSteps = 3;
 
   struct Ray {
-    // The cells 1, 2 and 3 steps nearer to the centre: so many columns inwards, 0 to 3, and 4 times as many rows.
+    // Offsets of the cells that are 1, 2 and 3 steps nearer to the centre: columns + 4 * rows towards it, each 0 to 3.
     std::array<std::uint8_t, kSteps> cells_in;
-    std::uint8_t bearing;   // Within the quadrant, 0 to 7.
-    std::uint8_t distance;  // A class, 0 to 7.
+    std::uint8_t bearing;   // Bearing class within the quadrant, 0 to 7.
+    std::uint8_t distance;  // Distance class, 0 to 7.
   };
 
   RayTable() = default;
   RayTable(std::int32_t width, std::int32_t height);
 
   bool IsFor(std::int32_t width, std::int32_t height) const { return width == width_ && height == height_; }
-  // Rays of one row, by the number of columns from the centre.
+  // The rays of one row, indexed by the number of columns from the centre.
   const Ray* RowAt(std::int32_t rows_out) const { return rays_.data() + static_cast<std::size_t>(rows_out) * columns_; }
 
  private:

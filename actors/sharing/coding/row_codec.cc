@@ -11,12 +11,12 @@ namespace moondb {
 
 namespace {
 
-// The rows of one shape.
+// The rows of one shape, column by column.
 struct Table {
   RowShape shape;
   ValueCount counts;
   std::size_t row_count = 0;
-  std::vector<std::vector<std::uint64_t>> numbers;  // Columns.
+  std::vector<std::vector<std::uint64_t>> numbers;  // One vector per column, also in `texts`.
   std::vector<std::vector<std::string_view>> texts;
 };
 
@@ -47,7 +47,7 @@ class RowEncoder {
   }
 
  private:
-  // Leaves the row's values in values_.
+  // Returns the index of the row's table, and stores the row's values in values_.
   std::size_t TableFor(std::string_view row) {
     if (!tables_.empty() && ReadRow(row, tables_[last_table_].shape, values_)) return last_table_;
     RowShape shape = FindShape(row, *proto::Record::descriptor());

@@ -1,12 +1,13 @@
-// The row codec: contents of records in columns, field by field, so that what is alike stands side by side.
+// The row codec: stores the contents of records column by column, one column per field, so that similar values are
+// adjacent.
 //
 //   rows    := row count, shape count, shapes (row_shape.h), shape of each row*, for each shape its columns
-//   column  := numbers (number_column.h), or of texts: their sizes as numbers, then the texts themselves
-//   * a number column; absent where there is one shape
+//   column  := numbers (number_column.h), or texts: their sizes as numbers, then the texts themselves
+//   * a number column; absent if there is one shape
 //
-// Whatever bytes the contents are, they come back as they were: a row of no known form is one text. Meant for a batch
-// of one data type, right for any. Other parts of a batch are added as number columns by the caller. Nothing is
-// compressed here: a general compressor finds the zeros. Pure functions, safe from any thread.
+// Any content is restored byte for byte: a row of unknown form is stored as one text. Efficient for a batch of one data
+// type, correct for any. The caller adds the other parts of a batch as number columns. The row codec does not compress;
+// the zeros are left to a general-purpose compressor. Pure functions, thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -19,14 +20,15 @@
 namespace moondb {
 
 inline constexpr std::size_t kRowsMax = 4096;
-inline constexpr std::size_t kRowShapesMax = 32;  // Of one batch; further shapes travel as texts.
+inline constexpr std::size_t kRowShapesMax = 32;  // Shapes of one batch; rows of further shapes are stored as texts.
 
-// `contents` are serialised proto::Records, or anything else; at most kRowsMax.
+// Appends the rows to `bytes`. `contents` are serialised proto::Records or any other bytes. Requires: at most kRowsMax
+// contents.
 void PutRows(const std::vector<std::string_view>& contents, std::string& bytes);
 
-// The contents. The reader is no longer good where the bytes are not of that form, or would make more than
-// `content_bytes_max` in all. Beside them it takes at most
-// kRowsMax * kShapeValuesMax * 16 bytes (32 MiB) of memory, whatever the bytes.
+// Reads the rows and returns the contents. Marks the reader as failed if the bytes are malformed, or if the contents
+// have more than `content_bytes_max` bytes in all. Beside the contents it takes at most kRowsMax * kShapeValuesMax * 16
+// bytes (32 MiB) of memory, whatever the bytes are.
 std::vector<std::string> TakeRows(std::size_t content_bytes_max, ByteReader& reader);
 
 }  // namespace moondb

@@ -43,7 +43,7 @@ bool HasFewValues(const RowShape& shape) {
 
 class ShapeFinder {
  public:
-  // Null: this row is one of bytes.
+  // Returns the shape, or nullopt if the row must be stored as bytes.
   std::optional<RowShape> Find(std::string_view row, const Descriptor& type) {
     if (!AddMessage(row, &type, 0) || !HasFewValues(shape_)) return std::nullopt;
     return std::move(shape_);
@@ -113,7 +113,7 @@ class ShapeFinder {
   RowShape shape_;
 };
 
-// Checks a row against a shape and takes its values out.
+// Checks a row against a shape and extracts its values.
 class RowReader {
  public:
   RowReader(std::string_view row, RowValues& values) : reader_(row), values_(values) {}
@@ -165,13 +165,13 @@ class RowReader {
 
   ByteReader reader_;
   RowValues& values_;
-  // Where the messages around this place end: so many bytes are left then. A shape is at most one deeper than the
-  // limit.
+  // For each enclosing message, the number of bytes that are left in the row after its end. A shape from FindShape may
+  // nest one level deeper than kShapeDepthMax.
   std::array<std::size_t, kShapeDepthMax + 1> left_behind_{};
   std::size_t depth_ = 0;
 };
 
-// Writes backwards, so that a message's length is known before its place comes.
+// Writes a row backwards, from its end: the length of a message is then known before its length field is written.
 class RowMaker {
  public:
   RowMaker(const RowValues& values, char* end)
@@ -239,7 +239,8 @@ class RowMaker {
   std::size_t depth_ = 0;
 };
 
-// Whether the parts nest as they should, no deeper than the limit.
+// Returns true if the parts nest correctly and no deeper than kShapeDepthMax, their tags match, and the number of
+// values is within the limit.
 bool IsWellFormed(const RowShape& shape) {
   std::size_t depth = 0;
   for (const ShapePart& part : shape) {
@@ -307,7 +308,7 @@ RowShape TakeShape(ByteReader& reader) {
     added.count = static_cast<std::uint32_t>(count);
   }
   if (reader.is_good() && !IsWellFormed(shape)) reader.Fail();
-  // Tables are made for as many values as a shape says.
+  // Return no shape after a failure: the caller allocates a column for each value of the shape.
   return reader.is_good() ? shape : RowShape();
 }
 

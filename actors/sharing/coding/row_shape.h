@@ -1,8 +1,8 @@
-// RowShape: how a record's content is built on the wire (protobuf's tags, in their order and nesting), without values.
+// RowShape: the structure of a record's protobuf encoding: tags in their order and nesting, without values.
 //
-// Rows of one shape differ in their values alone, so these can stand in columns, and the content is made again from
-// shape and values byte for byte: field by field as it was, in its order, fields that are unknown here as well. What is
-// not in the shortest form, or too much for a shape, is one field of bytes. Pure.
+// Rows of one shape differ only in their values, so the values can be stored in columns. Shape and values restore the
+// content byte for byte, with all fields in their order, including unknown fields. A row is stored as one field of
+// bytes if it is not in the shortest encoding or exceeds the limits of a shape. Pure functions.
 #pragma once
 
 #include <google/protobuf/descriptor.h>
@@ -18,20 +18,20 @@
 namespace moondb {
 
 enum class Part : std::uint8_t {
-  kContent = 0,  // The whole row, as bytes; then it is the only part.
+  kContent = 0,  // The whole row as bytes; such a shape has no other part.
   kVarint = 1,
   kFixed64 = 2,
   kFixed32 = 3,
-  kBytes = 4,    // Any field with a length.
-  kDoubles = 5,  // The same of `count` 64-bit numbers.
-  kMessage = 6,  // The same, made of the parts up to the next kEnd on this level.
+  kBytes = 4,    // A length-delimited field.
+  kDoubles = 5,  // A length-delimited field of `count` 64-bit numbers.
+  kMessage = 6,  // A length-delimited message: the parts up to the matching kEnd.
   kEnd = 7,
 };
 
 struct ShapePart {
   Part part = Part::kContent;
   std::uint32_t tag = 0;    // Field number and wire type.
-  std::uint32_t count = 0;  // Of kDoubles.
+  std::uint32_t count = 0;  // Number of values of kDoubles.
   bool operator==(const ShapePart&) const = default;
 };
 
@@ -42,34 +42,35 @@ inline constexpr std::uint32_t kShapeDoublesMax = 64;
 inline constexpr std::size_t kShapeDepthMax = 16;
 inline constexpr std::size_t kShapeValuesMax = 512;
 
-// The values of one row's parts: a number for kVarint and the fixed ones, `count` of them for kDoubles, and bytes for
-// kBytes and kContent; in the order of the parts.
+// The values of one row, in the order of its parts: a number for kVarint, kFixed64 and kFixed32, `count` numbers for
+// kDoubles, and bytes for kBytes and kContent.
 struct RowValues {
   std::vector<std::uint64_t> numbers;
-  std::vector<std::string_view> texts;  // Within the row.
+  std::vector<std::string_view> texts;  // Views into the row.
 };
 
-// How many of each a row of this shape has.
+// The numbers of values that a row of one shape has.
 struct ValueCount {
   std::size_t numbers = 0;
   std::size_t texts = 0;
 };
 ValueCount CountValues(const RowShape& shape);
 
-// The shape of a row whose message `type` describes; it tells messages from other bytes.
+// Returns the shape of a row. `type` describes the row's message; it distinguishes nested messages from other bytes.
 RowShape FindShape(std::string_view row, const google::protobuf::Descriptor& type);
 
-// The row's values, if it is of this shape; whatever else it is, MakeRow of these is `row` again.
+// Reads the values of a row. Returns false if the row is not of this shape. If true, MakeRow restores exactly `row`
+// from the shape and the values.
 bool ReadRow(std::string_view row, const RowShape& shape, RowValues& values);
 
-// Puts the row before `end` and returns where it begins. There must be room for RowBytesMax. The values must be as many
-// as CountValues says; numbers of kFixed32 lose their upper half.
+// Writes the row so that it ends at `end`, and returns its first byte. Requires: RowBytesMax bytes of room before
+// `end`, and as many values as CountValues returns. Numbers of kFixed32 are truncated to 32 bits.
 char* MakeRow(const RowShape& shape, const RowValues& values, char* end);
 std::size_t RowBytesMax(const RowShape& shape, const RowValues& values);
 
 void PutShape(const RowShape& shape, std::string& bytes);
-// The reader is no longer good where a shape breaks a limit above, a tag is not one of its part, or kEnd does not
-// match.
+// Reads a shape. Marks the reader as failed if the shape exceeds a limit above, the wire type of a tag does not match
+// its part, or a kEnd does not match.
 RowShape TakeShape(ByteReader& reader);
 
 }  // namespace moondb

@@ -13,18 +13,19 @@ namespace {
 constexpr std::string_view kAlphabet =
     "!#$%&'()*+,-./0123456789:;<=>@ABCDEFGHIJKLMNOPQRSTUVWXYZ[]^_`abcdefghijklmnopqrstuvwxyz{|}~";
 
-// A slot is one character: its logit in steps of half a unit.
+// A slot with statistics is one character: its logit in steps of kLevelStep (half a natural logit).
 constexpr int kLevelStep = 128;
 constexpr int kLevelMax = 20;
 constexpr int kLevels = 2 * kLevelMax + 1;
-// A run's first maps tell more of its kind than all that was learnt: so little weigh learnt slots against them.
+// Count that all trained slots start with. It is low, since the first maps of a run describe the run's kind of maps
+// better than the training maps do.
 constexpr int kTrainedCount = 11;
-constexpr std::uint32_t kCountMin = 5;  // What has seen less is left out.
-// The others stand for so many slots that have seen nothing.
+constexpr std::uint32_t kCountMin = 5;  // Slots with a lower count are written as untrained.
+// The other characters of the alphabet stand for 1, 2, 4, ... untrained slots in a row.
 constexpr std::array<std::size_t, 8> kRuns = {1, 2, 4, 8, 16, 64, 256, 1024};
 static_assert(kLevels + kRuns.size() <= kAlphabet.size());
 
-// A weight is two characters, a rare probability as well.
+// A weight is two characters, and so is a rare probability.
 constexpr int kWeightStep = 8;
 constexpr int kBase = 91;
 constexpr int kTableWeightMax = kBase * kBase / 2;
@@ -38,7 +39,7 @@ std::array<int, 256> MakeDigits() {
   return digits;
 }
 
-// Of a set's weights some stand only to make it a round number of them.
+// Returns false for weights that only pad a set to kInputs weights.
 bool IsUsed(std::size_t weight, std::size_t weight_count) {
   return weight % kInputs <= (weight < weight_count / 2 ? kModelsAlone : kModelsWithPrevious);
 }
@@ -56,7 +57,7 @@ void WritePair(int value, std::string& text) {
   text.push_back(kAlphabet[number % kBase]);
 }
 
-// Rounded to the nearest.
+// Divides `value` by `step` and rounds to the nearest integer.
 int Steps(int value, int step) { return (value + (value < 0 ? -step : step) / 2) / step; }
 
 class Reader {

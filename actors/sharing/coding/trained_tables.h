@@ -1,5 +1,5 @@
-// What a run's model knows at its beginning: learnt by bench/learn_map_tables from generated maps, and part of the wire
-// format. The text lies in trained_tables_data.cc.
+// The initial model of each run, trained by bench/learn_map_tables on generated maps. The model is part of the wire
+// format. Its text lies in trained_tables_data.cc.
 #pragma once
 
 #include <string>
@@ -9,15 +9,16 @@
 
 namespace moondb {
 
-// Read once, on the first call. Safe from any thread.
+// Returns the initial model, which the first call reads. Thread-safe.
 const BitModel& TrainedModel();
 
-// A model's slots, weights and rare probabilities as text, some precision less, and into a new model. For the tool that
-// learns and for TrainedModel; the text is the project's own, and Check stops on any other.
+// Convert a model's slots, weights and rare probabilities to text, with reduced precision, and text to a new model.
+// Used by the training tool and by TrainedModel. ReadTables ends the program (Check) on text that WriteTables did not
+// write.
 std::string WriteTables(BitModel& model);
 BitModel ReadTables(std::string_view text);
 
-// The committed text; empty: nothing is learnt yet.
+// The committed text of the initial model; empty if no model was trained yet.
 extern const std::string_view kTrainedTables;
 
 }  // namespace moondb

@@ -1,5 +1,5 @@
-// Bytes as one zstd frame that states its content size. zstd's bytes differ between its versions; only decoding is the
-// contract. Pure functions, safe from any thread.
+// Compresses bytes into one zstd frame that states its content size. The compressed bytes may differ between versions
+// of zstd; the contract covers only the decoded result. Pure functions, thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -13,13 +13,13 @@ namespace moondb {
 
 enum class FrameChecksum { kNone, kPresent };
 
-// Nothing where zstd has no memory left. `before` is what both ends have seen already: the frame may refer to it, and
-// decodes only with it.
+// Returns the frame, or nullopt if zstd is out of memory. `before` is a prefix that both ends already have: the frame
+// may refer to it, and can be decoded only with it.
 std::optional<std::string> CompressFrame(std::string_view plain, FrameChecksum checksum, std::string_view before = {});
 
-// kCorrupt: not exactly one whole frame, one that does not state its size or states more than `plain_bytes_max`, bytes
-// that do not decode or whose checksum, where there is one, does not fit. Memory is taken only for what is allowed.
-// kInternal: zstd has no memory left.
+// Decompresses a frame. kCorrupt if `frame` is not exactly one complete frame, does not state its content size, states
+// more than `plain_bytes_max`, does not decode, or does not match its checksum, if it has one. Checks the stated size
+// before it allocates memory. kInternal if zstd is out of memory.
 Result<std::string> DecompressFrame(std::string_view frame, std::size_t plain_bytes_max, std::string_view before = {});
 
 }  // namespace moondb
