@@ -18,7 +18,8 @@ namespace {
 constexpr std::uint32_t kPeriod = 1;
 constexpr std::size_t kRequestersMax = 64;
 constexpr std::size_t kAcknowledgmentsMax = 16;
-constexpr Duration kAcknowledgmentTimeout = std::chrono::minutes(2);  // Whoever asked has given up before.
+// The requester has a shorter timeout, so nobody waits for an older acknowledgment.
+constexpr Duration kAcknowledgmentTimeout = std::chrono::minutes(2);
 
 }  // namespace
 
@@ -26,7 +27,7 @@ EventActor::EventActor(Options options)
     : options_(std::move(options)), leases_(options_.team.radio().quiet_while_driving()) {}
 
 void EventActor::OnStart(Context& context) {
-  // An actor that is made anew begins its life with no counts; its agent did not start again.
+  // A restart count above zero means that only this actor restarted, not the agent.
   double restarts = 0;
   for (const proto::ActorStatus& actor : context.GetSystemStatus().actors) {
     if (actor.name() == context.self().actor) restarts = actor.restarts();
@@ -36,7 +37,7 @@ void EventActor::OnStart(Context& context) {
   } else {
     Log(context, proto::EVENT_KIND_RESTART, "the actor event failed, and was made anew (moonctl trace)");
   }
-  // A random start, so that an answer to an earlier life meets no question of this one.
+  // The ids start at a random number, so that a reply to a request from before a restart matches no current request.
   next_request_id_ = context.rng()() | 1;
   context.WatchPeers();
   context.Watch(Topic::kRoles);
@@ -81,13 +82,13 @@ void EventActor::OnControlReply(Context& context, const proto::Message& message)
   if (message.request_id() == findings_request_id_) OnFindings(context, reply->status());
 }
 
-// The agent that issued the assignment logs it; the others would log the same again. The one of term 0 is the team
-// file's.
+// Only the agent that issued an assignment logs it; otherwise each agent would log the same assignment. Term 0 is the
+// team file's and is not logged.
 void EventActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const bool is_new = OrderOf(roles.term()) != OrderOf(roles_.term());
   const bool is_first = roles_.term().number() == 0 && roles_.leader() == 0;
   roles_ = roles;
-  // The first one heard is what the agent had before it started.
+  // The first assignment heard was already in force when this agent started.
   if (!is_new || is_first || roles.term().issuer() != options_.self) return;
   const std::string reason = roles.reason().empty() ? "" : ": " + roles.reason();
   Log(context, proto::EVENT_KIND_ROLES,
@@ -112,7 +113,7 @@ void EventActor::OnPeriod(Context& context) {
   std::erase_if(acknowledgments_, [&context](const auto& waiting) {
     return context.now() - waiting.second.asked_at > kAcknowledgmentTimeout;
   });
-  AskFindings(context);  // Where storage did not answer.
+  AskFindings(context);  // Repeats the request if storage did not answer the last one.
 }
 
 void EventActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
@@ -138,7 +139,7 @@ void EventActor::LogReturn(Context& context, AgentId agent, Peer& peer, std::int
   LogAt(context, proto::EVENT_KIND_LOST, BackPeerText(AgentName(options_.team, agent), away_s), context.utc_now_ns());
 }
 
-// Peers whose loss an earlier life of this agent wrote down.
+// Logs the return of peers whose loss was logged before this actor restarted.
 void EventActor::LogReturnedPeers(Context& context) {
   for (const proto::HealthFinding& finding : std::vector(findings_)) {
     for (auto& [agent, peer] : peers_) {
@@ -155,7 +156,7 @@ void EventActor::LogLostPeers(Context& context) {
   for (auto& [agent, peer] : peers_) {
     if (peer.is_connected || peer.is_reported) continue;
     if (is_silent || leases_.MayBeSilent(agent, context.now())) {
-      // Its time begins when it should be heard again.
+      // The timeout starts when the peer should be heard again.
       peer.lost_at = context.now();
       peer.lost_utc_ns = context.utc_now_ns();
       continue;
@@ -192,12 +193,14 @@ void EventActor::OnFindings(Context& context, const proto::AgentStatus& status) 
   findings_.assign(status.findings().begin(), status.findings().end());
   known_version_ = asked_version_;
   LogReturnedPeers(context);
-  if (known_version_ != findings_version_) return;  // Asked again already, or in the next period.
+  // A newer request is already in flight, or follows in the next period.
+  if (known_version_ != findings_version_) return;
   for (const Requester& requester : std::exchange(requesters_, {})) {
     if (known_version_ == findings_version_) {
       AnswerRequester(context, requester);
     } else {
-      requesters_.push_back(requester);  // One before acknowledged what this one is to be shown.
+      requesters_.push_back(
+          requester);  // An earlier requester acknowledged findings, so the list is out of date for this one.
     }
   }
 }
@@ -230,7 +233,8 @@ void EventActor::Acknowledge(Context& context, const Requester& requester) {
   *insert.mutable_insert_request()->add_records() =
       MakeEvent(proto::EVENT_KIND_ACKNOWLEDGED, AcknowledgedText(until_ns, static_cast<std::size_t>(count)), "",
                 context.utc_now_ns());
-  (void)context.Send({options_.self, actor_name::kStorage}, std::move(insert));  // Else it is never answered.
+  // If this send fails, the acknowledgment times out.
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(insert));
   ++findings_version_;
   AskFindings(context);
 }
@@ -278,14 +282,14 @@ void EventActor::OnShareStatus(Context& context, const std::string& actor, const
 }
 
 void EventActor::Ask(Context& context, const std::string& actor, const proto::ControlRequest& request) const {
-  // Busy or missing: the next period asks again.
+  // If the actor is busy or missing, the next period asks again.
   (void)context.Send({options_.self, actor}, MessageOf(request));
 }
 
 void EventActor::LogRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
                          double count, const std::string& text) {
   double& reported = counts_.try_emplace({source, counter}, heard_.contains(source) ? 0 : count).first->second;
-  // One that fell was made anew with what it counts.
+  // A counter that fell belongs to a restarted actor, so it counts from zero.
   const double before = std::exchange(reported, count);
   const double rise = count < before ? count : count - before;
   if (rise >= 1) Log(context, kind, std::to_string(std::llround(rise)) + " " + text);

@@ -1,22 +1,26 @@
-// EventActor ("event"): writes down what happened at this agent, as records of the type `agent_event`.
+// EventActor ("event"): writes the event log of this agent, as records of the type `agent_event`.
 //
-// It logs that the agent started; each change of roles that this agent issued; and, once a minute, what went wrong
-// since the last time: actors that failed and were made anew, records and messages that were refused or damaged,
-// sharing sessions that ended early. What happens a thousand times in a minute is one event with a count: a flood from
-// outside never becomes a flood of records. Commands are GatewayActor's to write down.
+// It logs three kinds of things:
+//   - the start of the agent;
+//   - each role assignment that this agent issued;
+//   - once a minute, the failures since the last time: restarted actors, refused or damaged records and messages, and
+//     sharing sessions that ended early.
+// Repeated failures become one event with a count, so a flood of input does not become a flood of records. GatewayActor
+// logs the commands.
 //
-// A peer that was connected and is not for `lost_after` is lost, unless it or this agent said that it sleeps or, in a
-// team that is quiet while driving, drives: that is an event under the time at which it was lost, once a loss, and its
-// return another; of one peer at most one loss in `lost_again_after`.
+// A peer is lost if its connection has been down for `lost_after`. Peers that sleep are not lost. In a team with radio
+// silence while driving, peers that drive are not lost either. The same exceptions apply while this agent itself sleeps
+// or drives. Each loss is one event, with the time at which the connection went down. The return of the peer is another
+// event. At most one loss per peer is logged in each `lost_again_after`.
 //
-// Losses and damage are findings (model/event.h) until an operator acknowledges them. What they are, the events in the
-// store say (actors/storage/findings.h): this actor asks StorageActor after each that it wrote down, and answers the
-// ControlRequest `status` with what storage answered, as its part of AgentStatus. An AcknowledgeRequest is answered
-// when its event is stored; kFull where too many wait for that.
+// Losses and damage are findings (model/event.h) until an operator acknowledges them. The findings are computed from
+// the stored events (actors/storage/findings.h). This actor requests them from StorageActor after each event that may
+// change them. It answers the ControlRequest `status` with the result, as its part of AgentStatus. It answers an
+// AcknowledgeRequest when the acknowledging event is stored, or with kFull if too many acknowledgments are waiting.
 //
-// Events are records like others: shared by the policy `agent_event`, so that the leader has the whole team's event
-// log. Where storage refuses one it is lost. A restart of this actor is one too; what was counted before it counts as
-// logged.
+// Events are shared like other records, by the policy `agent_event`, so the leader holds the event log of the whole
+// team. An event that storage refuses is lost. A restart of this actor is logged too. Counts from before that restart
+// are taken as already logged.
 #pragma once
 
 #include <map>
@@ -46,8 +50,10 @@ class EventActor final : public Actor {
     proto::TeamConfig team;  // Complete and checked.
     std::string version;     // Logged at the start.
     Duration period = std::chrono::minutes(1);
-    Duration lost_after = std::chrono::minutes(1);         // Longer than a radio's flap; looked at each period.
-    Duration lost_again_after = std::chrono::minutes(10);  // Between two events of one peer that is lost again.
+    // A disconnected peer counts as lost after this time, which exceeds a short radio dropout. Checked once per period.
+    Duration lost_after = std::chrono::minutes(1);
+    // Minimum time between two loss events of one peer.
+    Duration lost_again_after = std::chrono::minutes(10);
   };
 
   explicit EventActor(Options options);
@@ -58,21 +64,21 @@ class EventActor final : public Actor {
  private:
   struct Peer {
     bool is_connected = false;
-    bool is_reported = false;                       // Its loss is in the event log, and its return is not.
-    bool is_back_reported = false;                  // Its return is in the event log.
-    MonotonicTime lost_at;                          // When the connection was lost, while there is none.
-    std::int64_t lost_utc_ns = 0;                   // The same moment, UTC.
-    std::optional<MonotonicTime> last_reported_at;  // When its loss was written down last.
+    bool is_reported = false;                       // The peer's loss is logged, but not its return.
+    bool is_back_reported = false;                  // The peer's return is logged.
+    MonotonicTime lost_at;                          // Time of the last disconnect; valid while disconnected.
+    std::int64_t lost_utc_ns = 0;                   // UTC time of the last disconnect.
+    std::optional<MonotonicTime> last_reported_at;  // Time of the last loss event.
   };
 
-  // Actors that asked for the findings before they were known.
+  // A request for the findings, or for their acknowledgment, that waits until the findings are up to date.
   struct Requester {
     Address from;
     std::uint64_t request_id = 0;
-    std::optional<std::int64_t> acknowledges_until_ns;  // Without it, the asker wants to know the findings.
+    std::optional<std::int64_t> acknowledges_until_ns;  // Null if the requester only reads the findings.
   };
 
-  // An acknowledgment whose event is on its way into the store.
+  // An acknowledgment whose event has been sent to storage and not confirmed yet.
   struct Acknowledgment {
     Address from;
     std::uint64_t request_id = 0;
@@ -94,7 +100,7 @@ class EventActor final : public Actor {
 
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnControlReply(Context& context, const proto::Message& message);
-  // An actor that asks for the findings, or acknowledges those up to a stamp.
+  // Handles a request for the findings, or to acknowledge all findings with timestamps up to `until_ns`.
   void OnRequester(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
   void AskFindings(Context& context);
   void AnswerRequester(Context& context, const Requester& requester);
@@ -103,27 +109,28 @@ class EventActor final : public Actor {
 
   void Ask(Context& context, const std::string& actor, const proto::ControlRequest& request) const;
   void Log(Context& context, proto::EventKind kind, const std::string& text);
-  // `timestamp_ns` says when it happened, which for a finding may be a while ago.
+  // `timestamp_ns` is the time of the event, which for a finding may be some time ago.
   void LogAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t timestamp_ns);
-  // `counter` names a number that only rises; logged is by how much it rose: "3 TEXT". What `source` said first was
-  // before this actor's life.
+  // Logs by how much a counter rose since the last call, as "3 TEXT". The counter never falls, except when `source`
+  // restarts. The first value from `source` is only remembered, because it counts what happened before this actor
+  // started.
   void LogRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
                double count, const std::string& text);
 
   const Options options_;
-  std::map<std::pair<std::string, std::string>, double> counts_;  // By source and counter.
-  std::set<std::string> heard_;                                   // Sources.
+  std::map<std::pair<std::string, std::string>, double> counts_;  // Last known values, by source and counter.
+  std::set<std::string> heard_;                                   // Sources that have reported before.
   proto::RoleAssignment roles_;
   Leases leases_;
   std::map<AgentId, Peer> peers_;  // Agents that were connected since this actor started.
 
-  std::vector<proto::HealthFinding> findings_;  // As StorageActor said last.
-  std::uint64_t findings_version_ = 1;          // Rises with each event that changes them.
-  std::uint64_t known_version_ = 0;             // The version of findings_ that is known.
+  std::vector<proto::HealthFinding> findings_;  // The last findings from StorageActor.
+  std::uint64_t findings_version_ = 1;          // Rises with each event that changes the findings.
+  std::uint64_t known_version_ = 0;             // The version that `findings_` reflects.
   std::uint64_t asked_version_ = 0;
-  std::uint64_t findings_request_id_ = 0;  // The id of the last question to storage.
+  std::uint64_t findings_request_id_ = 0;  // Id of the last FindingsRequest.
   std::vector<Requester> requesters_;
-  std::map<std::uint64_t, Acknowledgment> acknowledgments_;  // By request id.
+  std::map<std::uint64_t, Acknowledgment> acknowledgments_;  // By id of the InsertRequest.
   std::uint64_t next_request_id_ = 0;
 };
 

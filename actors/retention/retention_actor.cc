@@ -34,7 +34,7 @@ double CountOf(const proto::PruneReply& reply) {
   return count;
 }
 
-// The same agents lead and survive.
+// Returns whether leader and survivor are the same agents in both assignments.
 bool HaveOneRoles(const proto::RoleAssignment& a, const proto::RoleAssignment& b) {
   return a.leader() == b.leader() && a.survivor() == b.survivor();
 }
@@ -42,13 +42,13 @@ bool HaveOneRoles(const proto::RoleAssignment& a, const proto::RoleAssignment& b
 }  // namespace
 
 void RetentionActor::OnStart(Context& context) {
-  // A random start, so that an answer to an earlier life meets no question of this one.
+  // The ids start at a random number, so that a reply to a request from before a restart matches no current request.
   request_id_ = context.rng()();
   context.Watch(Topic::kRoles);
   LookLater(context);
 }
 
-// Not all agents of a team at once, for ever.
+// A random delay keeps the agents of a team from checking their limits in step.
 void RetentionActor::LookLater(Context& context) {
   const double part = std::uniform_real_distribution(0.5, 1.0)(context.rng());
   (void)context.AfterTimer(std::chrono::duration_cast<Duration>(part * options_.period), kLook);
@@ -86,7 +86,8 @@ void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
       if (!IsAnswer(message, Stage::kOccludedMaps)) return;
       *job_.plan[job_.step].request.mutable_records() = message.occluded_maps_reply().records();
       job_.plan[job_.step].is_of_occluded_maps = false;
-      if (message.occluded_maps_reply().records().empty()) ++job_.step;  // No records would mean any.
+      // An empty list means "all types" to storage, so the step is skipped.
+      if (message.occluded_maps_reply().records().empty()) ++job_.step;
       return DoStep(context);
     case proto::Message::kPruneReply:
       if (IsAnswer(message, Stage::kPruning)) OnPruned(context, message.prune_reply());
@@ -99,7 +100,7 @@ void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
   }
 }
 
-// Storage's status, or nothing but an error.
+// Handles the status of storage. Any other reply is an error.
 void RetentionActor::OnControlReply(Context& context, const proto::Message& message) {
   const Result<proto::ControlReply> reply = ControlReplyOf(message);
   if (stage_ == Stage::kStatus && reply && reply->status().has_storage()) {
@@ -130,7 +131,7 @@ void RetentionActor::OnTimer(Context& context, const proto::Timer& timer) {
   GiveUp(context, {ErrorCode::kTimedOut, std::string(who) + " did not answer in time", {}});
 }
 
-// The limits go on without what MergeActor cannot tell.
+// If MergeActor fails, the limits are applied without the fully occluded maps.
 bool RetentionActor::SkipsOccludedMaps(Context& context) {
   if (stage_ != Stage::kOccludedMaps || job_.requester) return false;
   ++job_.step;
@@ -138,15 +139,15 @@ bool RetentionActor::SkipsOccludedMaps(Context& context) {
   return true;
 }
 
-// Nobody else has this agent's history, so that nobody is asked before it is pruned.
+// No other agent has this agent's history, so no peer is asked before it is pruned.
 bool RetentionActor::IsOfHistory() const { return !job_.plan.empty() && job_.plan.front().request.is_history(); }
 
 bool RetentionActor::IsDryRun() const { return !job_.plan.empty() && job_.plan.front().request.is_dry_run(); }
 
-// --- What others want to know ---
+// --- Requests of other agents ---
 
-// Two that remove the same records because each holds them for the other would lose them. So who removes vouches for
-// nothing meanwhile; where two ask each other at once, the one with the larger id gives way.
+// While it prunes, this agent reports an empty have-set. Otherwise two agents could delete each other's last copy. If
+// two agents ask each other at the same time, the one with the larger id gives up its prune.
 void RetentionActor::OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id) {
   const bool asks_peer = stage_ == Stage::kPeers && job_.peers.contains(peer);
   if (asks_peer && peer < options_.self) Refuse(context, AgentName(options_.team, peer) + " removes something, too");
@@ -160,7 +161,7 @@ void RetentionActor::OnPeersQuestion(Context& context, AgentId peer, std::uint64
   question.set_ms_type(proto::CONTROL);
   question.set_request_id(asked.storage_request_id);
   question.mutable_have_request();
-  // Without an answer the peer keeps what it has.
+  // If this send fails, the peer gets no answer and keeps its records.
   (void)context.Send({options_.self, actor_name::kStorage}, std::move(question));
 }
 
@@ -171,7 +172,7 @@ void RetentionActor::OnOwnHave(Context& context, const proto::Message& message) 
   if (found == asked_.end()) return;
   proto::HaveReply covered;
   for (const proto::StreamHave& stream : message.have_reply().have().streams()) {
-    // Of other types nothing is ever pruned, and their gaps are many.
+    // Only types under the policy `all` are ever pruned. The have-sets of other types have many gaps.
     if (SharePolicyOf(options_.team, stream.data_type()) == proto::POLICY_ALL)
       *covered.mutable_have()->add_streams() = stream;
   }
@@ -188,7 +189,7 @@ void RetentionActor::Vouch(Context& context, AgentId peer, std::uint64_t request
   (void)context.Send({peer, actor_name::kRetention}, std::move(answer));
 }
 
-// --- What this agent removes ---
+// --- Prunes of this agent ---
 
 void RetentionActor::OnOrder(Context& context, const proto::Message& message) {
   if (const Result<void> checked = CheckOrder(message.prune_order()); !checked) {
@@ -315,7 +316,7 @@ void RetentionActor::DoStep(Context& context) {
     *request.add_acknowledged() = ToProto(covered);
     for (const auto& [stream, state] : covered.streams()) held[stream].held.Add(state.held);
   }
-  // What is old goes everywhere; of all else one of them has to keep a copy.
+  // Records beyond an age limit may lose all copies. For any other limit a peer must still hold a copy.
   if (step.request.older_than_s() == 0) *request.add_acknowledged() = ToProto(held);
   if (step.until_bytes > 0) request.set_content_bytes_max(step.until_bytes - job_.removed_bytes);
   Enter(context, Stage::kPruning, options_.own_timeout);
@@ -331,7 +332,7 @@ void RetentionActor::OnPruned(Context& context, const proto::PruneReply& reply) 
   }
   const PruneStep& step = job_.plan[job_.step];
   AddPruned(reply);
-  // One that removed nothing and yet is not at its end would go on for ever.
+  // A step that removed nothing and is not complete would repeat forever.
   const bool goes_on = !reply.is_complete() && !step.request.is_dry_run() && !reply.pruned().empty();
   if (!goes_on) {
     job_.reply.set_unacknowledged_count(job_.reply.unacknowledged_count() + reply.unacknowledged_count());
@@ -356,7 +357,7 @@ void RetentionActor::AddPruned(const proto::PruneReply& reply) {
   }
 }
 
-// --- The way through ---
+// --- Stages ---
 
 void RetentionActor::Enter(Context& context, Stage stage, Duration timeout) {
   context.Cancel(stage_timer_);

@@ -1,25 +1,29 @@
-// RetentionActor ("retention"): removes from this agent's store what need not be kept: now and then what the team
-// file's `retention` limits say (actors/retention/retention_plan.h), and at once what an operator orders (PruneOrder,
-// answered with a PruneReply).
+// RetentionActor ("retention"): prunes this agent's store. Periodically it applies the `retention` limits of the team
+// file (actors/retention/retention_plan.h). On request it executes an operator's PruneOrder and answers with a
+// PruneReply.
 //
-// Before anything goes it asks the RetentionActors of the leader and of the designated survivor, those that are not
-// this agent itself, what they have NOW, over the radio (ControlRequest.have: a HaveRequest of its own must not leave
-// an agent), and again when a minute has passed; storage then removes only what all of them had and, unless it goes by
-// its age, only what one of them still holds: so that size alone never takes the last copy. If one of them cannot be
-// reached, is silent, acts on other roles, or there is none, nothing goes, and PruneReply.text says who; nor does
-// anything for `roles_held_min` after leader or survivor changed, so that nobody takes a role only to vouch. In turn it
-// answers the same question of other agents, from its own storage; while it removes something itself it vouches for
-// nothing. What others send is checked here: a have-set that cannot be is an answer that did not come. Which agents
-// hold the roles is asked anew each time; an agent that has missed a change asks those who held them before.
+// Before it prunes, it requests the current have-sets of the leader and of the designated survivor (except its own)
+// from their RetentionActors over the radio. It uses ControlRequest.have, since a HaveRequest may not leave an agent.
+// Have-sets older than a minute are requested again. Storage then removes only records that all of these have-sets
+// cover. Unless the limit is an age, one of the peers must still hold the record, so a size limit never removes the
+// last copy.
 //
-// Of the history of this agent's own robot (PruneOrder.is_history), which nobody else has, what is ordered goes at
-// once.
+// Nothing is removed if leader or survivor is missing, unreachable or silent, or acts on other roles. PruneReply.text
+// then names the agent. Nothing is removed either for `roles_held_min` after leader or survivor changed. This prevents
+// an agent from taking a role only to confirm a prune.
 //
-// One thing at a time: an order that comes meanwhile is refused with kFull. After a restart nothing is left to do: each
-// request to storage is whole by itself, and StorageActor publishes what it pruned.
+// This actor answers the same request of other agents from its own storage. While it prunes, it reports an empty
+// have-set. A malformed have-set from a peer counts as no answer. The roles are requested from RoleActor for each
+// prune; an agent that missed a role change asks the previous leader and survivor.
 //
-// Errors in replies: kInvalid (a type that nothing is pruned of), kFull (see there), kUnavailable (no storage, no
-// merge), kTimedOut (they are silent), and theirs.
+// An order for the history of this agent's own robot (PruneOrder.is_history) is executed at once, since no other agent
+// has a copy.
+//
+// One prune runs at a time; an order that arrives meanwhile is refused with kFull. A restart leaves no work behind:
+// each request to storage is atomic, and StorageActor publishes what it pruned.
+//
+// Errors in replies: kInvalid (a data type that is never pruned), kFull (a prune is running), kUnavailable (no storage
+// or no merge actor), kTimedOut (no answer from them), and their own errors.
 #pragma once
 
 #include <map>
@@ -38,13 +42,19 @@ class RetentionActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;                      // Complete and checked.
-    Duration period = std::chrono::minutes(10);  // From one look at the limits to the next, at most; half at least.
-    Duration peer_timeout = std::chrono::seconds(20);    // For leader and survivor to say what they have.
-    Duration vouched_for = std::chrono::minutes(1);      // How long their word holds; then they are asked again.
-    Duration roles_held_min = std::chrono::minutes(10);  // How long leader and survivor have to be the same ones.
-    Duration own_timeout = std::chrono::seconds(60);     // For this agent's storage and roles,
-    Duration merge_timeout = std::chrono::minutes(10);   // and its merging, which may have much to read.
+    proto::TeamConfig team;  // Complete and checked.
+    // Upper bound of the random time between two checks of the limits; the lower bound is half of it.
+    Duration period = std::chrono::minutes(10);
+    // Timeout for the have-sets of leader and survivor.
+    Duration peer_timeout = std::chrono::seconds(20);
+    // How long the have-sets of leader and survivor are valid.
+    Duration vouched_for = std::chrono::minutes(1);
+    // Minimum time since leader or survivor changed.
+    Duration roles_held_min = std::chrono::minutes(10);
+    // Timeout for this agent's storage and role actors.
+    Duration own_timeout = std::chrono::seconds(60);
+    // Timeout for this agent's merge actor, which may have to read many maps.
+    Duration merge_timeout = std::chrono::minutes(10);
   };
 
   explicit RetentionActor(Options options) : options_(std::move(options)) {}
@@ -55,24 +65,24 @@ class RetentionActor final : public Actor {
  private:
   enum class Stage { kIdle, kStatus, kRoles, kPeers, kOccludedMaps, kPruning };
 
-  // What is under way.
+  // The prune in progress.
   struct Job {
-    std::optional<Address> requester;  // None: the limits.
+    std::optional<Address> requester;  // Null if the limits of the team file are applied.
     std::uint64_t requester_request_id = 0;
     PrunePlan plan;
-    std::size_t step = 0;  // Of the plan.
+    std::size_t step = 0;  // Index into `plan`.
     proto::RoleAssignment roles;
-    std::map<AgentId, HaveSet> peers;        // What leader and survivor had, as they said;
-    MonotonicTime asked_at;                  // when they were asked.
-    std::map<AgentId, std::string> awaited;  // Those who have not answered, as people know them.
+    std::map<AgentId, HaveSet> peers;        // Have-sets that leader and survivor reported.
+    MonotonicTime asked_at;                  // When the have-sets of the peers were requested.
+    std::map<AgentId, std::string> awaited;  // Peers that have not answered, with their names for people.
     double removed_bytes = 0;
-    proto::PruneReply reply;  // As far as it goes.
+    proto::PruneReply reply;  // The reply, as far as the plan was executed.
   };
 
-  // A peer that asked what this agent has.
+  // A request of a peer for this agent's have-set.
   struct Asked {
-    std::uint64_t request_id = 0;          // Its own,
-    std::uint64_t storage_request_id = 0;  // and this one's to storage.
+    std::uint64_t request_id = 0;          // Id of the peer's request.
+    std::uint64_t storage_request_id = 0;  // Id of the request to this agent's storage.
   };
 
   void OnLocal(Context& context, const proto::Message& message);
@@ -81,7 +91,8 @@ class RetentionActor final : public Actor {
   void OnOrder(Context& context, const proto::Message& message);
   Result<void> CheckOrder(const proto::PruneOrder& order) const;
   void LookLater(Context& context);
-  bool SkipsOccludedMaps(Context& context);  // True: the limits go on without.
+  // Returns true if it skips the fully occluded maps because the limits, and not an operator, ask for them.
+  bool SkipsOccludedMaps(Context& context);
   bool IsDryRun() const;
   bool IsOfHistory() const;
   void Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply covered);
@@ -97,25 +108,27 @@ class RetentionActor final : public Actor {
     return stage_ == stage && message.request_id() == request_id_;
   }
   void Enter(Context& context, Stage stage, Duration timeout);
-  // Sends with the stage's request id; gives up where it is refused.
+  // Sends with the request id of the stage. Ends the job with an error if the message cannot be sent.
   void Ask(Context& context, const char* actor, proto::Message message);
   void Begin(Context& context, Job job);
   void DoStep(Context& context);
   void AddPruned(const proto::PruneReply& reply);
-  // Nothing can go, and why.
+  // Ends the job without an error; `text` says why nothing can be removed.
   void Refuse(Context& context, const std::string& text);
   void GiveUp(Context& context, const Error& error);
   void Finish(Context& context);
 
   const Options options_;
-  std::optional<proto::RoleAssignment> roles_;  // As RoleActor published them last;
-  std::optional<MonotonicTime> roles_since_;    // none: leader and survivor are those of this actor's start.
+  std::optional<proto::RoleAssignment> roles_;  // The assignment that RoleActor published last.
+  // Null if leader and survivor have not changed since this actor started.
+  std::optional<MonotonicTime> roles_since_;
   Stage stage_ = Stage::kIdle;
   Job job_;
-  std::uint64_t request_id_ = 0;  // Of the stage's questions.
+  std::uint64_t request_id_ = 0;  // Id of the current stage's requests.
   TimerId stage_timer_ = 0;
-  std::map<AgentId, Asked> asked_;  // One of each peer at most: its newest.
-  std::string last_refusal_;        // Of the limits, so that it is logged once.
+  std::map<AgentId, Asked> asked_;  // The newest request of each peer.
+  // The last reason why the limits were not applied, so that each reason is logged once.
+  std::string last_refusal_;
 };
 
 }  // namespace moondb

@@ -12,7 +12,7 @@ namespace {
 constexpr double kDay_s = 86'400;
 constexpr double kMegabyte = 1e6;
 
-// All that storage means by all types, but for events.
+// Adds the types that an empty list means to storage, except events.
 void AddTypesButEvents(const std::vector<DataType>& team_types, proto::PruneRequest& request) {
   for (const DataType type : team_types) {
     if (type != proto::AGENT_EVENT && !IsKeptUnlessNamed(type)) request.add_data_types(type);
@@ -28,7 +28,8 @@ void AddAgeSteps(const proto::RetentionConfig& retention, const std::vector<Data
   if (retention.keep_days() <= 0) return;
   PruneStep& step = plan.emplace_back();
   step.request.set_older_than_s(retention.keep_days() * kDay_s);
-  if (retention.keep_event_days() <= 0) return;  // All types, as storage has them.
+  // An empty list means all types to storage, events included.
+  if (retention.keep_event_days() <= 0) return;
   AddTypesButEvents(team_types, step.request);
 }
 

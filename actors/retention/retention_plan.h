@@ -1,14 +1,14 @@
-// What an agent removes from its store and in which order, from the team file's `retention`, from how full the store
-// is, or from an operator's order. Pure functions; what may go at all is StorageActor's to know
+// Plans what an agent prunes and in which order. The input is the `retention` section of the team file with the fill
+// level of the store, or an operator's order. Pure functions. StorageActor decides which records may be removed at all
 // (actors/storage/prune.h).
 //
-// The store's budget (store_mb_max, S) is split: maps may take map_part_max of it. When the store takes more than
-// kBudgetHigh S, so much goes that kBudgetLow S is left, in this order:
-//   1. maps that win no cell of the merged map, where drop_occluded_maps says so;
-//   2. maps beyond their part of kBudgetLow S, oldest first;
-//   3. anything, oldest first.
-// So maps make room for themselves, and states, of which only the newest are kept, and the pose graph never go because
-// of them. What the order leaves to chance is the difference between contents and pages: the next look corrects it.
+// Maps may take map_part_max of the store's budget S (store_mb_max). A store that exceeds kBudgetHigh * S is pruned
+// down to kBudgetLow * S, in this order:
+//   1. maps that win no cell of the merged map, if drop_occluded_maps is set;
+//   2. maps beyond their part of kBudgetLow * S, oldest first;
+//   3. records of any type, oldest first.
+// Maps therefore never push out the pose graph, nor the states, of which only the newest are kept. The sizes of
+// contents and of file pages differ a little; the next check corrects the difference.
 #pragma once
 
 #include <vector>
@@ -27,22 +27,25 @@ inline constexpr double kBudgetHigh = 0.85;
 inline constexpr double kBudgetLow = 0.80;
 
 struct PruneStep {
-  proto::PruneRequest request;       // Without `acknowledged`, and without content_bytes_max.
-  bool is_of_occluded_maps = false;  // Among these only; MergeActor knows them.
-  double until_bytes = 0;            // It ends when the plan's steps have removed so much in all; 0: no limit.
+  // The request for storage, without the fields `acknowledged` and content_bytes_max.
+  proto::PruneRequest request;
+  // The step removes only fully occluded maps, which MergeActor lists.
+  bool is_of_occluded_maps = false;
+  // The step ends when all steps of the plan so far have removed this many bytes; 0: no limit.
+  double until_bytes = 0;
 };
 
 using PrunePlan = std::vector<PruneStep>;
 
-// Whether there is anything to look after; else no store need be looked at.
+// Returns whether any limit is set. If not, the status of the store is not needed.
 bool HasLimits(const proto::RetentionConfig& retention);
 
-// Of the limits; `team_types` are all that the team knows. Empty: none is reached that can be told from `status`;
-// limits of age are always in it.
+// Returns the plan for the limits of the team file. `team_types` are all data types of the team. Steps for age limits
+// are always included. Steps for size limits are included if `status` exceeds them.
 PrunePlan PlanOf(const proto::RetentionConfig& retention, const std::vector<DataType>& team_types,
                  const proto::StorageStatus& status);
 
-// Of an operator.
+// Returns the plan for an operator's order.
 PrunePlan PlanOf(const proto::PruneOrder& order, const std::vector<DataType>& team_types);
 
 }  // namespace moondb

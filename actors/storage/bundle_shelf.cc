@@ -12,7 +12,8 @@ namespace moondb {
 
 namespace {
 
-// Of the row in hand; an empty one where it is damaged: then the ground gets the same records once more.
+// Reads the have-set of a bundle from the current row. Returns an empty one if it is damaged; the records of that
+// bundle are then sent again.
 HaveSet HaveOf(const Query& query, int column) {
   proto::HaveSet parsed;
   const std::string_view bytes = query.Bytes(column);
@@ -37,7 +38,7 @@ Error NoSuchBundle(std::uint32_t number) {
   return {ErrorCode::kNotFound, "no bundle " + std::to_string(number), "number"};
 }
 
-// Of all that were acknowledged. It stands in the last acknowledged one's row, so that it is kept once.
+// Returns the records of all acknowledged bundles. Only the row of the bundle acknowledged last stores this have-set.
 Result<HaveSet> AcknowledgedHave(Database& database) {
   HaveSet have;
   Query query = database.Prepare("SELECT have FROM downlink_bundle WHERE file IS NULL AND length(have) > 0");
@@ -49,7 +50,8 @@ Result<HaveSet> AcknowledgedHave(Database& database) {
   }
 }
 
-// What is gone here never comes into a bundle: beside it, what was in one has few gaps.
+// Adds the seqs that this agent has dropped to the streams of `have`. No later bundle can contain them, and without the
+// gaps the have-set needs few intervals.
 HaveSet WithoutGaps(const HaveSet& have, const HaveSet& own) {
   HaveSet filled;
   for (const auto& [stream, state] : have.streams()) {

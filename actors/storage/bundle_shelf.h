@@ -1,7 +1,8 @@
-// The bundles for the ground that wait for its acknowledgment, and what was in those that it has
+// Stores the bundles for a ground station until it acknowledges them, and which records the acknowledged bundles held
 // (actors/sharing/downlink_actor.h).
 //
-// Each call that writes is one transaction that survives a power cut. Errors as Database's, and those named.
+// Each function that writes is one transaction that survives a power cut. Errors: those of Database, and those named
+// below.
 #pragma once
 
 #include <cstddef>
@@ -14,14 +15,15 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kBundlePartBytesMax = 128 * 1024;  // Of a ReadBundleReply.
+inline constexpr std::size_t kBundlePartBytesMax = 128 * 1024;  // Bytes of one ReadBundleReply.
 
-// kInvalid for a number that was given before.
+// kInvalid if a bundle with this number or a higher one was saved before.
 Result<void> SaveBundle(Database& database, const proto::SaveBundleRequest& request);
 Result<proto::LoadBundlesReply> LoadBundles(Database& database);
-// From first_byte on; nothing behind the end. kNotFound: no such bundle, or acknowledged: its file is gone.
+// Reads from `first_byte` on; returns no bytes beyond the end. kNotFound if the bundle does not exist, or was
+// acknowledged and its file deleted.
 Result<proto::ReadBundleReply> ReadBundlePart(Database& database, const proto::ReadBundleRequest& request);
-// `own`: this agent's have-set. Again: nothing changes. kNotFound: no such bundle.
+// `own` is this agent's have-set. Idempotent. kNotFound if the bundle does not exist.
 Result<void> AcknowledgeBundle(Database& database, std::uint32_t number, const HaveSet& own);
 
 }  // namespace moondb

@@ -10,7 +10,8 @@ namespace {
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kTolerance_ns = 60 * kSecond_ns;
 constexpr std::int64_t kUtcMin_ns = 1'704'067'200 * kSecond_ns;  // 2024-01-01.
-constexpr std::int64_t kUtcMax_ns = 7'258'118'400 * kSecond_ns;  // 2200-01-01: differences do not overflow.
+// 2200-01-01. Differences below this bound cannot overflow.
+constexpr std::int64_t kUtcMax_ns = 7'258'118'400 * kSecond_ns;
 
 bool IsPlausible(std::int64_t utc_ns) { return utc_ns >= kUtcMin_ns && utc_ns < kUtcMax_ns; }
 
@@ -31,7 +32,7 @@ void ClockJudge::NotePeer(AgentId peer, std::int64_t utc_ns, Time now) {
 std::vector<ClockJudge::PeerOffset> ClockJudge::PeerOffsets(std::int64_t utc_ns, Time now) const {
   std::vector<PeerOffset> offsets;
   for (const auto& [agent, peer] : peers_) {
-    // By doubles: this agent's own clock may say anything, and a difference overflow.
+    // Computed in doubles, because this agent's own clock may show any value and an integer difference could overflow.
     const double offset_ns = static_cast<double>(peer.offset_ns) + static_cast<double>(now.time_since_epoch().count()) -
                              static_cast<double>(utc_ns);
     offsets.push_back({agent, offset_ns / kSecond_ns, std::chrono::duration<double>(now - peer.heard).count()});
@@ -57,7 +58,7 @@ ClockJudge::Verdict ClockJudge::Judge(std::int64_t utc_ns, Time now) {
   }
   offset_ns_ = offset_ns;
 
-  int agreeing = 1;  // This one.
+  int agreeing = 1;  // This agent's own clock.
   int differing = 0;
   for (const auto& [agent, peer] : peers_) {
     ++(Agree(offset_ns, peer.offset_ns) ? agreeing : differing);

@@ -1,15 +1,15 @@
-// ClockJudge: whether this agent's UTC clock can be trusted, judged by what other agents' clocks say, by its own jumps
-// and by what cannot be.
+// ClockJudge decides whether this agent's UTC clock can be trusted. It uses the clocks of other agents, jumps of the
+// own clock, and implausible values.
 //
-// A robot's computer begins in 1970 after a cold start, or hours ahead of its team. Stamps decide which of two maps is
-// newer, so what is inserted meanwhile is marked (Record.is_clock_suspect) and wins nothing by its stamp. The clock is
-// suspect
-//   - before 2024: it was never set;
-//   - when it is more than a minute off more agents' clocks than it agrees with, itself counted; as many on both
-//     sides: when it is off the base station's;
+// A robot's computer may start in 1970 after a cold start, or hours ahead of its team. Timestamps decide which of two
+// maps is newer. Records that are inserted while the clock is suspect are therefore marked (Record.is_clock_suspect),
+// and their timestamps win no comparison. The clock is suspect
+//   - before 2024, because it was never set;
+//   - if more clocks disagree with it by over a minute than agree, itself counted; in a tie, if it disagrees with the
+//     base station's clock;
 //   - after a jump of more than a minute, until another agent's clock agrees with it.
-// Between the moments when others report, their clocks count on with this agent's monotonic one. A clock that is wrong
-// before any other agent was heard of, and plausible, is not noticed.
+// Between two reports of a peer, the peer's clock is extrapolated by this agent's monotonic clock. A plausible but
+// wrong clock is not detected before the first report of a peer.
 #pragma once
 
 #include <chrono>
@@ -25,40 +25,44 @@ namespace moondb {
 
 class ClockJudge {
  public:
-  // On this agent's monotonic clock.
+  // A time on this agent's monotonic clock.
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
-  // `base_station` 0: the team has none.
+  // `base_station` 0 means that the team has none.
   explicit ClockJudge(AgentId base_station) : base_station_(base_station) {}
 
-  // A peer said just now that it is `utc_ns` (since 1970). What cannot be is taken as no report.
+  // Records that the clock of `peer` shows `utc_ns` (since 1970) now. An implausible value removes the peer's last
+  // report.
   void NotePeer(AgentId peer, std::int64_t utc_ns, Time now);
 
-  // How much later the peers' clocks are than this agent's, which says `utc_ns`, as each said last.
+  // Offsets of the peers' clocks from this agent's clock, which shows `utc_ns`. Positive if the peer's clock is ahead.
   struct PeerOffset {
     AgentId peer = 0;
     double offset_s = 0;
-    double age_s = 0;  // Of that word.
+    double age_s = 0;  // Age of the peer's last report.
   };
   std::vector<PeerOffset> PeerOffsets(std::int64_t utc_ns, Time now) const;
 
   struct Verdict {
-    std::string suspect;      // Why, for people; empty: it is not.
-    bool has_jumped = false;  // Since it was last asked.
+    std::string suspect;      // The reason, for people; empty if the clock is not suspect.
+    bool has_jumped = false;  // The clock jumped since the last call of Judge.
   };
-  // Of this agent's clock, which says `utc_ns`.
+  // Judges this agent's clock, which shows `utc_ns`.
   Verdict Judge(std::int64_t utc_ns, Time now);
 
  private:
   const AgentId base_station_;
   struct Peer {
-    std::int64_t offset_ns = 0;  // Of its UTC to this agent's monotonic clock.
+    std::int64_t offset_ns = 0;  // The peer's UTC minus this agent's monotonic clock.
     Time heard;
   };
   std::map<AgentId, Peer> peers_;
-  std::optional<std::int64_t> offset_ns_;  // Of its own, when it was last asked.
-  double unproven_jump_s_ = 0;             // 0: none.
-  bool was_never_set_ = false;             // When it was last asked.
+  // This agent's UTC minus its monotonic clock at the last call of Judge; null if its UTC was implausible.
+  std::optional<std::int64_t> offset_ns_;
+  // Sum of the jumps since another agent's clock last agreed.
+  double unproven_jump_s_ = 0;
+  // The UTC clock was implausible at the last call of Judge.
+  bool was_never_set_ = false;
 };
 
 }  // namespace moondb

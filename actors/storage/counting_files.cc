@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// The methods stand in the file object itself, so that Write finds whose they are from `file` alone.
+// The method table lies inside the file object, so that Write can find the owner from `file`.
 struct CountingFiles::FileTail {
   sqlite3_io_methods methods{};
   const sqlite3_io_methods* base_methods = nullptr;
@@ -39,7 +39,7 @@ CountingFiles::FileTail& CountingFiles::TailOf(sqlite3_file* file, int base_byte
 int CountingFiles::Open(sqlite3_vfs* vfs, const char* path, sqlite3_file* file, int flags, int* flags_out) {
   CountingFiles& owner = *reinterpret_cast<Vfs*>(vfs)->owner;
   const int code = owner.base_->xOpen(owner.base_, path, file, flags, flags_out);
-  if (file->pMethods == nullptr) return code;  // It was not opened, and need not be closed.
+  if (file->pMethods == nullptr) return code;  // SQLite does not close a file that failed to open.
   FileTail& tail = TailOf(file, owner.base_->szOsFile);
   tail.methods = *file->pMethods;
   tail.methods.xWrite = Write;
@@ -50,7 +50,7 @@ int CountingFiles::Open(sqlite3_vfs* vfs, const char* path, sqlite3_file* file, 
 }
 
 int CountingFiles::Write(sqlite3_file* file, const void* bytes, int count, sqlite3_int64 offset) {
-  // Standard layout, and `methods` is its first member.
+  // The cast is valid: FileTail has standard layout, and `methods` is its first member.
   const auto& tail = *reinterpret_cast<const FileTail*>(file->pMethods);
   const int code = tail.base_methods->xWrite(file, bytes, count, offset);
   if (code == SQLITE_OK) tail.owner->written_bytes_ += static_cast<std::uint64_t>(count);

@@ -1,11 +1,11 @@
-// CountingFiles: the files that SQLite works on, with a count of the bytes that it writes to them. Flash wears by bytes
-// written, and only the file system that SQLite calls (its VFS) sees all of them: log, checkpoints, what is rolled
-// back.
+// CountingFiles: a SQLite VFS that counts the bytes that SQLite writes to its files. Flash wears by bytes written, and
+// only the VFS sees all of them: the log, checkpoints and rollbacks.
 //
-// Stands before another VFS and passes all on. What that one writes by itself is not in the count: the file system's
-// journal and block sizes, and the shared-memory index beside a write-ahead log (32 KiB, rewritten in place).
+// Wraps another VFS and forwards all calls to it. The count does not include what the file system itself writes (its
+// journal, rounding up to whole blocks), nor the shared-memory index beside a write-ahead log (32 KiB, rewritten in
+// place).
 //
-// Outlives the connections that were opened through it. Not moved. One thread at a time.
+// Must outlive the connections that were opened through it. Cannot be moved. For one thread at a time.
 #pragma once
 
 #include <sqlite3.h>
@@ -17,23 +17,24 @@ namespace moondb {
 
 class CountingFiles {
  public:
-  // Before the VFS of that name, which is registered; empty: SQLite's default.
+  // Wraps the registered VFS of that name; empty means SQLite's default VFS.
   explicit CountingFiles(const std::string& base);
   ~CountingFiles();
   CountingFiles(const CountingFiles&) = delete;
   CountingFiles& operator=(const CountingFiles&) = delete;
 
-  // As sqlite3_open_v2 wants it.
+  // The VFS name to pass to sqlite3_open_v2.
   const char* name() const { return name_.c_str(); }
   std::uint64_t written_bytes() const { return written_bytes_; }
 
  private:
-  // SQLite's part first: it hands this back where it opens a file.
+  // `base` is the first member, because SQLite passes a pointer to it to Open.
   struct Vfs {
     sqlite3_vfs base{};
     CountingFiles* owner = nullptr;
   };
-  struct FileTail;  // Behind the other VFS' own file object.
+  // Data behind the file object of the wrapped VFS.
+  struct FileTail;
 
   static int Open(sqlite3_vfs* vfs, const char* path, sqlite3_file* file, int flags, int* flags_out);
   static int Write(sqlite3_file* file, const void* bytes, int count, sqlite3_int64 offset);

@@ -13,7 +13,7 @@ namespace moondb {
 namespace {
 
 constexpr double kBytesPerMegabyte = 1e6;
-constexpr std::size_t kDeletableMax = 4;  // Named in one message.
+constexpr std::size_t kDeletableMax = 4;  // Files named in one message.
 
 constexpr std::uint64_t MapFloor(std::uint64_t reserve_bytes) { return 2 * reserve_bytes; }
 constexpr std::uint64_t RecordFloor(std::uint64_t reserve_bytes) { return reserve_bytes / 2; }
@@ -63,7 +63,8 @@ std::optional<DiskGuard::Room> DiskGuard::RoomOf(Database& database) const {
   Room room;
   room.disk_bytes = room.bytes = space->free_bytes;
   room.reserve_bytes = ReserveBytesFor(space->capacity_bytes);
-  if (room.bytes >= 3 * room.reserve_bytes) return room;  // Above all limits: the file need not be asked.
+  // Above all limits, so the free pages of the file do not matter.
+  if (room.bytes >= 3 * room.reserve_bytes) return room;
   room.bytes += database.FreePageBytes().value_or(0);
   room.log_bytes = database.WalBytes();
   return room;
@@ -98,7 +99,7 @@ bool DiskGuard::MakeRoomForLog(Database& database) {
 bool DiskGuard::GiveUpReserve(Database& database) {
   is_reserve_whole_ = false;
   const bool was_there = reserve_.GiveUp();
-  // With room to grow, the file takes what the log holds, and the log begins anew.
+  // Now the database file has room to grow: the log is moved into it, and starts again from its beginning.
   const bool is_moved = database.Checkpoint().has_value();
   return was_there || is_moved;
 }
@@ -123,7 +124,7 @@ bool DiskGuard::Tend(Database& database, std::mt19937_64& random) {
   is_reserve_whole_ = present >= room->reserve_bytes;
   if (is_reserve_whole_) return false;
   const std::uint64_t lacking = room->reserve_bytes - present;
-  // Afterwards nothing may be refused for it, and the log must have its room on the disk.
+  // Growing the reserve must not cause refusals, and must leave room for the log on the disk.
   const bool has_room = room->bytes >= lacking + MapFloor(room->reserve_bytes) &&
                         room->disk_bytes >= lacking + LogFloor(room->reserve_bytes);
   return has_room && reserve_.Grow(room->reserve_bytes, random).has_value();

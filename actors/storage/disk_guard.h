@@ -1,17 +1,17 @@
-// DiskGuard: what a store does about a disk that is nearly full, full or failing.
+// DiskGuard: what a store does if its disk is nearly full, full or failing.
 //
-//   room below              what is refused (kFull)
-//   twice the reserve       maps
-//   half of it, or less     every record: what is left is for roles, and for a prune, which makes room
-//   than the log needs
+// Records are refused with kFull:
+//   - maps, if the room is less than twice the reserve;
+//   - all records, if the room is less than half the reserve, or if the disk has less free space than the write-ahead
+//     log needs. The rest is for roles, and for a prune, which makes room.
 //
-// Room is what is free on the disk and, since a file never becomes smaller, the pages within it that are free to be
-// written again. Where SQLite says that the disk is full all the same, the reserve (actors/storage/reserve_file.h) is
-// given up for what has to go on; it is made anew, slowly, when there is room for it above all limits.
+// Room is the free disk space plus the free pages within the file, since a database file never shrinks. If SQLite
+// reports a full disk in spite of these limits, the reserve (actors/storage/reserve_file.h) is given up for roles and
+// prunes. It is rebuilt slowly once there is room for it above all limits.
 //
-// Remembers why the last write failed, until one succeeds. In memory there is no disk, and nothing is refused.
+// Remembers why the last write failed until a write succeeds. A database in memory has no disk, so nothing is refused.
 //
-// From one thread at a time.
+// For one thread at a time.
 #pragma once
 
 #include <optional>
@@ -27,49 +27,51 @@ class StorageStatus;
 
 namespace moondb {
 
-// An error that comes from the disk and may go away with its cause: it is full, cannot be written, or fails.
+// Returns whether the error comes from the disk and may disappear with its cause: the disk is full, cannot be written,
+// or fails.
 bool IsOfTheDisk(const Error& error);
 
-// What an operator may delete beside a database, with sizes, the largest first: "moondb.sqlite.damaged-1 (12 MB) and
-// agent.log (3 MB) in /data/rover1". Empty: there is nothing.
+// Lists the files beside a database that an operator may delete, largest first, with sizes: "moondb.sqlite.damaged-1
+// (12 MB) and agent.log (3 MB) in /data/rover1". Empty if there are none.
 std::string DeletableFiles(const std::string& database_path);
 
 class DiskGuard {
  public:
-  // `agent` is the name by which an operator prunes it.
+  // `agent` is the name to use in the suggested prune command.
   DiskGuard(const std::string& database_path, const std::string& vfs, std::string agent);
 
   enum class Kind { kMap, kRecord };
-  // Whether a record of that kind may be stored now; kFull, or kInternal where the file system takes no write.
+  // Returns an error if no record of that kind may be stored now: kFull, or kInternal if the file system is read-only.
   Result<void> CheckRoom(Database& database, Kind kind) const;
 
-  // Gives up the reserve if the file has room for records, but the disk has none for the log through which they are
-  // written. True: the reserve was given up.
+  // Gives up the reserve if the file has room for records, but the disk has no room for the log through which they are
+  // written. Returns true if the reserve was given up.
   bool MakeRoomForLog(Database& database);
 
-  // After a write failed with kFull: whether something was given up for it, so that it is worth another attempt.
+  // Gives up the reserve after a write failed with kFull. Returns true if this freed space, so that the write is worth
+  // another attempt.
   bool GiveUpReserve(Database& database);
 
-  // Of every write: why it failed, or that it did not. True: the trouble has just begun, or is another one.
+  // Call one of these after every write. NoteFailure returns true if the failure is new or has a new cause.
   bool NoteFailure(const Database& database, const Error& error);
-  bool NoteSuccess();  // True: it has just ended.
+  bool NoteSuccess();  // Returns true if a failure has just ended.
   const std::string& trouble() const { return trouble_; }
 
-  // Now and then: adds a part to the reserve where there is room for it. True: another one is due soon.
+  // Call periodically. Adds one part to the reserve if there is room. Returns true if the next part should follow soon.
   bool Tend(Database& database, std::mt19937_64& random);
 
-  // What StorageStatus says of all this.
+  // Fills the fields of StorageStatus about the disk.
   void Describe(Database& database, proto::StorageStatus& status) const;
 
-  // What to do about a disk that is full, as the end of a sentence.
+  // Advice for an operator about a full disk, as the end of a sentence.
   std::string Advice() const;
 
  private:
   struct Room {
-    std::uint64_t disk_bytes = 0;     // Free on it.
-    std::uint64_t bytes = 0;          // And what is free within the file.
-    std::uint64_t log_bytes = 0;      // Of the log, which is written anew from its beginning.
-    std::uint64_t reserve_bytes = 0;  // As large as the reserve is to be.
+    std::uint64_t disk_bytes = 0;     // Free bytes on the disk.
+    std::uint64_t bytes = 0;          // `disk_bytes` plus the free pages within the file.
+    std::uint64_t log_bytes = 0;      // Size of the write-ahead log; SQLite overwrites it from the start.
+    std::uint64_t reserve_bytes = 0;  // The intended size of the reserve.
   };
   std::optional<Room> RoomOf(Database& database) const;
 
@@ -77,7 +79,8 @@ class DiskGuard {
   const bool is_on_disk_;
   const std::string agent_;
   ReserveFile reserve_;
-  bool is_reserve_whole_ = false;  // When last looked at: it is not looked at again.
+  // The reserve was complete at the last check. It is not checked again.
+  bool is_reserve_whole_ = false;
   std::string trouble_;
 };
 

@@ -9,9 +9,10 @@ namespace moondb {
 
 namespace {
 
-constexpr std::int64_t kLastEventsMax = 64;  // Damage that starts wrote down which came to nothing.
+constexpr std::int64_t kLastEventsMax = 64;  // Events read to skip the damage events of starts that failed.
 
-// The newest first. Epochs are unsigned and lie as the signed numbers of the same bits, so the negative ones are newer.
+// Appends events, the newest first. Epochs are unsigned but stored as the signed numbers of the same bits, so negative
+// ones are newer.
 Result<void> AppendEvents(Database& database, const char* epochs, AgentId self, std::int64_t events_max,
                           const std::string& kinds, std::vector<OwnEvent>& events) {
   Query query = database.Prepare(

@@ -1,8 +1,8 @@
-// What an agent's own events say of it: how its process before this one ended, and what no operator has acknowledged
-// yet (model/event.h). Asked of the table each time: nothing else remembers it, so it is the same after every restart.
+// Reads this agent's own events: how its previous process ended, and which findings no operator has acknowledged yet
+// (model/event.h). Each call reads the table and nothing is cached, so a restart changes no result.
 //
-// Events of an agent have an order of their own, epoch and seq, whenever they came home from which peer. Errors as
-// Database's.
+// The events of one agent are ordered by epoch and seq, no matter when a peer returned them after a lost disk. Errors
+// as for Database.
 #pragma once
 
 #include <cstdint>
@@ -14,14 +14,16 @@
 
 namespace moondb {
 
-inline constexpr std::int64_t kOwnEventsMax = 20'000;  // So many, the newest, are looked at: some 60 ms.
+// Number of newest events that one call reads; this takes about 60 ms.
+inline constexpr std::int64_t kOwnEventsMax = 20'000;
 
-// In the order in which `self` wrote them down: the last `events_max`, or of these those of which findings are made.
+// The events of `self` in the order in which it logged them. ReadOwnEvents returns the last `events_max`; ReadFindings
+// returns the findings that the last kOwnEventsMax events leave open.
 Result<std::vector<OwnEvent>> ReadOwnEvents(Database& database, AgentId self, std::int64_t events_max);
 Result<std::vector<proto::HealthFinding>> ReadFindings(Database& database, AgentId self);
 
-// Whether a process of `self` wrote something down and then ended without EVENT_KIND_STOPPED as its last event, and no
-// start since then has said so. What only a start writes down before its agent runs (damage) is no process's.
+// Returns true if the last process of `self` that logged an event ended without EVENT_KIND_STOPPED, and no later start
+// has logged this. Damage events are ignored, because a start logs them before its agent runs.
 Result<bool> HasEndedWithoutStopping(Database& database, AgentId self);
 
 }  // namespace moondb

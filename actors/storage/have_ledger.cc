@@ -14,7 +14,8 @@ std::uint64_t HashOf(const StreamKey& stream, bool is_dropped, const IntervalSet
 
 Result<void> WriteIntervals(Database& database, const StreamKey& stream, bool is_dropped, const IntervalSet& old_set,
                             const IntervalSet& new_set) {
-  // Both are sorted by `first` and disjoint, so comparing both ends is a total order that finds what changed.
+  // Both sets are sorted by `first` and disjoint. Comparing both ends is therefore a total order that finds all changed
+  // intervals.
   const auto less = [](const IntervalSet::Interval& a, const IntervalSet::Interval& b) {
     return a.first != b.first ? a.first < b.first : a.last < b.last;
   };

@@ -1,7 +1,8 @@
-// HaveLedger: this agent's have-set, in memory and in the table have_interval, never one without the other.
+// HaveLedger: this agent's have-set, a version vector whose entries are interval sets. It is kept in memory and in the
+// table have_interval; the two never differ.
 //
-// Edits go to a draft. Write puts the draft into the database inside the caller's transaction, and only after that
-// transaction's commit does Keep make it the have-set; after a failure Forget leaves all as it was.
+// Edits change a draft. Write puts the draft into the database, inside the caller's transaction. After the commit, Keep
+// makes the draft the have-set. After a failure, Forget discards the draft.
 #pragma once
 
 #include <map>
@@ -13,23 +14,23 @@ namespace moondb {
 
 class HaveLedger {
  public:
-  // Rows that are damaged are left out.
+  // Skips damaged rows.
   Result<void> Load(Database& database);
-  // No row was damaged.
+  // Returns whether Load found no damaged row.
   bool is_sound() const { return is_sound_; }
-  // Instead of all that the table holds, inside the caller's transaction; then Keep.
+  // Replaces the whole table, inside the caller's transaction. Call Keep after the commit.
   Result<void> Replace(Database& database, const HaveSet& have);
 
   const HaveSet& have() const { return have_; }
 
-  // The draft's state of a stream, else the have-set's.
+  // Returns the state of a stream in the draft, or in the have-set if the draft does not contain the stream.
   const StreamHave& Get(const StreamKey& stream) const;
-  // How many of an origin's anything was had of, with the draft's.
+  // Returns the number of streams of an origin, including those that are only in the draft.
   std::size_t StreamsOf(AgentId origin) const;
   void AddHeld(const StreamKey& stream, std::uint64_t seq);
-  // The last, in its origin's order, of an origin's records of a type that is held; seq 0: none is.
+  // Returns the held record of an origin and type with the greatest epoch and seq. Seq 0 means that none is held.
   RecordKey NewestHeld(AgentId origin, DataType type) const;
-  // Had, but not held any more, or never.
+  // Marks seqs as dropped: covered by the have-set, but not held.
   void AddDropped(const StreamKey& stream, IntervalSet::Interval interval);
 
   Result<void> Write(Database& database) const;
@@ -43,7 +44,7 @@ class HaveLedger {
   HaveSet have_;
   bool is_sound_ = true;
   std::map<StreamKey, StreamHave> draft_;
-  std::map<AgentId, std::size_t> stream_counts_;  // Of have_.
+  std::map<AgentId, std::size_t> stream_counts_;  // Streams of `have_` per origin.
   std::map<AgentId, std::size_t> new_in_draft_;
 };
 

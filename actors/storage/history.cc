@@ -15,8 +15,8 @@ namespace moondb {
 
 namespace {
 
-// About what a row takes in the file: 54 bytes beside content and fields where it lies on a page with others (measured:
-// other columns, the tree, pages that are not full), whole pages for what is longer than a quarter of one.
+// Approximate size of a row in the file. A row that shares its page takes 54 bytes beside content and fields (measured:
+// other columns, the B-tree, pages that are not full). A row longer than a quarter of a page takes whole pages.
 constexpr char kRowBytes[] =
     "CASE WHEN length(content) + length(fields) < 960 THEN length(content) + length(fields) + 54"
     " ELSE 489 + (length(content) + length(fields) + 3642) / 4092 * 4096 END";
@@ -27,8 +27,8 @@ bool IsSound(AgentId self, const Query& query) {
   return HashRecord(key, query.Bytes(5)) == query.Unsigned(4);
 }
 
-// Columns as RecordTable::ReadAfter has them. The type stands in the text: pages read several types at once, and one
-// statement has one use at a time.
+// Selects the columns of RecordTable::ReadAfter. The type is part of the SQL text because pages read several types at
+// once, and each prepared statement can be in use only once.
 std::string ReadSql(AgentId self, DataType type) {
   return "SELECT row_id, " + std::to_string(self) +
          ", epoch, seq, hash, content, data_type FROM history WHERE data_type = " + std::to_string(type);
@@ -121,7 +121,7 @@ Result<void> History::Take(Database& database, const RecordTable& table, const R
     query << row.row_id;
     const Result<bool> copied = query.Step();
     if (!copied) return tl::unexpected(copied.error());
-    if (!*copied) return {};  // The row is not there any more.
+    if (!*copied) return {};  // The row has been deleted already.
     bytes = query.Unsigned(0);
     if (const Result<void> done = query.Run(); !done) return done;
   }
@@ -228,8 +228,8 @@ Result<bool> History::Trim(Database& database, std::optional<std::int64_t> utc_n
   return rows_left == 0;
 }
 
-// Rows lie in the order of storing, so that the first one that is too young ends the search, however many follow. None:
-// of any age.
+// Rows are in the order of storing, so the first row that is too young ends the search. `timestamp_before_ns` is null
+// if rows of any age are removed.
 Result<void> History::DropOlder(Database& database, DataType type, std::optional<std::int64_t> timestamp_before_ns,
                                 std::size_t& rows_left) {
   std::vector<Candidate> expired;
@@ -286,7 +286,7 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
   double bytes = 0;
   std::size_t count = 0;
   for (const Candidate& row : rows) {
-    if (request.content_bytes_max() > 0 && bytes >= request.content_bytes_max()) break;  // So much was asked for.
+    if (request.content_bytes_max() > 0 && bytes >= request.content_bytes_max()) break;  // Reached the requested bytes.
     if (count == rows_max) {
       reply.set_is_complete(false);
       break;
@@ -301,7 +301,7 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
       return tl::unexpected(done.error());
     }
   }
-  // Beyond what was looked at there may be more of a type.
+  // Each type reads at most `rows_max` rows, so there may be more.
   if (!request.is_dry_run() && count == rows_max) reply.set_is_complete(false);
   for (auto& [type, of_type] : pruned) {
     of_type.set_data_type(type);

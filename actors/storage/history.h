@@ -1,18 +1,20 @@
-// History: what this agent's own robot recorded under the policy `latest` and has superseded since, for as long as the
-// team file says (TeamConfig.keep), in the table `history` and, as sums, in memory.
+// History: states that this agent's own robot recorded under the policy `latest` and that newer states have superseded
+// since. They are kept as long as the team file says (TeamConfig.keep), in the table `history`; their counts and sizes
+// are also kept in memory.
 //
-// `share: latest` decides what travels; this decides what stays on the robot's own disk, for whoever asks after the
-// mission how cold the night was. It is outside all else that storage does: in no have-set, never sent, not verified
-// against what is held, not counted as records, not seen by the query that looks for what a record supersedes. It is
-// lost with its disk. A superseded record moves here in the transaction that stores its superseder; what other agents
-// recorded never does.
+// The policy `latest` decides what is shared; History decides what stays on the robot's own disk, to answer questions
+// after the mission, such as how cold the night was. The rest of storage ignores these rows. They are in no have-set,
+// are never sent, are not verified against the have-set, are not counted as records, and take no part in superseding.
+// They are lost with the disk. A superseded record moves here in the same transaction that stores its successor.
+// Records of other agents are never kept here.
 //
-// A row keeps the row id that it had, so history is in the order of storing. Rows are clustered by type: a page of one
-// type, its oldest row and its rows of a certain age are found without looking at others'. The bound `bytes_max` holds
-// when a transaction ends: the oldest rows of all types make room for what moves in, about as many bytes as come.
-// Limits of age, and a bound that became lower, are the business of Trim, some rows at a time.
+// A row keeps its row id, so row ids give the order of storing. Rows are clustered by type: reading a page, the oldest
+// row or the rows of a certain age of one type does not touch other types. The limit `bytes_max` holds at the end of
+// each transaction: the oldest rows of all types make room for rows that move in. Age limits, and a limit that was
+// lowered, are applied by Trim, some rows at a time.
 //
-// As with HaveLedger, changes go to a draft of the sums; Keep or Forget follow the transaction's end. From one thread.
+// As in HaveLedger, changes go to a draft of the sums, which Keep applies and Forget discards. For one thread at a
+// time.
 #pragma once
 
 #include <cstdint>
@@ -30,76 +32,79 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kHistoryTrimRowsMax = 2000;  // Of one call of Trim or Prune.
+inline constexpr std::size_t kHistoryTrimRowsMax = 2000;  // Rows per call of Trim or Prune.
 
 class History {
  public:
   struct Rules {
-    // Of the types under `latest`; of others nothing comes, and what is there stays.
+    // Rules of the types under `latest`. Other types move no rows in, and their existing rows stay.
     std::map<DataType, KeepRule> keep;
-    std::uint64_t bytes_max = 0;  // Of the rows, as Sum::bytes counts them; 0: none is kept.
+    std::uint64_t bytes_max = 0;  // Limit of all rows, counted as Sum::bytes; 0: keep none.
   };
   struct Sum {
     std::uint64_t count = 0;
-    std::uint64_t bytes = 0;  // About what they take in the file.
+    std::uint64_t bytes = 0;  // Approximate bytes in the file.
   };
 
   // `self` is the origin of all rows.
   History(AgentId self, Rules rules) : self_(self), rules_(std::move(rules)) {}
 
-  // Reads the sums from the table, without reading long contents, and which rows `have` does not count as dropped: a
-  // repaired have-set no longer knows what the damaged rows had superseded, so peers may send these records again.
+  // Computes the sums from the table. Scans the table, but not the overflow pages of long contents. Also finds the rows
+  // that `have` does not count as dropped. A repaired have-set no longer knows which records the damaged rows had
+  // superseded, so peers may send these records again.
   Result<void> Load(Database& database, const HaveSet& have);
-  Sum sum() const { return SumOf(types_); }  // As committed.
+  Sum sum() const { return SumOf(types_); }  // The committed sums.
 
-  // Rows whose content is not what their hash says; reads all of it.
+  // Returns the rows whose content does not match their hash. Reads all contents.
   struct Found {
     DataType type = 0;
     std::uint64_t row_id = 0;
   };
   Result<std::vector<Found>> FindDamaged(Database& database) const;
-  // The highest row id; 0: there is no row.
+  // Returns the highest row id, or 0 if there are no rows.
   Result<std::uint64_t> MaxRowId(Database& database) const;
 
-  // Inside the caller's transaction: copies a row of `table`, which is of `self`, that is about to be deleted there.
+  // Inside the caller's transaction: copies a row of `table` that is about to be deleted there. Requires: the row's
+  // origin is `self`.
   Result<void> Take(Database& database, const RecordTable& table, const RecordTable::Row& row);
-  // Inside the caller's transaction: removes the row of `key`, if there is one, since the record is stored again.
+  // Inside the caller's transaction: removes the row of `key`, because the record is stored again. Does nothing if
+  // there is no such row.
   Result<void> Remove(Database& database, const RecordKey& key);
-  // In the caller's transaction: removes the oldest rows until at least so many bytes are freed, or all are gone; how
-  // many were freed.
+  // Inside the caller's transaction: removes the oldest rows until at least `bytes` are freed or no rows are left.
+  // Returns the number of bytes freed.
   Result<std::uint64_t> Drop(Database& database, std::uint64_t bytes);
-  // In the caller's transaction: removes rows that are older than their type's rule allows or beyond bytes_max,
-  // kHistoryTrimRowsMax at most; true where there may be more. `utc_now_ns`: none where this agent cannot tell the
-  // time, and no row goes by its age. Nor does one whose stamp comes from a suspect clock, unless its type keeps
-  // nothing.
+  // Inside the caller's transaction: removes at most kHistoryTrimRowsMax rows that are older than their type's rule
+  // allows or exceed bytes_max. Returns true if more rows may have to be removed. `utc_now_ns` is null if this agent
+  // does not know the time; then no row is removed by age. A row whose timestamp comes from a suspect clock is not
+  // removed by age either, unless its type keeps no rows at all.
   Result<bool> Trim(Database& database, std::optional<std::int64_t> utc_now_ns);
-  bool NeedsTrim() const;  // Else Trim would find nothing to do.
-  // In the caller's transaction, for an operator: `request.is_history`. Where it is a dry run nothing is removed.
+  bool NeedsTrim() const;  // Returns false if Trim would find nothing to remove.
+  // Inside the caller's transaction: executes an operator's prune with `request.is_history`. A dry run removes nothing.
   Result<proto::PruneReply> Prune(Database& database, const proto::PruneRequest& request, std::int64_t utc_now_ns);
-  // After a transaction's commit.
+  // Call after the commit of a transaction.
   void Keep();
-  // Before the next transaction: what the last one drafted and did not commit.
+  // Call before a transaction. Discards the draft of an earlier transaction that failed.
   void Forget() { draft_.reset(); }
 
-  // A page of it, as ReadPage (actors/storage/record_pages.h) has them. A damaged row is logged and left out.
+  // Reads a page, as ReadPage (actors/storage/record_pages.h) does. Logs and skips damaged rows.
   Result<proto::ReadReply> Read(Database& database, const proto::ReadRequest& request) const;
 
  private:
   struct OfType {
     Sum sum;
     std::uint64_t oldest_row_id = 0;
-    std::uint64_t seen_row_id = 0;  // Up to it Trim need not look again: of unknown age. In memory alone.
+    std::uint64_t seen_row_id = 0;  // Trim skips the rows up to this id: their age is unknown. Not stored.
   };
   using Types = std::map<DataType, OfType>;
 
   static Sum SumOf(const Types& types);
-  // The bytes that a row counts for; none: there is no such row.
+  // Returns the approximate bytes of a row in the file; null if there is no such row.
   static Result<std::optional<std::uint64_t>> FindBytes(Database& database, DataType type, std::uint64_t row_id);
   const Types& Now() const { return draft_ ? *draft_ : types_; }
   Types& Draft();
   KeepRule RuleOf(DataType type) const;
   Result<void> Delete(Database& database, DataType type, std::uint64_t row_id, std::uint64_t bytes);
-  // Of all types, which hold at least one; its bytes.
+  // Removes the oldest row of all types and returns its bytes. Requires: there is at least one row.
   Result<std::uint64_t> DropOldest(Database& database);
   Result<void> DropOlder(Database& database, DataType type, std::optional<std::int64_t> timestamp_before_ns,
                          std::size_t& rows_left);
@@ -108,7 +113,7 @@ class History {
   const Rules rules_;
   Types types_;
   std::optional<Types> draft_;
-  std::map<RecordKey, std::uint64_t> not_dropped_;  // Row ids of records that were not counted as dropped at Load.
+  std::map<RecordKey, std::uint64_t> not_dropped_;  // Row ids of the records that were not dropped at Load.
 };
 
 }  // namespace moondb

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kHeaderBytes = 32;
 constexpr std::size_t kFrameHeaderBytes = 24;
-constexpr std::uint32_t kMagic = 0x377f0682;  // The last bit: words of the checksum are big-endian.
+constexpr std::uint32_t kMagic = 0x377f0682;  // The lowest bit is set if the checksum uses big-endian words.
 constexpr std::size_t kUsualPageBytes = 4096;
 
 using Bytes = std::span<const unsigned char>;
@@ -28,12 +28,13 @@ std::uint32_t LittleEndian(Bytes bytes, std::size_t at) {
          bytes[at];
 }
 
-// The checksum of all bytes added so far.
+// The running checksum of all bytes added so far.
 class Checksum {
  public:
   explicit Checksum(bool is_big_endian) : read_(is_big_endian ? BigEndian : LittleEndian) {}
 
-  void Add(Bytes bytes) {  // A multiple of 8.
+  // Requires: the number of bytes is a multiple of 8.
+  void Add(Bytes bytes) {
     for (std::size_t at = 0; at + 8 <= bytes.size(); at += 8) {
       first_ += read_(bytes, at) + second_;
       second_ += read_(bytes, at + 4) + first_;
@@ -66,13 +67,13 @@ std::string FindLogDamage(const std::string& database_path) {
   std::vector<unsigned char> frame(kFrameHeaderBytes + page_bytes);
   const Bytes bytes(frame);
   std::uint64_t salts = std::uint64_t{BigEndian(header, 16)} << 32 | BigEndian(header, 20);
-  std::optional<std::uint64_t> damaged_at;  // The first wrong byte's frame.
+  std::optional<std::uint64_t> damaged_at;  // Offset of the first damaged frame.
   if (!is_header_good) damaged_at = 0;
-  bool is_committed = false;  // The transaction of that frame.
+  bool is_committed = false;  // True if the transaction of the damaged frame was committed.
   for (std::uint64_t at = kHeaderBytes; log.read(reinterpret_cast<char*>(frame.data()), frame.size());
        at += frame.size()) {
     const std::uint64_t frame_salts = std::uint64_t{BigEndian(bytes, 8)} << 32 | BigEndian(bytes, 12);
-    if (!is_header_good && at == kHeaderBytes) salts = frame_salts;  // The header's may be what is wrong.
+    if (!is_header_good && at == kHeaderBytes) salts = frame_salts;  // The salts in the damaged header may be wrong.
     const bool is_of_this_log = frame_salts == salts;
     if (damaged_at && is_committed && is_of_this_log) {
       return "the write-ahead log is damaged at byte " + std::to_string(*damaged_at) +

@@ -1,21 +1,22 @@
-// FindLogDamage tells whether the write-ahead log of a store is damaged, before SQLite opens it.
+// FindLogDamage checks the write-ahead log of a store for damage, before SQLite opens the store.
 //
-// SQLite reads a log up to the first frame with a wrong checksum and silently discards the rest, as it must after a
-// power cut in the middle of a write. But a transaction of records is on the disk before the next one begins. So if
-// another transaction follows that of the wrong frame, bits of the log were changed, and records that were stored for
-// good are gone. Wrong bits in the last transaction look like an interrupted write, and are not reported. After a power
-// cut the report may concern notes that are not synced one by one (what peers have, bytes written); no record is lost
-// then.
+// SQLite reads a log up to the first frame with a wrong checksum and silently discards the rest. That is right after a
+// power cut in the middle of a write. However, a transaction of records is synced to the disk before the next
+// transaction begins. If another transaction follows the one with the wrong frame, then bits of the log were changed
+// and durable records are lost.
 //
-// The format is that of https://sqlite.org/fileformat2.html#walformat.
+// Wrong bits in the last transaction look like an interrupted write and are not reported. After a power cut, a report
+// may concern transactions that are not synced one by one (what peers have, bytes written); no record is lost then.
+//
+// The format is documented at https://sqlite.org/fileformat2.html#walformat.
 #pragma once
 
 #include <string>
 
 namespace moondb {
 
-// A sentence for people; empty: no damage was found, or there is no log. Reads the whole log, some hundred MB a second.
-// Call it while no process has the database open.
+// Returns a sentence for people, or an empty string if there is no damage or no log. Reads the whole log, at some
+// hundreds of MB per second. Requires: no process has the database open.
 std::string FindLogDamage(const std::string& database_path);
 
 }  // namespace moondb

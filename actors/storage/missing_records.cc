@@ -12,7 +12,7 @@ namespace moondb {
 
 namespace {
 
-constexpr std::size_t kDroppedIntervalBytes = 12;  // On the wire, about.
+constexpr std::size_t kDroppedIntervalBytes = 12;  // Approximate size of one interval on the wire.
 constexpr std::size_t kDroppedIntervalsMin = 16;
 
 bool Contains(const google::protobuf::RepeatedField<std::uint32_t>& values, std::uint32_t value) {
@@ -80,7 +80,7 @@ class MissingFinder {
     return Contains(filter_.newest_only_types(), stream.type) && !IsOwn(stream);
   }
 
-  // What is meant for the destination and is not there.
+  // Returns the seqs of the stream that pass the filter and that the destination lacks.
   Result<IntervalSet> Lacking(const StreamKey& stream) {
     IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Covered());
     if (marked_ != nullptr && !rules_.MayBeDropped(stream.type) && !IsNewestOnly(stream)) {
@@ -97,10 +97,10 @@ class MissingFinder {
     return lacking.Minus(lacking.Minus(found->second[stream.epoch]));
   }
 
-  // Only some of the stream's records pass the filter.
+  // Returns true if only some of the stream's records pass the filter.
   bool IsPartial(const StreamKey& stream) const { return AgentMeant(stream) != 0; }
 
-  // Whose poses and verdicts the filter lets pass; 0: all.
+  // Returns the agent whose poses and verdicts pass the filter; 0 if those of all agents do.
   AgentId AgentMeant(const StreamKey& stream) const {
     return FindRecordTable(stream.type)->knows_agent() && !IsOwn(stream) ? filter_.optimized_poses_of_agent() : 0;
   }
@@ -117,7 +117,7 @@ class MissingFinder {
     return streams;
   }
 
-  // Takes rows until a limit is reached; what is left of the interval adds to `remaining`.
+  // Adds records of the interval until a limit is reached. Adds the number of the others to `remaining`.
   Result<void> AddInterval(const StreamKey& stream, const IntervalSet::Interval& interval, std::uint64_t bytes_max,
                            std::uint64_t records_max, proto::MissingReply& reply) {
     const RecordTable& table = *FindRecordTable(stream.type);
@@ -161,7 +161,8 @@ class MissingFinder {
   const HaveSet* const marked_;
   const proto::RecordFilter& filter_;
   const HaveSet& destination_;
-  std::map<std::pair<AgentId, DataType>, std::map<std::uint64_t, IntervalSet>> newest_;  // By origin and type, epoch.
+  // Newest seqs by (origin, type), then by epoch.
+  std::map<std::pair<AgentId, DataType>, std::map<std::uint64_t, IntervalSet>> newest_;
   std::uint64_t bytes_ = 0;
   bool is_full_ = false;
 };

@@ -1,13 +1,13 @@
-// FindMissing: what a destination lacks of what is held here, and the facts about dropped records that may follow.
+// FindMissing: the records that are held here and that a destination lacks, and the dropped seqs to report to it.
 //
-// Order: sharing class first (SharingRules::RankOf), then epoch, then seq. `dropped` is filled only when nothing
-// remains beyond the returned records: what is superseded must not go before its superseder arrives. Optimized poses
-// and verdicts under `optimized_poses_of_agent` give no drops at all, because their superseders may be filtered out;
-// nor do types under `newest_only_types`, whose older records are still held here.
+// Records are ordered by sharing class (SharingRules::RankOf), then by epoch, then by seq. `dropped` is filled only if
+// the reply leaves no records over, since a superseded record must not be dropped before its successor arrives. Streams
+// that the filter passes only in part (`optimized_poses_of_agent`) report no dropped seqs, because the filter may hide
+// the successors. Neither do types under `newest_only_types`, whose older records are still held here.
 //
-// With a mark, records that came after it do not count, so that a session to a destination ends while the robot goes on
-// inserting. Types under the policy `latest` or under `newest_only_types` are excepted: a newer record may have
-// replaced the one that was marked.
+// If the request has a mark, records that were inserted after the mark are left out. A session then ends although the
+// robot goes on inserting. Types under the policy `latest` or in `newest_only_types` ignore the mark, because a newer
+// record may have replaced the marked one.
 #pragma once
 
 #include "actors/storage/sharing_rules.h"
@@ -17,15 +17,16 @@
 
 namespace moondb {
 
-// Limits of one reply; what a request leaves at 0 or sets higher becomes the first or the last of a pair.
+// Limits of one reply: the default if the request says 0, and the maximum.
 inline constexpr std::uint32_t kMissingBytesDefault = 64 * 1024;
 inline constexpr std::uint32_t kMissingBytesMax = 16 * 1024 * 1024;
 inline constexpr std::uint32_t kMissingRecordsDefault = 256;
 inline constexpr std::uint32_t kMissingRecordsMax = 4096;
 
-// `have` is this agent's own. `brings_others`: whether others take other agents' records from it; else it offers its
-// own and what is signed by whoever made it. `marked`: what this agent held when the request's mark was set; null:
-// there is no mark. Fails as Database does; kInvalid where destination_have is malformed.
+// `have` is this agent's own have-set. `brings_others` is true if peers accept records of other agents from this agent;
+// otherwise it offers only its own records and those signed by their author. `marked` is the have-set at the time of
+// the request's mark; null if there is no mark. Fails as Database does, or with kInvalid if destination_have is
+// malformed.
 Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const SharingRules& rules,
                                         bool brings_others, const HaveSet* marked,
                                         const proto::MissingRequest& request);

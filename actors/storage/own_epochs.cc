@@ -20,16 +20,16 @@ constexpr std::uint64_t kRandomMask = (1ull << kPreviousMarkShift) - 1;
 constexpr std::uint32_t kBaseMarkMax = 0xFF;
 constexpr std::uint32_t kMarkMax = 0x3FFF;
 
-// A changed byte of the table shows, as in have_interval.
+// The hash reveals a changed byte in the table own_epoch, as in have_interval.
 std::uint64_t HashOf(std::uint64_t epoch) { return HashRecord({{0, epoch, 0}, 0}, "begun"); }
 
-// What an epoch knew of this incarnation's: those up to these counters.
+// The epochs of this incarnation that another epoch knew: those with counters up to these.
 struct Knowledge {
   std::uint64_t certain = 0;
   std::uint64_t possible = 0;
 };
 
-// What each epoch knew, when they are added in rising order.
+// Computes which epochs of this incarnation each epoch knew. Requires: epochs are added in rising order.
 class Ancestry {
  public:
   explicit Ancestry(std::uint32_t own_tag) : own_tag_(own_tag) {}
@@ -74,7 +74,7 @@ class Ancestry {
       knew.possible = std::max(knew.possible, parent->possible);
     }
     if (is_copy && !previous) {
-      // Nothing before it is known of this copy: it is taken to have parted from this file right before it.
+      // No earlier epoch of this copy is known. Assume that the copy diverged from this file right before this epoch.
       const std::uint64_t before = std::max<std::uint64_t>(parts.counter, 2) - 2;
       return {std::max(knew.certain, before), std::max(knew.possible, before)};
     }
@@ -85,7 +85,7 @@ class Ancestry {
   Found PreviousOf(const EpochParts& parts) const {
     if (parts.previous_mark == 0) return std::nullopt;
     Found previous = Find(by_mark_, std::pair(parts.tag, parts.previous_mark), parts.counter);
-    // The first one in a backup goes on from one of another tag.
+    // The first epoch of a restored backup follows an epoch with another tag.
     if (!previous) previous = Find(by_mark_of_any_tag_, parts.previous_mark, parts.counter);
     if (previous) return previous;
     const auto latest = foreign_by_tag_.find(parts.tag);
@@ -93,7 +93,7 @@ class Ancestry {
     return latest->second.knew;
   }
 
-  // What is common to all that may be meant is certain.
+  // Several epochs may share this hash. Only what all of them knew is certain.
   template <typename Key>
   static Found Find(const std::map<Key, std::vector<Known>>& known, const Key& key, std::uint64_t counter) {
     Found knew;
@@ -109,10 +109,10 @@ class Ancestry {
   }
 
   const std::uint32_t own_tag_;
-  std::map<std::pair<std::uint64_t, std::uint32_t>, std::vector<Known>> by_base_mark_;  // And counter.
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<Known>> by_mark_;       // And tag.
+  std::map<std::pair<std::uint64_t, std::uint32_t>, std::vector<Known>> by_base_mark_;  // By counter and base mark.
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<Known>> by_mark_;       // By tag and mark.
   std::map<std::uint32_t, std::vector<Known>> by_mark_of_any_tag_;
-  std::map<std::uint32_t, Known> foreign_by_tag_;  // The highest.
+  std::map<std::uint32_t, Known> foreign_by_tag_;  // The highest foreign epoch of each tag.
 };
 
 }  // namespace
@@ -192,7 +192,7 @@ OwnEpochs::Danger OwnEpochs::Endangered() const {
   return danger;
 }
 
-// None that is known belongs to another incarnation for certain.
+// Draws a tag that no known epoch has. Accepts any tag once half of all tags are taken.
 std::uint32_t OwnEpochs::DrawTag(std::mt19937_64& random) const {
   std::set<std::uint32_t> taken;
   for (const std::uint64_t epoch : begun_) taken.insert(PartsOf(epoch).tag);
@@ -211,7 +211,7 @@ Result<OwnEpochs::Next> OwnEpochs::Draw(std::mt19937_64& random) const {
     const std::uint64_t previous = begun_.empty() ? 0 : *begun_.rbegin();
     return Next{EpochOf({PartsOf(base).counter + 1, tag, BaseMarkOf(base), MarkOf(previous)}, random()), tag};
   }
-  // The counter is used up: go on above the highest epoch, by random steps, which no tags fit.
+  // The counter is used up. Go on above the highest epoch in random steps; such epochs no longer hold valid tags.
   const std::uint64_t left = std::numeric_limits<std::uint64_t>::max() - base;
   if (left == 0) return Fail(ErrorCode::kInternal, "no epochs are left for this agent's records");
   return Next{base + 1 + random() % std::min<std::uint64_t>(left, 0xFFFF'FFFF), tag};

@@ -1,22 +1,22 @@
-// OwnEpochs: which epochs of this agent's own records are known, which of them this file's history began, and whose
+// OwnEpochs: the known epochs of this agent's own records. It says which of them this file's history began, and whose
 // states a later epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
 //
-// An epoch's 64 bits say where it comes from:
-//   16 bits  counter: one above the counter of its *base*, the highest own epoch known when it was begun
-//   10 bits  tag of the incarnation that began it
-//    8 bits  of the mark of its base; 0: there was none
-//   14 bits  mark of the epoch that its file's history had begun before it; 0: it had begun none
-//   16 bits  at random, so that two copies of one file that go on separately use no name twice
+// The 64 bits of an epoch say where it comes from:
+//   - 16 bits: counter, one above the counter of its *base*, the highest own epoch known when it began;
+//   - 10 bits: tag of the incarnation that began it;
+//   - 8 bits: derived from the mark of its base; 0 if it had no base;
+//   - 14 bits: mark of the epoch that its file's history began before it; 0 if it is the first;
+//   - 16 random bits, so that two diverging copies of one file do not use the same epoch twice.
 // A *mark* is a hash of all bits of an epoch. An *incarnation* is one history of a database file. Its tag is drawn with
-// its first epoch: in a file that was created empty, and in a copy that `moonctl db backup` made, which takes the tag
-// out of it (kForgetIncarnationSql).
+// its first epoch. A file that was created empty starts a new incarnation. So does a copy that `moonctl db backup`
+// made, because the tag is removed from the copy (kForgetIncarnationSql).
 //
-// An epoch that is claimed or comes home and that this file's history did not begin is *foreign*: another disk of this
-// agent began it, or an unmarked copy of this very file. It knew its base, the one before it in its file, and what
-// these knew. Where the one before it is not known here, the highest lower one of its tag stands for it.
+// A *foreign* epoch is an own epoch that a peer reports or returns and that this file's history did not begin. Another
+// disk of this agent began it, or an unmarked copy of this file. A foreign epoch knew its base, the previous epoch of
+// its file, and all that these two knew. If the previous epoch is not known here, the highest lower epoch with the same
+// tag is used instead.
 //
-// Plain values but for Load and the two functions that write, which act inside the caller's transaction and fail as
-// Database does.
+// Load and Write run inside the caller's transaction and fail as Database does. The other functions use no database.
 #pragma once
 
 #include <cstdint>
@@ -38,51 +38,53 @@ struct EpochParts {
   bool operator==(const EpochParts&) const = default;
 };
 EpochParts PartsOf(std::uint64_t epoch);
-// 0 for epoch 0, which is none.
+// Returns 0 for epoch 0, which is not a valid epoch.
 std::uint32_t MarkOf(std::uint64_t epoch);
 std::uint32_t BaseMarkOf(std::uint64_t base);
-// For tests: `random` is taken as far as its bits go.
+// For tests. Uses as many bits of `random` as an epoch has room for.
 std::uint64_t EpochOf(const EpochParts& parts, std::uint64_t random);
 
 inline constexpr std::uint32_t kEpochTagMax = 0x3FF;
 inline constexpr std::uint64_t kEpochCounterMax = 0xFFFF;
-// 16384 lives of this agent that a lost disk knew of; who claims more would use up the epochs that are left.
+// Room for 16384 process starts of this agent on a disk that was lost. A claim of a higher epoch would use up the
+// remaining epochs.
 inline constexpr std::uint64_t kOwnEpochJumpMax = 1ull << (48 + 14);
-// The highest ones are kept, so that no peer fills the memory with claims.
+// The highest foreign epochs are kept, so that claims of peers cannot fill the memory.
 inline constexpr std::size_t kForeignEpochsMax = 4096;
 
 class OwnEpochs {
  public:
-  // What the file's history began. What is foreign is Learn's to say.
+  // Loads the epochs that the file's history began. Learn adds the foreign ones.
   Result<void> Load(Database& database);
 
-  // True if this incarnation has begun an epoch; false for a restored copy, and for a new file to which peers brought
-  // this agent's records.
+  // Returns true if this incarnation has begun an epoch. Returns false for a restored copy, and for a new file for
+  // which peers returned this agent's records.
   bool has_incarnation() const { return tag_ != 0; }
-  std::uint64_t highest() const;  // Of all that are known; 0: none is.
-  // The process starts here, with all that its file knows: what is claimed from now on is held against it.
+  std::uint64_t highest() const;  // The highest known epoch; 0 if none is known.
+  // Call once, after the process has loaded its file. IsPossible judges later claims by the highest epoch at this time.
   void NoteStart() { highest_at_start_ = highest(); }
-  // Whether one that somebody claims can be: at most kOwnEpochJumpMax above the highest as the process started, however
-  // many were claimed since, and not 0.
+  // Returns whether a claimed epoch can exist. It must not be 0, and at most kOwnEpochJumpMax above the highest epoch
+  // at the start of the process. Later claims do not raise this limit.
   bool IsPossible(std::uint64_t epoch) const;
   bool IsKnown(std::uint64_t epoch) const { return begun_.contains(epoch) || foreign_.contains(epoch); }
-  void Learn(std::uint64_t epoch);  // Nothing where this file's history began it.
+  void Learn(std::uint64_t epoch);  // Adds a foreign epoch. Does nothing if this file's history began the epoch.
 
-  // Epochs of this incarnation that the highest foreign one is above and did not know: their states would give way to
-  // older ones. What a lower foreign one did not know, the highest one's disk has stored once more, or has later states
-  // of.
+  // Epochs of this incarnation whose states are in danger. They are below the highest foreign epoch, which did not know
+  // them, so older states stored under the foreign epoch would replace their states. Lower foreign epochs need no
+  // check: the disk of the highest one has stored again, or replaced, the states that they did not know.
   struct Danger {
     std::set<std::uint64_t> certain;
-    std::set<std::uint64_t> possible;  // What it was begun upon is not known here well enough to tell.
+    // Endangered epochs for which too little is known here about the base of the foreign epoch.
+    std::set<std::uint64_t> possible;
   };
   Danger Endangered() const;
 
-  // One above all that are known, to be written and, once that is committed, to be noted.
+  // An epoch above all known ones. The caller writes it, and calls NoteBegun after the commit.
   struct Next {
     std::uint64_t epoch = 0;
-    std::uint32_t tag = 0;  // This incarnation's, from now on.
+    std::uint32_t tag = 0;  // The tag of this incarnation; new if it had none.
   };
-  // kInternal: none are left.
+  // kInternal if no epochs are left.
   Result<Next> Draw(std::mt19937_64& random) const;
   Result<void> Write(Database& database, const Next& begun) const;
   void NoteBegun(const Next& begun);
@@ -90,14 +92,14 @@ class OwnEpochs {
  private:
   std::uint32_t DrawTag(std::mt19937_64& random) const;
 
-  std::uint32_t tag_ = 0;  // 0: not drawn yet.
+  std::uint32_t tag_ = 0;  // 0 until it is drawn.
   std::set<std::uint64_t> begun_;
   std::set<std::uint64_t> foreign_;
   std::uint64_t highest_at_start_ = 0;
 };
 
-// Of a copy that is not the agent's store: who opens it as one is a new incarnation. Nothing where `database` has no
-// tables of moondb's.
+// SQL that removes the incarnation from a copy of a store. An agent that opens the copy as its store then starts a new
+// incarnation. Fails in a file that is not a store.
 extern const char* const kForgetIncarnationSql;
 
 }  // namespace moondb

@@ -20,24 +20,24 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::Reflection;
 
-// What a table has columns for.
-constexpr int kNumbersMax = 36;   // Of one repeated field: a covariance.
-constexpr int kMessagesMax = 16;  // A map's layers.
+// Limits on the columns of a table.
+constexpr int kNumbersMax = 36;   // Values of one repeated field, such as a covariance.
+constexpr int kMessagesMax = 16;  // Messages of one repeated field, such as the layers of a map.
 constexpr int kDepthMax = 5;
 constexpr std::size_t kColumnsMax = 1500;
-// More than to put that many values into a row.
+// Limit of SQLite's steps; more than an insert of kColumnsMax values takes.
 constexpr int kStepsMax = 20'000;
 
 constexpr char kNoInsert[] = "is not an insert into the table of its type";
 
 struct PathStep {
   const FieldDescriptor* field = nullptr;
-  int index = -1;  // Of a repeated field.
+  int index = -1;  // Index in a repeated field; -1 if the field is not repeated.
 };
 
 struct Column {
   std::string name;
-  std::vector<PathStep> path;  // From the Record on.
+  std::vector<PathStep> path;  // Path that starts at the Record.
 };
 
 struct PaperTable {
@@ -83,7 +83,7 @@ void AddColumns(const std::string& prefix, std::vector<PathStep> path, std::vect
   }
 }
 
-// Nothing for a type that is unknown here or would have too many columns.
+// Returns the table for a data type. Null if the type is unknown here or would need too many columns.
 std::optional<PaperTable> TableOf(DataType type) {
   const FieldDescriptor* body = BodyOf(type);
   if (body == nullptr) return std::nullopt;
@@ -116,7 +116,8 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
-// SQLite reads one in some thousand numbers as the one beside it; with more digits it does not.
+// SQLite reads about one in some thousand short literals as the neighbouring number. It reads literals with many digits
+// exactly.
 enum class Digits { kFew, kMany };
 
 std::string Real(double value, Digits digits) {
@@ -126,13 +127,13 @@ std::string Real(double value, Digits digits) {
                        ? std::to_chars(text, text + sizeof text, value).ptr
                        : std::to_chars(text, text + sizeof text, value, std::chars_format::general, kManyDigits).ptr;
   std::string literal(text, end);
-  // An integer's literal would come back as one.
+  // Without a decimal point SQLite would read the literal as an integer.
   return literal.find_first_of(".en") == std::string::npos ? literal + ".0" : literal;
 }
 
 std::string Integer(std::int64_t value) { return std::to_string(value); }
 
-// Of one value; `index` as in PathStep.
+// Returns the SQL literal of one value. `step` selects the field, and its index if it is repeated.
 std::string LiteralOf(const Message& message, const PathStep& step, Digits digits) {
   const Reflection& all = *message.GetReflection();
   const FieldDescriptor* field = step.field;
@@ -181,7 +182,7 @@ bool HasAnyField(const Message& message) {
   return !fields.empty();
 }
 
-// Nothing where the column has no value.
+// Returns the SQL value of a column; null if the record has no value for it.
 std::optional<std::string> ValueOf(const proto::Record& record, const Column& column, Digits digits) {
   const Message* message = &record;
   for (std::size_t i = 0; i + 1 < column.path.size(); ++i) {
@@ -195,7 +196,7 @@ std::optional<std::string> ValueOf(const proto::Record& record, const Column& co
   return LiteralOf(*message, last, digits);
 }
 
-// One value of a row that was read.
+// Sets one field of a message from a column of the current row.
 void SetValue(sqlite3_stmt* row, int number, const PathStep& step, Message& message) {
   const Reflection& all = *message.GetReflection();
   const FieldDescriptor* field = step.field;
@@ -242,7 +243,7 @@ void SetValue(sqlite3_stmt* row, int number, const PathStep& step, Message& mess
   }
 }
 
-// False: it is of a repeated field whose values before it are not there.
+// Returns false if the column belongs to a repeated field whose earlier values are missing.
 bool Take(sqlite3_stmt* row, int number, const Column& column, proto::Record& record) {
   Message* message = &record;
   for (std::size_t i = 0; i + 1 < column.path.size(); ++i) {
@@ -263,7 +264,7 @@ bool Take(sqlite3_stmt* row, int number, const Column& column, proto::Record& re
   return true;
 }
 
-// A map's cells, four of which are a byte of a record, as one byte each.
+// Converts a map's cells from the record's packed form, four cells per byte, to one byte each.
 bool SpreadCells(proto::Record& record) {
   if (!record.has_local_traversability_map()) return true;
   for (proto::MapLayer& layer : *record.mutable_local_traversability_map()->mutable_layers()) {
@@ -300,7 +301,7 @@ struct CloseSql {
 using DatabaseHandle = std::unique_ptr<sqlite3, CloseSql>;
 using SqlStatement = std::unique_ptr<sqlite3_stmt, CloseSql>;
 
-// Inserts into the one table, and nothing else.
+// Permits inserts into the one table, and denies everything else.
 int Authorize(void* table, int action, const char* name, const char*, const char* database, const char* trigger) {
   const bool is_insert = action == SQLITE_INSERT && name != nullptr && *static_cast<std::string*>(table) == name &&
                          database != nullptr && std::string_view(database) == "main" && trigger == nullptr;
@@ -309,7 +310,7 @@ int Authorize(void* table, int action, const char* name, const char*, const char
 
 int Stop(void*) { return 1; }
 
-// Empty, in memory, with that one table.
+// Opens an empty in-memory database that has only this table.
 DatabaseHandle OpenFor(const PaperTable& table) {
   sqlite3* opened = nullptr;
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_MEMORY | SQLITE_OPEN_NOMUTEX;
@@ -339,10 +340,11 @@ DatabaseHandle OpenFor(const PaperTable& table) {
   return database;
 }
 
-// For what stands outside of quoted values SQLite takes a hundred times its bytes, and looks for each name among all
-// columns: so there may be no more of it than SqlOf writes. With these characters alone, quotes are what they seem.
+// Outside of quoted values, SQLite needs a hundred times the memory of the text, and searches all columns for each
+// name. The text there may therefore be no longer than what SqlOf writes. Only these characters are permitted, so that
+// quotes cannot be hidden in other syntax.
 bool IsShortOutsideQuotes(std::string_view sql, const PaperTable& table) {
-  constexpr std::size_t kNumberBytesMax = 32;  // With what parts it from the next.
+  constexpr std::size_t kNumberBytesMax = 32;  // Bytes of a number with its separator.
   constexpr std::size_t kOtherBytesMax = 160;
   constexpr std::string_view kSigns = "_ ,.()+-";
   std::size_t left = kOtherBytesMax + table.name.size();

@@ -1,18 +1,19 @@
-// The paper's literal form of a record: one populated INSERT into the table of its data type (paper, Section 4), to
-// compare other codecs with.
+// The paper's literal form of a record: one populated INSERT into the table of its data type (paper, Section 4). It
+// serves as a baseline for the other codecs.
 //
 //   INSERT INTO temperature (record_id, agent_id, timestamp_ns, celsius) VALUES ('3.00061c40f0d7cf6b.1.17', 3, 17...,
 //   -40.5)
 //
-// A column for each field that has a value, named by its path within the record's body; bytes and a map's cells, one
-// byte each, as X'..'. A message without any field that has a value is 1.
+// There is a column for each field that has a value, named by the field's path within the record's body. Bytes, and the
+// cells of a map at one byte each, are written as X'..'. A message whose fields have no values is written as 1.
 //
-// A peer's statement never comes near the store: it is run in an empty database of its own in memory that has this one
-// table, under an authorizer that lets it insert there and nothing else (no function, no subquery, no other statement
-// behind it), with SQLite's limits lowered, so many steps, and no more outside of quotes than its table's columns need;
-// and it must have made exactly one row, with the announced record_id and agent_id. What that row holds becomes a
-// record, to be checked like any other (record_validator.h).
-// Pure functions, safe from any thread.
+// A peer's statement never reaches the store. It runs in an empty in-memory database that has only this one table. An
+// authorizer permits only the insert: no function, no subquery, no further statement. SQLite's limits are lowered and
+// its steps are bounded. The text outside of quotes may be only as long as the table's columns need. The statement must
+// make exactly one row, with the announced record_id and agent_id. That row becomes a record, which is checked like any
+// other (record_validator.h).
+//
+// Pure functions. Thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -28,11 +29,13 @@ namespace moondb {
 
 inline constexpr std::size_t kPaperSqlBytesMax = 8 * 1024 * 1024;
 
-// Nothing where RecordOf would not give the same record back: fields that are unknown here, a body that is not of the
-// key's type, more repeated values than a table has columns for, NaN, a larger statement than kPaperSqlBytesMax.
+// Returns the statement that makes `record`. Null if RecordOf would not return the same record. Reasons are unknown
+// fields, a body that is not of the key's type, more repeated values than the table has columns, NaN, or a statement
+// above kPaperSqlBytesMax.
 std::optional<std::string> SqlOf(const proto::StoredRecord& record);
 
-// kCorrupt: the statement is not one that SqlOf makes, or makes another row than that of `key`.
+// Returns the record that the statement makes. kCorrupt if SqlOf does not make such statements, or if the row does not
+// belong to `key`.
 Result<proto::StoredRecord> RecordOf(std::string_view sql, const RecordKey& key);
 
 }  // namespace moondb

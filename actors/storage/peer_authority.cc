@@ -26,7 +26,8 @@ proto::RefusalCause ToProto(PeerAuthority::Cause cause) {
   return proto::REFUSAL_CAUSE_UNSPECIFIED;
 }
 
-// Each agent has an equal part of half of the room. The other half is for those that need more.
+// Returns whether the agent may use more of `room`. Half of the room is divided equally among the agents. The other
+// half is for agents that need more.
 template <typename UsedBy>
 bool HasRoom(AgentId origin, const std::set<AgentId>& team, std::uint64_t room, const UsedBy& used_by) {
   const std::uint64_t half = room / 2;
@@ -152,7 +153,7 @@ void PeerAuthority::Describe(const HaveSet& have, proto::AgentStatus& status) co
     const auto add = [&left_out](const auto& counts, proto::RefusalCause cause) {
       for (const auto& [origin, count] : counts) {
         double& shown = left_out[{origin, cause}];
-        shown = std::max(shown, count);  // Two readers may read the same records.
+        shown = std::max(shown, count);  // The maximum, because two readers may read the same records.
       }
     };
     add(report.without_role(), proto::REFUSAL_CAUSE_UNCOUNTED);
@@ -179,7 +180,7 @@ void PeerAuthority::Describe(const HaveSet& have, proto::AgentStatus& status) co
     shown.set_count(static_cast<double>(count));
   }
   for (const auto& [key, count] : refused_) {
-    // It came before the assignment by which the sender has had a role: no lie, and it comes again.
+    // The sender's role assignment had not arrived yet. The sender will retry, so this is not reported as misbehaviour.
     if (std::get<1>(key) == Cause::kOrigin && IsBelieved(std::get<0>(key))) continue;
     proto::RefusedFrom& refused = *status.add_refused();
     refused.set_agent_id(std::get<0>(key));

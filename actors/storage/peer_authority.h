@@ -1,16 +1,15 @@
-// PeerAuthority: whose word this agent's store takes, and for what.
+// PeerAuthority: decides which peers may supply which records.
 //
-// Records of an agent are taken from that agent itself, from the base station, and from who leads or survives, or did,
-// in an assignment that counts and is held here (model/role_chain.h); assignments and quarantines of maps, which are
-// signed, from anybody. From others records of a third agent are refused, and the bringer is counted by name: a member
-// that lies lies about itself alone. So are drops. What peers claim of this agent's own epochs is believed from the
-// same ones. In a team without signing keys all are believed.
+// Records of an agent are accepted from that agent itself and from the base station. They are also accepted from an
+// agent that is or was leader or survivor by a valid assignment held here (model/role_chain.h). Role assignments and
+// map quarantines are signed, so any agent may supply them. Other peers may not supply records or drops of a third
+// agent; these are refused, and counted for the sender. A dishonest member can thus lie only about itself. Claims about
+// this agent's own epochs are accepted from the same peers. In a team without signing keys all peers are trusted.
 //
-// Streams: a have-set has kHaveStreamsMax of them at most. Of half of these each agent of the team has an equal part;
-// who needs more takes of the other half what nobody else has. What goes beyond is refused.
+// Streams: a have-set has at most kHaveStreamsMax streams. Half of these are divided equally among the agents of the
+// team. An agent that needs more takes from the other half as long as there are any. Further streams are refused.
 //
-// Disk room: the same rule holds for the bytes of other agents' records. This agent's own records are not limited by
-// it.
+// Disk space: the same rule limits the bytes of other agents' records. This agent's own records are not limited by it.
 #pragma once
 
 #include <cstdint>
@@ -41,17 +40,18 @@ namespace moondb {
 
 class PeerAuthority {
  public:
-  // Whether records of the type are signed, so that any agent may bring them.
+  // Returns whether records of the type are signed, so that any agent may supply them.
   static bool IsSignedType(DataType type) { return type == proto::ROLE_ASSIGNMENT || type == proto::MAP_QUARANTINE; }
 
-  static constexpr std::size_t kOwnBeyondMax = 64;  // Of a peer's.
+  static constexpr std::size_t kOwnBeyondMax = 64;  // Own record keys remembered per peer.
 
   struct Options {
     AgentId self = 0;
-    AgentId base = 0;  // 0: the team has none.
+    AgentId base = 0;  // 0 if the team has no base station.
     std::set<AgentId> team;
     RoleChain::Options roles = RoleChain::WithoutKeys();
-    // In a team with keys alone: by the issuer's key, and by the origin's of a record that anybody may bring.
+    // Used only in a team with keys. Check the signature of an assignment by its issuer's key, and of a record that any
+    // agent may supply by its origin's key.
     std::function<bool(const proto::RoleAssignment&)> is_signed;
     std::function<bool(const RecordKey&, const proto::Record&)> is_record_signed;
   };
@@ -59,45 +59,46 @@ class PeerAuthority {
 
   explicit PeerAuthority(Options options);
 
-  // The assignments that the store holds: those that were acted on, and those that came as records.
+  // Loads the assignments in the store: those that this agent acted on, and those stored as records.
   Result<void> Load(Database& database);
-  // Of one that is committed; `is_record`: as a record.
+  // Call after an assignment is committed. `is_record` is true if it was stored as a record.
   void NoteAssignment(const proto::RoleAssignment& roles, bool is_record);
   void NoteIfSigned(const proto::RoleAssignment& roles);
-  // What ends with this one, newest first, and is not held as a record.
+  // Returns `roles` and the assignments that it follows within its era, newest first, up to the first that is held as a
+  // record.
   std::vector<proto::RoleAssignment> NotHeldAsRecords(const proto::RoleAssignment& roles) const;
 
-  // Whether the agent's word is taken for other agents' records; 0 is this agent's own.
+  // Returns whether records of other agents are accepted from `sender`. 0 stands for this agent.
   bool IsBelieved(AgentId sender) const;
-  // kRefused, and counted: the sender may not bring it.
+  // kRefused, and counted, if the sender may not supply the record.
   Result<void> CheckRecord(AgentId sender, const RecordKey& key, const proto::Record& record);
-  // kRefused, and counted: the sender may not say what was dropped of this stream.
+  // kRefused, and counted, if the sender may not report drops of this stream.
   Result<void> CheckOrigin(AgentId sender, const StreamKey& stream);
-  // kRefused, and counted: of its origin `ledger` has no room for this stream, which is new there.
+  // kRefused, and counted, if the stream is new in `ledger` and its origin has used up its streams.
   Result<void> CheckRoom(AgentId sender, const StreamKey& stream, const HaveLedger& ledger);
-  // kRefused, and counted for `origin`: its records have used up their part of `room_bytes`, which is what the records
-  // of all agents may take. `used_bytes`: what they take now, by origin.
+  // kRefused, and counted for `origin`, if its records have used up their part of `room_bytes`. `room_bytes` is the
+  // disk space for the records of all agents. `used_bytes` is the space used now, by origin.
   Result<void> CheckDiskRoom(AgentId origin, const std::map<AgentId, std::uint64_t>& used_bytes,
                              std::uint64_t room_bytes);
-  // kRefused, and counted: not signed by its issuer.
+  // kRefused, and counted, if its issuer did not sign the assignment.
   Result<void> CheckAssignment(AgentId sender, const proto::RoleAssignment& roles);
-  // kRefused: a quarantine of another agent's maps, or one that lifts another agent's, would not count: this agent is
-  // not in command_from of the team file and does not lead.
+  // kRefused if the quarantine concerns another agent's maps, or lifts another agent's quarantine, without the right to
+  // do so. This agent has the right if it leads or is in command_from of the team file.
   Result<void> CheckOwnQuarantine(const proto::Record& record) const;
-  // The newest term that is known and counts.
+  // The newest known term that is valid.
   const proto::Term& newest_term() const { return chain_.newest().term(); }
-  // A record of this origin came that its origin may not state.
+  // Counts a record that its origin had no right to state.
   void CountStatement(AgentId origin) { CountRefused(origin, Cause::kStatement, 0); }
-  // How many held records a reader (an actor) leaves out by the origin's role, by origin. Replaces the reader's last
-  // word.
+  // Records how many held records a reader (an actor) ignores because of the origin's role, by origin. Replaces the
+  // reader's last report.
   void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report);
 
-  // Of this agent's own records the peer names these, which this disk never had: the last of a stream, or of an epoch
-  // of which nothing else is known a key without type and seq. `is_all`: the peer has no others, and what it named
-  // before is forgotten; else that stands. Of more than kOwnBeyondMax the rest is not remembered.
+  // Records which of this agent's own records `peer` names although this disk never held them. Each key is the last
+  // record of a stream. If only the epoch is known, type and seq are 0. If `is_all`, the list is complete and replaces
+  // earlier reports of the peer. At most kOwnBeyondMax keys are remembered per peer.
   void NoteOwnBeyond(AgentId peer, const std::vector<RecordKey>& beyond, bool is_all);
 
-  // What was refused, by who sent it, and what this disk, which has `have`, still lacks of what peers name.
+  // Reports the refused records by sender, and the own records that peers name and that are not in `have`.
   void Describe(const HaveSet& have, proto::AgentStatus& status) const;
 
  private:
@@ -105,10 +106,11 @@ class PeerAuthority {
 
   const Options options_;
   RoleChain chain_;
-  std::set<std::string> held_as_records_;                                 // Signatures.
-  std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // By sender, cause and origin.
-  std::map<AgentId, std::map<StreamKey, std::uint64_t>> own_beyond_;      // Last seqs by peer and stream; 0: an epoch.
-  std::map<std::string, proto::LeftOutReport> left_out_;                  // By reader.
+  std::set<std::string> held_as_records_;                                 // Signatures of assignments held as records.
+  std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // Counts by sender, cause and origin.
+  // Last seqs by peer and stream; 0 if only the epoch is known.
+  std::map<AgentId, std::map<StreamKey, std::uint64_t>> own_beyond_;
+  std::map<std::string, proto::LeftOutReport> left_out_;  // Last reports by reader.
 };
 
 }  // namespace moondb

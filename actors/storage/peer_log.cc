@@ -12,7 +12,7 @@ Query& operator<<(Query& query, const StreamKey& stream) {
   return query << stream.origin << stream.epoch << stream.type;
 }
 
-// Rows of `olds` that are not in `news` go.
+// Replaces the intervals of one stream in the table peer_have.
 Result<void> WriteStream(Database& database, AgentId peer, const StreamKey& stream, const IntervalSet& old_set,
                          const IntervalSet& new_set) {
   if (old_set == new_set) return {};
@@ -52,7 +52,7 @@ Result<void> WriteHandedOver(Database& database, const proto::PeerHave& note) {
 
 }  // namespace
 
-// False where the table is damaged.
+// Returns false if the table is damaged.
 Result<bool> PeerLog::ReadAll(Database& database) {
   Query query = database.Prepare("SELECT peer, origin, epoch, data_type, first, last FROM peer_have");
   while (true) {
@@ -68,7 +68,7 @@ Result<bool> PeerLog::ReadAll(Database& database) {
 }
 
 Result<void> PeerLog::Load(Database& database) {
-  // Of a life before this one. It only shows, so that a disk that takes no write now does not matter.
+  // Delete the entries of an earlier process. A failure is ignored, because they are only for display.
   const Result<std::int64_t> is_any = database.Number("SELECT EXISTS(SELECT 1 FROM handed_over)");
   if (!is_any) return tl::unexpected(is_any.error());
   if (*is_any != 0) (void)database.Execute("DELETE FROM handed_over");
@@ -77,7 +77,7 @@ Result<void> PeerLog::Load(Database& database) {
   const Result<bool> is_sound = ReadAll(database);
   if (!is_sound) return tl::unexpected(is_sound.error());
   if (*is_sound) return {};
-  covered_.clear();  // The next sessions report it again.
+  covered_.clear();  // The next sessions report the contents again.
   return database.Execute("DELETE FROM peer_have");
 }
 

@@ -1,8 +1,10 @@
-// PeerLog: what peers are known to have, and what the open sessions handed to them, for the view replication_log.
+// PeerLog: what peers are known to have, and what the open sessions have handed to them. Shown by the view
+// replication_log.
 //
-// It shows, and decides a guess (OwnEpochs::Danger): lost at a power cut, it comes back with the next session. A
-// session notes all that its peer has once, then differences, which are numbered (proto::PeerHave). One that does not
-// follow the note before changes nothing of what the peer is known to have: its sender is asked for all again.
+// The log is for display, and for cases that OwnEpochs::Danger cannot decide. It may lose entries at a power cut; the
+// next session restores them. A session first reports everything that its peer has, then numbered differences
+// (proto::PeerHave). A difference that does not follow the last report is not applied, and its sender is asked for a
+// full report.
 #pragma once
 
 #include <cstdint>
@@ -17,15 +19,15 @@ namespace moondb {
 
 class PeerLog {
  public:
-  // Forgets what was handed over by an earlier process.
+  // Loads the table, and deletes what an earlier process noted as handed over.
   Result<void> Load(Database& database);
 
-  // False: it is a difference that does not follow the last note taken, so that only what it says of the session was.
-  // kInvalid where it is malformed; else fails as Database does, and then nothing changed. The next difference does not
-  // follow either.
+  // Applies a report. Returns false if it is a difference that does not follow the last applied report; then only the
+  // part about the session is applied. kInvalid if the report is malformed. Other errors are as for Database. After an
+  // error nothing has changed, and the next difference does not follow either.
   Result<bool> Note(Database& database, const proto::PeerHave& note);
 
-  // Whether any peer is known to have it, or what replaced it.
+  // Returns whether any peer is known to cover the record (to hold or have dropped it).
   bool IsCoveredByAny(const RecordKey& key) const;
 
  private:
@@ -34,12 +36,14 @@ class PeerLog {
   Result<bool> ReadAll(Database& database);
   const Covered& KnownOf(AgentId peer) const;
   bool Follows(const proto::PeerHave& note) const;
-  // The streams in which `note` changes what its peer is known to have, whole; empty: it has nothing of it any more.
+  // Returns the new state of each stream that `note` changes for its peer. An empty set means that the peer no longer
+  // covers any seq of the stream.
   Covered ChangedBy(const proto::PeerHave& note, const HaveSet& acknowledged) const;
   void Apply(AgentId peer, Covered changed);
 
-  std::map<AgentId, Covered> covered_;  // As in the table peer_have.
-  // The number of the last note that was taken, by peer and kind of session; none: all has to be noted first.
+  std::map<AgentId, Covered> covered_;  // Same content as the table peer_have.
+  // Number of the last applied report, by peer and kind of session. If there is no entry, only a full report can be
+  // applied.
   std::map<std::pair<AgentId, proto::SharingKind>, std::uint64_t> numbers_;
 };
 

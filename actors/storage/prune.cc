@@ -77,7 +77,7 @@ class Chooser {
     return std::find(types.begin(), types.end(), type) != types.end();
   }
 
-  // Steps over the rows of some seqs that are old enough; `take` tells whether to go on.
+  // Visits the rows of `seqs` that are old enough, until `take` returns false.
   template <typename Take>
   Result<void> VisitOld(const StreamKey& stream, const IntervalSet& seqs, Take take) {
     const RecordTable& table = *FindRecordTable(stream.type);
@@ -98,7 +98,7 @@ class Chooser {
     return {};
   }
 
-  // Reads the record, so only of those whose turn has come.
+  // Reads the record, so call it only for rows that are about to be selected.
   Result<bool> IsOfUnknownAge(const PruneChoice::Chosen& row) {
     if (!timestamp_before_ns_) return false;
     const Result<proto::Record> record = row.table->ReadRecord(database_, row.row.row_id);
@@ -137,7 +137,7 @@ class Chooser {
     for (PruneChoice::Chosen& row : candidates) {
       const auto row_bytes = static_cast<double>(row.row.content_bytes);
       if (request_.content_bytes_max() > 0 && bytes >= request_.content_bytes_max()) {
-        choice_.is_complete = true;  // So much was asked for.
+        choice_.is_complete = true;  // The requested number of bytes is reached.
         break;
       }
       const std::size_t count = choice_.rows.size();
@@ -160,7 +160,8 @@ class Chooser {
   const SharingRules& rules_;
   const proto::PruneRequest& request_;
   const std::vector<HaveSet> acknowledged_;
-  const std::optional<HaveSet> bundled_;  // In bundles for the ground; none: none was ever made.
+  // Records in bundles for a ground station; null if no bundle was ever made.
+  const std::optional<HaveSet> bundled_;
   std::optional<std::int64_t> timestamp_before_ns_;
   HaveSet named_;
   PruneChoice choice_;
@@ -188,7 +189,8 @@ Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const
   if (!acknowledged) return tl::unexpected(acknowledged.error());
   std::optional<HaveSet> bundled;
   Result<proto::LoadBundlesReply> bundles;
-  if (!rules.for_ground.empty()) bundles = LoadBundles(database);  // Elsewhere they hold nobody's record back.
+  // Only records of the types in for_ground have to be in a bundle.
+  if (!rules.for_ground.empty()) bundles = LoadBundles(database);
   if (!bundles) return tl::unexpected(bundles.error());
   if (bundles->last_number() > 0) {
     Result<HaveSet> taken = FromProto(bundles->taken());

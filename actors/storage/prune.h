@@ -1,12 +1,14 @@
-// ChooseToPrune: the rows that a PruneRequest (proto/retention.proto) may take away, oldest first.
+// ChooseToPrune: selects the rows that a PruneRequest (proto/retention.proto) may remove, oldest first.
 //
-// Only shared records under the policy `all` that are held here and that every one of `acknowledged` had; of some types
-// only where the request names them (model/prune_rules.h). Where bundles for the ground were ever made
-// (actors/storage/bundle_shelf.h), of the types that go there (SharingRules::for_ground) only what is in one: it keeps
-// a copy of its own. A record whose stamp comes from a suspect clock is of unknown age: no `older_than_s` takes it.
+// Only shared records under the policy `all` are selected, and only if they are held here and covered by every have-set
+// in `acknowledged`. Some types are selected only if the request names them (model/prune_rules.h).
 //
-// Looks at keys, stamps and lengths of all that may go, not at contents (but for what is old enough, to see whether its
-// stamp can be trusted).
+// If bundles for a ground station were ever made (actors/storage/bundle_shelf.h), records of the types that go there
+// (SharingRules::for_ground) must also be in a bundle, which keeps its own copy. A record whose timestamp comes from a
+// suspect clock has an unknown age, so `older_than_s` never selects it.
+//
+// Reads the keys, timestamps and lengths of all candidates. Reads contents only of records that are old enough, to
+// check whether their timestamps can be trusted.
 #pragma once
 
 #include <cstdint>
@@ -21,27 +23,30 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kPruneRowsMax = 2000;                        // Of one request that removes,
-inline constexpr std::uint64_t kPruneContentBytesMax = 64 * 1024 * 1024;  // of contents, or one larger record.
-inline constexpr int kPruneNamedMax = 4096;                               // PruneRequest.records.
-inline constexpr std::size_t kPruneCandidatesMax = 262'144;  // Of more, the oldest of the streams that come first.
+inline constexpr std::size_t kPruneRowsMax = 2000;  // Rows per request that removes records.
+// Bytes of contents per request that removes records, or one larger record.
+inline constexpr std::uint64_t kPruneContentBytesMax = 64 * 1024 * 1024;
+inline constexpr int kPruneNamedMax = 4096;  // Size limit of PruneRequest.records.
+// Limit of candidates. If there are more, those of the first streams are considered.
+inline constexpr std::size_t kPruneCandidatesMax = 262'144;
 
 struct PruneChoice {
   struct Chosen {
     const RecordTable* table = nullptr;
     std::int64_t timestamp_ns = 0;
-    RecordTable::Row row;  // Without hash and latest key.
+    RecordTable::Row row;  // Hash and latest key are not filled.
   };
   std::vector<Chosen> rows;
-  double unacknowledged_count = 0;  // Would have been candidates too.
-  bool is_complete = true;          // Else more may go, beyond a limit above.
+  // Records that are not selected because `acknowledged` does not cover them.
+  double unacknowledged_count = 0;
+  bool is_complete = true;  // False if a limit above left out candidates.
 };
 
-// The request's numbers: kInvalid, with the field named, for one that is negative, none or too large.
+// Checks the numbers of a request: kInvalid, with the field named, for a negative, non-finite or too large one.
 Result<void> CheckPruneLimits(const proto::PruneRequest& request);
 
-// `have` is this agent's own, `utc_now_ns` since 1970. kInvalid, with the field named: nobody's have-set or a malformed
-// one, too many records, a number that is negative or none; else fails as Database does.
+// `have` is this agent's own have-set, and `utc_now_ns` counts from 1970. kInvalid, with the field named, for no or a
+// malformed have-set in `acknowledged`, too many records, or an invalid number. Other errors are as for Database.
 Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const SharingRules& rules,
                                   const proto::PruneRequest& request, std::int64_t utc_now_ns);
 

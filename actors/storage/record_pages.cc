@@ -9,7 +9,7 @@ namespace moondb {
 
 namespace {
 
-// Standing on the next row that the request wants.
+// A query positioned on its next row that the request wants.
 struct Cursor {
   Query query;
   bool is_at_end = false;

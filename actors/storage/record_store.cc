@@ -34,11 +34,11 @@ namespace {
 constexpr std::size_t kRejectionsKept = 8;
 constexpr std::uint64_t kRowIdMax = std::uint64_t{1} << 62;
 constexpr int kInsertRecordsMax = 65536;
-constexpr std::uint64_t kRowBytes = 100;             // About what a row takes beside its content.
-constexpr std::uint64_t kRoomBytesMin = 256 * 1024;  // Of history, for a record that found no room.
+constexpr std::uint64_t kRowBytes = 100;             // Approximate size of a row beside its content.
+constexpr std::uint64_t kRoomBytesMin = 256 * 1024;  // Minimum bytes of history to remove for a record.
 
-// Returns whether a robot repeats the record that has this stored content. The marks may differ, since the agent sets
-// them by its clock and its policy. `content` is the serialised `record`.
+// Returns whether `record` repeats the stored one. Marks that the agent sets by its clock and its policy may differ.
+// `content` is the serialised `record`.
 bool IsRepeated(const std::string& stored_content, const proto::Record& record, const std::string& content) {
   if (stored_content == content) return true;
   proto::Record stored;
@@ -48,7 +48,8 @@ bool IsRepeated(const std::string& stored_content, const proto::Record& record, 
   return SerializeRecord(stored) == content;
 }
 
-// For the index beside the log. SQLite calls a disk that has none an I/O error.
+// Returns whether the disk has room for the shared-memory index beside the log. SQLite reports a lack of it as an I/O
+// error, not as a full disk.
 bool HasRoomForIndex(const RecordStore::Options& options) {
   if (!options.vfs.empty() || options.path == ":memory:") return true;
   constexpr std::uintmax_t kIndexBytes = 32 * 1024;
@@ -62,7 +63,8 @@ std::string SetAsideText(const std::string& aside) {
          "; an empty one was begun, and what no other agent had is in that file alone";
 }
 
-// Returns whether a shared state of a greater order is among `states`, which have one origin, type and latest key.
+// Returns whether `states` contain a shared state of a greater order. Requires: all have one origin, type and latest
+// key.
 bool IsSuperseded(const RecordOrder& order, const std::vector<RecordTable::Row>& states) {
   return std::any_of(states.begin(), states.end(),
                      [&order](const auto& state) { return state.key.seq != 0 && state.order() > order; });
@@ -70,7 +72,7 @@ bool IsSuperseded(const RecordOrder& order, const std::vector<RecordTable::Row>&
 
 }  // namespace
 
-// Row numbers and have-set changes of one transaction become the store's only when it is committed.
+// One transaction. Row ids and have-set changes become the store's only after the commit.
 class RecordStore::Writing {
  public:
   static Result<Writing> Begin(RecordStore& store) {
@@ -81,7 +83,7 @@ class RecordStore::Writing {
     return Writing(store, *std::move(transaction));
   }
 
-  // Of own records: the present one, or one that begins now.
+  // Returns the current epoch of own records, or begins one.
   Result<std::uint64_t> OwnEpoch() {
     if (epoch_ != 0) return epoch_;
     const Result<OwnEpochs::Next> next = store_.own_epochs_.Draw(store_.random_);
@@ -94,7 +96,7 @@ class RecordStore::Writing {
     return epoch_;
   }
 
-  // The key of the next own record of that type.
+  // Returns the key of the next own record of `type`.
   Result<RecordKey> NextKey(DataType type) {
     const Result<std::uint64_t> epoch = OwnEpoch();
     if (!epoch) return tl::unexpected(epoch.error());
@@ -125,7 +127,7 @@ class RecordStore::Writing {
     return table.Delete(*store_.database_, row.row_id);
   }
 
-  // A newer record of its key takes its place.
+  // Removes a row because a newer record of its key replaces it.
   Result<void> Supersede(const RecordTable& table, const RecordTable::Row& row) {
     if (row.key.stream.origin == store_.options_.self) {
       if (const Result<void> done = store_.history_.Take(*store_.database_, table, row); !done) return done;
@@ -133,8 +135,10 @@ class RecordStore::Writing {
     return DeleteRow(table, row);
   }
 
-  const std::map<AgentId, std::uint64_t>& used_bytes() const { return *used_bytes_; }  // RoomToShare counted them.
-  const std::set<std::uint64_t>& nodes() const { return nodes_; }  // Indices of this agent's that are inserted.
+  // Bytes used, by origin. Requires: RoomToShare counted them.
+  const std::map<AgentId, std::uint64_t>& used_bytes() const { return *used_bytes_; }
+  // Indices of this agent's nodes inserted in this transaction.
+  const std::set<std::uint64_t>& nodes() const { return nodes_; }
 
   Result<void> Commit(proto::RecordsStored& stored) {
     if (const Result<void> done = store_.ledger_.Write(*store_.database_); !done) return done;
@@ -190,7 +194,8 @@ Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
     spdlog::error("storage: {}: {}", options.path, log_damage);
     (*store)->damage_.push_back(log_damage);
   }
-  // Of a file that was checked before others read on from its rows, and may miss them: only a new process begins anew.
+  // A damaged file that this process opened before is not replaced, because other actors have read its rows and would
+  // miss them. Only a new process begins an empty file.
   if (store || store.error().code != ErrorCode::kCorrupt || options.is_checked) return store;
   const Result<std::string> aside = Database::SetAside(options.path, options.vfs);
   if (!aside) return tl::unexpected(aside.error());
@@ -218,7 +223,7 @@ Result<void> RecordStore::LogLastRun(std::int64_t utc_now_ns) {
     set_aside_ = Database::LastSetAside(options_.path, options_.vfs);
     if (!set_aside_.empty()) damage_.push_back(SetAsideText(set_aside_));
   }
-  // The last event of a copy that was put back says nothing about how a process ended.
+  // The last event of a restored copy says nothing about how the last process ended.
   const bool is_put_back = !own_epochs_.has_incarnation();
   const Result<bool> has_ended = HasEndedWithoutStopping(*database_, options_.self);
   if (!has_ended) return tl::unexpected(has_ended.error());
@@ -278,7 +283,8 @@ Result<void> RecordStore::Load() {
   if (const Result<void> claimed = Claim(); !claimed) return claimed;
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
   if (const Result<void> loaded = own_epochs_.Load(*database_); !loaded) return loaded;
-  for (const auto& [stream, have] : ledger_.have().streams()) {  // Of rows, too, that are damaged.
+  // The have-set includes epochs of damaged rows.
+  for (const auto& [stream, have] : ledger_.have().streams()) {
     if (stream.origin == options_.self) own_epochs_.Learn(stream.epoch);
   }
   own_epochs_.NoteStart();
@@ -357,7 +363,7 @@ bool RecordStore::IsPossible(const StreamKey& stream) const {
   return stream.origin != options_.self || own_epochs_.IsPossible(stream.epoch);
 }
 
-// All against what was known before: claims that climb on each other's shoulders are none.
+// Each claim is judged against the epochs known before this call, so claims cannot justify one another.
 std::set<std::uint64_t> RecordStore::BelievedEpochs(AgentId peer, const std::set<std::uint64_t>& claimed) {
   std::set<std::uint64_t> believed;
   for (const std::uint64_t epoch : claimed) {
@@ -411,7 +417,7 @@ Result<void> RecordStore::Reissue() {
   return {};
 }
 
-// The states that stand, in the order in which they were inserted.
+// Returns the endangered states that no newer state has superseded, in the order in which they were inserted.
 Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
   std::vector<RecordKey> found;
   const OwnEpochs::Danger danger = own_epochs_.Endangered();
@@ -429,7 +435,7 @@ Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
     }
     for (const IntervalSet::Interval& interval : newest[stream.type][stream.epoch].intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
-        // What a peer had, the other disk may have heard of.
+        // The other disk may have received a record that a peer has, so it is not endangered in this uncertain case.
         if (is_guess && peer_log_.IsCoveredByAny({stream, seq})) continue;
         found.push_back({stream, seq});
       }
@@ -452,7 +458,8 @@ Result<void> RecordStore::ReissueOne(const RecordKey& old_key, Writing& writing)
   if (!*row || HashRecord(old_key, content) != (*row)->hash || !record.ParseFromString(content)) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: " + ToString(old_key));
   }
-  if (!record.is_state()) return {};  // Nothing supersedes a record that was inserted under the policy `all`.
+  // A record that was inserted under the policy `all` is never superseded.
+  if (!record.is_state()) return {};
   const Result<RecordKey> key = writing.NextKey(old_key.stream.type);
   if (!key) return tl::unexpected(key.error());
   if (const Result<void> done = writing.DeleteRow(table, **row); !done) return done;
@@ -474,7 +481,8 @@ Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport
   for (const std::uint64_t epoch : report.epochs()) {
     if (!own_epochs_.IsKnown(epoch)) unknown.push_back({{options_.self, epoch, 0}, 0});
   }
-  // An epoch that was learnt is known, though nothing of it may have come home.
+  // `unknown` is computed before the epochs are learned. A learned epoch counts as known, even if no peer has returned
+  // any of its records yet.
   authority_.NoteOwnBeyond(peer, unknown, /*is_all=*/false);
   return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }
@@ -529,7 +537,7 @@ Result<void> RecordStore::CheckRoomForMaps(const proto::InsertRequest& request) 
                                     std::string("what is left of the disk is for states"));
 }
 
-// Bundles and history, which are bounded, push no records out.
+// Excludes bundles and history. Their sizes are limited, so they never push out records.
 Result<std::uint64_t> RecordStore::UsedByRecords() {
   const Result<std::uint64_t> used = database_->UsedPageBytes();
   if (!used) return used;
@@ -648,7 +656,7 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
       return {};
     }
     for (const RecordTable::Row& other : *others) {
-      // What stays on this agent cannot supersede what peers are owed.
+      // A local state cannot supersede a shared one, because peers still need the shared one.
       if (other.key.seq != 0 && (is_local || other.order() > order)) continue;
       if (const Result<void> done = writing.Supersede(table, other); !done) return done;
     }
@@ -670,7 +678,8 @@ Result<void> RecordStore::CheckConsecutive(const proto::PoseGraphEdge& edge, con
       if (!*row) break;
       nodes.insert(query.Unsigned(0));
     }
-    for (const std::uint64_t index : writing.nodes()) nodes.erase(index);  // Not committed yet.
+    // Nodes of this transaction do not count as stored yet.
+    for (const std::uint64_t index : writing.nodes()) nodes.erase(index);
     own_nodes_ = std::move(nodes);
   }
   const std::set<std::uint64_t>* const stored_and_new[] = {&*own_nodes_, &writing.nodes()};
@@ -704,7 +713,7 @@ void RecordStore::Reject(Error error, Stored& result) {
   if (result.rejections.size() < kRejectionsKept) result.rejections.push_back(std::move(error));
 }
 
-// Whose records are taken is decided by assignments that may come with these.
+// Adds the signed assignments in the request first, because they may decide which of its records are accepted.
 void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   for (const proto::StoredRecord& stored : request.records()) {
     if (stored.key().data_type() != proto::ROLE_ASSIGNMENT) continue;
@@ -713,7 +722,7 @@ void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   }
 }
 
-// What passes the door; the rest is counted.
+// Returns the records that pass validation. Rejects and counts the others.
 std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequest& request, Stored& result) {
   std::vector<Opened> opened;
   for (const proto::StoredRecord& stored : request.records()) {
@@ -752,7 +761,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   for (const RecordKey& key : result.never_valid) touched.insert(key.stream);
   HaveSet dropped;
   for (const proto::StreamHave& stream : request.dropped()) {
-    // The sender's team file may still say `latest`.
+    // The type may be under `latest` in the sender's team file only. Its drops are ignored.
     if (!rules_.MayBeDropped(static_cast<DataType>(stream.data_type()))) continue;
     const Result<void> checked = CheckDropped(request.sender(), stream, dropped);
     if (!checked) Reject(checked.error(), result);
@@ -787,7 +796,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   for (const RecordKey& key : result.never_valid) covered[key.stream].held.Add(key.seq);
   *result.reply.mutable_covered() = ToProto(covered);
   if (result.reply.covered().ByteSizeLong() <= kHavePageBytesMax) return result;
-  // Whether what the request drops is dropped here the sender need not know.
+  // The reply would be too long, so it covers only the records in the request and not the drops.
   HaveSet named;
   for (const Opened& record : opened) named[record.key.stream].held.Add(record.key.seq);
   for (const RecordKey& key : result.never_valid) named[key.stream].held.Add(key.seq);
@@ -901,7 +910,7 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   const IntervalSet never_held = dropped.Minus(held);
   IntervalSet superseded = never_held;
   const RecordKey newest = ledger_.NewestHeld(stream.origin, stream.type);
-  // Term and run, which a drop does not tell, may put its record below any that is held.
+  // Versioned records are ordered by term and run, which a drop does not state. Any held record may be the newer one.
   const bool is_order_known = !IsVersioned(stream.type);
   if (newest.seq == 0 || (is_order_known && newest.stream.epoch < stream.epoch)) {
     superseded = IntervalSet();
@@ -959,8 +968,8 @@ proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
 }
 
 Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
-  // A disk that takes nothing now keeps nobody from getting what is there: what is endangered is stored once more
-  // before the first record of a later epoch comes home.
+  // A disk that accepts no writes now does not stop peers from reading records. Endangered states will be reissued
+  // before the first record of a later epoch is stored.
   const Result<void> trained = LearnOwnEpochs(request.destination(), request.destination_have(), /*is_all=*/false);
   if (!trained && trained.error().code == ErrorCode::kCorrupt) return tl::unexpected(trained.error());
   return FindMissing(*database_, ledger_.have(), rules_, authority_.IsBelieved(options_.self), MarkedBy(request),
@@ -1004,7 +1013,8 @@ Result<std::uint64_t> RecordStore::DropHistory(std::uint64_t bytes) {
 bool RecordStore::MakesRoom(const Error& failure, std::uint64_t content_bytes) {
   history_.Forget();
   if (failure.code != ErrorCode::kFull || history_.sum().count == 0) return false;
-  // Rows of the history lie on pages with others, and records take more than their contents.
+  // Remove twice the content's bytes. Rows of the history share pages with others, and records take more space than
+  // their contents.
   const Result<std::uint64_t> freed = DropHistory(std::max(kRoomBytesMin, 2 * content_bytes));
   if (freed && *freed > 0) {
     spdlog::warn("storage: {} is full; {} bytes of history were removed for new records", database_->path(), *freed);

@@ -12,7 +12,7 @@ namespace {
 
 void BindCustom(const proto::Record& record, std::string_view content, Query& query) {
   const proto::CustomRecord& custom = record.custom();
-  // Equal bytes are as good wherever they stand first.
+  // If the payload's bytes occur more than once in the content, any occurrence will do.
   const std::size_t payload_at = content.find(custom.payload());
   Check(payload_at != std::string_view::npos, "a custom record's content holds its payload");
   query << custom.data_type() << std::string_view(custom.metadata()) << payload_at << custom.payload().size();
@@ -20,7 +20,7 @@ void BindCustom(const proto::Record& record, std::string_view content, Query& qu
 
 constexpr char kCustomColumns[] = "data_type, metadata, payload_at, payload_bytes";
 
-// SQL for {"a": ..., "b": ...} of a row.
+// Returns SQL that makes a JSON object of the columns of a row.
 std::string JsonSql(const std::vector<std::string>& columns) {
   std::string sql;
   for (const std::string& column : columns) sql += (sql.empty() ? "json_object('" : ", '") + column + "', " + column;
@@ -70,11 +70,11 @@ void RecordTable::MakeSql(const std::string& type, const std::vector<std::string
   const bool is_versioned = IsVersioned(type_);
   const std::string row = "SELECT row_id, origin, epoch, seq, hash, latest_key, " + type + ", length(content)" +
                           (is_versioned ? ", term_number, term_issuer, term_issuer_epoch, run" : "") + " FROM " + name_;
-  // For a built-in type `20 = ?5`: true of every row, found once.
+  // For a built-in type this ends in `20 = ?5`, a constant that is true for every row.
   const std::string in_interval = " WHERE origin = ?1 AND epoch = ?2 AND seq BETWEEN ?3 AND ?4 AND " + type + " = ?5";
   sql_.find = row + " WHERE origin = ? AND epoch = ? AND seq = ? AND " + type + " = ?";
   sql_.find_by_latest_key = row + " WHERE origin = ? AND " + type + " = ? AND latest_key = ?";
-  // `(x < 0), x` orders unsigned numbers.
+  // `(x < 0), x` orders signed columns as the unsigned numbers of the same bits.
   const std::string by_version =
       "term_number < 0 DESC, term_number DESC, term_issuer DESC, term_issuer_epoch < 0 DESC, term_issuer_epoch DESC, "
       "run < 0 DESC, run DESC, ";
@@ -249,7 +249,7 @@ Result<proto::Record> RecordTable::ReadRecord(Database& database, std::uint64_t 
   return record;
 }
 
-// Summed here: SQLite would group by the index on the origin, and visit the rows in its order.
+// Sums are computed here, because SQL's GROUP BY would visit the rows in the order of the origin index.
 Result<std::map<AgentId, RecordTable::Size>> RecordTable::SizesByOrigin(Database& database) const {
   std::map<AgentId, Size> sizes;
   Query query = database.Prepare(sql_.read_sizes);

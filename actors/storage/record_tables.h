@@ -1,8 +1,8 @@
-// RecordTable: where the records of one data type, or of all custom ones, lie, and the SQL that stores and finds them
-// there.
+// RecordTable: the table of one data type, or the one of all custom types, and the SQL that stores and finds records in
+// it.
 //
-// Columns beside `content` are derived from it on the way in (schema.h). All functions run inside the caller's
-// transaction where they write, and fail as Database does.
+// The columns beside `content` are derived from the content on insertion (schema.h). Functions that write run inside
+// the caller's transaction. All functions fail as Database does.
 #pragma once
 
 #include <cstdint>
@@ -22,13 +22,14 @@
 
 namespace moondb {
 
-// Whether a type's records have a RecordVersion, as optimized poses and edge verdicts do.
+// Returns whether records of the type have a RecordVersion, as optimized poses and edge verdicts do.
 bool IsVersioned(DataType type);
 
-// Which of an origin's records of one type and latest key stands: the greatest. Versioned ones go by term and run, so
-// that what a leader derived in a newer term stands whatever the epoch; then, as all others, by epoch and seq.
+// Orders an origin's records of one type and latest key; the greatest is the valid one. Versioned records compare by
+// term and run first, so a record derived in a newer term wins whatever its epoch. All records then compare by epoch
+// and seq.
 struct RecordOrder {
-  RecordVersion version;  // Zeros for types that are not versioned.
+  RecordVersion version;  // Zero for types that are not versioned.
   std::uint64_t epoch = 0;
   std::uint64_t seq = 0;
   auto operator<=>(const RecordOrder&) const = default;
@@ -37,20 +38,20 @@ RecordOrder OrderOf(const RecordKey& key, const proto::Record& record);
 
 class RecordTable {
  public:
-  // Of one built-in type; null: of all custom types. The row outlives this.
+  // For one built-in type, or for all custom types if `table` is null. `table` must outlive this object.
   explicit RecordTable(const TypeTable* table);
 
   bool Holds(DataType type) const { return type_ == 0 ? IsCustom(type) : type == type_; }
   const std::string& name() const { return name_; }
 
-  // `key.seq` 0 makes a row that is not shared. `content` is the serialised `record`.
+  // Inserts a row; it is not shared if `key.seq` is 0. Requires: `content` is the serialised `record`.
   Result<void> Insert(Database& database, std::uint64_t row_id, const RecordKey& key, const proto::Record& record,
                       std::string_view content, std::uint64_t hash) const;
   Result<void> Delete(Database& database, std::uint64_t row_id) const;
 
   struct Row {
     std::uint64_t row_id = 0;
-    RecordKey key;  // seq 0: not shared.
+    RecordKey key;  // seq 0 if the row is not shared.
     std::uint64_t hash = 0;
     std::string latest_key;
     std::uint64_t content_bytes = 0;
@@ -62,11 +63,12 @@ class RecordTable {
   // Returns the states (Record.is_state) of one origin, type and latest key, shared or not.
   Result<std::vector<Row>> FindStates(Database& database, AgentId origin, DataType type,
                                       std::string_view latest_key) const;
-  // The shared records of one origin and type that are each the greatest of their latest key (RecordOrder), by epoch.
+  // Returns the seqs, by epoch, of the shared records of one origin and type that are the greatest of their latest key
+  // (RecordOrder).
   Result<std::map<std::uint64_t, IntervalSet>> FindNewest(Database& database, AgentId origin, DataType type) const;
   Result<std::vector<Row>> FindInInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                           std::uint64_t last) const;
-  // The content of the first row under a natural key.
+  // Key and content of a row. FindByNaturalKey returns the first row with that natural key, or null.
   struct Named {
     RecordKey key;
     std::string content;
@@ -74,34 +76,35 @@ class RecordTable {
   Result<std::optional<Named>> FindByNaturalKey(Database& database, AgentId origin, DataType type,
                                                 std::string_view natural_key) const;
 
-  // Columns 0 row_id, 1 origin, 2 epoch, 3 seq, 4 hash, 5 content, 6 data type. `agent` not 0: rows about this agent's
-  // nodes only, in the tables that know a node's agent by TypeTable::agent_condition.
+  // Reads rows with the columns 0 row_id, 1 origin, 2 epoch, 3 seq, 4 hash, 5 content, 6 data type. If `agent` is not
+  // 0, tables with a TypeTable::agent_condition return only rows about this agent's nodes.
   Query ReadInterval(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last,
                      AgentId agent) const;
   Result<std::uint64_t> CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                       std::uint64_t last, AgentId agent) const;
-  // Columns 0 row_id, 1 seq, 2 timestamp_ns, 3 the content's bytes; the contents themselves are not read.
+  // Reads rows with the columns 0 row_id, 1 seq, 2 timestamp_ns, 3 the content's bytes. Does not read contents.
   Query ReadHeads(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last) const;
-  // kNotFound where there is none.
+  // kNotFound if there is no such row.
   Result<proto::Record> ReadRecord(Database& database, std::uint64_t row_id) const;
-  // All rows, shared or not, by origin. Reads no contents, but goes through the table.
+  // Returns the size of all rows, shared or not, by origin. Scans the table, but reads no contents.
   struct Size {
     std::uint64_t row_count = 0;
     std::uint64_t content_bytes = 0;
   };
   Result<std::map<AgentId, Size>> SizesByOrigin(Database& database) const;
-  // All rows: after `row_id` with rising row_id, or from the newest down.
+  // Read all rows, with the columns of ReadInterval: ReadAfter those after `row_id` in rising order, ReadNewestFirst
+  // from the newest down.
   Query ReadAfter(Database& database, std::uint64_t row_id) const;
   Query ReadNewestFirst(Database& database) const;
-  // By data type.
+  // Returns the number of an origin's rows that are not shared, by data type.
   Result<std::map<DataType, std::uint64_t>> CountNotShared(Database& database, AgentId origin) const;
 
-  // SQL that copies the row of one row id into the table `history`, with the typed columns as JSON.
+  // SQL that copies the row with the bound row id into the table `history`, with the typed columns as JSON.
   const std::string& copy_to_history() const { return sql_.copy_to_history; }
 
   bool knows_agent() const { return table_ != nullptr && !table_->agent_condition.empty(); }
 
-  // A record as ReadInterval, ReadAfter and ReadNewestFirst give it.
+  // Returns the current row of ReadInterval, ReadAfter or ReadNewestFirst as a record.
   static proto::StoredRecord Read(const Query& query);
 
  private:
@@ -112,21 +115,21 @@ class RecordTable {
     std::string copy_to_history;
   };
 
-  // `type` is SQL for a row's data type.
+  // `type` is a SQL expression for a row's data type.
   void MakeSql(const std::string& type, const std::vector<std::string>& columns);
   void BindLatestKey(std::string_view latest_key, Query& query) const;
   Result<std::vector<Row>> ReadRows(Query query) const;
 
   const TypeTable* table_;
-  DataType type_;  // 0: all custom ones.
+  DataType type_;  // 0 for the table of all custom types.
   std::string name_;
   Sql sql_;
 };
 
-// One for each built-in type, in the order of the types' numbers, then the custom types'.
+// Returns the tables of the built-in types in the order of their numbers, then the table of custom types.
 const std::vector<RecordTable>& RecordTables();
 
-// Null for a type without a table.
+// Null if the type has no table.
 const RecordTable* FindRecordTable(DataType type);
 
 }  // namespace moondb

@@ -13,17 +13,16 @@ namespace moondb {
 namespace {
 
 constexpr std::uint64_t kPartOfDisk = 8;
-// Of one write: SQLite's own are no longer, and its VFS takes no more than 128 KiB.
+// Bytes per write, no longer than SQLite's own writes. A VFS accepts at most 128 KiB.
 constexpr int kBlockBytes = 64 * 1024;
 
-// A file of the VFS; closed when this goes away.
+// A file of the VFS. The destructor closes it.
 class OpenFile {
  public:
   OpenFile(sqlite3_vfs* vfs, const std::string& path, int flags)
       : memory_((static_cast<std::size_t>(vfs->szOsFile) + sizeof(std::max_align_t)) / sizeof(std::max_align_t)) {
     std::memset(memory_.data(), 0, memory_.size() * sizeof(std::max_align_t));
-    // A super-journal is a file of its own to SQLite: it is opened without a lock, and its first sync reaches the
-    // folder.
+    // SQLite opens a super-journal without a lock, and its first sync also syncs the folder.
     code_ = vfs->xOpen(vfs, path.c_str(), file(), flags | SQLITE_OPEN_SUPER_JOURNAL, nullptr);
   }
   ~OpenFile() {

@@ -1,12 +1,12 @@
-// ReserveFile: bytes beside a database that are given up when the disk is full, so that a prune, a change of roles and
-// a start still work there.
+// ReserveFile: a file beside a database that is deleted when the disk is full. A prune, a change of roles and a start
+// then still find space.
 //
-// moondb.sqlite has moondb.reserve. It holds random bytes, so that no file system stores it as less than it is, and
-// it is written once and synced. At most kReserveBytesMax, on a small disk an eighth of it: more than what those
-// writes need at once, that is the write-ahead log at its largest (4 MB, at which SQLite moves it into the file, and
-// one record of 8 MiB) and what the file grows by when the log is moved into it.
+// The reserve of moondb.sqlite is moondb.reserve. It holds random bytes, so that no file system compresses it. It is
+// written once and synced. Its size is kReserveBytesMax, or an eighth of a small disk. That is more than those writes
+// need at once. They need space for the largest write-ahead log: 4 MB, at which SQLite moves the log into the file,
+// plus one record of 8 MiB. They also need space for the growth of the file when the log is moved into it.
 //
-// All calls go through a VFS of SQLite, so that a simulated disk has it too. Nothing but this file is ever deleted.
+// All calls use a SQLite VFS, so a simulated disk has a reserve too. No other file is ever deleted.
 #pragma once
 
 #include <cstdint>
@@ -18,25 +18,25 @@
 namespace moondb {
 
 inline constexpr std::uint64_t kReserveBytesMax = 16ull << 20;
-inline constexpr std::uint64_t kReservePartBytes = 1ull << 20;  // Written and synced at once.
+inline constexpr std::uint64_t kReservePartBytes = 1ull << 20;  // Bytes that one call of Grow adds and syncs.
 
-// Of a disk of that size.
+// Returns the intended size of the reserve for a disk of `capacity_bytes`.
 std::uint64_t ReserveBytesFor(std::uint64_t capacity_bytes);
 
 class ReserveFile {
  public:
-  // `vfs` as of Database::Open. ":memory:" has none: no bytes, and every call does nothing.
+  // `vfs` as for Database::Open. ":memory:" has no reserve, and all calls do nothing.
   ReserveFile(const std::string& database_path, std::string vfs);
 
   const std::string& path() const { return path_; }
-  std::uint64_t Bytes() const;  // 0: there is none.
-  // Adds one part, at most until there are `goal` bytes; durable when this returns. kFull, kInternal: nothing is lost.
+  std::uint64_t Bytes() const;  // 0 if there is no reserve.
+  // Adds one part, up to `goal` bytes in all. Durable on return. kFull, kInternal: the existing reserve remains.
   Result<void> Grow(std::uint64_t goal, std::mt19937_64& random);
-  // Deletes it; whether there was one.
+  // Deletes the reserve. Returns false if there was none, or if it could not be deleted.
   bool GiveUp();
 
  private:
-  std::string path_;  // Empty: in memory.
+  std::string path_;  // Empty for a database in memory.
   std::string vfs_;
 };
 

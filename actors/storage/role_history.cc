@@ -67,7 +67,7 @@ Result<std::vector<proto::RoleAssignment>> LoadRoleRecords(Database& database) {
     if (!row) return tl::unexpected(row.error());
     if (!*row) return assignments;
     proto::Record record;
-    // What is damaged is the audit's to find.
+    // RowAudit finds damaged records; here they are skipped.
     const proto::StoredRecord stored = FindRecordTable(proto::ROLE_ASSIGNMENT)->Read(query);
     if (record.ParseFromString(stored.content())) assignments.push_back(std::move(*record.mutable_role_assignment()));
   }

@@ -1,5 +1,5 @@
-// The role assignments that this agent has acted on, and what they follow, oldest first. Durable before anyone acts
-// (docs: terms).
+// The role assignments that this agent has acted on, and those that they follow, oldest first. They are durable before
+// any actor acts on them (docs: terms).
 #pragma once
 
 #include <vector>
@@ -9,14 +9,15 @@
 
 namespace moondb {
 
-inline constexpr int kRoleHistoryMax = 16384;  // Older ones are forgotten.
+inline constexpr int kRoleHistoryMax = 16384;  // Older assignments are deleted.
 
-// Inside the caller's transaction. False for the newest one once more, which changes nothing. Fails as Database does.
+// Inside the caller's transaction. Returns false, and changes nothing, if `roles` equals the newest assignment. Fails
+// as Database does.
 Result<bool> AddRoles(Database& database, const proto::RoleAssignment& roles);
 
 Result<proto::LoadRolesReply> LoadRoles(Database& database);
 
-// Those that are held as records, oldest first.
+// Returns the assignments that are held as records, oldest first.
 Result<std::vector<proto::RoleAssignment>> LoadRoleRecords(Database& database);
 
 }  // namespace moondb

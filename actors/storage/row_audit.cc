@@ -28,7 +28,7 @@ Result<void> RowAudit::ReadTable(Database& database, const RecordTable& table) {
     row_id_max_ = std::max(row_id_max_, row_id);
     const proto::StoredRecord record = table.Read(query);
     const RecordKey key = FromProto(record.key());
-    if (key.seq == 0) continue;  // Nobody else has it.
+    if (key.seq == 0) continue;  // A local row. No other agent has a copy.
     if (HashRecord(key, record.content()) == record.hash() && key.seq <= kSeqMax) {
       have_[key.stream].held.Add(key.seq);
     } else {
@@ -53,8 +53,8 @@ void RowAudit::TakeDropped(const HaveSet& in_file, const SharingRules& rules) {
     if (!have.held.Minus(have_.Get(stream).held).is_empty()) gone_.emplace(stream.origin, stream.type);
   }
   for (const auto& [stream, have] : in_file.streams()) {
-    // What a lost row had replaced may be the newest that is left with a peer, which is to send it. Under `all` nothing
-    // is replaced: what was dropped was pruned.
+    // A peer may hold only a record that a lost row had replaced, and must be able to send it. The drops of such types
+    // are therefore forgotten. Under `all` no record is replaced: its dropped seqs were pruned.
     const bool may_be_replaced = rules.PolicyOf(stream.type) != proto::POLICY_ALL;
     if (may_be_replaced && gone_.contains({stream.origin, stream.type})) continue;
     const IntervalSet dropped = have.dropped.Minus(have_.Get(stream).held);

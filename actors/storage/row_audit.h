@@ -1,7 +1,7 @@
-// RowAudit: a store's rows read through at the start, and what has to be mended then.
+// RowAudit: reads all rows of a store at the start, and repairs what is damaged.
 //
-// SQLite's own check sees a broken tree, not a changed byte. A row whose hash is right is there, whatever the have-set
-// in the file says; one whose hash is wrong is not, and is removed, so that peers send its record again.
+// SQLite's own check detects a broken B-tree, but not a changed byte. A row with a correct hash counts as held,
+// whatever the have-set in the file says. A row with a wrong hash is removed, so that peers send its record again.
 #pragma once
 
 #include <cstdint>
@@ -21,21 +21,21 @@ namespace moondb {
 
 class RowAudit {
  public:
-  // Reads all rows of records and of `history`, beside the have-set that `ledger` has loaded. Fails as Database does.
+  // Reads all rows of records and of `history`. `ledger` must have loaded the have-set. Fails as Database does.
   static Result<RowAudit> Read(Database& database, const HaveLedger& ledger, const History& history,
                                const SharingRules& rules);
 
-  // Nothing has to be mended.
+  // Returns whether nothing needs repair.
   bool is_sound() const { return is_ledger_sound_ && damaged_rows_.empty() && damaged_history_.empty(); }
-  std::uint64_t row_id_max() const { return row_id_max_; }  // 0: there is no row.
-  // What the sound rows hold, and what the have-set says was dropped.
+  std::uint64_t row_id_max() const { return row_id_max_; }  // 0 if there are no rows.
+  // Seqs of the sound rows, and the dropped seqs of the file's have-set that remain valid.
   const HaveSet& have() const { return have_; }
 
-  // Inside the caller's transaction: removes what is damaged and lets the have-set be have(); HaveLedger::Keep follows
+  // Inside the caller's transaction: removes damaged rows and makes have() the have-set. Call HaveLedger::Keep after
   // the commit.
   Result<void> Repair(Database& database, HaveLedger& ledger) const;
 
-  // One sentence for each kind of damage, for the event log.
+  // Returns one sentence for each kind of damage, for the event log.
   std::vector<std::string> Findings() const;
 
  private:
@@ -46,9 +46,9 @@ class RowAudit {
   HaveSet have_;
   std::uint64_t row_id_max_ = 0;
   bool is_ledger_sound_ = true;
-  std::vector<std::pair<const RecordTable*, std::uint64_t>> damaged_rows_;  // By row id.
+  std::vector<std::pair<const RecordTable*, std::uint64_t>> damaged_rows_;  // Tables with row ids.
   std::vector<History::Found> damaged_history_;
-  std::set<std::pair<AgentId, DataType>> gone_;  // Whose rows are not all there.
+  std::set<std::pair<AgentId, DataType>> gone_;  // Origins and types that have lost rows.
 };
 
 }  // namespace moondb

@@ -44,7 +44,7 @@ CREATE TABLE history(
 INSERT INTO meta VALUES('next_row_id', 1);
 )sql";
 
-// A custom record's key may be any bytes, so it is no TEXT. The payload lies once in the file, in `content`.
+// The key of a custom record may be any bytes, so its column is not TEXT. The payload is stored once, in `content`.
 constexpr char kCustomTables[] = R"sql(
 CREATE TABLE custom_type(data_type INTEGER PRIMARY KEY, name TEXT NOT NULL) STRICT;
 CREATE TABLE custom_record(
@@ -57,8 +57,8 @@ CREATE TABLE custom_record(
 CREATE INDEX custom_record_latest ON custom_record(latest_key, data_type, origin);
 )sql";
 
-// A node's pose is the newest optimized one, else the raw one of the record that stands: of several under one natural
-// key the smallest record key. `(x < 0), x` orders unsigned numbers.
+// A node's pose is the newest optimized one, or the raw pose if there is none. If several records have one natural key,
+// the smallest record key is valid. `(x < 0), x` orders signed columns as the unsigned numbers of the same bits.
 constexpr char kViews[] = R"sql(
 CREATE VIEW replica AS
   SELECT printf('%d.%016x.%d.%d', origin, epoch, data_type, seq) AS replica_id, origin AS agent_id
@@ -110,7 +110,7 @@ CREATE VIEW v_event AS
   FROM agent_event;
 )sql";
 
-// $TYPE becomes the name of a row's type.
+// $TYPE is replaced by SQL that returns the name of a row's type.
 constexpr char kHistoryView[] = R"sql(
 CREATE VIEW v_history AS
   SELECT h.row_id, h.data_type, $TYPE AS type, own.value AS agent_id,
@@ -121,7 +121,7 @@ CREATE VIEW v_history AS
   WHERE own.name = 'own_agent';
 )sql";
 
-// Around the columns of a built-in type's own.
+// SQL before and after the columns of a built-in type.
 constexpr char kTableHead[] = R"sql((
   row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, timestamp_ns INTEGER NOT NULL,
   latest_key TEXT NOT NULL, natural_key TEXT NOT NULL, hash INTEGER NOT NULL,
@@ -130,7 +130,7 @@ constexpr char kTableEnd[] = R"sql(,
   content BLOB NOT NULL, CHECK((epoch IS NULL) = (seq IS NULL)), UNIQUE(origin, epoch, seq)) STRICT;
 )sql";
 
-// The table of a built-in type, and an index over its keys where it has any.
+// Returns SQL for the table of a built-in type and the indexes over its keys.
 std::string TableSql(const TypeTable& table) {
   const std::string name = DataTypeName(table.type);
   std::string sql = "CREATE TABLE " + name + kTableHead + table.columns + kTableEnd;
@@ -143,7 +143,7 @@ std::string TableSql(const TypeTable& table) {
   return sql;
 }
 
-// The view over the records of all types that are marked for sharing.
+// Returns SQL for the view over all records that are marked for sharing.
 std::string SharedRecordSql() {
   std::string sql = "CREATE VIEW shared_record AS";
   const auto add = [&sql](const std::string& type, const std::string& table) {
@@ -174,10 +174,10 @@ std::string SchemaSql() {
   return sql + kCustomTables + SharedRecordSql() + kViews + HistoryViewSql();
 }
 
-// No version of moondb will ever have a higher number: it is damage.
+// A store version above this limit is damage, because moondb will never have so many versions.
 constexpr std::int64_t kVersionMax = 10'000;
 
-// What a file says that it is, in its header, and how many tables, indexes and views it has.
+// The identity in a file's header, and the number of its tables, indexes and views.
 struct Identity {
   std::int64_t application_id = 0;
   std::int64_t version = 0;
@@ -211,7 +211,7 @@ Result<std::set<std::string>> StatementsOf(Database& database) {
   }
 }
 
-// Others beside them are the user's own.
+// Returns whether the schema is complete. Further statements belong to the user.
 Result<bool> HasAllStatements(Database& database) {
   const Result<std::set<std::string>> present = StatementsOf(database);
   if (!present) return tl::unexpected(present.error());

@@ -1,17 +1,21 @@
-// The tables and views of an agent's store, and which files are stores that this program opens.
+// The tables and views of an agent's store, and the check whether a file is a store that this program opens.
 //
-// One table per data type (paper, Table 1): typed columns for SQL, derived from `content`, which alone is kept for
-// ever and travels. row_id is one sequence over all of these tables, rising in the order of storing. epoch and seq are
-// NULL for a row that was not marked for sharing. have_interval says which seqs are held and which are dropped; its
-// hashes, and those of role_history, tell a damaged row.
-// The views `replica` and `replication_log` are the paper's tables (Section 4), for people: the have-set decides.
-// All custom data types (proto/team.proto) share the table custom_record, whose payload is a part of `content`; the
-// view v_custom_record shows them by name, as far as the team file of the last start names them. 64-bit unsigned
-// numbers stand as the signed ones of the same bits. `written` counts what the store wrote to the disk, by day since
-// 1970. downlink_bundle keeps bundles for the ground; one that was acknowledged keeps its have-set, not its file.
-// own_epoch says which epochs of the own agent this file's history began (own_epochs.h).
-// `history` keeps this agent's own superseded states (actors/storage/history.h), with their typed columns as JSON in
-// `fields`; the view v_history shows them by name.
+// Each data type has one table (paper, Table 1) with typed columns for SQL. They are derived from `content`; only
+// `content` is permanent and sent to peers. Row ids form one sequence over all of these tables, in the order of
+// storing. epoch and seq are NULL if a row is not marked for sharing.
+//
+//   - have_interval: the held and dropped seqs. Its hashes, and those of role_history, reveal damaged rows.
+//   - replica, replication_log: views that show the paper's tables (Section 4) to people. They decide nothing; the
+//     have-set does.
+//   - custom_record: the records of all custom data types (proto/team.proto). The payload is a part of `content`. The
+//     view v_custom_record names the types, as far as the team file of the last start does.
+//   - written: the bytes that the store wrote to the disk, by day since 1970.
+//   - downlink_bundle: the bundles for a ground station. An acknowledged bundle keeps its have-set, not its file.
+//   - own_epoch: the own epochs that this file's history began (own_epochs.h).
+//   - history: this agent's own superseded states (actors/storage/history.h), with their typed columns as JSON in
+//     `fields`. The view v_history names the types.
+//
+// 64-bit unsigned numbers are stored as the signed numbers of the same bits.
 #pragma once
 
 #include <cstdint>
@@ -20,17 +24,20 @@
 
 namespace moondb {
 
-// A store says in SQLite's header that it is one (application_id) and of which version (user_version). Whoever changes
-// a table, an index, a view or what a column means raises the version, and docs/COMPATIBILITY.md says what else.
+// SQLite's header says that a file is a store (application_id) and of which version (user_version). A change to a
+// table, an index, a view or the meaning of a column must raise the version; docs/COMPATIBILITY.md lists the other
+// steps.
 inline constexpr std::int64_t kStoreApplicationId = 0x6D6F6F6E;  // "moon"
 inline constexpr int kStoreVersion = 3;
 
-// Whether the file is new, or a store of this version with its tables, indexes and views; others beside them are the
-// user's own. Changes nothing. kRefused: a store of another version, or another program's. kCorrupt: a damaged
-// statement of the schema, which would make SQLite fail in ways that look like something else, or a damaged header.
+// Checks that the file is new, or a store of this version with its tables, indexes and views. Further ones belong to
+// the user and are ignored. Changes nothing. kRefused: a store of another version, or the file of another program.
+// kCorrupt: a damaged header or a damaged statement of the schema, which would later make SQLite fail with misleading
+// errors.
 Result<void> CheckSchema(Database& database);
 
-// Makes a new file a store, in one transaction, so that a crash leaves it new or whole. Any other file stays as it is.
+// Makes a new file a store, in one transaction, so that a crash leaves it either new or complete. Does nothing to any
+// other file.
 Result<void> MakeSchema(Database& database);
 
 }  // namespace moondb

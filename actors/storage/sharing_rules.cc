@@ -4,7 +4,7 @@ namespace moondb {
 
 namespace {
 
-constexpr std::uint32_t kCarriedPriority = 10;  // After all that are declared.
+constexpr std::uint32_t kCarriedPriority = 10;  // After all declared types.
 
 }  // namespace
 

@@ -1,8 +1,9 @@
 // SharingRules: how much of which data type this store keeps and passes on.
 //
-// A type of the team has a policy. A custom type that this agent's team file does not declare (any more) is *carried*:
-// nobody here knows its policy, so what other agents sent of it is kept as they sent it, passed on to who lacks it, and
-// dropped where they say that it is superseded. This agent's own rows of such a type stay, and stay here. Plain values.
+// Each type of the team has a policy. A custom type that is not, or no longer, declared in this agent's team file is
+// *carried*. Its policy is unknown here, so records of other agents are kept unchanged and passed on to agents that
+// lack them. They are dropped if a peer reports that they are superseded. This agent's own rows of such a type are kept
+// and not shared. Plain values.
 #pragma once
 
 #include <map>
@@ -18,20 +19,20 @@ struct SharingRules {
   using Policies = std::map<DataType, proto::Policy>;
 
   AgentId self = 0;
-  Policies policies;         // Of the built-in types; those without one are not shared.
-  CustomTypes custom_types;  // Complete: with policy and priority.
-  // Of which the ground wants all, at the agent that brings it there; elsewhere none.
+  Policies policies;         // Policies of the built-in types. Types without one are not shared.
+  CustomTypes custom_types;  // All custom types of the team file, with policy and priority.
+  // Types of which a ground station wants all records. Empty, except on the agent that brings them there.
   std::set<DataType> for_ground = {};
 
-  // POLICY_NONE for a type that the team does not know.
+  // Returns POLICY_NONE if the team does not know the type.
   proto::Policy PolicyOf(DataType type) const;
   bool IsLatest(DataType type) const { return PolicyOf(type) == proto::POLICY_LATEST; }
   bool IsCarried(DataType type) const;
-  // Whether records of the type may be dropped because a peer says so.
+  // Returns whether records of the type may be dropped because a peer says so.
   bool MayBeDropped(DataType type) const { return IsLatest(type) || IsCarried(type); }
-  // Whether peers that lack records of this stream may have them from here.
+  // Returns whether this agent offers records of the stream to peers that lack them.
   bool IsShared(const StreamKey& stream) const;
-  // A smaller one goes first: SharingRank, then the custom type's priority.
+  // Returns the order in which types are sent, smallest first: SharingRank, then the custom type's priority.
   std::pair<int, std::uint32_t> RankOf(DataType type) const;
 };
 

@@ -25,14 +25,17 @@ namespace {
 constexpr char kInMemory[] = ":memory:";
 constexpr int kBusyTimeout_ms = 2000;
 constexpr int kStepsBetweenLooks = 100'000;
-constexpr std::uint64_t kPageBytes = 4096;            // SQLite's default.
-constexpr std::uint64_t kLogPagesMax = 1000;          // A log that grew so long is moved into the file.
-constexpr std::uint64_t kLogPagesMin = 16;            // On a tiny disk.
-constexpr std::uint64_t kLogBytesKept = 16ull << 20;  // Of a log that was moved; what is longer is cut.
+constexpr std::uint64_t kPageBytes = 4096;  // Default of SQLite.
+// A log of this length is moved into the file.
+constexpr std::uint64_t kLogPagesMax = 1000;
+constexpr std::uint64_t kLogPagesMin = 16;  // Minimum log length, for a tiny disk.
+// After a checkpoint, a longer log is truncated to this length.
+constexpr std::uint64_t kLogBytesKept = 16ull << 20;
 
 std::string AsidePath(const std::string& path, int number) { return path + ".damaged-" + std::to_string(number); }
 
-// With its log, which goes first: if this process ends in between, it must not be taken for a log of the next file.
+// Renames a file and its log. The log is renamed first, because after a crash in between a remaining log could be taken
+// for that of the next file.
 Result<void> MoveFile(const std::string& from, const std::string& to) {
   for (const char* ending : {"-wal", ""}) {
     std::error_code error;
@@ -43,8 +46,8 @@ Result<void> MoveFile(const std::string& from, const std::string& to) {
   return {};
 }
 
-// The path for the next damaged file. If there are Database::kDamagedMax files already, the smallest is removed, and
-// those after it move up.
+// Returns the path for the next damaged file. If there are Database::kDamagedMax files already, removes the smallest
+// and renumbers the later ones.
 Result<std::string> FreeAsidePath(const std::string& path) {
   int smallest = 1;
   std::uintmax_t smallest_bytes = UINTMAX_MAX;
@@ -103,7 +106,7 @@ bool IsReadOnly(const std::string& path) {
   return ::statvfs(FolderOf(path).c_str(), &status) == 0 && (status.f_flag & ST_RDONLY) != 0;
 }
 
-// "file:PATH", with what has a meaning in a URI escaped.
+// Returns "file:PATH", with the characters escaped that have a meaning in a URI.
 std::string UriOf(const std::string& path) {
   std::string uri = "file:";
   for (const char letter : path) {
@@ -148,7 +151,7 @@ Query& Query::operator<<(double value) {
 }
 
 Query& Query::operator<<(std::string_view text) {
-  // A null pointer would bind NULL, also where the text is merely empty.
+  // A null pointer would bind NULL instead of an empty text.
   const char* bytes = text.data() ? text.data() : "";
   if (prepared_) {
     Note(sqlite3_bind_text64(prepared_->statement, ++parameter_, bytes, text.size(), SQLITE_STATIC, SQLITE_UTF8));
@@ -197,7 +200,7 @@ std::string_view Query::Bytes(int column) const {
   return bytes ? std::string_view(static_cast<const char*>(bytes), size) : std::string_view();
 }
 
-// On a read-only file system nobody else can write either: no locks, whose files may be missing.
+// On a read-only file system no process can write, so no locks are needed. Lock files may be missing there.
 Database::Database(std::string path, const std::string& vfs, Access access)
     : path_(std::move(path)),
       access_(access),
@@ -228,19 +231,20 @@ Result<void> Database::OpenConnection(const std::string& vfs) {
   std::string name = path_;
   int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
   if (access_ == Access::kReadOnly) {
-    // A log is read beside the file; where there is none, SQLite must not want to make one.
+    // An existing log has to be read too. Without a log, `immutable` keeps SQLite from trying to create one.
     name = UriOf(path_) + (WalBytes() > 0 ? "?mode=ro" : "?immutable=1");
     flags = SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_URI;
   }
   const int code = sqlite3_open_v2(name.c_str(), &connection_, flags, files_->name());
   if (code != SQLITE_OK) return FailWith(code);
   sqlite3_extended_result_codes(connection_, 1);
-  // A file that somebody else has written to says by its triggers and its schema what is done to its rows.
+  // Another program may have written triggers or a schema into the file that change rows. Disable them.
   sqlite3_db_config(connection_, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_db_config(connection_, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
   sqlite3_progress_handler(connection_, kStepsBetweenLooks, OnSteps, this);
   sqlite3_busy_timeout(connection_, kBusyTimeout_ms);
-  // Then WAL needs no shared memory: other file systems need not have it, and a full disk has no room for it.
+  // In exclusive mode WAL needs no shared memory. Other file systems may not have it, and a full disk has no room for
+  // it.
   if (!vfs.empty() || access_ != Access::kShared) return Execute("PRAGMA locking_mode=EXCLUSIVE");
   return {};
 }
@@ -249,13 +253,14 @@ Result<void> Database::Configure(std::uint64_t bytes_max) {
   if (access_ == Access::kReadOnly) return Execute("PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;");
   std::uint64_t log_pages = kLogPagesMax;
   std::uint64_t log_bytes = kLogBytesKept;
-  // On a small disk the log stays well below the reserve, which has to take it in.
+  // On a small disk the log stays well below the size of the reserve, which has to make room for it.
   if (const std::optional<DiskSpace> space = GetDiskSpace()) {
     const std::uint64_t reserve = ReserveBytesFor(space->capacity_bytes);
     log_pages = std::clamp(reserve / 4 / kPageBytes, kLogPagesMin, kLogPagesMax);
     log_bytes = std::min(log_bytes, std::max(reserve, kLogPagesMin * kPageBytes));
   }
-  // Debian's SQLite would write zeros over all that is deleted: as many bytes again, on flash that wears.
+  // Debian's SQLite overwrites deleted data with zeros by default. secure_delete=FAST avoids these writes, which would
+  // double the bytes written for a deletion and wear the flash.
   Result<void> done = Execute(
       "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA secure_delete=FAST;"
       "PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY; PRAGMA journal_size_limit=" +
@@ -279,7 +284,7 @@ Result<std::string> Database::SetAside(const std::string& path, const std::strin
   if (!aside) return aside;
   if (const Result<void> moved = MoveFile(path, *aside); !moved) return tl::unexpected(moved.error());
   std::error_code ignored;
-  std::filesystem::remove(path + "-shm", ignored);  // Of the file that is gone.
+  std::filesystem::remove(path + "-shm", ignored);  // Index of the file that was renamed.
   return *aside;
 }
 
@@ -301,14 +306,14 @@ Database::~Database() {
   if (lock_file_ >= 0) close(lock_file_);
 }
 
-// SQLite's own locks would let two agents take turns on one file and number the same records twice.
+// SQLite's own locks would let two agents alternate on one file and give two records the same number.
 Result<void> Database::Lock() {
   if (path_ == kInMemory) return {};
   const std::string lock_path = path_ + ".lock";
   lock_file_ = open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (lock_file_ < 0 && errno == EROFS) {
     lock_file_ = open(lock_path.c_str(), O_RDONLY | O_CLOEXEC);
-    if (lock_file_ < 0) return {};  // Nobody writes there.
+    if (lock_file_ < 0) return {};  // No process can write there.
   }
   if (lock_file_ < 0) return Fail(ErrorCode::kInternal, "cannot create " + lock_path + ": " + std::strerror(errno));
   if (flock(lock_file_, LOCK_EX | LOCK_NB) != 0) {
@@ -332,7 +337,7 @@ tl::unexpected<Error> Database::FailWith(int code) const {
                        (sqlite3_system_errno(connection_) == ENOSPC || sqlite3_system_errno(connection_) == EDQUOT);
   if (is_full) code = SQLITE_FULL;
   std::string text = sqlite3_errstr(code);
-  // The connection's own words say more, unless they are about something else.
+  // The connection's message is more specific, but it may belong to another error.
   if (connection_ && (sqlite3_errcode(connection_) & 0xFF) == (code & 0xFF)) text = sqlite3_errmsg(connection_);
   return Fail(CodeOf(code), "database " + path_ + ": " + text);
 }
@@ -424,7 +429,7 @@ Result<void> Database::CheckInPlace() {
   const std::uint64_t bytes_before = file_bytes_;
   if (const Result<void> there = CheckFile("", file_, file_bytes_); !there) return there;
   if (file_bytes_ < bytes_before) {
-    // Another program may have vacuumed it: then it is as long as its own first page says.
+    // Another program may have vacuumed the file. Its first page then states the new length.
     if (file_bytes_ < BytesByHeader()) {
       return NotInPlace(
           "", "was cut from " + std::to_string(bytes_before) + " to " + std::to_string(file_bytes_) + " bytes");
@@ -437,7 +442,7 @@ Result<void> Database::CheckInPlace() {
 std::uint64_t Database::BytesByHeader() const {
   constexpr sqlite3_int64 kPageSizeAt = 16;
   constexpr sqlite3_int64 kPageCountAt = 28;
-  // Through SQLite's own handle: to close another one of the file would free SQLite's locks on it.
+  // Use SQLite's own handle. Closing another handle of the same file would release SQLite's locks on it.
   sqlite3_file* file = nullptr;
   unsigned char size[2] = {};
   unsigned char count[4] = {};
@@ -453,7 +458,8 @@ std::uint64_t Database::BytesByHeader() const {
 Result<void> Database::CheckFile(const char* ending, std::optional<FileIdentity>& opened, std::uint64_t& bytes) {
   struct stat status {};
   if (::stat((path_ + ending).c_str(), &status) != 0) {
-    // A log is there once SQLite has made it; and any other error of the disk says nothing of where the file is.
+    // SQLite creates the log after opening, so it may be missing at first. Other errors of stat do not say whether the
+    // file is in place.
     if (!opened || (errno != ENOENT && errno != ENOTDIR)) return {};
     return NotInPlace(ending, "was removed or moved");
   }
@@ -464,7 +470,7 @@ Result<void> Database::CheckFile(const char* ending, std::optional<FileIdentity>
 }
 
 tl::unexpected<Error> Database::NotInPlace(const char* ending, const std::string& what) {
-  LeaveAsItIs();  // A file that lies at the path by now may have a log of its own.
+  LeaveAsItIs();  // A file that is now at this path may have its own log.
   return Fail(ErrorCode::kCorrupt, (*ending == 0 ? "database " : "the log of a database, ") + path_ + ending + ", " +
                                        what +
                                        " while this agent had it open: what it stored now would be found by "
@@ -494,7 +500,7 @@ Result<void> Database::SetDurability(Durability durability) {
 
 Result<Transaction> Transaction::Begin(Database& database, Database::Durability durability) {
   if (const Result<void> set = database.SetDurability(durability); !set) return tl::unexpected(set.error());
-  // IMMEDIATE: fail here if another process writes, not in the middle.
+  // With IMMEDIATE the transaction fails here, and not at a later statement, if another process writes.
   const Result<void> begun = database.Prepare("BEGIN IMMEDIATE").Run();
   if (!begun) return tl::unexpected(begun.error());
   return Transaction(database);
@@ -502,13 +508,13 @@ Result<Transaction> Transaction::Begin(Database& database, Database::Durability 
 
 Transaction::~Transaction() {
   if (!database_) return;
-  // After a full disk or an I/O error SQLite may have rolled back by itself.
+  // SQLite may already have rolled back after a full disk or an I/O error.
   if (sqlite3_get_autocommit(database_->connection_) == 0) (void)database_->Prepare("ROLLBACK").Run();
 }
 
 Result<void> Transaction::Commit() {
-  // Before it, as the commit may move the log into a file that was cut, and so make it longer; after it, for the
-  // answer.
+  // Check before the commit, since it may move the log into a truncated file and make it longer, which would hide the
+  // truncation. Check again after the commit, for the returned result.
   if (const Result<void> there = database_->CheckInPlace(); !there) return there;
   const Result<void> committed = database_->Prepare("COMMIT").Run();
   if (!committed) return committed;

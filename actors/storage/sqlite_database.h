@@ -1,12 +1,14 @@
-// Database, Transaction, Query: SQLite as values and scopes; through them alone a store is written.
+// Database, Transaction, Query: the C++ interface to SQLite through which all writes to a store are made.
 //
-// Used from one thread at a time. Statements are prepared once and kept (4.7 times faster than SQL text). Unsigned
-// 64-bit numbers are stored as the signed number of the same bits: compare them in C++, or in SQL by
-// `(x < 0), x`.
+// For one thread at a time. Statements are prepared once and cached (4.7 times faster than SQL text). Unsigned 64-bit
+// numbers are stored as the signed numbers of the same bits. Compare them in C++, or in SQL by `(x < 0), x`.
 //
-// Errors of every call: kFull (disk or size limit), kCorrupt (damaged file, or none of SQLite's; or it is not the file
-// at its path any more), kUnavailable (locked by another process), kInternal (anything else: I/O, permissions, a
-// read-only file system). After an error inside a Transaction, let it go.
+// Errors of all calls:
+//   - kFull: the disk is full, or the size limit is reached.
+//   - kCorrupt: the file is damaged, is not a SQLite file, or is no longer the file at its path.
+//   - kUnavailable: locked by another process.
+//   - kInternal: anything else, such as I/O errors, permissions or a read-only file system.
+// After an error inside a Transaction, destroy the Transaction.
 #pragma once
 
 #include <sys/types.h>
@@ -38,33 +40,34 @@ struct DiskSpace {
   std::uint64_t capacity_bytes = 0;
 };
 
-// Of a VFS that is not the system's: the file control by which it fills a DiskSpace. SQLite leaves numbers from 100 on.
+// File control by which a custom VFS fills a DiskSpace. SQLite leaves numbers from 100 on to applications.
 inline constexpr int kDiskSpaceControl = 5301;
 
-// One use of a prepared statement; gives it back when it goes out of scope. The same SQL cannot be in use twice.
+// One use of a prepared statement. The destructor makes the statement available again. The same SQL cannot be in use
+// twice.
 class Query {
  public:
   Query(Query&& other) noexcept;
   Query& operator=(Query&&) = delete;
   ~Query();
 
-  // Binds the next parameter, from the first on. Text and bytes must live until the last Step.
+  // Binds the next parameter, starting with the first. Text and bytes must live until the last Step.
   Query& operator<<(std::integral auto value) { return BindInteger(static_cast<std::int64_t>(value)); }
   Query& operator<<(double value);
   Query& operator<<(std::string_view text);
   Query& operator<<(Blob blob);
   Query& operator<<(std::nullptr_t);
 
-  // True: a row is there to be read. False: there are no more.
+  // Returns true if there is a row to read, false after the last row.
   Result<bool> Step();
-  // Steps to the end.
+  // Steps until there are no more rows.
   Result<void> Run();
 
-  // Of the present row, columns from 0. The views live until the next Step.
+  // Columns of the current row, counted from 0. The views are valid until the next Step.
   std::int64_t Integer(int column) const;
   std::uint64_t Unsigned(int column) const { return static_cast<std::uint64_t>(Integer(column)); }
   double Real(int column) const;
-  std::string_view Bytes(int column) const;  // Text too; empty for NULL.
+  std::string_view Bytes(int column) const;  // Returns text as well; empty for NULL.
 
  private:
   friend class Database;
@@ -78,76 +81,82 @@ class Query {
 
   Database* database_;
   Prepared* prepared_;
-  int code_;           // The first failure of preparing or binding; Step reports it.
-  int parameter_ = 0;  // The last one bound.
+  int code_;           // First error of preparing or binding; Step returns it.
+  int parameter_ = 0;  // Number of the last bound parameter.
 };
 
 class Database {
  public:
-  // How much a commit survives: kFull even a power cut, kNormal a killed process.
+  // A commit with kFull survives a power cut. A commit with kNormal survives only a killed process.
   enum class Durability { kFull, kNormal };
 
   enum class Access {
-    kShared,   // Other processes may read it beside this one.
-    kAlone,    // None can: without the index beside the log (PATH-shm), for which a full or failing disk has no room.
-    kReadOnly  // On a read-only file system; every write fails with kInternal.
+    kShared,  // Other processes may read the file at the same time.
+    // Other processes cannot read the file. There is no shared-memory index (PATH-shm), for which a full or failing
+    // disk has no room.
+    kAlone,
+    kReadOnly  // For a read-only file system. Every write fails with kInternal.
   };
 
   using FileCheck = Result<void> (*)(Database& database);
 
-  // Opens or creates `path` in WAL mode; ":memory:" gives one that goes with this object. A file is locked (PATH.lock)
-  // against a second writer, but other processes may read it. `bytes_max` bounds the file; 0: the disk does. `vfs`:
-  // another file system that is registered with SQLite, for simulations; nobody else uses it. On a read-only file
-  // system the access is kReadOnly, whatever was asked for, and a file that is not there kInternal. `check`, which only
-  // reads, sees the file before anything is written to it: what it refuses stays as it is, and its error is returned.
+  // Opens or creates `path` in WAL mode; ":memory:" makes a database that exists as long as this object. A file is
+  // locked (PATH.lock) against a second writer, but other processes may read it.
+  //   - `bytes_max` limits the size of the file; 0 means that only the disk does.
+  //   - `vfs` is another file system registered with SQLite, for simulations; no other process uses it.
+  //   - `access` becomes kReadOnly on a read-only file system. A missing file is then kInternal.
+  //   - `check` sees the file before anything is written to it, and must only read. If it returns an error, the file
+  //     stays unchanged and Open returns the error.
   static Result<std::unique_ptr<Database>> Open(const std::string& path, std::uint64_t bytes_max = 0,
                                                 const std::string& vfs = {}, Access access = Access::kShared,
                                                 FileCheck check = nullptr);
-  // Renames a damaged file that is not open, with its write-ahead log, to PATH.damaged-1 or the next number that is
-  // free; the new path. Of kDamagedMax such files the smallest is removed for it, and those after it move up, so that
-  // an agent on a bad disk still starts. In a `vfs`: deletes the file.
+  // Renames a damaged file that is not open, with its write-ahead log, to PATH.damaged-1 or the next free number.
+  // Returns the new path. If there are kDamagedMax such files, the smallest is removed and the later ones are
+  // renumbered, so that an agent on a bad disk still starts. In a custom `vfs` the file is deleted.
   static Result<std::string> SetAside(const std::string& path, const std::string& vfs = {});
   static constexpr int kDamagedMax = 10;
-  // The last file that was set aside from `path` and is still there; empty: none is. Empty in a `vfs`.
+  // Returns the last existing file that was set aside from `path`. Empty if there is none, or in a custom `vfs`.
   static std::string LastSetAside(const std::string& path, const std::string& vfs = {});
   ~Database();
   Database(const Database&) = delete;
   Database& operator=(const Database&) = delete;
 
-  // `sql` is one statement of ours.
+  // Requires: `sql` is one statement from this program's code.
   Query Prepare(const std::string& sql);
 
-  // Any number of statements without parameters and results.
+  // Runs any number of statements without parameters and results.
   Result<void> Execute(const std::string& sql);
 
-  // The first column of the first row, as a number. kNotFound without a row.
+  // Returns the first column of the first row as a number. kNotFound if there are no rows.
   Result<std::int64_t> Number(const std::string& sql);
 
   // kCorrupt if the file is damaged. Reads the whole file.
   Result<void> QuickCheck();
 
-  // Closing moves nothing from the write-ahead log into the file, for one that is damaged or another program's.
+  // Keeps the destructor from moving the write-ahead log into the file. Use it for a file that is damaged or belongs to
+  // another program.
   void LeaveAsItIs();
 
   const std::string& path() const { return path_; }
   Access access() const { return access_; }
   bool IsOnReadOnlyFileSystem() const;
-  std::uint64_t WalBytes() const;                 // Of the write-ahead log; 0 in memory.
-  std::optional<DiskSpace> GetDiskSpace() const;  // Where the file lies; none in memory, and where nobody can say.
-  Result<std::uint64_t> FreePageBytes();          // Within the file, free to be written again.
-  // Moves what the log holds into the file, so that the log begins anew.
+  std::uint64_t WalBytes() const;  // Size of the write-ahead log; 0 in memory.
+  // Space of the disk that holds the file. Null in memory, and if it is unknown.
+  std::optional<DiskSpace> GetDiskSpace() const;
+  Result<std::uint64_t> FreePageBytes();  // Bytes of free pages within the file.
+  // Moves the write-ahead log into the file. The log then starts again from its beginning.
   Result<void> Checkpoint();
-  // kCorrupt where file or log are not those at their paths any more, or the file was cut: removed, moved, replaced or
-  // truncated by somebody else while it was open. What was written since reaches nobody. Two calls of stat.
+  // kCorrupt if another program removed, moved, replaced or truncated the file or its log while it was open. Writes
+  // since then would be lost. Costs two calls of stat.
   Result<void> CheckInPlace();
-  // A step of a statement that takes more of SQLite's own is ended with kCorrupt: in a file of ours none does, in one
-  // that somebody else has written to one may never end. kStepsMax takes minutes; reading a whole file takes some fifty
-  // a row.
+  // Limit of SQLite's virtual machine for one Step, which fails with kCorrupt above it. No statement on an intact store
+  // needs so many steps. On a file that another program changed, a statement may never end. kStepsMax steps take
+  // minutes; reading a whole file takes some fifty steps per row.
   static constexpr std::uint64_t kStepsMax = 10'000'000'000;
   void SetStepsMax(std::uint64_t steps) { steps_max_ = steps; }  // For tests.
-  // Of what the file holds, or will when the log is moved into it: without pages that are free to be written again.
+  // Bytes of the pages in use, in the file and in the log. Free pages are not counted.
   Result<std::uint64_t> UsedPageBytes();
-  // By this object, to file and log (actors/storage/counting_files.h).
+  // Bytes that this object wrote to the file and the log (actors/storage/counting_files.h).
   std::uint64_t WrittenBytes() const;
 
  private:
@@ -162,29 +171,30 @@ class Database {
   Result<void> OpenConnection(const std::string& vfs);
   Result<void> Configure(std::uint64_t bytes_max);
   Result<void> CheckFile(const char* ending, std::optional<FileIdentity>& opened, std::uint64_t& bytes);
-  std::uint64_t BytesByHeader() const;  // As long as the file must be, by its first page.
+  std::uint64_t BytesByHeader() const;  // File length according to the file's first page.
   tl::unexpected<Error> NotInPlace(const char* ending, const std::string& what);
-  std::uint64_t FileBytes(const char* ending) const;  // Of the path with this ending; 0 where there is no such file.
+  // Size of the file at the path with this ending; 0 if it does not exist.
+  std::uint64_t FileBytes(const char* ending) const;
   static int OnSteps(void* database);
   tl::unexpected<Error> FailWith(int code) const;
   Result<void> SetDurability(Durability durability);
 
   std::string path_;
   Access access_ = Access::kShared;
-  bool is_on_system_ = false;  // A file that the system knows by its path.
+  bool is_on_system_ = false;  // False for a database in memory or in a custom VFS.
   std::optional<FileIdentity> file_;
   std::optional<FileIdentity> log_;
-  std::uint64_t file_bytes_ = 0;  // When last looked at.
+  std::uint64_t file_bytes_ = 0;  // File size at the last check.
   int lock_file_ = -1;
   std::unique_ptr<CountingFiles> files_;
   sqlite3* connection_ = nullptr;
   Durability durability_ = Durability::kFull;
-  std::uint64_t steps_ = 0;  // Of the present step of a statement.
+  std::uint64_t steps_ = 0;  // SQLite's steps in the current Step of a statement.
   std::uint64_t steps_max_ = kStepsMax;
   std::unordered_map<std::string, Query::Prepared> statements_;
 };
 
-// All or nothing: what is not committed when this goes out of scope is rolled back.
+// A transaction. The destructor rolls back if it was not committed.
 class Transaction {
  public:
   static Result<Transaction> Begin(Database& database, Database::Durability durability = Database::Durability::kFull);
@@ -192,7 +202,7 @@ class Transaction {
   Transaction& operator=(Transaction&&) = delete;
   ~Transaction();
 
-  // Without an error it is durable in the file that lies at the database's path (Database::CheckInPlace).
+  // On success the transaction is durable in the file at the database's path (Database::CheckInPlace).
   Result<void> Commit();
 
  private:

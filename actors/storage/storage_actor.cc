@@ -22,11 +22,12 @@ namespace {
 
 enum TimerKind : std::uint32_t { kScrub = 1, kSaveWritten = 2, kTend = 3, kTrimHistory = 4 };
 
-// Of one prune on a full disk: what so few rows need to go is little.
+// Rows per prune on a full disk. Removing so few rows needs little space.
 constexpr std::size_t kRowsOnFullDisk = 200;
 
 constexpr double kMegabyte = 1e6;
-constexpr double kBudgetUsedMax = 0.9;  // RetentionActor removes before that; beyond it, it could not.
+// RetentionActor prunes below this level. A fuller store means that too few records may be removed.
+constexpr double kBudgetUsedMax = 0.9;
 
 std::uint32_t DayOf(std::int64_t utc_ns) {
   constexpr std::int64_t kDay_ns = 86'400'000'000'000;
@@ -41,7 +42,7 @@ std::string Megabytes(double bytes) {
 
 constexpr std::uint64_t kHistoryDropBytes = 1024 * 1024;
 
-// Before anything is refused for want of room: pages that become free within the file count as room.
+// Removes history before records are refused for lack of room. Pages that become free within the file count as room.
 void DropHistoryWhereShort(const DiskGuard& disk, RecordStore& store) {
   const Result<void> room = disk.CheckRoom(store.database(), DiskGuard::Kind::kMap);
   if (room || room.error().code != ErrorCode::kFull) return;
@@ -105,10 +106,10 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
 void StorageActor::OnStart(Context& context) {
   if (!OpenStore(context)) return;
   proto::RecordsStored changed;
-  changed.set_is_pruned(true);  // Perhaps, by an earlier life that ended before it could publish it.
+  changed.set_is_pruned(true);  // Before a restart this actor may have pruned without publishing it.
   Publish(context, changed);
   context.WatchPeers();
-  (void)IsClockSuspect(context);  // From here on a jump is seen.
+  (void)IsClockSuspect(context);  // Starts the detection of jumps.
   SaveWritten(context);
   (void)context.AfterTimer(options_.tend_period, kTend);
   (void)context.AfterTimer(options_.history_period, kTrimHistory);
@@ -209,7 +210,8 @@ void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) 
   if (event.is_connected()) ReportEpochs(context, event.peer());
 }
 
-// A report that is lost comes again with the next link, and before records of the peer's own go home.
+// Reports the epochs of the peer's own records that are known here. A lost report is repeated with the next link, and
+// before records of the peer are returned to it.
 void StorageActor::ReportEpochs(Context& context, AgentId peer) {
   proto::Message report;
   report.set_ms_type(proto::CONTROL);
@@ -288,8 +290,8 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
   Publish(context, stored.stored);
 }
 
-// An error keeps the sender's session open until there is room again; what was stored all the same shows in the
-// have-set by then.
+// Stores the batch, or all of it but maps, as the room allows. An error keeps the sender's session open until there is
+// room again. By then the have-set covers the records that were stored in spite of the error.
 RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& request) {
   const auto is_map = [](const proto::StoredRecord& record) {
     return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
@@ -322,7 +324,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     *message.mutable_missing_reply() = *std::move(reply);
   } else {
     Note(context, "what is missing", reply.error());
-    // Nothing to send, yet not done: the session asks again.
+    // Nothing to send, but not finished. The session will ask again.
     message.mutable_missing_reply()->set_remaining(1);
   }
   Answer(context, std::move(message));
@@ -353,8 +355,7 @@ void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& 
   if (saved) Publish(context, *saved);
 }
 
-// A log that is full, and cannot be moved into the file for want of a few pages, takes no write although the file has
-// room.
+// A full log that cannot be moved into the file for lack of a few pages blocks all writes, although the file has room.
 bool StorageActor::GivesUpReserveFor(const proto::Error& error) {
   return error.code() == proto::ERROR_CODE_FULL && options_.bytes_max == 0 && disk_.GiveUpReserve(store_->database());
 }
@@ -376,7 +377,8 @@ void StorageActor::NoteWrite(const Result<void>& written) {
   }
 }
 
-// Of records: an error that is no disk's says nothing about it, nor does a request that stored no row.
+// Notes the result of storing records. Errors that do not come from the disk, and requests that stored no row, say
+// nothing about the disk.
 void StorageActor::NoteWrite(const proto::Error& error, const proto::RecordsStored& stored) {
   if (IsError(error)) return NoteWrite(tl::unexpected(FromProto(error)));
   if (stored.last_row_id() != 0) NoteWrite(Result<void>());
@@ -385,7 +387,7 @@ void StorageActor::NoteWrite(const proto::Error& error, const proto::RecordsStor
 void StorageActor::OnLoadRoles(Context& context) {
   Result<proto::LoadRolesReply> loaded = store_->LoadRoles();
   if (!loaded) {
-    // Acting without knowing one's roles would be worse than starting again.
+    // Acting without known roles would be worse than a restart.
     context.Fail(loaded.error());
     return;
   }
@@ -449,7 +451,7 @@ std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {
   return "";
 }
 
-// By its age nothing goes while this agent cannot tell what time it is.
+// Removes nothing by age while this agent does not know the time.
 void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request) {
   proto::Message message;
   proto::PruneReply& reply = *message.mutable_prune_reply();
@@ -476,7 +478,7 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
   Answer(context, std::move(message));
 }
 
-// Looks at what changes without a message: the file, its disk, the reserve.
+// Checks what changes without a message: the file, its disk and the reserve.
 void StorageActor::Tend(Context& context) {
   if (const Result<void> there = store_->database().CheckInPlace(); !there) return Note(context, "", there.error());
   const bool is_writable = store_->database().access() != Database::Access::kReadOnly;
@@ -485,7 +487,7 @@ void StorageActor::Tend(Context& context) {
     const Result<void> written = store_->TryToWrite();
     NoteWrite(written);
     if (!written) FailIfDamaged(context, written.error());
-    // Others may read the file again.
+    // Reopen it, so that other processes may read the file again.
     const bool is_alone = store_->database().access() == Database::Access::kAlone && options_.vfs.empty();
     if (written && is_alone) return Reopen(context);
   }
@@ -494,7 +496,7 @@ void StorageActor::Tend(Context& context) {
   (void)context.AfterTimer(is_reserve_growing ? options_.reserve_pause : options_.tend_period, kTend);
 }
 
-// The rows are the same ones: other actors, which have read on from them, go on.
+// Reopens the store. The rows are the same, so actors that have read from it continue.
 void StorageActor::Reopen(Context& context) {
   spdlog::info("storage: the disk can be written again; opens {} anew", options_.path);
   store_.reset();
@@ -510,8 +512,8 @@ void StorageActor::SaveWritten(Context& context) {
   (void)context.AfterTimer(options_.written_period, kSaveWritten);
 }
 
-// States that are kept for a time, and a limit that became lower. By its age nothing goes while this agent cannot tell
-// what time it is.
+// Removes history rows by age, and rows above a limit that was lowered. Removes none by age while this agent does not
+// know the time.
 void StorageActor::TrimHistory(Context& context) {
   const bool tells_time = !IsClockSuspect(context);
   const Result<bool> has_more =
@@ -521,7 +523,7 @@ void StorageActor::TrimHistory(Context& context) {
   (void)context.AfterTimer(goes_on ? options_.history_pause : options_.history_period, kTrimHistory);
 }
 
-// An operator looks: what is damaged is reported, and nothing done about it.
+// Requested by an operator. Damage is reported, but not repaired.
 void StorageActor::OnVerify(Context& context, const proto::VerifyRequest& request) {
   proto::Message message;
   Result<proto::VerifyReply> reply = store_->Verify(request);
@@ -569,7 +571,7 @@ void StorageActor::OnBundle(Context& context, const proto::Message& message) {
   answer(bundles, *reply.mutable_load_bundles_reply());
 }
 
-// The rows part by part, then what is held, then the file as a whole.
+// Verifies the next part of the store: first the rows in parts, then the held seqs, then the whole file.
 void StorageActor::Scrub(Context& context) {
   const Result<proto::VerifyReply> reply = store_->Verify(next_scrub_);
   if (!reply) {
@@ -580,7 +582,7 @@ void StorageActor::Scrub(Context& context) {
   for (const proto::VerifyFinding& finding : reply->findings()) {
     const std::string which = finding.has_key() ? ToString(FromProto(finding.key())) + ": " : "";
     const Error damage{ErrorCode::kCorrupt, which + finding.text(), ""};
-    // A local record nobody else has: a new start would not mend it.
+    // No other agent has a local record, so a restart could not repair it.
     const bool is_local = finding.has_key() && finding.key().seq() == 0;
     if (!is_local) return Note(context, "reading through the store", damage);
     spdlog::error("storage: a local record is damaged: {}", ToString(damage));
@@ -637,15 +639,15 @@ void StorageActor::Answer(Context& context, proto::Message reply) {
 void StorageActor::Note(Context& context, const char* what, const Error& error) {
   const std::string line = "storage: " + std::string(what) + (*what == 0 ? "" : ": ") + ToString(error);
   if (error.code == ErrorCode::kCorrupt) {
-    spdlog::error("{}", line);  // Once: the process ends.
+    spdlog::error("{}", line);  // Logged only once, because the process ends.
   } else {
     failed_log_.Error(line);
   }
   FailIfDamaged(context, error);
 }
 
-// Which ends the process (Supervisor): the next one reads the file through and mends it or sets it aside. Not here:
-// other actors have read on from rows that would not be there any more.
+// Ends the process if the store is damaged (Supervisor). The next process reads the file through, and repairs it or
+// sets it aside. This process cannot, because other actors have read rows that would then be missing.
 void StorageActor::FailIfDamaged(Context& context, const Error& error) {
   if (error.code == ErrorCode::kCorrupt) context.Fail(error);
 }

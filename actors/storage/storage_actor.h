@@ -1,21 +1,23 @@
-// StorageActor: the one owner of an agent's database; answers what proto/storage.proto, retention.proto and
-// downlink.proto let others ask, and the ControlRequest `status` with its part of AgentStatus.
+// StorageActor: the only owner of an agent's database. It answers the requests of proto/storage.proto, retention.proto
+// and downlink.proto, and the ControlRequest `status` with its part of AgentStatus.
 //
-// From peers it hears one thing, EpochReport: when a link comes up, each side says which epochs of the other's own
-// records it knows, so that an agent whose disk was lost or restored hears of them at once. An agent whose actor alone
-// was made anew hears of them with the next link or session.
+// The only message that it accepts from peers is EpochReport. When a link comes up, each side reports which epochs of
+// the other's own records it knows. An agent whose disk was lost or restored thus learns of these epochs at once. If
+// only this actor was restarted, it learns of them with the next link or session.
 //
-// Thin: RecordStore does the work. Every reply comes after the commit that it speaks of. A failed write is an error in
-// its reply, and the actor goes on; a file that cannot be opened fails the actor, and one that turns out to be damaged,
-// or to be removed, moved, replaced or cut by somebody else, ends the process. So that damage is noticed while another
-// disk still has what it costs, it reads through the whole store now and then (Options::scrub_period), as a process
-// does at its start. Marks what is inserted while this agent's clock is suspect. Spawn it with a thread of its own:
-// commits wait for the disk.
+// RecordStore does most of the work. Each reply is sent after the commit that it reports. A failed write is an error in
+// the reply, and the actor continues. If the file cannot be opened, the actor fails. The process ends if the file is
+// found damaged, or if another program removed, moved, replaced or truncated it.
 //
-// On a disk that is nearly full it refuses maps, then every record (actors/storage/disk_guard.h), its own robot's and
-// peers' (of a peer's batch it stores what is no map, and answers with an error all the same: the sender keeps the rest
-// and comes back after its growing delay). Roles and prunes are stored as long as the disk takes anything, with the
-// reserve given up for them. A store that had to be opened without writing is opened anew when the disk works again.
+// The actor reads through the whole store periodically (Options::scrub_period), as a process does at its start. Damage
+// is thus noticed while another disk still holds the lost records. Records that are inserted while this agent's clock
+// is suspect are marked. Spawn this actor with its own thread, because commits wait for the disk.
+//
+// On a disk that is nearly full it refuses maps, then every record, of its own robot and of peers
+// (actors/storage/disk_guard.h). If only maps are refused, it stores the other records of a peer's batch but replies
+// with an error. The sender keeps the rest and retries with a growing delay. Roles and prunes are stored as long as the
+// disk accepts anything, and the reserve is given up for them. A store that had to be opened without writing is
+// reopened when the disk works again.
 #pragma once
 
 #include <functional>
@@ -36,32 +38,42 @@ namespace moondb {
 class StorageActor final : public Actor {
  public:
   struct Options {
-    std::string path;             // The database file; its folder exists. ":memory:" for tests.
-    std::string vfs;              // Empty: the system's files. Else as of Database::Open.
-    AgentId self = 0;             // This agent, which is in `team`.
-    proto::TeamConfig team;       // Checked; its agents, policies `share`, custom types and `retention` are read.
-    std::uint64_t bytes_max = 0;  // Of the file; 0: as the disk allows.
-    Duration written_period = std::chrono::minutes(1);  // Between two times of writing down what was written.
-    Duration scrub_period = std::chrono::hours(24);     // From the end of a reading to the next one; zero: never.
-    Duration scrub_pause = std::chrono::minutes(1);     // Between two parts of one, each kVerifyBytesMax at most.
-    Duration tend_period = std::chrono::seconds(10);    // Between two looks at the file, its disk and the reserve.
-    Duration reserve_pause = std::chrono::milliseconds(500);  // Between two parts of the reserve while it is made,
-                                                              // which leaves the disk to inserts meanwhile.
-    Duration history_period = std::chrono::minutes(1);        // Between two looks at what is kept for a time only,
-    Duration history_pause = std::chrono::seconds(1);  // and between two parts of one, kHistoryTrimRowsMax at most.
-    std::string set_aside;  // The damaged file that this process's start set aside; shown in status.
-    // When the process began to end in order, UTC; none: it does not end, or not in order. Asked as the actor ends,
-    // which then writes it down as the store's last event.
+    std::string path;  // The database file. Its folder must exist. ":memory:" for tests.
+    // VFS name, as for Database::Open. Empty for the operating system's files.
+    std::string vfs;
+    AgentId self = 0;  // This agent. It must be in `team`.
+    // Must be checked. Its agents, `share` policies, custom types and `retention` are read.
+    proto::TeamConfig team;
+    std::uint64_t bytes_max = 0;  // Size limit of the file; 0: limited by the disk only.
+    // Time between two saves of the count of bytes written.
+    Duration written_period = std::chrono::minutes(1);
+    // Time from the end of one scrub to the start of the next; zero disables scrubs.
+    Duration scrub_period = std::chrono::hours(24);
+    // Pause between two parts of a scrub. A part reads at most kVerifyBytesMax.
+    Duration scrub_pause = std::chrono::minutes(1);
+    // Time between two checks of the file, its disk and the reserve.
+    Duration tend_period = std::chrono::seconds(10);
+    // Pause between two parts of the reserve while it is rebuilt. In between the disk is free for inserts.
+    Duration reserve_pause = std::chrono::milliseconds(500);
+    // Time between two checks whether history has rows to remove.
+    Duration history_period = std::chrono::minutes(1);
+    // Pause between two parts of a history trim. A part removes at most kHistoryTrimRowsMax rows.
+    Duration history_pause = std::chrono::seconds(1);
+    // The damaged file that the start of this process set aside, shown in the status.
+    std::string set_aside;
+    // Returns the UTC time at which an orderly end of the process began; null if there is none. Called when the actor
+    // ends, which then logs it as the last event of the store.
     std::function<std::optional<std::int64_t>()> stopped_at_ns;
-    // As RecordStore::Options.
+    // Signs an own record that any agent may supply; see RecordStore::Options.
     std::function<std::string(const RecordKey&, const proto::Record&)> sign;
-    bool is_checked = false;  // As RecordStore::Options: the actor's restarts take no longer for a large file.
+    // True if this process opened the file before. A restart of the actor then takes no longer for a large file.
+    bool is_checked = false;
   };
 
   explicit StorageActor(Options options);
   ~StorageActor() override;
 
-  // The same store as the actor's, for a check at a program's start: open it, show the error, close it again.
+  // Options of the same store, for a check at the start of a program: open it, show the error, close it again.
   static RecordStore::Options StoreOptions(const Options& options);
 
   void OnStart(Context& context) override;
@@ -84,18 +96,18 @@ class StorageActor final : public Actor {
   void OnPrune(Context& context, const proto::PruneRequest& request);
   void OnVerify(Context& context, const proto::VerifyRequest& request);
   void OnFingerprint(Context& context, const proto::FingerprintRequest& request);
-  void OnBundle(Context& context, const proto::Message& message);  // Any question about one.
+  void OnBundle(Context& context, const proto::Message& message);  // Handles all requests about bundles.
   void Scrub(Context& context);
   bool OpenStore(Context& context);
   void Tend(Context& context);
   void Reopen(Context& context);
   Result<void> CheckRoom(DiskGuard::Kind kind);
-  // Both write after DiskGuard found room. If the disk is full all the same, they give up the reserve and try again.
+  // Call these after CheckRoom found room. If the disk is full all the same, they give up the reserve and retry once.
   RecordStore::Inserted InsertWhereRoomSeems(const proto::InsertRequest& request);
   RecordStore::Stored StoreWhereRoomSeems(const proto::StoreRequest& request);
-  // After a write failed: whether it is worth another attempt.
+  // Returns true if the reserve was given up after a failed write, so that a retry may succeed.
   bool GivesUpReserveFor(const proto::Error& error);
-  // Does it; where the disk is full, once more with the reserve given up for it.
+  // Calls `write`. If the disk is full, gives up the reserve and calls it once more.
   template <typename Write>
   auto WriteInAnyCase(Write write) -> decltype(write());
   void NoteWrite(const Result<void>& written);
@@ -103,20 +115,20 @@ class StorageActor final : public Actor {
   RecordStore::Stored StoreAsRoomAllows(const proto::StoreRequest& request);
   void SaveWritten(Context& context);
   void TrimHistory(Context& context);
-  // Why there is little room left; empty: there is enough.
+  // Returns why little space is left; empty if there is enough.
   std::string SpaceLow(const proto::StorageStatus& status) const;
-  bool MoveScrubOn(const proto::VerifyReply& reply);  // Whether that was the last part.
+  bool MoveScrubOn(const proto::VerifyReply& reply);  // Returns true after the last part.
   void Answer(Context& context, proto::Message reply);
   void Note(Context& context, const char* what, const Error& error);
   void FailIfDamaged(Context& context, const Error& error);
   void Publish(Context& context, const proto::RecordsStored& stored);
   void PublishReissued(Context& context);
-  // Whether what is inserted now must be marked.
+  // Returns whether records that are inserted now must be marked.
   bool IsClockSuspect(Context& context);
 
   const Options options_;
   ClockJudge clock_judge_;
-  std::string clock_suspect_;  // The last verdict.
+  std::string clock_suspect_;  // The last verdict about the clock.
   std::unique_ptr<RecordStore> store_;
   proto::VerifyRequest next_scrub_;
   DiskGuard disk_;

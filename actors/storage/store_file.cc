@@ -16,7 +16,8 @@ namespace moondb {
 namespace {
 
 constexpr int kFileBusyTimeout_ms = 5000;
-constexpr int kFileStepsBetweenLooks = 10'000;  // Of SQLite's machine, at stop_requested.
+// Steps of SQLite's virtual machine between two calls of stop_requested.
+constexpr int kFileStepsBetweenLooks = 10'000;
 
 struct Close {
   void operator()(sqlite3* connection) const { sqlite3_close_v2(connection); }
@@ -109,7 +110,8 @@ Result<void> ForgetIncarnation(sqlite3* copy, const std::filesystem::path& to) {
   return {};
 }
 
-// Whoever finds the copy under its name finds all of it; a file that is there by now stays.
+// Gives the finished copy its name, so that the file under that name is always complete. An existing file is not
+// overwritten.
 Result<void> Publish(const std::filesystem::path& part, const std::filesystem::path& to) {
   const std::filesystem::path folder = to.has_parent_path() ? to.parent_path() : ".";
   std::error_code error;
@@ -163,7 +165,7 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   const Result<Connection> source = OpenToRead(file);
   if (!source) return tl::unexpected(source.error());
   const std::filesystem::path part = to.string() + ".part-" + std::to_string(getpid());
-  // A copy is as private as the store. SQLite would create it with the umask's mode.
+  // A copy must be as private as the store. SQLite would create it with the mode of the umask.
   const int created = open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, S_IRUSR | S_IWUSR);
   if (created < 0) {
     return Fail(ErrorCode::kInternal, std::string("cannot be written: ") + std::strerror(errno), to.string());
@@ -180,7 +182,7 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   Result<void> done;
   const bool is_damaged = code == SQLITE_CORRUPT || code == SQLITE_NOTADB;
   if (code != SQLITE_DONE) done = FailWith(code, nullptr, is_damaged ? file : to);
-  // The store goes on while the copy lies somewhere: put back, it must not pass for what the store has become.
+  // The store goes on after the copy was made. A restored copy must not pass for the later store.
   if (done) done = ForgetIncarnation(copy->get(), to);
   copy->reset();
   if (done) done = Publish(part, to);

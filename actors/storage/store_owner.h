@@ -1,4 +1,5 @@
-// Whose store a database file is: the agent whose records it numbers, and, for people who query it, its team and types.
+// The owner of a database file, which is the agent that numbers its records. For people who query the file, its team
+// and its custom types are stored too.
 #pragma once
 
 #include <set>
@@ -9,12 +10,12 @@
 
 namespace moondb {
 
-// kRefused: it is another agent's; two agents that number in one copied file would give two records one name.
-// Whether it has an owner already.
+// Returns whether the file has an owner. kRefused if the owner is another agent: two agents that number records in
+// copies of one file would give two records the same name.
 Result<bool> CheckOwner(Database& database, AgentId self);
 
-// Makes the store `self`'s and writes its team and types down; only what differs, so that a start on a full disk has
-// nothing to write.
+// Makes `self` the owner and stores team and types. Writes nothing if all of this is stored already, so a start on a
+// full disk succeeds.
 Result<void> WriteOwner(Database& database, AgentId self, const std::set<AgentId>& team, const CustomTypes& types);
 
 }  // namespace moondb

@@ -127,7 +127,7 @@ std::vector<TypeTable> MakeTypeTables() {
            [](const Record& record, Query& query) {
              const proto::LocalTraversabilityMap& map = record.local_traversability_map();
              BindNode(map.node(), query);
-             // CheckRecord demands a layer; the finest stands first.
+             // CheckRecord requires at least one layer. The finest layer is the first.
              const proto::MapLayer& finest = map.layers(0);
              query << map.layers_size() << finest.resolution_um() << finest.width_cells() << finest.height_cells();
              BindPose(map.node_from_map(), query);

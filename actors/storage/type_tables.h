@@ -1,7 +1,7 @@
-// The table of each built-in data type, one row each: its columns beside those that every table has (schema.h), and how
-// a record fills them.
+// The SQL table of each built-in data type: the columns beside those that every table has (schema.h), and how a record
+// fills them.
 //
-// tests/actors/storage/type_tables_test.cc names the type whose row is missing or does not fit. Constants, any thread.
+// tests/actors/storage/type_tables_test.cc names each type whose entry is missing or wrong. Constants. Thread-safe.
 #pragma once
 
 #include <string>
@@ -16,17 +16,18 @@ namespace moondb {
 
 struct TypeTable {
   DataType type = proto::DATA_TYPE_UNSPECIFIED;
-  std::string columns;  // SQL: "celsius REAL NOT NULL".
+  std::string columns;  // SQL, such as "celsius REAL NOT NULL".
   // Binds a record's values in the order of `columns`.
   void (*bind)(const proto::Record& record, Query& query) = nullptr;
-  // SQL, true of rows about the nodes of agent ?6; empty where the table knows of none (RecordTable::ReadInterval).
+  // SQL condition that is true for rows about the nodes of agent ?6 (RecordTable::ReadInterval). Empty if the table has
+  // no agent of a node.
   std::string agent_condition = {};
 };
 
-// In the order of the types' numbers.
+// Returns the tables in the order of the types' numbers.
 const std::vector<TypeTable>& TypeTables();
 
-// "celsius" of "celsius REAL NOT NULL".
+// Returns the column names: "celsius" for "celsius REAL NOT NULL".
 std::vector<std::string> ColumnNames(const std::string& columns);
 
 }  // namespace moondb

@@ -10,7 +10,8 @@ namespace moondb {
 
 namespace {
 
-constexpr std::uint64_t kSeqOfIntervalMax = UINT64_MAX - 1;  // As a have-set might claim, if it is damaged.
+// Greater seqs can occur only in a damaged have-set.
+constexpr std::uint64_t kSeqOfIntervalMax = UINT64_MAX - 1;
 
 IntervalSet Behind(const IntervalSet& seqs, std::uint64_t seq) {
   if (seq > kSeqOfIntervalMax) return {};
@@ -81,10 +82,10 @@ void NoteMissing(const StreamKey& stream, const IntervalSet& missing, proto::Ver
   }
 }
 
-// The seqs behind `after` that have rows, up to where `rows_max` ends.
+// The seqs after `after` that have rows; at most `rows_max` rows are read.
 struct SeqsWithRows {
   IntervalSet seqs;
-  std::uint64_t last_seq = kSeqOfIntervalMax;  // As far as was looked.
+  std::uint64_t last_seq = kSeqOfIntervalMax;  // The last seq that was examined.
 };
 
 Result<SeqsWithRows> FindRows(Database& database, const StreamKey& stream, std::uint64_t after,
@@ -105,7 +106,7 @@ Result<SeqsWithRows> FindRows(Database& database, const StreamKey& stream, std::
 
 Result<proto::VerifyReply> VerifyHeld(Database& database, const HaveSet& have, const RecordKey& after) {
   proto::VerifyReply reply;
-  std::uint32_t looked_at = 0;  // Rows, and streams.
+  std::uint32_t looked_at = 0;  // Number of rows and streams.
   for (auto it = have.streams().lower_bound(after.stream); it != have.streams().end(); ++it) {
     const auto& [stream, in_stream] = *it;
     const std::uint64_t after_seq = stream == after.stream ? after.seq : 0;
@@ -124,7 +125,7 @@ Result<proto::VerifyReply> VerifyHeld(Database& database, const HaveSet& have, c
   return reply;
 }
 
-// What a request asks for: one stream and the seqs in it.
+// Parses the stream and the seqs of a request.
 Result<HaveSet> ReadStream(const proto::FingerprintRequest& request) {
   proto::HaveSet single;
   *single.add_streams() = request.stream();
@@ -156,7 +157,7 @@ Result<proto::FingerprintReply> TakeFingerprint(Database& database, const proto:
   const auto& [stream, seqs] = *asked->streams().begin();
   const RecordTable& table = *FindRecordTable(stream.type);
   proto::FingerprintReply reply;
-  std::uint32_t looked_at = 0;  // Rows, and intervals.
+  std::uint32_t looked_at = 0;  // Number of rows and intervals.
   std::size_t bytes = 0;
   const auto is_full = [&] { return looked_at >= kVerifyRecordsMax || bytes >= kVerifyBytesMax; };
   for (const IntervalSet::Interval& interval : seqs.held.intervals()) {

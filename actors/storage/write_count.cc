@@ -26,7 +26,8 @@ Result<void> WriteCount::Load(Database& database) {
 }
 
 Result<void> WriteCount::Save(Database& database, std::uint32_t day) {
-  if (database.WrittenBytes() == seen_) return {};  // Else an idle agent would write for ever, about its own writing.
+  // Without this check an idle agent would keep writing to count its own writes.
+  if (database.WrittenBytes() == seen_) return {};
   const std::uint64_t counted = database.WrittenBytes();
   std::map<std::uint32_t, std::uint64_t> days = Days(database, day);
   Result<Transaction> transaction = Transaction::Begin(database, Database::Durability::kNormal);
@@ -46,7 +47,8 @@ Result<void> WriteCount::Save(Database& database, std::uint32_t day) {
 
 std::map<std::uint32_t, std::uint64_t> WriteCount::Days(const Database& database, std::uint32_t day) const {
   std::map<std::uint32_t, std::uint64_t> days = days_;
-  days.erase(days.upper_bound(day), days.end());  // Of a clock that was ahead once.
+  // Later days come from a clock that was ahead.
+  days.erase(days.upper_bound(day), days.end());
   days[day] += database.WrittenBytes() - counted_;
   KeepLast(days);
   return days;

@@ -1,9 +1,9 @@
-// WriteCount: how many bytes a store writes to its disk a day, in memory and in the table `written`, because flash
-// wears.
+// WriteCount: the number of bytes that a store writes to its disk per day, since flash wears. It is kept in memory and
+// in the table `written`.
 //
-// Counted where SQLite hands bytes to the file system (actors/storage/counting_files.h): what that one writes beyond
-// them is not in it, and what a process wrote in the last minute before its end. The day is the agent's clock's,
-// and a minute across midnight counts for the day that it ends in.
+// The bytes are counted when SQLite passes them to the file system (actors/storage/counting_files.h). Further writes of
+// the file system itself are not included, nor the last minute before a process ended. Days follow the agent's clock; a
+// minute across midnight counts for the day in which it ends.
 #pragma once
 
 #include <cstdint>
@@ -19,16 +19,18 @@ class WriteCount {
  public:
   Result<void> Load(Database& database);
 
-  // Writes down what came since the last time, if anything did but this writing down. Not durable: it is a statistic.
+  // Saves the count of bytes written since the last call. Does nothing if only that call itself wrote bytes. Not
+  // durable, because this is only a statistic.
   Result<void> Save(Database& database, std::uint32_t day);
 
-  // By day since 1970, with what is not saved yet counted for `day`; the last kWrittenDaysKept.
+  // Returns the last kWrittenDaysKept days, by day since 1970. Bytes that are not saved yet count for `day`.
   std::map<std::uint32_t, std::uint64_t> Days(const Database& database, std::uint32_t day) const;
 
  private:
-  std::map<std::uint32_t, std::uint64_t> days_;  // As saved.
-  std::uint64_t counted_ = 0;                    // Of Database::WrittenBytes, in days_.
-  std::uint64_t seen_ = 0;                       // The count when the last saving had ended.
+  std::map<std::uint32_t, std::uint64_t> days_;  // The saved days.
+  // The part of Database::WrittenBytes that `days_` includes.
+  std::uint64_t counted_ = 0;
+  std::uint64_t seen_ = 0;  // Database::WrittenBytes at the end of the last save.
 };
 
 }  // namespace moondb
