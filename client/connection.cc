@@ -19,9 +19,9 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr std::string_view kIpc = "ipc://";
-// How often a wait for an answer looks whether the agent is still there.
+// How often a wait for a reply checks that the agent is still connected.
 constexpr std::chrono::milliseconds kLivenessPeriod(100);
-// How often a wait for the connection looks whether it has failed.
+// How often a wait for the connection checks whether the handshake has failed.
 constexpr std::chrono::milliseconds kHandshakePeriod(20);
 
 Result<void> CheckListener(const std::string& endpoint, const std::string& agent_name) {
@@ -50,8 +50,8 @@ std::chrono::milliseconds Until(SteadyClock::time_point deadline) {
 struct Client::Connection::Sockets {
   zmq::context_t context;
   zmq::socket_t dealer{context, zmq::socket_type::dealer};
-  zmq::socket_t monitor{context, zmq::socket_type::pair};  // What becomes of the connection.
-  int file = -1;                                           // The connection's, once it stands.
+  zmq::socket_t monitor{context, zmq::socket_type::pair};  // Receives connection events of `dealer`.
+  int file = -1;                                           // File descriptor of the connection; -1: not connected.
 
   void Watch() {
     constexpr char kMonitor[] = "inproc://monitor";
@@ -62,8 +62,8 @@ struct Client::Connection::Sockets {
     monitor.set(zmq::sockopt::linger, 0);
     monitor.connect(kMonitor);
   }
-  // The next of these but for ZMQ_EVENT_CONNECTED, which only says which file the connection has; 0 if nothing has
-  // happened.
+  // Returns the next event of the monitor; 0 if there is none. ZMQ_EVENT_CONNECTED is not returned: it only sets
+  // `file`.
   int NextEvent() {
     zmq::message_t event;
     zmq::message_t address;
@@ -78,14 +78,14 @@ struct Client::Connection::Sockets {
     return 0;
   }
 
-  // Over TCP, since the connection was made; 0 over other transports.
+  // Bytes received since a TCP connection was made; 0 for other transports.
   std::uint64_t ReceivedBytes() const {
     const std::optional<TcpInfo> info = ReadTcpInfo(file);
     return info ? info->bytes_received.value_or(0) : 0;
   }
 
   bool is_writable() { return (dealer.get(zmq::sockopt::events) & ZMQ_POLLOUT) != 0; }
-  // A signal of the user's program does not end the wait.
+  // Waits for `events`. A signal to the user's program (EINTR) does not end the wait.
   bool Poll(short events, std::chrono::milliseconds timeout) {
     const auto deadline = SteadyClock::now() + timeout;
     while (true) {
@@ -115,14 +115,14 @@ Result<void> Client::Connection::Open(Duration timeout) {
   try {
     auto sockets = std::make_unique<Sockets>();
     sockets->dealer.set(zmq::sockopt::linger, 0);
-    sockets->dealer.set(zmq::sockopt::immediate, true);    // Writable only when somebody is there.
-    sockets->dealer.set(zmq::sockopt::reconnect_ivl, -1);  // A lost connection is never taken up silently.
+    sockets->dealer.set(zmq::sockopt::immediate, true);    // Writable only while connected.
+    sockets->dealer.set(zmq::sockopt::reconnect_ivl, -1);  // Never reconnect silently.
     sockets->dealer.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(message_bytes_max_));
     if (auto keyed = UseKeys(*sockets); !keyed) return keyed;
     sockets->Watch();
     sockets->dealer.connect(endpoint_);
     if (auto there = WaitForPeer(*sockets, timeout); !there) return there;
-    (void)sockets->NextEvent();  // Takes note of the file.
+    (void)sockets->NextEvent();  // Sets `file`.
     sockets_ = std::move(sockets);
     return {};
   } catch (const zmq::error_t& error) {
@@ -177,7 +177,7 @@ Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline
     const std::uint64_t received_before = sockets_->ReceivedBytes();
     while (true) {
       if (sockets_->dealer.recv(frame, zmq::recv_flags::dontwait)) {
-        // Only single frames are answers; what else comes is not ours.
+        // A reply is a single frame. Skip the frames of other messages.
         if (!frame.more()) return frame.to_string();
         continue;
       }
@@ -185,7 +185,7 @@ Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline
         Close();
         return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " went away during the call");
       }
-      // libzmq limits frames and keeps those of a message until the last has come, however many there are.
+      // libzmq limits the size of a frame, but not the number of frames that it buffers for one message.
       if (sockets_->ReceivedBytes() > received_before + 2 * message_bytes_max_) {
         Close();
         return Fail(ErrorCode::kCorrupt, "agent " + agent_name_ + " sends a message that does not end");

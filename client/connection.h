@@ -1,6 +1,7 @@
-// One DEALER to one agent's endpoint: frames out and in, with deadlines. The only file of client/ that knows ZeroMQ.
+// A connection over one DEALER socket to one agent's endpoint: sends and receives frames, with deadlines. The only file
+// of client/ that uses ZeroMQ.
 //
-// Never reconnects by itself: a lost peer shows at once, and the next Open makes a new socket. Not thread-safe.
+// Never reconnects by itself: a lost peer is reported at once, and the next Open makes a new socket. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -13,26 +14,27 @@ namespace moondb {
 
 class Client::Connection {
  public:
-  // `options` as given to Client::Connect.
+  // `options`: as given to Client::Connect.
   Connection(std::string endpoint, std::string agent_name, const Options& options);
   ~Connection();
 
-  // Connects unless connected. kUnavailable if nobody answers within `timeout`; at once where there is no listener.
-  // kRefused if the agent does not know the key.
+  // Connects, unless connected already. Fails with kUnavailable if the agent does not answer within `timeout`, at once
+  // if no process listens, and with kRefused if the agent does not know the key.
   Result<void> Open(Duration timeout);
   void Close();
 
-  // kUnavailable if the peer went away.
+  // Sends one frame. Fails with kUnavailable if the connection is lost.
   Result<void> Send(const std::string& frame);
   bool is_keyed() const { return !secret_key_.empty(); }
-  // The next frame; kTimedOut after `deadline`, kUnavailable if the peer went away.
+  // Returns the next reply. Fails with kTimedOut after `deadline`, with kUnavailable if the connection is lost, and
+  // with kCorrupt if the peer sends an endless message.
   Result<std::string> Receive(std::chrono::steady_clock::time_point deadline);
 
  private:
   struct Sockets;
 
   Result<void> UseKeys(Sockets& sockets) const;
-  // Until somebody is there.
+  // Waits until the socket is connected.
   Result<void> WaitForPeer(Sockets& sockets, Duration timeout) const;
 
   std::string endpoint_;

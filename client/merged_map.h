@@ -1,4 +1,4 @@
-// The merged map as an agent sends it, whole or in tiles: zstd frames of one byte a cell. Plain functions, any thread.
+// Decodes the merged map as sent by an agent, whole or in tiles: zstd frames with one byte per cell. Thread-safe.
 #pragma once
 
 #include <vector>
@@ -11,24 +11,25 @@ namespace moondb {
 
 inline constexpr std::uint64_t kMergedCellsMax = 256ull * 1024 * 1024;
 
-// kCorrupt if the frame does not hold width * height cells of 0, 1 or 2, or more than kMergedCellsMax. An empty map has
-// no frame.
+// Decodes a whole merged map. Fails with kCorrupt if the frame does not hold width * height cells of value 0, 1 or 2,
+// or if there are more than kMergedCellsMax cells. An empty map has no frame.
 Result<MergedMap> DecodeMergedMap(const proto::MergeReply& reply);
 
-// A part of the merged map; its cells are all unknown where nothing is known any more.
+// A tile of the merged map. A tile in which no cell is known any more has only unknown cells.
 struct MergedTile {
-  std::int64_t x = 0;  // Column of tiles: its first cell is x * map.grid.width.
+  std::int64_t x = 0;  // Column of the tile. The first cell of the tile has the column x * map.grid.width.
   std::int64_t y = 0;
   MergedMap map;
 };
 
 struct MergedTiles {
-  bool is_everything = false;  // What was known before counts no more: elsewhere nothing is known.
+  bool is_everything = false;  // True: discard all older tiles; cells outside of `tiles` are unknown.
   std::vector<MergedTile> tiles;
 };
 
-// kCorrupt as above, and for a tile of more than kTileSideCellsMax cells a side.
 inline constexpr std::uint32_t kTileSideCellsMax = 4096;
+// Decodes tiles of the merged map. Fails with kCorrupt like DecodeMergedMap, and for tiles with a side of more than
+// kTileSideCellsMax cells.
 Result<std::vector<MergedTile>> DecodeMapTiles(const proto::MapTilesReply& reply);
 
 }  // namespace moondb

@@ -16,23 +16,24 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
-// Before each further attempt. A new leader stores its term and asks around for up to 2 s before it acts.
+// Pauses before each further attempt. A new leader stores its term and waits for its peers for up to 2 s before it
+// acts.
 constexpr milliseconds kPauses[] = {milliseconds(100), milliseconds(300), milliseconds(1000), milliseconds(2000),
                                     milliseconds(3000)};
-constexpr char kExpectedTerm[] = "expected_term";  // Field of a refusal: other roles stand.
-constexpr char kExpected[] = "expected";           // The same, of a change of roles.
+constexpr char kExpectedTerm[] = "expected_term";  // Error field if an order to share relies on outdated roles.
+constexpr char kExpected[] = "expected";           // Error field if a change of roles relies on outdated roles.
 constexpr milliseconds kRolesPeriod(200);
 
 double SecondsUntil(Clock::time_point end, double max_s) {
   return std::clamp(std::chrono::duration<double>(end - Clock::now()).count(), 0.0, max_s);
 }
 
-// Another attempt may do better.
+// Returns whether another attempt may succeed.
 bool IsWorthAnother(const Error& error) {
   return error.field == kExpectedTerm || error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kNotFound;
 }
 
-// Calls `once` with the agent that acts now, again and again while another attempt may do better.
+// Calls `once` with the client that `connect` returns, and repeats both while another attempt may succeed.
 template <typename Once>
 auto Repeat(const ConnectToShare& connect, proto::ShareRequest& request, const Clock::time_point& end, Once once)
     -> decltype(once(std::declval<Client&>())) {
@@ -110,12 +111,12 @@ Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSet
     auto held = client.Roles();
     const bool is_done = held && is_unanswered && held->roles().leader() == leader &&
                          held->roles().survivor() == survivor && IsNewer(held->roles().term(), standing.term());
-    if (is_done) {  // By the request whose answer did not come.
+    if (is_done) {  // An earlier request succeeded, but its reply was lost.
       if (!is_waiting) return held;
       AddNotConfirmed(*held);
       if (held->not_confirmed_by().empty() || Clock::now() >= end) return held;
     } else if (error.field == kExpected) {
-      // An agent that has yet to hear of the present roles hears of them in a moment.
+      // The agent has not heard of the current roles yet, but soon will.
       const bool is_behind = held && IsNewer(standing.term(), held->roles().term());
       if (!is_behind || Clock::now() >= end) return Fail(error.code, error.text);
     } else if (Clock::now() >= end) {
@@ -125,7 +126,7 @@ Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSet
   }
 }
 
-// --- Of a client of one agent ---
+// --- Members of Client ---
 
 Result<proto::ShareProgress> Client::Sync(const ShareOptions& options) {
   return ShareFromHere(proto::SHARING_KIND_SYNC, options);
@@ -146,7 +147,7 @@ Result<proto::ShareProgress> Client::ShareFromHere(proto::SharingKind kind, cons
     const auto status = Status();
     if (!status) return tl::unexpected(status.error());
     const bool is_leading = status->roles().leader() == status->agent_id();
-    if (was_leading && !is_leading) {  // It would share its own records alone.
+    if (was_leading && !is_leading) {  // A repeated order would only share this agent's own records.
       return Fail(ErrorCode::kRefused, agent_name_ + " leads no longer: ask the leader of now");
     }
     was_leading = is_leading;

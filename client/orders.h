@@ -1,7 +1,7 @@
-// Requests to share and to change roles that end when they are done, as the agent says that carries them out.
+// Requests to share and to change roles that return when the agent reports completion.
 //
-// Where that agent restarts, or no longer acts on the roles that it acted on, the request is given again: at most five
-// times more, with a pause that grows to 3 s before each.
+// If the agent restarts, or its roles change, the request to share is repeated up to five times, with growing pauses of
+// up to 3 s.
 #pragma once
 
 #include <functional>
@@ -10,24 +10,24 @@
 
 namespace moondb {
 
-// The agent that is to take the request, each time that it is given. It may fill in the request what stands there:
-// ShareRequest.expected_term.
+// Returns the client to send the request to; called before each attempt. May set ShareRequest.expected_term to the
+// current term.
 using ConnectToShare = std::function<Result<Client*>(proto::ShareRequest& request)>;
 
-// ShareProgress.is_complete: all is acknowledged. Else each pair says what is missing, or why it took no part; where
-// is_over is not set either, the limit came first, and the order still stands. Errors: as of Client::Share; kRefused
-// with the field expected_term where the roles do not come to rest.
+// Gives an order to share and waits for it. If ShareProgress.is_complete, all records are acknowledged. Otherwise each
+// pair says what is missing, or why it took no part. If is_over is false, the limit was reached and the order is still
+// in progress. Fails like Client::Share, and with kRefused and the field expected_term if the roles keep changing.
 Result<proto::ShareProgress> ShareUntilDone(const ConnectToShare& connect, proto::ShareRequest request,
                                             const Client::ShareOptions& options);
 
-// The same without the wait: the order alone.
+// Gives an order to share without waiting for it.
 Result<proto::ShareReply> ShareAtOnce(const ConnectToShare& connect, proto::ShareRequest request);
 
-// Changes the roles that stand (`standing`, as the agent said) and waits until the new leader acts in a term of its own
-// and the new survivor has stored it; RoleShowReply.not_confirmed_by names who has not within the limit. Where an
-// answer is lost the request is given again: it is neither done twice nor undone. kRefused where another change came
-// first; kTimedOut where whether the roles have changed is not known. `is_waiting` false: the answer comes when the
-// agent has stored the assignment.
+// Changes the current roles and waits until the new leader acts in a term of its own and the new survivor has stored
+// it. `standing`: the current roles, as reported by the agent. RoleShowReply.not_confirmed_by names those of the two
+// that did not confirm within the limit. A request whose reply is lost is repeated; the change is idempotent. Fails
+// with kRefused if another change came first, and with kTimedOut if it is unknown whether the roles have changed. If
+// `is_waiting` is false, the call returns when the agent has stored the assignment.
 Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSetRequest request,
                                                   const proto::RoleAssignment& standing, Client::Duration limit,
                                                   bool is_waiting = true);

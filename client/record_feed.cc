@@ -10,7 +10,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Of one request: an agent waits no longer than a minute, and one that is frozen is noticed.
+// Longest wait of one request. An agent waits at most a minute, and shorter waits detect a hung agent sooner.
 constexpr milliseconds kWaitMax(20'000);
 
 }  // namespace

@@ -1,21 +1,21 @@
-// RecordFeed: the records of one agent as they are stored there, for a program that follows them.
+// RecordFeed: a subscription to the records of one agent, in the order in which the agent stores them.
 //
-//   RecordFeed feed(client, filter);              // From filter.after_row_id on; 0: from the beginning.
-//   if (auto now = feed.SkipToNow(); !now) ...    // Or only what is stored from now on.
+//   RecordFeed feed(client, filter);              // Starts after filter.after_row_id; 0: at the first record.
+//   if (auto now = feed.SkipToNow(); !now) ...    // Optional: skip all records stored so far.
 //   while (true) {
 //     auto page = feed.Next(std::chrono::seconds(10));
-//     if (!page) ...                              // The agent went away; the next call goes on where this one ended.
+//     if (!page) ...                              // The connection broke; the next call continues at the same record.
 //     for (const proto::StoredRecord& stored : page->records()) ...
 //   }
 //
-// The program pulls: the agent queues nothing for it, and one that is slow costs the agent nothing. Each record comes
-// once, in the order in which the agent stored it. Of a type with the policy `latest` a record that a newer one took
-// the place of is gone from the store, so that a program that was away sees the newest of each key and not all between.
-// What the agent got only now from other agents, it stores now: stamps do not go up.
+// The program polls, so the agent queues nothing for it, and a slow program costs the agent nothing. Each record is
+// returned once, in the order in which the agent stored it. For types under the policy `latest`, superseded records are
+// removed from the store. A program that was offline therefore sees only the newest record of each key. Records from
+// other agents are stored when they arrive, so timestamps are not in ascending order.
 //
-// after_row_id() belongs to this agent's store: one that was begun anew (an empty disk) counts from 1 again.
+// after_row_id() is only valid for this agent's store; after a restart with an empty disk, row ids start at 1 again.
 //
-// Not thread-safe; `client` outlives it, and may be used for other calls in between.
+// Not thread-safe. Requires: `client` outlives the feed; it may be used for other calls in between.
 #pragma once
 
 #include <cstdint>
@@ -26,20 +26,21 @@ namespace moondb {
 
 class RecordFeed {
  public:
-  // Of `filter` count data_types, origin_agents, after_row_id, records_max and content_bytes_max (of a page; 0: the
-  // agent's own choice; what is more than the agent allows is cut).
+  // Reads these fields of `filter`: data_types, origin_agents, after_row_id, records_max and content_bytes_max. The
+  // last two limit one page; 0 selects the agent's default, and larger values are reduced to the agent's limit.
   RecordFeed(Client& client, proto::ReadRequest filter) : client_(client), request_(std::move(filter)) {}
 
-  // Goes behind what is stored by now.
+  // Skips all records stored so far.
   Result<void> SkipToNow();
 
-  // The next page; empty if nothing was stored in `timeout`. Errors as of every call of Client: kTimedOut if the agent
-  // took Client::Options::timeout longer than it was to wait, after which the next call goes on; kFull if too many
-  // programs wait at this agent: try again later. Of another agent over the radio (Client::Options::for_agent) a record
-  // of more than 255 KiB cannot come, and the feed not go past it: kFull; ask that agent itself.
+  // Returns the next page; empty if nothing was stored within `timeout`. Fails like every call of Client. In
+  // particular:
+  //   - kTimedOut: The agent exceeded its wait by more than Client::Options::timeout. The next call continues.
+  //   - kFull: Too many programs wait at this agent; try again later. Or a record of more than 255 KiB cannot be
+  //     relayed over the radio (Client::Options::for_agent) and blocks the feed; connect to that agent directly.
   Result<proto::ReadReply> Next(Client::Duration timeout);
 
-  // Of the last record that came, to go on behind it another time.
+  // Returns the row id of the last record returned, to continue after it later.
   std::uint64_t after_row_id() const { return request_.after_row_id(); }
 
  private:

@@ -1,4 +1,4 @@
-// What people call an agent. Plain function.
+// Display names of agents.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace moondb {
 
-// "rover2"; "agent 9" for one that the team does not have, "nobody" for 0.
+// Returns the agent's name in the team file: "rover2". Returns "agent 9" for an unknown agent, and "nobody" for 0.
 std::string AgentName(const proto::TeamConfig& team, AgentId agent);
 
 }  // namespace moondb

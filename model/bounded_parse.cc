@@ -14,12 +14,12 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::internal::WireFormatLite;
 using google::protobuf::io::CodedInputStream;
 
-// Fewer bytes cannot hold enough parts to matter.
+// Messages up to this size are not counted: they cannot hold enough parts to use much memory.
 constexpr std::size_t kUncountedBytesMax = 64 * 1024;
 constexpr std::size_t kUncountedPeerBytesMax = 1024;
-constexpr int kDepthMax = 100;  // Protobuf's own.
+constexpr int kDepthMax = 100;  // Protobuf's own recursion limit.
 
-// The least bytes of one element of a packed list.
+// Returns the minimum size in bytes of one element of a packed list.
 std::size_t ElementBytesMin(const FieldDescriptor& field) {
   switch (field.type()) {
     case FieldDescriptor::TYPE_DOUBLE:
@@ -35,14 +35,15 @@ std::size_t ElementBytesMin(const FieldDescriptor& field) {
   }
 }
 
-// Takes a part from `left` for each; false when none is left. Stops where the bytes do not decode: so does the parser.
+// Subtracts the number of parts of a message from `left`. Returns false if there are more. Stops at bytes that do not
+// decode, because the parser will reject them.
 bool CountParts(const Descriptor& type, int depth, CodedInputStream& in, std::size_t& left) {
   while (const std::uint32_t tag = in.ReadTag()) {
     const FieldDescriptor* field = type.FindFieldByNumber(WireFormatLite::GetTagFieldNumber(tag));
     const bool is_message = field != nullptr && field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
     const bool is_part = field == nullptr || field->is_repeated() || is_message;
     const WireFormatLite::WireType wire_type = WireFormatLite::GetTagWireType(tag);
-    if (wire_type == WireFormatLite::WIRETYPE_START_GROUP) return false;  // Nobody here writes them.
+    if (wire_type == WireFormatLite::WIRETYPE_START_GROUP) return false;  // Groups are never used here.
     if (is_part && left-- == 0) return false;
     const bool is_packed =
         field != nullptr && field->is_packable() && wire_type == WireFormatLite::WIRETYPE_LENGTH_DELIMITED;

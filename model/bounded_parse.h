@@ -1,8 +1,8 @@
-// ParseBounded: parses bytes that a stranger wrote, where the message may not take much more memory than the bytes.
+// ParseBounded: parses untrusted bytes, and bounds the memory that the resulting message needs.
 //
-// An empty part of a message is two bytes on the wire and up to a hundred in memory, and a row of them compresses to
-// next to nothing: three kilobytes from a peer could ask for a gigabyte here. So the parts are counted before memory is
-// taken for them. Pure, safe from any thread.
+// An empty part of a message takes two bytes on the wire and up to a hundred in memory, and many empty parts compress
+// very well. Three kilobytes from a peer could expand to a gigabyte. The parts are therefore counted before any memory
+// is allocated for them. Thread-safe.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -12,17 +12,17 @@
 
 namespace moondb {
 
-// Messages within the message, elements of its lists and fields that are unknown here: some 25 MB in memory.
+// Maximum number of parts: nested messages, elements of lists, and unknown fields. They need about 25 MB of memory.
 inline constexpr std::size_t kParsedPartsMax = 262'144;
 
-// The number of parts of a message between agents: as many as fit into the bytes if each takes 6, which the shortest
-// interval of a have-set does. Empty parts take 2.
+// Minimum average size of a part in a message between agents; bounds the number of parts. The shortest interval of a
+// have-set takes 6 bytes. Empty parts take 2.
 inline constexpr std::size_t kPeerBytesOfPartMin = 6;
 
-// False where the bytes do not decode or hold too many parts; `message` then holds anything. Elements of packed lists
-// of numbers count as parts too.
+// Returns false if the bytes do not decode or hold more than kParsedPartsMax parts; `message` is then unspecified.
+// Elements of packed lists of numbers count as parts, too.
 bool ParseBounded(std::string_view bytes, google::protobuf::Message* message);
-// As above, for what another agent sent.
+// Like ParseBounded, with the limit for messages between agents (kPeerBytesOfPartMin).
 bool ParseBoundedFromPeer(std::string_view bytes, google::protobuf::Message* message);
 
 }  // namespace moondb

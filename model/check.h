@@ -1,4 +1,5 @@
-// Check: the program is wrong. Stays on in release builds; a failed claim prints file and line and aborts.
+// Check: an assertion for programming errors. Stays active in release builds. A failed check prints file and line, and
+// aborts.
 #pragma once
 
 #include <cstdio>

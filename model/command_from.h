@@ -1,5 +1,5 @@
-// Whose relayed commands agents obey, and whose word on roles is an operator's: `command_from` of the team file. Plain
-// functions, any thread.
+// Evaluates `command_from` of the team file: the agents through which operators may command other agents and decide
+// roles. Thread-safe.
 #pragma once
 
 #include "model/ids.h"
@@ -7,10 +7,10 @@
 
 namespace moondb {
 
-inline constexpr char kAllMayCommand[] = "all";  // In place of names.
+inline constexpr char kAllMayCommand[] = "all";  // Entry that stands for all agents.
 
-// Where the file names nobody, the base station may, or every agent in a team without one. False for who is not of the
-// team, or has left it.
+// Returns whether operators may give commands through this agent. If command_from is empty, only the base station
+// qualifies, or every agent in a team without a base station. False for an agent that is unknown or has left the team.
 bool MayCommand(const proto::TeamConfig& team, AgentId agent);
 
 }  // namespace moondb

@@ -1,6 +1,7 @@
-// A ControlRequest or a ControlReply as the body of a Message, where it is serialised: whoever carries a Message knows
-// nothing of what clients ask. Between a client and its agent the frame is a ClientMessage of proto/control.proto,
-// which has the same bytes. Plain functions, any thread; include proto/control.pb.h to look into what they give.
+// Converts between a Message and the serialised ControlRequest or ControlReply in its body. Because the body is bytes,
+// code that only forwards a Message does not depend on proto/control.proto. Between a client and its agent, the frame
+// is a ClientMessage (proto/control.proto), which has the same bytes. Thread-safe. Include proto/control.pb.h to access
+// the fields of requests and replies.
 #pragma once
 
 #include "model/error.h"
@@ -13,17 +14,17 @@ class Message;
 
 namespace moondb {
 
-// Of the type CONTROL, and without a request id.
+// Return a message of the type CONTROL, without a request id.
 proto::Message MessageOf(const proto::ControlRequest& request);
 proto::Message MessageOf(const proto::ControlReply& reply);
-// A ControlReply that holds nothing but the error.
+// Returns a message with a ControlReply that holds only the error.
 proto::Message ErrorMessage(const Error& error);
 
-// kInvalid where the message has another body; kCorrupt where the body does not decode or would take too much memory
-// (model/bounded_parse.h).
+// Fail with kInvalid if the message has another body, and with kCorrupt if the body does not decode or would need too
+// much memory (model/bounded_parse.h).
 Result<proto::ControlRequest> ControlRequestOf(const proto::Message& message);
 Result<proto::ControlReply> ControlReplyOf(const proto::Message& message);
-// Fails with the error that a ControlReply holds, or as above.
+// Fails with the error that the ControlReply holds, or like ControlReplyOf.
 Result<void> CheckControlReply(const proto::Message& message);
 
 }  // namespace moondb

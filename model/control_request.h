@@ -1,4 +1,4 @@
-// What a client and its agent's gateway both have to know of a ControlRequest. Plain functions, any thread.
+// Properties of control requests, shared by clients and the gateway of an agent. Thread-safe.
 #pragma once
 
 #include <chrono>
@@ -9,27 +9,27 @@
 
 namespace moondb {
 
-inline constexpr double kReadWaitMax_s = 60;             // Also of ShareProgressRequest.
-inline constexpr double kOrderWaitMax_s = 24 * 60 * 60;  // Until an order to share, or a change of roles, is done.
+inline constexpr double kReadWaitMax_s = 60;             // Longest wait_s of ReadRequest and ShareProgressRequest.
+inline constexpr double kOrderWaitMax_s = 24 * 60 * 60;  // Longest wait_s of ShareRequest and RoleSetRequest.
 
-// A request at a client_address has so many at most; over ipc it may be larger. What is on its way there takes memory
-// before anybody knows what it is.
+// Size limit of a request to a client_address; over ipc, requests may be larger. An incoming request takes memory
+// before the agent can evaluate it.
 inline constexpr std::size_t kKeyedRequestBytesMax = 12 * 1024 * 1024;
 
-// As proto/control.proto says of each request; of REQUEST_NOT_SET, and of one that says nothing, the defaults.
+// Returns the options of a request in proto/control.proto; the defaults if it has none, and for REQUEST_NOT_SET.
 const proto::CommandOptions& CommandOptionsOf(proto::ControlRequest::RequestCase request);
 
-// As proto/control.proto names it: "role_set"; empty for REQUEST_NOT_SET.
+// Returns the name of the request's field in proto/control.proto: "role_set". Empty for REQUEST_NOT_SET.
 std::string RequestName(proto::ControlRequest::RequestCase request);
 
-// Its answer may take minutes: a solve, a merge (which all questions about the map may begin with), a whole file read,
-// a bundle made.
+// Returns whether the answer may take minutes: a solve, a merge (any question about the map may start one), a check of
+// the whole store file, or a new bundle.
 bool TakesLong(const proto::ControlRequest& request);
 
-// A field wait_s as a duration: at most `max_s`, and 0 for what is negative or no number.
+// Converts a field wait_s to a duration of at most `max_s`. Returns 0 for negative values and NaN.
 std::chrono::milliseconds BoundedWait(double wait_s, double max_s);
 
-// How long the agent may wait before it answers a request with a field wait_s; 0 for all else.
+// Returns how long the agent may wait before it answers this request; 0 for requests without a field wait_s.
 std::chrono::milliseconds WaitOf(const proto::ControlRequest& request);
 
 }  // namespace moondb

@@ -1,10 +1,10 @@
-// What a key looks like, to agents and to their clients.
+// Format of CURVE keys, for agents and clients.
 #pragma once
 
 #include <cstddef>
 
 namespace moondb {
 
-inline constexpr std::size_t kCurveKeyLength = 40;  // Z85 of 32 bytes.
+inline constexpr std::size_t kCurveKeyLength = 40;  // Characters of a 32-byte key in Z85.
 
 }  // namespace moondb

@@ -1,7 +1,7 @@
-// The data types that a team declares for itself in its team file (`custom_types`), by id and by name.
+// Lookup of the data types that a team declares in its team file (`custom_types`), by id and by name.
 //
-// A type that is not declared has no name and no rules; its records are carried all the same (actors/storage). Pure
-// functions, any thread.
+// An undeclared custom type has no name and no rules, but its records are still stored and shared (actors/storage).
+// Thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -19,20 +19,20 @@ namespace moondb {
 
 using CustomTypes = google::protobuf::RepeatedPtrField<proto::CustomType>;
 
-// Null where none is declared.
+// Returns null if the team does not declare this type.
 const proto::CustomType* FindCustomType(const CustomTypes& types, DataType type);
 
-// As in model/ids.h, and the declared types' names: "soil_moisture".
+// Like DataTypeName in model/ids.h, but also knows the names of declared types: "soil_moisture".
 std::string DataTypeName(DataType type, const CustomTypes& types);
-// Built-in or declared; "type_1007" for any custom id.
+// Returns the built-in or declared type of this name. Accepts "type_1007" for any custom id.
 std::optional<DataType> DataTypeFromName(std::string_view name, const CustomTypes& types);
 
-// Every name that DataTypeFromName knows, but for "type_1007" and its like: for suggestions.
+// Returns all names that DataTypeFromName accepts, except those like "type_1007". Used for suggestions.
 std::vector<std::string> DataTypeNames(const CustomTypes& types);
 
-// What model/record_check.h cannot know: kInvalid, with the field named as in "custom.payload", for a type that is not
-// declared (the text lists those that are) and a payload that is longer than the type's bytes_max. For records that
-// this team's own robots insert; CheckRecord comes first.
+// Checks a custom record against the declared types. Use it for records that the agent's own robot inserts, after
+// CheckRecord (model/record_check.h). Fails with kInvalid and the field ("custom.payload") if the type is not declared
+// or the payload exceeds its bytes_max. The error text lists the declared types.
 Result<void> CheckDeclared(const proto::CustomRecord& custom, const CustomTypes& types);
 
 }  // namespace moondb

@@ -1,9 +1,9 @@
-// The built-in data types, one row each: what moondb has to know of a type, except for its table in the database
+// The table of built-in data types: one row per type, with all its properties except its database table
 // (actors/storage/record_tables.cc).
 //
-// A type's name is its enumerator of proto::DataType in lower case, which is also the name of its field in
-// proto::Record: a row gives neither. docs/DATA_TYPES.md says how to add a type; tests/model/data_types_test.cc names
-// what was forgotten. Custom types (model/custom_types.h) have no row. Constants, any thread.
+// Rows do not contain names. The name of a type is its enumerator in proto::DataType in lower case, and also its field
+// in proto::Record. docs/DATA_TYPES.md explains how to add a type; tests/model/data_types_test.cc reports forgotten
+// steps. Custom types (model/custom_types.h) have no row. Thread-safe.
 #pragma once
 
 #include <span>
@@ -21,65 +21,68 @@
 
 namespace moondb {
 
-// The order in which types are shared: a smaller rank goes first. Assignments of roles say whose records are taken.
-// kOthers are events and custom types.
+// The order in which types are shared, lowest first. Role assignments come first, because they decide whose records are
+// accepted. kOthers: events and custom types.
 enum class ShareRank { kRoles, kStates, kNodes, kEdges, kDerived, kOthers, kMaps };
 
-// Which agents may state a record of a type, beyond what its signature and sharing demand (model/record_authority.h).
+// The agents that may write records of a type, in addition to the rules for signatures and sharing
+// (model/record_authority.h).
 enum class Speaker {
-  // Any agent. The record describes its origin (robot states, events, custom types), or other rules apply (role
-  // assignments: model/role_chain.h).
+  // Any agent: the record describes its origin (robot states, events, custom types), or other rules apply (role
+  // assignments, see model/role_chain.h).
   kAnyAgent,
-  // An agent that the record names: nodes and maps, odometry between nodes of one agent, ranges between two. Loop
-  // closures and priors will belong here.
+  // An agent that the record names: nodes and maps, odometry between nodes of one agent, ranges between two agents.
+  // Loop closures and priors will belong here.
   kNamedAgent,
-  // The agent that led in the term that the record gives: optimised poses, edge verdicts.
+  // The leader of the term in the record: optimised poses, edge verdicts.
   kLeader,
-  // An agent that the record names, one in command_from of the team file, or the one that led in the term that the
-  // record gives: quarantines of maps.
+  // An agent that the record names, an agent in command_from of the team file, or the leader of the term in the record:
+  // quarantines of maps.
   kNamedAgentOrLeader,
 };
 
 // An agent that a record names. It must be a member of the team.
 struct NamedAgent {
   AgentId agent = 0;
-  std::string field;  // "pose_graph_edge.from.agent_id".
+  std::string field;  // Path of the field: "pose_graph_edge.from.agent_id".
 };
 
-// Term and run of the solve that a record comes from.
+// Term and run of the solve that produced a record.
 using RecordVersion = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;
 
-// What a row leaves out makes the type a robot's state: shared first, the newest of each robot only.
+// Properties of a data type. The defaults are those of a robot state: shared early, and only the newest per robot.
 struct DataTypeRow {
   DataType type = proto::DATA_TYPE_UNSPECIFIED;
 
   ShareRank rank = ShareRank::kStates;
-  // Where the team file says nothing. A type under `latest` keeps its history by default, unless it has versions.
+  // Default policies, if the team file sets none. A type under `latest` keeps its history by default, unless it has
+  // versions.
   proto::Policy share = proto::POLICY_LATEST;
   proto::Policy ground = proto::POLICY_LATEST;
-  // Whether `latest` may be its policy at all.
+  // Whether the policy `latest` is allowed.
   bool may_be_latest = true;
-  // Pruned only where an order names it, since its records hang together: a graph without some of its nodes is broken,
-  // and a map without its quarantine counts again.
+  // If true, records are pruned only if an order names this type, because they depend on each other. A graph without
+  // some of its nodes is broken, and a map whose quarantine is pruned is used again.
   bool is_kept_unless_named = false;
 
-  // What its fields must keep to, beyond what protobuf says of them.
+  // Validates the fields of a record.
   void (*check)(const proto::Record& record, FieldChecker& check) = nullptr;
-  // The agents that it names; null where it names none.
+  // Returns the agents that a record names. Null if records of the type name none.
   std::vector<NamedAgent> (*agents)(const proto::Record& record) = nullptr;
   Speaker speaker = Speaker::kAnyAgent;
-  // The name that robots give it (NaturalKey); null for a type without.
+  // Returns the natural key, which robots choose (NaturalKey). Null for a type without one.
   std::string (*natural_key)(const proto::Record& record) = nullptr;
-  // Of which things the newest record each stands (LatestKey); null where the origin itself is the one thing.
+  // Returns the key per which only the newest record is kept under `latest` (LatestKey). Null: one key per origin.
   std::string (*latest_key)(const proto::Record& record) = nullptr;
-  // Which of two records stands goes by this, then by key; null where by key alone.
+  // Returns the version. If two records have the same latest key, the one with the higher (version, record key) is
+  // kept. Null: only the record key decides.
   RecordVersion (*version)(const proto::Record& record) = nullptr;
 };
 
-// In the order of their numbers.
+// Returns the rows in the order of the types' numbers.
 std::span<const DataTypeRow> DataTypeRows();
 
-// Null for a type without a row: unknown or custom.
+// Returns null for a type without a row (unknown or custom).
 const DataTypeRow* FindDataType(DataType type);
 
 }  // namespace moondb

@@ -5,13 +5,13 @@
 namespace moondb {
 namespace {
 
-// The cost is quadratic in the length; no word that we know comes near this.
+// Longer words are not compared, because the cost is quadratic in the length. All known words are much shorter.
 constexpr std::size_t kWordLengthMax = 64;
 
 }  // namespace
 
 std::size_t EditDistance(std::string_view a, std::string_view b) {
-  // Three rows of the usual table suffice: a swap looks two rows back.
+  // Three rows of the dynamic-programming table suffice, because a swap looks two rows back.
   std::vector<std::size_t> before_last(b.size() + 1), last(b.size() + 1), row(b.size() + 1);
   for (std::size_t j = 0; j <= b.size(); ++j) last[j] = j;
   for (std::size_t i = 1; i <= a.size(); ++i) {

@@ -1,4 +1,4 @@
-// ClosestWord: what a mistyped word was probably meant to be.
+// ClosestWord: suggests a correction for a mistyped word.
 #pragma once
 
 #include <optional>
@@ -8,13 +8,14 @@
 
 namespace moondb {
 
-// Insertions, deletions, substitutions and swaps of neighbours that turn `a` into `b`.
+// Returns the number of insertions, deletions, substitutions and swaps of neighbours that turn `a` into `b`.
 std::size_t EditDistance(std::string_view a, std::string_view b);
 
-// The nearest candidate (the first of equals) if at most a third of the word's letters, and at least one, may be wrong.
+// Returns the nearest candidate, the first of equals. The distance must be at most a third of the word's length, but 1
+// is always allowed.
 std::optional<std::string> ClosestWord(std::string_view word, const std::vector<std::string>& candidates);
 
-// `; did you mean "address"?`, or nothing.
+// Returns `; did you mean "address"?`, or an empty string.
 std::string DidYouMean(std::string_view word, const std::vector<std::string>& candidates);
 
 }  // namespace moondb

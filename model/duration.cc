@@ -14,7 +14,7 @@ struct Unit {
   std::int64_t milliseconds;
 };
 
-// The largest first; of two names of one unit the first is written.
+// Sorted from the largest unit. If a unit has two names, FormatDuration writes the first.
 constexpr std::array<Unit, 6> kUnits = {
     {{"d", 86'400'000}, {"h", 3'600'000}, {"m", 60'000}, {"min", 60'000}, {"s", 1000}, {"ms", 1}}};
 

@@ -1,4 +1,4 @@
-// Durations as people write them: "90" (seconds), "500ms", "1.5h", "7d". Plain functions.
+// Parses and formats durations as people write them: "90" (seconds), "500ms", "1.5h", "7d".
 #pragma once
 
 #include <chrono>
@@ -8,12 +8,13 @@
 
 namespace moondb {
 
-// A decimal number and a unit: ms, s, m or min, h, d; without one they are seconds. Nothing for anything else, for 0
-// and less, and for more than `longest`.
+// Parses a decimal number with a unit: ms, s, m or min, h, d. Without a unit, it means seconds. Returns nullopt for
+// other text, for less than 1 ms, and for more than `longest`.
 std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text,
                                                        std::chrono::milliseconds longest = std::chrono::hours(24));
 
-// Whole, in the largest unit that needs no fraction: "7d", "36h", "1500ms". ParseDuration reads it back.
+// Formats a duration in the largest unit that needs no fraction: "7d", "36h", "1500ms". ParseDuration can read the
+// result.
 std::string FormatDuration(std::chrono::milliseconds duration);
 
 }  // namespace moondb

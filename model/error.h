@@ -1,7 +1,8 @@
-// Error: the world is wrong (radio, disk, GL, operator, a peer's bytes). Returned as a value, never thrown.
+// Error: a failure with a cause outside of the program (radio, disk, GL, operator, a peer's bytes). Returned as a
+// value, never thrown.
 //
-// `text` is one line that says what happened and, where it helps, what to do. `field` names the offending input, in
-// the form of its place in the message or file ("layers[1].cells").
+// `text` is one line that says what happened and, if it helps, what to do. `field` is the path of the offending input
+// in its message or file ("layers[1].cells").
 #pragma once
 
 #include <string>
@@ -18,11 +19,11 @@ namespace moondb {
 enum class ErrorCode {
   kInvalid = 1,  // The caller's input is wrong.
   kNotFound = 2,
-  kRefused = 3,      // Right in form, not allowed in this state.
-  kUnavailable = 4,  // Absent for now: a peer, a driver, a service.
+  kRefused = 3,      // The request is well-formed, but not allowed in this state.
+  kUnavailable = 4,  // A peer, driver or service is temporarily absent.
   kTimedOut = 5,
-  kCorrupt = 6,   // Bytes that do not decode.
-  kFull = 7,      // A mailbox, an outbox, the disk.
+  kCorrupt = 6,   // Bytes do not decode.
+  kFull = 7,      // A mailbox, an outbox or the disk is full.
   kInternal = 8,  // A library or the operating system failed.
 };
 
@@ -39,15 +40,15 @@ inline tl::unexpected<Error> Fail(ErrorCode code, std::string text, std::string 
   return tl::unexpected<Error>(Error{code, std::move(text), std::move(field)});
 }
 
-// "field: text", or the text alone. One line, for people.
+// Returns "field: text", or only the text if there is no field. One line, for people.
 std::string ToString(const Error& error);
 
 proto::Error ToProto(const Error& error);
 
-// An Error from a message's; a code of 0 or an unknown one becomes kInternal.
+// Converts an error from a message. A code that is 0 or unknown becomes kInternal.
 Error FromProto(const proto::Error& error);
 
-// True if the code is not ERROR_CODE_NONE.
+// Returns whether the code is not ERROR_CODE_NONE.
 bool IsError(const proto::Error& error);
 
 }  // namespace moondb

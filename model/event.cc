@@ -15,7 +15,8 @@ constexpr std::string_view kWasLost = " was lost";
 constexpr std::string_view kIsBack = ", and is back";
 constexpr std::string_view kUpToTimestamp = "up to stamp ";
 
-// The matter of a finding: a peer's losses and returns are one, else what is said in the same words.
+// Returns the subject of a finding. All losses and returns of a peer have one subject; other findings have the same
+// subject if their texts are equal.
 std::string SubjectOf(const OwnEvent& event) {
   const std::size_t lost = event.kind == proto::EVENT_KIND_LOST ? event.text.find(kWasLost) : std::string::npos;
   return event.text.substr(0, lost);
@@ -35,7 +36,7 @@ void AddTo(std::vector<OpenFinding>& open, const OwnEvent& event) {
   const bool is_return = event.text.ends_with(kIsBack);
   auto known = std::find_if(open.begin(), open.end(), [&](const OpenFinding& one) { return one.subject == subject; });
   if (known == open.end()) {
-    if (is_return) return;  // Its loss was acknowledged.
+    if (is_return) return;  // The loss of this peer has been acknowledged already.
     known = open.insert(open.end(), OpenFinding{subject, {}, 0, 0});
   }
   known->text = event.text;
@@ -49,7 +50,7 @@ std::string AwayText(double away_s) {
   return std::to_string(std::llround(away_s / 3600)) + " h";
 }
 
-// OneLine marks what it cuts off, which takes some bytes more than it is given.
+// Cuts text to `bytes_max`. OneLine may exceed its limit by the mark that it adds to cut text.
 std::string Cut(std::string_view text, std::size_t bytes_max) { return OneLine(text, bytes_max - 8); }
 
 }  // namespace

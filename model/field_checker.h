@@ -1,5 +1,5 @@
-// FieldChecker: what the fields of a record must keep to. The first broken rule wins and is what Take() returns:
-// kInvalid with the field named. Plain value.
+// FieldChecker: validates fields of a record and keeps the first violation. Take() returns it: kInvalid, with the path
+// of the field. Value type.
 #pragma once
 
 #include <string>
@@ -17,16 +17,16 @@ class FieldChecker {
   void Require(bool is_met, const std::string& field, const std::string& text);
 
   void Finite(double value, const std::string& field);
-  // From 0 to 1.
+  // Requires a number from 0 to 1.
   void Ratio(double value, const std::string& field);
   void Size(const std::string& bytes, std::size_t bytes_max, const std::string& field);
-  // UTF-8 of at most so many bytes.
+  // Requires UTF-8 of at most `bytes_max` bytes.
   void Text(const std::string& text, std::size_t bytes_max, const std::string& field);
   void Agent(AgentId agent, const std::string& field);
   void Node(const proto::NodeKey& node, const std::string& field);
   void Term(const proto::Term& term, const std::string& field);
   void Pose(const proto::Pose& pose, const std::string& field);
-  // An error found elsewhere, in a part of `field`.
+  // Adds an error that another function found in a part of `field`.
   void Stop(const Error& error, const std::string& field);
 
   Result<void> Take() const { return result_; }

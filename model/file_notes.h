@@ -1,4 +1,4 @@
-// Where a file came from, in words that travel inside of it: "agent" "rover1", "maps" "183".
+// Metadata about the origin of a file, stored inside it as key and text: "agent" "rover1", "maps" "183".
 #pragma once
 
 #include <string>
@@ -7,10 +7,10 @@
 
 namespace moondb {
 
-// Keys and texts are one line of ASCII each, a key at most 79 characters and without a colon.
+// Pairs of key and text. Each is one line of ASCII. A key has at most 79 characters and no colon.
 using FileNotes = std::vector<std::pair<std::string, std::string>>;
 
-// "agent: rover1\n...", each line after `prefix`.
+// Returns "agent: rover1\n...", with `prefix` before each line.
 inline std::string NotesText(const FileNotes& notes, const std::string& prefix = "") {
   std::string text;
   for (const auto& [key, value] : notes) text += prefix + key + ": " + value + "\n";

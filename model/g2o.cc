@@ -35,7 +35,7 @@ class G2oParser {
   }
 
  private:
-  // A vertex that a line names; it may stand further down.
+  // A reference to a vertex, which may be defined on a later line.
   struct Mention {
     std::uint64_t id = 0;
     std::size_t line = 0;
@@ -78,7 +78,7 @@ class G2oParser {
     g2o_.edges.push_back(edge);
   }
 
-  // Whose first `kTranslation` rows are those of the translation.
+  // Reads an information matrix whose first `kTranslation` rows are those of the translation.
   template <int kSize, int kTranslation>
   Eigen::Matrix<double, kSize, kSize> InformationOf(LineFields& fields) const {
     constexpr const char* kName = "information";

@@ -1,17 +1,18 @@
-// g2o: the text format of pose graphs without ranges, 2-D and 3-D, as the public benchmark sets use it.
+// g2o: the text format of the public benchmark sets, for 2-D and 3-D pose graphs without ranges.
 //
 //   VERTEX_SE2  id x y yaw                 VERTEX_SE3:QUAT  id x y z qx qy qz qw
 //   EDGE_SE2    from to x y yaw  +6        EDGE_SE3:QUAT    from to x y z qx qy qz qw  +21
 //   FIX         id [id ...]
 //
-// "+n" is the upper triangle of the INFORMATION (PyFG has the covariance), row by row, translation first. Ids are whole
-// numbers of 64 bits. Empty lines and lines that begin with '#' are skipped; vertices may stand behind the edges that
-// name them. One file is 2-D or 3-D throughout; a 2-D pose lies in the plane z = 0, and its information fills rows 0, 1
-// and 5 of the 6 x 6 matrix, where the other diagonal entries are 1.
+// "+n" is the upper triangle of the INFORMATION matrix (PyFG has the covariance), row by row, translation first. Ids
+// are 64-bit integers. Empty lines and lines that begin with '#' are skipped. Vertices may be defined after the edges
+// that name them. A file is either 2-D or 3-D. A 2-D pose lies in the plane z = 0. Its information fills rows 0, 1 and
+// 5 of the
+// 6 x 6 matrix; the other diagonal entries are 1.
 //
-// A file without a single vertex line is a graph all the same: its edges name the vertices.
+// In a file without vertex lines, the edges define the vertices.
 //
-// What was read is written so that it reads back the same, bit for bit (2-D turns as in model/pyfg.h).
+// Writing and reading back is lossless, bit for bit (for 2-D rotations as described in model/pyfg.h).
 #pragma once
 
 #include <cstdint>
@@ -40,27 +41,29 @@ struct G2oEdge {
 
 struct G2o {
   bool is_planar = false;
-  std::vector<G2oVertex> vertices;  // In file order, as are edges and fixed.
+  std::vector<G2oVertex> vertices;  // The lists are in file order.
   std::vector<G2oEdge> edges;
-  std::vector<std::uint64_t> fixed;  // Ids of vertices that stand still.
+  std::vector<std::uint64_t> fixed;  // Ids of the vertices whose poses are held fixed.
 };
 
-// What an edge's information must be. kBlocks: its translation and its rotation part each have an inverse of positive
-// trace, which is all that an isotropic cost takes of it (SE-Sync reads files so). Public files whose numbers were
-// rounded hold matrices that are no more positive definite.
+// The condition on an edge's information matrix. kBlocks: its translation block and its rotation block each have an
+// inverse of positive trace. An isotropic cost needs no more (SE-Sync reads files this way). Some public files need it:
+// rounded numbers made their matrices lose positive definiteness.
 enum class InformationCheck { kPositiveDefinite, kBlocks };
 
-// kInvalid with field "file:line": an unknown keyword, too few or too many fields, a number that is not finite, an id
-// that is no whole number, a doubled vertex, an edge of a vertex with itself, an edge or FIX with a vertex that is
-// nowhere, a quaternion not of length 1 (within 1 %), an information that is not as `check` has it, a position beyond
-// 1e9 m, 2-D and 3-D mixed, a line longer than kGraphLineBytesMax. `name` stands for the file in errors.
+// Parses a g2o file. `name` is the file's name in errors. Fails with kInvalid and the field "file:line" for:
+//   - a line with an unknown keyword, too few or too many fields, or more than kGraphLineBytesMax bytes;
+//   - a number that is not finite, an id that is not an integer, or a position beyond 1e9 m;
+//   - a duplicate vertex, an edge from a vertex to itself, or an edge or FIX with an undefined vertex;
+//   - a quaternion whose length is not 1 (within 1 %), or an information matrix that fails `check`;
+//   - a mix of 2-D and 3-D lines.
 Result<G2o> ParseG2o(std::string_view text, const std::string& name,
                      InformationCheck check = InformationCheck::kPositiveDefinite);
 
-// The same from a file, which is read block by block; also the errors of TextLines.
+// Reads and parses a file, block by block. Also fails with the errors of TextLines.
 Result<G2o> ReadG2o(const std::filesystem::path& file, InformationCheck check = InformationCheck::kPositiveDefinite);
 
-// Vertices, FIX, edges, each in their order.
+// Returns the text of a g2o file: first the vertices, then FIX lines, then edges, each in list order.
 std::string FormatG2o(const G2o& g2o);
 
 Result<void> WriteG2o(const G2o& g2o, const std::filesystem::path& file);

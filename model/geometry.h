@@ -1,4 +1,5 @@
-// Poses and their text in messages. target_from_source transforms a point's coordinates in `source` to `target`.
+// Poses, and their conversion from and to messages. A pose named target_from_source transforms coordinates in the frame
+// `source` to the frame `target`.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,24 +10,24 @@
 
 namespace moondb {
 
-inline constexpr double kCoordinateMax_m = 1e9;  // Of what messages and files give.
+inline constexpr double kCoordinateMax_m = 1e9;  // Limit of coordinates in messages and files.
 
 struct Pose {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
-  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // Unit length.
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // A unit quaternion.
 
-  Pose operator*(const Pose& other) const;                        // a_from_b * b_from_c = a_from_c.
-  Eigen::Vector3d operator*(const Eigen::Vector3d& point) const;  // a_from_b * point in b.
+  Pose operator*(const Pose& other) const;                        // Composition: a_from_b * b_from_c = a_from_c.
+  Eigen::Vector3d operator*(const Eigen::Vector3d& point) const;  // Transforms a point: a_from_b * point in b.
   Pose Inverse() const;
 
   static Pose FromPlanar(double x_m, double y_m, double yaw_rad);
-  double Yaw() const;  // Of the body's x axis seen from above, -pi to pi.
+  double Yaw() const;  // Direction of the body's x axis in the horizontal plane, -pi to pi.
 };
 
 proto::Pose ToProto(const Pose& pose);
 
-// Normalises the quaternion; kInvalid for a number that is not finite, a quaternion shorter than 0.5 or longer
-// than 2, a missing part, or a coordinate beyond 1e9 m.
+// Converts a pose from a message and normalises its quaternion. Fails with kInvalid for a missing part, a number that
+// is not finite, a coordinate beyond 1e9 m, or a quaternion whose length is not within 0.5 to 2.
 Result<Pose> FromProto(const proto::Pose& pose);
 
 }  // namespace moondb

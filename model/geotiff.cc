@@ -16,12 +16,12 @@
 namespace moondb {
 namespace {
 
-// GDAL's own tags (gdal.org, "GTiff").
+// TIFF tags that GDAL defines (gdal.org, "GTiff").
 constexpr ttag_t kGdalMetadata = 42112;
 constexpr ttag_t kGdalNoData = 42113;
 constexpr std::uint32_t kRowsPerStrip = 64;
 
-// What libtiff writes to: a file in memory, so that what reaches the disk is whole.
+// A file in memory that libtiff writes to. It keeps incomplete files off the disk.
 struct Memory {
   std::string bytes;
   std::size_t at = 0;
@@ -101,7 +101,7 @@ void SetColors(TIFF* tiff) {
   TIFFSetField(tiff, TIFFTAG_COLORMAP, red, green, blue);
 }
 
-// From a pixel's upper left corner to metres east and north.
+// Sets the transformation from pixels (upper left corner) to metres east and north.
 void SetPlace(TIFF* tiff, const MergedMap& map, const MapSite& site) {
   const double resolution_m = map.resolution_um / 1e6;
   const Eigen::Vector2d corner_m(static_cast<double>(map.origin_cell_x) * resolution_m,

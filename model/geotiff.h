@@ -1,10 +1,10 @@
-// A merged map as GeoTIFF, which GIS programs lay on the Moon's surface.
+// Exports a merged map as GeoTIFF, which GIS programs can place on the Moon's surface.
 //
-// One band of bytes, one pixel a cell: 0 unknown (which GDAL is told is no data), 1 free, 2 hazard, with the colours of
-// model/map_picture.h. Coordinates are metres east and north of the site, in the azimuthal equidistant projection about
-// it on a sphere of 1,737,400 m: the frame `map` is a plane that touches the Moon there, and this projection keeps
-// distances and directions from the site. The raster is turned by the site's north (ModelTransformation), not sampled
-// anew. Pure functions but for the file.
+// The file has one band of bytes, one pixel per cell: 0 unknown (GDAL's no-data value), 1 free, 2 hazard, with the
+// colours of model/map_picture.h. Coordinates are metres east and north of the site, in the azimuthal equidistant
+// projection centred there, on a sphere of 1,737,400 m radius. The frame `map` is a plane that touches the Moon at the
+// site; this projection preserves distances and directions from the site. The raster is rotated to north by a
+// ModelTransformation and not resampled.
 #pragma once
 
 #include <filesystem>
@@ -19,18 +19,18 @@ namespace moondb {
 
 inline constexpr double kMoonRadius_m = 1'737'400;
 
-// Where the frame `map` has its origin.
+// Position of the origin of the frame `map`.
 struct MapSite {
   double lat_deg = 0;
-  double lon_deg = 0;        // East.
+  double lon_deg = 0;        // Longitude, positive to the east.
   double north_yaw_rad = 0;  // The yaw of north in the frame `map`.
 };
 
-// Metres east and north of the site, of a place in the frame `map`.
+// Converts a position in the frame `map` to metres east and north of the site.
 Eigen::Vector2d EastNorth(const MapSite& site, const Eigen::Vector2d& place_m);
 
-// The bytes of the file. The notes become ImageDescription and GDAL's metadata. kInvalid for an empty map, kInternal
-// with libtiff's words.
+// Returns the bytes of the file. The notes become ImageDescription and GDAL's metadata. Fails with kInvalid for an
+// empty map, and with kInternal and libtiff's error text if libtiff fails.
 Result<std::string> GeoTiffBytes(const MergedMap& map, const MapSite& site, const FileNotes& notes);
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// Grids of cells: layers of local traversability maps, merged maps, and how records and answers pack cells
+// Grids of cells: layers of local traversability maps, merged maps, and the packing of cells in records
 // (proto/record.proto, MapLayer).
 #pragma once
 
@@ -17,7 +17,7 @@ enum class Cell : std::uint8_t { kUnknown = 0, kFree = 1, kHazard = 2 };
 struct Grid {
   std::int32_t width = 0;
   std::int32_t height = 0;
-  std::vector<Cell> cells;  // width * height.
+  std::vector<Cell> cells;  // width * height cells, row by row.
 
   Grid() = default;
   Grid(std::int32_t w, std::int32_t h, Cell fill = Cell::kUnknown);
@@ -33,13 +33,13 @@ struct MapLayer {
   double center_y_m = 0;
 };
 
-// Limits of a map that comes from a message or a file.
+// Limits of a map from a message or a file.
 inline constexpr int kMapLayersMax = 16;
 inline constexpr std::uint32_t kMapSideCellsMax = 16384;
-inline constexpr std::uint64_t kMapCellsMax = 64ull * 1024 * 1024;  // Of all layers together.
-inline constexpr std::uint32_t kMapResolutionUmMax = 100'000'000;   // 100 m.
+inline constexpr std::uint64_t kMapCellsMax = 64ull * 1024 * 1024;  // Sum over all layers.
+inline constexpr std::uint32_t kMapResolutionUmMax = 100'000'000;   // Equals 100 m.
 
-// A merged map: cell (0, 0) has its lower left corner at origin * resolution in the frame `map`.
+// A merged map. The lower left corner of cell (0, 0) lies at origin_cell * resolution in the frame `map`.
 struct MergedMap {
   Grid grid;
   std::uint32_t resolution_um = 0;
@@ -47,13 +47,14 @@ struct MergedMap {
   std::int64_t origin_cell_y = 0;
 };
 
-// The part that holds all known cells and a margin; the map itself where nothing is known.
+// Returns the part of the map that contains all known cells, plus a margin. Returns the map itself if no cell is known.
 MergedMap CroppedToKnown(const MergedMap& map, std::int32_t margin_cells);
 
-// Packed cells, four a byte (proto/record.proto).
+// Packs cells, four per byte (proto/record.proto, MapLayer.cells).
 std::string PackCells(const Grid& grid);
 
-// kInvalid if the size disagrees with the bytes, a cell is 3 or a spare bit is set.
+// Unpacks cells. Fails with kInvalid if the number of bytes does not match the size, a cell has the value 3, or a spare
+// bit is set.
 Result<Grid> UnpackCells(std::int32_t width, std::int32_t height, std::string_view bytes);
 
 }  // namespace moondb

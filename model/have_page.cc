@@ -10,11 +10,11 @@
 namespace moondb {
 namespace {
 
-// Tag and length of an element of a list, at most; those of an interval, whose length is one byte.
+// Encoded size of tag and length: of a list element (upper limit), and of an interval, whose length takes one byte.
 constexpr std::size_t kElementHeadBytes = 6;
 constexpr std::size_t kIntervalHeadBytes = 2;
 
-// Goes through the intervals of a stream from a seq on, held and dropped ones in the order of their seqs.
+// Iterates over the held and dropped intervals of a stream from a given seq on, in the order of their seqs.
 class IntervalWalk {
  public:
   IntervalWalk(const StreamHave& have, std::uint64_t first_seq)
@@ -22,7 +22,7 @@ class IntervalWalk {
 
   bool has_more() const { return held_.has_more() || dropped_.has_more(); }
   bool is_held() const { return !dropped_.has_more() || (held_.has_more() && held_.at->first < dropped_.at->first); }
-  // A page may begin within what has become one interval since the page before.
+  // Cuts the interval at first_seq_: since the previous page, intervals on both sides of it may have been joined.
   IntervalSet::Interval interval() const {
     const IntervalSet::Interval& whole = is_held() ? *held_.at : *dropped_.at;
     return {std::max(whole.first, first_seq_), whole.last};

@@ -1,9 +1,10 @@
-// HavePageWriter: cuts a have-set into pages, each small enough for one message, whatever streams and gaps there are.
+// HavePageWriter: splits a have-set into pages that each fit into one message.
 //
-// A page speaks of all records from one key up to another, in the order of streams and of seqs within a stream: what it
-// does not name there, the agent never had. A stream is cut between two pages only where it fits into no page alone.
-// Each page is true by itself for the moment at which it was made, as the streams of an acknowledgment are, so that
-// pages of several moments join to one have-set and nothing is kept between them.
+// A page covers all records from one key up to another, in the order of streams, and of seqs within a stream. Records
+// in that range that the page does not list were never held or dropped by the agent. A stream is split across pages
+// only if it does not fit into a page of its own. Each page is valid by itself for the time at which it was made, like
+// the streams in an acknowledgment. Pages from different times can be merged into one have-set, so the writer keeps no
+// state between pages.
 #pragma once
 
 #include <cstddef>
@@ -15,26 +16,25 @@
 
 namespace moondb {
 
-// Of a page that crosses the radio, without what is around it in its message: 0.2 s of 1 Mbps. With that it fits into
-// the credit with which a link begins and into what an outbox reserves for control messages, 32 KiB each.
+// Size limit of a page sent over the radio, without the rest of its message: 0.2 s at 1 Mbps. The whole message fits
+// into a link's initial credit and into an outbox's reserve for control messages, 32 KiB each.
 inline constexpr std::size_t kHavePageBytesMax = 24 * 1024;
-// At most, of a stream without its intervals and of an interval.
+// Upper limits of the encoded size of a stream without its intervals, and of one interval.
 inline constexpr std::size_t kHaveStreamBytesMax = 32;
 inline constexpr std::size_t kHaveIntervalBytesMax = 24;
-// The largest have-set takes no more pages, since two that follow each other are more than one page together.
+// Maximum number of pages of the largest have-set. Two successive pages together always exceed the size of one page.
 inline constexpr int kHavePagesMax = 1024;
 static_assert(2 * (kHaveStreamsMax * kHaveStreamBytesMax + kHaveIntervalsMax * kHaveIntervalBytesMax) <
               kHavePagesMax * kHavePageBytesMax);
 
 class HavePageWriter {
  public:
-  // Of records from `from` on; a default key: from the first on. Of at most `bytes_max`, but with one interval at
-  // least; 0: not limited.
+  // Starts a page with the record `from`; a default key means the first record. The page has at most `bytes_max` bytes
+  // (0: no limit), but at least one interval.
   HavePageWriter(const RecordKey& from, std::size_t bytes_max);
 
-  // Streams are added in the order of their keys, the first one not before `from`; one of which nothing was had is left
-  // out. False: the page is full, and next()
-  // says with which record the next page begins.
+  // Adds a stream; an empty stream is left out. Returns false if the page is full; next() is then the first record of
+  // the next page. Requires: streams are added in the order of their keys, the first one not before `from`.
   bool Add(const StreamKey& key, const StreamHave& have);
 
   const std::optional<RecordKey>& next() const { return next_; }

@@ -10,7 +10,7 @@ namespace moondb {
 
 void IntervalSet::Add(Interval interval) {
   Check(interval.IsValid(), "an interval of seqs has first <= last, from 1");
-  // The first interval that overlaps or touches the new one from below.
+  // The first interval that overlaps or touches the new one.
   auto begin = std::lower_bound(intervals_.begin(), intervals_.end(), interval.first,
                                 [](const Interval& i, std::uint64_t first) { return i.last + 1 < first; });
   auto end = begin;
@@ -163,7 +163,7 @@ Result<IntervalSet> FromProto(const google::protobuf::RepeatedPtrField<proto::In
   std::uint64_t previous_last = 0;
   for (const proto::Interval& interval : intervals) {
     const IntervalSet::Interval added{interval.first(), interval.last()};
-    const bool is_apart = set.is_empty() || added.first > previous_last + 1;  // A gap of at least one seq between.
+    const bool is_apart = set.is_empty() || added.first > previous_last + 1;  // There is a gap of at least one seq.
     if (!added.IsValid() || !is_apart) {
       return Fail(ErrorCode::kInvalid, "intervals are reversed, overlapping, touching or out of order", field);
     }

@@ -1,7 +1,9 @@
-// HaveSet: which records an agent had. The one thing that decides what a peer is sent, and the acknowledgment itself.
+// HaveSet: the records that an agent covers, as a version vector whose entries are interval sets. Sync is anti-entropy:
+// the difference of two have-sets alone decides which records are sent, and a have-set is also the acknowledgment.
 //
-// Per stream a set of seqs that are held (row present) and a set that is dropped (superseded or pruned, for ever).
-// Both count as had. Sizes grow with the number of gaps, not of records. Plain values, not thread-safe.
+// Per stream, a have-set contains the seqs held (row present) and the seqs dropped (superseded or pruned permanently).
+// A record is covered if it is held or dropped. Sizes grow with the number of gaps, not of records. Value types; not
+// thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +25,7 @@ class IntervalSet {
   struct Interval {
     std::uint64_t first = 0;
     std::uint64_t last = 0;
-    // Seqs begin at 1 and end one below 2^64.
+    // Valid seqs are 1 to 2^64 - 2.
     bool IsValid() const { return first >= 1 && first <= last && last < UINT64_MAX; }
     bool operator==(const Interval&) const = default;
   };
@@ -36,11 +38,11 @@ class IntervalSet {
   bool Contains(std::uint64_t seq) const;
   bool is_empty() const { return intervals_.empty(); }
   std::uint64_t Count() const;
-  std::uint64_t Max() const;  // 0 when empty.
+  std::uint64_t Max() const;  // Returns 0 for an empty set.
 
-  // What is in this set and not in `other`.
+  // Returns the seqs of this set that are not in `other`.
   IntervalSet Minus(const IntervalSet& other) const;
-  // The intervals that have a seq in common with `other`.
+  // Returns the complete intervals of this set that share a seq with `other`.
   IntervalSet Around(const IntervalSet& other) const;
 
   const std::vector<Interval>& intervals() const { return intervals_; }
@@ -55,27 +57,28 @@ struct StreamHave {
   IntervalSet dropped;
 
   IntervalSet Covered() const;
-  // Union. A seq dropped on either side ends up dropped.
+  // Adds the seqs of `other`. A seq dropped on either side ends up dropped.
   void Merge(const StreamHave& other);
   std::size_t IntervalCount() const { return held.intervals().size() + dropped.intervals().size(); }
   bool operator==(const StreamHave&) const = default;
 };
 
-// Limits for what a peer may send (each is an error at the door, not a truncation).
+// Limits of a have-set from a peer. Exceeding one is an error; nothing is truncated.
 inline constexpr int kHaveStreamsMax = 65536;
 inline constexpr int kHaveIntervalsPerStreamMax = 65536;
-inline constexpr std::size_t kHaveIntervalsMax = 262'144;  // Of all streams.
+inline constexpr std::size_t kHaveIntervalsMax = 262'144;  // Sum over all streams.
 
 class HaveSet {
  public:
   StreamHave& operator[](const StreamKey& key) { return streams_[key]; }
-  const StreamHave& Get(const StreamKey& key) const;  // An empty one where there is none.
+  const StreamHave& Get(const StreamKey& key) const;  // Returns an empty one if there is none.
 
-  // Union, stream by stream. A seq dropped on either side ends up dropped.
+  // Merges `other` stream by stream. A seq dropped on either side ends up dropped.
   void Merge(const HaveSet& other);
-  // kInvalid where the union would be larger than a have-set may be.
+  // Fails with kInvalid if the union would exceed the limits of a have-set.
   Result<void> CheckJoins(const HaveSet& other) const;
-  // Of the streams of `other`, the intervals that have a seq in common with what `other` had.
+  // Returns the complete intervals of this have-set that share a seq with those that `other` covers, for the streams of
+  // `other`.
   HaveSet Around(const HaveSet& other) const;
 
   const std::map<StreamKey, StreamHave>& streams() const { return streams_; }
@@ -88,8 +91,9 @@ class HaveSet {
 
 proto::HaveSet ToProto(const HaveSet& have);
 
-// Checks everything: agent ids, limits, intervals sorted, disjoint, not adjacent and from 1, held and dropped disjoint.
-// kInvalid with the field named otherwise.
+// Validates and converts a have-set from a message. Fails with kInvalid and the field if an agent id is invalid, a
+// limit is exceeded, or a seq is both held and dropped. Also fails if intervals are not sorted, disjoint, non-adjacent
+// and within 1 to 2^64 - 2.
 Result<HaveSet> FromProto(const proto::HaveSet& have);
 
 }  // namespace moondb

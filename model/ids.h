@@ -1,4 +1,4 @@
-// The names of agents, nodes and data types.
+// Identifiers of agents, nodes and data types, and their names.
 #pragma once
 
 #include <compare>
@@ -15,11 +15,11 @@ enum Role : int;
 
 namespace moondb {
 
-// A team member and its process; 1 to kAgentIdMax. 0 means nobody.
+// A team member and its process. Valid ids are 1 to kAgentIdMax; 0 means nobody.
 using AgentId = std::uint32_t;
 inline constexpr AgentId kAgentIdMax = 65535;
 
-// A pose-graph node: the index is given by the agent's robot.
+// Identifies a pose-graph node. The robot's software chooses the index.
 struct NodeKey {
   AgentId agent = 0;
   std::uint64_t index = 0;
@@ -29,28 +29,28 @@ struct NodeKey {
 NodeKey FromProto(const proto::NodeKey& node);
 proto::NodeKey ToProto(const NodeKey& node);
 
-// A proto::DataType, or a custom one.
+// A proto::DataType, or the id of a custom type.
 using DataType = std::uint32_t;
 inline constexpr DataType kCustomDataTypeMin = 1000;
 inline constexpr DataType kCustomDataTypeMax = 1999;
 
 constexpr bool IsCustom(DataType type) { return type >= kCustomDataTypeMin && type <= kCustomDataTypeMax; }
 
-// "local_traversability_map"; "type_1007" for a type without a name here.
+// Returns "local_traversability_map", or "type_1007" for a type without a built-in name.
 std::string DataTypeName(DataType type);
 
-// The inverse, for the built-in types.
+// Returns the built-in type of this name; nullopt if there is none. The inverse of DataTypeName.
 std::optional<DataType> DataTypeFromName(std::string_view name);
 
-// In the order of their numbers.
+// Returns the built-in types in the order of their numbers.
 const std::vector<DataType>& BuiltInDataTypes();
 
-// The order in which types are shared, a ShareRank (model/data_types.h): a smaller one goes first. Messages that are of
-// no type go with the states, types without a row with the custom ones.
+// Returns the ShareRank of a type (model/data_types.h); lower ranks are shared first. Messages without a type rank like
+// robot states; types without a row rank like custom types.
 int SharingRank(DataType type);
-bool IsState(DataType type);  // Of the rank of a robot's states.
+bool IsState(DataType type);  // Returns whether the type has the rank of robot states.
 
-// "rover", "leader", "designated_survivor", "base_station".
+// Returns "rover", "leader", "designated_survivor" or "base_station"; "none" for ROLE_UNSPECIFIED.
 std::string RoleName(proto::Role role);
 
 }  // namespace moondb

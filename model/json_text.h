@@ -1,4 +1,4 @@
-// Text as JSON has it. Pure function, any thread.
+// Text as a JSON string. Thread-safe.
 #pragma once
 
 #include <string>
@@ -6,8 +6,8 @@
 
 namespace moondb {
 
-// In quotes, on one line: quotes, backslashes and control characters are escaped; bytes that are not UTF-8 become
-// U+FFFD.
+// Returns `text` in quotes, on one line. Quotes, backslashes and control characters are escaped. Bytes that are not
+// UTF-8 become U+FFFD.
 std::string JsonString(std::string_view text);
 
 }  // namespace moondb

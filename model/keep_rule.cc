@@ -15,7 +15,7 @@ constexpr std::chrono::milliseconds kLongest = std::chrono::hours(24 * 36'500);
 std::optional<KeepRule> ParseKeepRule(std::string_view text) {
   if (text == kAll) return KeepRule{};
   if (text == kLatest) return KeepRule{std::chrono::milliseconds::zero()};
-  // In a team file a bare number would be taken for days by one reader and for records by the next.
+  // Reject a bare number: in a team file, readers could take it for days or for a number of records.
   if (text.empty() || (text.back() >= '0' && text.back() <= '9') || text.ends_with("ms")) return std::nullopt;
   const std::optional<std::chrono::milliseconds> duration = ParseDuration(text, kLongest);
   if (!duration || *duration % std::chrono::seconds(1) != std::chrono::milliseconds::zero()) return std::nullopt;

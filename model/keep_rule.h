@@ -1,4 +1,4 @@
-// KeepRule: how long a robot's own disk keeps states that newer ones have superseded (TeamConfig.keep). Plain values.
+// KeepRule: how long an agent keeps superseded states of its own robot on its disk (TeamConfig.keep). Value type.
 #pragma once
 
 #include <chrono>
@@ -9,7 +9,7 @@
 namespace moondb {
 
 struct KeepRule {
-  // By their stamps. Zero: none is kept.
+  // Maximum age of a kept state by timestamp. Zero: none is kept.
   std::chrono::milliseconds at_most = std::chrono::milliseconds::max();
 
   bool KeepsAny() const { return at_most > std::chrono::milliseconds::zero(); }
@@ -17,7 +17,8 @@ struct KeepRule {
   friend bool operator==(const KeepRule&, const KeepRule&) = default;
 };
 
-// "all", "latest", or whole seconds in d, h, m or s, up to 36500 d: "7d", "12h". Nothing for anything else.
+// Parses "all", "latest", or a duration with a unit (d, h, m or s): "7d", "12h". A duration is a whole number of
+// seconds and at most 36500 d. Returns nullopt for other text.
 std::optional<KeepRule> ParseKeepRule(std::string_view text);
 std::string ToString(const KeepRule& rule);
 

@@ -1,7 +1,8 @@
 // Leases: which agents of a team drive, sleep or are paused, and until when.
 //
-// A lease is a duration that counts down on this agent's own monotonic clock from when it became known here, never a
-// time of day: the agents' clocks differ and jump. It lapses by itself. Time comes in with each call. Plain value.
+// A lease is a duration, not a time of day, because the clocks of the agents differ and jump. It counts down on this
+// agent's monotonic clock from the time at which this agent learned of it, and expires by itself. The caller passes the
+// current time to each call. Value type.
 #pragma once
 
 #include <chrono>
@@ -17,10 +18,10 @@ namespace moondb {
 
 inline constexpr double kLeaseSecondsMax = 86400;
 
-// 0 to kLeaseSecondsMax; kInvalid with `field` otherwise.
+// Fails with kInvalid and `field` unless `seconds` is 0 to kLeaseSecondsMax.
 Result<void> CheckLeaseSeconds(double seconds, const std::string& field);
 
-// "drives for 40 s more", "drives for 40 s and is paused for 600 s more"; empty for none of it.
+// Returns "drives for 40 s more", or "drives for 40 s and is paused for 600 s more". Empty if no lease is active.
 std::string ToString(const proto::AgentLease& lease);
 
 class Leases {
@@ -31,18 +32,19 @@ class Leases {
   // `is_quiet_while_driving` is the team file's radio.quiet_while_driving.
   explicit Leases(bool is_quiet_while_driving) : is_quiet_while_driving_(is_quiet_while_driving) {}
 
-  void Set(const proto::AgentLease& lease, Time now);  // Takes the place of that agent's. Checked before.
-  void SetAll(const proto::LeasesChanged& changed);    // Takes the place of everybody's.
+  void Set(const proto::AgentLease& lease, Time now);  // Replaces the agent's leases. Requires: valid durations.
+  void SetAll(const proto::LeasesChanged& changed);    // Replaces the leases of all agents.
 
-  proto::AgentLease LeftOf(AgentId agent, Time now) const;  // 0 for what it does not do.
-  proto::LeasesChanged Left(Time now) const;                // By agent, without agents that do none of it.
-  std::optional<Time> NextExpiry(Time now) const;
+  proto::AgentLease LeftOf(AgentId agent, Time now) const;  // Remaining times; 0 without such a lease.
+  proto::LeasesChanged Left(Time now) const;                // Remaining times of all agents that have a lease.
+  std::optional<Time> NextExpiry(Time now) const;           // Time at which the next lease expires.
 
-  // It sleeps, or drives in a team that is quiet while driving: who hears nothing of it need not take it for lost.
+  // Returns whether the agent sleeps, or drives in a team with radio silence while driving. Other agents must not treat
+  // it as lost then.
   bool MayBeSilent(AgentId agent, Time now) const;
-  // Nothing bulky is to be sent by it or to it: it may be silent, or its sharing is paused.
+  // Returns whether bulk transfers from and to the agent must stop: it may be silent, or its sharing is paused.
   bool IsQuiet(AgentId agent, Time now) const;
-  // The pair's window: neither is quiet.
+  // Returns whether the window of a pair is open: bulk transfers between the two are allowed.
   bool IsOpen(AgentId a, AgentId b, Time now) const { return !IsQuiet(a, now) && !IsQuiet(b, now); }
 
  private:

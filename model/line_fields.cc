@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kPlanarRows[3] = {0, 1, 5};
 constexpr double kQuaternionTolerance = 0.01;
-// A quaternion this close to length 1 is kept as it is, so that what was normalised once reads back bit for bit.
+// A quaternion this close to length 1 is not normalised again, so a normalised quaternion reads back bit for bit.
 constexpr double kQuaternionUnitSlack = 1e-12;
 
 }  // namespace
@@ -110,7 +110,7 @@ Eigen::Matrix3d PlanarOf(const Matrix6d& spatial) {
 
 double ExactPlanarYaw(const Eigen::Quaterniond& q) {
   constexpr int kSteps = 8;
-  // Files hold yaws beyond pi, too: the sign of w says so.
+  // Files may contain yaws beyond pi. The sign of w distinguishes them.
   const double yaw_rad = 2 * std::atan2(q.z(), q.w());
   double above = yaw_rad;
   double below = yaw_rad;

@@ -1,5 +1,4 @@
-// LineFields: the numbers and poses of one line of a text file of pose graphs, taken from the left; what the readers of
-// PyFG, g2o and TUM have in common.
+// LineFields: parses one line of a pose-graph text file from left to right. Shared by the readers of PyFG, g2o and TUM.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -17,27 +16,27 @@
 
 namespace moondb {
 
-// The first error stays; later calls give zeros. The line must outlive it.
+// The parser keeps the first error; later calls return zeros. Requires: the line outlives the parser.
 class LineFields {
  public:
   explicit LineFields(std::string_view line);
 
   std::size_t left() const { return fields_.size() - next_; }
-  const std::string& error() const { return error_; }  // Empty: none.
+  const std::string& error() const { return error_; }  // Empty if there is none.
   void Stop(std::string error);
 
   std::string_view Take();
-  double Number();           // Finite.
-  std::uint64_t Index();     // 64 bits.
-  std::int64_t Timestamp();  // Seconds, as nanoseconds.
+  double Number();           // Reads a finite number.
+  std::uint64_t Index();     // Reads an unsigned 64-bit integer.
+  std::int64_t Timestamp();  // Reads a timestamp in seconds and returns nanoseconds.
 
-  // 2 or 3 coordinates up to 1e9 m; z is 0 in the plane.
+  // Reads 2 or 3 coordinates of up to 1e9 m. In the plane, z is 0.
   Eigen::Vector3d Position(bool is_planar);
 
-  // x y yaw, or x y z qx qy qz qw; a quaternion's length must be 1 within 1 %, and is made 1.
+  // Reads x y yaw, or x y z qx qy qz qw. The quaternion's length must be 1 within 1 %; it is normalised.
   Pose PoseOf(bool is_planar);
 
-  // The upper triangle, row by row.
+  // Reads the upper triangle of a symmetric matrix, row by row.
   template <int kSize>
   Eigen::Matrix<double, kSize, kSize> Symmetric() {
     Eigen::Matrix<double, kSize, kSize> matrix;
@@ -47,7 +46,7 @@ class LineFields {
     return matrix;
   }
 
-  // The same, and it must be positive definite. `name` is what the matrix is called in errors.
+  // Reads a symmetric matrix that must be positive definite. `name` is the matrix's name in errors.
   template <int kSize>
   Eigen::Matrix<double, kSize, kSize> PositiveDefinite(const char* name) {
     const Eigen::Matrix<double, kSize, kSize> matrix = Symmetric<kSize>();
@@ -66,18 +65,18 @@ class LineFields {
 
 inline constexpr std::size_t kGraphLineBytesMax = 4096;
 
-// Gives `parse` each line that is neither empty nor a comment (#), and its number from 1. kInvalid with file (`name`)
-// and line as the field: the first error that it notes, fields that it leaves, a line longer than kGraphLineBytesMax.
-// Also the errors of TextLines.
+// Calls `parse` with each line that is neither empty nor a comment (#), and the line number, from 1. Fails with
+// kInvalid and the field "name:line" if `parse` reports an error or leaves fields unread, or if a line is longer than
+// kGraphLineBytesMax. Also fails with the errors of TextLines.
 Result<void> ParseLines(TextLines lines, const std::string& name,
                         const std::function<void(LineFields& fields, std::size_t line)>& parse);
 
-// The planar x, y and yaw of a matrix over x y z roll pitch yaw; its other entries stay.
+// Set and get the entries for x, y and yaw in a matrix over x y z roll pitch yaw. The other entries stay unchanged.
 void SetPlanar(const Eigen::Matrix3d& planar, Matrix6d& spatial);
 Eigen::Matrix3d PlanarOf(const Matrix6d& spatial);
 
-// The yaw that reads back as exactly this quaternion, where one near the computed angle does: the arc tangent's last
-// bits are not those of the angle that was read.
+// Returns a yaw that converts to exactly this quaternion, if one near the computed angle does. The last bits of the arc
+// tangent alone may differ from the angle that was read.
 double ExactPlanarYaw(const Eigen::Quaterniond& q);
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// Sockets of this machine: how long their paths may be, and whether somebody listens. Plain function, any thread.
+// Unix domain sockets: the limit of their path length, and a probe for a listener. Thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -6,10 +6,10 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kSocketPathLengthMax = 107;  // sockaddr_un, less its final 0.
+inline constexpr std::size_t kSocketPathLengthMax = 107;  // Size of sockaddr_un::sun_path without the final 0.
 
-// Of the socket at `path`: 0 where somebody listens, else why not, as an errno: ENOENT for no socket, ECONNREFUSED for
-// one that a dead process left. At once; libzmq would try again and again without a word.
+// Returns 0 if a process listens on the socket at `path`, otherwise an errno: ENOENT if there is no socket,
+// ECONNREFUSED if a dead process left it. Returns at once, whereas libzmq would silently retry.
 int ProbeLocalSocket(const std::string& path);
 
 }  // namespace moondb

@@ -52,7 +52,8 @@ bool IsNear(const Image& image, const Eigen::Vector2d& at) {
   return at.x() > -image.width && at.x() < 2.0 * image.width && at.y() > -image.height && at.y() < 2.0 * image.height;
 }
 
-// A line of dots half a pixel apart. What lies far outside is left out: a wild pose must not cost a billion dots.
+// Draws a line as dots half a pixel apart. Lines with an end far outside the picture are skipped, because an outlier
+// pose could cost a billion dots.
 void DrawLine(Image& image, const Eigen::Vector2d& from, const Eigen::Vector2d& to, int radius, const Color& color) {
   if (!IsNear(image, from) || !IsNear(image, to)) return;
   const int steps = 1 + static_cast<int>((to - from).norm() * 2);
@@ -94,7 +95,7 @@ Image WithCaption(Image image, const std::string& caption) {
 
 const Color& ColorOf(Cell cell) { return CellColors()[static_cast<std::size_t>(cell)]; }
 
-// From the frame `map` to pixels; rows grow downwards.
+// Converts positions in the frame `map` to pixels. Rows grow downwards.
 struct View {
   double left_m = 0;
   double top_m = 0;
@@ -124,7 +125,7 @@ struct Extent {
   bool is_empty() const { return low.x() > high.x(); }
 };
 
-// A bar of 1, 2 or 5 times a power of ten metres, about a fifth of the width.
+// Draws a scale bar of 1, 2 or 5 times a power of ten metres, about a fifth of the picture's width.
 void DrawScale(Image& image, double pixels_per_m) {
   const double wanted_m = image.width / 5.0 / pixels_per_m;
   double length_m = std::pow(10, std::floor(std::log10(wanted_m)));
@@ -157,7 +158,7 @@ Image CellPicture(const MergedMap& map) {
 }
 
 Color AgentColor(std::size_t place) {
-  // Notified apart by people with any colour vision, on light ground and on dark.
+  // People with any colour vision can distinguish these colours, on light and on dark backgrounds.
   static constexpr Color kColors[] = {{0, 114, 178}, {213, 94, 0},   {0, 158, 115},  {204, 121, 167},
                                       {230, 159, 0}, {86, 180, 233}, {120, 80, 200}, {150, 130, 20}};
   return kColors[place % std::size(kColors)];
@@ -180,7 +181,7 @@ Image DrawMap(const MergedMap& whole, const std::vector<Track>& tracks, const Ma
   const MergedMap map = options.is_cropped ? CroppedToKnown(whole, kCropMarginCells) : whole;
   const Grid& grid = map.grid;
   const int side = std::max({grid.width, grid.height, 1});
-  // A map wider than any picture is thinned out: one pixel every `stride` cells.
+  // Downsample a map that is larger than the largest picture: one pixel per `stride` cells.
   const int stride = (side + kImageSideMax / 4 - 1) / (kImageSideMax / 4);
   const int scale = std::clamp(std::min(options.pixels_per_cell, kImageSideMax / 4 / side), 1, kPixelsPerCellMax);
   const int columns = std::max(1, grid.width / stride);

@@ -1,7 +1,7 @@
-// Pictures for people: merged maps and trajectories in colour, ready for WritePng.
+// Draws merged maps and trajectories in colour, as images for WritePng.
 //
-// North (+y) is up, one or more pixels a cell, RGB. Pure functions; sizes are bounded by kImageSideMax through a
-// smaller scale where a map is too large.
+// Images are RGB, with north (+y) up and one or more pixels per cell. A map that would exceed kImageSideMax is drawn at
+// a smaller scale. Thread-safe.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,15 +19,15 @@
 
 namespace moondb {
 
-inline constexpr int kCropMarginCells = 20;  // Left of what is unknown around a map.
+inline constexpr int kCropMarginCells = 20;  // Unknown cells kept around a cropped map.
 
-// Of unknown, free and hazard: dark grey, light, dark red.
+// Returns the colours of unknown, free and hazard cells: dark grey, light, dark red.
 const std::array<Color, 3>& CellColors();
 
-// One gray pixel a cell, of value 0 unknown, 1 free, 2 hazard: for files that hold their colours beside the pixels.
+// Returns an image with one gray pixel per cell: 0 unknown, 1 free, 2 hazard. For file formats with a separate palette.
 Image CellPicture(const MergedMap& map);
 
-// A colour for each agent, by its place in the team; repeats after eight.
+// Returns the colour of an agent by its index in the team. Colours repeat after eight agents.
 Color AgentColor(std::size_t place);
 
 struct Track {
@@ -35,27 +35,29 @@ struct Track {
   std::vector<Eigen::Vector2d> points_m;  // In the frame `map`, in order of time.
 };
 
-// One track per agent, in the order of `agents`; agents without a pose give an empty track.
+// Returns one track per agent, in the order of `agents`; an empty track for an agent without poses.
 std::vector<Track> TracksOf(const std::map<NodeKey, Pose>& poses, const std::vector<AgentId>& agents);
 
 struct MapPictureOptions {
-  int pixels_per_cell = 1;  // 1 to 16; less where the picture would be too large.
-  std::string caption;      // In a bar above; empty: no bar. Letters (shown as capitals), digits and .,:;+-=%/()'_<>.
-  bool is_cropped = true;   // To the known cells and a small margin; merged maps have wide unknown borders.
+  int pixels_per_cell = 1;  // 1 to 16; reduced if the picture would be too large.
+  // Text in a bar above the map; empty: no bar. Letters (drawn as capitals), digits and .,:;+-=%/()'_<>.
+  std::string caption;
+  bool is_cropped = true;  // Crop to the known cells and a small margin; merged maps have wide unknown borders.
 };
 
-// In the colours of cells, tracks on top.
+// Draws a map in the colours of CellColors(), with the tracks on top.
 Image DrawMap(const MergedMap& map, const std::vector<Track>& tracks, const MapPictureOptions& options = {});
 
-// Two pictures next to each other on a dark ground, tops aligned.
+// Places two pictures next to each other on a dark background, with their tops aligned.
 Image SideBySide(const Image& left, const Image& right);
 
 struct TrajectoryPlotOptions {
-  int width_px = 900;  // The height follows from the tracks' extent, within 200 to 1800.
+  int width_px = 900;  // The height follows from the extent of the tracks: 200 to 1800 pixels.
   std::string caption;
 };
 
-// Truth as broad pale lines, before as thin grey, after in the agents' colours, with a bar of whole metres as a scale.
+// Draws trajectories: `truth` as wide pale lines, `before` as thin grey lines, `after` in the agents' colours. Adds a
+// scale bar.
 Image DrawTrajectories(const std::vector<Track>& before, const std::vector<Track>& after,
                        const std::vector<Track>& truth, const TrajectoryPlotOptions& options = {});
 

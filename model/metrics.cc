@@ -11,14 +11,14 @@ namespace {
 
 constexpr int kToleranceCellsMax = 100;
 
-// Where hazards lie, grown by the tolerance on every side, so that one look-up answers "is one near?".
+// The hazard cells, dilated by the tolerance on every side. One look-up then tests for a hazard nearby.
 class NearHazards {
  public:
   NearHazards(const MergedMap& map, int tolerance)
       : left_(map.origin_cell_x - tolerance),
         bottom_(map.origin_cell_y - tolerance),
         near_(map.grid.width + 2 * tolerance, map.grid.height + 2 * tolerance) {
-    // A square grows along x first and along y then.
+    // Dilate along x first, then along y.
     Grid rows(near_.width, map.grid.height);
     for (std::int32_t row = 0; row < map.grid.height; ++row) {
       for (std::int32_t column = 0; column < map.grid.width; ++column) {
@@ -69,7 +69,7 @@ struct Share {
   double Ratio() const { return hazard_count == 0 ? 1.0 : static_cast<double>(matched_count) / hazard_count; }
 };
 
-// How many hazards of `map` have one of `other` near.
+// Counts the hazards of `map`, and those with a hazard of `other` within the tolerance.
 Share MatchHazards(const MergedMap& map, const MergedMap& other, int tolerance) {
   const NearHazards near(other, tolerance);
   Share share;
@@ -81,7 +81,7 @@ Share MatchHazards(const MergedMap& map, const MergedMap& other, int tolerance) 
   return share;
 }
 
-// Two classes, two raters: agreement beyond what their shares alone would give.
+// Computes Cohen's kappa for two classes and two raters: the agreement beyond that expected by chance.
 void CountKappa(const MergedMap& map, const MergedMap& truth, MapAgreement& agreement) {
   double both = 0, agree = 0, map_hazards = 0, true_hazards = 0;
   ForEachCell(map, [&](std::int64_t x, std::int64_t y, Cell cell) {
@@ -100,7 +100,7 @@ void CountKappa(const MergedMap& map, const MergedMap& truth, MapAgreement& agre
   agreement.kappa = observed >= 1 ? 1 : (observed - by_chance) / (1 - by_chance);
 }
 
-// The rotation that fits best, from the covariance of centred points (Umeyama 1991, equations 40 to 43).
+// Returns the best-fitting rotation, from the covariance of centred points (Umeyama 1991, equations 40 to 43).
 Eigen::Quaterniond Rotation(const Eigen::Matrix3d& covariance) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d signs(1, 1, 1);
@@ -109,7 +109,7 @@ Eigen::Quaterniond Rotation(const Eigen::Matrix3d& covariance) {
       .normalized();
 }
 
-// The same for rotations about the z axis.
+// Returns the best-fitting rotation about the z axis, from the covariance of centred points.
 Eigen::Quaterniond PlanarRotation(const Eigen::Matrix3d& covariance) {
   const double yaw = std::atan2(covariance(1, 0) - covariance(0, 1), covariance(0, 0) + covariance(1, 1));
   return Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()));

@@ -1,7 +1,7 @@
-// How good a trajectory and a merged map are, against the truth.
+// Quality metrics of trajectories and merged maps, compared with the true ones.
 //
-// Share of agreeing cells is nearly blind here (a map that is free everywhere scores above 0.85), so maps are scored by
-// their hazards with a tolerance, and by Cohen's kappa. Pure functions on plain values.
+// The fraction of agreeing cells says little: a map that is free everywhere scores above 0.85. Maps are therefore
+// scored by their hazards, with a tolerance, and by Cohen's kappa. Thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -17,29 +17,34 @@
 namespace moondb {
 
 struct TrajectoryError {
-  double rmse_m = 0;  // Absolute trajectory error: root of the mean squared 3-D distance. 0 without a node.
+  double rmse_m = 0;  // Absolute trajectory error: root mean square of the 3-D distances. 0 without nodes.
   double max_m = 0;
   std::size_t node_count = 0;
-  std::size_t missing_count = 0;  // Nodes of the truth that the estimate lacks; they are not in the figures above.
+  std::size_t missing_count = 0;  // Nodes of the truth that the estimate lacks; excluded from the errors.
 };
 
-// Over all nodes of `agents` (usually the rovers: the base station knows its place), without any alignment.
+// Compares all nodes of `agents`, without any alignment. `agents` are usually the rovers, because the base station's
+// position is known.
 TrajectoryError CompareTrajectories(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth,
                                     const std::vector<AgentId>& agents);
 
-// truth_from_estimate that brings the nodes of both nearest to each other in the mean square; a turn about z only where
-// `is_planar`. For graphs that stand in no map. The identity where fewer than two nodes are in both.
+// Returns the least-squares alignment truth_from_estimate of the nodes in both. If `is_planar`, it only rotates about
+// z. For graphs without a defined position in the frame `map`. Returns the identity if fewer than two nodes are in
+// both.
 Pose FindAlignment(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth, bool is_planar);
 
-// The poses that a graph's nodes carry.
+// Returns the poses of a graph's nodes.
 std::map<NodeKey, Pose> PosesOf(const PoseGraph& graph);
 
 struct MapAgreement {
-  double precision = 0;  // Share of the map's hazard cells with a true hazard cell within the tolerance; 1 without any.
-  double recall = 0;     // Share of the true hazard cells with a hazard cell of the map likewise; 1 without any.
-  double f1 = 0;         // 2 p r / (p + r); 0 when both are 0.
-  double hazard_iou = 0;  // F1 / (2 - F1).
-  double kappa = 0;  // Cohen's, of free and hazard over the cells known in both; 0 without one, 1 for a perfect match.
+  // Fraction of the map's hazard cells with a true hazard cell within the tolerance; 1 if the map has none.
+  double precision = 0;
+  // Fraction of the true hazard cells with a hazard cell of the map within the tolerance; 1 if there are none.
+  double recall = 0;
+  double f1 = 0;          // 2 p r / (p + r), of precision p and recall r; 0 if both are 0.
+  double hazard_iou = 0;  // Intersection over union of hazards: F1 / (2 - F1).
+  // Cohen's kappa of free and hazard, over the cells known in both; 0 without such cells, 1 for a perfect match.
+  double kappa = 0;
   std::uint64_t map_hazard_count = 0;
   std::uint64_t true_hazard_count = 0;
   std::uint64_t known_in_both_count = 0;
@@ -47,8 +52,9 @@ struct MapAgreement {
 
 inline constexpr int kHazardToleranceCells = 2;
 
-// Origins and extents may differ; what lies outside a grid is unknown. The tolerance holds in x and y each (a square).
-// kInvalid if the resolutions differ or the tolerance is not 0 to 100.
+// Compares a merged map with the true map. Their origins and extents may differ; cells outside a grid count as unknown.
+// The tolerance applies to x and y separately (a square). Fails with kInvalid if the resolutions differ or the
+// tolerance is not 0 to 100.
 Result<MapAgreement> CompareMaps(const MergedMap& map, const MergedMap& truth,
                                  int tolerance_cells = kHazardToleranceCells);
 

@@ -23,12 +23,12 @@ constexpr std::string_view kMapsHeading =
     "map_id,agent_id,timestamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,layers,cells_per_side,"
     "finest_resolution_m,file";
 constexpr double kMicrometresPerMetre = 1e6;
-constexpr std::size_t kAgentsMax = 52;  // Letters.
+constexpr std::size_t kAgentsMax = 52;  // Number of letters, capital and small.
 constexpr std::uint8_t kFreePixel = 254;
 constexpr std::uint8_t kHazardPixel = 0;
 constexpr std::uint8_t kUnknownPixel = 205;
 
-// A table's rows below its heading, with the first error of a row kept until it is asked for.
+// Parses one row of a table, and keeps the first error.
 class CsvRow {
  public:
   CsvRow(std::string file_line, std::vector<std::string_view> fields)
@@ -83,7 +83,7 @@ class CsvRow {
   Error failure_;
 };
 
-// Calls `read_row` with each row of a table of that heading until one fails.
+// Calls `read_row` with each row of a table until one fails. Fails if the first line is not `heading`.
 template <typename ReadRow>
 Result<void> ReadCsv(const std::filesystem::path& file, std::string_view heading, ReadRow read_row) {
   Result<TextLines> lines = TextLines::OfFile(file);
@@ -152,7 +152,7 @@ std::string KeyText(const Mission& mission, NodeKey key) {
   return std::string(1, agent ? agent->letter : '?') + std::to_string(key.index);
 }
 
-// Turns the graph file's letters into the agents' ids.
+// Replaces the letters of keys in the graph file by agent ids.
 class KeyMapper {
  public:
   explicit KeyMapper(const std::vector<MissionAgent>& agents) {
@@ -175,20 +175,20 @@ class KeyMapper {
     for (RangeEdge& edge : pyfg.graph.ranges) Map(edge.from), Map(edge.to);
   }
 
-  const std::string& stranger() const { return stranger_; }  // The first key of no agent.
+  const std::string& stranger() const { return stranger_; }  // The first key that belongs to no agent.
 
  private:
   std::map<AgentId, AgentId> ids_;
   std::string stranger_;
 };
 
-// Start pose and odometry composed, rover by rover. The first node of a rover is where it starts.
+// Composes start pose and odometry, rover by rover. The first node of a rover has its start pose.
 Result<std::map<NodeKey, Pose>> ComposeRawPoses(const Mission& mission, const std::string& file) {
   std::map<NodeKey, Pose> poses;
   for (const auto& [key, truth] : mission.truth) {
     const bool is_first = poses.empty() || poses.rbegin()->first.agent != key.agent;
     if (is_first) poses.emplace(key, FindAgent(mission, key.agent)->start);
-    // `poses` holds no more than the agents seen so far, and keys come in order: its last one is this agent's.
+    // Keys are sorted, so the last entry of `poses` is this agent's if the agent has been seen already.
   }
   std::vector<const OdometryEdge*> edges;
   edges.reserve(mission.graph.odometry.size());
@@ -254,7 +254,7 @@ Result<void> TakeGraph(Pyfg pyfg, const std::string& file, Mission& mission) {
   return TakeBaseStations(pyfg, file, mission);
 }
 
-// A path that stays in its folder.
+// Returns whether a relative path stays inside its folder.
 bool IsInside(const std::filesystem::path& file) {
   if (file.empty() || file.is_absolute()) return false;
   return std::none_of(file.begin(), file.end(), [](const std::filesystem::path& part) { return part == ".."; });
@@ -323,7 +323,7 @@ std::uint8_t PixelOf(Cell cell) {
   return cell == Cell::kHazard ? kHazardPixel : kUnknownPixel;
 }
 
-// The layer whose top row in the picture is `top`; pictures run down, grids up.
+// Returns the layer whose first row in the picture is `top`. Rows of pictures grow downwards, rows of grids upwards.
 Result<Grid> GridOf(const Image& image, int top, int side, const std::string& file) {
   Grid grid(side, side);
   for (int row = 0; row < side; ++row) {

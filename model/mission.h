@@ -1,5 +1,5 @@
-// Mission folders: agents.csv, graph.pyfg, maps.csv, maps/*.png. What recorded missions and the project's own
-// generator have in common. Frame `map`, metres, radians.
+// Mission folders: agents.csv, graph.pyfg, maps.csv, maps/*.png. The common format of recorded missions and of the
+// project's own generator. Values are in the frame `map`, in metres and radians.
 #pragma once
 
 #include <filesystem>
@@ -17,15 +17,15 @@ struct MissionAgent {
   AgentId id = 0;
   std::string name;
   bool is_base_station = false;
-  char letter = 0;  // Of its keys in graph.pyfg.
-  Pose start;       // What the agent knows of itself at the beginning; the body's pose of a base station.
+  char letter = 0;  // Letter of the agent's keys in graph.pyfg.
+  Pose start;       // Known start pose of a rover; body pose of a base station.
   double start_sigma_m = 0;
   double start_sigma_rad = 0;
-  Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // In the body's frame.
+  Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // Position in the body's frame.
 };
 
 struct MissionMap {
-  std::string id;  // "A17"
+  std::string id;  // Name of the map: "A17".
   AgentId agent = 0;
   std::int64_t timestamp_ns = 0;
   NodeKey node;
@@ -33,40 +33,42 @@ struct MissionMap {
   int layers = 0;
   int cells_per_side = 0;
   double finest_resolution_m = 0;
-  std::filesystem::path file;  // Relative to the folder.
+  std::filesystem::path file;  // Path relative to the mission's folder.
 };
 
 struct Mission {
   std::filesystem::path folder;
   std::vector<MissionAgent> agents;
-  PoseGraph graph;                // Raw poses composed from start and odometry; a base station is one node, index 0.
-  std::map<NodeKey, Pose> truth;  // map_from_node, rovers and base. For scoring only: never fed to an agent.
-  std::vector<MissionMap> maps;   // By stamp.
+  PoseGraph graph;                // Nodes have raw poses (start and odometry); a base station is one node, index 0.
+  std::map<NodeKey, Pose> truth;  // True map_from_node of all agents. Only for scoring; no agent sees it.
+  std::vector<MissionMap> maps;   // Sorted by timestamp.
 };
 
-// Fails with "file:line" as the error's field. kNotFound: a file is missing. kInvalid: agents.csv or maps.csv is not of
-// that form (a wrong heading, a number out of range, a doubled id, name, key or map, an agent or node that is nowhere,
-// a map's file outside the folder); graph.pyfg as in ReadPyfg, or 2-D, or with a key of no agent, odometry between two
-// agents, or a rover's node that odometry does not reach (these name the key, not the line).
-// Maps' pictures are read later, one by one.
+// Reads a mission, without the pictures of its maps (see ReadMissionMap). Fails with kNotFound if a file is missing,
+// and with kInvalid and the field "file:line" if a file is malformed:
+//   - agents.csv or maps.csv: a wrong heading, a number out of range, a duplicate id, name, key or map, an unknown
+//     agent or node, or the file of a map outside of the folder;
+//   - graph.pyfg: an error of ReadPyfg, a 2-D graph, a key of no agent, odometry between two agents, or a node of a
+//     rover that odometry does not reach. These errors name the key, not the line.
 Result<Mission> ReadMission(const std::filesystem::path& folder);
 
-// The rovers' ids, in the order of the agents.
+// Returns the ids of the rovers, in the order of the agents.
 std::vector<AgentId> RoverIds(const Mission& mission);
 
-// Null for an id that is no agent's.
+// Returns null if no agent has this id.
 const MissionAgent* FindAgent(const Mission& mission, AgentId id);
 
-// The grids of one map, from its picture; sizes are checked against `map`. Errors as in ReadPng, and kInvalid for a
-// picture that is not gray or of another size, or a pixel that is neither 254 (free), 0 (hazard) nor 205 (unknown).
+// Reads the grids of one map from its picture. Fails like ReadPng, and with kInvalid if the picture is not gray,
+// differs in size from `map`, or has a pixel that is neither 254 (free), 0 (hazard) nor 205 (unknown).
 Result<TraversabilityMap> ReadMissionMap(const Mission& mission, const MissionMap& map);
 
-// Writes agents.csv, graph.pyfg and maps.csv, and makes the folder. `mission.truth` becomes the file's vertices, so
-// every node needs one (kInvalid otherwise); the nodes' raw poses are not written, since start and odometry say the
-// same.
+// Creates the folder and writes agents.csv, graph.pyfg and maps.csv. `mission.truth` becomes the vertices of
+// graph.pyfg; fails with kInvalid if a node has no true pose. Raw poses are not written, because start and odometry
+// determine them.
 Result<void> WriteMission(const Mission& mission, const std::filesystem::path& folder);
 
-// Writes one map's picture: layers stacked from top to bottom, finest first. kInvalid unless all layers have one width.
+// Writes the picture of one map: its layers from top to bottom, finest first. Fails with kInvalid unless all layers
+// have the same width.
 Result<void> WriteMissionMap(const std::filesystem::path& file, const TraversabilityMap& map);
 
 }  // namespace moondb

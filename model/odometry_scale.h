@@ -1,15 +1,16 @@
-// The odometry scale of a rover (true length over odometry's length), as a solve estimates it.
+// Plausibility limits of a rover's odometry scale (true length divided by the length from odometry), which a solve
+// estimates.
 #pragma once
 
 namespace moondb {
 
-// Wheels slip and cameras drift by a few per cent. A scale outside these limits has another cause: edges that are no
-// odometry, wrong units, or wrong ranges.
+// Wheel slip and camera drift change the scale by a few per cent. A scale outside these limits has another cause: edges
+// that are not odometry, wrong units, or wrong ranges.
 inline constexpr double kOdometryScaleMin = 0.8;
 inline constexpr double kOdometryScaleMax = 1.25;
 
 inline bool IsPlausibleOdometryScale(double scale) {
-  return scale >= kOdometryScaleMin && scale <= kOdometryScaleMax;  // Not for NaN.
+  return scale >= kOdometryScaleMin && scale <= kOdometryScaleMax;  // False for NaN.
 }
 
 }  // namespace moondb

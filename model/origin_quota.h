@@ -1,13 +1,13 @@
-// OriginQuota: which records a reader with limited room uses, so that no agent takes the room of another.
+// OriginQuota: shares the limited room of a reader fairly among origins (max-min fairness).
 //
-// Each record has a weight (1, or its bytes). All origins whose records weigh at most the level keep all of them; every
-// other origin keeps the newest of its records that weigh at most the level together. The level is the highest at which
-// all origins fit into the limit together (max-min fairness). The newest records of an origin are those of the highest
-// (epoch, seq). So the outcome depends on the set of records alone, not on their order. A record that once has no room
-// never gets room again: the level only falls, and records newer than it only come to be more.
+// Each record has a weight (1, or its bytes). The level is the share of each origin: the highest value at which all
+// origins together fit into the limit. An origin whose records weigh at most the level keeps all of them. Every other
+// origin keeps its newest records, with a total weight of at most the level. The newest records are those with the
+// highest (epoch, seq). The outcome therefore depends only on the set of records, not on their order. A record that has
+// lost its room never regains it: the level only falls, and the number of newer records only grows.
 //
-// `Note` is what the user remembers of a record, to find it when it loses its room. Memory grows with the records that
-// have room, and with the agents of the team. Not thread-safe.
+// `Note` is the caller's data about a record, returned when the record loses its room. Memory grows with the number of
+// records that have room, and with the number of agents. Not thread-safe.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@
 
 namespace moondb {
 
-// The order in which an origin made its records: epoch, seq, type.
+// Sort key for the order in which an origin created its records: epoch, seq, type.
 using RecordAge = std::tuple<std::uint64_t, std::uint64_t, DataType>;
 inline RecordAge AgeOf(const RecordKey& key) { return {key.stream.epoch, key.seq, key.stream.type}; }
 
@@ -34,14 +34,14 @@ class OriginQuota {
     Note note;
   };
 
-  // `limit`: what the records that have room weigh together, at most. Below 2^48, and fewer than 2^15 records may come
-  // that weigh more than it, so that sums fit.
+  // `limit`: maximum total weight of the records that have room. Requires: `limit` is below 2^48, and fewer than 2^15
+  // records heavier than `limit` are added. Otherwise sums overflow.
   explicit OriginQuota(std::uint64_t limit) : limit_(limit) {}
 
-  // Adds a record, which must not be added twice. Returns the records that lose their room by it; the new one is among
-  // them if there is no room for it at all.
+  // Adds a record. Returns the records that lose their room because of it, possibly the new one itself. Requires: the
+  // record was not added before.
   std::vector<Removed> Add(const RecordKey& key, std::uint64_t weight, Note note) {
-    weight = std::min(weight, limit_ + 1);  // There is no room for either.
+    weight = std::min(weight, limit_ + 1);  // Neither weight fits into the limit.
     Origin& origin = origins_[key.stream.origin];
     origin.weight += weight;
     weight_ += weight;
@@ -61,7 +61,7 @@ class OriginQuota {
     return removed;
   }
 
-  // Adds the number of records without room, of each origin that has such.
+  // Adds, per origin, the number of records without room to `counts`.
   void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const {
     for (const auto& [agent, origin] : origins_) {
       if (origin.left_out_count > 0) counts[agent] += origin.left_out_count;
@@ -75,9 +75,9 @@ class OriginQuota {
   };
 
   struct Origin {
-    std::uint64_t weight = 0;  // All records that were added.
+    std::uint64_t weight = 0;  // Total weight of all records added, with or without room.
     std::uint64_t left_out_count = 0;
-    std::optional<RecordAge> newest_left_out;  // Nothing that is older has room.
+    std::optional<RecordAge> newest_left_out;  // Records older than this have no room.
     std::map<RecordAge, Kept> kept;
     std::uint64_t kept_weight = 0;
   };
@@ -107,8 +107,8 @@ class OriginQuota {
   }
 
   std::uint64_t limit_;
-  std::uint64_t weight_ = 0;  // All records that were added.
-  std::uint64_t level_ = 0;   // Once they do not fit.
+  std::uint64_t weight_ = 0;  // Total weight of all records added.
+  std::uint64_t level_ = 0;   // Only valid once weight_ exceeds limit_.
   std::map<AgentId, Origin> origins_;
 };
 

@@ -11,7 +11,7 @@ namespace moondb {
 
 namespace {
 
-// libpng's own record of one picture; frees what libpng allocated on every way out.
+// RAII wrapper of png_image; frees the memory that libpng allocated.
 class PngImage {
  public:
   PngImage() { image_.version = PNG_IMAGE_VERSION; }
@@ -36,7 +36,7 @@ int ChannelsOf(png_uint_32 format) {
   return (format & PNG_FORMAT_FLAG_COLOR) != 0 ? 3 : 1;
 }
 
-constexpr std::size_t kHeaderBytes = 8 + 25;  // The signature and IHDR, which come first.
+constexpr std::size_t kHeaderBytes = 8 + 25;  // The signature and the IHDR chunk, which come first.
 
 std::string BigEndian(std::uint32_t value) {
   std::string bytes;
@@ -44,7 +44,7 @@ std::string BigEndian(std::uint32_t value) {
   return bytes;
 }
 
-// As the PNG specification has it (Annex D).
+// Computes the CRC of the PNG specification (Annex D).
 std::uint32_t Crc32(std::string_view bytes) {
   std::uint32_t crc = 0xFFFFFFFF;
   for (const char byte : bytes) {
@@ -54,7 +54,7 @@ std::uint32_t Crc32(std::string_view bytes) {
   return ~crc;
 }
 
-// libpng's simple interface writes none.
+// Returns the notes as tEXt chunks, which libpng's simplified API cannot write.
 std::string TextChunks(const FileNotes& notes) {
   std::string chunks;
   for (const auto& [key, text] : notes) {
@@ -93,7 +93,8 @@ Result<Image> ReadPng(const std::filesystem::path& file) {
   }
   Image image(static_cast<int>(png->width), static_cast<int>(png->height), channels);
   png->format = FormatOf(channels);
-  // A warning of libpng's (a bad checksum in an ancillary chunk) does not make the pixels wrong; an error does.
+  // Ignore warnings of libpng, such as a bad checksum in an ancillary chunk: the pixels are still correct. Only an
+  // error means wrong pixels.
   if (!png_image_finish_read(png.get(), nullptr, image.bytes.data(), 0, nullptr)) {
     return Fail(ErrorCode::kCorrupt, std::string("is a damaged PNG: ") + png->message, file.string());
   }

@@ -1,7 +1,7 @@
-// PNG pictures of 8 bits a channel, through libpng: what maps of mission folders and pictures for people need.
+// Reads and writes PNG images with 8 bits per channel, with libpng. Used for maps in mission folders and for pictures.
 //
-// A file is read only after its size is known to be within bounds; libpng's errors come back as values. Functions are
-// pure but for the file, and safe to call from any thread.
+// The pixels of a file are only read once its size is known to be within the limits. Errors of libpng are returned as
+// values. Thread-safe.
 #pragma once
 
 #include <array>
@@ -21,12 +21,13 @@ using Color = std::array<std::uint8_t, 3>;
 inline constexpr int kImageSideMax = 32768;
 inline constexpr std::size_t kImageBytesMax = 256 * 1024 * 1024;
 
-// Rows from top to bottom, pixels from left to right, channels together. 1 channel is gray, 3 RGB, 4 RGBA.
+// An image: rows from top to bottom, pixels from left to right, channels interleaved. 1 channel is gray, 3 are RGB, 4
+// are RGBA.
 struct Image {
   int width = 0;
   int height = 0;
   int channels = 1;
-  std::vector<std::uint8_t> bytes;  // width * height * channels.
+  std::vector<std::uint8_t> bytes;  // width * height * channels bytes.
 
   Image() = default;
   Image(int w, int h, int c, std::uint8_t fill = 0);
@@ -39,20 +40,23 @@ struct Image {
   }
 };
 
-// Gray pictures come with 1 channel, colour and palettes with 3, anything with transparency with 4. The error's field
-// is the path. kNotFound: no such file; kInvalid: larger than the limits above, or 16 bits a channel; kCorrupt: no PNG,
-// truncated or damaged.
+// Reads a file. Gray images get 1 channel, images with colour or a palette 3, images with transparency 4. The error's
+// field is the path. Fails with kNotFound if there is no such file, and with kCorrupt if the file is not a PNG,
+// truncated or damaged. Fails with kInvalid if the image exceeds kImageSideMax or kImageBytesMax, or has 16 bits per
+// channel.
 Result<Image> ReadPng(const std::filesystem::path& file);
 
 struct PngExtras {
-  std::vector<Color> palette;  // Of a picture of 1 channel: its bytes are places in it, 256 at most. Empty: it is gray.
-  FileNotes notes;             // tEXt chunks, for people and programs.
+  // At most 256 colours, indexed by the bytes of an image with 1 channel. Empty: the image is gray.
+  std::vector<Color> palette;
+  FileNotes notes;  // Metadata, written as tEXt chunks.
 };
 
-// The bytes of the file. kInvalid if sides, channels, bytes and palette disagree or exceed the limits.
+// Returns the bytes of a PNG file. Fails with kInvalid if sides, channels, bytes and palette are inconsistent or exceed
+// the limits.
 Result<std::string> PngBytes(const Image& image, const PngExtras& extras = {});
 
-// As PngBytes; kInternal if the file cannot be written.
+// Writes a PNG file. Fails like PngBytes, and with kInternal if the file cannot be written.
 Result<void> WritePng(const Image& image, const std::filesystem::path& file);
 
 }  // namespace moondb

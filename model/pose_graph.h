@@ -17,7 +17,7 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 struct GraphNode {
   NodeKey key;
   std::int64_t timestamp_ns = 0;
-  Pose map_from_node;  // Raw: start pose and odometry composed.
+  Pose map_from_node;  // Raw pose: start pose composed with odometry.
 };
 
 // One step of visual-inertial odometry.
@@ -46,11 +46,13 @@ struct PoseGraph {
   std::vector<RangeEdge> ranges;
 };
 
-// A symmetric matrix as its upper triangle's 21 numbers, row by row. kInvalid: another count.
+// Convert between a symmetric matrix and the 21 numbers of its upper triangle, row by row. FromUpperTriangle fails with
+// kInvalid for another count.
 Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>& numbers);
 void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<double>& numbers);
 
-// Records and back. AddRecord takes records that CheckRecord has passed, and ignores other types.
+// Convert between graph elements and records. AddRecord ignores records of other types. Requires for AddRecord:
+// CheckRecord(record) succeeds.
 proto::Record ToRecord(const GraphNode& node);
 proto::Record ToRecord(const OdometryEdge& edge);
 proto::Record ToRecord(const RangeEdge& edge);

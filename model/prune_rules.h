@@ -1,13 +1,13 @@
-// What storage and whoever plans its pruning both have to know.
+// Pruning rules shared by storage and the actors that plan pruning.
 #pragma once
 
 #include "model/data_types.h"
 
 namespace moondb {
 
-inline constexpr double kPruneAgeMax_s = 1e9;  // 30 years.
+inline constexpr double kPruneAgeMax_s = 1e9;  // About 30 years.
 
-// DataTypeRow::is_kept_unless_named; custom types are not.
+// Returns DataTypeRow::is_kept_unless_named of the type; false for custom types.
 inline bool IsKeptUnlessNamed(DataType type) {
   const DataTypeRow* row = FindDataType(type);
   return row != nullptr && row->is_kept_unless_named;

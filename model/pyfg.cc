@@ -141,7 +141,7 @@ class PyfgParser {
       fields.Stop("the vertex " + FormatKey(key) + " stands here a second time");
   }
 
-  // Only when all vertices are known.
+  // Checks the ends of all edges. Call it after all vertices are known, because edges may precede them.
   Result<Pyfg> CheckEdges() {
     for (const EdgeEnds& edge : edges_) {
       if (edge.from == edge.to) return Stop(edge.line, "the edge joins " + FormatKey(edge.from) + " with itself");
@@ -179,7 +179,7 @@ class Formatter {
     text_ += word;
     return *this;
   }
-  // The keyword of this file's dimension.
+  // Appends the keyword for the dimension of this file.
   Formatter& Word(std::string_view planar, std::string_view spatial) { return Word(is_planar_ ? planar : spatial); }
   Formatter& Number(double value) { return Word(FormatDouble(value)); }
   Formatter& Timestamp(std::int64_t timestamp_ns) { return Word(FormatTimestampNs(timestamp_ns)); }

@@ -1,21 +1,22 @@
 // PyFG: the text format of pose graphs with ranges (MarineRoboticsGroup/PyFactorGraph), 2-D and 3-D.
 //
-//   VERTEX_SE2      stamp key x y yaw                 VERTEX_SE3:QUAT  stamp key x y z qx qy qz qw
-//   VERTEX_XY       [stamp] key x y                   VERTEX_XYZ       [stamp] key x y z
-//   EDGE_SE2        stamp from to x y yaw  +6         EDGE_SE3:QUAT    stamp from to x y z qx qy qz qw  +21
-//   EDGE_SE2_XY     stamp from to x y  +3             EDGE_SE3_XYZ     stamp from to x y z  +6
-//   EDGE_RANGE      stamp key key range variance
+//   VERTEX_SE2      time key x y yaw                  VERTEX_SE3:QUAT  time key x y z qx qy qz qw
+//   VERTEX_XY       [time] key x y                    VERTEX_XYZ       [time] key x y z
+//   EDGE_SE2        time from to x y yaw  +6          EDGE_SE3:QUAT    time from to x y z qx qy qz qw  +21
+//   EDGE_SE2_XY     time from to x y  +3              EDGE_SE3_XYZ     time from to x y z  +6
+//   EDGE_RANGE      time key key range variance
 //
-// "+n" is the covariance's upper triangle, row by row, translation first. Stamps are seconds, an edge's is that of its
-// end; lengths are metres, angles radians. A key is a letter and a number ("A17"). Empty lines and lines that begin
-// with '#' are skipped; vertices may stand behind the edges that name them. One file is 2-D or 3-D throughout.
+// "+n" is the upper triangle of the covariance, row by row, translation first. Times are timestamps in seconds; an edge
+// has the timestamp of its end. Lengths are in metres, angles in radians. A key is a letter and a number ("A17"). Empty
+// lines and lines that begin with '#' are skipped. Vertices may be defined after the edges that name them. A file is
+// either 2-D or 3-D.
 //
-// A key becomes a NodeKey whose agent is the letter's place in A..Z, a..z, from 1 (see AgentOfLetter); readers that
-// know the team map it to the agents' own ids. A 2-D pose lies in the plane z = 0; its covariance fills rows 0, 1 and
-// 5 of the 6 x 6 matrix and the other variances are 1.
+// A key becomes a NodeKey. Its agent is the position of the letter in A..Z, a..z, from 1 (see AgentOfLetter); readers
+// that know the team map it to agent ids. A 2-D pose lies in the plane z = 0. Its covariance fills rows 0, 1 and 5 of
+// the 6 x 6 matrix, and the other variances are 1.
 //
-// What was read is written so that it reads back the same, bit for bit; so is what was computed, but for a 2-D turn
-// (1e-15 rad), which the file gives as an angle and memory as a quaternion.
+// Writing and reading back is lossless, bit for bit. The exception is a computed 2-D rotation, which may change by
+// 1e-15 rad: it is an angle in the file and a quaternion in memory.
 #pragma once
 
 #include <Eigen/Core>
@@ -37,41 +38,46 @@ struct PyfgLandmark {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
 };
 
-// A landmark as a node saw it.
+// The position of a landmark relative to a node that observed it.
 struct PyfgSighting {
   NodeKey from;
   NodeKey to;
   std::int64_t timestamp_ns = 0;
-  Eigen::Vector3d from_point_m = Eigen::Vector3d::Zero();  // In the node's frame.
+  Eigen::Vector3d from_point_m = Eigen::Vector3d::Zero();  // Position in the node's frame.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
 };
 
 struct Pyfg {
   bool is_planar = false;
-  PoseGraph graph;  // Vertices with a pose in file order, whatever they stand for: truth or a first guess.
+  PoseGraph graph;  // Nodes are the pose vertices, in file order. Their poses may be true ones or initial values.
   std::vector<PyfgLandmark> landmarks;
   std::vector<PyfgSighting> sightings;
 };
 
-// 'A' is 1, 'Z' 26, 'a' 27, 'z' 52; 0 for any other character. LetterOfAgent is its inverse, '?' for other ids.
+// Convert between letters and agent ids: 'A' is 1, 'Z' is 26, 'a' is 27, 'z' is 52. AgentOfLetter returns 0 for other
+// characters, and LetterOfAgent returns '?' for other ids.
 AgentId AgentOfLetter(char letter);
 char LetterOfAgent(AgentId agent);
 
-// "A17". Nothing for what is no letter and number.
+// Parse and format a key such as "A17". ParseKey returns nullopt unless the text is a letter and a number.
 std::optional<NodeKey> ParseKey(std::string_view text);
 std::string FormatKey(const NodeKey& key);
 
-// kInvalid with field "file:line": an unknown keyword, too few or too many fields, a number that is not finite, a key
-// that is no letter and number, a doubled vertex, an edge of a vertex with itself or with one that is nowhere, an edge
-// that does not end where its kind must, a quaternion not of length 1 (within 1 %), a covariance that is not positive
-// definite, a range below 0 or above 1e6 m, a variance that is not positive, a position beyond 1e9 m, 2-D and 3-D
-// mixed, a line longer than kGraphLineBytesMax. `name` stands for the file in errors.
+// Parses a PyFG file. `name` is the file's name in errors. Fails with kInvalid and the field "file:line" for:
+//   - a line with an unknown keyword, too few or too many fields, or more than kGraphLineBytesMax bytes;
+//   - a number that is not finite, a key that is not a letter and a number, or a position beyond 1e9 m;
+//   - a duplicate vertex, an edge from a vertex to itself, or an edge with an undefined vertex;
+//   - an edge whose end is a landmark instead of a pose, or a pose instead of a landmark;
+//   - a quaternion whose length is not 1 (within 1 %), or a covariance that is not positive definite;
+//   - a range below 0 or above 1e6 m, or a variance that is not positive;
+//   - a mix of 2-D and 3-D lines.
 Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name);
 
-// The same from a file, which is read block by block; also the errors of TextLines.
+// Reads and parses a file, block by block. Also fails with the errors of TextLines.
 Result<Pyfg> ReadPyfg(const std::filesystem::path& file);
 
-// Vertices, landmarks, odometry, sightings, ranges, each in their order. Agents must be 1 to 52 (Check).
+// Returns the text of a PyFG file: poses, landmarks, odometry, sightings, ranges, each in list order. Requires: agent
+// ids are 1 to 52; otherwise Check aborts.
 std::string FormatPyfg(const Pyfg& pyfg);
 
 Result<void> WritePyfg(const Pyfg& pyfg, const std::filesystem::path& file);

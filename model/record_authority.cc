@@ -11,7 +11,7 @@
 namespace moondb {
 namespace {
 
-// The speaker of a type without a row is any agent.
+// Returns the rule of the record's type. Types without a row may be written by any agent.
 Speaker SpeakerOf(const proto::Record& record) {
   const DataTypeRow* row = FindDataType(TypeOf(record));
   return row == nullptr ? Speaker::kAnyAgent : row->speaker;
@@ -71,7 +71,7 @@ bool RecordAuthority::HasLedIn(AgentId origin, const proto::Term& term) {
   return false;
 }
 
-// One assignment may let others count that waited for it, so each left-out claim is judged again.
+// One assignment may make others valid that waited for it, so each left-out claim is evaluated again.
 void RecordAuthority::AddAssignment(const proto::RoleAssignment& roles) {
   const std::size_t before = chain_.size();
   (void)chain_.Add(roles);

@@ -1,12 +1,13 @@
-// RecordAuthority: which agents may state what about whom, and so which of the held records a reader uses.
+// RecordAuthority: the rules for which agent may write which records, and about which agents. Readers of records use it
+// to decide which of the held records to use.
 //
-// DataTypeRow::speaker (model/data_types.h) has one entry for each data type. CheckSpeaker applies the rules that need
-// only the record and its origin; a record that breaks one can never be valid, and no store takes it. RecordAuthority
-// also applies the rules that depend on roles. Those are applied by readers alone: a record is stored and shared
+// DataTypeRow::speaker (model/data_types.h) holds the rule of each data type. CheckSpeaker applies the rules that need
+// only the record and its origin. A record that breaks one can never become valid, so no store accepts it.
+// RecordAuthority also applies the rules that depend on roles. Only readers apply these: a record is stored and shared
 // whether or not its origin had the role. A team without keys has no role rules.
 //
-// The result depends on the set of records alone, not on their order. A record that came before the role assignment by
-// which it counts is left out at first; TakeOutdated then says that all records have to be read again. Not copied, not
+// The result depends only on the set of records, not on their order. A record that arrives before the role assignment
+// that makes it valid is left out at first. TakeOutdated then reports that all records have to be read again. Not
 // thread-safe.
 #pragma once
 
@@ -29,27 +30,29 @@ namespace moondb {
 // Returns whether the record names this agent (DataTypeRow::agents).
 bool IsNamedIn(const proto::Record& record, AgentId agent);
 
-// kInvalid, with the field that names the other agent, if `origin` may not state this in any role. Requires:
-// CheckRecord(record) succeeds.
+// Fails with kInvalid if `origin` may not write this record in any role. The error names the field with the other
+// agent. Requires: CheckRecord(record) succeeds.
 Result<void> CheckSpeaker(const proto::Record& record, AgentId origin);
 
 class RecordAuthority {
  public:
   explicit RecordAuthority(RoleChain::Options options);
 
-  // Returns whether a reader uses this record. Call it for role assignments too: they decide about the others.
+  // Returns whether a reader uses this record. Call it for role assignments too, because they decide about other
+  // records.
   bool Counts(const RecordKey& key, const proto::Record& record);
-  // Returns, once, whether a record that was left out counts by now, so that all have to be read again.
+  // Returns true, once, if a record that was left out has become valid. Then all records have to be read again.
   bool TakeOutdated();
-  // All records are read again.
+  // Starts over, before all records are read again.
   void Restart();
 
-  // Returns a LeftOutReport for storage, of the records that did not count since the last Restart and of those for
-  // which the reader had no room, by origin; none if nothing changed since the last call.
+  // Returns a LeftOutReport for storage: per origin, the number of records left out since the last Restart, and
+  // `without_room`, the number of records for which the reader had no room. Returns nullopt if both are unchanged since
+  // the last call.
   std::optional<proto::Message> TakeReport(std::map<AgentId, std::uint64_t> without_room);
 
  private:
-  // Left-out (origin, term) pairs are remembered up to this many. Beyond, any new assignment may concern one.
+  // Maximum number of left-out (origin, term) pairs remembered. Beyond it, any new assignment counts as relevant.
   static constexpr std::size_t kLeftOutMax = 4096;
   using LeftOut = std::tuple<AgentId, decltype(OrderOf(proto::Term()))>;
 
@@ -62,7 +65,7 @@ class RecordAuthority {
   RoleChain chain_;
   std::set<LeftOut> left_out_;
   std::map<AgentId, std::uint64_t> uncounted_;
-  std::map<AgentId, std::uint64_t> reported_;  // Of uncounted_.
+  std::map<AgentId, std::uint64_t> reported_;  // uncounted_ as last reported.
   std::map<AgentId, std::uint64_t> reported_without_room_;
   bool is_outdated_ = false;
 };

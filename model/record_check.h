@@ -1,4 +1,5 @@
-// The door for records: what a robot or a peer hands in is checked here once; behind it, records are trusted.
+// Validation of records from a robot or a peer. It runs once, when a record enters the agent; afterwards, records are
+// trusted.
 #pragma once
 
 #include <string>
@@ -16,25 +17,31 @@ inline constexpr std::size_t kCustomPayloadBytesMax = 8 * 1024 * 1024;  // The l
 inline constexpr std::size_t kCustomKeyBytesMax = 256;
 inline constexpr std::size_t kCustomMetadataBytesMax = 1024;
 
-// The data type that a record's body stands for; DATA_TYPE_UNSPECIFIED for none, and for a custom one whose id is none.
+// Returns the data type of the record's body. Returns DATA_TYPE_UNSPECIFIED if there is no body, or if the id of a
+// custom record is not 1000 to 1999.
 DataType TypeOf(const proto::Record& record);
 
-// kInvalid with the field named: no body, a number that is not finite, a ratio outside 0 to 1, an agent id outside
-// 1 to kAgentIdMax, enum values unknown, an edge of a node with itself, a range that is negative or above 1e6 m, a
-// variance that is not positive, a covariance that has not 21 numbers or is not positive definite, odometry between
-// nodes of two agents, a range between nodes of one agent, a map as in FromProto(LocalTraversabilityMap), a custom
-// record whose id is not 1000 to 1999 or whose payload, key or metadata is too long, or whose metadata is not UTF-8.
-// Whether agents and custom types exist in the team is the caller's to check.
+// Validates a record. The caller has to check that its agents and its custom type exist in the team. Fails with
+// kInvalid and the field for:
+//   - a missing body, an unknown enum value, or an agent id outside of 1 to kAgentIdMax;
+//   - a number that is not finite, or a ratio outside of 0 to 1;
+//   - an edge from a node to itself, odometry between nodes of two agents, or a range between nodes of one agent;
+//   - a range that is negative or above 1e6 m, or a variance that is not positive;
+//   - a covariance that does not have 21 numbers or is not positive definite;
+//   - a map that fails FromProto(LocalTraversabilityMap);
+//   - a custom record with an id outside of 1000 to 1999, a payload, key or metadata that is too long, or metadata that
+//     is not UTF-8.
 Result<void> CheckRecord(const proto::Record& record);
 
-// The agents that the record speaks of, in the order of its fields.
+// Returns the agents that the record names, in the order of its fields.
 std::vector<NamedAgent> AgentsNamedIn(const proto::Record& record);
 
-// The `latest` key of a record (empty for states; the node for optimized poses; the edge for verdicts; a custom
-// record's own), as bytes.
+// Returns the key per which only the newest record is kept under the policy `latest`, as bytes: empty for robot states,
+// the node for optimized poses, the edge for verdicts, and CustomRecord.latest_key for custom records.
 std::string LatestKey(const proto::Record& record);
 
-// The name that robots give to what is unique (nodes, edges: type of measurement and both ends), empty for others.
+// Returns the natural key: the name that robots give to a unique thing. For a node it is its NodeKey; for an edge, the
+// type of measurement and both ends. Empty for other types.
 std::string NaturalKey(const proto::Record& record);
 
 }  // namespace moondb

@@ -14,12 +14,13 @@ namespace moondb {
 
 namespace {
 
-// Appends `value` in `byte_count` bytes, lowest first, whatever this machine's byte order.
+// Appends the `byte_count` lowest bytes of `value` in little-endian order, regardless of this machine's byte order.
 void AppendLittleEndian(std::uint64_t value, int byte_count, std::array<char, 24>& buffer, std::size_t& size) {
   for (int i = 0; i < byte_count; ++i) buffer[size++] = static_cast<char>(value >> (8 * i));
 }
 
-// Takes the number up to `end_mark` (or the end, where it is 0) off the front of `text`.
+// Parses the number at the front of `text` and removes it. The number ends at `end_mark`, which is removed too; 0: at
+// the end of the text.
 template <typename T>
 bool TakeNumber(std::string_view& text, char end_mark, int base, T& value) {
   const std::size_t end = end_mark ? text.find(end_mark) : text.size();

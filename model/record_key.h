@@ -1,4 +1,5 @@
-// RecordKey: the name of one shared record for ever, and the hash that tells two contents under one name apart.
+// RecordKey: the permanent identifier of one shared record. Also the hash that detects different contents under one
+// key.
 #pragma once
 
 #include <compare>
@@ -15,10 +16,10 @@ class RecordKey;
 
 namespace moondb {
 
-// Of a record that is shared; a row keeps it as a signed number.
+// Largest seq of a shared record: a database row stores it as a signed integer.
 inline constexpr std::uint64_t kSeqMax = INT64_MAX;
 
-// One stream of records: gap-free seqs from 1 within it.
+// Identifies one stream of records. Seqs within a stream count from 1 without a gap.
 struct StreamKey {
   AgentId origin = 0;
   std::uint64_t epoch = 0;
@@ -35,13 +36,14 @@ struct RecordKey {
 RecordKey FromProto(const proto::RecordKey& key);
 proto::RecordKey ToProto(const RecordKey& key);
 
-// "2.5f3c9a1e0b7d4c21.30.17": origin, epoch as 16 hexadecimal digits, data type, seq. Never compare keys as text.
+// Returns the text form "2.5f3c9a1e0b7d4c21.30.17": origin, epoch as 16 hexadecimal digits, data type, seq. Do not
+// compare keys in this form: text order differs from key order.
 std::string ToString(const RecordKey& key);
 
-// Reads that form; kInvalid otherwise.
+// Parses the text form of ToString. Fails with kInvalid for other text.
 Result<RecordKey> ParseRecordKey(std::string_view text);
 
-// XXH64 (seed 0) over origin u32, epoch u64, type u32, seq u64, all little-endian, then the content.
+// Returns the XXH64 (seed 0) over origin u32, epoch u64, type u32, seq u64, all little-endian, and then the content.
 std::uint64_t HashRecord(const RecordKey& key, std::string_view content);
 
 }  // namespace moondb

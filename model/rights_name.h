@@ -1,4 +1,4 @@
-// What people call a client's rights.
+// Names of client rights.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// "share": as clients.yaml has it.
+// Returns the name as in clients.yaml: "share".
 inline std::string RightsName(proto::ClientRights rights) {
   switch (rights) {
     case proto::CLIENT_RIGHTS_VIEW:

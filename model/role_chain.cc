@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Term order as bytes would do too; as a key it only has to be the same for equal terms.
+// Returns a map key that is equal for equal terms. Its order does not matter.
 std::string TermKey(const proto::Term& term) {
   return std::to_string(term.number()) + "." + std::to_string(term.issuer()) + "." +
          std::to_string(term.issuer_epoch());
@@ -39,8 +39,8 @@ RoleChain::Standing RoleChain::StandingOf(const proto::RoleAssignment& roles) co
   const AgentId issuer = roles.term().issuer();
   const auto count = counting_of_issuer_.find(issuer);
   if (count != counting_of_issuer_.end() && count->second >= kAssignmentsOfIssuerMax) return Standing::kNever;
-  // Who may command begins a reign whatever it follows, as long as it says truly which: what it follows may be unknown
-  // here for ever.
+  // An issuer that may command begins a new era after any predecessor, which may stay unknown here permanently. If the
+  // predecessor is known, the era must be the next one.
   if (RevisionOf(roles.term()) == 0) {
     const bool begins_era = EraOf(roles.term()) > 0 && options_.may_command(issuer);
     if (!begins_era) return Standing::kNever;
@@ -110,7 +110,7 @@ std::vector<proto::RoleAssignment> RoleChain::ChainOf(const std::string& signatu
     bytes += at->ByteSizeLong();
     if (!chain.empty() && bytes > bytes_max) break;
     chain.push_back(*at);
-    if (RevisionOf(at->term()) == 0) break;  // A reign begins here.
+    if (RevisionOf(at->term()) == 0) break;  // The era begins with this assignment.
     at = Find(at->follows());
   }
   return chain;

@@ -1,18 +1,19 @@
-// RoleChain: which of the assignments of roles that are known count, and so who has led and survived.
+// RoleChain: decides which of the known role assignments are valid, and so which agents have led or survived.
 //
-// An assignment names by its signature the one that it follows, and counts for one of two reasons:
-//   - its issuer may command the team (command_from of the team file): then it begins a reign, the one after that of
-//   the
-//     assignment that it follows, and need not hold what it follows;
-//   - its issuer leads or survives in the one that it follows, which counts: then it is the next change of that reign.
-// The team file's roles are change 0 of reign 0 and count. Two may follow one, as two leaders decide in two halves of a
-// team: both count, and the newer term stands. So how high a term is says how long its chain is, and nobody who never
-// led moves anything.
+// Each assignment names its predecessor by the predecessor's signature. A term consists of an era and a revision within
+// the era (model/term.h). An assignment is valid (it "counts") in one of two cases:
+//   - Its issuer may command the team (command_from of the team file). Then it begins a new era, the one after the era
+//     of its predecessor. The predecessor need not be known here.
+//   - Its predecessor is valid and names the issuer leader or survivor. Then it is the next revision in that era.
+// The team file's roles are valid, with revision 0 of era 0. Two assignments may have the same predecessor, for example
+// if the leaders of two partitions of a team decide. Both are then valid, and the newer term is in force. A higher term
+// thus needs a longer chain, and an agent that never had a role cannot change the roles.
 //
-// Signatures are checked by whoever adds (runtime/team/role_signature.h). In a team without keys assignments have none,
-// and each counts. What follows an assignment that is not known waits for it, up to kWaitingAssignmentsMax of all
-// issuers; beyond, one of an issuer that has few takes the place of the oldest of the issuer that has most. Of one
-// issuer kAssignmentsOfIssuerMax count at most, so that nobody who led once fills the memory. Not copied.
+// The caller checks signatures before adding (runtime/team/role_signature.h). In a team without keys, assignments have
+// no signature, and all are valid. An assignment whose predecessor is unknown waits for it. At most
+// kWaitingAssignmentsMax assignments wait. Beyond that, an issuer with few waiting assignments displaces the oldest of
+// the issuer with the most. At most kAssignmentsOfIssuerMax assignments of one issuer become valid, so a former leader
+// cannot fill the memory. Not copyable.
 #pragma once
 
 #include <cstddef>
@@ -33,18 +34,18 @@ inline constexpr std::size_t kAssignmentsOfIssuerMax = 16384;
 class RoleChain {
  public:
   struct Options {
-    proto::RoleAssignment initial;             // The team file's, without a signature.
-    std::function<bool(AgentId)> may_command;  // As command_from has it.
+    proto::RoleAssignment initial;             // The team file's roles, without a signature.
+    std::function<bool(AgentId)> may_command;  // Evaluates command_from.
     bool has_keys = true;                      // Whether assignments are signed.
   };
 
   enum class Standing {
-    kCounts,
-    kLacksPredecessor,  // May count once what it follows is known.
-    kNever,             // Its issuer may not decide it, or has decided too many.
+    kCounts,            // The assignment is valid.
+    kLacksPredecessor,  // The assignment may be valid once its predecessor is known.
+    kNever,             // Its issuer may not decide it, or has issued too many.
   };
 
-  // Of a team without keys.
+  // Returns the options for a team without keys.
   static Options WithoutKeys() {
     Options options;
     options.has_keys = false;
@@ -55,39 +56,40 @@ class RoleChain {
   RoleChain(const RoleChain&) = delete;
   RoleChain& operator=(const RoleChain&) = delete;
 
-  // What became of it; one that is known already changes nothing.
+  // Adds an assignment and returns its standing. Idempotent.
   Standing Add(const proto::RoleAssignment& roles);
   Standing StandingOf(const proto::RoleAssignment& roles) const;
 
-  // Of those that count; null for a signature that none has. Empty: the team file's.
+  // Returns the valid assignment with this signature; an empty signature means the team file's. Null if there is none.
   const proto::RoleAssignment* Find(const std::string& signature) const;
-  std::size_t size() const { return counting_.size(); }  // Of those that count, with the team file's.
-  // The one of the newest term that counts.
+  // The number of valid assignments, including the team file's.
+  std::size_t size() const { return counting_.size(); }
+  // The valid assignment with the newest term.
   const proto::RoleAssignment& newest() const { return *newest_; }
-  // Whether an assignment that counts, or the team file, named the agent leader or designated survivor.
+  // Returns whether a valid assignment, or the team file, names the agent leader or designated survivor.
   bool HasHadRole(AgentId agent) const { return had_role_.contains(agent); }
-  // Whether one of this term that counts names the agent leader.
+  // Returns whether a valid assignment of this term names the agent leader.
   bool HasLedIn(AgentId agent, const proto::Term& term) const;
-  // What ends with this one, newest first, back to where a reign begins; at most so many bytes of them, but one. Empty
-  // where it is not known to count.
+  // Returns the chain that ends with this assignment, newest first, back to the beginning of its era. Cut to
+  // `bytes_max`, but at least one assignment. Empty if no valid assignment has this signature.
   std::vector<proto::RoleAssignment> ChainOf(const std::string& signature, std::size_t bytes_max) const;
 
-  // What `issuer`'s next assignment after `follows` is to say of its place: its term's number, and what it follows.
-  // `is_command`: as one that may command the team.
+  // Returns an assignment with the term number and the predecessor of the next assignment after `follows`.
+  // `is_command`: it begins a new era.
   static proto::RoleAssignment Next(const proto::RoleAssignment& follows, bool is_command);
 
  private:
   const proto::RoleAssignment& Keep(const proto::RoleAssignment& roles);
-  // Whether one more of this issuer may wait; may remove one of an issuer that has more.
+  // Returns whether one more assignment of this issuer may wait. May remove one of an issuer that has more waiting.
   bool MakeRoomToWait(AgentId issuer);
 
   Options options_;
-  // By signature; in a team without keys by term.
+  // Valid assignments by signature; in a team without keys, by term.
   std::map<std::string, proto::RoleAssignment> counting_;
-  std::multimap<std::string, proto::RoleAssignment> waiting_;  // By what they follow.
+  std::multimap<std::string, proto::RoleAssignment> waiting_;  // By the signature of the predecessor.
   std::map<AgentId, std::size_t> counting_of_issuer_;
   std::set<AgentId> had_role_;
-  std::multimap<std::string, AgentId> leaders_;  // By term, serialised.
+  std::multimap<std::string, AgentId> leaders_;  // Leaders in valid assignments, by TermKey.
   const proto::RoleAssignment* newest_ = nullptr;
 };
 

@@ -20,7 +20,8 @@ char RosPixelOf(Cell cell) {
   return static_cast<char>(205);
 }
 
-// Whole micrometres over a million: one division, so that the shortest text is the decimal number itself.
+// Divides whole micrometres by a million. With a single division, the shortest text of the result is the exact decimal
+// number.
 std::string Metres(double micrometres) { return FormatDouble(micrometres / kRosMicrometresPerMetre); }
 
 }  // namespace

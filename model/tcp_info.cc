@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::uint8_t kEstablished = 1;  // TCP_ESTABLISHED of netinet/tcp.h, which does not go with linux/tcp.h.
+constexpr std::uint8_t kEstablished = 1;  // TCP_ESTABLISHED of netinet/tcp.h, which conflicts with linux/tcp.h.
 
 }  // namespace
 

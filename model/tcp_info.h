@@ -1,4 +1,4 @@
-// ReadTcpInfo: what the kernel says of one TCP connection (TCP_INFO).
+// ReadTcpInfo: reads the kernel's statistics of a TCP connection (TCP_INFO).
 #pragma once
 
 #include <cstdint>
@@ -7,13 +7,13 @@
 namespace moondb {
 
 struct TcpInfo {
-  bool is_established = false;  // False once an end has closed it.
-  // Since the connection was made; none: the kernel does not count them.
+  bool is_established = false;  // False once either end has closed the connection.
+  // Bytes received since the connection was made. Null if the kernel does not count them, also in bytes_acked.
   std::optional<std::uint64_t> bytes_received;
-  std::optional<std::uint64_t> bytes_acked;  // Bytes of this end that the peer's system has acknowledged.
+  std::optional<std::uint64_t> bytes_acked;  // Bytes sent that the peer's kernel has acknowledged.
 };
 
-// None: the file is no TCP connection.
+// Returns nullopt if the file descriptor is not a TCP connection.
 std::optional<TcpInfo> ReadTcpInfo(int file);
 
 }  // namespace moondb

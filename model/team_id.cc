@@ -29,7 +29,8 @@ bool IsTeamId(std::string_view text) {
 
 Result<std::string> MakeTeamId() {
   std::array<char, kTeamIdBytes> bytes{};
-  // So few bytes come whole, unless a signal comes before the system has gathered any randomness at all.
+  // A read of so few bytes is never partial. It can only be interrupted by a signal before the kernel's random
+  // generator is initialised.
   ssize_t count = 0;
   do {
     count = ::getrandom(bytes.data(), bytes.size(), 0);

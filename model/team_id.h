@@ -1,6 +1,6 @@
-// A team's id: 128 random bits, which tell it from every other team, one of the same name included.
+// Team ids: 128 random bits that distinguish a team from all others, including one with the same name.
 //
-// Team files hold it as 32 hexadecimal digits, messages as its 16 bytes. Plain functions, any thread.
+// A team id has 32 hexadecimal digits in team files, and 16 bytes in messages. Thread-safe.
 #pragma once
 
 #include <string>
@@ -13,17 +13,17 @@ namespace moondb {
 inline constexpr std::size_t kTeamIdDigits = 32;
 inline constexpr std::size_t kTeamIdBytes = 16;
 
-// 32 lower-case hexadecimal digits.
+// Returns whether the text consists of 32 lower-case hexadecimal digits.
 bool IsTeamId(std::string_view text);
 
-// A new one, from the system's source of randomness; kInternal where it gives none.
+// Returns a new id from the system's random generator. Fails with kInternal if the generator fails.
 Result<std::string> MakeTeamId();
 
-// As messages carry it; empty for what is no team id.
+// Converts an id from its digits to the bytes in messages. Returns an empty string for text that is not a team id.
 std::string TeamIdBytes(std::string_view team_id);
 
-// The first eight digits, for people and for paths: two teams on one machine hardly share these. "none" for no bytes;
-// what a stranger sent may have any length.
+// Returns the first eight digits, for people and for paths; two teams on one machine are unlikely to share them.
+// Returns "none" for an empty id. `bytes` may come from a stranger and have any length.
 std::string TeamIdStart(std::string_view bytes);
 
 }  // namespace moondb

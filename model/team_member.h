@@ -1,4 +1,4 @@
-// Who is of a team, by its configuration. Plain functions, any thread.
+// Looks up the members of a team in its configuration. Thread-safe.
 #pragma once
 
 #include <string>
@@ -8,13 +8,13 @@
 
 namespace moondb {
 
-// Null where there is none. Those that have left are found too.
+// Return the agent, even if it has left the team. Null if there is none.
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id);
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name);
 
-// Whether `agent` has left the team: it stands in the file marked `left`. Its records and what it decided remain.
+// Returns whether `agent` has left the team: the file marks it with `left`. Its records and decisions stay valid.
 bool HasLeft(const proto::TeamConfig& team, AgentId agent);
 
-AgentId BaseStationOf(const proto::TeamConfig& team);  // 0: none, or it has left.
+AgentId BaseStationOf(const proto::TeamConfig& team);  // Returns 0 if there is none, or if it has left.
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// The order of terms: number, then issuer, then the issuer's epoch; limits of what assignments of roles hold.
+// The order of terms (number, then issuer, then the issuer's epoch), and limits of role assignments.
 #pragma once
 
 #include <cstddef>
@@ -10,24 +10,24 @@
 
 namespace moondb {
 
-// Term.number holds two counts: of reigns, each begun by an agent that may command the team, in the bits from this one
-// on, and below of the changes of roles within the reign. So terms are ordered by reign first, and what is versioned by
-// a term needs no field more.
+// Term.number combines two counters. The bits from kEraShift up are the era; an agent that may command the team
+// begins a new one (EraOf). The lower bits are the revision of the roles within the era (RevisionOf). Terms are thus
+// ordered by era first, without an additional field.
 inline constexpr int kEraShift = 32;
 inline constexpr std::uint64_t kEraMax = (1ull << 20) - 1;
 inline constexpr std::uint64_t kRevisionMax = (1ull << kEraShift) - 1;
-// JSON's numbers hold it exactly.
+// The largest term number. JSON numbers can represent it exactly.
 inline constexpr std::uint64_t kTermNumberMax = kEraMax << kEraShift | kRevisionMax;
 
 inline std::uint64_t EraOf(const proto::Term& term) { return term.number() >> kEraShift; }
 inline std::uint64_t RevisionOf(const proto::Term& term) { return term.number() & kRevisionMax; }
 inline std::uint64_t TermNumber(std::uint64_t era, std::uint64_t revision) { return era << kEraShift | revision; }
-// "7" in the reign of the team file, "2.7" in the second one after it.
+// Returns "7" for revision 7 in the team file's era (0), and "2.7" for revision 7 in era 2.
 std::string TermText(const proto::Term& term);
 
-inline constexpr std::size_t kSignatureBytes = 64;  // Ed25519.
+inline constexpr std::size_t kSignatureBytes = 64;  // Size of an Ed25519 signature.
 
-// Why roles change, as people give it.
+// Size limit of RoleAssignment.reason.
 inline constexpr std::size_t kRoleReasonBytesMax = 256;
 
 inline auto OrderOf(const proto::Term& term) { return std::tuple(term.number(), term.issuer(), term.issuer_epoch()); }

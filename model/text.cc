@@ -31,7 +31,7 @@ std::vector<std::string_view> SplitAtBlanks(std::string_view line) {
   return parts;
 }
 
-// The digits behind the point as nanoseconds, rounded to the nearest.
+// Converts the digits after the decimal point to nanoseconds, rounded to the nearest.
 std::optional<std::int64_t> FractionNs(std::string_view digits) {
   std::int64_t ns = 0;
   for (int i = 0; i < kNsDigits; ++i) {
@@ -145,7 +145,7 @@ std::string FormatDouble(double value) {
 }
 
 std::string FormatTimestampNs(std::int64_t timestamp_ns) {
-  // Unsigned, so that the most negative number has a magnitude too.
+  // Unsigned, because the magnitude of INT64_MIN does not fit into a signed number.
   const std::uint64_t magnitude =
       timestamp_ns < 0 ? 0 - static_cast<std::uint64_t>(timestamp_ns) : static_cast<std::uint64_t>(timestamp_ns);
   std::string text = (timestamp_ns < 0 ? "-" : "") + std::to_string(magnitude / kNsPerSecond);
@@ -171,7 +171,7 @@ std::size_t Utf8CharacterBytes(std::string_view text) {
     if ((static_cast<unsigned char>(text[i]) & 0xC0) != 0x80) return 0;
   }
   if (length < 3) return length;
-  // Overlong forms, surrogates and what lies beyond U+10FFFF.
+  // Reject overlong forms, surrogates and values beyond U+10FFFF.
   const auto second = static_cast<unsigned char>(text[1]);
   const bool is_bad = (first == 0xE0 && second < 0xA0) || (first == 0xED && second > 0x9F) ||
                       (first == 0xF0 && second < 0x90) || (first == 0xF4 && second > 0x8F);

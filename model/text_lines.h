@@ -1,4 +1,4 @@
-// TextLines: the lines of a text, or of a file that is read block by block, so that it takes no memory of its size.
+// TextLines: iterates over the lines of a text, or of a file. A file is read block by block to save memory.
 //
 //   Result<TextLines> lines = TextLines::OfFile("graph.g2o");
 //   while (const std::optional<std::string_view> line = lines->Next()) Use(*line);
@@ -20,29 +20,31 @@ class TextLines {
  public:
   static constexpr std::size_t kLineBytesMax = 64 * 1024;
 
-  // The text must outlive it.
+  // Requires: `text` outlives this object.
   explicit TextLines(std::string_view text) : text_(text) {}
-  // Errors as ReadTextFile of model/text.h, but for the size. Not moved once Next was called.
+  // Opens a file. Fails like ReadTextFile (model/text.h), except for the size limit. Do not move the object after the
+  // first call of Next.
   static Result<TextLines> OfFile(const std::filesystem::path& file);
 
-  // The next line, without "\n" or "\r\n", valid until the next call. None at the end, and after an error.
+  // Returns the next line, without "\n" or "\r\n"; valid until the next call. Returns nullopt at the end, and after an
+  // error.
   std::optional<std::string_view> Next();
-  // Of the line that Next returned last; the first one has number 1.
+  // The number of the line that Next returned last, counted from 1.
   std::size_t number() const { return number_; }
-  // kInternal: the file cannot be read. kInvalid: it has more than kTextFileBytesMax bytes, or a line of it more than
-  // kLineBytesMax. The error's field is the file, with the line.
+  // The error that ended the iteration, if any. It is kInternal if the file cannot be read, and kInvalid if the file
+  // exceeds kTextFileBytesMax or a line exceeds kLineBytesMax. The error's field is the file, or file and line.
   const Result<void>& result() const { return result_; }
 
  private:
   bool ReadBlock();
 
-  std::string_view text_;  // Not taken yet.
+  std::string_view text_;  // Text not returned yet.
   std::size_t number_ = 0;
   Result<void> result_;
-  // Of a file.
+  // Used only for a file; text_ is then a part of buffer_.
   std::string name_;
   std::unique_ptr<std::ifstream> stream_;
-  std::string buffer_;  // What text_ is part of.
+  std::string buffer_;
   std::size_t bytes_read_ = 0;
 };
 

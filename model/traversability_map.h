@@ -1,4 +1,4 @@
-// Local traversability maps, and their form in records (proto/record.proto, LocalTraversabilityMap).
+// Local traversability maps, and their conversion from and to records (proto/record.proto, LocalTraversabilityMap).
 #pragma once
 
 #include <vector>
@@ -14,12 +14,12 @@ namespace moondb {
 struct TraversabilityMap {
   NodeKey node;
   Pose node_from_map;
-  std::vector<MapLayer> layers;  // Finest first.
+  std::vector<MapLayer> layers;  // Sorted by resolution, finest first.
 };
 
 proto::LocalTraversabilityMap ToProto(const TraversabilityMap& map);
 
-// Checks every field; kInvalid with the field named ("layers[1].cells").
+// Validates and converts a map from a message. Fails with kInvalid and the field ("layers[1].cells").
 Result<TraversabilityMap> FromProto(const proto::LocalTraversabilityMap& map);
 
 }  // namespace moondb

@@ -1,9 +1,9 @@
-// TUM: the text format of trajectories that evaluation tools read (evo, rpg_trajectory_evaluation), one agent a file.
+// TUM: the text format of trajectories for evaluation tools (evo, rpg_trajectory_evaluation), with one agent per file.
 //
-//   stamp x y z qx qy qz qw
+//   timestamp x y z qx qy qz qw
 //
-// Stamps are seconds, lengths metres. Empty lines and lines that begin with '#' are skipped. What was read is written
-// so that it reads back the same, bit for bit.
+// Timestamps are in seconds, lengths in metres. Empty lines and lines that begin with '#' are skipped. Writing and
+// reading back is lossless, bit for bit.
 #pragma once
 
 #include <cstdint>
@@ -23,15 +23,17 @@ struct TumPose {
   Pose map_from_body;
 };
 
-// kInvalid with field "file:line": too few or too many fields, a number that is not finite, a stamp that is none, a
-// quaternion not of length 1 (within 1 %), a position beyond 1e9 m, a line longer than kGraphLineBytesMax. `name`
-// stands for the file in errors.
+// Parses a TUM file. `name` is the file's name in errors. Fails with kInvalid and the field "file:line" for:
+//   - a line with too few or too many fields, or more than kGraphLineBytesMax bytes;
+//   - a number that is not finite, an invalid timestamp, or a position beyond 1e9 m;
+//   - a quaternion whose length is not 1 (within 1 %).
 Result<std::vector<TumPose>> ParseTum(std::string_view text, const std::string& name);
 
-// The same from a file, which is read block by block; also the errors of TextLines.
+// Reads and parses a file, block by block. Also fails with the errors of TextLines.
 Result<std::vector<TumPose>> ReadTum(const std::filesystem::path& file);
 
-// The notes stand above the poses as comments, which evo and rpg_trajectory_evaluation skip too.
+// Returns the text of a TUM file. The notes precede the poses as comments, which evo and rpg_trajectory_evaluation
+// skip.
 std::string FormatTum(const std::vector<TumPose>& poses, const FileNotes& notes = {});
 
 }  // namespace moondb

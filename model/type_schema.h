@@ -1,9 +1,9 @@
-// TypeSchema: what an agent understands by a data type, as a hash that peers compare before they share.
+// TypeSchema: a hash of an agent's schema of a data type. Peers compare their schemas before they share.
 //
-// A record's content is kept and passed on as its origin wrote it, fields unknown here included: so an agent that knows
-// more fields of a type shares it with the others (docs/COMPATIBILITY.md). What differs is a type's number under which
-// two agents name two things. A built-in type that an agent does not know it cannot keep; a custom one that is declared
-// at one of two agents only, the other carries.
+// The content of a record is stored and forwarded unchanged, including unknown fields. An agent that knows more fields
+// of a type can therefore share it with others (docs/COMPATIBILITY.md). Schemas differ only if two agents use one type
+// number for different types. An agent cannot store a built-in type that it does not know. A custom type that only one
+// of two agents declares is still stored and forwarded by the other.
 #pragma once
 
 #include <cstdint>
@@ -17,14 +17,14 @@ namespace moondb {
 
 using TypeSchemas = google::protobuf::RepeatedPtrField<proto::TypeSchema>;
 
-// All built-in types, then the custom ones in the order of the team file.
+// Returns the schemas of all built-in types, then those of the custom types in the order of the team file.
 TypeSchemas SchemasOf(const CustomTypes& custom_types);
 
-// One hash over all of them, in any order; never 0.
+// Returns one hash over all schemas, independent of their order. Never 0.
 std::uint64_t HashSchemas(const TypeSchemas& schemas);
 
-// The types of `ours` that an agent with the schemas `theirs` would misunderstand or cannot keep. None where it told no
-// schemas, as its hash is the same.
+// Returns the types of `ours` that an agent with the schemas `theirs` would misunderstand or cannot store. Returns none
+// if `theirs` is empty: an agent sends no schemas if its hash is equal.
 std::set<DataType> TypesNotFor(const TypeSchemas& ours, const TypeSchemas& theirs);
 
 }  // namespace moondb

@@ -1,7 +1,7 @@
-// The version of what agents send each other. Each Hello says it, and one of another version is refused.
+// The version of the protocol between agents. Each Hello contains it, and a Hello with another version is refused.
 //
-// docs/COMPATIBILITY.md says which changes raise it; tests/runtime/transport/golden/wire_v1.txt has its fields,
-// tests/actors/sharing/golden_batches_test.cc its coded records.
+// docs/COMPATIBILITY.md lists the changes that increase the version. tests/runtime/transport/golden/wire_v1.txt pins
+// the fields of this version, and tests/actors/sharing/golden_batches_test.cc its coded records.
 #pragma once
 
 #include <cstdint>

@@ -35,7 +35,8 @@ void ClockActor::Notify(Context& context, AgentId peer) const {
   proto::Message report;
   report.set_ms_type(proto::CONTROL);
   report.mutable_clock_report()->set_utc_ns(context.utc_now_ns());
-  (void)context.Send({peer, actor_name::kClock}, std::move(report));  // Lost, it comes with the next connection.
+  (void)context.Send({peer, actor_name::kClock},
+                     std::move(report));  // A lost report is sent again on the next connection.
 }
 
 }  // namespace moondb

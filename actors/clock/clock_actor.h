@@ -1,9 +1,9 @@
-// ClockActor ("clock"): lets the agents of a team compare their clocks, so that each can tell when its own is wrong
+// ClockActor ("clock"): exchanges clock readings between agents, so each agent can detect that its own clock is wrong
 // (actors/storage/clock_judge.h).
 //
-// Reports to another agent what time it is here each time the link to it comes up, and all of them when this agent's
-// clock has jumped; passes what they say on to StorageActor. Sends nothing else. What it says is right to within the
-// time that a message travels.
+// Sends a ClockReport to another agent each time the link to it comes up, and to all connected agents after this
+// agent's clock has jumped. Forwards the reports of other agents to StorageActor. A report is accurate to within the
+// transit time of one message.
 #pragma once
 
 #include <set>
@@ -17,7 +17,7 @@ class ClockActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;  // Complete and checked.
+    proto::TeamConfig team;  // Requires: complete and validated.
   };
 
   explicit ClockActor(Options options) : options_(std::move(options)) {}

@@ -14,8 +14,8 @@ namespace {
 
 enum TimerKind : std::uint32_t { kAnnounce = 1, kExpiry = 2 };
 
-// An agent's numbers count up: one a little below the present one is an old announcement that came late, one further
-// away is of another life of that agent.
+// An agent numbers its announcements in ascending order from a random start. A number less than this below the last one
+// belongs to a late announcement. A number further away was sent before or after a restart of that agent.
 constexpr std::uint64_t kNumbersOfOneBoot = 1 << 20;
 
 Result<void> CheckAnnouncement(const proto::LeaseAnnounce& announce) {
@@ -32,7 +32,7 @@ LeaseActor::LeaseActor(Options options)
 void LeaseActor::OnStart(Context& context) {
   number_ = context.rng()();
   context.WatchPeers();
-  OnChange(context);  // What an earlier life published may no longer be so.
+  OnChange(context);  // Leases published before a restart may be outdated.
 }
 
 void LeaseActor::OnMessage(Context& context, const proto::Message& message) {
@@ -74,7 +74,7 @@ void LeaseActor::OnTimer(Context& context, const proto::Timer& timer) {
 void LeaseActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
   Peer& peer = peers_[event.peer()];
   peer.is_connected = event.is_connected();
-  peer.knows_ours = false;  // It may have forgotten.
+  peer.knows_ours = false;  // The peer may have restarted and lost our leases.
   if (peer.is_connected) RestartAnnouncing(context);
 }
 
@@ -128,7 +128,7 @@ void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::Le
   }
   Peer& peer = peers_[from];
   const std::uint64_t ahead = announce.number() - peer.heard.value_or(announce.number());
-  if (-ahead - 1 < kNumbersOfOneBoot) return;  // Late.
+  if (-ahead - 1 < kNumbersOfOneBoot) return;  // A late, outdated announcement.
   if (announce.known_number() == number_) peer.knows_ours = true;
   if (!peer.heard || ahead != 0) {
     peer.heard = announce.number();
@@ -142,7 +142,8 @@ void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::Le
   }
   if (!announce.is_reply()) Announce(context, from, /*is_reply=*/true);
   if (ahead <= kNumbersOfOneBoot) return;
-  // It was made anew, or this is late and of an earlier life: its answer says how it is now.
+  // The peer restarted, or this announcement is late and from before its restart. The peer's reply to our announcement
+  // will show its current leases.
   peer.knows_ours = false;
   RestartAnnouncing(context);
 }
@@ -158,7 +159,7 @@ void LeaseActor::Announce(Context& context, AgentId to, bool is_reply) {
   announce.set_paused_s(lease.paused_s());
   announce.set_known_number(peers_[to].heard.value_or(0));
   announce.set_is_reply(is_reply);
-  (void)context.Send({to, actor_name::kLease}, std::move(message));  // Again until it is known there.
+  (void)context.Send({to, actor_name::kLease}, std::move(message));  // Retransmitted until acknowledged.
 }
 
 void LeaseActor::AnnounceToUnknowing(Context& context) {

@@ -1,14 +1,14 @@
-// LeaseActor ("lease"): knows who of the team drives, sleeps or is paused, and for how long still (model/leases.h).
+// LeaseActor ("lease"): tracks which agents of the team drive, sleep or are paused, and for how long (model/leases.h).
 //
-// This agent's own leases come by LeaseRequest from its own actors (clients' through the gateway), answered with a
-// LeaseReply; an error, kInvalid, names the field. They are announced to every other agent's LeaseActor at once, when
-// it connects, and again, with a growing delay, until it says that it knows them. Nothing is announced when a lease
-// lapses: whoever knows it counts down by himself. Other agents' announcements are checked and speak for their sender
-// alone.
+// This agent's own leases are set by a LeaseRequest from its own actors; clients send theirs through the gateway. The
+// actor answers with a LeaseReply; its error is kInvalid and names the field. It announces a change to the LeaseActors
+// of all other agents at once, and to an agent when it connects. It repeats the announcement, with a growing delay,
+// until the other agent has acknowledged it. An expiring lease is not announced: every agent counts it down itself.
+// Announcements of other agents are validated, and set only the leases of their sender.
 //
-// Publishes LeasesChanged (Topic::kLeases) at each change and lapse, and answers the ControlRequest `status` with its
-// part of AgentStatus. Nothing is stored: a restarted agent neither drives nor sleeps nor is paused until its robot
-// says so again, and hears from the others what they do.
+// Publishes LeasesChanged (Topic::kLeases) at each change and expiry. Answers the ControlRequest `status` with its part
+// of AgentStatus. Stores nothing: a restarted agent has no lease until its robot sets one again, and learns the leases
+// of the other agents from their announcements.
 #pragma once
 
 #include <map>
@@ -25,9 +25,9 @@ class LeaseActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;                                  // Complete and checked.
-    Duration announce_after = std::chrono::seconds(5);       // To connected agents that may not know; doubles
-    Duration announce_after_max = std::chrono::seconds(60);  // up to this.
+    proto::TeamConfig team;                                  // Requires: complete and validated.
+    Duration announce_after = std::chrono::seconds(5);       // First delay of retransmissions; doubles each time.
+    Duration announce_after_max = std::chrono::seconds(60);  // Longest delay of retransmissions.
   };
 
   explicit LeaseActor(Options options);
@@ -38,8 +38,8 @@ class LeaseActor final : public Actor {
  private:
   struct Peer {
     bool is_connected = false;
-    bool knows_ours = false;             // It said number_.
-    std::optional<std::uint64_t> heard;  // The number of its announcement that counts.
+    bool knows_ours = false;             // The peer has acknowledged number_.
+    std::optional<std::uint64_t> heard;  // Number of the peer's latest announcement.
   };
 
   void OnLocal(Context& context, const proto::Message& message);
@@ -51,13 +51,14 @@ class LeaseActor final : public Actor {
 
   Result<void> Take(Context& context, const proto::LeaseRequest& request);
   void Announce(Context& context, AgentId to, bool is_reply);
-  void AnnounceToUnknowing(Context& context);  // And again after a while.
-  void RestartAnnouncing(Context& context);    // With the shortest delay, if somebody connected does not know.
+  // Announces to all connected agents that have not acknowledged, and sets a timer to repeat it.
+  void AnnounceToUnknowing(Context& context);
+  void RestartAnnouncing(Context& context);  // Announces at once and resets the delay to announce_after.
   void OnChange(Context& context);
 
   const Options options_;
   Leases leases_;
-  std::uint64_t number_ = 0;  // Of this agent's own leases.
+  std::uint64_t number_ = 0;  // Number of this agent's latest announcement.
   std::map<AgentId, Peer> peers_;
   Duration announce_delay_{};
   TimerId announce_timer_ = 0;

@@ -1,7 +1,9 @@
-// ChangeBudget: how often an agent acts on what one other issuer decides. Each assignment is stored, applied and
-// announced on: without a limit a member that may decide could keep the whole team from its work.
+// ChangeBudget: a token bucket per issuer that limits how often an agent adopts role assignments of another agent. Each
+// adopted assignment is stored, applied and announced. Without a limit, one member that may decide roles could occupy
+// the whole team.
 //
-// kAtOnce, then kPerHour; what waits is announced again, and only the newest of it. A plain value.
+// Allows a burst of kAtOnce, then kPerHour. An assignment beyond the limit is retried later, if it is still the newest.
+// Value type.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +21,7 @@ class ChangeBudget {
   static constexpr double kAtOnce = 20;
   static constexpr double kPerHour = 60;
 
-  // Whether one more of this issuer's may be acted on by now; if so it is.
+  // Takes one token of the issuer. Returns false if none is left.
   bool Takes(AgentId issuer, Time now) {
     Issuer& known = issuers_.try_emplace(issuer, Issuer{kAtOnce, now}).first->second;
     const double hours = std::chrono::duration<double, std::ratio<3600>>(now - known.at).count();
@@ -32,7 +34,7 @@ class ChangeBudget {
 
  private:
   struct Issuer {
-    double left = kAtOnce;  // As of `at`.
+    double left = kAtOnce;  // Tokens left at time `at`.
     Time at{};
   };
 

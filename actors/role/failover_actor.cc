@@ -15,7 +15,8 @@ namespace {
 
 enum FailoverTimer : std::uint32_t { kMissed = 0, kCheck = 1 };
 
-constexpr std::uint64_t kTakeLead = 1;  // The request's id; its answer says nothing that RolesChanged does not.
+// Id of the RoleSetRequest. Only an error in the reply matters; RolesChanged reports success.
+constexpr std::uint64_t kTakeLead = 1;
 
 constexpr int kChecksInTimeout = 3;
 
@@ -54,7 +55,7 @@ void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
       leases_.SetAll(message.leases_changed());
       break;
     case proto::Message::kDown:
-      known_ = connected_;  // LeaseActor has forgotten what others said; those who are connected say it again.
+      known_ = connected_;  // LeaseActor restarts without leases; only connected agents announce theirs again.
       break;
     case proto::Message::kControlReply:
       if (const auto taken = CheckControlReply(message); !taken && message.request_id() == kTakeLead) {
@@ -68,11 +69,11 @@ void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
 }
 
 void FailoverActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
-  // In one term this agent's own role comes later, where it could not be stored at first.
+  // One term may be published twice: first without this agent's own role, and with it once the assignment is stored.
   const bool is_known = roles.leader() == roles_.leader() && roles.survivor() == roles_.survivor() &&
                         OrderOf(roles.term()) == OrderOf(roles_.term());
   if (is_known || IsNewer(roles_.term(), roles.term())) return;
-  StopCounting(context);  // It may be another leader.
+  StopCounting(context);  // The leader may have changed.
   roles_ = roles;
 }
 
@@ -100,7 +101,7 @@ void FailoverActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (IsLeaderMissed(context)) TakeLead(context);
 }
 
-// The survivor alone is answered: to anybody else this would be a message for nothing.
+// Replies only to the designated survivor; no other agent uses the reply.
 void FailoverActor::OnLeaderCheck(Context& context, const proto::LeaderCheck& check) {
   if (!IsAutomatic() || check.is_reply() || context.sender().agent != roles_.survivor()) return;
   proto::Message answer;

@@ -1,22 +1,22 @@
-// FailoverActor ("failover"): with `roles.failover: automatic` in the team file, the designated survivor takes the lead
-// when the leader is lost. With `manual` it does nothing.
+// FailoverActor ("failover"): if the team file has `roles.failover: automatic`, the designated survivor takes the lead
+// when the leader is lost. With `manual` this actor does nothing.
 //
-// Only the designated survivor acts, and only when for roles.leader_timeout_s without a break
-//   - the leader was not connected;
-//   - the window between the two was open (model/leases.h): a leader that sleeps or drives is silent on purpose;
-//   - some other agent was connected, if the team has any: a survivor that reaches nobody is itself the lost one, and
-//     would depose a leader that is well when it comes back.
-// A leader that was never connected since this agent started is not missed: only from itself could this agent know
-// whether it sleeps. Where leader and survivor go down together an operator has to decide.
+// Only the designated survivor acts. It acts if all of this holds without interruption for roles.leader_timeout_s:
+//   - The leader is not connected.
+//   - Neither of the two may be silent on purpose (sleeping, or driving in radio silence; model/leases.h).
+//   - Another agent is connected, if the team has any. A survivor that reaches no agent is itself cut off, and would
+//     depose a healthy leader when it reconnects.
+// A leader that never connected since this agent started is not replaced, because only that leader could have reported
+// that it sleeps. If leader and survivor fail together, an operator has to decide.
 //
-// While the two are connected and their window is open, the survivor asks the leader each third of that time whether it
-// is there (LeaderCheck), and the leader answers. Without that an idle link is asked every 30 s only; with something
-// under way the transport gives a leader that hangs up after 3 s. So such a leader is replaced after 4/3 of
-// leader_timeout_s and 3 s at most. An answer by itself decides nothing.
+// While both are connected and may not be silent, the survivor sends a heartbeat (LeaderCheck) to the leader three
+// times per leader_timeout_s, and the leader replies. Without heartbeats an idle link is probed only every 30 s. With
+// data in flight, the transport drops the connection to a hung leader after 3 s. A hung leader is thus replaced after
+// at most 4/3 of leader_timeout_s plus 3 s. The reply itself is not evaluated.
 //
-// It asks this agent's RoleActor by a RoleSetRequest, as an operator would, and asks again after another timeout if
-// nothing came of it; it is refused where RoleActor holds other roles than this actor has heard of. The new survivor is
-// a rover that is connected, else any, the lost leader last.
+// The actor sends this agent's RoleActor a RoleSetRequest, as an operator would, and repeats it after another timeout
+// if the roles have not changed. RoleActor refuses the request if it holds other roles than this actor knows. The new
+// survivor is a connected rover if there is one, otherwise any rover; the lost leader is the last choice.
 #pragma once
 
 #include <set>
@@ -31,7 +31,7 @@ class FailoverActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;  // Complete and checked.
+    proto::TeamConfig team;  // Requires: complete and validated.
   };
 
   explicit FailoverActor(Options options);
@@ -47,23 +47,23 @@ class FailoverActor final : public Actor {
 
   void TakeLead(Context& context);
   bool IsAutomatic() const { return options_.team.roles().failover() == proto::FAILOVER_AUTOMATIC; }
-  // Leader and survivor may talk now.
+  // Returns whether this agent is the survivor, the leader is connected, and neither may be silent.
   bool MayAskLeader(const Context& context) const;
   bool IsLeaderMissed(Context& context) const;
   bool ReachesAnyOther() const;
-  AgentId NextSurvivor() const;   // 0: the team has no other rover.
-  void Review(Context& context);  // Starts to count, goes on, or stops.
+  AgentId NextSurvivor() const;   // Returns 0 if the team has no other rover.
+  void Review(Context& context);  // Starts or stops the timeout, depending on IsLeaderMissed.
   void StopCounting(Context& context);
 
   const Options options_;
   const Duration leader_timeout_;
-  proto::RoleAssignment roles_;  // Until RoleActor speaks, those of the team file.
+  proto::RoleAssignment roles_;  // The team file's roles until RoleActor publishes others.
   Leases leases_;
   std::set<AgentId> connected_;
-  std::set<AgentId> known_;  // Whose leases this agent knows, as far as they were announced to it.
-  TimerId timer_ = 0;        // Runs while the leader is missed.
-  std::uint64_t count_ = 0;  // A timer of an earlier count is late.
-  TimerId check_timer_ = 0;  // Runs while this agent is the survivor.
+  std::set<AgentId> known_;  // Agents that have connected, so LeaseActor knows their leases.
+  TimerId timer_ = 0;        // Timeout; runs while the leader is missed.
+  std::uint64_t count_ = 0;  // Number of the current timeout; a timer of an older one is ignored.
+  TimerId check_timer_ = 0;  // Sends the next heartbeat.
 };
 
 }  // namespace moondb

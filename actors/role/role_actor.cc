@@ -60,7 +60,7 @@ RoleActor::RoleActor(Options options)
                    [this](Context& context, const proto::StoredRecord& record) { return OnRecord(context, record); }) {}
 
 void RoleActor::OnStart(Context& context) {
-  // A random start, so that an answer to a question of an earlier life fits none of this one's.
+  // Start at a random id: a reply to a request sent before a restart must not match a new request.
   storage_request_id_ = context.rng()();
   context.WatchPeers();
   AskStorage(context);
@@ -125,7 +125,7 @@ void RoleActor::OnTimer(Context& context, const proto::Timer& timer) {
     case kLeader:
       return Perform(context, logic_.OnLeaderTimer(context.utc_now_ns()));
     case kWaitIsOver:
-      return;  // AnswerWhoWaits looks at the requests after each message.
+      return;  // AnswerWhoWaits checks the waiting requests after each message.
     default:
       return;
   }
@@ -279,7 +279,7 @@ void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {
     message.set_ms_type(proto::CONTROL);
     *message.mutable_term() = announcement.announce.roles().term();
     *message.mutable_role_announce() = std::move(announcement.announce);
-    (void)context.Send({announcement.to, actor_name::kRole}, std::move(message));  // Again until confirmed.
+    (void)context.Send({announcement.to, actor_name::kRole}, std::move(message));  // Repeated until confirmed.
   }
   if (actions.announce_timer) {
     if (announce_timer_ != 0) context.Cancel(announce_timer_);

@@ -1,17 +1,20 @@
 // RoleActor ("role"): holds this agent's role assignment and agrees on it with the other agents (RoleLogic).
 //
-// Stores an assignment through StorageActor before it acts (one that cannot be stored makes it give up its role at
-// once, as RoleLogic says): Context::SetRoles, RolesChanged published (Topic::kRoles), RoleAnnounce to the other
-// agents' RoleActors. Answers RoleShowRequest and RoleSetRequest with RoleShowReply, or with a ControlReply that holds
-// nothing but an error; a RoleSetRequest with wait_s when the new leader and survivor act on it, kRefused where another
-// assignment takes its place before. The ControlRequest `status` with its part of AgentStatus. All are taken from this
-// agent's own actors only, as clients come through the gateway. After a restart everything comes back from storage.
+// Stores an assignment through StorageActor before acting on it. To act means: it calls Context::SetRoles, publishes
+// RolesChanged (Topic::kRoles), and sends RoleAnnounce to the RoleActors of the other agents. If an assignment cannot
+// be stored, the agent gives up its role at once (RoleLogic).
 //
-// In a team with keys it answers the other agents' RoleChainRequests, and reads the assignments that are stored as
-// records (role_assignment), so that it knows what counts though it was away.
+// Answers RoleShowRequest and RoleSetRequest with a RoleShowReply, or with a ControlReply that holds only an error. A
+// RoleSetRequest with wait_s is answered when the new leader and survivor act on it; kRefused if another assignment
+// replaces it before. Answers the ControlRequest `status` with its part of AgentStatus. Accepts requests only from this
+// agent's own actors; requests of clients arrive through the gateway. After a restart, all state is loaded from
+// storage.
 //
-// On StepDown (an actor of this agent fails again and again) it gives up the agent's role to an agent that is
-// connected, now or as soon as there is one.
+// In a team with keys, the actor also answers RoleChainRequests of other agents. It reads the assignments stored as
+// records (role_assignment), so it learns of decisions made while it was offline.
+//
+// On StepDown (an actor of this agent fails repeatedly), it hands the agent's role to a connected agent. If none is
+// connected, it waits for one.
 #pragma once
 
 #include <functional>
@@ -33,13 +36,13 @@ class RoleActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;  // Complete and checked.
-    // Signs with this agent's own key (runtime/team/role_signature.h); null in a team without keys.
+    proto::TeamConfig team;  // Requires: complete and validated.
+    // Signs with this agent's own key (runtime/team/role_signature.h). Null in a team without keys.
     std::function<std::string(const proto::RoleAssignment&)> sign;
     Duration leader_wait = std::chrono::seconds(2);
     Duration announce_after = std::chrono::seconds(5);
     Duration announce_after_max = std::chrono::seconds(60);
-    Duration storage_timeout = std::chrono::seconds(5);  // Then storage is asked again.
+    Duration storage_timeout = std::chrono::seconds(5);  // Then the request to storage is repeated.
   };
 
   explicit RoleActor(Options options);
@@ -48,14 +51,14 @@ class RoleActor final : public Actor {
   void OnMessage(Context& context, const proto::Message& message) override;
 
  private:
-  // Who asked for the change that is being stored.
+  // The requester of the change that is being stored.
   struct Requester {
     Address address;
     std::uint64_t request_id = 0;
     Duration wait{};
   };
 
-  // A request that waits until the assignment is acted on.
+  // A request whose reply waits until the new leader and survivor act on the assignment.
   struct Waiting {
     Requester requester;
     proto::RoleAssignment roles;
@@ -81,11 +84,11 @@ class RoleActor final : public Actor {
   void StepDownIfDue(Context& context);
   void Perform(Context& context, RoleLogic::Actions actions);
   void Apply(Context& context, const proto::RoleAssignment& roles);
-  void AskStorage(Context& context);  // To load at first, then to save what is to be stored.
+  void AskStorage(Context& context);  // Requests to load the roles, or once they are loaded, to save logic_.saving().
   void AnswerRequester(Context& context, std::optional<Error> error);
   void Answer(Context& context, const Requester& requester, const Result<proto::RoleShowReply>& reply);
   void AnswerWhoWaits(Context& context);
-  // Nothing while there is a reason to wait.
+  // Returns nullopt while the request has to wait.
   std::optional<Result<proto::RoleShowReply>> AnswerTo(const Waiting& waiting, MonotonicTime now) const;
 
   Options options_;
@@ -94,14 +97,14 @@ class RoleActor final : public Actor {
   TimerId storage_timer_ = 0;
   TimerId store_timer_ = 0;
   TimerId announce_timer_ = 0;
-  std::map<AgentId, double> refused_announcements_;  // By who sent them.
+  std::map<AgentId, double> refused_announcements_;  // Counts by sender.
   RecordReader assignments_;
   RateLimitedLog refused_log_;
   RateLimitedLog unstored_log_;
   std::optional<Requester> requester_;
   std::vector<Waiting> waiting_;
   std::set<AgentId> connected_;
-  std::optional<std::string> step_down_reason_;  // Until the role is given up.
+  std::optional<std::string> step_down_reason_;  // Set while the agent wants to give up its role.
 };
 
 }  // namespace moondb

@@ -31,7 +31,7 @@ RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> histor
   if (current_.leader() == options_.self) {
     is_waiting_to_lead_ = true;
     actions.leader_timer = options_.leader_wait;
-    if (IsConfirmedByAll()) TakeNewTerm(/*is_start=*/true, actions);  // A team of one.
+    if (IsConfirmedByAll()) TakeNewTerm(/*is_start=*/true, actions);  // A team of one agent.
   } else {
     actions.apply = current_;
   }
@@ -90,7 +90,7 @@ Result<proto::RoleAssignment> RoleLogic::ProposeStepDown(const std::set<AgentId>
 }
 
 std::optional<proto::RoleAssignment> RoleLogic::WithoutOwnRole(const std::set<AgentId>& connected) const {
-  // The survivor first, since it holds the most; this agent itself last.
+  // Prefer the survivor, which holds the most records. This agent is the last choice.
   std::vector<AgentId> candidates = {current_.survivor()};
   candidates.insert(candidates.end(), options_.agents.begin(), options_.agents.end());
   std::erase_if(candidates, [&](AgentId agent) { return !connected.contains(agent); });
@@ -110,7 +110,7 @@ std::optional<proto::RoleAssignment> RoleLogic::WithoutOwnRole(const std::set<Ag
 
 RoleLogic::Actions RoleLogic::Adopt(proto::RoleAssignment roles) {
   Check(is_loaded_ && !saving_, "one assignment is stored at a time");
-  highest_number_ = std::max(highest_number_, roles.term().number());  // Taken, even if storing fails.
+  highest_number_ = std::max(highest_number_, roles.term().number());  // The number is used up even if storing fails.
   Actions actions;
   actions.save = roles;
   saving_ = Saving{.roles = std::move(roles), .holders = {options_.self}};
@@ -119,7 +119,7 @@ RoleLogic::Actions RoleLogic::Adopt(proto::RoleAssignment roles) {
 
 Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::RoleAnnounce& announce) {
   Actions actions;
-  if (!is_loaded_) return actions;  // It will be announced again.
+  if (!is_loaded_) return actions;  // The sender will announce it again.
   if (!IsMember(from) || HasLeft(from) || from == options_.self) {
     return Fail(ErrorCode::kRefused, "is not of this team", "sender");
   }
@@ -136,7 +136,7 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
     confirmed_.erase(from);
     Notify(from, /*is_reply=*/true, actions);
   } else if (unstored_ && IsNewer(unstored_->term(), theirs.term())) {
-    return actions;  // Its sender will hear of the newer one from an agent that holds it.
+    return actions;  // An agent that holds the newer assignment will announce it to the sender.
   } else if (!saving_) {
     switch (chain_.StandingOf(theirs)) {
       case RoleChain::Standing::kCounts:
@@ -164,7 +164,8 @@ void RoleLogic::AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs
 // --- Chains ---
 
 void RoleLogic::AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
-  // One at a time; what another agent announces meanwhile is announced again. The same agent's newer word counts.
+  // Request one chain at a time; other agents will repeat their announcements. A newer announcement of the same agent
+  // restarts the request.
   if (chain_asked_ && chain_asked_->from != from) return;
   const bool goes_on = chain_asked_ && chain_asked_->announced.signature() == theirs.signature();
   if (!goes_on) chain_asked_ = ChainAsked{from, theirs, {}};
@@ -209,7 +210,7 @@ Result<RoleLogic::Actions> RoleLogic::OnChainReply(AgentId from, const proto::Ro
     chain_asked_ = std::move(asked);
     return actions;
   }
-  // Each counts once the one before it does.
+  // Add the oldest first: an assignment is valid only if its predecessor is.
   std::for_each(asked.chain.rbegin(), asked.chain.rend(),
                 [this](const proto::RoleAssignment& roles) { (void)chain_.Add(roles); });
   if (chain_.StandingOf(asked.announced) != RoleChain::Standing::kCounts) {
@@ -234,7 +235,7 @@ void RoleLogic::AdoptNewestKnown(Actions& actions) {
   if (TakeChange(newest.term().issuer())) {
     actions.save = Adopt(newest).save;
   } else if (!std::exchange(awaits_budget_, true)) {
-    // Only once: records that come again and again must not postpone the announcements.
+    // Set the timer only once. Otherwise a stream of records could postpone the announcements.
     actions.announce_timer = announce_delay_;
   }
 }
@@ -286,7 +287,7 @@ RoleLogic::Actions RoleLogic::OnSaved() {
   if (saved.answer_to != 0) Notify(saved.answer_to, /*is_reply=*/true, actions);
   announce_delay_ = options_.announce_after;
   NotifyUnconfirmed(actions);
-  AdoptNewestKnown(actions);  // A record of it may have come while this one was being stored.
+  AdoptNewestKnown(actions);  // A record with a newer assignment may have arrived.
   return actions;
 }
 
@@ -298,7 +299,7 @@ RoleLogic::Actions RoleLogic::OnSaveFailed() {
     ActWithoutOwnRole(failed, actions);
     actions.store_timer = options_.store_after;
   } else if (is_waiting_to_lead_) {
-    // The term in which this agent led before it heard that it leads again is over.
+    // This agent may still lead in an earlier term. It must stop, because that term is superseded.
     const bool is_first = !std::exchange(own_unstored_, failed).has_value();
     if (is_first) actions.apply = InForce();
     actions.leader_timer = options_.leader_wait;
@@ -354,7 +355,7 @@ RoleLogic::Actions RoleLogic::OnAnnounceTimer() {
 RoleLogic::Actions RoleLogic::OnLeaderTimer(std::int64_t now_ns) {
   Actions actions;
   if (!is_waiting_to_lead_) return actions;
-  started_ns_ = now_ns;  // What is being stored already ends the wait too.
+  started_ns_ = now_ns;  // If an assignment is being stored, OnSaved takes the new term.
   if (!saving_) TakeNewTerm(/*is_start=*/true, actions);
   return actions;
 }
@@ -428,8 +429,8 @@ Result<void> RoleLogic::CheckIssued(const proto::RoleAssignment& roles) const {
 
 Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const {
   if (Result<void> checked = CheckIssued(roles); !checked) return checked;
-  // A change keeps the survivor or names another one, so a team that begins with one always has one. An agent that
-  // cannot store that it survives acts on roles without itself, and these are no assignment.
+  // Every change keeps or replaces the survivor, so a team that starts with one always has one. Roles without a
+  // survivor are not an assignment: an agent acts on them if it could not store that it is the survivor.
   if (roles.survivor() == 0 && options_.initial.survivor() != 0) {
     return Fail(ErrorCode::kRefused, "is missing", "roles.survivor");
   }

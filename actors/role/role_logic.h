@@ -1,27 +1,27 @@
-// RoleLogic: who leads and who survives, decided by terms (paper, Section 4: leader and designated survivor).
+// RoleLogic: the agreement of a team on its leader and designated survivor (paper, Section 4), as a state machine.
 //
-// At most one assignment belongs to a term; terms are ordered by number, issuer and the issuer's epoch, and the newest
-// one that an agent knows stands. An assignment is stored durably before it is acted on or announced to anyone. It is
-// announced to every other agent, again and again with a growing delay, until each is known to hold it; whoever holds
-// an older one learns the newer by the answer to its own. So agents that can talk agree, and two leaders can only stand
-// in two parts of a team that cannot.
+// Each term has at most one assignment. Terms are ordered by number, issuer and the issuer's epoch; an agent acts on
+// the newest assignment that it knows. It stores an assignment durably before it acts on it or announces it. It then
+// announces the assignment to all other agents, repeatedly and with a growing delay, until each is known to hold it. An
+// agent that announces an older assignment receives the newer one in reply. Agents that can communicate therefore
+// agree. Two leaders can only exist in two partitions of a team.
 //
-// In a team with keys an assignment is signed by its issuer and stands only where it counts (model/role_chain.h): one
-// who never led nor survived, and through whom nobody may command the team, moves nobody. Who hears of one whose
-// forerunner it lacks asks the announcer for the chain that it ends, page by page, and stores the chain with it; until
-// then its own stands. Who may not decide roles is refused as it asks for others.
+// In a team with keys, the issuer signs its assignments, and only valid ones are adopted (model/role_chain.h). An agent
+// that never had a role and is not in command_from cannot change the roles. Propose refuses requests at an agent that
+// may not decide roles. An agent that lacks the predecessor of an announced assignment requests the chain from the
+// announcer, page by page, and stores it with the assignment. Until then it keeps its own assignment.
 //
-// An agent that its stored roles name leader waits after its start: it announces what it has, and unless it hears of
-// a newer term within `leader_wait` (or everyone agrees before) it takes a new term with the same roles before it
-// acts, so that nothing of an earlier life of it shares a term with this one. So does one that lost its disk and hears
-// from the others that it leads. Term 0 is the team file's.
+// An agent whose stored roles name it leader does not act at once after its start. It announces its assignment and
+// waits for `leader_wait`, or until all agents agree. Unless it hears of a newer term, it then takes a new term with
+// the same roles and acts in that. No data from before the restart can then have the same term as data from after it.
+// An agent that lost its disk and hears from others that it leads takes a new term, too. Term 0 is the team file's.
 //
-// Durable before it is acted on holds for taking a role, not for giving one up: where an assignment that another agent
-// decided cannot be stored, this agent acts on it without the roles that it would have there itself, neither leads nor
-// survives, confirms nothing, and stores it as soon as the disk takes it. After a restart before that it begins with
-// the assignment that its disk has, as ever. A new term of its own that cannot be stored is nobody's: it does not lead.
+// Durability before acting applies to gaining a role, not to losing one. If an assignment of another agent cannot be
+// stored, this agent acts on it without any role of its own: it neither leads nor survives, and confirms nothing. It
+// stores the assignment as soon as the disk accepts it. After a restart before that, it starts with the assignment on
+// its disk. If a new term of its own cannot be stored, this agent does not lead.
 //
-// A plain state machine: inputs return what is to be done. Not thread-safe.
+// Pure logic: each input returns the actions to take. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -48,28 +48,30 @@ class RoleLogic {
 
   struct Options {
     AgentId self = 0;
-    std::vector<AgentId> agents;  // Of the team, this one too.
-    std::set<AgentId> left;  // Of these, who has left: what they decided stays history, and no new roles name them.
-    proto::RoleAssignment initial;                                    // Of the team file, term 0.
-    std::function<Result<void>(const proto::RoleAssignment&)> check;  // Whether the team can have these roles.
-    // In a team with keys: this agent's signature, and whether an assignment has its issuer's. Null in one without.
+    std::vector<AgentId> agents;  // All agents of the team, including this one.
+    // The agents that have left the team. Their earlier decisions stay valid, but new roles must not name them.
+    std::set<AgentId> left;
+    proto::RoleAssignment initial;                                    // The team file's roles, in term 0.
+    std::function<Result<void>(const proto::RoleAssignment&)> check;  // Fails if the team cannot have these roles.
+    // Return this agent's signature, and whether an assignment has its issuer's. Null in a team without keys.
     std::function<std::string(const proto::RoleAssignment&)> sign;
     std::function<bool(const proto::RoleAssignment&)> is_signed;
-    std::function<bool(AgentId)> may_command = [](AgentId) { return true; };  // As command_from has it.
-    // How errors name an agent; "nobody" for 0.
+    std::function<bool(AgentId)> may_command = [](AgentId) { return true; };  // Evaluates command_from.
+    // Returns the name of an agent for error texts; "nobody" for 0.
     std::function<std::string(AgentId)> name_of = [](AgentId agent) { return "agent " + std::to_string(agent); };
     Duration leader_wait = std::chrono::seconds(2);
-    Duration announce_after = std::chrono::seconds(5);       // To agents that have not confirmed; doubles
-    Duration announce_after_max = std::chrono::seconds(60);  // up to this.
-    Duration store_after = std::chrono::seconds(5);  // An assignment of others that could not be stored, once more.
+    Duration announce_after = std::chrono::seconds(5);       // First delay of repeated announcements; doubles.
+    Duration announce_after_max = std::chrono::seconds(60);  // Longest delay of repeated announcements.
+    Duration store_after = std::chrono::seconds(5);          // Delay before storing is tried again.
   };
 
   static constexpr std::size_t kHistoryMax = 1000;
-  // In a team without keys a term number that far ahead of the present one is a mistake or an attack, not a change.
+  // In a team without keys, a term number further ahead than this is a mistake or an attack, and is rejected.
   static constexpr std::uint64_t kTermJumpMax = 1'000'000;
-  // A page of a chain. As a control message it delays others by 128 ms at 1 Mbit/s.
+  // Size limit of one page of a chain. As a control message, a page delays others by 128 ms at 1 Mbit/s.
   static constexpr std::size_t kChainPageBytesMax = 16 * 1024;
-  // What is asked for of one chain; a longer one is not followed, and one word of command_from ends it.
+  // Longest chain that is requested; a longer one is refused. A new assignment by an agent of command_from needs no
+  // chain, so it resolves such a case.
   static constexpr std::size_t kChainLengthMax = kAssignmentsOfIssuerMax;
 
   struct Announcement {
@@ -77,114 +79,118 @@ class RoleLogic {
     proto::RoleAnnounce announce;
   };
 
-  // What another agent's RoleActor is asked for.
+  // A request to another agent's RoleActor for a chain.
   struct ChainQuestion {
     AgentId to = 0;
     proto::RoleChainRequest request;
   };
 
-  // What is to be done, in this order.
+  // The actions to take, in the order of the members.
   struct Actions {
-    std::optional<proto::RoleAssignment> save;  // To storage; then OnSaved.
+    std::optional<proto::RoleAssignment> save;  // Store this, then call OnSaved or OnSaveFailed.
     std::optional<ChainQuestion> question;
-    std::optional<proto::RoleAssignment> apply;  // Act on it: it is durable, or without roles of this agent's own.
+    std::optional<proto::RoleAssignment> apply;  // Act on this. It is durable, or gives this agent no role.
     std::vector<Announcement> announcements;
-    std::optional<Duration> announce_timer;  // Then OnAnnounceTimer; replaces an earlier one.
-    std::optional<Duration> leader_timer;    // Then OnLeaderTimer.
-    std::optional<Duration> store_timer;     // Then OnStoreTimer.
+    std::optional<Duration> announce_timer;  // Delay to OnAnnounceTimer; replaces a running timer.
+    std::optional<Duration> leader_timer;    // Delay to OnLeaderTimer.
+    std::optional<Duration> store_timer;     // Delay to OnStoreTimer.
   };
 
   explicit RoleLogic(Options options);
 
-  // What storage has, oldest first; in a team without keys the last one stands, in one with keys the newest that
-  // counts, also of those that are `known` from records alone. `own_epoch` is random and not 0. A stored assignment
-  // that the team file no longer allows gives way to the file's; its number stays taken.
+  // Starts with the stored assignments. `history`: those acted on, oldest first; `known`: those known only from
+  // records. In a team without keys, the last of `history` becomes current; in a team with keys, the newest valid one
+  // of both. If the team file no longer allows it, the file's roles become current, but its term number stays used.
+  // Requires: `own_epoch` is random and not 0.
   Actions OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch, std::int64_t now_ns,
                    const std::vector<proto::RoleAssignment>& known = {});
   bool is_loaded() const { return is_loaded_; }
-  // The monotonic time of what comes next.
+  // Sets the monotonic time of the following calls.
   void SetNow(Time now) { now_ = now; }
 
-  // The assignment that `request` means, not stored yet. kUnavailable before OnLoaded and while another one is being
-  // stored, kInvalid for a contradictory request, kRefused for roles that cannot be, with the field named, for a
-  // request that relies on another term, leader or survivor than the present ones (`expected`), and while a newer
-  // assignment is known that cannot be stored here.
+  // Returns the assignment for `request`; Adopt stores it. Fails with kUnavailable before OnLoaded and while another
+  // assignment is being stored. Fails with kInvalid for a contradictory request. Fails with kRefused for impossible
+  // roles, for a request whose `expected` differs from the current assignment (both name the field), and while a newer
+  // assignment is known that cannot be stored.
   Result<proto::RoleAssignment> Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const;
-  // The assignment by which this agent gives up its role to those that are `connected`: a leader to the designated
-  // survivor, else to another that may lead; it becomes the survivor itself only where nobody else can. kNotFound if
-  // it has no role, kUnavailable as above and while nobody fit is connected.
+  // Returns the assignment by which this agent hands its role to one of the `connected` agents. A leader hands over to
+  // the designated survivor if possible, otherwise to another agent that may lead. It becomes the survivor itself only
+  // if no other agent can. Fails with kNotFound if this agent has no role, and with kUnavailable as Propose does and
+  // while no suitable agent is connected.
   Result<proto::RoleAssignment> ProposeStepDown(const std::set<AgentId>& connected, const std::string& reason,
                                                 std::int64_t now_ns) const;
-  // Begins to store what one of these returned.
+  // Starts to store an assignment returned by Propose or ProposeStepDown.
   Actions Adopt(proto::RoleAssignment roles);
 
-  // From another agent, or forwarded for it. kRefused, with nothing done, where it does not pass the door.
+  // Handles an announcement from another agent. kRefused, without any effect, if the assignment is not acceptable.
   Result<Actions> OnAnnounce(AgentId from, const proto::RoleAnnounce& announce);
-  // From another agent that lacks what an assignment follows, and its answer to this agent's question. kRefused as
-  // above: a page that is not what was asked for ends the question.
+  // OnChainRequest answers an agent that lacks the predecessors of an assignment. OnChainReply handles the reply to
+  // this agent's own request. kRefused as for OnAnnounce; a page other than the requested one ends the request.
   proto::RoleChainReply OnChainRequest(const proto::RoleChainRequest& request) const;
   Result<Actions> OnChainReply(AgentId from, const proto::RoleChainReply& reply);
-  // That is stored as a record: it is history, unless it makes one count that is newer than what stands.
+  // Handles an assignment stored as a record. It is only remembered, unless it makes an assignment valid that is newer
+  // than the current one.
   Actions OnRecord(const proto::RoleAssignment& roles);
 
-  // Storage's answer for the assignment being stored.
+  // Handle storage's answer for the assignment being stored.
   Actions OnSaved();
   Actions OnSaveFailed();
-  // Storage has not answered the request to save for a while: it is asked again, and may still say either.
+  // Storage has not answered in time. The caller repeats the request, and storage may still report success or failure.
   Actions OnSaveLate();
   Actions OnStoreTimer();
-  // Null while none is.
+  // The assignment being stored. Null if none is.
   const proto::RoleAssignment* saving() const { return saving_ ? &saving_->roles : nullptr; }
-  // What that one follows and is to be stored with it, oldest first.
+  // Predecessors of saving() that have to be stored with it, oldest first.
   std::vector<proto::RoleAssignment> SavingChain() const;
 
   Actions OnAnnounceTimer();
   Actions OnLeaderTimer(std::int64_t now_ns);
   Actions OnPeerConnected(AgentId peer);
 
-  const proto::RoleAssignment& current() const { return current_; }  // Durable.
+  const proto::RoleAssignment& current() const { return current_; }  // The newest durable assignment.
   proto::RoleShowReply Show(bool with_history) const;
 
  private:
   std::optional<proto::RoleAssignment> WithoutOwnRole(const std::set<AgentId>& connected) const;
   Result<void> CheckExpected(const proto::RoleSetRequest& request) const;
-  // Whoever decided it, and whatever the team file says now.
+  // Checks that do not depend on the team file's role rules: issuer, number, sizes and signature.
   Result<void> CheckIssued(const proto::RoleAssignment& roles) const;
   Result<void> CheckAnnounced(const proto::RoleAssignment& roles) const;
   Result<void> CheckMayDecide() const;
   std::string WhyNever(const proto::RoleAssignment& roles) const;
   bool has_keys() const { return options_.sign != nullptr; }
-  // What the roles are issued as by this agent now: with term, what they follow and signature. `is_command`: by an
-  // operator's word, where one may be given through this agent.
+  // Returns `roles` with the term, predecessor and signature of this agent's next assignment. `is_command`: an operator
+  // decided the roles. If this agent is in command_from, the assignment then begins a new era.
   proto::RoleAssignment Issue(proto::RoleAssignment roles, bool is_command) const;
-  // What was announced and counts.
+  // Adopts an announced assignment that is valid, if the issuer's budget allows it.
   void AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
-  // The newest of those that count, if it is newer than what stands and its issuer has made few enough changes; else
-  // the announce timer looks again.
+  // Adopts the newest valid assignment if it is newer than the current one. If the issuer's budget is used up, the
+  // announce timer retries.
   void AdoptNewestKnown(Actions& actions);
-  // Takes one change of this issuer from its budget, if it has one left.
+  // Takes one change from the issuer's budget. Returns false if none is left.
   bool TakeChange(AgentId issuer);
   void NoteStored(const proto::RoleAssignment& roles);
   void AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
-  // Whether the team can have these roles from now on.
+  // Fails if the team cannot have these roles from now on.
   Result<void> CheckNew(const proto::RoleAssignment& roles) const;
-  bool IsMember(AgentId agent) const;  // Of the team file, though it may have left.
+  bool IsMember(AgentId agent) const;  // Returns whether the team file names the agent, even if it has left.
   bool HasLeft(AgentId agent) const { return options_.left.contains(agent); }
-  // Names this agent leader in a term in which it may have led before it started: any that it did not issue since. It
-  // need not remember, if its disk was lost or is an old copy.
+  // Returns whether `roles` name this agent leader in a term that it did not issue since its start. It may have led in
+  // that term before. It cannot always know, because its disk may be new or restored from an old copy.
   bool IsFromBeforeRestart(const proto::RoleAssignment& roles) const;
-  bool IsConfirmedByAll() const;                             // Who has left aside.
-  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // This agent issued it, in its present life.
-  // What this agent acts on.
+  bool IsConfirmedByAll() const;                             // Ignores agents that have left.
+  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // Returns whether this agent issued it since its start.
+  // The roles that this agent acts on: the newest known, without a role that could not be stored.
   proto::RoleAssignment InForce() const;
   void ActWithoutOwnRole(const proto::RoleAssignment& unstored, Actions& actions);
   void Notify(AgentId to, bool is_reply, Actions& actions) const;
   void NotifyUnconfirmed(Actions& actions);
   void Confirm(AgentId agent, Actions& actions);
-  // Of the present assignment; `is_start`: for this agent's start, else for what another agent decided.
+  // Issues the current roles in a new term. `is_start`: because this agent started; false: because another agent
+  // decided them.
   void TakeNewTerm(bool is_start, Actions& actions);
 
-  // A chain that is being asked for: what was announced, and its forerunners that came so far, newest first.
+  // A chain being requested: the announced assignment, and the predecessors received so far, newest first.
   struct ChainAsked {
     AgentId from = 0;
     proto::RoleAssignment announced;
@@ -193,28 +199,28 @@ class RoleLogic {
 
   struct Saving {
     proto::RoleAssignment roles;
-    std::set<AgentId> holders;  // Known to hold it.
-    AgentId answer_to = 0;      // Waits for our word that it is held here too.
+    std::set<AgentId> holders;  // Agents known to hold `roles`.
+    AgentId answer_to = 0;      // Agent to notify once `roles` is stored; 0: none.
   };
 
   Options options_;
   Time now_{};
-  ChangeBudget changes_;        // In a team with keys.
-  bool awaits_budget_ = false;  // The announce timer was started to look at an assignment whose issuer has no budget.
+  ChangeBudget changes_;        // Used only in a team with keys.
+  bool awaits_budget_ = false;  // The announce timer will retry an assignment whose issuer had no budget left.
   RoleChain chain_;
-  std::set<std::string> stored_;  // Signatures of those that count and that storage has.
+  std::set<std::string> stored_;  // Signatures of stored assignments that are, or may become, valid.
   std::optional<ChainAsked> chain_asked_;
   bool is_loaded_ = false;
   bool is_waiting_to_lead_ = false;
   std::uint64_t own_epoch_ = 0;
-  std::uint64_t highest_number_ = 0;  // Ever seen: a new term goes above it.
+  std::uint64_t highest_number_ = 0;  // Highest term number ever seen.
   std::int64_t started_ns_ = 0;
   proto::RoleAssignment current_;
   std::vector<proto::RoleAssignment> history_;
-  std::set<AgentId> confirmed_;  // Known to hold current_.
+  std::set<AgentId> confirmed_;  // Agents known to hold current_.
   std::optional<Saving> saving_;
-  std::optional<proto::RoleAssignment> unstored_;      // What others decided: newer than current_, not durable here.
-  std::optional<proto::RoleAssignment> own_unstored_;  // The last one by which this agent wanted to lead.
+  std::optional<proto::RoleAssignment> unstored_;      // Decided by others, newer than current_, but not durable here.
+  std::optional<proto::RoleAssignment> own_unstored_;  // This agent's own new term that could not be stored.
   Duration announce_delay_{};
 };
 
