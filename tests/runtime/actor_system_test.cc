@@ -29,9 +29,9 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
 
-constexpr seconds kPatience(60);  // For what comes at once; only a broken runtime lets it pass.
+constexpr seconds kPatience(60);  // Limit for events that happen at once. Only a broken runtime reaches it.
 
-// What handlers tell the test, in order.
+// Values that handlers report to the test, in order.
 template <typename T>
 class Heard {
  public:
@@ -42,7 +42,7 @@ class Heard {
     }
     changed_.notify_all();
   }
-  // Waits until there is one.
+  // Waits for the next value and returns it.
   T Next() {
     std::unique_lock lock(mutex_);
     if (!changed_.wait_for(lock, kPatience, [this] { return !values_.empty(); })) {
@@ -69,7 +69,7 @@ class Heard {
   std::deque<T> values_;
 };
 
-// Opens once; handlers wait at it.
+// A gate that opens once. Handlers wait at it.
 class Gate {
  public:
   void Open() { promise_.set_value(); }
@@ -119,7 +119,7 @@ TEST_F(ActorSystemTest, MessagesOfOneSenderAreHandledInOrder) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, ActorsAnswerEachOther) {
+TEST_F(ActorSystemTest, ActorsReplyToEachOther) {
   system_.Spawn("ping", {}, OnEachMessage([&](Context& context, const proto::Message& message) {
                   if (context.sender().actor == "outside") {
                     EXPECT_EQ(context.sender(), (Address{1, "outside"}));
@@ -141,7 +141,7 @@ TEST_F(ActorSystemTest, ActorsAnswerEachOther) {
 }
 
 TEST_F(ActorSystemTest, AnActorRunsOnOneThreadAtATime) {
-  // A counter without a lock: a second thread would lose counts, and thread sanitizer would see it.
+  // The counter has no lock. With a second thread counts would be lost, and thread sanitizer would report it.
   int handled = 0;
   std::promise<void> done;
   system_.Spawn("counter", {.messages_max = 100'000}, OnEachMessage([&](Context&, const proto::Message&) {
@@ -160,7 +160,7 @@ TEST_F(ActorSystemTest, AnActorRunsOnOneThreadAtATime) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, BusyActorsLeaveTheirTurnToOthers) {
+TEST_F(ActorSystemTest, BusyActorsLetOthersRun) {
   ActorSystem::Options options = DefaultOptions();
   options.worker_count = 1;
   ActorSystem system(options);
@@ -168,7 +168,7 @@ TEST_F(ActorSystemTest, BusyActorsLeaveTheirTurnToOthers) {
   system.Spawn("greedy", {},
                Scripted([](Context& context) { (void)context.Send(context.self(), {}); },
                         [](Context& context, const proto::Message&) {
-                          (void)context.Send(context.self(), {});  // Never idle.
+                          (void)context.Send(context.self(), {});  // The actor is never idle.
                         }));
   system.Spawn("modest", {}, OnEachMessage([&](Context&, const proto::Message&) { heard.set_value(); }));
   system.Start(nullptr);
@@ -194,7 +194,7 @@ TEST_F(ActorSystemTest, ActorsStartInOrderBeforeMessagesFlow) {
   system_.Stop();
 }
 
-// Tells which threads it lived on.
+// Reports the threads on which it lived.
 class ThreadBoundActor final : public Actor {
  public:
   explicit ThreadBoundActor(Heard<std::thread::id>* threads) : threads_(threads) {
@@ -211,14 +211,15 @@ class ThreadBoundActor final : public Actor {
   Heard<std::thread::id>* threads_;
 };
 
-TEST_F(ActorSystemTest, OwnThreadActorIsMadeRunAndDestroyedOnOneThread) {
+TEST_F(ActorSystemTest, OwnThreadActorIsConstructedRunAndDestroyedOnOneThread) {
   Heard<std::thread::id> threads;
   system_.Spawn("gl", {.placement = Placement::kOwnThread},
                 [&] { return std::make_unique<ThreadBoundActor>(&threads); });
   system_.Start(nullptr);
   ASSERT_EQ(system_.Post("gl", Numbered(1)), SendResult::kAccepted);
   ASSERT_EQ(system_.Post("gl", Numbered(2)), SendResult::kAccepted);
-  std::vector<std::thread::id> ids = threads.Next(7);  // Made, started, failed, destroyed; made, started, message.
+  // Constructed, started, failed, destroyed; constructed, started, message.
+  std::vector<std::thread::id> ids = threads.Next(7);
   system_.Stop();
   ids.push_back(threads.Next());
   for (const std::thread::id id : ids) EXPECT_EQ(id, ids[0]);
@@ -258,7 +259,7 @@ TEST_F(ActorSystemTest, FullMailboxRefusesAndCounts) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, FailedActorIsMadeAnewAndKeepsItsMailbox) {
+TEST_F(ActorSystemTest, FailedActorIsRestartedAndKeepsItsMailbox) {
   Gate gate;
   std::atomic<int> made = 0;
   system_.Spawn("fragile", {}, [&] {
@@ -279,7 +280,7 @@ TEST_F(ActorSystemTest, FailedActorIsMadeAnewAndKeepsItsMailbox) {
   system_.Start(nullptr);
   for (int i = 1; i <= 3; ++i) ASSERT_EQ(system_.Post("fragile", Numbered(i)), SendResult::kAccepted);
   gate.Open();
-  // The timer may come due before or after the failure. After it, it died with the first incarnation.
+  // The timer may fire before or after the failure. After the failure it is dropped with the first incarnation.
   std::vector<std::string> log;
   while (log.empty() || log.back() != "message 3") {
     const std::string line = heard_.Next();
@@ -291,7 +292,7 @@ TEST_F(ActorSystemTest, FailedActorIsMadeAnewAndKeepsItsMailbox) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, TimersOfADeadIncarnationAreNotHeard) {
+TEST_F(ActorSystemTest, TimersOfADeadIncarnationAreDropped) {
   Gate gate;
   std::atomic<int> made = 0;
   system_.Spawn("fragile", {.placement = Placement::kOwnThread}, [&] {
@@ -302,7 +303,7 @@ TEST_F(ActorSystemTest, TimersOfADeadIncarnationAreNotHeard) {
       } else if (message.request_id() == 1) {
         context.AfterTimer(Duration::zero(), 1, /*value=*/1);
         context.AfterTimer(hours(1), 1, /*value=*/2);
-        // Until the first timer waits in the mailbox.
+        // Waits until the first timer is in the mailbox.
         while (context.GetSystemStatus().actors[0].queued() < 1) std::this_thread::yield();
         context.Fail({ErrorCode::kInternal, "on purpose", {}});
       } else {
@@ -318,7 +319,7 @@ TEST_F(ActorSystemTest, TimersOfADeadIncarnationAreNotHeard) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, ActorBeyondHelpIsReportedOnce) {
+TEST_F(ActorSystemTest, APermanentlyFailedActorIsReportedOnce) {
   ActorSystem::Options options = DefaultOptions();
   options.restarts_max = 1;
   options.on_fatal = [this](const Error& error) { heard_.Add(error.text); };
@@ -326,7 +327,7 @@ TEST_F(ActorSystemTest, ActorBeyondHelpIsReportedOnce) {
   for (const char* name : {"a", "b"}) {
     system.Spawn(name, {}, Scripted([](Context&) { throw std::runtime_error("never works"); }, nullptr));
   }
-  system.Start(nullptr);                                                             // Returns all the same.
+  system.Start(nullptr);  // Start returns although the actors fail.
   EXPECT_THAT(heard_.Next(), ContainsRegex("1/(a|b) is beyond help: never works"));  // Restarts are jittered.
   EXPECT_EQ(system.Post("a", {}), SendResult::kUnreachable);
   EXPECT_EQ(system.Post("b", {}), SendResult::kUnreachable);
@@ -334,7 +335,7 @@ TEST_F(ActorSystemTest, ActorBeyondHelpIsReportedOnce) {
   EXPECT_TRUE(heard_.empty());
 }
 
-TEST_F(ActorSystemTest, StartThatFailsMoreSeldomThanAPeriodIsTriedAgainAtOnce) {
+TEST_F(ActorSystemTest, StartThatFailsLessThanOncePerPeriodIsRetriedAtOnce) {
   ActorSystem::Options options = DefaultOptions();
   options.restart_period = milliseconds(1);
   ActorSystem system(options);
@@ -347,14 +348,14 @@ TEST_F(ActorSystemTest, StartThatFailsMoreSeldomThanAPeriodIsTriedAgainAtOnce) {
                      if (++made < 4) throw std::runtime_error("not yet");
                    },
                    nullptr));
-  system.Start(nullptr);  // Returns.
+  system.Start(nullptr);  // Start returns.
   EXPECT_EQ(made, 4);
   system.Stop();
 }
 
-TEST_F(ActorSystemTest, SecondRestartComesLater) {
+TEST_F(ActorSystemTest, SecondRestartIsDelayed) {
   std::atomic<int> made = 0;
-  std::vector<MonotonicTime> started;  // Of the one actor alone.
+  std::vector<MonotonicTime> started;  // Start times of this actor only.
   system_.Spawn("fragile", {}, [&] {
     ++made;
     return std::make_unique<ScriptedActor>(
@@ -368,11 +369,11 @@ TEST_F(ActorSystemTest, SecondRestartComesLater) {
   system_.Start(nullptr);
   EXPECT_EQ(heard_.Next(), "started");
   ASSERT_THAT(started, SizeIs(3));
-  EXPECT_GE(started[2] - started[1], milliseconds(80));  // 100 ms, shortened by jitter at most to this.
+  EXPECT_GE(started[2] - started[1], milliseconds(80));  // 100 ms, which jitter shortens to 80 ms at most.
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, TimersComeDueInOrderUnlessCancelled) {
+TEST_F(ActorSystemTest, TimersFireInOrderUnlessCancelled) {
   system_.Spawn("clock", {.messages_max = 1},
                 Scripted(
                     [](Context& context) {
@@ -391,7 +392,7 @@ TEST_F(ActorSystemTest, TimersComeDueInOrderUnlessCancelled) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, OthersAreReachedByTheTransport) {
+TEST_F(ActorSystemTest, OtherAgentsAreReachedThroughTheTransport) {
   system_.Spawn("a", {}, OnEachMessage([](Context& context, const proto::Message&) {
                   proto::RoleAssignment roles;
                   roles.set_leader(2);
@@ -416,7 +417,7 @@ TEST_F(ActorSystemTest, OthersAreReachedByTheTransport) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, NobodyIsNoPeer) {
+TEST_F(ActorSystemTest, SendingToAnUnsetAliasFailsWithNoPeer) {
   std::promise<void> done;
   system_.Spawn("a", {}, OnEachMessage([&](Context& context, const proto::Message&) {
                   EXPECT_EQ(context.Send({kLeaderAlias, "sync"}, {}), SendResult::kNoPeer);
@@ -431,7 +432,7 @@ TEST_F(ActorSystemTest, NobodyIsNoPeer) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, WhatPeersSendNamesItsSender) {
+TEST_F(ActorSystemTest, MessagesFromPeersNameTheirSender) {
   system_.Spawn("sync", {}, OnEachMessage([&](Context& context, const proto::Message&) {
                   heard_.Add(ToString(context.sender()));
                   EXPECT_EQ(context.Reply({}), SendResult::kAccepted);
@@ -449,7 +450,7 @@ TEST_F(ActorSystemTest, WhatPeersSendNamesItsSender) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, WhatComesInIsAnsweredToWhereItCameFrom) {
+TEST_F(ActorSystemTest, RepliesReturnToTheClientOrPeerThatAsked) {
   system_.Spawn("gateway", {}, OnEachMessage([](Context& context, const proto::Message&) {
                   EXPECT_EQ(context.Reply({}), SendResult::kAccepted);
                 }));
@@ -468,8 +469,8 @@ TEST_F(ActorSystemTest, WhatComesInIsAnsweredToWhereItCameFrom) {
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, PeerChangesAreToldToThoseWhoWatch) {
-  system_.OnPeerChanged(3, true);  // Before anybody could be told.
+TEST_F(ActorSystemTest, WatchersAreNotifiedOfPeerChanges) {
+  system_.OnPeerChanged(3, true);  // Happens before any actor watches.
   system_.OnPeerChanged(4, true);
   system_.OnPeerChanged(4, false);
   for (const std::string name : {"role", "replica", "merge"}) {
@@ -487,14 +488,14 @@ TEST_F(ActorSystemTest, PeerChangesAreToldToThoseWhoWatch) {
   EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role+3", "replica+3"));
   system_.OnPeerChanged(2, true);
   EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role+2", "replica+2"));
-  system_.OnPeerChanged(2, true);  // Nothing new.
+  system_.OnPeerChanged(2, true);  // Not a change.
   system_.OnPeerChanged(2, false);
   EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role-2", "replica-2"));
   system_.Stop();
   EXPECT_TRUE(heard_.empty());
 }
 
-TEST_F(ActorSystemTest, RestartedActorHearsAgainOfPeersItWatches) {
+TEST_F(ActorSystemTest, RestartedActorIsNotifiedAgainOfPeersItWatches) {
   system_.Spawn("a", {},
                 Scripted([](Context& context) { context.WatchPeers(); },
                          [&](Context& context, const proto::Message& message) {
@@ -508,7 +509,7 @@ TEST_F(ActorSystemTest, RestartedActorHearsAgainOfPeersItWatches) {
   EXPECT_EQ(heard_.Next(), "+2");
 }
 
-// "roles 2 of role": what was published, and who did.
+// The published message and its publisher, as "roles 2 of 1/role".
 std::string NewsText(Context& context, const proto::Message& message) {
   const std::string what = message.has_roles_changed()
                                ? "roles " + std::to_string(message.roles_changed().roles().leader())
@@ -516,7 +517,7 @@ std::string NewsText(Context& context, const proto::Message& message) {
   return what + " of " + ToString(context.sender());
 }
 
-TEST_F(ActorSystemTest, WhatIsPublishedReachesThoseWhoWatchThenAndLater) {
+TEST_F(ActorSystemTest, PublishedMessagesReachPresentAndLaterWatchers) {
   const auto listener = [this](Topic topic) {
     return Scripted(
         [this, topic](Context& context) {
@@ -560,7 +561,7 @@ TEST_F(ActorSystemTest, WhatIsPublishedReachesThoseWhoWatchThenAndLater) {
   EXPECT_TRUE(heard_.empty());
 }
 
-TEST_F(ActorSystemTest, DeathsAreToldToThoseWhoMonitor) {
+TEST_F(ActorSystemTest, MonitorsAreNotifiedOfDeaths) {
   system_.Spawn("victim", {}, OnEachMessage([](Context&, const proto::Message&) { throw std::runtime_error("ouch"); }));
   system_.Spawn("watcher", {},
                 Scripted(
@@ -615,7 +616,7 @@ TEST_F(ActorSystemTest, ControlOvertakesWaitingData) {
   EXPECT_THAT(heard_.Next(5), ElementsAre("1", "peer", "2", "3", "4"));
 }
 
-TEST_F(ActorSystemTest, ControlOvertakesABatchInHand) {
+TEST_F(ActorSystemTest, ControlOvertakesABatchBeingHandled) {
   Gate gate;
   Gate is_in_handler;
   Gate all_posted;
@@ -623,7 +624,7 @@ TEST_F(ActorSystemTest, ControlOvertakesABatchInHand) {
                 Scripted([](Context& context) { context.WatchPeers(); },
                          [&](Context&, const proto::Message& message) {
                            if (message.request_id() == 1) all_posted.Pass();
-                           if (message.request_id() == 2) {  // Of a batch with 3 and 4.
+                           if (message.request_id() == 2) {  // Message 2 belongs to a batch with 3 and 4.
                              is_in_handler.Open();
                              gate.Pass();
                            }
@@ -638,7 +639,7 @@ TEST_F(ActorSystemTest, ControlOvertakesABatchInHand) {
   EXPECT_THAT(heard_.Next(5), ElementsAre("1", "2", "peer", "3", "4"));
 }
 
-TEST_F(ActorSystemTest, PostWaitsForRoomWhereTheMailboxSaysSo) {
+TEST_F(ActorSystemTest, PostWaitsForRoomInABlockingMailbox) {
   constexpr int kMessages = 2000;
   constexpr int kThreads = 4;
   SpawnOptions options;
@@ -659,13 +660,13 @@ TEST_F(ActorSystemTest, PostWaitsForRoomWhereTheMailboxSaysSo) {
   EXPECT_EQ(heard_.Next(), "all");
 }
 
-TEST_F(ActorSystemTest, WhoWaitsForRoomIsLetGoByStop) {
+TEST_F(ActorSystemTest, StopReleasesAPosterThatWaitsForRoom) {
   Gate gate;
   SpawnOptions options;
   options.messages_max = 1;
   options.overflow = Overflow::kBlock;
   system_.Spawn("full", options, OnEachMessage(nullptr));
-  // Not started: nothing is handled.
+  // The system is not started, so no message is handled.
   ASSERT_EQ(system_.Post("full", {}), SendResult::kAccepted);
   std::thread poster([&] {
     gate.Open();
@@ -683,7 +684,7 @@ TEST_F(ActorSystemTest, ActorsNeverWaitForRoom) {
   system_.Spawn("full", options, OnEachMessage(nullptr));
   system_.Spawn("sender", {},
                 Scripted(
-                    [&](Context& context) {  // Before messages flow.
+                    [&](Context& context) {  // Runs before messages flow.
                       heard_.Add(ToString(context.Send({1, "full"}, {})));
                       heard_.Add(ToString(context.Send({1, "full"}, {})));
                     },
@@ -692,7 +693,7 @@ TEST_F(ActorSystemTest, ActorsNeverWaitForRoom) {
   EXPECT_THAT(heard_.Next(2), ElementsAre("accepted", "full"));
 }
 
-TEST_F(ActorSystemTest, AgentGivesUpItsRoleBeforeAnActorIsBeyondHelp) {
+TEST_F(ActorSystemTest, AgentGivesUpItsRoleBeforeAnActorFailsPermanently) {
   ActorSystem::Options options = DefaultOptions();
   options.restarts_max = 2;
   options.restart_period = milliseconds(200);
@@ -710,7 +711,7 @@ TEST_F(ActorSystemTest, AgentGivesUpItsRoleBeforeAnActorIsBeyondHelp) {
   system.Stop();
 }
 
-TEST_F(ActorSystemTest, DeadLettersAndTraceTellWhatHappened) {
+TEST_F(ActorSystemTest, DeadLettersAndTraceRecordFailures) {
   system_.Spawn("a", {}, OnEachMessage([](Context& context, const proto::Message& message) {
                   (void)context.Send({1, "nobody"}, Numbered(message.request_id()));
                   throw std::runtime_error("cannot digest this");
@@ -762,7 +763,7 @@ TEST_F(ActorSystemTest, WatchdogEndsTheProcessForAnActorThatGetsNoTurn) {
   system.Stop();
 }
 
-TEST_F(ActorSystemTest, StatusTellsHandlingTimesAndOverruns) {
+TEST_F(ActorSystemTest, StatusReportsHandlingTimesAndOverruns) {
   SpawnOptions spawn;
   spawn.handler_limit = Duration::zero();
   system_.Spawn("a", spawn, OnEachMessage([&](Context& context, const proto::Message& message) {
@@ -796,7 +797,7 @@ TEST_F(ActorSystemTest, StopIsRequestedAfterTheHandler) {
   system.Stop();
 }
 
-TEST_F(ActorSystemTest, StopLetsLongWorkSeeItAndDropsWhatWaits) {
+TEST_F(ActorSystemTest, StopIsVisibleToLongWorkAndDropsWaitingMessages) {
   system_.Spawn("solver", {.placement = Placement::kOwnThread},
                 OnEachMessage([&](Context& context, const proto::Message& message) {
                   heard_.Add("begin " + std::to_string(message.request_id()));
@@ -825,7 +826,7 @@ class Farewell final : public Actor {
   std::string name_;
 };
 
-TEST_F(ActorSystemTest, ActorsEndInReverseOrder) {
+TEST_F(ActorSystemTest, ActorsStopInReverseOrder) {
   for (const std::string name : {"a", "b", "c"}) {
     const Placement placement = name == "b" ? Placement::kOwnThread : Placement::kPool;
     system_.Spawn(name, {.placement = placement}, [this, name] { return std::make_unique<Farewell>(&heard_, name); });
@@ -835,14 +836,14 @@ TEST_F(ActorSystemTest, ActorsEndInReverseOrder) {
   EXPECT_THAT(heard_.Next(3), ElementsAre("end c", "end b", "end a"));
 }
 
-TEST_F(ActorSystemTest, UnstartedSystemStops) {
+TEST_F(ActorSystemTest, ASystemThatWasNeverStartedStops) {
   system_.Spawn("a", {.placement = Placement::kOwnThread}, OnEachMessage(nullptr));
   system_.Stop();
 }
 
-TEST_F(ActorSystemTest, ManyActorsManyMessagesUnderFailures) {
-  // Eight actors pass tokens at random; one handling in 5000 fails. No token may be handled twice at a time, and the
-  // system comes down while they still run.
+TEST_F(ActorSystemTest, ManyActorsHandleManyMessagesDespiteFailures) {
+  // Eight actors pass tokens at random, and one of 5000 handlers fails. No token may be handled twice at the same time.
+  // The system stops while the actors still run.
   ActorSystem::Options options = DefaultOptions();
   options.worker_count = 4;
   options.restarts_max = 1'000'000;

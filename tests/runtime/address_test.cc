@@ -17,7 +17,7 @@ TEST(AddressTest, TextNamesAgentsAndAliases) {
   EXPECT_EQ(ToString(Address{kClients, "c1"}), "@clients/c1");
 }
 
-TEST(RoleTableTest, AliasesStandForNobodyUntilSet) {
+TEST(RoleTableTest, AliasesResolveToNoAgentUntilSet) {
   RoleTable roles(/*base_station=*/9);
   EXPECT_EQ(roles.Resolve(kLeaderAlias), 0u);
   EXPECT_EQ(roles.Resolve(kSurvivorAlias), 0u);
@@ -32,7 +32,7 @@ TEST(RoleTableTest, AliasesStandForNobodyUntilSet) {
   EXPECT_EQ(roles.Resolve(kClients), kClients);
 }
 
-TEST(EnvelopeTest, OriginIsFilledInOnlyWhereThereIsNone) {
+TEST(EnvelopeTest, OriginIsSetOnlyIfThereIsNone) {
   proto::Message message;
   WriteEnvelope({1, "a"}, {2, "b"}, message);
   EXPECT_EQ(message.agent_id(), 1u);
@@ -43,7 +43,7 @@ TEST(EnvelopeTest, OriginIsFilledInOnlyWhereThereIsNone) {
   EXPECT_EQ(SenderOf(message), (Address{2, "b"}));
 }
 
-TEST(AddressBookTest, KeepsEachAddressOnceAndNotEndlessly) {
+TEST(AddressBookTest, KeepsEachAddressOnceUpToALimit) {
   AddressBook book;
   const Address* first = book.Keep({2, "sync"});
   ASSERT_NE(first, nullptr);

@@ -37,7 +37,7 @@ class LogTest : public ::testing::Test {
   const std::string path_ = temporary_.File("agent.log");
 };
 
-TEST_F(LogTest, WritesALineAnEvent) {
+TEST_F(LogTest, WritesOneLinePerEvent) {
   ASSERT_TRUE(InitLog("info", "rover1", path_));
   spdlog::debug("storage: left out");
   spdlog::info("storage: ready");
@@ -45,7 +45,7 @@ TEST_F(LogTest, WritesALineAnEvent) {
               ::testing::MatchesRegex("[0-9]+-[0-9]+-[0-9]+T[0-9]+:[0-9]+:[0-9.]+Z info rover1 storage: ready\n"));
 }
 
-TEST_F(LogTest, WritesALineOnceWhereStderrGoesToTheFile) {
+TEST_F(LogTest, WritesALineOnceIfStderrIsTheFile) {
   const int stderr_before = ::dup(STDERR_FILENO);
   const int file = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
   ASSERT_GE(::dup2(file, STDERR_FILENO), 0);
@@ -58,7 +58,7 @@ TEST_F(LogTest, WritesALineOnceWhereStderrGoesToTheFile) {
   EXPECT_THAT(Text(), ::testing::MatchesRegex("[^\n]+ storage: ready\n"));
 }
 
-TEST_F(LogTest, LimitsLinesThatOthersCause) {
+TEST_F(LogTest, LimitsLinesThatPeersCause) {
   ASSERT_TRUE(InitLog("info", "rover1", path_));
   RateLimitedLog log;
   RateLimitedLog changes(/*at_once=*/3);
@@ -76,7 +76,7 @@ TEST_F(LogTest, LimitsLinesThatOthersCause) {
   EXPECT_EQ(count("info rover1 rover2 is lost"), 3) << text;
 }
 
-// What reads them is a parser that is not the writer's: protobuf's.
+// Parses the lines with protobuf's JSON parser, which is independent of the writer.
 std::vector<google::protobuf::Struct> Parsed(const std::string& text) {
   std::vector<google::protobuf::Struct> lines;
   std::istringstream in(text);
@@ -92,7 +92,7 @@ std::string Field(const google::protobuf::Struct& line, const std::string& name)
   return found == line.fields().end() ? "absent" : found->second.string_value();
 }
 
-TEST_F(LogTest, WritesAJsonObjectALine) {
+TEST_F(LogTest, WritesOneJsonObjectPerLine) {
   ASSERT_TRUE(InitLog("debug", "rover1", path_, LogFormat::kJson));
   spdlog::warn("2/lease: refused what agent 3 announced: driving_s: expected");
   spdlog::info("transport: rover2 is connected");
@@ -114,7 +114,7 @@ TEST_F(LogTest, WritesAJsonObjectALine) {
   EXPECT_EQ(Field(lines[4], "text"), "stopping");
 }
 
-TEST_F(LogTest, NoTextBreaksOutOfItsJsonLine) {
+TEST_F(LogTest, EscapesTextInJsonLines) {
   ASSERT_TRUE(InitLog("info", "ro\"ver", path_, LogFormat::kJson));
   std::mt19937_64 random(1);
   std::vector<std::string> texts = {"quote \" back \\ line \n return \r nul \x01 del \x7F {\"a\":1}", ""};
@@ -139,7 +139,7 @@ TEST_F(LogTest, RefusesAnUnknownLevel) {
   EXPECT_EQ(spdlog::default_logger(), before_);
 }
 
-TEST_F(LogTest, TellsThatTheFileCannotBeOpened) {
+TEST_F(LogTest, ReportsThatTheFileCannotBeOpened) {
   EXPECT_EQ(InitLog("info", "rover1", "/dev/null/log").error().code, ErrorCode::kUnavailable);
 }
 

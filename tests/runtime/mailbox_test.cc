@@ -43,7 +43,7 @@ Mailbox::Item PeerEvent(std::uint64_t number) {
   return item;
 }
 
-// "7/old": the key is what comes before the slash, in record_id.
+// A message whose record_id is, for example, "7/old". Its mailbox key is the part before the slash.
 Mailbox::Item Keyed(const std::string& key, std::uint64_t number, std::size_t bytes = 0) {
   proto::Message message = Numbered(number);
   message.set_record_id(key);
@@ -87,7 +87,7 @@ std::vector<std::uint64_t> TakeAll(Mailbox& mailbox) {
   return numbers;
 }
 
-TEST(MailboxTest, FirstInFirstOut) {
+TEST(MailboxTest, IsFirstInFirstOut) {
   Mailbox mailbox({});
   EXPECT_EQ(Push(mailbox, Data(1, 10)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, Timer(2, 7)), SendResult::kAccepted);
@@ -102,7 +102,7 @@ TEST(MailboxTest, FirstInFirstOut) {
   EXPECT_EQ(mailbox.counts().bytes_max, 20u);
 }
 
-TEST(MailboxTest, CountIsBoundedAndRefusalsCounted) {
+TEST(MailboxTest, CountIsBoundedAndRefusalsAreCounted) {
   Mailbox mailbox({.messages_max = 2});
   EXPECT_EQ(Push(mailbox, Data(1)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, Data(2)), SendResult::kAccepted);
@@ -112,7 +112,7 @@ TEST(MailboxTest, CountIsBoundedAndRefusalsCounted) {
   EXPECT_EQ(Push(mailbox, Data(4)), SendResult::kAccepted);
 }
 
-TEST(MailboxTest, BytesAreBoundedAndGivenBack) {
+TEST(MailboxTest, BytesAreBoundedAndReleased) {
   Mailbox mailbox({.bytes_max = 100});
   EXPECT_EQ(Push(mailbox, Data(1, 60)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, Data(2, 41)), SendResult::kFull);
@@ -123,7 +123,7 @@ TEST(MailboxTest, BytesAreBoundedAndGivenBack) {
   EXPECT_EQ(Push(mailbox, Data(4, 60)), SendResult::kAccepted);
 }
 
-TEST(MailboxTest, OneMessageLargerThanTheBoundFitsAlone) {
+TEST(MailboxTest, OneMessageLargerThanTheLimitFitsIntoAnEmptyMailbox) {
   Mailbox mailbox({.bytes_max = 100});
   EXPECT_EQ(Push(mailbox, Data(1, 5000)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, Data(2, 1)), SendResult::kFull);
@@ -132,7 +132,7 @@ TEST(MailboxTest, OneMessageLargerThanTheBoundFitsAlone) {
   EXPECT_EQ(Push(mailbox, Data(4, 5000)), SendResult::kFull);
 }
 
-TEST(MailboxTest, MessagesFromOutsideHaveAQuarterOfTheBytes) {
+TEST(MailboxTest, MessagesFromOutsideMayUseAQuarterOfTheBytes) {
   Mailbox mailbox({.bytes_max = 400});
   const auto push_from_outside = [&mailbox](std::uint64_t id, std::size_t bytes) {
     Mailbox::Item item = Data(id, bytes);
@@ -146,7 +146,7 @@ TEST(MailboxTest, MessagesFromOutsideHaveAQuarterOfTheBytes) {
   EXPECT_EQ(Push(mailbox, Data(5, 40)), SendResult::kAccepted);
 }
 
-TEST(MailboxTest, TimersPassTheBoundsAndTakeNoRoom) {
+TEST(MailboxTest, TimersAreNotLimitedAndUseNoRoom) {
   Mailbox mailbox({.messages_max = 1, .bytes_max = 1});
   for (int i = 0; i < 10; ++i) EXPECT_EQ(Push(mailbox, Timer(i)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, Data(10, 1)), SendResult::kAccepted);
@@ -155,8 +155,8 @@ TEST(MailboxTest, TimersPassTheBoundsAndTakeNoRoom) {
   EXPECT_EQ(mailbox.counts().dropped, 0u);
 }
 
-// Whether the reader has taken over what waits or not, and whatever the mailbox's rule is.
-TEST(MailboxTest, ThatRecordsWereStoredWaitsOnceAndPassesTheBounds) {
+// This holds whether or not the reader has taken over the waiting messages, and for every overflow rule.
+TEST(MailboxTest, RecordsStoredIsMergedIntoOneMessageAndNotLimited) {
   for (const SpawnOptions& options : {SpawnOptions{.messages_max = 1, .bytes_max = 1}, LatestByKey(1)}) {
     SCOPED_TRACE(options.overflow == Overflow::kLatestByKey ? "by key" : "");
     Mailbox mailbox(options);
@@ -188,7 +188,7 @@ TEST(MailboxTest, ThatRecordsWereStoredWaitsOnceAndPassesTheBounds) {
   }
 }
 
-TEST(MailboxTest, WhatIsPublishedPassesAFullControlLane) {
+TEST(MailboxTest, PublishedMessagesEnterAFullControlLane) {
   Mailbox mailbox({});
   for (std::size_t i = 0; i < kControlMessagesMax; ++i) EXPECT_EQ(Push(mailbox, PeerEvent(1)), SendResult::kAccepted);
   for (int i = 2; i <= 4; ++i) EXPECT_EQ(Push(mailbox, LeasesChanged(i)), SendResult::kAccepted);
@@ -196,7 +196,7 @@ TEST(MailboxTest, WhatIsPublishedPassesAFullControlLane) {
   EXPECT_EQ(TakeAll(mailbox).back(), 4u);
 }
 
-TEST(MailboxTest, ControlGoesBeforeDataAndTakesNoRoom) {
+TEST(MailboxTest, ControlPrecedesDataAndUsesNoRoom) {
   Mailbox mailbox({.messages_max = 1});
   EXPECT_EQ(Push(mailbox, Data(1)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, PeerEvent(2)), SendResult::kAccepted);
@@ -205,7 +205,7 @@ TEST(MailboxTest, ControlGoesBeforeDataAndTakesNoRoom) {
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(2, 3, 1));
 }
 
-TEST(MailboxTest, ControlGoesBeforeDataThatTheReaderTookOver) {
+TEST(MailboxTest, ControlPrecedesDataThatTheReaderTookOver) {
   Mailbox mailbox({});
   for (int i = 1; i <= 3; ++i) EXPECT_EQ(Push(mailbox, Data(i)), SendResult::kAccepted);
   EXPECT_EQ(mailbox.Take()->message->request_id(), 1u);
@@ -232,7 +232,7 @@ TEST(MailboxTest, FullControlLaneKeepsTheNewestOfAKind) {
   EXPECT_EQ(numbers.back(), 1000u);
 }
 
-TEST(MailboxTest, LatestOfAKeyTakesThePlaceOfTheWaitingOne) {
+TEST(MailboxTest, LatestOfAKeyReplacesTheWaitingOne) {
   Mailbox mailbox(LatestByKey(2));
   EXPECT_EQ(Push(mailbox, Keyed("a", 1, 10)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, Keyed("b", 2, 10)), SendResult::kAccepted);
@@ -242,11 +242,11 @@ TEST(MailboxTest, LatestOfAKeyTakesThePlaceOfTheWaitingOne) {
   EXPECT_EQ(mailbox.counts().dropped, 1u);
   EXPECT_EQ(mailbox.counts().bytes, 25u);
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(3, 2));
-  EXPECT_EQ(Push(mailbox, Keyed("a", 5)), SendResult::kAccepted);  // What left is replaced no more.
+  EXPECT_EQ(Push(mailbox, Keyed("a", 5)), SendResult::kAccepted);  // A message that was taken is not replaced any more.
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(5));
 }
 
-TEST(MailboxTest, AReplacementMayNotPassTheBoundInBytes) {
+TEST(MailboxTest, AReplacementMayNotExceedTheLimitInBytes) {
   SpawnOptions options = LatestByKey(4);
   options.bytes_max = 100;
   Mailbox mailbox(options);
@@ -266,14 +266,14 @@ TEST(MailboxTest, AKeyFunctionThatThrowsGivesNoKey) {
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(1, 2));
 }
 
-TEST(MailboxTest, WithoutAKeyNothingIsReplaced) {
+TEST(MailboxTest, MessagesWithoutAKeyAreNotReplaced) {
   Mailbox mailbox(LatestByKey(3));
   EXPECT_EQ(Push(mailbox, Keyed("", 1)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, Keyed("", 2)), SendResult::kAccepted);
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(1, 2));
 }
 
-TEST(MailboxTest, WhatTheReaderTookOverCountsUntilItIsTaken) {
+TEST(MailboxTest, MessagesThatTheReaderTookOverCountUntilTheyAreTaken) {
   Mailbox mailbox({.messages_max = 3});
   for (int i = 1; i <= 3; ++i) EXPECT_EQ(Push(mailbox, Data(i, 10)), SendResult::kAccepted);
   (void)mailbox.Take();
@@ -288,7 +288,7 @@ TEST(MailboxTest, WhatTheReaderTookOverCountsUntilItIsTaken) {
   EXPECT_TRUE(mailbox.is_half_free());
 }
 
-TEST(MailboxTest, TryPushLeavesWhatItRefusesAndCountsItNot) {
+TEST(MailboxTest, TryPushKeepsARefusedMessageAndDoesNotCountIt) {
   Mailbox mailbox({.messages_max = 1});
   Mailbox::Item item = Data(1);
   EXPECT_EQ(mailbox.TryPush(item).result, SendResult::kAccepted);
@@ -299,17 +299,17 @@ TEST(MailboxTest, TryPushLeavesWhatItRefusesAndCountsItNot) {
   EXPECT_EQ(mailbox.counts().dropped, 0u);
 }
 
-TEST(MailboxTest, ReaderThatIsAwayIsCalledOnce) {
+TEST(MailboxTest, AnAbsentReaderIsCalledOnce) {
   Mailbox mailbox({.messages_max = 2});
   EXPECT_TRUE(mailbox.Push(Data(1)).must_call_reader);
   EXPECT_FALSE(mailbox.Push(Data(2)).must_call_reader);
-  EXPECT_FALSE(mailbox.Push(Data(3)).must_call_reader);  // Full.
-  EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/true));   // There are some.
+  EXPECT_FALSE(mailbox.Push(Data(3)).must_call_reader);  // The mailbox is full.
+  EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/true));   // Messages are waiting.
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(1, 2));
   EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/true));
   EXPECT_TRUE(mailbox.Push(PeerEvent(4)).must_call_reader);
   EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/true));
-  EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/false));  // It cannot handle any now.
+  EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/false));  // The reader cannot handle messages now.
   EXPECT_TRUE(mailbox.Push(Data(5)).must_call_reader);
 }
 
@@ -317,11 +317,12 @@ TEST(MailboxTest, NudgeIsNotMissed) {
   Mailbox mailbox({});
   EXPECT_TRUE(mailbox.Nudge());
   EXPECT_FALSE(mailbox.Nudge());
-  EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/false));  // It came while the reader was there, and perhaps past it.
+  // The nudge came while the reader was awake, which may have missed it.
+  EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/false));
   EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/false));
 }
 
-TEST(MailboxTest, ClosedItHoldsNothingAndRefuses) {
+TEST(MailboxTest, AClosedMailboxIsEmptyAndRefuses) {
   Mailbox mailbox(LatestByKey(3));
   (void)Push(mailbox, Timer(1));
   ASSERT_EQ(Push(mailbox, Keyed("a", 2, 10)), SendResult::kAccepted);
@@ -335,7 +336,7 @@ TEST(MailboxTest, ClosedItHoldsNothingAndRefuses) {
   EXPECT_EQ(Push(mailbox, PeerEvent(5)), SendResult::kUnreachable);
 }
 
-TEST(MailboxTest, WhatWasTakenOutlivesTheMailboxsClosing) {
+TEST(MailboxTest, ATakenMessageOutlivesTheClosingOfTheMailbox) {
   Mailbox mailbox({});
   for (int i = 1; i <= 2; ++i) ASSERT_EQ(Push(mailbox, Data(i)), SendResult::kAccepted);
   const Mailbox::Item* item = mailbox.Take();
@@ -344,8 +345,8 @@ TEST(MailboxTest, WhatWasTakenOutlivesTheMailboxsClosing) {
   EXPECT_EQ(mailbox.Take(), nullptr);
 }
 
-// Nothing is lost, doubled or out of order, and the reader sleeps only when there is nothing.
-TEST(MailboxTest, SendersAndAReaderThatComesAndGoes) {
+// No message is lost, duplicated or reordered, and the reader sleeps only if no message waits.
+TEST(MailboxTest, LosesNoMessageWithManySendersAndASleepingReader) {
   constexpr std::uint64_t kSenders = 3;
   constexpr std::uint64_t kEach = 20'000;
   Mailbox mailbox({.messages_max = 50});
@@ -377,7 +378,7 @@ TEST(MailboxTest, SendersAndAReaderThatComesAndGoes) {
   EXPECT_LE(mailbox.counts().waiting_max, 50u);
 }
 
-// Against a plain model: a list in which the newest of a key stands where the oldest waiting one did.
+// Compares the mailbox with a model: a list in which the newest message of a key takes the place of the waiting one.
 TEST(MailboxTest, RandomUseAgreesWithAModel) {
   const auto seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));

@@ -13,9 +13,9 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kTexts = 4;  // Of a message, each an object that may stay.
+constexpr std::size_t kTexts = 4;  // Texts per message. Each is an object that may be reused.
 
-// Gives the field some value that takes memory where it can.
+// Sets the field to a value that allocates memory if possible.
 void Fill(proto::Message* message, const google::protobuf::FieldDescriptor& field) {
   const auto& reflection = *message->GetReflection();
   switch (field.cpp_type()) {
@@ -35,7 +35,7 @@ void Fill(proto::Message* message, const google::protobuf::FieldDescriptor& fiel
   }
 }
 
-TEST(OwnedMessageTest, NothingOfAMessageIsLeftToTheNext) {
+TEST(OwnedMessageTest, AReusedMessageIsEmpty) {
   const auto& type = *proto::Message::descriptor();
   for (int i = 0; i < type.field_count(); ++i) {
     const auto& field = *type.field(i);
@@ -51,7 +51,7 @@ TEST(OwnedMessageTest, NothingOfAMessageIsLeftToTheNext) {
   }
 }
 
-TEST(OwnedMessageTest, ATextThatWasClearedIsNotKept) {
+TEST(OwnedMessageTest, TheMemoryOfAClearedTextIsReleased) {
   {
     OwnedMessage message;
     message->set_sql(std::string(10'000, 'x'));
@@ -64,7 +64,7 @@ TEST(OwnedMessageTest, ATextThatWasClearedIsNotKept) {
 TEST(OwnedMessageTest, HasOneOwner) {
   OwnedMessage first = Numbered(1);
   OwnedMessage second = std::move(first);
-  EXPECT_TRUE(first == nullptr);  // NOLINT(bugprone-use-after-move): as with std::unique_ptr.
+  EXPECT_TRUE(first == nullptr);  // NOLINT(bugprone-use-after-move): null after a move, like std::unique_ptr.
   EXPECT_EQ(second->request_id(), 1u);
   second = Numbered(2);
   EXPECT_EQ(second->request_id(), 2u);
@@ -72,8 +72,9 @@ TEST(OwnedMessageTest, HasOneOwner) {
   EXPECT_FALSE(second);
 }
 
-// More than change hands at once, both ways: each message has its own memory, and none is lost.
-TEST(OwnedMessageTest, ManyGoFromThreadToThread) {
+// More messages than are exchanged at once move between the threads in both directions. Each message has its own
+// memory, and none is lost.
+TEST(OwnedMessageTest, ManyMessagesMoveBetweenThreads) {
   constexpr std::uint64_t kCount = 1000;
   for (int round = 0; round < 3; ++round) {
     std::vector<OwnedMessage> messages;

@@ -33,10 +33,10 @@ constexpr DataType kNotRead = proto::POWER;
 const Address kStorage{kSelf, actor_name::kStorage};
 const Address kReader{kSelf, "reader"};
 
-// What storage holds, by row, which outlives its actor; a record's seq is its row.
+// Storage's data types by row id, which outlive its actor. A record's seq is its row id.
 struct FakeStore {
   std::map<std::uint64_t, DataType> rows;
-  std::vector<std::uint64_t> asked_after;  // By each ReadRequest.
+  std::vector<std::uint64_t> asked_after;  // Start row of each ReadRequest.
   std::optional<Error> error;
 
   std::uint64_t last_row() const { return rows.empty() ? 0 : rows.rbegin()->first; }
@@ -60,14 +60,14 @@ proto::ReadReply PageOf(const FakeStore& store, const proto::ReadRequest& reques
   return page;
 }
 
-// An actor of one reader that keeps the seqs which it was given.
+// An actor with one reader. Keeps the seqs that the reader passed to it.
 class ReaderActor final : public Actor {
  public:
   struct Seen {
     std::vector<std::uint64_t> seqs;
-    std::vector<std::string> results;  // Of the readings that ended.
-    std::size_t others = 0;            // Answers and timers that the reader left to its actor.
-    std::uint64_t refused_seq = 0;     // 0: none.
+    std::vector<std::string> results;  // Results of the readings that ended.
+    std::size_t others = 0;            // Answers and timers that the reader leaves to its actor.
+    std::uint64_t refused_seq = 0;     // Seq that the actor refuses. 0: none.
   };
 
   ReaderActor(RecordReader::Options options, bool is_following, std::shared_ptr<Seen> seen)
@@ -120,7 +120,7 @@ class RecordReaderTest : public testing::Test {
     team_.AddAgent(kSelf);
   }
 
-  // Without it, storage is a probe: the test answers.
+  // Spawns a simulated storage. Otherwise storage is a probe, and the test sends the answers.
   void SpawnStorage(SpawnOptions options = {}) {
     team_.Spawn(kSelf, actor_name::kStorage, OnEachMessage([this](Context& context, const proto::Message& message) {
                   if (message.has_custom()) {
@@ -144,7 +144,7 @@ class RecordReaderTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // As a transaction of storage: the row, then the news of it.
+  // Adds a row and then publishes the news, as a transaction of storage does.
   void Commit(Context& context) {
     AddRows(1);
     context.Publish(News(store_.last_row()));
@@ -172,7 +172,7 @@ class RecordReaderTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // What came to the probe that stands for storage.
+  // Messages that the probe in storage's place received.
   std::vector<proto::Message> TakeQuestions() { return team_.Take(kStorage); }
 
   // A page with these rows.
@@ -200,7 +200,7 @@ class RecordReaderTest : public testing::Test {
   SimulatedTeam team_{/*seed=*/1};
 };
 
-TEST_F(RecordReaderTest, ReadsAllPagesInTheOrderOfStoring) {
+TEST_F(RecordReaderTest, ReadsAllPagesInStorageOrder) {
   SpawnStorage();
   AddRows(7);
   SpawnReader(/*is_following=*/true);
@@ -208,7 +208,7 @@ TEST_F(RecordReaderTest, ReadsAllPagesInTheOrderOfStoring) {
   EXPECT_THAT(store_.asked_after, ElementsAre(0, 3, 6));
 }
 
-TEST_F(RecordReaderTest, ReadsItsTypesAlone) {
+TEST_F(RecordReaderTest, ReadsOnlyItsTypes) {
   SpawnStorage();
   AddRows(1);
   AddRows(5, kNotRead);
@@ -220,7 +220,7 @@ TEST_F(RecordReaderTest, ReadsItsTypesAlone) {
   EXPECT_THAT(team_.TakeSent(kReader), IsEmpty());
 }
 
-TEST_F(RecordReaderTest, AsksAsTheOptionsSay) {
+TEST_F(RecordReaderTest, AsksForPagesAsItsOptionsSay) {
   options_.data_types = {kRead, kNotRead};
   options_.page_bytes_max = 1000;
   SpawnReader(/*is_following=*/true);
@@ -232,7 +232,7 @@ TEST_F(RecordReaderTest, AsksAsTheOptionsSay) {
   EXPECT_EQ(request.content_bytes_max(), 1000u);
 }
 
-TEST_F(RecordReaderTest, FollowsWhatIsStored) {
+TEST_F(RecordReaderTest, FollowsNewRecords) {
   SpawnStorage();
   SpawnReader(/*is_following=*/true);
   proto::Message commit;
@@ -242,8 +242,9 @@ TEST_F(RecordReaderTest, FollowsWhatIsStored) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1, 2, 3, 4, 5));
 }
 
-// The mailbox holds one RecordsStored, to which later ones are added: it may stand before a page that lacks them.
-TEST_F(RecordReaderTest, AWakeUpBeforeThePageThatLacksItIsNotLost) {
+// The mailbox merges later RecordsStored into the waiting one. That message may therefore precede a page that lacks the
+// new rows.
+TEST_F(RecordReaderTest, NewsThatPrecedeAPageWithoutTheNewRowsAreNotLost) {
   SpawnReader(/*is_following=*/true);
   const proto::Message question = TakeQuestions().at(0);
   PostFromStorage(News(/*last_row_id=*/2));
@@ -256,14 +257,14 @@ TEST_F(RecordReaderTest, AWakeUpBeforeThePageThatLacksItIsNotLost) {
   EXPECT_THAT(TakeQuestions(), IsEmpty());
 }
 
-TEST_F(RecordReaderTest, NewsOfWhatWasReadAlreadyAskNothing) {
+TEST_F(RecordReaderTest, NewsOfRowsAlreadyReadCauseNoRequest) {
   SpawnReader(/*is_following=*/true);
   PostFromStorage(Answer(TakeQuestions().at(0), {1, 2}));
   PostFromStorage(News(/*last_row_id=*/2));
   EXPECT_THAT(TakeQuestions(), IsEmpty());
 }
 
-TEST_F(RecordReaderTest, HasOneQuestionUnderWayHoweverOftenItIsWoken) {
+TEST_F(RecordReaderTest, HasOneRequestInFlightHoweverManyNewsArrive) {
   SpawnReader(/*is_following=*/true);
   for (std::uint64_t row = 1; row <= 100; ++row) PostFromStorage(News(row));
   const std::vector<proto::Message> first = TakeQuestions();
@@ -272,7 +273,7 @@ TEST_F(RecordReaderTest, HasOneQuestionUnderWayHoweverOftenItIsWoken) {
   EXPECT_THAT(TakeQuestions(), SizeIs(1));
 }
 
-TEST_F(RecordReaderTest, AsksAgainForAPageThatDoesNotCome) {
+TEST_F(RecordReaderTest, RequestsALostPageAgain) {
   SpawnReader(/*is_following=*/true);
   PostFromStorage(Answer(TakeQuestions().at(0), {1}, /*is_complete=*/false));
   const proto::Message lost = TakeQuestions().at(0);
@@ -282,7 +283,7 @@ TEST_F(RecordReaderTest, AsksAgainForAPageThatDoesNotCome) {
   const std::vector<proto::Message> again = TakeQuestions();
   ASSERT_THAT(again, SizeIs(1));
   EXPECT_EQ(again[0].read_request().after_row_id(), 1u);
-  PostFromStorage(Answer(lost, {2}));  // Late.
+  PostFromStorage(Answer(lost, {2}));  // The late answer.
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
   PostFromStorage(Answer(again[0], {2}));
   EXPECT_THAT(seen_->seqs, ElementsAre(1, 2));
@@ -290,7 +291,7 @@ TEST_F(RecordReaderTest, AsksAgainForAPageThatDoesNotCome) {
   EXPECT_THAT(TakeQuestions(), IsEmpty());
 }
 
-TEST_F(RecordReaderTest, TakesNoAnswerThatItDidNotAskForAndLeavesItToTheActor) {
+TEST_F(RecordReaderTest, LeavesAnswersToOtherRequestsToTheActor) {
   SpawnReader(/*is_following=*/true);
   const proto::Message question = TakeQuestions().at(0);
   Post({kSelf, "other"}, kReader, Answer(question, {9}));
@@ -305,11 +306,11 @@ TEST_F(RecordReaderTest, TakesNoAnswerThatItDidNotAskForAndLeavesItToTheActor) {
   EXPECT_EQ(seen_->others, 3u);
   EXPECT_THAT(TakeQuestions(), IsEmpty());
   PostFromStorage(Answer(question, {1}));
-  PostFromStorage(Answer(question, {2}));  // Once more.
+  PostFromStorage(Answer(question, {2}));  // A repeated answer.
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
 }
 
-TEST_F(RecordReaderTest, NewsThatAreNotStoragesWakeNobody) {
+TEST_F(RecordReaderTest, IgnoresNewsFromOtherActors) {
   SpawnReader(/*is_following=*/true);
   PostFromStorage(Answer(TakeQuestions().at(0), {}));
   Post({kSelf, "other"}, kReader, News(/*last_row_id=*/5));
@@ -317,7 +318,7 @@ TEST_F(RecordReaderTest, NewsThatAreNotStoragesWakeNobody) {
   EXPECT_THAT(TakeQuestions(), IsEmpty());
 }
 
-TEST_F(RecordReaderTest, PassesOverWhatIsPrunedBetweenTwoPages) {
+TEST_F(RecordReaderTest, SkipsRowsThatArePrunedBetweenTwoPages) {
   SpawnStorage();
   AddRows(10);
   team_.SetFault([this](const Address& actor, const proto::Message& message) {
@@ -330,7 +331,7 @@ TEST_F(RecordReaderTest, PassesOverWhatIsPrunedBetweenTwoPages) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1, 2, 3, 5, 7, 8, 9));
 }
 
-TEST_F(RecordReaderTest, AsksStorageAgainAtOnceThatFailsWithTheQuestionInHand) {
+TEST_F(RecordReaderTest, RepeatsItsRequestAtOnceIfStorageFailsWhileHandlingIt) {
   SpawnStorage();
   AddRows(7);
   int faults = 0;
@@ -343,8 +344,8 @@ TEST_F(RecordReaderTest, AsksStorageAgainAtOnceThatFailsWithTheQuestionInHand) {
   EXPECT_EQ(faults, 2);
 }
 
-// Its commit may have been the last thing that it did.
-TEST_F(RecordReaderTest, LooksAgainWhenStorageFails) {
+// Storage may have committed a record just before it failed.
+TEST_F(RecordReaderTest, ReadsAgainWhenStorageFails) {
   SpawnStorage();
   SpawnReader(/*is_following=*/true);
   AddRows(1);
@@ -353,7 +354,7 @@ TEST_F(RecordReaderTest, LooksAgainWhenStorageFails) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
 }
 
-TEST_F(RecordReaderTest, AsksAgainWhenTheMailboxOfStorageIsFull) {
+TEST_F(RecordReaderTest, RetriesWhenTheMailboxOfStorageIsFull) {
   SpawnStorage({.messages_max = 1});
   AddRows(1);
   Post({kSelf, "test"}, kStorage, Numbered(1));
@@ -364,7 +365,7 @@ TEST_F(RecordReaderTest, AsksAgainWhenTheMailboxOfStorageIsFull) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
 }
 
-TEST_F(RecordReaderTest, AsksAgainWhenItsOwnMailboxHadNoRoomForThePage) {
+TEST_F(RecordReaderTest, RetriesWhenItsOwnMailboxHadNoRoomForThePage) {
   SpawnStorage();
   AddRows(1);
   bool is_full = true;
@@ -380,7 +381,7 @@ TEST_F(RecordReaderTest, AsksAgainWhenItsOwnMailboxHadNoRoomForThePage) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
 }
 
-TEST_F(RecordReaderTest, GoesOnFollowingAfterAnErrorOfStorage) {
+TEST_F(RecordReaderTest, KeepsFollowingAfterAnErrorOfStorage) {
   SpawnStorage();
   AddRows(1);
   store_.error = Error{ErrorCode::kInternal, "the disk does not answer", {}};
@@ -392,7 +393,7 @@ TEST_F(RecordReaderTest, GoesOnFollowingAfterAnErrorOfStorage) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
 }
 
-TEST_F(RecordReaderTest, ReadsWhatIsStoredByNowWhenItIsToldTo) {
+TEST_F(RecordReaderTest, ReadsPresentRecordsOnRequest) {
   SpawnStorage();
   AddRows(4);
   SpawnReader(/*is_following=*/false);
@@ -408,7 +409,7 @@ TEST_F(RecordReaderTest, ReadsWhatIsStoredByNowWhenItIsToldTo) {
   EXPECT_THAT(seen_->results, ElementsAre("", ""));
 }
 
-TEST_F(RecordReaderTest, AReadingThatIsToldAgainCoversWhatIsStoredByThen) {
+TEST_F(RecordReaderTest, ARepeatedRequestCoversRecordsStoredUntilThen) {
   SpawnReader(/*is_following=*/false);
   Order("read");
   const proto::Message question = TakeQuestions().at(0);
@@ -421,7 +422,7 @@ TEST_F(RecordReaderTest, AReadingThatIsToldAgainCoversWhatIsStoredByThen) {
   EXPECT_THAT(seen_->results, ElementsAre(""));
 }
 
-TEST_F(RecordReaderTest, AReadingEndsWithWhatWentWrongAndTheNextOneGoesOn) {
+TEST_F(RecordReaderTest, AReadingReportsAnErrorAndTheNextOneContinues) {
   SpawnReader(/*is_following=*/false);
   Order("read");
   PostFromStorage(Answer(TakeQuestions().at(0), {1}, /*is_complete=*/false));
@@ -439,7 +440,7 @@ TEST_F(RecordReaderTest, AReadingEndsWithWhatWentWrongAndTheNextOneGoesOn) {
   EXPECT_THAT(seen_->results, ElementsAre("storage did not answer", "the disk does not answer", ""));
 }
 
-TEST_F(RecordReaderTest, AReadingEndsAtOnceWhereStorageCannotBeAsked) {
+TEST_F(RecordReaderTest, AReadingEndsAtOnceIfStorageCannotBeReached) {
   SpawnStorage({.messages_max = 1});
   SpawnReader(/*is_following=*/false);
   proto::Message order;
@@ -450,7 +451,7 @@ TEST_F(RecordReaderTest, AReadingEndsAtOnceWhereStorageCannotBeAsked) {
   EXPECT_THAT(seen_->results, ElementsAre("storage cannot be asked: full"));
 }
 
-TEST_F(RecordReaderTest, ARecordThatIsNotTakenEndsTheReadingAndIsGivenAgain) {
+TEST_F(RecordReaderTest, ARefusedRecordEndsTheReadingAndIsPassedAgain) {
   SpawnStorage();
   AddRows(5);
   seen_->refused_seq = 2;
@@ -463,7 +464,7 @@ TEST_F(RecordReaderTest, ARecordThatIsNotTakenEndsTheReadingAndIsGivenAgain) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1, 2, 3, 4, 5));
 }
 
-TEST_F(RecordReaderTest, ReadsAnewFromTheFirstRecordAndTakesNoPageOfBefore) {
+TEST_F(RecordReaderTest, RestartsAtTheFirstRecordAndIgnoresEarlierPages) {
   SpawnReader(/*is_following=*/false);
   Order("read");
   PostFromStorage(Answer(TakeQuestions().at(0), {1, 2}, /*is_complete=*/false));
@@ -477,7 +478,7 @@ TEST_F(RecordReaderTest, ReadsAnewFromTheFirstRecordAndTakesNoPageOfBefore) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1, 2, 1, 2, 3));
 }
 
-TEST_F(RecordReaderTest, TakesNothingWhileItIsStopped) {
+TEST_F(RecordReaderTest, IgnoresAnswersWhileStopped) {
   SpawnReader(/*is_following=*/false);
   Order("read");
   const proto::Message question = TakeQuestions().at(0);
@@ -491,7 +492,7 @@ TEST_F(RecordReaderTest, TakesNothingWhileItIsStopped) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
 }
 
-// Storage never sends one; it would be asked without end.
+// Storage never sends such a page. If the reader continued after it, it would ask forever.
 TEST_F(RecordReaderTest, APageWithoutARecordIsTheLast) {
   SpawnReader(/*is_following=*/false);
   Order("read");
@@ -500,7 +501,7 @@ TEST_F(RecordReaderTest, APageWithoutARecordIsTheLast) {
   EXPECT_THAT(seen_->results, ElementsAre(""));
 }
 
-TEST_F(RecordReaderTest, ANewLifeOfTheActorReadsFromTheFirstRecord) {
+TEST_F(RecordReaderTest, ARestartedActorReadsFromTheFirstRecord) {
   SpawnStorage();
   AddRows(4);
   SpawnReader(/*is_following=*/true);

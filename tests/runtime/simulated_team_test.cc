@@ -47,7 +47,7 @@ class SimulatedTeamTest : public testing::Test {
     for (AgentId agent : {1, 2, 3}) team_.AddAgent(agent);
   }
 
-  // Sends `message` from 1/test to 1/relay, an actor that passes everything on to `to`.
+  // Sends `message` from 1/test to 1/relay, an actor that forwards every message to `to`.
   SendResult RelayOnce(const Address& to) {
     SendResult result = SendResult::kAccepted;
     team_.Spawn(1, "relay", OnEachMessage([&](Context& context, const proto::Message& message) {
@@ -72,7 +72,7 @@ TEST_F(SimulatedTeamTest, AddressesAreFilledInBySend) {
   EXPECT_EQ(messages[0].agent_id(), 1u);
 }
 
-TEST_F(SimulatedTeamTest, OriginOfPassedOnDataIsKept) {
+TEST_F(SimulatedTeamTest, OriginOfForwardedDataIsKept) {
   proto::Message message = Numbered(1);
   message.set_agent_id(3);
   ASSERT_EQ(team_.Post({1, "test"}, {2, "sync"}, message), SendResult::kAccepted);
@@ -90,7 +90,7 @@ TEST_F(SimulatedTeamTest, ReplyGoesToTheSenderWithTheRequestId) {
   EXPECT_THAT(NumbersOf(team_.Take({1, "test"})), ElementsAre(42));
 }
 
-TEST_F(SimulatedTeamTest, ClientsAreAnsweredToo) {
+TEST_F(SimulatedTeamTest, ClientsGetRepliesToo) {
   team_.Spawn(1, "gateway", OnEachMessage([](Context& context, const proto::Message&) { (void)context.Reply({}); }));
   ASSERT_EQ(team_.Post({kClients, "c1"}, {1, "gateway"}, Numbered(3)), SendResult::kAccepted);
   team_.RunUntilIdle();
@@ -98,7 +98,7 @@ TEST_F(SimulatedTeamTest, ClientsAreAnsweredToo) {
   EXPECT_THAT(team_.Take({kClients, "c1"}), IsEmpty());
 }
 
-TEST_F(SimulatedTeamTest, AliasesStandForWhatTheSendersOwnAgentKnows) {
+TEST_F(SimulatedTeamTest, AliasesResolveByTheRolesThatTheSendersAgentKnows) {
   team_.SetBaseStation(3);
   team_.SetRoles(1, Roles(2, 3));
   team_.SetRoles(2, Roles(1, 3));
@@ -125,13 +125,13 @@ TEST_F(SimulatedTeamTest, AliasIsResolvedWhenTheMessageIsSent) {
   EXPECT_THAT(NumbersOf(team_.Take({3, "a"})), ElementsAre(2));
 }
 
-TEST_F(SimulatedTeamTest, NobodyIsNoPeer) {
+TEST_F(SimulatedTeamTest, SendingToAnUnknownAgentFailsWithNoPeer) {
   EXPECT_EQ(team_.Post({1, "test"}, {kLeaderAlias, "a"}, {}), SendResult::kNoPeer);
   EXPECT_EQ(team_.Post({1, "test"}, {9, "a"}, {}), SendResult::kNoPeer);
   EXPECT_EQ(RelayOnce({kSurvivorAlias, "a"}), SendResult::kNoPeer);
 }
 
-TEST_F(SimulatedTeamTest, MessagesBetweenAgentsTakeTheRadiosTime) {
+TEST_F(SimulatedTeamTest, MessagesBetweenAgentsTakeTheRadiosLatency) {
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(1)), SendResult::kAccepted);
   ASSERT_EQ(team_.Post({1, "test"}, {1, "a"}, Numbered(2)), SendResult::kAccepted);
   team_.RunUntilIdle();
@@ -156,7 +156,7 @@ TEST_F(SimulatedTeamTest, RateDelaysAndThenFillsTheOutbox) {
   EXPECT_THAT(team_.Take({2, "a"}), SizeIs(1));
 }
 
-TEST_F(SimulatedTeamTest, LossAndRepetitionComeAtTheirRatios) {
+TEST_F(SimulatedTeamTest, LossAndRepetitionOccurAtTheirRatios) {
   team_.radio().loss_ratio = 0.25;
   team_.radio().duplicate_ratio = 0.1;
   for (int i = 0; i < 4000; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
@@ -166,7 +166,7 @@ TEST_F(SimulatedTeamTest, LossAndRepetitionComeAtTheirRatios) {
   EXPECT_NEAR(static_cast<double>(team_.Take({2, "a"}).size()), 300 * (1 - 1.0 / 30), 80);
 }
 
-TEST_F(SimulatedTeamTest, CopiesMayComeMinutesLater) {
+TEST_F(SimulatedTeamTest, CopiesMayArriveMinutesLater) {
   team_.radio().duplicate_ratio = 1;
   team_.radio().duplicate_delay_max = seconds(600);
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(1)), SendResult::kAccepted);
@@ -179,7 +179,7 @@ TEST_F(SimulatedTeamTest, CopiesMayComeMinutesLater) {
   EXPECT_NEAR(static_cast<double>(team_.Take({2, "b"}).size()), 100, 30);
 }
 
-TEST_F(SimulatedTeamTest, JitterLetsMessagesOvertake) {
+TEST_F(SimulatedTeamTest, JitterReordersMessages) {
   team_.radio().latency_jitter = seconds(1);
   for (int i = 0; i < 50; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(i)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(2));
@@ -188,7 +188,7 @@ TEST_F(SimulatedTeamTest, JitterLetsMessagesOvertake) {
   EXPECT_FALSE(std::is_sorted(numbers.begin(), numbers.end()));
 }
 
-TEST_F(SimulatedTeamTest, CutLinkLosesWhatIsInTheAirAndTellsBothEnds) {
+TEST_F(SimulatedTeamTest, ACutLinkLosesMessagesInFlightAndNotifiesBothEnds) {
   std::vector<std::string> heard;
   for (AgentId agent : {1, 2}) {
     team_.Spawn(agent, "sync",
@@ -201,7 +201,8 @@ TEST_F(SimulatedTeamTest, CutLinkLosesWhatIsInTheAirAndTellsBothEnds) {
                          }));
   }
   team_.RunUntilIdle();
-  EXPECT_THAT(heard, ElementsAre("1/sync+2", "1/sync+3", "2/sync+1", "2/sync+3"));  // All are connected at first.
+  // All agents are connected at first.
+  EXPECT_THAT(heard, ElementsAre("1/sync+2", "1/sync+3", "2/sync+1", "2/sync+3"));
   heard.clear();
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
   team_.SetLink(1, 2, false);
@@ -217,14 +218,14 @@ TEST_F(SimulatedTeamTest, CutLinkLosesWhatIsInTheAirAndTellsBothEnds) {
   EXPECT_THAT(heard, ElementsAre("1/sync-2", "2/sync-1", "2/sync+1", "1/sync+2"));
 }
 
-TEST_F(SimulatedTeamTest, UntoldCutLosesSilently) {
+TEST_F(SimulatedTeamTest, AnUnreportedCutLosesMessagesSilently) {
   team_.SetLink(1, 2, false, /*tell=*/false);
   EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
   EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
 }
 
-TEST_F(SimulatedTeamTest, FilterSeesAndLosesMessages) {
+TEST_F(SimulatedTeamTest, TheFilterSeesAndDropsMessages) {
   team_.SetFilter([](AgentId from, AgentId to, const proto::Message& message) {
     EXPECT_EQ(from, 1u);
     EXPECT_EQ(to, 2u);
@@ -235,7 +236,7 @@ TEST_F(SimulatedTeamTest, FilterSeesAndLosesMessages) {
   EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1, 3));
 }
 
-TEST_F(SimulatedTeamTest, TimersComeInOrderOfTimeAndThenOfMaking) {
+TEST_F(SimulatedTeamTest, TimersFireInOrderOfTimeAndThenOfCreation) {
   std::vector<std::uint64_t> heard;
   std::vector<MonotonicTime> times;
   const MonotonicTime start = team_.now();
@@ -265,7 +266,7 @@ TEST_F(SimulatedTeamTest, WallClockStartsIn2026AndMovesWithVirtualTime) {
   EXPECT_EQ(team_.utc_now_ns(), 1'767'225'603'000'000'000);
 }
 
-TEST_F(SimulatedTeamTest, FailedActorIsMadeAnewAndKeepsItsMailboxButNotItsTimers) {
+TEST_F(SimulatedTeamTest, FailedActorIsRestartedAndKeepsItsMailboxButNotItsTimers) {
   int made = 0;
   std::vector<std::uint64_t> heard;
   team_.Spawn(1, "fragile", [&] {
@@ -295,7 +296,7 @@ TEST_F(SimulatedTeamTest, ExceptionsAreFailuresAndTheSecondRestartWaits) {
   const MonotonicTime start = team_.now();
   for (int i = 1; i <= 3; ++i) ASSERT_EQ(team_.Post({1, "test"}, {1, "fragile"}, Numbered(i)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(5));
-  // 100 and 200 ms later, with a fifth of it as jitter.
+  // After 100 and 200 ms, each with a jitter of up to 20 %.
   ASSERT_THAT(started, SizeIs(4));
   EXPECT_EQ(started[0], start);
   EXPECT_EQ(started[1], start);
@@ -303,7 +304,7 @@ TEST_F(SimulatedTeamTest, ExceptionsAreFailuresAndTheSecondRestartWaits) {
   EXPECT_THAT(started[3] - started[2], AllOf(Ge(milliseconds(160)), Le(milliseconds(240))));
 }
 
-TEST_F(SimulatedTeamTest, AgentGivesUpItsRoleBeforeAnActorIsBeyondHelp) {
+TEST_F(SimulatedTeamTest, AgentGivesUpItsRoleBeforeAnActorFailsPermanently) {
   std::vector<std::string> stepped_down;
   team_.Spawn(1, "role", OnEachMessage([&](Context&, const proto::Message& message) {
                 stepped_down.push_back(message.step_down().actor());
@@ -317,7 +318,7 @@ TEST_F(SimulatedTeamTest, AgentGivesUpItsRoleBeforeAnActorIsBeyondHelp) {
   EXPECT_THAT(stepped_down, SizeIs(1));
 }
 
-TEST_F(SimulatedTeamTest, CrashedActorIsMadeAnewAndMonitorsHearOfIt) {
+TEST_F(SimulatedTeamTest, CrashedActorIsRestartedAndMonitorsAreNotified) {
   int made = 0;
   std::vector<std::string> downs;
   team_.Spawn(1, "victim", Scripted([&](Context&) { ++made; }, nullptr));
@@ -337,7 +338,7 @@ TEST_F(SimulatedTeamTest, CrashedActorIsMadeAnewAndMonitorsHearOfIt) {
   EXPECT_THAT(downs, ElementsAre("victim", "sync"));
 }
 
-TEST_F(SimulatedTeamTest, FaultsStrikeBeforeInAndAfterAHandler) {
+TEST_F(SimulatedTeamTest, FaultsStrikeBeforeDuringAndAfterAHandler) {
   for (const auto& [fault, handled, sent] :
        {std::tuple(Fault::kNone, 1, 2u), std::tuple(Fault::kBeforeHandler, 0, 0u),
         std::tuple(Fault::kAtFirstSend, 1, 0u), std::tuple(Fault::kAfterFirstSend, 1, 1u),
@@ -362,7 +363,7 @@ TEST_F(SimulatedTeamTest, FaultsStrikeBeforeInAndAfterAHandler) {
   }
 }
 
-TEST_F(SimulatedTeamTest, ExpectWaitsForABodyAndTakesWhatCameBefore) {
+TEST_F(SimulatedTeamTest, ExpectWaitsForABodyAndDropsEarlierMessages) {
   const Address probe{1, "probe"};
   proto::Message hello;
   hello.mutable_hello();
@@ -403,7 +404,7 @@ TEST_F(SimulatedTeamTest, PartitionCutsBetweenGroupsUntilHealed) {
   EXPECT_TRUE(reach(1, 3));
 }
 
-TEST_F(SimulatedTeamTest, NamesTravelBetweenAgentsOnly) {
+TEST_F(SimulatedTeamTest, ActorNamesAreSentOnlyBetweenAgents) {
   std::string source = "unset";
   Address sender;
   team_.Spawn(1, "ear", OnEachMessage([&](Context& context, const proto::Message& message) {
@@ -437,7 +438,7 @@ TEST_F(SimulatedTeamTest, TraceAndDeadLettersAreKept) {
   EXPECT_THAT(team_.GetTrace(1).dead_letters(), SizeIs(1));
 }
 
-TEST_F(SimulatedTeamTest, ActorBeyondHelpCrashesItsAgent) {
+TEST_F(SimulatedTeamTest, APermanentlyFailedActorCrashesItsAgent) {
   team_.Spawn(1, "hopeless", Scripted([](Context&) { throw std::runtime_error("never works"); }, nullptr));
   team_.Spawn(2, "healthy", OnEachMessage(nullptr));
   team_.AdvanceTime(seconds(60));
@@ -446,7 +447,7 @@ TEST_F(SimulatedTeamTest, ActorBeyondHelpCrashesItsAgent) {
   EXPECT_EQ(team_.restarts(1), 5u);
 }
 
-TEST_F(SimulatedTeamTest, CrashDropsEverythingAndRestartMakesActorsInOrder) {
+TEST_F(SimulatedTeamTest, ACrashDropsEverythingAndARestartSpawnsActorsInOrder) {
   std::vector<std::string> log;
   for (const char* name : {"storage", "sync"}) {
     team_.Spawn(1, name,
@@ -477,7 +478,7 @@ TEST_F(SimulatedTeamTest, CrashDropsEverythingAndRestartMakesActorsInOrder) {
   EXPECT_THAT(log, ElementsAre("start storage", "start sync", "timer storage", "timer sync"));
 }
 
-TEST_F(SimulatedTeamTest, TimerThatWaitsWhenTheActorFailsIsDropped) {
+TEST_F(SimulatedTeamTest, AWaitingTimerIsDroppedWhenTheActorFails) {
   std::vector<std::uint64_t> heard;
   team_.Spawn(1, "fragile", OnEachMessage([&](Context& context, const proto::Message& message) {
                 if (message.has_timer()) {
@@ -494,7 +495,7 @@ TEST_F(SimulatedTeamTest, TimerThatWaitsWhenTheActorFailsIsDropped) {
   EXPECT_THAT(heard, ElementsAre(2));
 }
 
-TEST_F(SimulatedTeamTest, RestartedAgentKnowsOnlyTheRolesItWasGiven) {
+TEST_F(SimulatedTeamTest, RestartedAgentKnowsOnlyItsConfiguredRoles) {
   team_.SetRoles(1, Roles(2, 3));
   team_.Spawn(1, "role", OnEachMessage([](Context& context, const proto::Message&) { context.SetRoles(Roles(3, 2)); }));
   ASSERT_EQ(team_.Post({1, "test"}, {1, "role"}, {}), SendResult::kAccepted);
@@ -508,7 +509,7 @@ TEST_F(SimulatedTeamTest, RestartedAgentKnowsOnlyTheRolesItWasGiven) {
   EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(2));
 }
 
-TEST_F(SimulatedTeamTest, WhatIsInTheAirToACrashedAgentIsLostEvenIfItIsBackInTime) {
+TEST_F(SimulatedTeamTest, MessagesInFlightToACrashedAgentAreLostEvenIfItReturnsInTime) {
   team_.radio().latency = seconds(10);
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(1)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(5));
@@ -519,7 +520,7 @@ TEST_F(SimulatedTeamTest, WhatIsInTheAirToACrashedAgentIsLostEvenIfItIsBackInTim
   EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(2));
 }
 
-TEST_F(SimulatedTeamTest, CrashLosesTheSendersOutboxButNotWhatLeft) {
+TEST_F(SimulatedTeamTest, ACrashLosesTheSendersOutboxButNotSentMessages) {
   team_.radio().bytes_per_second = 1000;
   for (int i = 1; i <= 3; ++i) {
     proto::Message message = Numbered(i);
@@ -536,7 +537,7 @@ TEST_F(SimulatedTeamTest, CrashLosesTheSendersOutboxButNotWhatLeft) {
   EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
 }
 
-TEST_F(SimulatedTeamTest, MessageLargerThanTheOutboxFitsAlone) {
+TEST_F(SimulatedTeamTest, AMessageLargerThanTheOutboxFitsIntoAnEmptyOne) {
   team_.radio().bytes_per_second = 1000;
   team_.radio().outbox_bytes_max = 10;
   proto::Message message;
@@ -545,7 +546,7 @@ TEST_F(SimulatedTeamTest, MessageLargerThanTheOutboxFitsAlone) {
   EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, message), SendResult::kFull);
 }
 
-TEST_F(SimulatedTeamTest, CrashInsideAHandlerEndsWhatItMaySend) {
+TEST_F(SimulatedTeamTest, AHandlerCannotSendAfterItsAgentCrashed) {
   team_.Spawn(1, "sync", OnEachMessage([&](Context& context, const proto::Message&) {
                 EXPECT_EQ(context.Send({2, "a"}, Numbered(1)), SendResult::kAccepted);
                 EXPECT_EQ(context.Send({2, "a"}, Numbered(2)), SendResult::kUnreachable);
@@ -606,14 +607,14 @@ TEST_F(SimulatedTeamTest, RunUntilStopsAtTheConditionOrTheLimit) {
   EXPECT_FALSE(team_.RunUntil([] { return false; }, seconds(10)));
 }
 
-TEST_F(SimulatedTeamTest, MessagesWithoutEndFailACheck) {
+TEST_F(SimulatedTeamTest, AnEndlessLoopOfMessagesFailsACheck) {
   team_.Spawn(1, "loop",
               OnEachMessage([](Context& context, const proto::Message&) { (void)context.Send(context.self(), {}); }));
   ASSERT_EQ(team_.Post({1, "test"}, {1, "loop"}, {}), SendResult::kAccepted);
   EXPECT_DEATH(team_.RunUntilIdle(), "come to rest");
 }
 
-// A random walk of messages over a bad radio; what it hashes to.
+// Runs a random walk of messages over a lossy radio. Returns a hash of the run.
 std::uint64_t HashOfRun(std::uint64_t seed) {
   SimulatedTeam team(seed);
   for (AgentId agent : {1, 2, 3}) team.AddAgent(agent);

@@ -12,7 +12,7 @@ using Action = Supervisor::Action;
 constexpr double kNoJitter = 0.5;
 const Error kFailure{ErrorCode::kInternal, "on purpose", {}};
 
-TEST(SupervisorTest, FirstRestartIsImmediateAndFurtherOnesBackOff) {
+TEST(SupervisorTest, TheFirstRestartIsImmediateAndLaterOnesBackOff) {
   Supervisor supervisor({.restarts_max = 5});
   const MonotonicTime now{};
   for (const int delay_ms : {0, 100, 200, 400, 800}) {
@@ -47,7 +47,7 @@ TEST(SupervisorTest, FailuresAreForgottenAfterThePeriod) {
   EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).delay, Duration::zero());
 }
 
-TEST(SupervisorTest, NoRestartsMeansNone) {
+TEST(SupervisorTest, ZeroRestartsAllowNone) {
   Supervisor supervisor({.restarts_max = 0});
   EXPECT_EQ(supervisor.OnFailure(kFailure, {}, kNoJitter).action, Action::kBeyondHelp);
 }
@@ -56,7 +56,7 @@ TEST(SupervisorTest, StepsDownBeforeItGivesUp) {
   Supervisor supervisor({.restarts_max = 3, .restart_period = seconds(60), .can_step_down = true});
   MonotonicTime now{};
   for (int i = 0; i < 3; ++i) EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).action, Action::kRestart);
-  // As fast as the restarts let it fail, it gets as many again, and no more.
+  // The actor fails as fast as its restarts allow. After the step-down it gets the same number of restarts once more.
   Supervisor::Verdict verdict = supervisor.OnFailure(kFailure, now, kNoJitter);
   EXPECT_EQ(verdict.action, Action::kStepDown);
   int restarts = 1;
@@ -69,12 +69,12 @@ TEST(SupervisorTest, StepsDownBeforeItGivesUp) {
   EXPECT_EQ(restarts, 4);
 }
 
-TEST(SupervisorTest, NoRestartMendsWhatIsDamagedOnDisk) {
+TEST(SupervisorTest, DamageOnDiskIsNotRetried) {
   Supervisor supervisor({.can_step_down = true});
   EXPECT_EQ(supervisor.OnFailure({ErrorCode::kCorrupt, "on purpose", {}}, {}, kNoJitter).action, Action::kBeyondHelp);
 }
 
-TEST(SupervisorTest, AQuietPeriodEarnsAnotherStepDown) {
+TEST(SupervisorTest, APeriodWithoutFailuresAllowsAnotherStepDown) {
   Supervisor supervisor({.restarts_max = 1, .restart_period = seconds(60), .can_step_down = true});
   MonotonicTime now{};
   for (int i = 0; i < 2; ++i) {

@@ -16,7 +16,7 @@ std::string TakeAllDue(TimerQueue<char>& queue, MonotonicTime now) {
   return taken;
 }
 
-TEST(TimerQueueTest, OrderIsTimeThenAdding) {
+TEST(TimerQueueTest, OrdersTimersByTimeAndThenByAdding) {
   TimerQueue<char> queue;
   queue.Add(At(2), 'd');
   queue.Add(At(1), 'a');
@@ -29,7 +29,7 @@ TEST(TimerQueueTest, OrderIsTimeThenAdding) {
   EXPECT_FALSE(queue.NextDue());
 }
 
-TEST(TimerQueueTest, CancelledOnesNeverComeDue) {
+TEST(TimerQueueTest, CancelledTimersNeverFire) {
   TimerQueue<char> queue;
   const TimerId a = queue.Add(At(1), 'a');
   queue.Add(At(2), 'b');
@@ -40,7 +40,7 @@ TEST(TimerQueueTest, CancelledOnesNeverComeDue) {
   EXPECT_EQ(queue.size(), 0u);
 }
 
-TEST(TimerQueueTest, TakenValuesSayWhenTheyWereDue) {
+TEST(TimerQueueTest, TakenValuesNameTheirDueTime) {
   TimerQueue<char> queue;
   queue.Add(At(3), 'a');
   EXPECT_EQ(queue.TakeDue(At(10))->first, At(3));

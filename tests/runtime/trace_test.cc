@@ -56,17 +56,17 @@ TEST(TraceRingTest, KeepsEveryField) {
   EXPECT_EQ(out.duration, in.duration);
 }
 
-TEST(TraceRingTest, KeepsTheLastOnes) {
+TEST(TraceRingTest, KeepsTheLastRecords) {
   TraceRing ring;
   for (std::uint64_t i = 0; i < TraceRing::kRecords + 10; ++i) ring.Add(Record(i));
   const std::vector<TraceRecord> records = ring.Read();
-  // The slot that may be written next is not trusted.
+  // The slot that may be written next is not read.
   ASSERT_THAT(records, SizeIs(TraceRing::kRecords - 1));
   EXPECT_EQ(records.front().request_id, 11u);
   EXPECT_EQ(records.back().request_id, TraceRing::kRecords + 9);
 }
 
-TEST(TraceRingTest, ReadersNeverSeeHalfARecord) {
+TEST(TraceRingTest, ReadersNeverSeeAPartlyWrittenRecord) {
   constexpr std::uint64_t kRecords = 200'000;
   TraceRing ring;
   std::thread writer([&] {
@@ -83,7 +83,7 @@ TEST(TraceRingTest, ReadersNeverSeeHalfARecord) {
       ASSERT_EQ(record.time, record.duration);
       ASSERT_EQ(record.bytes, static_cast<std::uint32_t>(record.request_id));
       ASSERT_EQ(record.time, static_cast<std::int64_t>(record.request_id));
-      ASSERT_TRUE(last == 0 || record.request_id > last);  // Some may be overwritten before they are read.
+      ASSERT_TRUE(last == 0 || record.request_id > last);  // Records may be overwritten before they are read.
       last = record.request_id;
     }
   }
@@ -106,7 +106,7 @@ TEST(TraceBookTest, ReportsAnActorsEventsOfAllThreadsInOrderOfTime) {
     book.JoinThread();
     add(3, a, b, 1);
     add(4, b, a, 1);
-    add(6, b, a, 2);  // Another agent's a.
+    add(6, b, a, 2);  // Belongs to the actor "a" of another agent.
   }).join();
   add(1, a, b, 1);
   add(2, b, b, 1);
@@ -134,7 +134,7 @@ std::string ReadFile(const std::filesystem::path& path) {
   return text.str();
 }
 
-TEST(TraceBookDeathTest, CrashLeavesTheTraceInAFile) {
+TEST(TraceBookDeathTest, ACrashLeavesTheTraceInAFile) {
   const TemporaryFolder folder;
   const std::filesystem::path path = folder.path() / "trace.txt";
   const auto crash = [&] {
@@ -153,7 +153,7 @@ TEST(TraceBookDeathTest, CrashLeavesTheTraceInAFile) {
   EXPECT_THAT(text, HasSubstr("pgo handled optimize_request other 0/ request 77"));
 }
 
-TEST(DeadLettersTest, KeepsTheLastWithinBounds) {
+TEST(DeadLettersTest, KeepsTheLastLettersWithinLimits) {
   DeadLetters letters;
   Mailbox::Item item;
   proto::Message message;
@@ -170,14 +170,14 @@ TEST(DeadLettersTest, KeepsTheLastWithinBounds) {
   message.set_sql(std::string(DeadLetters::kBytesMax, 'x'));
   item.message = std::move(message);
   letters.Add({}, "c", &item, {});
-  EXPECT_EQ(letters.letters().back().message, nullptr);  // Too large to keep; that it was is kept.
+  EXPECT_EQ(letters.letters().back().message, nullptr);  // The message is too large to keep. Its size is kept.
   EXPECT_GT(letters.letters().back().bytes, DeadLetters::kBytesMax);
   proto::TraceRequest request;
   request.set_actor("c");
   proto::TraceReply reply;
   letters.Report(request, {}, &reply);
   ASSERT_THAT(reply.dead_letters(), SizeIs(1));
-  EXPECT_EQ(reply.dead_letters(0).from_actor(), "?");  // A peer's name need not be text.
+  EXPECT_EQ(reply.dead_letters(0).from_actor(), "?");  // The name from a peer is not valid text.
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ class Task final : public Runnable {
   const std::function<void()> work_;
 };
 
-TEST(WorkerPoolTest, WhatATurnSubmitsFirstRunsNextOnTheSameThreadAndTheRestLast) {
+TEST(WorkerPoolTest, ATasksFirstSubmissionRunsNextOnItsThreadAndTheOthersLast) {
   WorkerPool pool("test", /*thread_count=*/1);
   std::vector<std::string> order;
   std::latch is_gathered(1);
@@ -53,7 +53,7 @@ TEST(WorkerPoolTest, WhatATurnSubmitsFirstRunsNextOnTheSameThreadAndTheRestLast)
   EXPECT_THAT(order, ElementsAre("first", "reply", "waiting", "later"));
 }
 
-TEST(WorkerPoolTest, TwoThatAlwaysAnswerEachOtherLetOthersThrough) {
+TEST(WorkerPoolTest, TwoTasksThatKeepSubmittingEachOtherLetOthersRun) {
   WorkerPool pool("test", /*thread_count=*/1);
   std::latch has_run(1);
   std::atomic<bool> is_over = false;
@@ -73,7 +73,7 @@ TEST(WorkerPoolTest, TwoThatAlwaysAnswerEachOtherLetOthersThrough) {
   pool.Join();
 }
 
-TEST(WorkerPoolTest, JoinedItRunsNothingMore) {
+TEST(WorkerPoolTest, AJoinedPoolRunsNoMoreTasks) {
   WorkerPool pool("test", /*thread_count=*/2);
   pool.Join();
   Task never([] { ADD_FAILURE() << "it ran"; });

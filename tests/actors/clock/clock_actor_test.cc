@@ -1,4 +1,4 @@
-// Agents with storage and clock: what is marked when a clock jumps.
+// Agents with storage and clock: which records are marked as timestamped by a suspect clock when a clock jumps.
 #include "actors/clock/clock_actor.h"
 
 #include <gtest/gtest.h>
@@ -46,7 +46,7 @@ class ClockActorTest : public testing::Test {
     return replies.empty() ? proto::Message() : replies[0];
   }
 
-  // Of agent `agent`'s records, in the order of inserting: whether each is marked.
+  // For each record of `agent`, in the order of inserting: whether it is marked as suspect.
   std::vector<bool> Marked(AgentId agent) {
     proto::Message question;
     question.mutable_read_request();
@@ -78,14 +78,14 @@ class ClockActorTest : public testing::Test {
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
 
-TEST_F(ClockActorTest, MarksWhatAnAgentInsertsWhileItsClockIsOffTheTeams) {
+TEST_F(ClockActorTest, MarksRecordsInsertedWhileItsClockIsOffTheTeams) {
   team_.AdvanceTime(seconds(1));
   Insert(2);
   EXPECT_EQ(SuspectOf(2), "");
   team_.SetUtcOffset(2, hours(5));
   Insert(2);
   EXPECT_EQ(SuspectOf(2), "it is more than a minute off the clocks of 2 other agents");
-  team_.SetUtcOffset(2, -hours(24 * 365 * 56));  // 1970.
+  team_.SetUtcOffset(2, -hours(24 * 365 * 56));  // The year 1970.
   Insert(2);
   EXPECT_EQ(SuspectOf(2), "it was never set");
   team_.SetUtcOffset(2, seconds(3));
@@ -96,7 +96,7 @@ TEST_F(ClockActorTest, MarksWhatAnAgentInsertsWhileItsClockIsOffTheTeams) {
   EXPECT_EQ(Marked(1), std::vector<bool>({false})) << "the others' clocks are right";
 }
 
-TEST_F(ClockActorTest, TellsTheOthersWhenItsClockHasJumped) {
+TEST_F(ClockActorTest, ReportsAClockJumpToPeers) {
   team_.AdvanceTime(seconds(1));
   for (AgentId agent = 1; agent <= 3; ++agent) {
     team_.SetUtcOffset(agent, hours(5));
@@ -114,7 +114,7 @@ TEST_F(ClockActorTest, IsSilentBetweenChanges) {
   EXPECT_EQ(team_.radio_bytes(), bytes);
 }
 
-TEST_F(ClockActorTest, ANodeThatIsRepeatedUnderAnotherVerdictKeepsItsName) {
+TEST_F(ClockActorTest, ANodeInsertedAgainUnderAnotherVerdictKeepsItsKey) {
   proto::Message message;
   proto::PoseGraphNode& node = *message.mutable_insert_request()->add_records()->mutable_pose_graph_node();
   *node.mutable_node() = ToProto(NodeKey{2, 7});
@@ -126,7 +126,7 @@ TEST_F(ClockActorTest, ANodeThatIsRepeatedUnderAnotherVerdictKeepsItsName) {
   EXPECT_EQ(again.keys(0).seq(), first.keys(0).seq());
 }
 
-TEST_F(ClockActorTest, TakesReportsOfTheTeamAlone) {
+TEST_F(ClockActorTest, AcceptsReportsOnlyFromTheTeam) {
   proto::Message report;
   report.mutable_clock_report()->set_utc_ns(1);
   (void)team_.Post({9, "clock"}, {2, actor_name::kClock}, report);

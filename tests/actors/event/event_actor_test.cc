@@ -13,7 +13,7 @@ using std::chrono::minutes;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-// The event actor of agent 1; all others are probes.
+// The event actor of agent 1. All other actors are probes.
 class EventActorTest : public testing::Test {
  protected:
   EventActorTest() {
@@ -30,7 +30,7 @@ class EventActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // What storage was asked to insert since the last call.
+  // Texts of the events that the actor sent to storage since the last call.
   std::vector<std::string> Notified() {
     std::vector<std::string> texts;
     for (const proto::Message& message : team_.Take({1, actor_name::kStorage})) {
@@ -64,7 +64,7 @@ class EventActorTest : public testing::Test {
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
 
-TEST_F(EventActorTest, TellsThatTheAgentStarted) { EXPECT_THAT(Notified(), ElementsAre("started, moondb 1.2.3")); }
+TEST_F(EventActorTest, ReportsThatTheAgentStarted) { EXPECT_THAT(Notified(), ElementsAre("started, moondb 1.2.3")); }
 
 class FailingActor final : public Actor {
  public:
@@ -72,7 +72,7 @@ class FailingActor final : public Actor {
   void OnMessage(Context&, const proto::Message&) override {}
 };
 
-TEST(EventActorRestartTest, TellsThatItFailedItself) {
+TEST(EventActorRestartTest, ReportsItsOwnFailure) {
   simulation::SimulatedTeam team(/*seed=*/1);
   team.AddAgent(1);
   bool has_failed = false;
@@ -90,18 +90,18 @@ TEST(EventActorRestartTest, TellsThatItFailedItself) {
   EXPECT_THAT(texts, ElementsAre("the actor event failed, and was made anew (moonctl trace)"));
 }
 
-TEST_F(EventActorTest, TellsRolesThatItsOwnAgentIssuedAfterTheFirst) {
+TEST_F(EventActorTest, ReportsRolesThatItsOwnAgentIssuedAfterTheFirst) {
   (void)Notified();
-  Roles(3, /*issuer=*/1, /*leader=*/2);  // As they were before the start.
+  Roles(3, /*issuer=*/1, /*leader=*/2);  // The roles from before the start.
   Roles(4, /*issuer=*/2, /*leader=*/2);
   Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
   Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
   EXPECT_THAT(Notified(), ElementsAre("rover1 leads, rover3 is the designated survivor, term 5: sun is low"));
 }
 
-TEST_F(EventActorTest, TellsOnceAMinuteWhatWasRefusedSinceTheLastTime) {
+TEST_F(EventActorTest, ReportsNewlyRefusedRecordsOnceAMinute) {
   (void)Notified();
-  Rejected(5);  // Since the agent started: the actor may have been made anew.
+  Rejected(5);  // The count since the agent started. The event actor itself may have restarted.
   EXPECT_THAT(Notified(), IsEmpty());
   Rejected(8);
   EXPECT_THAT(Notified(), ElementsAre("3 records were refused by storage"));
@@ -109,7 +109,7 @@ TEST_F(EventActorTest, TellsOnceAMinuteWhatWasRefusedSinceTheLastTime) {
   EXPECT_THAT(Notified(), IsEmpty());
 }
 
-TEST_F(EventActorTest, TellsSessionsThatEndedEarlyAndWhy) {
+TEST_F(EventActorTest, ReportsSessionsThatEndedEarlyAndWhy) {
   (void)Notified();
   proto::ControlReply reply;
   reply.mutable_share_status();
@@ -126,7 +126,7 @@ TEST_F(EventActorTest, TellsSessionsThatEndedEarlyAndWhy) {
   EXPECT_THAT(Notified(), IsEmpty());
 }
 
-TEST_F(EventActorTest, AsksEveryMinute) {
+TEST_F(EventActorTest, RequestsStatusEveryMinute) {
   const auto asked = [this] {
     std::size_t count = 0;
     for (const proto::Message& message : team_.Take({1, actor_name::kSync})) {
@@ -140,7 +140,7 @@ TEST_F(EventActorTest, AsksEveryMinute) {
   EXPECT_EQ(asked(), 10u);
 }
 
-TEST_F(EventActorTest, HearsOnlyItsOwnAgent) {
+TEST_F(EventActorTest, IgnoresOtherAgents) {
   (void)Notified();
   team_.AddAgent(2);
   proto::ControlReply reply;

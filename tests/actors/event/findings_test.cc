@@ -1,4 +1,4 @@
-// EventActor and StorageActor together: what an operator must hear of, until it is acknowledged.
+// EventActor and StorageActor together: findings that an operator must see until they are acknowledged.
 #include <gmock/gmock.h>
 
 #include "actors/event/event_actor.h"
@@ -18,7 +18,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-// Agent 1 with storage and events; agents 2 and 3 are only there or not. The lease actor is played by the test.
+// Agent 1 with storage and events. Agents 2 and 3 are only connected or not. The test plays the lease actor.
 class FindingsTest : public testing::Test {
  protected:
   FindingsTest() {
@@ -81,7 +81,7 @@ class FindingsTest : public testing::Test {
     return Ask(question).acknowledge();
   }
 
-  // Texts of all events, as stored.
+  // Texts of all events in storage.
   std::vector<std::string> Story() {
     proto::Message question;
     question.mutable_read_request();
@@ -109,7 +109,7 @@ class FindingsTest : public testing::Test {
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
 
-TEST_F(FindingsTest, APeerThatIsAwayForAMinuteIsLostOnceSinceItWasHeardLast) {
+TEST_F(FindingsTest, ReportAPeerThatIsAwayForAMinuteOnce) {
   Minutes(3);
   EXPECT_THAT(Texts(), IsEmpty());
   const std::int64_t lost_ns = team_.utc_now_ns();
@@ -123,7 +123,7 @@ TEST_F(FindingsTest, APeerThatIsAwayForAMinuteIsLostOnceSinceItWasHeardLast) {
   EXPECT_THAT(Story(), ElementsAre(HasSubstr("started"), "rover2 was lost", "rover2 was lost for 300 s, and is back"));
 }
 
-TEST_F(FindingsTest, AFlapOfTheRadioIsNoLoss) {
+TEST_F(FindingsTest, DoNotReportABriefLossOfThePeer) {
   for (int i = 0; i < 10; ++i) {
     team_.SetLink(1, 2, false);
     team_.AdvanceTime(seconds(40));
@@ -134,7 +134,7 @@ TEST_F(FindingsTest, AFlapOfTheRadioIsNoLoss) {
   EXPECT_EQ(Story().size(), 1u);
 }
 
-TEST_F(FindingsTest, APeerThatSleepsOrDrivesQuietlyIsNotLostUntilItsTimeIsUp) {
+TEST_F(FindingsTest, DoNotReportASleepingOrSilentlyDrivingPeerBeforeItsLeaseExpires) {
   Lease(2).set_sleeping_s(3600);
   Lease(3).set_driving_s(3600);
   team_.SetLink(1, 2, false);
@@ -146,14 +146,14 @@ TEST_F(FindingsTest, APeerThatSleepsOrDrivesQuietlyIsNotLostUntilItsTimeIsUp) {
   EXPECT_THAT(Texts(), ElementsAre("rover2 was lost", "rover3 was lost"));
 }
 
-TEST_F(FindingsTest, WhoSleepsItselfHasLostNobody) {
+TEST_F(FindingsTest, DoNotReportLostPeersWhileTheAgentItselfSleeps) {
   Lease(1).set_sleeping_s(3600);
   team_.SetLink(1, 2, false);
   Minutes(20);
   EXPECT_THAT(Texts(), IsEmpty());
 }
 
-TEST_F(FindingsTest, APeerThatWasNeverThereIsNotLost) {
+TEST_F(FindingsTest, DoNotReportAPeerThatWasNeverConnected) {
   team_.SetLink(1, 2, false);
   team_.Crash(1);
   team_.Restart(1);
@@ -161,7 +161,7 @@ TEST_F(FindingsTest, APeerThatWasNeverThereIsNotLost) {
   EXPECT_THAT(Texts(), IsEmpty());
 }
 
-TEST_F(FindingsTest, ALinkThatComesAndGoesAllDayIsAFewEvents) {
+TEST_F(FindingsTest, ReportALinkThatFlapsAllDayInAFewEvents) {
   for (int i = 0; i < 60; ++i) {
     team_.SetLink(1, 2, false);
     Minutes(2);
@@ -174,7 +174,7 @@ TEST_F(FindingsTest, ALinkThatComesAndGoesAllDayIsAFewEvents) {
   EXPECT_THAT(Texts(), ElementsAre(HasSubstr(" times)")));
 }
 
-TEST_F(FindingsTest, AreAcknowledgedOnceAndForAll) {
+TEST_F(FindingsTest, StayAcknowledged) {
   team_.SetLink(1, 2, false);
   Minutes(3);
   const auto findings = Findings();
@@ -194,7 +194,7 @@ TEST_F(FindingsTest, AreAcknowledgedOnceAndForAll) {
   EXPECT_THAT(Story(), testing::Contains("rover2 was lost")) << "it stays in the log";
 }
 
-TEST_F(FindingsTest, ThoseThatNobodyReadOutliveARestartAndSayWhoIsBackSince) {
+TEST_F(FindingsTest, SurviveARestartUntilReadAndNameThePeersThatReturned) {
   team_.SetLink(1, 2, false);
   team_.SetLink(1, 3, false);
   Minutes(3);
@@ -209,12 +209,12 @@ TEST_F(FindingsTest, ThoseThatNobodyReadOutliveARestartAndSayWhoIsBackSince) {
   EXPECT_EQ(Texts().size(), 2u);
 }
 
-TEST_F(FindingsTest, AStoreThatCannotTakeTheAcknowledgmentSaysSo) {
+TEST_F(FindingsTest, ReportThatAnAcknowledgmentCouldNotBeStored) {
   team_.SetLink(1, 2, false);
   Minutes(3);
   const auto findings = Findings();
   ASSERT_EQ(findings.size(), 1u);
-  // The insert fails in place of being stored, and its sender hears nothing: nothing is acknowledged.
+  // The insert fails without being stored, and its sender gets no reply. Nothing is acknowledged.
   bool has_failed = false;
   team_.SetFault([&](const Address& actor, const proto::Message& message) {
     const bool is_it = actor.actor == actor_name::kStorage && message.has_insert_request() && !has_failed;

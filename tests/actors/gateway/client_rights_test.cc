@@ -8,14 +8,15 @@
 namespace moondb {
 namespace {
 
-// By hand, so that a new request is placed on purpose: one that stands in none of these needs the right `command`.
+// Listed by hand, so that every new request is assigned deliberately. A request in none of these sets needs the right
+// `command`.
 const std::set<std::string> kView = {"status",  "read",      "role_show", "share_status", "graph_stats",
                                      "trace",   "have",      "verify",    "fingerprint",  "merge",
                                      "map_why", "map_stats", "map_tiles", "read_bundle",  "share_progress"};
 const std::set<std::string> kShare = {"insert", "share", "lease", "optimize", "custom"};
 const std::set<std::string> kCommand = {"role_set", "stop", "prune", "downlink", "acknowledge"};
 
-TEST(ClientRightsTest, EveryRequestHasItsPlace) {
+TEST(ClientRightsTest, EveryRequestIsAssignedARight) {
   const auto* requests = proto::ControlRequest::descriptor()->FindOneofByName("request");
   ASSERT_NE(requests, nullptr);
   for (int i = 0; i < requests->field_count(); ++i) {
@@ -38,7 +39,7 @@ TEST(ClientRightsTest, EveryRequestHasItsPlace) {
   }
 }
 
-TEST(ClientRightsTest, SaysWhichRightIsNeededAndWhichThereIs) {
+TEST(ClientRightsTest, NamesTheNeededAndTheGrantedRight) {
   proto::Message message;
   message.set_client_name("anna");
   message.set_client_rights(proto::CLIENT_RIGHTS_VIEW);
@@ -55,7 +56,7 @@ TEST(ClientRightsTest, SaysWhichRightIsNeededAndWhichThereIs) {
   EXPECT_TRUE(CheckClientRights(message, proto::ControlRequest::kInsert).has_value());
 }
 
-// Two rovers and a base station.
+// A team of two rovers and a base station.
 proto::TeamConfig TeamWithBase() {
   proto::TeamConfig team;
   for (const std::uint32_t id : {1, 2, 3}) {
@@ -67,7 +68,7 @@ proto::TeamConfig TeamWithBase() {
   return team;
 }
 
-TEST(RelayRightsTest, AreThoseOfTheBaseStationUnlessTheTeamFileNamesOthers) {
+TEST(RelayRightsTest, BelongToTheBaseStationUnlessTheTeamFileNamesOthers) {
   proto::TeamConfig team = TeamWithBase();
   proto::ControlRequest stop;
   stop.mutable_stop();
@@ -84,7 +85,7 @@ TEST(RelayRightsTest, AreThoseOfTheBaseStationUnlessTheTeamFileNamesOthers) {
   EXPECT_FALSE(CheckRelayRights(team, 1, {}, 9, stop)) << "of no agent of the team";
 }
 
-TEST(RelayRightsTest, AreNobodysWhoHasLeft) {
+TEST(RelayRightsTest, DoNotBelongToAnAgentThatHasLeft) {
   proto::TeamConfig team = TeamWithBase();
   team.add_command_from("all");
   team.mutable_agents(1)->set_left(true);
@@ -100,7 +101,7 @@ TEST(RelayRightsTest, AreNobodysWhoHasLeft) {
   EXPECT_FALSE(CheckRelayRights(team, 1, roles, 2, read));
 }
 
-TEST(RelayRightsTest, AreEveryAgentsInATeamWithoutABaseStation) {
+TEST(RelayRightsTest, BelongToEveryAgentInATeamWithoutABaseStation) {
   proto::TeamConfig team = TeamWithBase();
   team.mutable_agents()->RemoveLast();
   proto::ControlRequest stop;
@@ -108,7 +109,7 @@ TEST(RelayRightsTest, AreEveryAgentsInATeamWithoutABaseStation) {
   EXPECT_TRUE(CheckRelayRights(team, 1, {}, 2, stop));
 }
 
-TEST(RelayRightsTest, LeaveQuestionsToAllAndSharingToLeaderAndSurvivor) {
+TEST(RelayRightsTest, AllowQuestionsToAllAndSharingToLeaderAndSurvivor) {
   const proto::TeamConfig team = TeamWithBase();
   proto::RoleAssignment roles;
   roles.set_leader(2);

@@ -23,7 +23,7 @@ using testing::IsEmpty;
 const std::set<std::string> kAnswerers = {
     actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kEvent,    actor_name::kSync,
     actor_name::kReplica, actor_name::kPgo,  actor_name::kMerge, actor_name::kDownlink, actor_name::kRetention};
-// Those that no actor named in proto/control.proto answers.
+// Requests for which proto/control.proto names no actor.
 const std::set<std::string> kOfTheGateway = {"stop", "trace", "custom"};
 
 std::string ReadFile(const std::string& path) {
@@ -47,7 +47,7 @@ std::vector<std::string> ActorsOf(const proto::ControlRequest& request) {
   return actors;
 }
 
-// What is forgotten of a new request is named here.
+// Names the options that a new request in proto/control.proto lacks.
 TEST(CommandTableTest, EveryRequestHasItsRow) {
   for (int i = 0; i < Requests().field_count(); ++i) {
     const FieldDescriptor* field = Requests().field(i);
@@ -65,7 +65,7 @@ TEST(CommandTableTest, EveryRequestHasItsRow) {
   }
 }
 
-// In proto/control.proto, which clients in any language read, a sentence stands above it.
+// proto/control.proto has a sentence above each request, because clients in any language read that file.
 TEST(CommandTableTest, EveryRequestIsDocumented) {
   const std::string text = ReadFile(std::string(MOONDB_SOURCE_DIR) + "/proto/control.proto");
   for (int i = 0; i < Requests().field_count(); ++i) {
@@ -76,7 +76,7 @@ TEST(CommandTableTest, EveryRequestIsDocumented) {
   }
 }
 
-TEST(CommandTableTest, RefusesWhatIsNoRequestOfThisVersion) {
+TEST(CommandTableTest, RefusesRequestsOfAnotherVersion) {
   EXPECT_EQ(CheckRequest({}, 1, {}).error().field, "request");
   EXPECT_THAT(ActorsOf({}), IsEmpty());
 }
@@ -98,7 +98,7 @@ TEST(CommandTableTest, AsksTheActorsThatTheRequestNames) {
   EXPECT_THAT(ActorsOf(custom), ElementsAre("planner"));
 }
 
-TEST(CommandTableTest, PutsARequestIntoTheBodyOfItsType) {
+TEST(CommandTableTest, PutsARequestIntoTheMessageBodyOfItsType) {
   proto::ControlRequest request;
   request.mutable_prune()->set_older_than_s(60);
   const std::vector<Question> questions = QuestionsOf(request, /*is_relayed=*/false);
@@ -108,8 +108,8 @@ TEST(CommandTableTest, PutsARequestIntoTheBodyOfItsType) {
   EXPECT_FALSE(QuestionsOf(request, false)[0].message.have_request().is_for_peer());
 }
 
-// A map of megabytes is not copied on its way to storage.
-TEST(CommandTableTest, MovesWhatARequestHoldsIntoTheQuestion) {
+// A map of several megabytes is not copied on its way to storage.
+TEST(CommandTableTest, MovesTheRequestsContentIntoTheQuestion) {
   proto::ControlRequest request;
   std::string& cells = *request.mutable_insert()->add_records()->mutable_custom()->mutable_payload();
   cells.assign(1'000'000, 'x');
@@ -119,7 +119,7 @@ TEST(CommandTableTest, MovesWhatARequestHoldsIntoTheQuestion) {
   EXPECT_EQ(questions[0].message.insert_request().records(0).custom().payload().data(), bytes);
 }
 
-TEST(CommandTableTest, PutsARequestToSeveralActorsWholeIntoEachQuestion) {
+TEST(CommandTableTest, SendsEachOfSeveralActorsTheWholeRequest) {
   proto::ControlRequest request;
   request.mutable_status();
   for (const Question& question : QuestionsOf(request, /*is_relayed=*/false)) {
@@ -129,7 +129,7 @@ TEST(CommandTableTest, PutsARequestToSeveralActorsWholeIntoEachQuestion) {
   }
 }
 
-TEST(CommandTableTest, TakesAnAnswerByItsTypeWithItsError) {
+TEST(CommandTableTest, AcceptsAnAnswerOfTheMatchingTypeWithItsError) {
   proto::Message answer;
   answer.mutable_prune_reply()->set_text("nothing");
   answer.mutable_prune_reply()->mutable_error()->set_code(proto::ERROR_CODE_FULL);
@@ -142,7 +142,7 @@ TEST(CommandTableTest, TakesAnAnswerByItsTypeWithItsError) {
   EXPECT_FALSE(TakeAnswer(proto::ControlRequest::kPrune, {}, reply));
 }
 
-TEST(CommandTableTest, TakesAnActorsWholeReplyAsItIs) {
+TEST(CommandTableTest, AcceptsAnActorsWholeReplyUnchanged) {
   proto::ControlReply answer;
   answer.mutable_error()->set_text("not now");
   proto::ControlReply reply;
@@ -150,7 +150,7 @@ TEST(CommandTableTest, TakesAnActorsWholeReplyAsItIs) {
   EXPECT_EQ(reply.error().text(), "not now");
 }
 
-TEST(CommandTableTest, TakesNoReplyThatDoesNotDecode) {
+TEST(CommandTableTest, RejectsAReplyThatDoesNotDecode) {
   proto::Message answer;
   answer.set_control_reply("\xff\xff");
   proto::ControlReply reply;
@@ -158,7 +158,7 @@ TEST(CommandTableTest, TakesNoReplyThatDoesNotDecode) {
   EXPECT_EQ(reply.reply_case(), proto::ControlReply::REPLY_NOT_SET);
 }
 
-TEST(CommandTableTest, LiftsTheErrorInAnActorsWholeReply) {
+TEST(CommandTableTest, CopiesTheErrorOfAnActorsReplyToTheTopLevel) {
   proto::ControlReply answer;
   answer.mutable_acknowledge()->mutable_error()->set_code(proto::ERROR_CODE_FULL);
   proto::ControlReply reply;
@@ -166,7 +166,7 @@ TEST(CommandTableTest, LiftsTheErrorInAnActorsWholeReply) {
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_FULL);
 }
 
-TEST(CommandTableTest, PutsStatusAndSharingTogether) {
+TEST(CommandTableTest, CombinesTheRepliesForStatusAndSharing) {
   proto::ControlReply role;
   role.mutable_status()->mutable_roles()->set_leader(2);
   proto::ControlReply storage;
@@ -190,7 +190,7 @@ TEST(CommandTableTest, PutsStatusAndSharingTogether) {
   EXPECT_EQ(reply.share_status().sessions_size(), 2);
 }
 
-TEST(CommandTableTest, WritesDownWhatChangesSomethingAndNothingElse) {
+TEST(CommandTableTest, LogsOnlyRequestsThatChangeSomething) {
   std::set<std::string> written;
   for (int i = 0; i < Requests().field_count(); ++i) {
     if (!CommandText({}, Empty(Requests().field(i))).empty()) written.insert(Requests().field(i)->name());

@@ -14,7 +14,7 @@ namespace {
 
 using std::chrono::seconds;
 
-// The gateway of agent 1; storage, role and the others are probes.
+// The gateway of agent 1. Storage, role and the other actors are probes.
 class GatewayActorTest : public testing::Test {
  protected:
   explicit GatewayActorTest(bool has_base = false) {
@@ -60,7 +60,7 @@ class GatewayActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // What the gateway asked `actor`: exactly one message.
+  // The message that the gateway sent to `actor`. Expects exactly one.
   proto::Message Asked(const std::string& actor) {
     const auto messages = team_.Take({1, actor});
     EXPECT_EQ(messages.size(), 1u) << actor;
@@ -107,7 +107,7 @@ proto::ControlRequest Optimize() {
   return request;
 }
 
-// A read at agent 2, asked of agent 1.
+// A client's request to agent 1 for a read at agent 2.
 proto::ControlRequest ReadAtTwo() {
   proto::ControlRequest request;
   request.mutable_read();
@@ -115,7 +115,7 @@ proto::ControlRequest ReadAtTwo() {
   return request;
 }
 
-TEST_F(GatewayActorTest, PassesAnInsertOnAndItsReplyBackUnderTheClientsRequestId) {
+TEST_F(GatewayActorTest, ForwardsAnInsertAndReturnsTheReplyWithTheClientsRequestId) {
   proto::ControlRequest request;
   request.mutable_insert()->add_records()->mutable_temperature()->set_celsius(3);
   Request(request, 42);
@@ -129,7 +129,7 @@ TEST_F(GatewayActorTest, PassesAnInsertOnAndItsReplyBackUnderTheClientsRequestId
   EXPECT_EQ(OnlyAnswer(42).insert().keys(0).seq(), 9u);
 }
 
-TEST_F(GatewayActorTest, LiftsTheErrorOfAReplyToWhereClientsLook) {
+TEST_F(GatewayActorTest, CopiesTheErrorOfAReplyToTheTopLevel) {
   Request(Optimize());
   proto::Message answer;
   answer.mutable_optimize_reply()->mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
@@ -137,14 +137,14 @@ TEST_F(GatewayActorTest, LiftsTheErrorOfAReplyToWhereClientsLook) {
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_REFUSED);
 }
 
-TEST_F(GatewayActorTest, PassesOnHowToSolve) {
+TEST_F(GatewayActorTest, ForwardsTheOptionsOfASolve) {
   proto::ControlRequest request = Optimize();
   request.mutable_optimize()->set_window_nodes(7);
   Request(request);
   EXPECT_EQ(Asked(actor_name::kPgo).optimize_request().window_nodes(), 7u);
 }
 
-TEST_F(GatewayActorTest, PassesACustomQuestionToTheUsersActorAndItsAnswerBack) {
+TEST_F(GatewayActorTest, ForwardsACustomQuestionToTheUsersActorAndReturnsItsAnswer) {
   proto::ControlRequest request;
   request.mutable_custom()->set_actor("soil");
   request.mutable_custom()->mutable_body()->set_value("question");
@@ -158,7 +158,7 @@ TEST_F(GatewayActorTest, PassesACustomQuestionToTheUsersActorAndItsAnswerBack) {
   EXPECT_EQ(OnlyAnswer(42).custom().value(), "answer");
 }
 
-TEST_F(GatewayActorTest, LetsNoCustomQuestionReachAStandardActor) {
+TEST_F(GatewayActorTest, RefusesACustomQuestionToAStandardActor) {
   for (const char* actor : {actor_name::kStorage, actor_name::kGateway, "nobody", ""}) {
     proto::ControlRequest request;
     request.mutable_custom()->set_actor(actor);
@@ -169,7 +169,7 @@ TEST_F(GatewayActorTest, LetsNoCustomQuestionReachAStandardActor) {
   }
 }
 
-TEST_F(GatewayActorTest, PutsStatusTogetherFromStorageRolesLeasesAndTheSystem) {
+TEST_F(GatewayActorTest, CombinesTheStatusOfStorageRolesLeasesAndTheSystem) {
   proto::ControlRequest request;
   request.mutable_status();
   Request(request);
@@ -204,7 +204,7 @@ TEST_F(GatewayActorTest, PutsStatusTogetherFromStorageRolesLeasesAndTheSystem) {
   EXPECT_EQ(status.pid(), 77u);
 }
 
-TEST_F(GatewayActorTest, PassesAnAcknowledgmentOnAndWritesDownWhoGaveIt) {
+TEST_F(GatewayActorTest, ForwardsAnAcknowledgmentAndLogsItsClient) {
   proto::ControlRequest request;
   request.mutable_acknowledge()->set_until_ns(77);
   request.set_by("anna@hill");
@@ -220,7 +220,7 @@ TEST_F(GatewayActorTest, PassesAnAcknowledgmentOnAndWritesDownWhoGaveIt) {
   EXPECT_EQ(OnlyAnswer().acknowledge().count(), 2u);
 }
 
-TEST_F(GatewayActorTest, AddsUpTheShareStatusOfSyncAndReplication) {
+TEST_F(GatewayActorTest, MergesTheShareStatusOfSyncAndReplication) {
   proto::ControlRequest request;
   request.mutable_share_status();
   Request(request);
@@ -239,7 +239,7 @@ TEST_F(GatewayActorTest, AddsUpTheShareStatusOfSyncAndReplication) {
   EXPECT_EQ(status.gathers_from_size(), 1);
 }
 
-TEST_F(GatewayActorTest, AsksStorageWhatItHoldsAndWhetherItIsSound) {
+TEST_F(GatewayActorTest, ForwardsHaveAndVerifyRequestsToStorage) {
   proto::ControlRequest request;
   request.mutable_have();
   Request(request);
@@ -267,7 +267,7 @@ TEST_F(GatewayActorTest, AsksStorageWhatItHoldsAndWhetherItIsSound) {
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
 }
 
-TEST_F(GatewayActorTest, WaitsLongForTheCheckOfAFile) {
+TEST_F(GatewayActorTest, WaitsLongerForTheCheckOfAFile) {
   proto::ControlRequest request;
   request.mutable_verify()->set_part(proto::VERIFY_PART_ROWS);
   Request(request, 5);
@@ -287,7 +287,7 @@ TEST_F(GatewayActorTest, SendsAShareToTheActorOfItsKind) {
   EXPECT_TRUE(Asked(actor_name::kReplica).has_share_request());
 }
 
-TEST_F(GatewayActorTest, PassesALeaseOnAndItsErrorBack) {
+TEST_F(GatewayActorTest, ForwardsALeaseAndReturnsItsError) {
   proto::ControlRequest request;
   request.mutable_lease()->set_kind(proto::LEASE_KIND_DRIVING);
   request.mutable_lease()->set_seconds(-5);
@@ -301,7 +301,7 @@ TEST_F(GatewayActorTest, PassesALeaseOnAndItsErrorBack) {
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
 }
 
-TEST_F(GatewayActorTest, PassesAPruneOnAndItsAnswerBack) {
+TEST_F(GatewayActorTest, ForwardsAPruneAndReturnsItsAnswer) {
   proto::ControlRequest request;
   request.mutable_prune()->set_older_than_s(5);
   Request(request);
@@ -313,13 +313,13 @@ TEST_F(GatewayActorTest, PassesAPruneOnAndItsAnswerBack) {
   EXPECT_EQ(OnlyAnswer().prune().text(), "rover2 cannot be reached");
 }
 
-TEST_F(GatewayActorTest, AnswersWhatIsNoRequestAtOnce) {
+TEST_F(GatewayActorTest, AnswersAMessageWithoutARequestAtOnce) {
   Request({});
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
 }
 
-TEST_F(GatewayActorTest, AnswersWhatDoesNotDecodeAtOnce) {
-  proto::ControlRequest many;  // Two bytes each on the wire, and much more in memory.
+TEST_F(GatewayActorTest, AnswersARequestThatDoesNotDecodeAtOnce) {
+  proto::ControlRequest many;  // Each record takes two bytes on the wire and far more in memory.
   for (int i = 0; i < 300'000; ++i) many.mutable_insert()->add_records();
   for (const std::string& bytes : {std::string("\xff\xff"), many.SerializeAsString()}) {
     proto::Message message;
@@ -332,7 +332,7 @@ TEST_F(GatewayActorTest, AnswersWhatDoesNotDecodeAtOnce) {
   EXPECT_TRUE(team_.Take({1, actor_name::kStorage}).empty());
 }
 
-TEST_F(GatewayActorTest, SaysThatAnotherAgentsAnswerDoesNotDecode) {
+TEST_F(GatewayActorTest, ReportsThatAnotherAgentsAnswerDoesNotDecode) {
   Request(ReadAtTwo());  // Agent 2's gateway is a probe.
   team_.AdvanceTime(seconds(1));
   const auto asked = team_.Take({2, actor_name::kGateway});
@@ -345,7 +345,7 @@ TEST_F(GatewayActorTest, SaysThatAnotherAgentsAnswerDoesNotDecode) {
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_CORRUPT);
 }
 
-TEST_F(GatewayActorTest, AnswersForAnActorThatKeepsSilentInTime) {
+TEST_F(GatewayActorTest, AnswersInTimeForAnActorThatDoesNot) {
   proto::ControlRequest request;
   request.mutable_status();
   Request(request);
@@ -356,14 +356,14 @@ TEST_F(GatewayActorTest, AnswersForAnActorThatKeepsSilentInTime) {
   const proto::ControlReply status = OnlyAnswer();
   EXPECT_EQ(status.error().code(), proto::ERROR_CODE_TIMED_OUT);
   EXPECT_EQ(status.error().text(), "event and lease and role and storage did not answer in time");
-  // Solving may take ten minutes.
+  // A solve may take ten minutes.
   team_.AdvanceTime(seconds(535));
   EXPECT_TRUE(Answers().empty());
   team_.AdvanceTime(seconds(10));
   EXPECT_EQ(OnlyAnswer(6).error().code(), proto::ERROR_CODE_TIMED_OUT);
 }
 
-TEST_F(GatewayActorTest, BoundsWhatWaitsAndMakesRoomAgain) {
+TEST_F(GatewayActorTest, BoundsTheNumberOfPendingRequests) {
   for (std::uint64_t id = 1; id <= 4; ++id) Request(Optimize(), id);
   EXPECT_TRUE(Answers().empty());
   Request(Optimize(), 5);
@@ -378,22 +378,22 @@ TEST_F(GatewayActorTest, BoundsWhatWaitsAndMakesRoomAgain) {
   EXPECT_TRUE(Answers().empty());
 }
 
-TEST_F(GatewayActorTest, IgnoresAnswersThatNobodyAskedFor) {
+TEST_F(GatewayActorTest, IgnoresAnswersThatMatchNoRequest) {
   Request(Optimize());
   const proto::Message asked = Asked(actor_name::kPgo);
   proto::Message answer;
   answer.mutable_optimize_reply();
-  AnswerAs(actor_name::kMerge, asked, answer);  // Of another actor.
+  AnswerAs(actor_name::kMerge, asked, answer);  // Comes from another actor.
   proto::Message other = asked;
   other.set_request_id(asked.request_id() + 1);
-  AnswerAs(actor_name::kPgo, other, answer);  // Of another request.
+  AnswerAs(actor_name::kPgo, other, answer);  // Answers another request.
   answer.set_request_id(asked.request_id());
-  (void)team_.Post({2, actor_name::kPgo}, gateway_, answer);  // Of another agent.
+  (void)team_.Post({2, actor_name::kPgo}, gateway_, answer);  // Comes from another agent.
   team_.AdvanceTime(seconds(1));
   EXPECT_TRUE(Answers().empty());
   AnswerAs(actor_name::kPgo, asked, answer);
   EXPECT_TRUE(OnlyAnswer().has_optimize());
-  AnswerAs(actor_name::kPgo, asked, answer);  // A second time.
+  AnswerAs(actor_name::kPgo, asked, answer);  // Repeats the answer.
   EXPECT_TRUE(Answers().empty());
 }
 
@@ -407,7 +407,7 @@ TEST_F(GatewayActorTest, RefusesTheRequestOfAnotherAgent) {
   EXPECT_EQ(ReplyIn(answers[0]).error().code(), proto::ERROR_CODE_REFUSED);
 }
 
-TEST_F(GatewayActorTest, OfManyCommandsOfAKindWritesDownSomeAndHowManyMore) {
+TEST_F(GatewayActorTest, LogsSomeOfManyCommandsOfAKindAndTheNumberOfTheRest) {
   proto::ControlRequest share;
   share.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
   share.set_by("robot");
@@ -444,7 +444,7 @@ proto::ControlRequest SyncAndWait(double wait_s) {
   return request;
 }
 
-TEST_F(GatewayActorTest, WaitsForTheEndOfAnOrderAsLongAsItIsAskedTo) {
+TEST_F(GatewayActorTest, WaitsForTheEndOfAnOrderAsLongAsRequested) {
   Request(SyncAndWait(3600));
   const proto::Message asked = Asked(actor_name::kSync);
   EXPECT_EQ(asked.share_request().wait_s(), 3600);
@@ -456,7 +456,7 @@ TEST_F(GatewayActorTest, WaitsForTheEndOfAnOrderAsLongAsItIsAskedTo) {
   EXPECT_TRUE(OnlyAnswer().share().progress().is_complete());
 }
 
-TEST_F(GatewayActorTest, SaysThatNobodyWaitsAnyMoreWhereTheActorBeganAnew) {
+TEST_F(GatewayActorTest, FailsAWaitingRequestIfTheActorRestarts) {
   class SilentActor final : public Actor {
     void OnMessage(Context&, const proto::Message&) override {}
   };
@@ -471,7 +471,7 @@ TEST_F(GatewayActorTest, SaysThatNobodyWaitsAnyMoreWhereTheActorBeganAnew) {
   EXPECT_EQ(reply.error().text(), "sync restarted before it answered; ask again");
 }
 
-TEST_F(GatewayActorTest, AsksTheActorOfTheOrdersKindForNews) {
+TEST_F(GatewayActorTest, RequestsNewsFromTheActorOfTheOrdersKind) {
   for (const auto& [kind, actor] : {std::pair(proto::SHARING_KIND_SYNC, actor_name::kSync),
                                     std::pair(proto::SHARING_KIND_REPLICATION, actor_name::kReplica)}) {
     proto::ControlRequest request;
@@ -489,7 +489,7 @@ TEST_F(GatewayActorTest, AsksTheActorOfTheOrdersKindForNews) {
   }
 }
 
-// Reads that wait for something to be stored.
+// Reads that wait until a record is stored.
 class FeedTest : public GatewayActorTest {
  protected:
   static proto::ControlRequest Feed(double wait_s, DataType type = 0) {
@@ -499,7 +499,7 @@ class FeedTest : public GatewayActorTest {
     if (type != 0) request.mutable_read()->add_data_types(type);
     return request;
   }
-  // Storage's answer to what it was asked last.
+  // Storage's answer to its last request.
   void AnswerPage(const proto::Message& asked, int records) {
     proto::Message page;
     page.mutable_read_reply()->set_is_complete(true);
@@ -519,7 +519,7 @@ class FeedTest : public GatewayActorTest {
   std::size_t AskedOfStorage() { return team_.Take({1, actor_name::kStorage}).size(); }
 };
 
-TEST_F(FeedTest, AnswersAtOnceWhereSomethingIsThere) {
+TEST_F(FeedTest, AnswersAtOnceIfRecordsAreStored) {
   Request(Feed(30));
   const proto::Message asked = Asked(actor_name::kStorage);
   EXPECT_EQ(asked.read_request().after_row_id(), 7u);
@@ -528,19 +528,19 @@ TEST_F(FeedTest, AnswersAtOnceWhereSomethingIsThere) {
   EXPECT_EQ(OnlyAnswer().read().row_ids_size(), 2);
 }
 
-TEST_F(FeedTest, WaitsUntilSomethingOfItsTypesIsStored) {
+TEST_F(FeedTest, WaitsUntilARecordOfItsTypesIsStored) {
   Request(Feed(30, proto::TEMPERATURE));
   AnswerPage(Asked(actor_name::kStorage), 0);
   EXPECT_TRUE(Answers().empty());
   team_.AdvanceTime(seconds(10));
   ReportStored(proto::POWER);
-  ReportStored(proto::TEMPERATURE, "soil");  // Nobody else's word.
+  ReportStored(proto::TEMPERATURE, "soil");  // Comes from an actor other than storage.
   EXPECT_EQ(AskedOfStorage(), 0u);
   ReportStored(proto::TEMPERATURE);
   const proto::Message again = Asked(actor_name::kStorage);
-  ReportStored(proto::TEMPERATURE);  // Stored since it was asked.
+  ReportStored(proto::TEMPERATURE);  // A record was stored after the request.
   EXPECT_EQ(AskedOfStorage(), 0u);
-  AnswerPage(again, 0);  // Of another origin.
+  AnswerPage(again, 0);  // The new record has another origin.
   AnswerPage(Asked(actor_name::kStorage), 1);
   EXPECT_EQ(OnlyAnswer().read().row_ids(0), 8u);
   ReportStored(proto::TEMPERATURE);
@@ -549,13 +549,13 @@ TEST_F(FeedTest, WaitsUntilSomethingOfItsTypesIsStored) {
   EXPECT_TRUE(Answers().empty());
 }
 
-TEST_F(FeedTest, AsksAnewOnlyForWhatCameSinceTheLastEmptyAnswer) {
+TEST_F(FeedTest, ReadsAgainOnlyAfterTheRowsOfTheLastEmptyAnswer) {
   Request(Feed(30));
   AnswerPage(Asked(actor_name::kStorage), 0);
   ReportStored(proto::POWER, actor_name::kStorage, 20);
   const proto::Message first = Asked(actor_name::kStorage);
   EXPECT_EQ(first.read_request().after_row_id(), 7u);
-  ReportStored(proto::POWER, actor_name::kStorage, 25);  // The answer under way may not know of these.
+  ReportStored(proto::POWER, actor_name::kStorage, 25);  // The answer in flight may lack these records.
   AnswerPage(first, 0);
   const proto::Message second = Asked(actor_name::kStorage);
   EXPECT_EQ(second.read_request().after_row_id(), 20u);
@@ -564,7 +564,7 @@ TEST_F(FeedTest, AsksAnewOnlyForWhatCameSinceTheLastEmptyAnswer) {
   EXPECT_EQ(Asked(actor_name::kStorage).read_request().after_row_id(), 25u);
 }
 
-TEST_F(FeedTest, GivesAnEmptyPageWhenTheTimeIsUp) {
+TEST_F(FeedTest, ReturnsAnEmptyPageWhenTheTimeIsUp) {
   Request(Feed(30));
   AnswerPage(Asked(actor_name::kStorage), 0);
   team_.AdvanceTime(seconds(29));
@@ -576,7 +576,7 @@ TEST_F(FeedTest, GivesAnEmptyPageWhenTheTimeIsUp) {
   EXPECT_EQ(reply.read().records_size(), 0);
 }
 
-TEST_F(FeedTest, WaitsForStoragesAnswerWhenTheTimeIsUpMeanwhile) {
+TEST_F(FeedTest, WaitsForStoragesAnswerBeyondTheEndOfItsWait) {
   Request(Feed(5));
   const proto::Message asked = Asked(actor_name::kStorage);
   team_.AdvanceTime(seconds(10));
@@ -588,7 +588,7 @@ TEST_F(FeedTest, WaitsForStoragesAnswerWhenTheTimeIsUpMeanwhile) {
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_TIMED_OUT);
 }
 
-TEST_F(FeedTest, TakesSoManyAndNoMore) {
+TEST_F(FeedTest, LimitsTheNumberOfWaitingReads) {
   for (std::uint64_t id = 1; id <= 2; ++id) Request(Feed(30), id);
   for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) AnswerPage(asked, 0);
   Request(Feed(30), 3);
@@ -604,7 +604,7 @@ TEST_F(FeedTest, TakesSoManyAndNoMore) {
   EXPECT_EQ(AskedOfStorage(), 1u);
 }
 
-TEST_F(FeedTest, LeavesRoomToOtherClients) {
+TEST_F(FeedTest, LimitsThePendingRequestsOfEachClient) {
   GatewayActor::Options options;
   options.self = 2;
   options.team = team_config_;
@@ -639,7 +639,7 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
               testing::HasSubstr("too many requests of this client wait for an answer of"));
   EXPECT_EQ(ask("k7", "dave", relayed), "");
 
-  // Another agent has the room of one client, whatever actors it names.
+  // Another agent has the limits of a single client, whichever actors it names.
   const auto ask_as = [&](const Address& requester) {
     proto::ControlRequest asked = Feed(30);
     asked.set_for_agent(2);
@@ -652,7 +652,7 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
   EXPECT_THAT(ask_as({1, "asker2"}), testing::HasSubstr("of this client"));
 }
 
-// A client with a key, and what it is answered at once.
+// A client with a key, and the immediate answers to its requests.
 class KeyedClientTest : public GatewayActorTest {
  protected:
   proto::ControlReply RequestWith(proto::ClientRights rights, const proto::ControlRequest& request) {
@@ -686,7 +686,7 @@ class KeyedClientTest : public GatewayActorTest {
   const Address keyed_{kClients, "k1"};
 };
 
-TEST_F(KeyedClientTest, IsRefusedWhatItsKeyDoesNotAllowAndNothingComesOfIt) {
+TEST_F(KeyedClientTest, IsRefusedRequestsThatItsKeyDoesNotAllow) {
   for (const auto rights : {proto::CLIENT_RIGHTS_NONE, proto::CLIENT_RIGHTS_VIEW, proto::CLIENT_RIGHTS_SHARE}) {
     EXPECT_EQ(RequestWith(rights, SetLeader()).error().code(), proto::ERROR_CODE_REFUSED) << rights;
   }
@@ -702,7 +702,7 @@ TEST_F(KeyedClientTest, IsRefusedWhatItsKeyDoesNotAllowAndNothingComesOfIt) {
   EXPECT_EQ(RefusedClients(), 5);
 }
 
-TEST_F(KeyedClientTest, StandsInTheStoryByItsKeysName) {
+TEST_F(KeyedClientTest, IsLoggedUnderItsKeysName) {
   EXPECT_FALSE(IsError(RequestWith(proto::CLIENT_RIGHTS_COMMAND, SetLeader()).error()));
   const proto::Record record = Asked(actor_name::kStorage).insert_request().records(0);
   EXPECT_EQ(record.agent_event().by(), "anna (key)");
@@ -716,20 +716,20 @@ TEST_F(KeyedClientTest, StandsInTheStoryByItsKeysName) {
   EXPECT_EQ(RequestIn(at_other.front()).by(), "anna (key)");
 }
 
-TEST_F(KeyedClientTest, CannotBePassedForByOneWithoutAKey) {
+TEST_F(KeyedClientTest, CannotBeImpersonatedByAClientWithoutAKey) {
   proto::ControlRequest request = SetLeader();
   for (const auto& [said, written] : std::map<std::string, std::string>{
            {"anna (key)", "anna"}, {"anna(key) (key) ", "anna"}, {"anna@hill", "anna@hill"}}) {
     request.set_by(said);
     proto::Message message = MessageOf(request);
-    message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);  // As over ipc.
+    message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);  // The rights of a client over ipc.
     (void)team_.Post({kClients, "c1"}, gateway_, message);
     team_.RunUntilIdle();
     EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().by(), written);
   }
 }
 
-TEST_F(GatewayActorTest, WritesDownWhatItIsToldToDoBeforeItIsDoneAndByWhom) {
+TEST_F(GatewayActorTest, LogsACommandAndItsClientBeforeCarryingItOut) {
   proto::ControlRequest request;
   request.mutable_role_set()->set_leader(2);
   request.mutable_role_set()->set_reason("sun is low");
@@ -750,18 +750,18 @@ TEST_F(GatewayActorTest, WritesDownWhatItIsToldToDoBeforeItIsDoneAndByWhom) {
   EXPECT_THAT(relayed.agent_event().text(), testing::EndsWith(", through rover2"));
   EXPECT_TRUE(CheckRecord(relayed).has_value());
 
-  request.mutable_status();  // A question.
+  request.mutable_status();  // A request that only asks a question.
   request.clear_for_agent();
   Request(request);
   for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) EXPECT_FALSE(asked.has_insert_request());
 }
 
-// The team of two with a base station, agent 3, through which alone commands come.
+// The team of two with a base station, agent 3. Commands are accepted only through the base station.
 class CommandFromTest : public GatewayActorTest {
  protected:
   CommandFromTest() : GatewayActorTest(/*has_base=*/true) {}
 
-  // From that agent's gateway; its answer.
+  // The answer to a request from the gateway of agent `from`.
   proto::ControlReply Relay(AgentId from, const proto::ControlRequest& request) {
     RequestAs({from, actor_name::kGateway}, request, 6);
     team_.AdvanceTime(seconds(1));
@@ -777,7 +777,7 @@ class CommandFromTest : public GatewayActorTest {
     return request;
   }
 
-  // The other actors' parts of it are empty.
+  // The status, with empty parts from all other actors.
   proto::ControlReply AskForStatus() {
     proto::ControlRequest status;
     status.mutable_status();
@@ -791,7 +791,7 @@ class CommandFromTest : public GatewayActorTest {
   }
 };
 
-TEST_F(CommandFromTest, IsAskedBeforeAnythingComesOfARelayedCommand) {
+TEST_F(CommandFromTest, IsCheckedBeforeARelayedCommandIsCarriedOut) {
   const proto::ControlReply refused = Relay(2, SetLeader());
   EXPECT_EQ(refused.error().code(), proto::ERROR_CODE_REFUSED);
   EXPECT_EQ(refused.error().field(), "command_from");
@@ -804,7 +804,7 @@ TEST_F(CommandFromTest, IsAskedBeforeAnythingComesOfARelayedCommand) {
   EXPECT_TRUE(Asked(actor_name::kRole).has_role_set_request());
 }
 
-TEST_F(CommandFromTest, CountsWhatItRefusesAndWritesDownAFewAMinute) {
+TEST_F(CommandFromTest, CountsRefusedCommandsAndLogsAFewPerMinute) {
   for (int i = 0; i < 50; ++i) Relay(2, SetLeader());
   EXPECT_EQ(team_.Take({1, actor_name::kStorage}).size(), 2u);
   team_.AdvanceTime(std::chrono::minutes(1));
@@ -818,7 +818,7 @@ TEST_F(CommandFromTest, CountsWhatItRefusesAndWritesDownAFewAMinute) {
   EXPECT_EQ(reply.status().refused(0).count(), 50);
 }
 
-TEST_F(CommandFromTest, CountsRefusedCommandsAnewAfterAnAcknowledgment) {
+TEST_F(CommandFromTest, RestartsTheCountOfRefusedCommandsAfterAnAcknowledgment) {
   Relay(2, SetLeader());
   (void)team_.Take({1, actor_name::kStorage});
   proto::ControlRequest acknowledge;
@@ -833,7 +833,7 @@ TEST_F(CommandFromTest, CountsRefusedCommandsAnewAfterAnAcknowledgment) {
   EXPECT_EQ(AskForStatus().status().refused_size(), 0);
 }
 
-TEST_F(GatewayActorTest, WritesDownThatACommandWasRefused) {
+TEST_F(GatewayActorTest, LogsARefusedCommand) {
   proto::ControlRequest request;
   request.mutable_role_set()->set_is_swap(true);
   request.set_by("anna@hill");
@@ -850,12 +850,12 @@ TEST_F(GatewayActorTest, WritesDownThatACommandWasRefused) {
   EXPECT_EQ(written.by(), "anna@hill");
 }
 
-TEST_F(CommandFromTest, BelievesNoOtherAgentThatAKeyWasChecked) {
+TEST_F(CommandFromTest, IgnoresAnotherAgentsClaimThatAKeyWasChecked) {
   Relay(3, SetLeader());
   EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().by(), "anna");
 }
 
-TEST_F(CommandFromTest, LetsWhoLeadsOrderSharing) {
+TEST_F(CommandFromTest, AllowsTheLeaderToOrderSharing) {
   proto::ControlRequest share;
   share.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
   share.set_for_agent(1);
@@ -867,14 +867,14 @@ TEST_F(CommandFromTest, LetsWhoLeadsOrderSharing) {
   EXPECT_TRUE(Asked(actor_name::kSync).has_share_request());
 }
 
-TEST_F(GatewayActorTest, AsksAnotherAgentAndBringsItsAnswerBack) {
+TEST_F(GatewayActorTest, RelaysARequestToAnotherAgentAndReturnsItsAnswer) {
   SpawnGateway(2);
   Request(ReadAtTwo(), 42);
   team_.AdvanceTime(seconds(1));
   EXPECT_TRUE(team_.Take({1, actor_name::kStorage}).empty());
   const auto asked = team_.Take({2, actor_name::kStorage});
   ASSERT_EQ(asked.size(), 1u);
-  EXPECT_EQ(asked[0].read_request().content_bytes_max(), kRelayedContentBytesMax);  // 1 MB among its own.
+  EXPECT_EQ(asked[0].read_request().content_bytes_max(), kRelayedContentBytesMax);  // 1 MB for an agent's own clients.
   proto::Message page;
   page.set_request_id(asked[0].request_id());
   page.mutable_read_reply()->set_is_complete(true);
@@ -883,7 +883,7 @@ TEST_F(GatewayActorTest, AsksAnotherAgentAndBringsItsAnswerBack) {
   EXPECT_TRUE(OnlyAnswer(42).read().is_complete());
 }
 
-TEST_F(GatewayActorTest, WaitsForAnotherAgentsWaitingReadALittleLongerThanItWaits) {
+TEST_F(GatewayActorTest, WaitsForARelayedReadALittleLongerThanTheReadItself) {
   proto::ControlRequest request = ReadAtTwo();
   request.mutable_read()->set_wait_s(30);
   Request(request);
@@ -910,7 +910,7 @@ TEST_F(GatewayActorTest, RefusesAnAnswerTooLongForTheRadio) {
   }
 }
 
-// With its envelope.
+// The longest answer fits together with its envelope.
 TEST_F(GatewayActorTest, TheLongestAnswerFitsIntoAMessageBetweenAgents) {
   const std::size_t longest = GatewayActor::Options().relay_bytes_max;
   SpawnGateway(2, longest);
@@ -929,7 +929,7 @@ TEST_F(GatewayActorTest, TheLongestAnswerFitsIntoAMessageBetweenAgents) {
   }
 }
 
-TEST_F(GatewayActorTest, SaysWhichAgentCannotBeReachedOrWasLost) {
+TEST_F(GatewayActorTest, NamesTheAgentThatCannotBeReachedOrWasLost) {
   SpawnGateway(2);
   Request(ReadAtTwo());
   team_.SetLink(1, 2, false);
@@ -948,7 +948,7 @@ TEST_F(GatewayActorTest, SaysWhichAgentCannotBeReachedOrWasLost) {
   EXPECT_EQ(OnlyAnswer().error().field(), "for_agent");
 }
 
-TEST_F(GatewayActorTest, TakesNoAnswerFromAnyoneButTheAgentThatWasAsked) {
+TEST_F(GatewayActorTest, AcceptsAnAnswerOnlyFromTheAgentThatWasAsked) {
   Request(ReadAtTwo());  // Agent 2's gateway is a probe.
   team_.AdvanceTime(seconds(1));
   const auto asked = team_.Take({2, actor_name::kGateway});
@@ -966,7 +966,7 @@ TEST_F(GatewayActorTest, TakesNoAnswerFromAnyoneButTheAgentThatWasAsked) {
   EXPECT_EQ(OnlyAnswer().error().text(), "rover2 did not answer in time");
 }
 
-TEST_F(GatewayActorTest, PassesNoRequestOfAnotherAgentOn) {
+TEST_F(GatewayActorTest, DoesNotForwardARelayedRequestToAThirdAgent) {
   const Address other{2, actor_name::kGateway};
   proto::ControlRequest request = ReadAtTwo();
   RequestAs(other, request, 5);
@@ -976,7 +976,7 @@ TEST_F(GatewayActorTest, PassesNoRequestOfAnotherAgentOn) {
   EXPECT_EQ(ReplyIn(answers[0]).error().code(), proto::ERROR_CODE_REFUSED);
 }
 
-TEST_F(GatewayActorTest, RefusesARequestForAnotherTeamBeforeAnythingIsDone) {
+TEST_F(GatewayActorTest, RefusesARequestForAnotherTeam) {
   const std::string other = TeamIdBytes("ff112233445566778899aabbccddeeff");
   SpawnGateway(2);
   for (const AgentId agent : {0u, 1u, 2u}) {
@@ -999,7 +999,7 @@ TEST_F(GatewayActorTest, RefusesARequestForAnotherTeamBeforeAnythingIsDone) {
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
 }
 
-TEST_F(GatewayActorTest, SaysWhoseEachAnswerIs) {
+TEST_F(GatewayActorTest, NamesTheAnsweringAgentInEachReply) {
   SpawnGateway(2);
   for (const AgentId agent : {1u, 2u}) {
     proto::ControlRequest request = Optimize();
@@ -1021,9 +1021,9 @@ TEST_F(GatewayActorTest, SaysWhoseEachAnswerIs) {
   }
 }
 
-TEST_F(GatewayActorTest, RelaysForItsOwnTeamAlone) {
+TEST_F(GatewayActorTest, RelaysOnlyForItsOwnTeam) {
   (void)team_.Take({2, actor_name::kGateway});
-  proto::ControlRequest request = Optimize();  // Of a client that names no team.
+  proto::ControlRequest request = Optimize();  // A request of a client that names no team.
   request.set_for_agent(2);
   Request(request);
   team_.AdvanceTime(seconds(1));

@@ -23,7 +23,7 @@ proto::TeamConfig Team() {
   return team;
 }
 
-// The field of the error; "ok" for none.
+// The field that the error names. "ok" if there is no error.
 std::string FieldOf(const proto::ControlRequest& request) {
   const auto checked = CheckRequest(Team(), /*self=*/1, request);
   if (checked) return "ok";
@@ -34,7 +34,7 @@ std::string FieldOf(const proto::ControlRequest& request) {
 
 TEST(RequestCheckTest, RefusesAnEmptyRequest) { EXPECT_EQ(FieldOf({}), "request"); }
 
-TEST(RequestCheckTest, NamesTheRecordWhoseAgentIsNotOfTheTeam) {
+TEST(RequestCheckTest, NamesTheRecordWhoseAgentIsNotInTheTeam) {
   proto::ControlRequest request;
   EXPECT_EQ((request.mutable_insert(), FieldOf(request)), "insert.records");
   request.mutable_insert()->add_records()->mutable_temperature();
@@ -49,7 +49,7 @@ TEST(RequestCheckTest, NamesTheRecordWhoseAgentIsNotOfTheTeam) {
   EXPECT_EQ(FieldOf(request), "insert.records[2].pose_graph_edge.to.agent_id");
 }
 
-TEST(RequestCheckTest, RefusesWhatIsForAnAgentThatHasLeftAndTakesItsRecords) {
+TEST(RequestCheckTest, RefusesRequestsForAnAgentThatHasLeftButAcceptsItsRecords) {
   proto::TeamConfig team = Team();
   team.mutable_agents(1)->set_left(true);
   proto::ControlRequest request;
@@ -65,7 +65,7 @@ TEST(RequestCheckTest, RefusesWhatIsForAnAgentThatHasLeftAndTakesItsRecords) {
   EXPECT_EQ(ToString(refused.error()), "for_agent: agent 2 has left the team");
 }
 
-TEST(RequestCheckTest, ChecksTheRolesThatARequestReliesOn) {
+TEST(RequestCheckTest, ChecksTheExpectedRolesOfARequest) {
   proto::ControlRequest request;
   request.mutable_role_set()->set_is_swap(true);
   proto::RoleAssignment& expected = *request.mutable_role_set()->mutable_expected();
@@ -85,7 +85,7 @@ TEST(RequestCheckTest, ChecksTheRolesThatARequestReliesOn) {
   EXPECT_EQ(FieldOf(request), "ok");
 }
 
-TEST(RequestCheckTest, ChecksTheTermThatAnOrderReliesOn) {
+TEST(RequestCheckTest, ChecksTheExpectedTermOfAnOrder) {
   proto::ControlRequest request;
   request.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
   request.mutable_share()->mutable_expected_term()->set_issuer(9);
@@ -108,7 +108,7 @@ TEST(RequestCheckTest, BoundsHowLongAReadWaits) {
   }
 }
 
-TEST(RequestCheckTest, AnAcknowledgmentNamesTheStampOfAFinding) {
+TEST(RequestCheckTest, RequiresTheTimestampOfAFindingInAnAcknowledgment) {
   proto::ControlRequest request;
   request.mutable_acknowledge();
   EXPECT_EQ(FieldOf(request), "ok") << "refused commands have no stamp";
@@ -118,7 +118,7 @@ TEST(RequestCheckTest, AnAcknowledgmentNamesTheStampOfAFinding) {
   EXPECT_EQ(FieldOf(request), "ok");
 }
 
-TEST(RequestCheckTest, LetsNobodyWaitForHistory) {
+TEST(RequestCheckTest, RefusesAReadThatWaitsForHistory) {
   proto::ControlRequest request;
   request.mutable_read()->set_is_history(true);
   EXPECT_EQ(FieldOf(request), "ok");
@@ -126,7 +126,7 @@ TEST(RequestCheckTest, LetsNobodyWaitForHistory) {
   EXPECT_EQ(FieldOf(request), "read.wait_s");
 }
 
-TEST(RequestCheckTest, RefusesPrunesThatCannotBe) {
+TEST(RequestCheckTest, RefusesInvalidPrunes) {
   proto::ControlRequest request;
   proto::PruneOrder& prune = *request.mutable_prune();
   EXPECT_EQ(FieldOf(request), "ok");
@@ -151,13 +151,13 @@ TEST(RequestCheckTest, RefusesPrunesThatCannotBe) {
   EXPECT_EQ(FieldOf(request), "prune.data_types");
 }
 
-TEST(RequestCheckTest, LetsNoClientWriteTheTeamsStory) {
+TEST(RequestCheckTest, RefusesEventsInsertedByClients) {
   proto::ControlRequest request;
   request.mutable_insert()->add_records()->mutable_agent_event()->set_text("role swap");
   EXPECT_EQ(FieldOf(request), "insert.records[0].agent_event");
 }
 
-TEST(RequestCheckTest, LetsNoClientInsertWhatTheLeaderDerives) {
+TEST(RequestCheckTest, RefusesRecordsThatOnlyTheLeaderDerives) {
   proto::ControlRequest request;
   request.mutable_insert()->add_records()->mutable_optimized_pose();
   EXPECT_EQ(FieldOf(request), "insert.records[0].optimized_pose");
@@ -165,7 +165,7 @@ TEST(RequestCheckTest, LetsNoClientInsertWhatTheLeaderDerives) {
   EXPECT_EQ(FieldOf(request), "insert.records[0].edge_verdict");
 }
 
-TEST(RequestCheckTest, RefusesNumbersThatNoRobotMeasures) {
+TEST(RequestCheckTest, RefusesImplausibleMeasurements) {
   proto::ControlRequest request;
   proto::Record& record = *request.mutable_insert()->add_records();
   record.mutable_temperature()->set_celsius(-274);
@@ -200,7 +200,7 @@ TEST(RequestCheckTest, BoundsTheRecordsOfOneInsert) {
   EXPECT_EQ(FieldOf(request), "insert.records");
 }
 
-TEST(RequestCheckTest, RefusesRoleChangesThatChangeNothingOrNameStrangers) {
+TEST(RequestCheckTest, RefusesRoleChangesThatChangeNothingOrNameUnknownAgents) {
   proto::ControlRequest request;
   EXPECT_EQ((request.mutable_role_set(), FieldOf(request)), "role_set");
   request.mutable_role_set()->set_leader(4);
@@ -214,7 +214,7 @@ TEST(RequestCheckTest, RefusesRoleChangesThatChangeNothingOrNameStrangers) {
   EXPECT_EQ(FieldOf(request), "role_set.reason");
 }
 
-TEST(RequestCheckTest, RefusesAWindowFromScratchAndCovariancesOfStrangersOrTooMany) {
+TEST(RequestCheckTest, RefusesAWindowFromScratchAndCovariancesOfUnknownOrTooManyNodes) {
   proto::ControlRequest request;
   proto::OptimizeRequest& optimize = *request.mutable_optimize();
   EXPECT_EQ(FieldOf(request), "ok");
@@ -230,7 +230,7 @@ TEST(RequestCheckTest, RefusesAWindowFromScratchAndCovariancesOfStrangersOrTooMa
   EXPECT_EQ(FieldOf(request), "optimize.covariance_of");
 }
 
-TEST(RequestCheckTest, RefusesToShareWithItselfOrWithStrangers) {
+TEST(RequestCheckTest, RefusesToShareWithItselfOrUnknownAgents) {
   proto::ControlRequest request;
   EXPECT_EQ((request.mutable_share(), FieldOf(request)), "share.kind");
   request.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
@@ -242,7 +242,7 @@ TEST(RequestCheckTest, RefusesToShareWithItselfOrWithStrangers) {
   EXPECT_EQ(FieldOf(request), "share.from_agents[0]");
 }
 
-TEST(RequestCheckTest, NamesWhatIsWrongWithAQuestionAboutTheMap) {
+TEST(RequestCheckTest, NamesTheInvalidFieldOfAQuestionAboutTheMap) {
   proto::ControlRequest request;
   request.mutable_map_why()->set_y_m(-5);
   EXPECT_EQ(FieldOf(request), "ok");
@@ -265,7 +265,7 @@ TEST(RequestCheckTest, NamesWhatIsWrongWithAQuestionAboutTheMap) {
   EXPECT_EQ(FieldOf(request), "insert.records[0].map_quarantine.agent_id");
 }
 
-TEST(RequestCheckTest, BringsPagesIntoTheirBounds) {
+TEST(RequestCheckTest, LimitsThePageSize) {
   proto::ReadRequest request;
   BoundPage(request);
   EXPECT_EQ(request.records_max(), kReadRecordsDefault);

@@ -21,7 +21,7 @@ constexpr auto kDriving = proto::LEASE_KIND_DRIVING;
 constexpr auto kSleeping = proto::LEASE_KIND_SLEEPING;
 constexpr auto kPaused = proto::LEASE_KIND_PAUSED;
 
-// Rovers 1 to 3; their other actors are probes.
+// A team of rovers 1 to 3. Their other actors are probes.
 class LeaseTeam {
  public:
   explicit LeaseTeam(std::uint64_t seed) : team_(seed) {
@@ -49,7 +49,7 @@ class LeaseTeam {
     return answer ? answer->lease_reply() : proto::LeaseReply();
   }
 
-  // What `agent` knows of `other`, in whole seconds: how long it drives and sleeps.
+  // The remaining driving and sleeping times of `other` as `agent` knows them, in whole seconds.
   std::pair<long, long> Known(AgentId agent, AgentId other) {
     const proto::AgentLease lease = LeaseKnown(agent, other);
     return {std::lround(lease.driving_s()), std::lround(lease.sleeping_s())};
@@ -99,7 +99,7 @@ class LeaseActorTest : public testing::Test, protected LeaseTeam {
   }
 };
 
-TEST_F(LeaseActorTest, TellsTheWholeTeamAtOnceAndCountsDownEverywhere) {
+TEST_F(LeaseActorTest, NotifiesTheWholeTeamAtOnceAndCountsDownEverywhere) {
   const auto reply = Set(2, kDriving, 40);
   ASSERT_EQ(reply.leases_size(), 1);
   EXPECT_EQ(reply.leases(0).agent_id(), 2u);
@@ -114,7 +114,7 @@ TEST_F(LeaseActorTest, TellsTheWholeTeamAtOnceAndCountsDownEverywhere) {
   EXPECT_TRUE(AllKnow(1, {0, 0}));
 }
 
-TEST_F(LeaseActorTest, TellsTheTeamOfAPauseThatStandsBesideTheOtherLeases) {
+TEST_F(LeaseActorTest, NotifiesTheTeamOfAPauseBesideTheOtherLeases) {
   Set(2, kDriving, 40);
   EXPECT_EQ(Set(2, kPaused, 600).leases(0).paused_s(), 600);
   team_.AdvanceTime(seconds(50));
@@ -132,7 +132,7 @@ TEST_F(LeaseActorTest, TellsTheTeamOfAPauseThatStandsBesideTheOtherLeases) {
   EXPECT_EQ(KnownPause(1, 2), 0);
 }
 
-TEST_F(LeaseActorTest, EndsEarlyOnItsRobotsWord) {
+TEST_F(LeaseActorTest, EndsEarlyAtItsRobotsRequest) {
   Set(2, kDriving, 3600);
   team_.AdvanceTime(seconds(5));
   EXPECT_EQ(Set(2, kDriving, 0).leases_size(), 0);
@@ -151,7 +151,7 @@ TEST_F(LeaseActorTest, RefusesBadDurationsAndKinds) {
   EXPECT_TRUE(AllKnow(2, {0, 0}));
 }
 
-TEST_F(LeaseActorTest, PublishesEachChangeAndLapse) {
+TEST_F(LeaseActorTest, PublishesEachChangeAndExpiry) {
   team_.Take({1, "planner"});
   Set(2, kDriving, 40);
   const auto begun = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, seconds(1));
@@ -165,7 +165,7 @@ TEST_F(LeaseActorTest, PublishesEachChangeAndLapse) {
   EXPECT_EQ(team_.now() - start, seconds(40));
 }
 
-TEST_F(LeaseActorTest, ALeaseCountsDownForWhoHearsOfItLate) {
+TEST_F(LeaseActorTest, ALateSubscriberGetsTheRemainingTime) {
   Set(2, kDriving, 40);
   team_.AdvanceTime(seconds(30));
   team_.Watch({1, "late"}, Topic::kLeases);
@@ -176,7 +176,7 @@ TEST_F(LeaseActorTest, ALeaseCountsDownForWhoHearsOfItLate) {
   EXPECT_NEAR(leases.LeftOf(2, team_.now()).driving_s(), 10, 0.1);
 }
 
-TEST_F(LeaseActorTest, TellsAnAgentThatWasAwayWhenItIsReached) {
+TEST_F(LeaseActorTest, NotifiesAnAgentThatWasAwayWhenItReconnects) {
   team_.SetLink(1, 2, false);
   Set(2, kDriving, 600);
   team_.AdvanceTime(seconds(100));
@@ -186,7 +186,7 @@ TEST_F(LeaseActorTest, TellsAnAgentThatWasAwayWhenItIsReached) {
   EXPECT_EQ(Known(1, 2), std::pair(500L, 0L));
 }
 
-TEST_F(LeaseActorTest, TellsAgainWhatWasLost) {
+TEST_F(LeaseActorTest, ResendsALostAnnouncement) {
   team_.SetLink(1, 2, false, /*tell=*/false);
   Set(2, kDriving, 600);
   team_.AdvanceTime(seconds(3));
@@ -195,11 +195,11 @@ TEST_F(LeaseActorTest, TellsAgainWhatWasLost) {
   EXPECT_TRUE(AllKnow(2, {594, 0}));
 }
 
-TEST_F(LeaseActorTest, IsSilentWhenAllKnow) {
+TEST_F(LeaseActorTest, IsSilentOnceAllAgentsHaveConfirmed) {
   Set(2, kDriving, 600);
   team_.AdvanceTime(seconds(1));
   const std::uint64_t bytes = team_.radio_bytes();
-  team_.AdvanceTime(minutes(30));  // The lapse costs nothing either.
+  team_.AdvanceTime(minutes(30));  // The expiry costs no bytes either.
   EXPECT_EQ(team_.radio_bytes(), bytes);
 }
 
@@ -209,12 +209,12 @@ TEST_F(LeaseActorTest, RefusesAnnouncementsOutOfBounds) {
     Announce(2, 1, 7, 5, bad);
     Announce(2, 1, 7, 5, 5, bad);
   }
-  Announce(9, 1, 7, 5);  // Not of the team.
+  Announce(9, 1, 7, 5);  // Agent 9 is not in the team.
   EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
   EXPECT_EQ(Known(1, 9), std::pair(0L, 0L));
 }
 
-TEST_F(LeaseActorTest, TakesRequestsAndEventsFromItsOwnAgentOnly) {
+TEST_F(LeaseActorTest, AcceptsRequestsAndEventsOnlyFromItsOwnAgent) {
   proto::Message request;
   request.mutable_lease_request()->set_kind(kDriving);
   request.mutable_lease_request()->set_seconds(50);
@@ -223,8 +223,8 @@ TEST_F(LeaseActorTest, TakesRequestsAndEventsFromItsOwnAgentOnly) {
   EXPECT_EQ(Known(1, 1), std::pair(0L, 0L));
 }
 
-TEST_F(LeaseActorTest, IgnoresAnAnnouncementThatComesLate) {
-  // Only this test speaks for agent 2.
+TEST_F(LeaseActorTest, IgnoresALateAnnouncement) {
+  // Agent 2 itself hears nothing, so only this test announces its leases.
   team_.SetFilter([](AgentId, AgentId to, const proto::Message&) { return to != 2; });
   Announce(2, 1, 500, 100);
   Announce(2, 1, 501, 0);
@@ -232,11 +232,11 @@ TEST_F(LeaseActorTest, IgnoresAnAnnouncementThatComesLate) {
   EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
   Announce(2, 1, 502, 60);
   team_.AdvanceTime(seconds(20));
-  Announce(2, 1, 502, 60);  // Notified again: counts from its first coming.
+  Announce(2, 1, 502, 60);  // Repeats the announcement. Its time counts from the first copy.
   EXPECT_EQ(Known(1, 2), std::pair(40L, 0L));
 }
 
-TEST_F(LeaseActorTest, ARestartedAgentIsAwakeAndHearsWhatOthersDo) {
+TEST_F(LeaseActorTest, ARestartedAgentIsAwakeAndLearnsTheOthersLeases) {
   Set(2, kSleeping, 3600);
   Set(3, kDriving, 600);
   team_.AdvanceTime(seconds(1));
@@ -246,16 +246,17 @@ TEST_F(LeaseActorTest, ARestartedAgentIsAwakeAndHearsWhatOthersDo) {
   EXPECT_TRUE(AllKnow(3, {590, 0}));
 }
 
-TEST_F(LeaseActorTest, CorrectsWhatALateAnnouncementOfAnEarlierLifeSays) {
+TEST_F(LeaseActorTest, CorrectsALateAnnouncementFromBeforeTheRestart) {
   Announce(2, 1, 12345, 3600);
   team_.AdvanceTime(seconds(1));
   EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
 }
 
-// Random leases over a radio that loses, repeats and cuts, with crashes; then quiet, in which all must agree.
+// Random leases over a radio that loses, repeats and fails, with crashes. Afterwards the radio works, and all agents
+// must agree.
 class LeaseActorChaosTest : public testing::TestWithParam<int> {};
 
-TEST_P(LeaseActorChaosTest, AgreesInTheEnd) {
+TEST_P(LeaseActorChaosTest, AllAgreeInTheEnd) {
   for (int i = 0; i < 10; ++i) {
     const auto seed = static_cast<std::uint64_t>(GetParam() * 10 + i);
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -289,7 +290,7 @@ TEST_P(LeaseActorChaosTest, AgreesInTheEnd) {
       const auto own = team.Known(agent, agent);
       for (AgentId other = 1; other <= kAgents; ++other) {
         const auto known = team.Known(other, agent);
-        // What was told first counts; telling took some seconds.
+        // The time counts from the first announcement heard, which may have arrived late.
         EXPECT_NEAR(known.first, own.first, 400) << agent << " as " << other << " knows it";
         EXPECT_NEAR(known.second, own.second, 400) << agent << " as " << other << " knows it";
       }

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Each with all that it can run here, one thread and several.
+// Runs each kernel that this machine supports, on one thread and on several.
 TEST(CpuGatherTest, AgreesWithBruteForceInEveryCell) {
   std::mt19937_64 seeds(1);
   for (int round = 0; round < 40; ++round) {
@@ -26,7 +26,8 @@ TEST(CpuGatherTest, AgreesWithBruteForceInEveryCell) {
   }
 }
 
-// Blocks, boxes, anchors and conventions against geometry by angles; only borders are left to rounding.
+// Compares blocks, boxes, anchors and conventions with geometry computed by angles. Only cells at borders may differ by
+// rounding.
 TEST(CpuGatherTest, AgreesWithGeometryAwayFromBorders) {
   std::mt19937_64 seeds(2);
   std::size_t certain = 0;
@@ -52,8 +53,8 @@ TEST(CpuGatherTest, AgreesWithGeometryAwayFromBorders) {
   EXPECT_GT(known, 10'000u);
 }
 
-// Layers up to 200 times finer than the merged map: no fixed-point shortcut may wrap round.
-TEST(CpuGatherTest, LayersMuchFinerThanTheGridAreAskedRightly) {
+// Layers up to 200 times finer than the merged map, so that any overflow of fixed-point arithmetic shows.
+TEST(CpuGatherTest, GathersLayersMuchFinerThanTheGrid) {
   std::mt19937_64 seeds(3);
   for (int round = 0; round < 12; ++round) {
     const std::uint64_t seed = seeds();
@@ -68,7 +69,7 @@ TEST(CpuGatherTest, LayersMuchFinerThanTheGridAreAskedRightly) {
   }
 }
 
-TEST(CpuGatherTest, NamesWhatItRuns) {
+TEST(CpuGatherTest, NamesItsKernel) {
   EXPECT_STREQ(AvailableKernels().front()->name, "scalar");
   const CpuGather gather({3, ScalarKernel()});
   EXPECT_EQ(gather.name(), "cpu");

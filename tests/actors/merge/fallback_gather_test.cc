@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Works or fails as it is told.
+// A backend that works or fails as the test chooses.
 class FragileGather final : public GatherBackend {
  public:
   FragileGather(const bool& works, int& gathers) : works_(works), gathers_(gathers) {}
@@ -33,7 +33,7 @@ class FragileGather final : public GatherBackend {
 
 class FallbackGatherTest : public testing::Test {
  protected:
-  // A merge of something else than before.
+  // Merges another world than the last call.
   void Merge() {
     has_map_ = !has_map_;
     if (has_map_) {
@@ -71,7 +71,7 @@ class FallbackGatherTest : public testing::Test {
   Merger merger_{world_.grid, backend_};
 };
 
-TEST_F(FallbackGatherTest, WhatFailsIsDoneByTheCpuAtOnceAndTriedAgain) {
+TEST_F(FallbackGatherTest, TheCpuRepeatsAFailedMergeAndTheBackendIsTriedAgain) {
   Merge();
   EXPECT_EQ(backend_->name(), "fragile");
   works_ = false;
@@ -85,7 +85,7 @@ TEST_F(FallbackGatherTest, WhatFailsIsDoneByTheCpuAtOnceAndTriedAgain) {
   EXPECT_EQ(gathers_, 3);
 }
 
-TEST_F(FallbackGatherTest, WhatStaysAwayIsAskedForLessAndLess) {
+TEST_F(FallbackGatherTest, RetriesABackendThatStaysAwayLessAndLessOften) {
   works_ = false;
   can_be_made_ = false;
   for (int i = 0; i < 16; ++i) Merge();
@@ -96,7 +96,7 @@ TEST_F(FallbackGatherTest, WhatStaysAwayIsAskedForLessAndLess) {
   EXPECT_EQ(backend_->name(), "fragile");
 }
 
-TEST_F(FallbackGatherTest, BeingStoppedIsNoLoss) {
+TEST_F(FallbackGatherTest, AStoppedMergeDoesNotCountAsAFailure) {
   works_ = false;
   ASSERT_TRUE(merger_.Put(world_.maps[0]));
   EXPECT_FALSE(merger_.Merge([] { return true; }).has_value());

@@ -12,7 +12,7 @@ TEST(GatherBackendTest, BackendsHaveNames) {
   EXPECT_EQ(ParseMergeBackend("vulkan").error().code, ErrorCode::kInvalid);
 }
 
-TEST(GatherBackendTest, AutoMeansWhatThisMachineHas) {
+TEST(GatherBackendTest, AutoResolvesToABackendOfThisMachine) {
   const MergeBackend resolved = ResolveMergeBackend(MergeBackend::kAuto);
   EXPECT_NE(resolved, MergeBackend::kAuto);
   const auto backend = CreateGatherBackend(MergeBackend::kAuto);
@@ -20,7 +20,7 @@ TEST(GatherBackendTest, AutoMeansWhatThisMachineHas) {
   EXPECT_EQ((*backend)->name(), ToString(resolved));
 }
 
-TEST(GatherBackendTest, ForcedBackendsStay) {
+TEST(GatherBackendTest, AnExplicitBackendIsKept) {
   EXPECT_EQ(ResolveMergeBackend(MergeBackend::kGl), MergeBackend::kGl);
   EXPECT_EQ((*CreateGatherBackend(MergeBackend::kCpu))->name(), "cpu");
   const auto gl = CreateGatherBackend(MergeBackend::kGl);

@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-TEST(GatherPoolTest, EachThreadWorksOnceACall) {
+TEST(GatherPoolTest, EachThreadRunsOncePerCall) {
   GatherPool pool(4);
   EXPECT_EQ(pool.thread_count(), 4);
   for (int round = 0; round < 100; ++round) {
@@ -18,7 +18,7 @@ TEST(GatherPoolTest, EachThreadWorksOnceACall) {
   }
 }
 
-TEST(GatherPoolTest, OneThreadIsTheCallers) {
+TEST(GatherPoolTest, APoolOfOneRunsOnTheCallersThread) {
   GatherPool pool(1);
   const auto caller = std::this_thread::get_id();
   pool.Run([caller](int worker) {
@@ -27,7 +27,7 @@ TEST(GatherPoolTest, OneThreadIsTheCallers) {
   });
 }
 
-TEST(GatherPoolTest, TheMachinesThreadsAreBounded) {
+TEST(GatherPoolTest, TheNumberOfHardwareThreadsIsBounded) {
   EXPECT_GE(HardwareThreads(), 1);
   EXPECT_LE(HardwareThreads(), 16);
 }

@@ -12,7 +12,7 @@
 namespace moondb {
 namespace {
 
-// Skips where this machine has no driver.
+// Skips its tests if this machine has no OpenGL driver.
 class GlGatherTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -40,21 +40,21 @@ class GlGatherTest : public testing::Test {
   std::shared_ptr<GlGather> gl_;
 };
 
-TEST_F(GlGatherTest, SaysWhoDraws) {
+TEST_F(GlGatherTest, NamesTheRenderer) {
   std::cout << gl_->description() << "\n";
   EXPECT_EQ(gl_->name(), "gl");
 }
 
 TEST_F(GlGatherTest, AgreesWithTheCpuInEveryCell) { ExpectSameInRandomWorlds(gl_, 100, 60); }
 
-TEST_F(GlGatherTest, ATargetOfAFewTilesIsUsedAgainAndAgain) {
+TEST_F(GlGatherTest, ATargetOfAFewTilesIsReused) {
   for (const int cells : {64, 130}) {
     const std::shared_ptr<GlGather> gl = *GlGather::Create({.target_cells_max = cells});
     ExpectSameInRandomWorlds(gl, 200, 8);
   }
 }
 
-// Pages of the least size: the texture is made anew again and again, and withdrawn maps leave it.
+// With pages of the smallest size the texture is rebuilt repeatedly, and withdrawn maps leave it.
 TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
   const std::shared_ptr<GlGather> gl = *GlGather::Create({.atlas_page_texels_max = 512});
   ExpectSameInRandomWorlds(gl, 300, 15);
@@ -71,8 +71,8 @@ TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
   }
 }
 
-// More than the first rounds draw.
-TEST_F(GlGatherTest, HundredsOfMapsOverOneCellAreAllAsked) {
+// The first rounds do not draw that many maps.
+TEST_F(GlGatherTest, GathersHundredsOfMapsOverOneCell) {
   World world;
   std::mt19937_64 rng(302);
   for (std::uint64_t i = 0; i < 500; ++i) {
@@ -85,7 +85,7 @@ TEST_F(GlGatherTest, HundredsOfMapsOverOneCellAreAllAsked) {
   ExpectSame(gl_, world);
 }
 
-TEST_F(GlGatherTest, LayersMuchFinerThanTheGridAreAskedRightly) {
+TEST_F(GlGatherTest, GathersLayersMuchFinerThanTheGrid) {
   std::mt19937_64 rng(303);
   for (int round = 0; round < 6; ++round) {
     SCOPED_TRACE(round);
@@ -93,7 +93,7 @@ TEST_F(GlGatherTest, LayersMuchFinerThanTheGridAreAskedRightly) {
   }
 }
 
-// A tile must not outlive what it names: Merger gathers anew only tiles in which a withdrawn map won.
+// A tile must not name blocks that it does not use: Merger gathers again only tiles in which a withdrawn map won.
 TEST_F(GlGatherTest, ATileNamesOnlyBlocksThatWonACell) {
   std::vector<std::unique_ptr<PlacedThing>> things;
   for (const auto& [rows, timestamp_ns] : {std::pair{"#.", 3}, {"##", 2}, {"  ", 1}}) {
@@ -121,15 +121,15 @@ TEST_F(GlGatherTest, ATileNamesOnlyBlocksThatWonACell) {
   }
 }
 
-TEST_F(GlGatherTest, NothingMergesToNothing) { ExpectSame(gl_, {}); }
+TEST_F(GlGatherTest, AnEmptyWorldMergesToAnEmptyMap) { ExpectSame(gl_, {}); }
 
-TEST_F(GlGatherTest, AnyOneThreadAtATimeMayUseIt) {
+TEST_F(GlGatherTest, AnyThreadMayUseItOneAtATime) {
   std::thread([this] { ExpectSameInRandomWorlds(gl_, 400, 2); }).join();
   ExpectSameInRandomWorlds(gl_, 401, 2);
 }
 
-// The context goes after some of a merge's draws; the CPU does that merge, and a new context the one after.
-TEST_F(GlGatherTest, ALostContextInTheMiddleOfAMergeCostsNothingButTime) {
+// The context is lost after some of a merge's draws. The CPU does that merge, and a new context does the next one.
+TEST_F(GlGatherTest, ALostContextInTheMiddleOfAMergeChangesNoCell) {
   int draws_left = 0;
   int contexts = 0;
   const auto make = [&]() -> Result<std::unique_ptr<GatherBackend>> {

@@ -7,7 +7,7 @@
 namespace moondb {
 namespace {
 
-// Skips where this machine has no driver.
+// Skips its tests if this machine has no OpenGL driver.
 class GlObjectsTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -19,7 +19,7 @@ class GlObjectsTest : public testing::Test {
   std::unique_ptr<EglContext> context_;
 };
 
-TEST_F(GlObjectsTest, AnOwnerDeletesItsName) {
+TEST_F(GlObjectsTest, AnOwnerDeletesItsGlName) {
   const CurrentContext current(*context_);
   GLuint id = 0;
   {
@@ -37,8 +37,8 @@ struct CountingTraits {
   static inline int deleted = 0;
 };
 
-// As after a loss, when the context cannot be made current any more.
-TEST_F(GlObjectsTest, AnOwnerWithoutAContextCallsNothing) {
+// After a context is lost, no context can be made current any more.
+TEST_F(GlObjectsTest, AnOwnerWithoutAContextCallsNoGlFunction) {
   CountingTraits::deleted = 0;
   { const GlObject<CountingTraits> object(7); }
   EXPECT_FALSE(IsContextCurrent());

@@ -33,7 +33,7 @@ TEST(LocalMapTest, KeepsEveryCell) {
   }
 }
 
-TEST(LocalMapTest, TakesLittleMoreThanTwoBitsACell) {
+TEST(LocalMapTest, NeedsLittleMoreThanTwoBitsPerCell) {
   std::mt19937_64 rng(6);
   TraversabilityMap map = MakeRandomMap(rng, 128, 128);
   for (int i = 0; i < 3; ++i) map.layers.push_back(map.layers[0]);

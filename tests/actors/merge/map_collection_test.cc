@@ -23,7 +23,7 @@ proto::Term MakeTerm(std::uint64_t number) {
 
 class MapCollectionTest : public testing::Test {
  protected:
-  // Where the only map lies.
+  // x in metres of the position at which the only map is placed.
   double PlacedX(bool use_raw_poses = false) {
     return collection_.Select({use_raw_poses, {}}).maps.at(0).map_from_node.position_m.x();
   }
@@ -69,7 +69,7 @@ TEST_F(MapCollectionTest, TheNewestTermAndRunPlacesTheNodeInAnyOrder) {
   EXPECT_EQ(PlacedX(), 4);
 }
 
-TEST_F(MapCollectionTest, OfTwoRecordsOfOneNodeTheSmallerKeyStands) {
+TEST_F(MapCollectionTest, TheSmallerKeyOfTwoRecordsOfOneNodeWins) {
   AddMapOf(1);
   collection_.AddRawPose(PoseKey(1, 2), {1, 1}, Pose::FromPlanar(2, 0, 0));
   collection_.AddRawPose(PoseKey(1, 1), {1, 1}, Pose::FromPlanar(1, 0, 0));
@@ -77,7 +77,7 @@ TEST_F(MapCollectionTest, OfTwoRecordsOfOneNodeTheSmallerKeyStands) {
   EXPECT_EQ(PlacedX(), 1);
 }
 
-TEST_F(MapCollectionTest, ASelectionTakesMapsAndFootprintsOfItsAgents) {
+TEST_F(MapCollectionTest, ASelectionHasTheMapsAndFootprintsOfItsAgents) {
   for (const AgentId agent : {1u, 2u}) {
     AddMapOf(agent);
     collection_.AddRawPose(PoseKey(agent, 1), {agent, 1}, Pose::FromPlanar(agent, 0, 0));
@@ -94,7 +94,7 @@ TEST_F(MapCollectionTest, ABaseStationLeavesNoFootprint) {
   EXPECT_EQ(collection.Select({}).footprints.size(), 0u);
 }
 
-TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheStampsTheyName) {
+TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheMapsInTheirTimeRanges) {
   const TraversabilityMap map = DrawMap({"."}, 50'000);
   for (std::int64_t timestamp = 1; timestamp <= 9; ++timestamp) {
     ASSERT_TRUE(collection_.AddMap(MapKey(1, static_cast<std::uint64_t>(timestamp)), {timestamp, false}, map));
@@ -116,7 +116,7 @@ TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheStampsTheyName) {
   EXPECT_EQ(left_out(), "");
   quarantine(1, 2, 3);
   quarantine(2, 5, 7);
-  quarantine(3, 6, 6);  // Within another one.
+  quarantine(3, 6, 6);  // Lies within the range of another quarantine.
   quarantine(4, 1, 9, /*agent=*/2);
   EXPECT_EQ(left_out(), "23567");
   quarantine(5, 7, 8);
@@ -130,7 +130,7 @@ TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheStampsTheyName) {
   EXPECT_EQ(standing[3].map_count, 0u);
 }
 
-TEST_F(MapCollectionTest, KeepsTheNewestMapsOfTheAgentsThatMadeMost) {
+TEST_F(MapCollectionTest, LimitsAgentsWithTheMostMapsToTheirNewestMaps) {
   const TraversabilityMap map = DrawMap({".."}, 50'000);
   MapCollection collection({.grid = {}, .without_footprint = {}, .maps_max = 5});
   ASSERT_TRUE(collection.AddMap(MapKey(1, 1), {5, false}, map));
@@ -167,8 +167,9 @@ TEST_F(MapCollectionTest, LimitsNodesOptimizedPosesAndQuarantines) {
   EXPECT_EQ(collection.CountLeftOut(), (std::map<AgentId, std::uint64_t>{{2, 1}, {3, 1}, {4, 1}}));
 }
 
-// A node whose record loses its room falls back to its other record, and a lifted quarantine stands again.
-TEST_F(MapCollectionTest, DependsOnTheSetOfRecordsWhateverTheirOrder) {
+// If a node's record is evicted, its other record counts. If the record that lifts a quarantine is evicted, the
+// quarantine counts again.
+TEST_F(MapCollectionTest, DependsOnTheSetOfRecordsAndNotOnTheirOrder) {
   const std::uint64_t first_seed = std::random_device()();
   const TraversabilityMap map = DrawMap({"."}, 50'000);
   for (std::uint64_t seed = first_seed; seed < first_seed + 50; ++seed) {

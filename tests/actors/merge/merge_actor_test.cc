@@ -23,9 +23,9 @@ using std::chrono::seconds;
 constexpr AgentId kSelf = 1;
 constexpr std::uint32_t kCell_um = 100'000;
 
-// What a StorageActor holds, and how it behaves.
+// Records of the simulated StorageActor, and how the actor behaves.
 struct FakeStore {
-  std::vector<proto::StoredRecord> records;  // Row i + 1.
+  std::vector<proto::StoredRecord> records;  // Record i has row id i + 1.
   std::vector<proto::ReadRequest> reads;
   int page_records_max = 2;
   bool is_silent = false;
@@ -144,7 +144,7 @@ class MergeActorTest : public testing::Test {
 
   proto::RecordKey LastKey() const { return store_->records.back().key(); }
 
-  // The answer to a question of any kind; none yet where it waits.
+  // The answer to a question of any kind. Nothing while the actor delays its answer.
   std::optional<proto::Message> AskAnything(proto::Message question) {
     question.set_request_id(78);
     EXPECT_EQ(team_.Post(kRequester, {kSelf, actor_name::kMerge}, std::move(question)), SendResult::kAccepted);
@@ -173,7 +173,7 @@ class MergeActorTest : public testing::Test {
     return AskAnything(std::move(question))->map_stats_reply();
   }
 
-  // Tiles since the last call; nothing where it waits.
+  // Tiles that changed since the last call. Nothing while the actor delays its answer.
   std::optional<proto::MapTilesReply> Tiles(double wait_s = 0) {
     tiles_request_.set_wait_s(wait_s);
     proto::Message question;
@@ -217,7 +217,7 @@ class MergeActorTest : public testing::Test {
   proto::MapTilesRequest tiles_request_;
 };
 
-TEST_F(MergeActorTest, TellsAtTheStartWhoMerges) {
+TEST_F(MergeActorTest, ReportsTheBackendAtTheStart) {
   std::string reported;
   options_.on_backend = [&reported](const std::string& backend) { reported = backend; };
   Start();
@@ -225,7 +225,7 @@ TEST_F(MergeActorTest, TellsAtTheStartWhoMerges) {
   EXPECT_EQ(reported, "cpu");
 }
 
-TEST_F(MergeActorTest, MergesWhatStorageHolds) {
+TEST_F(MergeActorTest, MergesTheRecordsInStorage) {
   StoreNode(1, 1, 1);
   StoreNode(2, 1.2, 1);
   StoreMap(1, {"##", ".."});
@@ -236,7 +236,7 @@ TEST_F(MergeActorTest, MergesWhatStorageHolds) {
   EXPECT_EQ(reply.resolution_um(), kCell_um);
   EXPECT_EQ(reply.origin_cell_x(), 9);
   EXPECT_EQ(reply.origin_cell_y(), 9);
-  // Footprints of two by two cells around the maps' lower left corners.
+  // Each footprint frees two by two cells around its map's lower left corner.
   EXPECT_EQ(Decode(reply), (Rows{" ##..", "....#", ".... "}));
   EXPECT_EQ(reply.map_count(), 2);
   EXPECT_EQ(reply.waiting_map_count(), 0);
@@ -245,16 +245,16 @@ TEST_F(MergeActorTest, MergesWhatStorageHolds) {
   EXPECT_GE(reply.seconds(), 0);
 }
 
-TEST_F(MergeActorTest, AMapWithADoubtfulStampWinsNothingByIt) {
+TEST_F(MergeActorTest, AMapDoesNotWinByASuspectTimestamp) {
   StoreNode(1, 0);
   StoreNode(2, 0);
   StoreMap(1, {"###", "###", "###"});
-  StoreMap(2, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer, as it says.
+  StoreMap(2, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer by its suspect timestamp.
   Start();
   EXPECT_NE(Decode(Merge()).front().find('#'), std::string::npos);
 }
 
-TEST_F(MergeActorTest, ReadsPageByPageAndOnlyWhatIsNew) {
+TEST_F(MergeActorTest, ReadsPageByPageAndOnlyNewRecords) {
   for (int i = 0; i < 5; ++i) StoreMap(1, {"#"});
   StoreNode(1, 1);
   Start();
@@ -292,7 +292,7 @@ TEST_F(MergeActorTest, AMapThatArrivesTwiceCountsOnce) {
 }
 
 TEST_F(MergeActorTest, TheNewestOptimizedPosePlacesTheMap) {
-  StoreNode(4, 0);  // Of the base station: no footprint in the way.
+  StoreNode(4, 0);  // A base station has no footprint that would free cells.
   StoreMap(4, {"##"});
   StoreOptimizedPose(4, 2, /*run=*/2);
   StoreOptimizedPose(4, 1, /*run=*/1);
@@ -329,7 +329,7 @@ TEST_F(MergeActorTest, AMapThatDoesNotFitTheGridIsLeftOut) {
   EXPECT_EQ(Stats().refused_map_count(), 1);
 }
 
-TEST_F(MergeActorTest, MapsTooFarApartAreAClearError) {
+TEST_F(MergeActorTest, MapsTooFarApartAreAnError) {
   StoreNode(1, 0);
   StoreNode(2, 1e6);
   StoreMap(1, {"#"});
@@ -342,7 +342,7 @@ TEST_F(MergeActorTest, MapsTooFarApartAreAClearError) {
   EXPECT_EQ(Merge(request).origin_cell_x(), 9'999'999) << "1,000 km away, alone";
 }
 
-TEST_F(MergeActorTest, AMapThatNoMergerTakesIsAClearError) {
+TEST_F(MergeActorTest, AnInvalidFootprintIsAnError) {
   options_.team.mutable_map()->set_footprint_m(0, 100);
   Start();
   const proto::MergeReply reply = Merge();
@@ -350,7 +350,7 @@ TEST_F(MergeActorTest, AMapThatNoMergerTakesIsAClearError) {
   EXPECT_EQ(reply.error().field(), "map.footprint_m");
 }
 
-TEST_F(MergeActorTest, AMergedMapIsKeptUpToDateBesideThoseOfSomeAgents) {
+TEST_F(MergeActorTest, AMergeOfSomeAgentsDoesNotChangeTheMapOfAll) {
   StoreNode(1, 0);
   StoreNode(2, 1);
   StoreMap(1, {"###"});
@@ -377,7 +377,7 @@ TEST_F(MergeActorTest, RequestsQueueUpToABound) {
   EXPECT_EQ(replies[0].merge_reply().error().code(), proto::ERROR_CODE_FULL);
 }
 
-TEST_F(MergeActorTest, EachRequestIsAnsweredByAReadThatBeganAfterIt) {
+TEST_F(MergeActorTest, EachAnswerIncludesRecordsStoredBeforeItsRequest) {
   StoreNode(1, 1);
   StoreMap(1, {"#"});
   Start();
@@ -392,7 +392,7 @@ TEST_F(MergeActorTest, EachRequestIsAnsweredByAReadThatBeganAfterIt) {
   EXPECT_EQ(store_->reads.size(), 2u) << "one for the first, one for those that came meanwhile";
 }
 
-TEST_F(MergeActorTest, ASilentStorageIsATimeoutAndTheNextRequestAsksAgain) {
+TEST_F(MergeActorTest, ASilentStorageCausesATimeoutAndTheNextRequestReadsAgain) {
   store_->is_silent = true;
   StoreNode(1, 1);
   StoreMap(1, {"#"});
@@ -409,14 +409,14 @@ TEST_F(MergeActorTest, ASilentStorageIsATimeoutAndTheNextRequestAsksAgain) {
   EXPECT_EQ(Merge().map_count(), 1);
 }
 
-TEST_F(MergeActorTest, StoragesErrorIsPassedOn) {
+TEST_F(MergeActorTest, ForwardsStoragesError) {
   store_->has_error = true;
   store_->error = {ErrorCode::kInternal, "disk", {}};
   Start();
   EXPECT_EQ(Merge().error().code(), proto::ERROR_CODE_INTERNAL);
 }
 
-TEST_F(MergeActorTest, AReplyHasABound) {
+TEST_F(MergeActorTest, ALargeReplyIsRefused) {
   options_.reply_bytes_max = 8;
   StoreNode(1, 1);
   StoreMap(1, {"#.#", ".#.", "#.#"});
@@ -436,8 +436,8 @@ TEST_F(MergeActorTest, ARestartedActorReadsEverythingAgain) {
   EXPECT_EQ(after.zstd_cells(), before.zstd_cells());
 }
 
-// Storage is a probe here.
-TEST_F(MergeActorTest, OnlyTheAnswerOfOwnStorageToThisLifesQuestionCounts) {
+// Storage is a probe in this test.
+TEST_F(MergeActorTest, AcceptsOnlyItsOwnStoragesAnswerToItsPresentQuestion) {
   const Address storage{kSelf, actor_name::kStorage};
   const Address merge{kSelf, actor_name::kMerge};
   team_.AddAgent(2);
@@ -466,11 +466,11 @@ TEST_F(MergeActorTest, OnlyTheAnswerOfOwnStorageToThisLifesQuestionCounts) {
   EXPECT_EQ(replies[0].request_id(), 2u);
 }
 
-TEST_F(MergeActorTest, SaysWhyACellIsWhatItIs) {
+TEST_F(MergeActorTest, ExplainsTheValueOfACell) {
   for (const AgentId agent : {1u, 2u, 4u}) StoreNode(agent, 0);
   StoreMap(1, {"###", "###", "###"});
-  StoreMap(2, {"...", "...", "..."}, 2 * kCell_um);                         // Coarser.
-  StoreMap(4, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer, as it says.
+  StoreMap(2, {"...", "...", "..."}, 2 * kCell_um);                         // A coarser map.
+  StoreMap(4, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer by its suspect timestamp.
   StoreOptimizedPose(2, 0.1, /*run=*/1);
   Start();
   const proto::MapWhyReply why = Why(0.22, 0.17);
@@ -502,7 +502,7 @@ TEST_F(MergeActorTest, SaysWhyACellIsWhatItIs) {
 }
 
 TEST_F(MergeActorTest, LeavesQuarantinedMapsOutUntilTheyAreLifted) {
-  StoreNode(4, 0);  // No footprint in the way.
+  StoreNode(4, 0);  // A base station has no footprint that would free cells.
   StoreMap(4, {"#"});
   StoreMap(4, {"."});
   Start();
@@ -519,7 +519,7 @@ TEST_F(MergeActorTest, LeavesQuarantinedMapsOutUntilTheyAreLifted) {
   ASSERT_EQ(stats.quarantines_size(), 1);
   EXPECT_EQ(stats.quarantines(0).map_count(), 1);
   EXPECT_EQ(stats.quarantines(0).record().seq(), given.seq());
-  StoreQuarantine(Quarantine(4, 3, 1000));  // Of none.
+  StoreQuarantine(Quarantine(4, 3, 1000));  // Matches no map.
   StoreQuarantine(Quarantine(1, INT64_MIN, INT64_MAX));
   EXPECT_EQ(Decode(Merge()), (Rows{"#"}));
 
@@ -535,7 +535,7 @@ TEST_F(MergeActorTest, NamesSharedMapsThatWinNoCell) {
   StoreMap(4, {"#"});
   const proto::RecordKey occluded = LastKey();
   StoreMap(4, {"#"});
-  store_->records.back().mutable_key()->set_seq(0);  // A local one: it is nobody's to prune.
+  store_->records.back().mutable_key()->set_seq(0);  // A local record, which cannot be pruned.
   StoreMap(4, {"."});
   Start();
   proto::Message question;
@@ -547,7 +547,7 @@ TEST_F(MergeActorTest, NamesSharedMapsThatWinNoCell) {
   EXPECT_TRUE(AskAnything(question)->occluded_maps_reply().records().empty());
 }
 
-TEST_F(MergeActorTest, TellsAnErrorOfTheQuestionForBeatenMaps) {
+TEST_F(MergeActorTest, ReportsAnErrorOfTheRequestForFullyOccludedMaps) {
   store_->has_error = true;
   store_->error = {ErrorCode::kInternal, "no disk", {}};
   Start();
@@ -558,13 +558,13 @@ TEST_F(MergeActorTest, TellsAnErrorOfTheQuestionForBeatenMaps) {
   EXPECT_EQ(answered.error().text, "no disk");
 }
 
-TEST_F(MergeActorTest, MergesWhatIsLeftAfterMapsWerePruned) {
+TEST_F(MergeActorTest, MergesTheRemainingMapsAfterAPrune) {
   StoreNode(4, 0);
   StoreMap(4, {"#."});
   StoreMap(4, {".?"});
   Start();
   EXPECT_EQ(Decode(Merge()), (Rows{".."}));
-  store_->records.erase(store_->records.begin() + 1);  // The row ids do not matter: all is read anew.
+  store_->records.erase(store_->records.begin() + 1);  // The row ids do not matter, because all records are read again.
   EXPECT_EQ(Decode(Merge()), (Rows{".."}));
   proto::Message pruned;
   pruned.mutable_records_stored()->set_is_pruned(true);
@@ -576,7 +576,7 @@ TEST_F(MergeActorTest, MergesWhatIsLeftAfterMapsWerePruned) {
   EXPECT_EQ(Decode(Merge()), (Rows{". "}));
 }
 
-TEST_F(MergeActorTest, AQuarantineMayBeLiftedBeforeItComes) {
+TEST_F(MergeActorTest, AQuarantineMayBeLiftedBeforeItArrives) {
   StoreNode(4, 0);
   StoreMap(4, {"#"});
   proto::MapQuarantine lift;
@@ -588,13 +588,13 @@ TEST_F(MergeActorTest, AQuarantineMayBeLiftedBeforeItComes) {
   EXPECT_EQ(Decode(Merge()), (Rows{"#"}));
 }
 
-TEST_F(MergeActorTest, TellsWhichMapsStillHaveASay) {
+TEST_F(MergeActorTest, ReportsTheMapsAndWonCellsOfEachAgent) {
   StoreNode(1, 0);
   StoreNode(2, 5);
   StoreMap(1, {"###", "###", "###"});
   StoreMap(1, {"...", "...", "..."});
   StoreMap(2, {"#"});
-  StoreMap(4, {"#"});  // Waits.
+  StoreMap(4, {"#"});  // Waits for its node.
   StoreMap(1, {"."});
   StoreQuarantine(Quarantine(1, 6, 6));
   Start();
@@ -614,7 +614,7 @@ TEST_F(MergeActorTest, TellsWhichMapsStillHaveASay) {
   EXPECT_EQ(stats.backend().substr(0, 3), "cpu");
 }
 
-TEST_F(MergeActorTest, TellsTheTilesThatChangedSinceAVersion) {
+TEST_F(MergeActorTest, ReportsTheTilesThatChangedSinceAVersion) {
   StoreNode(4, 0.05, 0.05);
   StoreNode(1, 100);
   StoreMap(4, {"#"});
@@ -638,7 +638,7 @@ TEST_F(MergeActorTest, TellsTheTilesThatChangedSinceAVersion) {
   ASSERT_EQ(third.tiles_size(), 1);
   EXPECT_TRUE(third.tiles(0).zstd_cells().empty()) << "nothing is known there any more";
 
-  tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);  // Of another life.
+  tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);  // The id of another actor lifetime.
   EXPECT_EQ(Tiles()->tiles_size(), first.tiles_size() - 1);
   tiles_request_.clear_merger_id();
   tiles_request_.mutable_region()->set_x_min_m(99);
@@ -649,10 +649,10 @@ TEST_F(MergeActorTest, TellsTheTilesThatChangedSinceAVersion) {
   for (const proto::MapTile& tile : region.tiles()) EXPECT_EQ(tile.x(), 15);
 }
 
-TEST_F(MergeActorTest, TilesComeInPartsWhereTheyAreMany) {
+TEST_F(MergeActorTest, SendsManyTilesInParts) {
   options_.reply_bytes_max = 1;
   StoreNode(4, -0.1, -0.1);
-  StoreMap(4, {"####", "####", "####", "####"});  // Over four tiles.
+  StoreMap(4, {"####", "####", "####", "####"});  // Covers four tiles.
   Start();
   proto::MapTilesReply part = *Tiles();
   std::set<std::pair<std::int64_t, std::int64_t>> seen;
@@ -678,7 +678,7 @@ TEST_F(MergeActorTest, ASubscriptionIsAnsweredWhenSomethingChanges) {
   ReportRecords(proto::POWER);
   team_.AdvanceTime(seconds(2));
   EXPECT_FALSE(TakeAnswer());
-  StoreMap(4, {"#"});  // Changes no value.
+  StoreMap(4, {"#"});  // Changes no cell's value.
   ReportRecords(proto::LOCAL_TRAVERSABILITY_MAP);
   team_.AdvanceTime(seconds(2));
   EXPECT_FALSE(TakeAnswer());
@@ -708,7 +708,7 @@ TEST_F(MergeActorTest, ASubscriptionEndsWithItsTime) {
   EXPECT_EQ(answer->map_tiles_reply().version(), version);
 }
 
-TEST_F(MergeActorTest, GlGivesTheSameReply) {
+TEST_F(MergeActorTest, GlReturnsTheSameReply) {
   if (const auto gl = CreateGatherBackend(MergeBackend::kGl); !gl) GTEST_SKIP() << ToString(gl.error());
   for (const AgentId agent : {1u, 2u}) {
     StoreNode(agent, agent * 0.11);

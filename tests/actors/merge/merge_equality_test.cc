@@ -1,5 +1,5 @@
-// One merged map, whoever merges it and in whatever way: naive, CPU with each instruction set, GL, all at once, map by
-// map. Value, map and layer of every cell.
+// The merged map is the same in every cell (value, map and layer) for every backend and order: brute force, CPU with
+// each instruction set, GL, all maps at once, and map by map.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -54,7 +54,7 @@ class MergeEqualityTest : public testing::Test {
     }
   }
 
-  // Half of it at once, elsewhere; then each thing where it belongs, a merge each.
+  // Merges half of the maps at wrong poses first. Then puts all maps at their own poses, with merges in between.
   static MergeResult MergeOneByOne(const std::shared_ptr<GatherBackend>& backend, const World& world) {
     Merger merger(world.grid, backend);
     for (std::size_t i = 0; i < world.maps.size(); i += 2) {
@@ -93,7 +93,7 @@ class MergeEqualityTest : public testing::Test {
   std::vector<std::shared_ptr<GatherBackend>> backends_;
 };
 
-// One in three of these worlds lies 1,000 km out.
+// One in three of these worlds lies 1,000 km from the origin.
 TEST_F(MergeEqualityTest, NoCellDiffersInRandomWorlds) {
   std::mt19937_64 seeds(7'000);
   for (int round = 0; round < 210; ++round) {

@@ -1,4 +1,4 @@
-// The paper's Section 5.1, case by case, in worlds small enough to see.
+// The merge policy of the paper's Section 5.1, case by case, in worlds small enough to check by eye.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -36,7 +36,7 @@ class MergePolicyTest : public testing::Test {
   std::vector<Pose> footprints_;
 };
 
-TEST_F(MergePolicyTest, OfLayersOfOneResolutionTheEarlierDecides) {
+TEST_F(MergePolicyTest, TheEarlierOfTwoLayersOfOneResolutionDecides) {
   Put(1, 10, {"#"});
   TraversabilityMap second = DrawMap({".."}, kFine);
   maps_[0].map.layers.push_back(second.layers[0]);

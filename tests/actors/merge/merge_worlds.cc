@@ -30,7 +30,8 @@ Pose RandomPose(std::mt19937_64& rng, double x_m, double y_m, double reach_m) {
   return pose;
 }
 
-// Right angles and half cells put cell centres exactly on borders, where half-open intervals show.
+// A pose with a right-angle heading at multiples of half a cell. Cell centres then lie exactly on borders, which tests
+// half-open intervals.
 Pose AlignedPose(std::mt19937_64& rng, double x_m, double y_m, double half_cell_m) {
   const auto snap = [&](double around_m) { return (std::round(around_m / half_cell_m) + Dice(rng, 80)) * half_cell_m; };
   return Pose::FromPlanar(snap(x_m), snap(y_m), Dice(rng, 4) * M_PI_2);
@@ -42,7 +43,7 @@ Grid RandomGrid(std::mt19937_64& rng) {
   if (Dice(rng, 8) == 0) width = 1;
   if (Dice(rng, 40) == 0) height = 513 + Dice(rng, 600);
   Grid grid(width, height);
-  const int unknown = Dice(rng, 11);  // In tenths.
+  const int unknown = Dice(rng, 11);  // Share of unknown cells, in tenths.
   for (Cell& cell : grid.cells) {
     if (Dice(rng, 10) >= unknown) cell = Dice(rng, 3) == 0 ? Cell::kHazard : Cell::kFree;
   }
@@ -55,7 +56,7 @@ MapLayer RandomLayer(std::mt19937_64& rng, std::uint32_t grid_um, bool is_aligne
   const double ratio = std::exp2(Uniform(rng, -3, 3));
   layer.resolution_um =
       is_aligned || Dice(rng, 2) == 0 ? grid_um << Dice(rng, 4) : static_cast<std::uint32_t>(grid_um * ratio);
-  // Large layers are fine ones, so that worlds stay small.
+  // Large layers are fine, so that the worlds stay small.
   if (layer.grid.height > 512) layer.resolution_um = grid_um / 4;
   if (!is_aligned && Dice(rng, 2) == 0) {
     layer.center_x_m = Uniform(rng, -1, 1);
@@ -84,7 +85,7 @@ Answer Ask(const PlacedRectangle& placed, std::int64_t x, std::int64_t y) {
   return seen;
 }
 
-// Larger is better. The map's own order of layers and blocks comes last.
+// Priority of a cell; the larger key wins. The map's own order of layers and blocks comes last.
 using Key = std::tuple<std::int64_t, std::int64_t, AgentId, RecordKey, int, std::int64_t, std::int64_t>;
 
 Key KeyOf(const LocalMap& map, const LayerBlock& block) {
@@ -97,7 +98,7 @@ Key KeyOf(const LocalMap& map, const LayerBlock& block) {
           -block.column};
 }
 
-// Unknown where no block is.
+// The cell's value. Unknown if no block covers the cell.
 Cell CellOf(const LocalMap& map, std::size_t level, std::int32_t column, std::int32_t row) {
   for (const PackedBlock& cells : map.blocks) {
     const LayerBlock& block = cells.block();
@@ -111,7 +112,7 @@ Cell CellOf(const LocalMap& map, std::size_t level, std::int32_t column, std::in
   return Cell::kUnknown;
 }
 
-// A planar pose by angles.
+// A planar pose with the cosine and sine of its yaw.
 struct Turned {
   long double x = 0;
   long double y = 0;
@@ -125,7 +126,7 @@ Turned Flatten(const Pose& pose) {
   return {pose.position_m.x(), pose.position_m.y(), std::cos(yaw), std::sin(yaw)};
 }
 
-// Coordinates in a rectangle's cells, from its lower left corner.
+// Coordinates of (x_m, y_m) in the layer's cells, from its lower left corner.
 std::pair<long double, long double> Locate(const Turned& frame, const LocalLayer& layer, long double x_m,
                                            long double y_m) {
   const long double dx = x_m - frame.x;
@@ -260,7 +261,7 @@ std::size_t CountDifferences(const MergeResult& a, const MergeResult& b) {
 }
 
 MergeResult MergeByBruteForce(const World& world) {
-  // Of several of one key the first counts.
+  // The first of several maps with the same key counts.
   std::map<RecordKey, std::unique_ptr<PlacedThing>> maps;
   std::map<NodeKey, std::unique_ptr<PlacedThing>> footprints;
   CellBox extent;
@@ -316,7 +317,7 @@ MergeResult MergeByBruteForce(const World& world) {
 GeometricMerge MergeByGeometry(const World& world, const CellBox& extent, long double margin_cells) {
   GeometricMerge merge;
   const long double grid_m = world.grid.resolution_um / 1e6L;
-  LocalLayer footprint;  // Only its cells' size counts: footprints are measured in cells of the grid.
+  LocalLayer footprint;  // Only its cell size is used, because footprints are measured in cells of the grid.
   footprint.resolution_um = world.grid.resolution_um;
   const long double length = world.grid.footprint_length_m / grid_m;
   const long double width = world.grid.footprint_width_m / grid_m;

@@ -1,5 +1,5 @@
-// Worlds for the tests of merging: small ones by hand, random ones by seed, and two oracles that share no code with
-// the backends.
+// Worlds for the tests of merging: small ones drawn by hand and random ones from a seed. Also two oracles that share no
+// code with the backends.
 #pragma once
 
 #include <cstddef>
@@ -14,11 +14,11 @@
 
 namespace moondb {
 
-// One map of one layer from text, first line on top: '.' free, '#' hazard, ' ' unknown. Its lower left corner lies at
-// the origin of the map's frame, its node is {agent, 1}.
+// A map of one layer from text, with the top row first: '.' is free, '#' is a hazard, ' ' is unknown. The lower left
+// corner of the layer lies at the origin of the map's frame. The map's node is {agent, 1}.
 TraversabilityMap DrawMap(const std::vector<std::string>& rows, std::uint32_t resolution_um, AgentId agent = 1);
 
-// The inverse, of a merged map.
+// Prints a merged map as rows of text, in the form that DrawMap reads.
 std::vector<std::string> Print(const MergedMap& merged);
 
 RecordKey MapKey(AgentId agent, std::uint64_t seq);
@@ -29,27 +29,28 @@ struct World {
   std::vector<Footprint> footprints;
 };
 
-// Layers of any size (1 x N and larger than a block too), offset, resolution and turn; equal stamps; tilted poses; one
-// in three has all cell centres on borders, one in three lies 1,000 km from the origin. A few hundred cells a side.
+// A world with layers of any size (including 1 x N and larger than a block), offset, resolution and heading, equal
+// timestamps and tilted poses. In one of three worlds all cell centres lie on borders, and one of three lies 1,000 km
+// from the origin. The sides have a few hundred cells.
 World MakeRandomWorld(std::mt19937_64& rng);
 
-// Layers up to 200 times finer than the merged map, and footprints of many cells.
+// A world with layers up to 200 times finer than the merged map, and with footprints of many cells.
 World MakeFineWorld(std::mt19937_64& rng);
 
-// The whole of `world`, merged at once.
+// Merges all of `world` at once.
 MergeResult MergeBy(std::shared_ptr<GatherBackend> backend, const World& world);
 
-// The whole of what is merged.
+// All cells of the merger's merged map.
 MergeResult ReadAll(const Merger& merger);
 
-// Cells in which the two differ in value, map or layer; all of them if they are not of one size and place.
+// Number of cells that differ in value, map or layer. All cells if the sizes or origins differ.
 std::size_t CountDifferences(const MergeResult& a, const MergeResult& b);
 
-// Every cell of the extent asks every block, in 64-bit integers, and takes the largest key.
+// Looks each cell of the extent up in every block, in 64-bit integers, and takes the value with the largest key.
 MergeResult MergeByBruteForce(const World& world);
 
-// The same from the poses themselves, with trigonometry and in long double, without any rounding to integers. Cells
-// for which some centre lies closer than `margin_cells` to a border are left out: `is_certain` is false.
+// Merges from the poses themselves, with trigonometry in long double and without rounding to integers. `is_certain` is
+// false for a cell whose centre lies closer than `margin_cells` to a border of a map's cell or of a footprint.
 struct GeometricMerge {
   std::vector<Cell> cells;
   std::vector<bool> is_certain;

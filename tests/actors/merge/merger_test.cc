@@ -19,7 +19,7 @@ PlacedMap PlaceDrawing(const std::vector<std::string>& rows, const RecordKey& ke
   return {*MakeLocalMap(key, timestamp_ns, DrawMap(rows, 50'000, key.stream.origin), {}), pose};
 }
 
-// Puts, moves or withdraws a map or a footprint of `world`, in `now` and in the merger alike.
+// Puts, moves or withdraws a map or a footprint of `world`, both in `now` and in the merger.
 void ChangeSomething(std::mt19937_64& rng, const World& world, World& now, Merger& merger) {
   const auto roll = rng() % 10;
   if (roll < 7) {
@@ -50,7 +50,7 @@ void ChangeSomething(std::mt19937_64& rng, const World& world, World& now, Merge
   now.footprints.push_back(footprint);
 }
 
-TEST(MergerTest, NothingMergesToNothing) {
+TEST(MergerTest, AnEmptyWorldMergesToAnEmptyMap) {
   Merger merger({}, MakeCpu());
   const Result<MergeSummary> merged = merger.Merge({});
   ASSERT_TRUE(merged.has_value());
@@ -74,8 +74,8 @@ TEST(MergerTest, ProvenanceNamesMapLayerAndPose) {
   EXPECT_TRUE(AreSamePose(merged.maps[0].map_from_node, pose));
 }
 
-// Whatever comes, moves and goes, in whatever portions: what is merged is what a merge from nothing gives.
-TEST(MergerTest, AnyHistoryLeadsToTheSameBytesAsAMergeFromNothing) {
+// However maps are added, moved and withdrawn between merges, the result equals a merge from scratch.
+TEST(MergerTest, AnyHistoryLeadsToTheSameBytesAsAMergeFromScratch) {
   std::mt19937_64 seeds(20);
   std::size_t partial = 0;
   for (int round = 0; round < 60; ++round) {
@@ -96,7 +96,7 @@ TEST(MergerTest, AnyHistoryLeadsToTheSameBytesAsAMergeFromNothing) {
   EXPECT_GT(partial, 300u);
 }
 
-TEST(MergerTest, AssignLeavesExactlyWhatItIsGiven) {
+TEST(MergerTest, AssignKeepsExactlyTheGivenMapsAndFootprints) {
   std::mt19937_64 rng(21);
   const World first = MakeRandomWorld(rng);
   World second = MakeRandomWorld(rng);
@@ -114,7 +114,7 @@ TEST(MergerTest, AssignLeavesExactlyWhatItIsGiven) {
   EXPECT_TRUE(merger.CountWins().empty());
 }
 
-TEST(MergerTest, AssignSaysWhatItLeavesOut) {
+TEST(MergerTest, AssignReportsTheMapsThatItLeavesOut) {
   Merger merger({}, MakeCpu());
   const PlacedMap good = PlaceDrawing({"#"}, MapKey(1, 1));
   PlacedMap bad = PlaceDrawing({"#"}, MapKey(1, 2));
@@ -141,7 +141,7 @@ TEST(MergerTest, OneMoreMapGathersOnlyTilesInWhichItWins) {
   EXPECT_EQ(merger.Merge({})->gathered_tiles, 1u);
 }
 
-TEST(MergerTest, TilesThatChangedSinceAVersionAreKnown) {
+TEST(MergerTest, ListsTheTilesThatChangedSinceAVersion) {
   Merger merger({}, MakeCpu());
   ASSERT_TRUE(merger.Put(PlaceDrawing({"#"}, MapKey(1, 1), Pose::FromPlanar(-0.05, 0, 0))));
   const std::uint64_t first = merger.Merge({})->version;
@@ -190,7 +190,7 @@ TEST(MergerTest, WinsAreCountedCellByCell) {
   EXPECT_EQ(wins[2].cells, 0u);
 }
 
-// One known cell, as large as a tile, in each of 63 x 63 pages.
+// A map with one known cell, as large as a tile, in each of 63 x 63 pages.
 std::shared_ptr<const LocalMap> SparseMap(const RecordKey& key) {
   MapLayer layer{Grid(252, 252), 3'200'000, 0, 0};
   for (std::int32_t row = 0; row < 252; row += 4) {
@@ -199,7 +199,7 @@ std::shared_ptr<const LocalMap> SparseMap(const RecordKey& key) {
   return *MakeLocalMap(key, 1, TraversabilityMap{NodeKey{1, 1}, Pose{}, {layer}}, {});
 }
 
-TEST(MergerTest, PagesWhereNothingIsKnownAnyMoreCountForNothing) {
+TEST(MergerTest, PagesWithoutKnownCellsDoNotCountTowardsTheLimit) {
   Merger merger({}, MakeCpu());
   const auto map = SparseMap(MapKey(1, 1));
   for (int i = 0; i < 6; ++i) {
@@ -211,7 +211,7 @@ TEST(MergerTest, PagesWhereNothingIsKnownAnyMoreCountForNothing) {
   EXPECT_EQ(merger.CountWins().at(0).cells, 63u * 63 * 64 * 64);
 }
 
-TEST(MergerTest, TooManyPagesAreAnErrorThatHoldsNothingBack) {
+TEST(MergerTest, TooManyPagesAreAnErrorAndWithdrawnMapsAreFreed) {
   Merger merger({}, MakeCpu());
   for (std::uint64_t i = 0; i < 6; ++i) {
     ASSERT_TRUE(merger.Put({SparseMap(MapKey(1, i + 1)), Pose::FromPlanar(2000.0 * static_cast<double>(i), 0, 0)}));
@@ -267,7 +267,7 @@ TEST(MergerTest, ReadsAnyBox) {
   EXPECT_EQ(merger.Read({0, 0, 1'000'000, 0}).error().code, ErrorCode::kFull);
 }
 
-TEST(MergerTest, AWorldMayBeAsWideAsItLikes) {
+TEST(MergerTest, TheWidthOfAWorldIsNotLimited) {
   Merger merger({}, MakeCpu());
   ASSERT_TRUE(merger.Put(PlaceDrawing({"#"}, MapKey(1, 1), Pose::FromPlanar(-1e6, -1e6, 0))));
   ASSERT_TRUE(merger.Put(PlaceDrawing({"."}, MapKey(1, 2), Pose::FromPlanar(1e6, 1e6, 0))));

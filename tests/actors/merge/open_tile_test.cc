@@ -7,7 +7,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kColumns = 3;  // Squares beside each other in the target.
+constexpr std::size_t kColumns = 3;  // Number of squares beside each other in the target.
 
 class OpenTileTest : public testing::Test {
  protected:
@@ -16,7 +16,7 @@ class OpenTileTest : public testing::Test {
     for (PlacedBlock& block : blocks_) open_.tile->blocks.push_back(&block);
   }
 
-  // What is drawn of a cell: 0 for unknown.
+  // Sets the drawn pixel of a cell. 0 means unknown.
   void Draw(std::size_t place, std::size_t cell, Cell value, std::size_t block) {
     const std::size_t row = cell / 8;
     const std::size_t x = place % kColumns * kSquarePixelsX + row % 4;
@@ -32,9 +32,9 @@ class OpenTileTest : public testing::Test {
   std::array<std::uint64_t, 2 * kColumns * kSquarePixelsX * kSquarePixelsY> pixels_{};
 };
 
-TEST_F(OpenTileTest, TakesOverEachSquareFromItsPlace) {
+TEST_F(OpenTileTest, ReadsEachSquareFromItsPlace) {
   open_.squares = std::uint64_t{1} << 5 | std::uint64_t{1} << 63;
-  open_.first_place = 2;  // The second stands in the next row.
+  open_.first_place = 2;  // The second square lies in the next row.
   for (std::size_t cell = 0; cell < 64; ++cell) Draw(2, cell, Cell::kFree, cell == 9 ? 2 : 1);
   Draw(3, 38, Cell::kHazard, 0);
   ReadRound(pixels_, kColumns, open_);
@@ -48,7 +48,7 @@ TEST_F(OpenTileTest, TakesOverEachSquareFromItsPlace) {
   EXPECT_EQ(WinnerAt(63, 38), &blocks_[0]);
 }
 
-TEST_F(OpenTileTest, ALaterRoundDecidesOnlyWhatIsUnknown) {
+TEST_F(OpenTileTest, ALaterRoundDecidesOnlyUnknownCells) {
   open_.squares = 1;
   Draw(0, 0, Cell::kHazard, 0);
   ReadRound(pixels_, kColumns, open_);
@@ -64,7 +64,7 @@ TEST_F(OpenTileTest, ALaterRoundDecidesOnlyWhatIsUnknown) {
   EXPECT_EQ(open_.tile->weakest[0], 2);
 }
 
-TEST_F(OpenTileTest, WhoWonNothingIsStruck) {
+TEST_F(OpenTileTest, RemovesBlocksThatWonNoCell) {
   open_.squares = 3;
   Draw(0, 7, Cell::kFree, 0);
   Draw(1, 8, Cell::kFree, 2);

@@ -26,7 +26,7 @@ TEST(PlacementTest, BlocksOfOneLayerMeetWithoutASeam) {
     const Pose pose = Pose::FromPlanar(0.3, 0.1, 0.1);
     const Result<MergedMap> merged = MergeMaps(std::vector<MapAtPose>{{MapKey(1, 1), 1, pose, map}}, {}, options);
     ASSERT_TRUE(merged.has_value());
-    // Three cells thick and turned a little: every column of the grid meets it.
+    // The strip is three cells thick and slightly turned, so every column of the grid meets it.
     for (std::int32_t x = 3; x < merged->grid.width - 3; ++x) {
       bool is_hit = false;
       for (std::int32_t y = 0; y < merged->grid.height; ++y) is_hit |= merged->grid.At(x, y) == Cell::kHazard;
@@ -46,7 +46,7 @@ TEST(PlacementTest, TheExtentCountsUnknownCells) {
   EXPECT_EQ((*placed)->blocks.size(), 1u);
 }
 
-TEST(PlacementTest, RefusesPosesThatAreNowhere) {
+TEST(PlacementTest, RefusesInvalidPoses) {
   const auto map = MakeFilledMap(4, 4);
   for (const double x_m : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e14}) {
     Pose pose;
@@ -62,7 +62,7 @@ TEST(PlacementTest, RefusesPosesThatAreNowhere) {
   EXPECT_TRUE(PlaceMap({map, Pose::FromPlanar(1e9, -1e9, 1)}, {}).has_value()) << "as wide as records admit";
 }
 
-TEST(PlacementTest, RefusesAMapLargerThanCanBeRead) {
+TEST(PlacementTest, RefusesAMapThatIsTooLarge) {
   const auto map = MakeFilledMap(17, 17, 100'000'000);
   const auto placed = PlaceMap({map, Pose{}}, {});
   ASSERT_FALSE(placed.has_value());
@@ -71,12 +71,12 @@ TEST(PlacementTest, RefusesAMapLargerThanCanBeRead) {
   EXPECT_TRUE(PlaceMap({MakeFilledMap(10'000, 10'000), Pose{}}, {}).has_value());
 }
 
-TEST(PlacementTest, AFootprintMayBeNothing) {
+TEST(PlacementTest, AFootprintMayBeEmpty) {
   const auto placed = PlaceFootprint({{1, 1}, Pose{}}, {.footprint_length_m = 0, .footprint_width_m = 0});
   ASSERT_TRUE(placed.has_value());
   EXPECT_TRUE((*placed)->blocks.empty());
   EXPECT_TRUE((*placed)->extent.is_empty());
-  for (const double side_m : {0.0, 0.5}) {  // A line frees nothing either.
+  for (const double side_m : {0.0, 0.5}) {  // A line has no area and frees no cell either.
     const auto line = PlaceFootprint({{1, 1}, Pose::FromPlanar(0.025, 0.025, 0.785)},
                                      {.footprint_length_m = 0, .footprint_width_m = side_m});
     ASSERT_TRUE(line.has_value());

@@ -1,7 +1,8 @@
-// The paper's Section 5.1 as pictures: golden/*.pgm, which a text editor and an image viewer both show. Each has what
-// each map alone says, side by side, and the merged map last; hazard is black, free white, unknown grey.
+// The merge policy of the paper's Section 5.1 as pictures in golden/*.pgm, which text editors and image viewers both
+// show. Each picture shows every map by itself, side by side, followed by the merged map. Hazards are black, free cells
+// are white and unknown cells are grey.
 //
-// MOONDB_WRITE_GOLDEN=1 writes them anew; look at each before it is committed.
+// MOONDB_WRITE_GOLDEN=1 writes the pictures again. Look at each picture before committing it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -66,7 +67,7 @@ class PolicyPictureTest : public testing::Test {
     legend_.push_back(what);
   }
 
-  // As much of `part` as lies where the whole world does.
+  // The merge of `part`, cropped to the extent of the whole world.
   Rows Show(const World& part, std::shared_ptr<GatherBackend> backend) const {
     Merger whole(world_.grid, backend);
     whole.Assign(world_.maps, world_.footprints);
@@ -124,7 +125,7 @@ TEST_F(PolicyPictureTest, ARoverSeenByAnotherIsClearedByItsFootprint) {
   ExpectPicture("rover_cleared_by_footprint", "A rover seen by another is cleared by its own footprint.");
 }
 
-TEST_F(PolicyPictureTest, AFootprintStandsAboveNewerAndFinerHazards) {
+TEST_F(PolicyPictureTest, AFootprintWinsOverNewerAndFinerHazards) {
   Put("newest and finest: hazards everywhere", 2, 99, Rows(6, std::string(12, '#')));
   PutFootprint("footprint of rover 1, turned", Pose::FromPlanar(0.6, 0.3, 0.7));
   ExpectPicture("footprint_above_all", "Where a rover stood is free, whatever any map says.");
@@ -150,14 +151,14 @@ TEST_F(PolicyPictureTest, ANewerCoarserFreeCellDoesNotFreeAFineHazard) {
   ExpectPicture("coarse_free_over_fine_hazard", "A newer, coarser map does not free a fine hazard.");
 }
 
-TEST_F(PolicyPictureTest, AnOlderFinerFreeCellStandsAgainstANewerCoarserHazard) {
+TEST_F(PolicyPictureTest, AnOlderFinerFreeCellWinsOverANewerCoarserHazard) {
   Put("fine: a free lane", 1, 10, {"            ", "............", "            ", "            "});
   Put("newer, coarse: hazards", 1, 20, {"######", "######"}, kCoarse);
   ExpectPicture("fine_free_against_coarse_hazard", "An older, finer free cell stands against a newer, coarser hazard.");
 }
 
-// "v_t' if v_t = v_t'" of Eq. (1), read to the letter, gives a fine hazard that a coarser map confirms the newer,
-// coarser tag, and the next coarse map frees it.
+// Read literally, "v_t' if v_t = v_t'" of Eq. (1) gives a fine hazard the newer, coarser tag of a map that confirms it.
+// The next coarse map would then free the hazard.
 TEST_F(PolicyPictureTest, AnEqualValueDoesNotTakeTheCoarserTag) {
   Put("fine: a rock", 1, 10, {"            ", "   ##       ", "            ", "            "});
   Put("newer, coarse: a rock too", 1, 20, {"  #   ", "      "}, kCoarse);
@@ -166,14 +167,14 @@ TEST_F(PolicyPictureTest, AnEqualValueDoesNotTakeTheCoarserTag) {
                 "A hazard that a coarser map confirms keeps its finer resolution, so that coarse maps do not free it.");
 }
 
-TEST_F(PolicyPictureTest, AtEqualStampsTheLargerAgentThenTheLaterRecordDecides) {
+TEST_F(PolicyPictureTest, TheLargerAgentAndThenTheLaterRecordDecideBetweenEqualTimestamps) {
   Put("rover 2", 2, 10, {"......      ", "......      ", "      ......"});
   Put("rover 1, at the same time", 1, 10, {"############", "            ", "############"});
   Put("rover 2, at the same time, its next record", 2, 10, {"  ##        ", "            ", "        ##  "});
   ExpectPicture("equal_timestamps", "At equal stamps the larger agent decides, then the later record.");
 }
 
-TEST_F(PolicyPictureTest, UnknownOverKnownKeepsWhatIsKnown) {
+TEST_F(PolicyPictureTest, AnUnknownCellDoesNotReplaceAKnownOne) {
   Put("coarse", 1, 10, {"###...", "###..."}, kCoarse);
   Put("newer, fine, mostly unknown", 1, 20, {"            ", " ..      ## ", " ..      ## ", "            "});
   Put("newest, coarse, all unknown but one cell", 1, 30, {"      ", "     #"}, kCoarse);

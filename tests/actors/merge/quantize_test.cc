@@ -23,13 +23,13 @@ TEST(QuantizeTest, AnAlignedRectangleCoversItsOwnCells) {
   EXPECT_EQ(placed.width_q, 4u << kFractionBits);
 }
 
-TEST(QuantizeTest, AQuarterTurnExchangesTheSides) {
+TEST(QuantizeTest, AQuarterTurnSwapsTheSides) {
   const PlacedRectangle placed = QuantizeAt(Pose::FromPlanar(0.05, 0.1, M_PI_2));
   EXPECT_EQ(placed.box, (CellBox{0, 0, 1, 3}));
   EXPECT_EQ(placed.step_sin, 1 << kFractionBits);
 }
 
-TEST(QuantizeTest, TheSameStepsServeEverywhere) {
+TEST(QuantizeTest, StepsDoNotDependOnThePosition) {
   const PlacedRectangle near = QuantizeAt(Pose::FromPlanar(0.025, 0.025, 0.5));
   const PlacedRectangle far = QuantizeAt(Pose::FromPlanar(1e6 + 0.025, -1e6 + 0.025, 0.5));
   EXPECT_EQ(far.anchor_x - near.anchor_x, 20'000'000);
@@ -45,7 +45,7 @@ TEST(QuantizeTest, NegativeCoordinatesAreAnchoredBelow) {
   EXPECT_EQ(placed.anchor_y, -1);
 }
 
-TEST(QuantizeTest, ATiltedPoseIsSeenFromAbove) {
+TEST(QuantizeTest, ATiltedPoseIsProjectedOntoThePlane) {
   const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitZ()));
   const Eigen::Quaterniond pitch(Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitY()));
   Pose map_from_node;
@@ -66,7 +66,7 @@ TEST(QuantizeTest, AHeadingStraightUpBecomesZero) {
   EXPECT_NEAR(std::hypot(planar.cos_yaw, planar.sin_yaw), 1, 1e-12);
 }
 
-// Against trigonometry: the integers are right to a few units in the last place per step taken.
+// Compares the integers with trigonometry. The error is a few units in the last place per step.
 TEST(QuantizeTest, IntegersFollowTheGeometry) {
   constexpr std::uint64_t kSeed = 11;
   SCOPED_TRACE(testing::Message() << "seed " << kSeed);
@@ -81,7 +81,7 @@ TEST(QuantizeTest, IntegersFollowTheGeometry) {
     const auto cell_um = static_cast<std::uint32_t>(50'000 * std::exp2(4 * uniform(rng)));
     const PlacedRectangle placed = QuantizeAt(Pose::FromPlanar(x_m, y_m, yaw), width, height, cell_um, 50'000);
     for (const double along : {-0.5, 0.0, 0.5}) {
-      // A cell somewhere on the rectangle's middle line.
+      // A cell on the rectangle's centre line.
       const double reach_m = along * width * cell_um / 1e6;
       const auto x = static_cast<std::int64_t>(std::floor((x_m + reach_m * std::cos(yaw)) / 0.05));
       const auto y = static_cast<std::int64_t>(std::floor((y_m + reach_m * std::sin(yaw)) / 0.05));

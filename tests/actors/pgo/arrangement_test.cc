@@ -7,7 +7,7 @@
 namespace moondb {
 namespace {
 
-// A robot that drives a wide arc and stands where it is; bodies are points and a second robot, ranged from it.
+// A robot that drives a wide arc and is already placed. The bodies, points and a second robot, are ranged from it.
 class ArrangementTest : public testing::Test {
  protected:
   ArrangementTest() {
@@ -38,7 +38,7 @@ class ArrangementTest : public testing::Test {
     graph_.ranges.push_back({from, to, range_m, 0.1});
   }
 
-  // Points of a body of its own begin at the origin.
+  // Resets the node to the origin, where the points of a body's own frame begin.
   void Forget(std::size_t node) { state_[node] = ToBlock(Pose{}); }
 
   std::vector<Arrangement> Arrange() { return ArrangeParts(graph_, active_, placed_, heads_, state_, options_); }
@@ -55,7 +55,7 @@ class ArrangementTest : public testing::Test {
   ArrangementOptions options_;
 };
 
-TEST_F(ArrangementTest, SetsDownARobotByItsRangesBestFirst) {
+TEST_F(ArrangementTest, PlacesARobotByItsRangesBestSolutionFirst) {
   const std::size_t first = graph_.nodes.size();
   for (std::uint64_t i = 0; i < 40; ++i) {
     const double along_m = 0.5 * static_cast<double>(i);
@@ -72,7 +72,7 @@ TEST_F(ArrangementTest, SetsDownARobotByItsRangesBestFirst) {
   for (std::size_t i = 1; i < found.size(); ++i) EXPECT_GE(found[i].cost, found[i - 1].cost);
 }
 
-TEST_F(ArrangementTest, LeavesABodyThatNoRangeJoinsAsItIs) {
+TEST_F(ArrangementTest, DoesNotMoveABodyWithoutRanges) {
   const std::size_t lonely = AddPoint(0, 3, 3);
   const std::vector<Arrangement> found = Arrange();
   ASSERT_EQ(found.size(), 1u);
@@ -80,7 +80,7 @@ TEST_F(ArrangementTest, LeavesABodyThatNoRangeJoinsAsItIs) {
   EXPECT_TRUE(found[0].map_from_body.empty());
 }
 
-TEST_F(ArrangementTest, BeginsWhereBodiesAreIfAsked) {
+TEST_F(ArrangementTest, StartsFromTheGivenPosesOnRequest) {
   const std::size_t point = AddPoint(0, 10, 12);
   for (std::size_t i = 0; i < 40; i += 5) Range(i, point);
   state_[point][0] += 0.5;
@@ -91,7 +91,7 @@ TEST_F(ArrangementTest, BeginsWhereBodiesAreIfAsked) {
   EXPECT_LT(ErrorM(found[0], point), 1e-3);
 }
 
-TEST_F(ArrangementTest, GivesEachOfManyBodiesRangesEnough) {
+TEST_F(ArrangementTest, UsesEnoughRangesForEachOfManyBodies) {
   std::vector<std::size_t> points;
   for (std::uint64_t k = 0; k < 150; ++k) {
     const double angle = 0.2 * static_cast<double>(k);
@@ -106,7 +106,7 @@ TEST_F(ArrangementTest, GivesEachOfManyBodiesRangesEnough) {
   for (const std::size_t point : points) EXPECT_LT(ErrorM(found, point), 0.01) << point;
 }
 
-TEST_F(ArrangementTest, StopsWhenAsked) {
+TEST_F(ArrangementTest, StopsOnRequest) {
   const std::size_t point = AddPoint(0, 10, 12);
   for (std::size_t i = 0; i < 40; ++i) Range(i, point);
   Forget(point);

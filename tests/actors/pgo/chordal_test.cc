@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// A square that one robot drives, 1 m a side, in the plane.
+// One robot drives a square with sides of 1 m in the plane.
 class ChordalTest : public testing::Test {
  protected:
   ChordalTest() {
@@ -31,7 +31,7 @@ class ChordalTest : public testing::Test {
   ActiveNodes active_;
 };
 
-TEST_F(ChordalTest, JoinsWhatActiveEdgesJoin) {
+TEST_F(ChordalTest, JoinsNodesThatActiveEdgesConnect) {
   AddPose({2, 0});
   active_ = {true, true, true, true, true};
   EXPECT_THAT(FindHeads(graph_, active_), testing::ElementsAre(0, 0, 0, 0, 4));
@@ -39,7 +39,7 @@ TEST_F(ChordalTest, JoinsWhatActiveEdgesJoin) {
   EXPECT_THAT(FindHeads(graph_, active_), testing::ElementsAre(0, 1, 2, 2, 4));
 }
 
-TEST_F(ChordalTest, SeesALoopOnlyWhereOneIsClosed) {
+TEST_F(ChordalTest, FindsALoopOnlyIfItsEdgesAreActive) {
   EXPECT_FALSE(HasLoops(graph_, active_, FindHeads(graph_, active_)));
   graph_.steps.push_back({3, 0, turn_, 50, 100});
   EXPECT_TRUE(HasLoops(graph_, active_, FindHeads(graph_, active_)));
@@ -47,13 +47,13 @@ TEST_F(ChordalTest, SeesALoopOnlyWhereOneIsClosed) {
   EXPECT_FALSE(HasLoops(graph_, active_, FindHeads(graph_, active_)));
 }
 
-TEST_F(ChordalTest, ComposesStepsWhereNothingClosesALoop) {
+TEST_F(ChordalTest, ComposesStepsIfThereIsNoLoop) {
   const PlainState state = Chordal();
   EXPECT_LT((PlaceOf(state, 2) - Eigen::Vector3d(1, 1, 0)).norm(), 1e-12);
   EXPECT_LT((PlaceOf(state, 3) - Eigen::Vector3d(0, 1, 0)).norm(), 1e-12);
 }
 
-TEST_F(ChordalTest, SharesAnErrorAmongTheStepsOfALoop) {
+TEST_F(ChordalTest, DistributesAnErrorOverTheStepsOfALoop) {
   graph_.steps.push_back({3, 0, Pose::FromPlanar(1.2, 0, M_PI / 2), 50, 100});  // 0.2 m too long.
   const PlainState state = Chordal();
   const double last_m = PlaceOf(state, 3).norm();
@@ -61,16 +61,16 @@ TEST_F(ChordalTest, SharesAnErrorAmongTheStepsOfALoop) {
   EXPECT_LT(last_m, 1.18);
 }
 
-TEST_F(ChordalTest, PlacesAPointThatIsSeen) {
+TEST_F(ChordalTest, PlacesASightedPoint) {
   graph_.nodes.push_back({{50, 0}, Pose{}, 0, true, false});
   graph_.sightings.push_back({1, 4, {2, 0, 0}, 10});
   active_.push_back(true);
   EXPECT_LT((PlaceOf(Chordal(), 4) - Eigen::Vector3d(1, 2, 0)).norm(), 1e-12);
 }
 
-TEST_F(ChordalTest, ComposesFromWhatIsPlacedAndLeavesTheRest) {
+TEST_F(ChordalTest, ComposesFromPlacedNodesAndLeavesUnconnectedOnes) {
   AddPose({2, 0});
-  graph_.steps.push_back({0, 2, Pose::FromPlanar(9, 9, 0), 50, 100});  // Not along the way.
+  graph_.steps.push_back({0, 2, Pose::FromPlanar(9, 9, 0), 50, 100});  // A step that is not along the robot's way.
   active_.assign(5, true);
   PlainState state(5, ToBlock(Pose{}));
   std::vector<bool> placed = {true, false, false, false, false};

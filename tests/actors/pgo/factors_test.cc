@@ -22,7 +22,7 @@ Matrix6d RandomCovariance(std::mt19937_64& rng) {
   return root * root.transpose() + 0.1 * Matrix6d::Identity();
 }
 
-// Compares each Jacobian with central differences along PoseManifold.
+// Compares each Jacobian with central differences on PoseManifold.
 void ExpectJacobiansMatch(const ceres::CostFunction& factor, std::vector<std::vector<double>> blocks) {
   const int rows = factor.num_residuals();
   std::vector<double*> parameters;
@@ -101,7 +101,7 @@ TEST_P(FactorsTest, PriorsHaveTheJacobiansOfTheirResiduals) {
   ExpectJacobiansMatch(*MakeZeroPriorFactor(0.02), {{0.013}});
 }
 
-TEST_P(FactorsTest, ManifoldGoesThereAndBack) {
+TEST_P(FactorsTest, ManifoldMinusInvertsPlus) {
   const PoseManifold manifold;
   const PoseBlock x = ToBlock(RandomPose(rng_));
   const std::array<double, 6> delta = {0.3, -2, 1, 0.4, -0.9, 1.1};
@@ -112,7 +112,7 @@ TEST_P(FactorsTest, ManifoldGoesThereAndBack) {
   EXPECT_THAT(back, testing::Pointwise(testing::DoubleNear(1e-12), delta));
 }
 
-TEST_P(FactorsTest, OdometryWeighsByTheWholeInformationMatrix) {
+TEST_P(FactorsTest, OdometryIsWeightedByTheWholeInformationMatrix) {
   const Matrix6d covariance = RandomCovariance(rng_);
   const Pose step = RandomPose(rng_);
   const Pose from = RandomPose(rng_);

@@ -40,7 +40,7 @@ TEST_F(GraphCheckTest, SortsNodesAndAddsTheBaseStation) {
   EXPECT_TRUE(checked.left_out.empty());
 }
 
-TEST_F(GraphCheckTest, LeavesOutWhatIsDamagedAndSaysWhy) {
+TEST_F(GraphCheckTest, LeavesOutDamagedRecordsAndReportsWhy) {
   graph_.nodes.push_back(GraphNode{{3, 0}, 0, Pose{{kNaN, 0, 0}, Eigen::Quaterniond::Identity()}});
   graph_.odometry = {Step(0, 1), Step(1, 7), Step(1, 1), Step(1, 2), Step(1, 2), Step(0, 1)};
   graph_.odometry[3].covariance(0, 0) = -1;
@@ -58,7 +58,7 @@ TEST_F(GraphCheckTest, LeavesOutWhatIsDamagedAndSaysWhy) {
   EXPECT_EQ(checked.left_out.at(3).first, "agent 3, node 0: its pose is not finite or not a rotation");
 }
 
-TEST_F(GraphCheckTest, KeepsTheSameOneOfDoubledRecordsWhateverCameFirst) {
+TEST_F(GraphCheckTest, KeepsTheSameDuplicateInAnyOrderOfArrival) {
   for (const bool is_first : {false, true}) {
     graph_.nodes.resize(4);
     const GraphNode other{{1, 1}, 0, Pose::FromPlanar(is_first ? 7 : 8, 0, 0)};
@@ -84,14 +84,14 @@ TEST_F(GraphCheckTest, LeavesOutOdometryThatSkipsNodes) {
   EXPECT_EQ(checked.left_out.at(1).first, "odometry from agent 1, node 0 to agent 1, node 2: skips agent 1, node 1");
 }
 
-TEST_F(GraphCheckTest, SaysNothingOfABaseStationThatTheGraphHasToo) {
+TEST_F(GraphCheckTest, AcceptsABaseStationThatTheGraphAlreadyHas) {
   graph_.nodes.push_back(GraphNode{{4, 0}, 0, Pose{}});
   const CheckedGraph checked = Checked();
   EXPECT_EQ(checked.nodes.size(), 5u);
   EXPECT_TRUE(checked.left_out.empty());
 }
 
-TEST_F(GraphCheckTest, NormalisesTurns) {
+TEST_F(GraphCheckTest, NormalisesQuaternions) {
   graph_.odometry = {Step(0, 1)};
   graph_.odometry[0].from_from_to.orientation.coeffs() *= 1.5;
   const CheckedGraph checked = Checked();

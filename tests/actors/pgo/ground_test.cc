@@ -19,10 +19,12 @@ Eigen::Quaterniond Pitch(double angle) {
 
 class GroundTest : public testing::Test {
  protected:
-  // Steps along x with noise, over ground of the given slope; raw poses are their bare sum.
+  // Adds odometry steps along x with noise, over terrain with the slope `slope_at`. The raw poses are the sum of the
+  // steps.
   void Drive(AgentId agent, std::uint64_t seed, std::uint64_t count, const std::function<double(double)>& slope_at) {
     std::mt19937_64 rng(seed);
-    std::normal_distribution<double> noise(0, kTiltNoise_rad / 2);  // Of a quaternion's part: half the angle.
+    // Noise of a quaternion component, which is half the angle.
+    std::normal_distribution<double> noise(0, kTiltNoise_rad / 2);
     Pose raw{Eigen::Vector3d::Zero(), Pitch(-slope_at(0))};
     for (std::uint64_t i = 0; i < count; ++i) {
       if (i > 0) {
@@ -49,7 +51,7 @@ class GroundTest : public testing::Test {
   PoseGraph graph_;
 };
 
-TEST_F(GroundTest, CountsAsLevelWhereTiltIsTheSumOfNoise) {
+TEST_F(GroundTest, CountsAsLevelIfTheTiltIsAccumulatedNoise) {
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     graph_ = {};
@@ -58,21 +60,21 @@ TEST_F(GroundTest, CountsAsLevelWhereTiltIsTheSumOfNoise) {
   }
 }
 
-TEST_F(GroundTest, SeesAHillThatIsGentlerThanTheNoiseOfAStep) {
+TEST_F(GroundTest, FindsAHillGentlerThanTheNoiseOfAStep) {
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     graph_ = {};
-    Drive(1, seed, 400, [](double x) { return Hill(x + 50) - Hill(50); });  // Begins on level ground.
+    Drive(1, seed, 400, [](double x) { return Hill(x + 50) - Hill(50); });  // Starts on level terrain.
     ASSERT_THAT(Level(), testing::ElementsAre(false));
   }
 }
 
-TEST_F(GroundTest, SeesASlopeThatNeverChanges) {
+TEST_F(GroundTest, FindsAConstantSlope) {
   Drive(1, 1, 50, [](double) { return 0.1; });
   EXPECT_THAT(Level(), testing::ElementsAre(false));
 }
 
-TEST_F(GroundTest, JudgesEachRoverByItself) {
+TEST_F(GroundTest, JudgesEachRoverSeparately) {
   Drive(1, 1, 400, Flat);
   Drive(2, 2, 400, Hill);
   EXPECT_THAT(Level(), testing::ElementsAre(true, false));

@@ -9,7 +9,7 @@ namespace {
 
 RecordKey KeyOf(AgentId origin, std::uint64_t seq) { return RecordKey{{origin, 1, proto::POSE_GRAPH_NODE}, seq}; }
 
-// Where the key plays no part.
+// A new key, for tests in which the key does not matter.
 RecordKey NextKey() {
   static std::uint64_t seq = 0;
   return KeyOf(1, ++seq);
@@ -55,7 +55,7 @@ TEST(KnownGraphTest, KeepsTheNewestPoseInAnyOrderOfArrival) {
   }
 }
 
-TEST(KnownGraphTest, KeepsTheNewestVerdictAndTrustsARangeNobodySpokeOf) {
+TEST(KnownGraphTest, KeepsTheNewestVerdictAndTrustsARangeWithoutOne) {
   KnownGraph known;
   const RangeKey range{{1, 2}, {2, 2}};
   EXPECT_TRUE(known.IsPublishedInlier(range));
@@ -66,7 +66,7 @@ TEST(KnownGraphTest, KeepsTheNewestVerdictAndTrustsARangeNobodySpokeOf) {
   EXPECT_TRUE(known.IsPublishedInlier(range));
 }
 
-TEST(KnownGraphTest, CountsRunsWithinTheNewestTerm) {
+TEST(KnownGraphTest, OrdersRunsWithinTheNewestTerm) {
   KnownGraph known;
   EXPECT_EQ(known.LastRun(TermOf(1)), 0u);
   ASSERT_TRUE(known.Add(NextKey(), PoseAt(1, 1, 9)));
@@ -76,7 +76,7 @@ TEST(KnownGraphTest, CountsRunsWithinTheNewestTerm) {
   EXPECT_EQ(known.LastRun(TermOf(2)), 4u);
 }
 
-TEST(KnownGraphTest, TakesNodesAndEdgesAndRefusesAPoseThatIsNone) {
+TEST(KnownGraphTest, AddsNodesAndEdgesAndRefusesAnInvalidPose) {
   KnownGraph known;
   ASSERT_TRUE(known.Add(NextKey(), ToRecord(GraphNode{{1, 0}, 0, Pose{}})));
   ASSERT_TRUE(known.Add(NextKey(), ToRecord(RangeEdge{{1, 0}, {2, 0}, 0, 3, 0.01})));
@@ -89,7 +89,7 @@ TEST(KnownGraphTest, TakesNodesAndEdgesAndRefusesAPoseThatIsNone) {
   EXPECT_EQ(known.FindPublished({1, 2}), nullptr);
 }
 
-TEST(KnownGraphTest, TakesTheRecordOfTheSmallestKeyWhateverCameFirst) {
+TEST(KnownGraphTest, UsesTheRecordWithTheSmallestKeyInAnyOrderOfArrival) {
   const auto node_at = [](double x) { return ToRecord(GraphNode{{1, 2}, 5, Pose::FromPlanar(x, 0, 0)}); };
   const auto range_of = [](double range_m) { return ToRecord(RangeEdge{{1, 2}, {2, 2}, 5, range_m, 0.01}); };
   const auto step_of = [](double x) {
@@ -113,7 +113,7 @@ TEST(KnownGraphTest, TakesTheRecordOfTheSmallestKeyWhateverCameFirst) {
   }
 }
 
-TEST(KnownGraphTest, KnowsAnEdgeByItsEndsWhateverItsStamp) {
+TEST(KnownGraphTest, IdentifiesAnEdgeByItsEndsAndNotByItsTimestamp) {
   KnownGraph known;
   for (const std::int64_t timestamp_ns : {5, 6}) {
     ASSERT_TRUE(known.Add(NextKey(), ToRecord(RangeEdge{{1, 2}, {2, 2}, timestamp_ns, 3, 0.01})));
@@ -123,7 +123,7 @@ TEST(KnownGraphTest, KnowsAnEdgeByItsEndsWhateverItsStamp) {
   EXPECT_EQ(known.graph().odometry.size(), 1u);
 }
 
-TEST(KnownGraphTest, TakesTheGreaterKeyOfTwoPosesOfOneRun) {
+TEST(KnownGraphTest, UsesTheGreaterKeyOfTwoPosesOfOneRun) {
   for (const bool is_greater_first : {false, true}) {
     KnownGraph known;
     for (const bool is_greater : {is_greater_first, !is_greater_first}) {
@@ -139,7 +139,7 @@ proto::Record StepRecord(AgentId agent, std::uint64_t from, std::uint64_t to) {
   return ToRecord(OdometryEdge{{agent, from}, {agent, to}, 5, Pose::FromPlanar(1, 0, 0), Matrix6d::Identity()});
 }
 
-TEST(KnownGraphTest, KeepsTheNewestNodesAndEdgesOfTheAgentsThatMadeMost) {
+TEST(KnownGraphTest, LimitsAgentsWithTheMostRecordsToTheirNewestNodesAndEdges) {
   KnownGraph known({.nodes_max = 6, .edges_max = 4});
   for (std::uint64_t i = 1; i <= 3; ++i) {
     ASSERT_TRUE(known.Add(KeyOf(1, i), ToRecord(GraphNode{{1, i}, 0, Pose{}})));
@@ -159,8 +159,8 @@ TEST(KnownGraphTest, KeepsTheNewestNodesAndEdgesOfTheAgentsThatMadeMost) {
   EXPECT_EQ(known.CountLeftOut(), (std::map<AgentId, std::uint64_t>{{1, 1}, {3, 6 + 7}}));
 }
 
-// Rover 3 states that all of its nodes are joined; rover 1 has 20 nodes and 5 ranges to rover 2.
-TEST(KnownGraphTest, LeavesOutEdgesOfTheAgentThatMakesASolveTooLarge) {
+// Rover 3 claims that all of its nodes are connected. Rover 1 has 20 nodes and 5 ranges to rover 2.
+TEST(KnownGraphTest, LeavesOutEdgesOfAnAgentThatMakeASolveTooLarge) {
   KnownGraph known;
   std::uint64_t seq = 0;
   for (const AgentId agent : {1u, 2u, 3u}) {
@@ -192,7 +192,7 @@ TEST(KnownGraphTest, LeavesOutEdgesOfTheAgentThatMakesASolveTooLarge) {
   EXPECT_GT(selection.graph.odometry.back().to.index, 150u) << "the newest ones";
 }
 
-TEST(KnownGraphTest, ATeamsGraphFitsIntoTheSolveThatItMayHave) {
+TEST(KnownGraphTest, ATypicalTeamsGraphFitsIntoTheSizeLimitOfASolve) {
   KnownGraph known;
   std::uint64_t seq = 0;
   for (const AgentId agent : {1u, 2u, 3u}) {

@@ -24,8 +24,8 @@ proto::Term TermOf(std::uint64_t number) {
   return term;
 }
 
-// Agent 1 with its PgoActor; agents 2 and 3 are rovers and 4 is the base station. Storage is real where a test spawns
-// it, else a probe; RoleActor is a probe.
+// Agent 1 with its PgoActor. Agents 2 and 3 are rovers, and 4 is the base station. Storage is real in tests that spawn
+// it, and otherwise a probe. RoleActor is a probe.
 class PgoActorTest : public testing::Test {
  protected:
   PgoActorTest() : scenario_(simulation::MakeScenario({.seed = 3, .node_count = 24, .outlier_ratio = 0.1})) {
@@ -83,7 +83,7 @@ class PgoActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // Stores the records as if each had come from its agent.
+  // Stores the records as if each came from its own agent.
   void StoreGraph() {
     for (const GraphNode& node : scenario_.graph.nodes) StoreRecord(ToRecord(node), node.key.agent);
     for (const OdometryEdge& edge : scenario_.graph.odometry) StoreRecord(ToRecord(edge), edge.from.agent);
@@ -128,7 +128,7 @@ class PgoActorTest : public testing::Test {
     return answers.empty() ? proto::OptimizeReply() : answers[0].optimize_reply();
   }
 
-  // Everything of one type that storage holds.
+  // All records of one type in storage.
   std::vector<proto::Record> Read(proto::DataType type) {
     proto::Message message;
     message.mutable_read_request()->add_data_types(type);
@@ -144,7 +144,7 @@ class PgoActorTest : public testing::Test {
     return records;
   }
 
-  // What the actor asked the storage probe; the last of them.
+  // The last message from the actor to the storage probe.
   proto::Message AskedStorage() {
     const std::vector<proto::Message> asked = team_.Take(storage_);
     EXPECT_FALSE(asked.empty());
@@ -157,7 +157,7 @@ class PgoActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // One page that holds agent 1's first node.
+  // A page with agent 1's first node only.
   static proto::Message PageWithOneNode() {
     proto::Message answer;
     proto::ReadReply& page = *answer.mutable_read_reply();
@@ -180,7 +180,7 @@ class PgoActorTest : public testing::Test {
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
 
-TEST_F(PgoActorTest, AnotherAgentAsksInVain) {
+TEST_F(PgoActorTest, IgnoresRequestsFromAnotherAgent) {
   SpawnPgo();
   SetLeader(1);
   team_.RecordSent(pgo_);
@@ -242,7 +242,7 @@ TEST_F(PgoActorTest, ContinuesAsANewLeaderFromTheLastSolution) {
   SpawnPgo();
   SetLeader(1);
   StoreGraph();
-  // Agent 2 led in term 1 and published a place of its own for one node.
+  // Agent 2 led in term 1 and published its own pose for one node.
   proto::Record record;
   proto::OptimizedPose& pose = *record.mutable_optimized_pose();
   *pose.mutable_node() = ToProto(NodeKey{1, 5});
@@ -262,12 +262,13 @@ TEST_F(PgoActorTest, ContinuesAsANewLeaderFromTheLastSolution) {
   pose.set_run(1);
   StoreRecord(record, 2);
   const proto::OptimizeReply reply = Optimize();
-  EXPECT_EQ(reply.updated_pose_count(), 1) << reply.ShortDebugString();  // Put right again, and newer than run 1.
+  // The solve corrects the node's pose, which is newer than run 1.
+  EXPECT_EQ(reply.updated_pose_count(), 1) << reply.ShortDebugString();
 }
 
 TEST_F(PgoActorTest, RefusesWhenAnotherAgentLeads) {
   SpawnPgo();
-  EXPECT_EQ(Optimize().error().code(), proto::ERROR_CODE_REFUSED);  // Roles not known yet.
+  EXPECT_EQ(Optimize().error().code(), proto::ERROR_CODE_REFUSED);  // The roles are not known yet.
   SetLeader(2);
   const proto::OptimizeReply reply = Optimize();
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
@@ -285,7 +286,7 @@ TEST_F(PgoActorTest, IgnoresRolesAndRecordsThatAnotherAgentSends) {
   EXPECT_EQ(Optimize().error().code(), proto::ERROR_CODE_REFUSED);
 }
 
-TEST_F(PgoActorTest, GivesEveryAskerTheSameAnswerAndTurnsAwayTooMany) {
+TEST_F(PgoActorTest, GivesEveryRequesterTheSameAnswerAndRefusesTooMany) {
   options_.requesters_max = 2;
   SpawnPgo();
   SetLeader(1);
@@ -296,7 +297,7 @@ TEST_F(PgoActorTest, GivesEveryAskerTheSameAnswerAndTurnsAwayTooMany) {
   EXPECT_EQ(answers[0].optimize_reply().error().code(), proto::ERROR_CODE_FULL);
 
   AnswerAsStorage(AskedStorage(), PageWithOneNode());
-  EXPECT_TRUE(Answers().empty());  // Not before the pose is committed.
+  EXPECT_TRUE(Answers().empty());  // No answer is sent before the pose is committed.
   const proto::Message insert = AskedStorage();
   ASSERT_EQ(insert.insert_request().records_size(), 1);
   proto::Message inserted;
@@ -309,7 +310,7 @@ TEST_F(PgoActorTest, GivesEveryAskerTheSameAnswerAndTurnsAwayTooMany) {
   for (const proto::Message& answer : answers) EXPECT_EQ(answer.optimize_reply().updated_pose_count(), 1);
 }
 
-TEST_F(PgoActorTest, AnswersAnotherQuestionAfterTheOneInHand) {
+TEST_F(PgoActorTest, AnswersADifferentRequestAfterThePresentOne) {
   SpawnStorage();
   SpawnPgo();
   SetLeader(1);
@@ -340,7 +341,7 @@ TEST_F(PgoActorTest, AnswersAnotherQuestionAfterTheOneInHand) {
   EXPECT_GT(covariances[0].covariance(0), 0);
 }
 
-TEST_F(PgoActorTest, BeginsAtTheLastSolutionUnlessTold) {
+TEST_F(PgoActorTest, StartsFromTheLastSolutionUnlessRequestedOtherwise) {
   SpawnStorage();
   SpawnPgo();
   SetLeader(1);
@@ -354,7 +355,7 @@ TEST_F(PgoActorTest, BeginsAtTheLastSolutionUnlessTold) {
   EXPECT_EQ(again.updated_pose_count(), 0);
 }
 
-TEST_F(PgoActorTest, PublishesNothingThatAChangeOfRolesFoundBeingSolved) {
+TEST_F(PgoActorTest, PublishesNothingIfRolesChangeDuringTheSolve) {
   SpawnPgo();
   SetLeader(1);
   Request();
@@ -373,7 +374,7 @@ TEST_F(PgoActorTest, PublishesNothingThatAChangeOfRolesFoundBeingSolved) {
   EXPECT_EQ(answers[0].optimize_reply().error().code(), proto::ERROR_CODE_REFUSED);
 }
 
-TEST_F(PgoActorTest, GivesUpWhenStorageStaysSilentAndCanBeAskedAgain) {
+TEST_F(PgoActorTest, GivesUpWhenStorageIsSilentAndAcceptsANewRequest) {
   SpawnPgo();
   SetLeader(1);
   Request();
@@ -385,13 +386,13 @@ TEST_F(PgoActorTest, GivesUpWhenStorageStaysSilentAndCanBeAskedAgain) {
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].optimize_reply().error().code(), proto::ERROR_CODE_TIMED_OUT);
 
-  AnswerAsStorage(late, PageWithOneNode());  // Too late: meets no question.
+  AnswerAsStorage(late, PageWithOneNode());  // The reply is too late and matches no request.
   EXPECT_TRUE(team_.Take(storage_).empty());
   Request();
   EXPECT_EQ(AskedStorage().read_request().after_row_id(), 0u);
 }
 
-TEST_F(PgoActorTest, PassesOnStoragesErrors) {
+TEST_F(PgoActorTest, ForwardsStoragesErrors) {
   SpawnPgo();
   SetLeader(1);
   Request();
@@ -420,14 +421,14 @@ TEST_F(PgoActorTest, StopsWritingWhenItLosesTheLead) {
   EXPECT_TRUE(Answers().empty());
 }
 
-TEST_F(PgoActorTest, SaysWhenThereIsNothingToSolve) {
+TEST_F(PgoActorTest, ReportsThatThereIsNothingToSolve) {
   SpawnStorage();
   SpawnPgo();
   SetLeader(1);
   EXPECT_EQ(Optimize().error().code(), proto::ERROR_CODE_NOT_FOUND);
 }
 
-TEST_F(PgoActorTest, TellsTheLastSolve) {
+TEST_F(PgoActorTest, ReportsTheLastSolve) {
   SpawnStorage();
   SpawnPgo();
   SetLeader(1);
@@ -445,7 +446,7 @@ TEST_F(PgoActorTest, TellsTheLastSolve) {
   EXPECT_EQ(answers[0].graph_stats_reply().last_solve().SerializeAsString(), reply.SerializeAsString());
 }
 
-TEST_F(PgoActorTest, SolvesByItselfOnceRecordsStopComing) {
+TEST_F(PgoActorTest, SolvesPeriodicallyOnceRecordsStopArriving) {
   options_.solve_when_quiet = seconds(3);
   SpawnStorage();
   SpawnPgo();
@@ -458,7 +459,7 @@ TEST_F(PgoActorTest, SolvesByItselfOnceRecordsStopComing) {
   EXPECT_TRUE(Answers().empty());
 }
 
-TEST_F(PgoActorTest, LeavesTimeBetweenSolvesThatNobodyAskedFor) {
+TEST_F(PgoActorTest, PausesBetweenPeriodicSolves) {
   options_.solve_when_quiet = seconds(3);
   SpawnStorage();
   SpawnPgo();
@@ -480,7 +481,7 @@ TEST_F(PgoActorTest, LeavesTimeBetweenSolvesThatNobodyAskedFor) {
   EXPECT_EQ(stats(), 2);
 }
 
-TEST_F(PgoActorTest, SolvesInTheEndWhereRecordsNeverStopComing) {
+TEST_F(PgoActorTest, SolvesEventuallyIfRecordsNeverStopArriving) {
   options_.solve_when_quiet = seconds(3);
   options_.solve_apart = seconds(20);
   SpawnStorage();
@@ -498,7 +499,7 @@ TEST_F(PgoActorTest, SolvesInTheEndWhereRecordsNeverStopComing) {
   EXPECT_FALSE(Read(proto::OPTIMIZED_POSE).empty());
 }
 
-TEST_F(PgoActorTest, SolvesNothingUnaskedWhereItDoesNotLead) {
+TEST_F(PgoActorTest, DoesNotSolvePeriodicallyUnlessItLeads) {
   options_.solve_when_quiet = seconds(3);
   SpawnStorage();
   SpawnPgo();

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Four poses and two points with steps, sightings and ranges of every kind of ends.
+// Four poses and two points, with steps, sightings and ranges between every combination of node types.
 StandaloneGraph SmallGraph() {
   StandaloneGraph graph;
   graph.is_planar = true;
@@ -49,7 +49,7 @@ class PlanarSystemTest : public testing::TestWithParam<unsigned> {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, PlanarSystemTest, testing::Range(1u, 9u));
 
-TEST_P(PlanarSystemTest, DerivativesAreThoseOfTheCost) {
+TEST_P(PlanarSystemTest, DerivativesMatchTheCost) {
   constexpr double kStep = 1e-6;
   system_.Linearise(state_, Curvature::kExact);
   const Eigen::VectorXd gradient = system_.gradient();
@@ -59,7 +59,7 @@ TEST_P(PlanarSystemTest, DerivativesAreThoseOfTheCost) {
     const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(gradient.size(), i);
     const PlanarState ahead = system_.Plus(state_, step);
     const PlanarState behind = system_.Plus(state_, -step);
-    // F / 2, so that the difference over two steps is the derivative.
+    // The gradient is that of F / 2, so the difference over two steps is divided by 4.
     EXPECT_NEAR((system_.Cost(ahead) - system_.Cost(behind)) / (4 * kStep), gradient[i], 1e-4 * gradient.norm());
     system_.Linearise(ahead, Curvature::kExact);
     const Eigen::VectorXd gradient_ahead = system_.gradient();
@@ -76,7 +76,7 @@ TEST_P(PlanarSystemTest, GaussNewtonCurvatureIsNeverIndefinite) {
   EXPECT_GT(values.eigenvalues().minCoeff(), -1e-9 * values.eigenvalues().maxCoeff());
 }
 
-TEST_P(PlanarSystemTest, SettledPositionsNeverRaiseTheCost) {
+TEST_P(PlanarSystemTest, VariableProjectionNeverRaisesTheCost) {
   const PlanarState before = state_;
   const double cost = system_.Cost(state_);
   double last = cost;
@@ -104,7 +104,7 @@ TEST(PlanarSystemPartTest, EdgesOfInactiveNodesDoNotCount) {
   EXPECT_DOUBLE_EQ(part.Cost(state), alone.Cost(state));
 }
 
-// A long chain that one loop with a wrong length closes: the far poses have to swing, along a valley.
+// A long chain with one loop closure of a wrong length. The far poses must swing along a narrow valley of the cost.
 StandaloneGraph LongLoop(int count) {
   StandaloneGraph graph;
   graph.is_planar = true;
@@ -117,7 +117,7 @@ StandaloneGraph LongLoop(int count) {
   return graph;
 }
 
-// From its first node along its first steps.
+// Composes the first steps from the first node on.
 PlanarState Composed(const StandaloneGraph& graph) {
   PlanarState state(graph.nodes.size(), Eigen::Vector3d::Zero());
   Pose pose;
@@ -128,7 +128,7 @@ PlanarState Composed(const StandaloneGraph& graph) {
   return state;
 }
 
-TEST(PlanarDescentTest, WalksALongValleyInFewSteps) {
+TEST(PlanarDescentTest, CrossesALongValleyInFewSteps) {
   const StandaloneGraph graph = LongLoop(2'000);
   PlanarState state = Composed(graph);
   PlanarSystem system(graph, std::vector<bool>(state.size(), true), AllBut(state.size(), 0));
@@ -140,8 +140,8 @@ TEST(PlanarDescentTest, WalksALongValleyInFewSteps) {
   EXPECT_LT(descent.iterations, 80);
 }
 
-// Edges that contradict each other leave large residuals, at which Gauss-Newton steps are far from Newton's.
-TEST(PlanarDescentTest, ArrivesInFewStepsWhereEdgesContradictEachOther) {
+// Contradictory edges leave large residuals. Gauss-Newton steps then differ strongly from Newton steps.
+TEST(PlanarDescentTest, ConvergesInFewStepsThoughEdgesContradictEachOther) {
   StandaloneGraph graph = LongLoop(60);
   for (PlainStep& step : graph.steps) step.tau = step.kappa = 1;
   for (std::size_t i = 0; i + 20 < graph.nodes.size(); i += 2) {
@@ -157,8 +157,8 @@ TEST(PlanarDescentTest, ArrivesInFewStepsWhereEdgesContradictEachOther) {
   EXPECT_LT(descent.iterations, 40);
 }
 
-// Where only rounding is left, heavy edges leave a gradient above any fixed tolerance.
-TEST(PlanarDescentTest, EndsAtOnceWhereOnlyRoundingIsLeft) {
+// If only rounding errors remain, heavy edges leave a gradient above any fixed tolerance.
+TEST(PlanarDescentTest, EndsAtOnceIfOnlyRoundingErrorsRemain) {
   StandaloneGraph graph = LongLoop(500);
   graph.steps.pop_back();
   for (PlainStep& step : graph.steps) step.tau = step.kappa = 1e8;
@@ -170,7 +170,7 @@ TEST(PlanarDescentTest, EndsAtOnceWhereOnlyRoundingIsLeft) {
   EXPECT_LE(descent.iterations, 3);
 }
 
-TEST(PlanarDescentTest, SaysThatItHasNotConverged) {
+TEST(PlanarDescentTest, ReportsThatItHasNotConverged) {
   const StandaloneGraph graph = SmallGraph();
   const PlanarState start = RandomState(6, 5);
   PlanarSystem system(graph, std::vector<bool>(6, true), AllBut(6, 0));
@@ -189,7 +189,7 @@ TEST(PlanarDescentTest, SaysThatItHasNotConverged) {
   EXPECT_DOUBLE_EQ(stopped.cost, system.Cost(start));
 }
 
-TEST(PlanarDescentTest, DoesNotTakeACostThatIsNoNumber) {
+TEST(PlanarDescentTest, RejectsACostThatIsNotANumber) {
   StandaloneGraph graph = SmallGraph();
   graph.steps[0].tau = 1e308;
   PlanarState state = RandomState(6, 5);

@@ -32,7 +32,7 @@ class PoseGraphSolverTest : public testing::Test {
   SolverOptions options_;
 };
 
-TEST_F(PoseGraphSolverTest, ComesNearerToTheTruthThanOdometry) {
+TEST_F(PoseGraphSolverTest, IsMoreAccurateThanOdometry) {
   for (const std::uint64_t seed : {1, 2, 3}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     const Scenario scenario = MakeScenario({.seed = seed, .scale_errors = {0.02, -0.02, 0.01}});
@@ -44,7 +44,7 @@ TEST_F(PoseGraphSolverTest, ComesNearerToTheTruthThanOdometry) {
   }
 }
 
-TEST_F(PoseGraphSolverTest, SaysWhereRangesContradictAConfiguredStart) {
+TEST_F(PoseGraphSolverTest, ReportsAConfiguredStartThatRangesContradict) {
   Scenario scenario = MakeScenario({.seed = 6});
   for (const RoverResult& rover : Solve(scenario).rovers) EXPECT_EQ(rover.text, "");
   scenario.agents.at(2).start->position_m.x() += 30;
@@ -82,7 +82,7 @@ TEST_F(PoseGraphSolverTest, RecoversEachRoversScale) {
   EXPECT_NEAR(solution.rovers[2].odometry_scale, 1, 0.008);
 }
 
-TEST_F(PoseGraphSolverTest, NeedsTheScaleTheAntennasAndGravity) {
+TEST_F(PoseGraphSolverTest, ScaleAntennasAndGravityImproveTheSolution) {
   const Scenario scenario = MakeScenario({.seed = 7,
                                           .range_sigma_m = 0.05,
                                           .scale_errors = {0.03, -0.03, 0.03},
@@ -103,14 +103,14 @@ TEST_F(PoseGraphSolverTest, NeedsTheScaleTheAntennasAndGravity) {
   EXPECT_GT(TrajectoryErrorM(scenario, Solve(without_antennas).poses), 1.3 * best_m) << "without antennas";
 }
 
-TEST_F(PoseGraphSolverTest, AbsorbsABiasOfEachPair) {
+TEST_F(PoseGraphSolverTest, AbsorbsARangeBiasOfEachPair) {
   const Scenario scenario = MakeScenario({.seed = 8, .bias_sigma_m = 0.15});
   const double with_bias_m = TrajectoryErrorM(scenario, Solve(scenario).poses);
   options_.bias_sigma_m = 1e-6;
   EXPECT_LT(with_bias_m, TrajectoryErrorM(scenario, Solve(scenario).poses));
 }
 
-TEST_F(PoseGraphSolverTest, GivesTheSameSolutionWhateverTheOrderOfArrival) {
+TEST_F(PoseGraphSolverTest, GivesTheSameSolutionInAnyOrderOfArrival) {
   Scenario scenario = MakeScenario({.seed = 9, .node_count = 40, .outlier_ratio = 0.1});
   const Solution first = Solve(scenario);
   std::mt19937_64 rng(9);
@@ -122,7 +122,7 @@ TEST_F(PoseGraphSolverTest, GivesTheSameSolutionWhateverTheOrderOfArrival) {
   for (const auto& [key, pose] : first.poses) EXPECT_EQ(pose.position_m, second.poses.at(key).position_m);
 }
 
-TEST_F(PoseGraphSolverTest, StaysWhereItIsWhenSolvedAgain) {
+TEST_F(PoseGraphSolverTest, DoesNotMoveWhenSolvedAgain) {
   for (std::uint64_t seed = 1; seed <= 40; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     const Scenario scenario = MakeScenario({.seed = seed, .outlier_ratio = 0.15, .bias_sigma_m = 0.1});
@@ -156,10 +156,11 @@ TEST_F(PoseGraphSolverTest, MovesOnlyTheNewestNodesInAWindow) {
   }
 }
 
-TEST_F(PoseGraphSolverTest, GoesOnFromTheLastSolution) {
+TEST_F(PoseGraphSolverTest, StartsFromTheLastSolution) {
   const ScenarioOptions options{.seed = 11, .scale_errors = {0.03, 0.03, 0.03}};
   const Scenario scenario = MakeScenario(options);
-  // From the first half the solve begins at odometry again; nine tenths are known enough for their verdicts to count.
+  // After half of the records the solve starts from odometry again. After nine tenths, enough is known for the verdicts
+  // to count.
   for (const auto& [last_ns, initial_values] : {std::pair(500'000'000'000, SolveInitialValues::kOdometry),
                                                 std::pair(900'000'000'000, SolveInitialValues::kLastSolution)}) {
     Scenario earlier = scenario;
@@ -176,14 +177,14 @@ TEST_F(PoseGraphSolverTest, GoesOnFromTheLastSolution) {
   }
 }
 
-TEST_F(PoseGraphSolverTest, SaysWhenThereIsNothingToSolve) {
+TEST_F(PoseGraphSolverTest, ReportsThatThereIsNothingToSolve) {
   const Solution nothing = SolvePoseGraph({}, {}, {}, options_);
   EXPECT_TRUE(nothing.is_accepted);
   EXPECT_EQ(nothing.text, "no rover has a node yet");
   EXPECT_TRUE(nothing.poses.empty());
 }
 
-TEST_F(PoseGraphSolverTest, HoldsASingleNodeAtItsStart) {
+TEST_F(PoseGraphSolverTest, KeepsASingleNodeAtItsStart) {
   PoseGraph graph;
   graph.nodes = {GraphNode{{1, 0}, 0, Pose::FromPlanar(3.2, 1, 0)}};
   const AgentFactsMap agents = {{1, AgentFacts{.agent = 1, .start = Pose::FromPlanar(3, 1, 0.5)}}};
@@ -193,7 +194,7 @@ TEST_F(PoseGraphSolverTest, HoldsASingleNodeAtItsStart) {
   EXPECT_NEAR(solution.poses.at({1, 0}).Yaw(), 0.5, 1e-6);
 }
 
-TEST_F(PoseGraphSolverTest, FollowsOdometryAloneWithoutRangesAndSaysSo) {
+TEST_F(PoseGraphSolverTest, FollowsOdometryWithoutRangesAndReportsIt) {
   Scenario scenario = MakeScenario({.seed = 12});
   scenario.graph.ranges.clear();
   const Solution solution = Solve(scenario);
@@ -204,7 +205,7 @@ TEST_F(PoseGraphSolverTest, FollowsOdometryAloneWithoutRangesAndSaysSo) {
   }
 }
 
-TEST_F(PoseGraphSolverTest, TellsARoverThatNothingTiesToTheMap) {
+TEST_F(PoseGraphSolverTest, ReportsARoverThatNothingConnectsToTheMap) {
   Scenario scenario = MakeScenario({.seed = 13});
   scenario.agents.at(2).start.reset();
   std::erase_if(scenario.graph.ranges, [](const RangeEdge& r) { return r.from.agent == 2 || r.to.agent == 2; });
@@ -217,7 +218,7 @@ TEST_F(PoseGraphSolverTest, TellsARoverThatNothingTiesToTheMap) {
   EXPECT_THAT(solution.rovers[1].text, testing::HasSubstr("no start pose configured"));
 }
 
-TEST_F(PoseGraphSolverTest, AnchorsByRangesARoverWithoutAConfiguredStart) {
+TEST_F(PoseGraphSolverTest, AnchorsARoverWithoutAConfiguredStartByRanges) {
   Scenario scenario = MakeScenario({.seed = 14});
   scenario.agents.at(2).start.reset();
   const Solution solution = Solve(scenario);
@@ -226,7 +227,7 @@ TEST_F(PoseGraphSolverTest, AnchorsByRangesARoverWithoutAConfiguredStart) {
   EXPECT_LT(TrajectoryErrorM(scenario, solution.poses), 0.4);
 }
 
-TEST_F(PoseGraphSolverTest, LeavesOutDamageAndSolvesTheRest) {
+TEST_F(PoseGraphSolverTest, LeavesOutDamagedRecordsAndSolvesTheRest) {
   Scenario scenario = MakeScenario({.seed = 15});
   const double clean_m = TrajectoryErrorM(scenario, Solve(scenario).poses);
   const double nan = std::numeric_limits<double>::quiet_NaN();
@@ -261,7 +262,7 @@ TEST_F(PoseGraphSolverTest, KeepsTheOldPosesWhenStopped) {
   for (const auto& [key, pose] : last) EXPECT_EQ(solution.poses.at(key).position_m, pose.position_m);
 }
 
-TEST_F(PoseGraphSolverTest, KnowsHowWellItKnowsAPose) {
+TEST_F(PoseGraphSolverTest, CovariancesMatchTheErrors) {
   constexpr int kDraws = 60;
   const std::vector<NodeKey> nodes = {{1, 39}, {2, 20}};
   options_.covariance_of = nodes;
@@ -277,13 +278,13 @@ TEST_F(PoseGraphSolverTest, KnowsHowWellItKnowsAPose) {
       square_sum += error_m.dot(covariance.inverse() * error_m);
     }
   }
-  // Three for each node and draw where errors and covariances agree.
+  // If errors and covariances agree, the expected sum is three per node and draw.
   const double mean = square_sum / (kDraws * 2);
   EXPECT_GT(mean, 2.4);
   EXPECT_LT(mean, 3.6);
 }
 
-TEST_F(PoseGraphSolverTest, SaysNothingOfCovariancesThatNobodyKnows) {
+TEST_F(PoseGraphSolverTest, OmitsCovariancesThatAreUnknown) {
   Scenario scenario = MakeScenario({.seed = 24});
   scenario.agents.at(3).start.reset();
   std::erase_if(scenario.graph.ranges,
@@ -305,7 +306,7 @@ TEST_F(PoseGraphSolverTest, SaysNothingOfCovariancesThatNobodyKnows) {
   }
 }
 
-TEST_F(PoseGraphSolverTest, ArrangesATeamWithoutBaseStationOfWhomNobodyKnowsItsStart) {
+TEST_F(PoseGraphSolverTest, ArrangesATeamWithoutBaseStationAndKnownStarts) {
   Scenario scenario = MakeScenario({.seed = 25, .has_base_station = false, .is_around_base = true});
   for (auto& [agent, facts] : scenario.agents) {
     facts.start.reset();
@@ -324,7 +325,7 @@ TEST_F(PoseGraphSolverTest, ArrangesATeamWithoutBaseStationOfWhomNobodyKnowsItsS
   for (const RoverResult& rover : solution.rovers) EXPECT_EQ(rover.anchoring, Anchoring::kUnanchored);
 }
 
-TEST_F(PoseGraphSolverTest, DoesNotCountARangeToARoverThatNothingTiesToTheMap) {
+TEST_F(PoseGraphSolverTest, DoesNotCountARangeToARoverThatNothingConnectsToTheMap) {
   Scenario scenario = MakeScenario({.seed = 26, .rover_count = 2, .node_count = 20, .has_base_station = false});
   scenario.agents.at(2).start.reset();
   scenario.graph.ranges.resize(1);
@@ -334,7 +335,7 @@ TEST_F(PoseGraphSolverTest, DoesNotCountARangeToARoverThatNothingTiesToTheMap) {
   EXPECT_EQ(solution.rovers[1].anchoring, Anchoring::kUnanchored);
 }
 
-// A rover that drives over a hill whose slope changes by less than a step's noise from node to node.
+// A rover drives over a hill. From node to node the slope changes by less than the noise of a step.
 TEST_F(PoseGraphSolverTest, FollowsAHillGentlerThanTheNoiseOfAStep) {
   constexpr double kTiltNoise_rad = 0.002;
   constexpr double kWave = 2 * M_PI / 200;
@@ -371,7 +372,7 @@ TEST_F(PoseGraphSolverTest, FollowsAHillGentlerThanTheNoiseOfAStep) {
   EXPECT_LT(error_sum_rad / 600, 0.06) << "level ground would be wrong by 0.1 rad";
 }
 
-TEST_F(PoseGraphSolverTest, SetsDownRoversWhoseStartNobodyKnows) {
+TEST_F(PoseGraphSolverTest, PlacesRoversWithUnknownStarts) {
   for (const std::uint64_t seed : {1, 2, 3, 4}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Scenario scenario = MakeScenario({.seed = seed, .outlier_ratio = 0.05, .is_around_base = true});
@@ -390,8 +391,8 @@ TEST_F(PoseGraphSolverTest, SetsDownRoversWhoseStartNobodyKnows) {
   }
 }
 
-TEST_F(PoseGraphSolverTest, SaysThatARoverOnOneLineMayBeOnEitherSideOfIt) {
-  // Rover 1 drives along x and ranges rover 2, which stands still: nothing tells left from right.
+TEST_F(PoseGraphSolverTest, ReportsThatARoverMayBeOnEitherSideOfALine) {
+  // Rover 1 drives along x and ranges rover 2, which stands still. No measurement distinguishes left from right.
   PoseGraph graph;
   for (std::uint64_t i = 0; i < 20; ++i) {
     graph.nodes.push_back(GraphNode{{1, i}, static_cast<std::int64_t>(i), Pose::FromPlanar(1.0 * i, 0, 0)});
@@ -419,7 +420,7 @@ TEST_F(PoseGraphSolverTest, SaysThatARoverOnOneLineMayBeOnEitherSideOfIt) {
   EXPECT_NEAR(std::abs(solution.poses.at({2, 5}).position_m.y()), 7, 0.5);
 }
 
-TEST_F(PoseGraphSolverTest, SaysThatATeamWithoutStartsMayTurnAboutTheBaseStation) {
+TEST_F(PoseGraphSolverTest, ReportsThatATeamWithoutStartsMayRotateAboutTheBaseStation) {
   Scenario scenario = MakeScenario({.seed = 19, .is_around_base = true});
   for (auto& [agent, facts] : scenario.agents) {
     if (!facts.is_base_station) facts.start.reset();
@@ -432,11 +433,12 @@ TEST_F(PoseGraphSolverTest, SaysThatATeamWithoutStartsMayTurnAboutTheBaseStation
   }
 }
 
-// What each kind of damage costs: itself, and a line that names it. The rest is solved as if it had never come.
+// Kinds of damage to the graph. Only the damaged record is lost, and the text names it. The rest is solved as without
+// it.
 struct Damage {
   const char* name;
   std::function<void(PoseGraph&)> add;
-  const char* text;  // In the text of rover 1.
+  const char* text;  // Expected in the text of rover 1.
 };
 
 class PoseGraphSolverDamageTest : public PoseGraphSolverTest, public testing::WithParamInterface<Damage> {};
@@ -539,7 +541,7 @@ INSTANTIATE_TEST_SUITE_P(
                "range from agent 1, node 4 to agent 2, node 4: is there more than once"}),
     [](const auto& test) { return std::string(test.param.name); });
 
-TEST_P(PoseGraphSolverDamageTest, CostsItselfAndIsNamed) {
+TEST_P(PoseGraphSolverDamageTest, DamageIsNamedAndDoesNotChangeTheRest) {
   Scenario scenario = MakeScenario({.seed = 20, .node_count = 40});
   const Solution clean = Solve(scenario);
   GetParam().add(scenario.graph);
@@ -551,7 +553,7 @@ TEST_P(PoseGraphSolverDamageTest, CostsItselfAndIsNamed) {
   }
 }
 
-TEST_F(PoseGraphSolverTest, SolvesEachOfPartsThatNothingJoins) {
+TEST_F(PoseGraphSolverTest, SolvesEachDisconnectedPart) {
   Scenario scenario = MakeScenario({.seed = 21});
   std::erase_if(scenario.graph.ranges,
                 [](const RangeEdge& edge) { return edge.from.agent == 3 || edge.to.agent == 3; });
@@ -570,7 +572,7 @@ TEST_F(PoseGraphSolverTest, SolvesATeamWithoutRanges) {
   for (const RoverResult& rover : solution.rovers) EXPECT_EQ(rover.anchoring, Anchoring::kNoRanges);
 }
 
-TEST_F(PoseGraphSolverTest, SurvivesAntennasThatCoincide) {
+TEST_F(PoseGraphSolverTest, SolvesThoughAntennasCoincide) {
   Scenario scenario = MakeScenario({.seed = 23, .node_count = 40});
   scenario.agents.at(2).start = scenario.agents.at(1).start;
   for (GraphNode& node : scenario.graph.nodes) {

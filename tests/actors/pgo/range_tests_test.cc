@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Two rovers with a range at every stamp.
+// Two rovers with one range at each timestamp.
 class RangeTestsTest : public testing::Test {
  protected:
   void Use(const std::vector<std::int64_t>& timestamps_s) {
@@ -48,18 +48,18 @@ class RangeTestsTest : public testing::Test {
   InitialValues initial_;
 };
 
-TEST_F(RangeTestsTest, DoubtsNeighboursOfARejectedRangeThatErrTheSameWay) {
+TEST_F(RangeTestsTest, DoubtsNeighboursOfARejectedRangeWithAnErrorOfTheSameSign) {
   Use({0, 30, 60, 90});
   EXPECT_THAT(Inliers({-5, -3, -2, -3}), testing::ElementsAre(false, false, true, true));
   EXPECT_THAT(Inliers({-5, 3, -3, 0}), testing::ElementsAre(false, true, true, true));
 }
 
-TEST_F(RangeTestsTest, EndsABurstWhereTheRangesPause) {
+TEST_F(RangeTestsTest, EndsABurstAtAPauseOfTheRanges) {
   Use({0, 30, 60, 1000, 1030});
   EXPECT_THAT(Inliers({0, 0, -5, -3, 0}), testing::ElementsAre(true, true, false, true, true));
 }
 
-TEST_F(RangeTestsTest, HoldsToTheLastVerdictsAndJudgesNewRangesByTheirFirstGuess) {
+TEST_F(RangeTestsTest, KeepsTheLastVerdictsAndJudgesNewRangesByTheirFirstGuess) {
   Use({0, 30, 60, 90, 120});
   const FirstVerdicts first = First({0, 20, 0, 3, 0}, 3, {{{1, 0}, {2, 0}}});
   EXPECT_THAT(first.is_inlier, testing::ElementsAre(false, true, true, true, true));
@@ -67,7 +67,7 @@ TEST_F(RangeTestsTest, HoldsToTheLastVerdictsAndJudgesNewRangesByTheirFirstGuess
   EXPECT_FALSE(first.is_doubtful);
 }
 
-TEST_F(RangeTestsTest, DoubtsItsFirstGuessWhereManyNewRangesDoNotFit) {
+TEST_F(RangeTestsTest, DoubtsItsFirstGuessIfManyNewRangesDoNotFit) {
   Use({0, 30, 60, 90, 120});
   const FirstVerdicts first = First({0, 0, 0, 20, 0}, 3, {});
   EXPECT_THAT(first.is_inlier, testing::ElementsAre(true, true, true, false, true));
@@ -75,7 +75,7 @@ TEST_F(RangeTestsTest, DoubtsItsFirstGuessWhereManyNewRangesDoNotFit) {
   EXPECT_TRUE(first.is_doubtful);
 }
 
-TEST_F(RangeTestsTest, DoubtsTheLastVerdictsWhereMostRangesOfARoverWereRejected) {
+TEST_F(RangeTestsTest, DoubtsTheLastVerdictsIfMostRangesOfARoverWereRejected) {
   Use({0, 30, 60, 90, 120});
   EXPECT_TRUE(First({0, 0, 0, 0, 0}, 5, {{{1, 0}, {2, 0}}, {{1, 1}, {2, 1}}, {{1, 2}, {2, 2}}}).is_doubtful);
   EXPECT_FALSE(First({0, 0, 0, 0, 0}, 5, {{{1, 0}, {2, 0}}, {{1, 1}, {2, 1}}}).is_doubtful);

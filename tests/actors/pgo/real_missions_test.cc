@@ -1,4 +1,4 @@
-// The solver on missions whose maps and poses are real. Needs the folder that MOONDB_DATA names.
+// The solver on missions with real maps and poses. Requires: MOONDB_DATA names the folder of the missions.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -44,7 +44,7 @@ TEST_P(RealMissionsTest, EndsNearTheTruth) {
   EXPECT_LT(solved_m, GetParam().error_max_m);
 }
 
-// As a leader does that solves after each sync.
+// Solves as a leader does that solves after each sync.
 TEST_P(RealMissionsTest, EndsNearTheTruthSolveBySolve) {
   const char* data = std::getenv("MOONDB_DATA");
   if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no real missions to solve";

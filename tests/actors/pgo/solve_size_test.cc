@@ -10,8 +10,8 @@ namespace {
 
 constexpr SolveSize kNoLimit{UINT64_MAX, UINT64_MAX};
 
-// The blocks of the factor where nodes are eliminated in their own order, by the definition: each node joins all of its
-// later neighbours with each other.
+// Number of blocks of the factor if nodes are eliminated in their own order, computed by definition: each node connects
+// all of its later neighbours with each other.
 std::uint64_t BlocksInOrder(std::size_t node_count, const std::vector<std::pair<int, int>>& joined) {
   std::vector<std::set<int>> later(node_count);
   for (const auto& [a, b] : joined) {
@@ -29,13 +29,13 @@ std::uint64_t BlocksInOrder(std::size_t node_count, const std::vector<std::pair<
   return blocks;
 }
 
-TEST(SolveSizeTest, AChainIsNotFilled) {
+TEST(SolveSizeTest, AChainHasNoFillIn) {
   std::vector<std::pair<int, int>> joined;
   for (int node = 1; node < 1000; ++node) joined.emplace_back(node - 1, node);
   EXPECT_EQ(EstimateSolveSize(1000, joined, kNoLimit).blocks, 1999u);
 }
 
-TEST(SolveSizeTest, NodesThatAreAllJoinedFillTheFactor) {
+TEST(SolveSizeTest, FullyConnectedNodesFillTheFactor) {
   std::vector<std::pair<int, int>> joined;
   for (int a = 0; a < 100; ++a) {
     for (int b = 0; b < a; ++b) joined.emplace_back(b, a);
@@ -45,7 +45,7 @@ TEST(SolveSizeTest, NodesThatAreAllJoinedFillTheFactor) {
   EXPECT_EQ(size.products, 99u * 100 * 101 / 6) << "the sum of k (k + 1) / 2 for k below 100";
 }
 
-TEST(SolveSizeTest, ARandomGraphIsFilledNoMoreThanInItsOwnOrder) {
+TEST(SolveSizeTest, ARandomGraphHasNoMoreFillInThanInItsOwnOrder) {
   const std::uint64_t seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));
   std::mt19937_64 rng(seed);
@@ -57,7 +57,7 @@ TEST(SolveSizeTest, ARandomGraphIsFilledNoMoreThanInItsOwnOrder) {
   EXPECT_GT(size.blocks, 500u);
 }
 
-TEST(SolveSizeTest, CountingEndsBeyondTheLimit) {
+TEST(SolveSizeTest, CountingStopsBeyondTheLimit) {
   std::vector<std::pair<int, int>> joined;
   for (int a = 0; a < 1000; ++a) {
     for (int b = 0; b < a; ++b) joined.emplace_back(b, a);

@@ -11,12 +11,12 @@
 namespace moondb {
 namespace {
 
-// Robots that drive circles of their own in the plane or in space, without any noise: F is 0 at the truth.
+// Robots that drive circles of their own in the plane or in space, without noise. The cost F is 0 at the truth.
 class Drive {
  public:
   explicit Drive(bool is_planar) { graph_.is_planar = is_planar; }
 
-  // Places of its nodes.
+  // Adds a robot. Returns the indices of its nodes in the graph.
   std::vector<std::size_t> AddRobot(AgentId agent, const Pose& start, int count) {
     std::vector<std::size_t> nodes;
     const double climb_m = graph_.is_planar ? 0 : 0.1;
@@ -67,7 +67,7 @@ PlainOptions OneThread() {
   return options;
 }
 
-// Largest difference between distances of nodes to one of them, which no common motion changes.
+// The largest error in the distances from node 0 to the other nodes. A common rigid motion does not change them.
 double ShapeErrorM(const StandaloneGraph& graph, const std::vector<Pose>& poses) {
   double error_m = 0;
   for (std::size_t i = 1; i < poses.size(); ++i) {
@@ -81,7 +81,7 @@ double ShapeErrorM(const StandaloneGraph& graph, const std::vector<Pose>& poses)
 class StandaloneSolverTest : public testing::TestWithParam<bool> {};
 INSTANTIATE_TEST_SUITE_P(PlaneAndSpace, StandaloneSolverTest, testing::Bool());
 
-TEST_P(StandaloneSolverTest, RelaxesLoopsExactlyWhereThereIsNoNoise) {
+TEST_P(StandaloneSolverTest, RelaxesLoopsExactlyWithoutNoise) {
   Drive drive(GetParam());
   const std::vector<std::size_t> nodes = drive.AddRobot(1, Pose{}, 60);
   for (std::size_t i = 0; i + 20 < nodes.size(); i += 5) drive.Close(nodes[i], nodes[i + 20]);
@@ -100,7 +100,7 @@ TEST_P(StandaloneSolverTest, RelaxesLoopsExactlyWhereThereIsNoNoise) {
   EXPECT_LT(solution.cost, 1e-9);
 }
 
-TEST_P(StandaloneSolverTest, ArrangesRobotsThatMeetByRangesAlone) {
+TEST_P(StandaloneSolverTest, ArrangesRobotsThatOnlyRangesConnect) {
   Drive drive(GetParam());
   const auto a = drive.AddRobot(1, Pose{}, 40);
   const auto b = drive.AddRobot(2, Pose::FromPlanar(15, -8, 2), 40);
@@ -117,7 +117,7 @@ TEST_P(StandaloneSolverTest, ArrangesRobotsThatMeetByRangesAlone) {
   EXPECT_GT(SolveFromOdometry(drive.graph(), OneThread()).cost, 1) << "the case is too easy to show anything";
 }
 
-TEST_P(StandaloneSolverTest, JoinsRobotsByPointsThatBothSee) {
+TEST_P(StandaloneSolverTest, JoinsRobotsByCommonlySightedPoints) {
   Drive drive(GetParam());
   const auto a = drive.AddRobot(1, Pose{}, 30);
   const auto b = drive.AddRobot(2, Pose::FromPlanar(15, -8, 2), 30);
@@ -134,7 +134,7 @@ TEST_P(StandaloneSolverTest, JoinsRobotsByPointsThatBothSee) {
   EXPECT_LT(ShapeErrorM(drive.graph(), solution.poses), 1e-4);
 }
 
-TEST_P(StandaloneSolverTest, LeavesFixedNodesWhereTheyAre) {
+TEST_P(StandaloneSolverTest, DoesNotMoveFixedNodes) {
   Drive drive(GetParam());
   const auto nodes = drive.AddRobot(1, Pose::FromPlanar(3, 4, 1), 20);
   drive.Close(nodes[0], nodes[19]);
@@ -146,7 +146,7 @@ TEST_P(StandaloneSolverTest, LeavesFixedNodesWhereTheyAre) {
   }
 }
 
-TEST_P(StandaloneSolverTest, SolvesWhatNothingJoins) {
+TEST_P(StandaloneSolverTest, SolvesDisconnectedParts) {
   Drive drive(GetParam());
   drive.AddRobot(1, Pose{}, 10);
   const auto b = drive.AddRobot(2, Pose::FromPlanar(15, -8, 2), 10);
@@ -159,8 +159,8 @@ TEST_P(StandaloneSolverTest, SolvesWhatNothingJoins) {
   EXPECT_EQ(solution.text, "3 parts that nothing joins: how they stand to each other is not known");
 }
 
-// Landmarks that ranges alone tie to each other.
-TEST_P(StandaloneSolverTest, SolvesPointsAlone) {
+// Landmarks that are connected only by ranges.
+TEST_P(StandaloneSolverTest, SolvesAGraphOfPointsOnly) {
   Drive drive(GetParam());
   const double height_m = GetParam() ? 0 : 2;
   std::vector<std::size_t> points;
@@ -175,7 +175,7 @@ TEST_P(StandaloneSolverTest, SolvesPointsAlone) {
   EXPECT_LT(ShapeErrorM(drive.graph(), solution.poses), 0.01);
 }
 
-TEST_P(StandaloneSolverTest, SaysThatAMirroredShapeFitsAsWell) {
+TEST_P(StandaloneSolverTest, ReportsThatAMirroredShapeFitsAsWell) {
   Drive drive(GetParam());
   Pose pose;
   std::vector<std::size_t> nodes;
@@ -185,7 +185,7 @@ TEST_P(StandaloneSolverTest, SaysThatAMirroredShapeFitsAsWell) {
     if (i > 0) drive.graph().steps.push_back({nodes[i - 1], nodes[i], Pose::FromPlanar(1, 0, 0), 100, 50});
     pose = pose * Pose::FromPlanar(1, 0, 0);
   }
-  // In space it takes two: one point on a circle about the line is the whole turned.
+  // In space this takes two points: moving one point on a circle about the line only rotates the whole graph.
   for (const Eigen::Vector3d& at : {Eigen::Vector3d(8, 5, 0), Eigen::Vector3d(12, -3, 0)}) {
     const std::size_t point = drive.AddPoint(at);
     for (const std::size_t node : nodes) drive.Range(node, point);
@@ -195,7 +195,7 @@ TEST_P(StandaloneSolverTest, SaysThatAMirroredShapeFitsAsWell) {
   EXPECT_EQ(solution.text, "ambiguous: another shape fits as well");
 }
 
-TEST_P(StandaloneSolverTest, SolvesOneNodeAndNone) {
+TEST_P(StandaloneSolverTest, SolvesGraphsOfOneAndNoNode) {
   Drive drive(GetParam());
   const PlainSolution nothing = SolveStandaloneGraph(drive.graph(), OneThread());
   EXPECT_TRUE(nothing.has_converged);
@@ -206,8 +206,9 @@ TEST_P(StandaloneSolverTest, SolvesOneNodeAndNone) {
   EXPECT_EQ(one.poses.size(), 1u);
 }
 
-// One step takes neither to the minimum: the chordal road, the one from odometry, and the better one's end again.
-TEST_P(StandaloneSolverTest, TakesOdometryToWhereTheChordalStartDoesNotConverge) {
+// One iteration does not reach the minimum: the solver runs the chordal start, the start from odometry, and the better
+// one's end again.
+TEST_P(StandaloneSolverTest, AddsAnOdometryStartIfTheChordalStartDoesNotConverge) {
   Drive drive(GetParam());
   const auto nodes = drive.AddRobot(1, Pose{}, 40);
   drive.Close(nodes[0], nodes[39]);
@@ -221,7 +222,7 @@ TEST_P(StandaloneSolverTest, TakesOdometryToWhereTheChordalStartDoesNotConverge)
   EXPECT_EQ(solution.starts, 1);
 }
 
-TEST(StandaloneGraphTest, TakesVerticesFromEdgesWhereThereAreNoOthers) {
+TEST(StandaloneGraphTest, DerivesVerticesFromEdgesIfTheFileHasNone) {
   const Result<G2o> g2o = ParseG2o("EDGE_SE2 0 5 1 0 0.5 1 0 0 1 0 1\nEDGE_SE2 5 7 2 0 0 1 0 0 1 0 1\n", "graph.g2o");
   ASSERT_TRUE(g2o) << ToString(g2o.error());
   const StandaloneGraph graph = ToStandaloneGraph(*g2o);
@@ -232,7 +233,7 @@ TEST(StandaloneGraphTest, TakesVerticesFromEdgesWhereThereAreNoOthers) {
   EXPECT_LT((solution.poses[2].position_m - Eigen::Vector3d(1 + 2 * std::cos(0.5), 2 * std::sin(0.5), 0)).norm(), 1e-9);
 }
 
-TEST(StandaloneGraphTest, DoesNotTakeAFailedSolveForTheBest) {
+TEST(StandaloneGraphTest, DoesNotReturnAFailedSolveAsTheBest) {
   const std::string unit = " 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n";
   const std::string huge = " 1e120 0 0 0 0 0 1e120 0 0 0 0 1e120 0 0 0 1e120 0 0 1e120 0 1e120\n";
   const std::string text = "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1" + unit + "EDGE_SE3:QUAT 1 2 1 0 0 0 0 0 1" + unit +
@@ -245,7 +246,7 @@ TEST(StandaloneGraphTest, DoesNotTakeAFailedSolveForTheBest) {
   EXPECT_TRUE(solution.has_converged || !solution.text.empty());
 }
 
-TEST(StandaloneSolverStopTest, StopsBeforeTheFirstRoad) {
+TEST(StandaloneSolverStopTest, StopsBeforeTheFirstStart) {
   Drive drive(true);
   const auto a = drive.AddRobot(1, Pose{}, 20);
   const auto b = drive.AddRobot(2, Pose::FromPlanar(15, -8, 2), 20);
@@ -259,7 +260,7 @@ TEST(StandaloneSolverStopTest, StopsBeforeTheFirstRoad) {
   EXPECT_FALSE(std::isfinite(solution.cost)) << "nothing was solved";
 }
 
-TEST(StandaloneSolverStopTest, StopsWhenAsked) {
+TEST(StandaloneSolverStopTest, StopsOnRequest) {
   Drive drive(true);
   const auto nodes = drive.AddRobot(1, Pose{}, 20);
   drive.Close(nodes[0], nodes[19]);
@@ -275,7 +276,7 @@ struct PublicSet {
   const char* file;
   double best_cost;  // Certified by SE-Sync; on sets with ranges the best that is known.
   double slack;
-  int iterations_max = 60;  // Of all roads; about twice of what they take.
+  int iterations_max = 60;  // Sum over all starts; about twice the number needed.
   InformationCheck check = InformationCheck::kPositiveDefinite;
 };
 
@@ -290,7 +291,7 @@ INSTANTIATE_TEST_SUITE_P(
                     PublicSet{"plaza2.pyfg", 1468.65579, 1e-6, 100}, PublicSet{"mrclam3b.pyfg", 2220.886106, 1e-6, 300},
                     PublicSet{"mrclam5a.pyfg", 138.2071, 1e-6, 300}));
 
-TEST_P(PublicSetTest, EndsAtTheBestKnownCost) {
+TEST_P(PublicSetTest, ReachesTheBestKnownCost) {
   const char* data = std::getenv("MOONDB_DATA");
   if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no public graphs to solve";
   const std::filesystem::path file = std::filesystem::path(data) / "pose_graphs" / GetParam().file;

@@ -46,7 +46,7 @@ class UnknownStartsTest : public testing::Test {
     return (initial.poses[*checked_.Find(node)].position_m - scenario_.truth.at(node).position_m).norm();
   }
 
-  // The rover's whole way, moved as a body.
+  // Moves the rover's whole trajectory as a rigid body.
   static void MoveRover(AgentId agent, const Pose& by, std::map<NodeKey, Pose>& poses) {
     for (auto& [key, pose] : poses) {
       if (key.agent == agent) pose = by * pose;
@@ -60,7 +60,7 @@ class UnknownStartsTest : public testing::Test {
   InitialValues initial_;
 };
 
-TEST_F(UnknownStartsTest, CountsRoversWithoutAStartThatRangesJoin) {
+TEST_F(UnknownStartsTest, FindsRoversWithoutAStartThatRangesConnect) {
   Use({.seed = 1, .node_count = 20});
   EXPECT_TRUE(Unknown().empty());
   std::erase_if(scenario_.graph.ranges, [](const RangeEdge& r) { return r.from.agent == 3 || r.to.agent == 3; });
@@ -70,7 +70,7 @@ TEST_F(UnknownStartsTest, CountsRoversWithoutAStartThatRangesJoin) {
   EXPECT_THAT(Unknown(), testing::ElementsAre(1)) << "nor does a last solution make a start known";
 }
 
-TEST_F(UnknownStartsTest, SetsDownARoverNearTheTruth) {
+TEST_F(UnknownStartsTest, PlacesARoverNearTheTruth) {
   Use({.seed = 2, .is_around_base = true});
   for (GraphNode& node : scenario_.graph.nodes) {
     if (node.key.agent == 2) node.map_from_node = Pose::FromPlanar(60, 5, 2) * node.map_from_node;
@@ -82,14 +82,14 @@ TEST_F(UnknownStartsTest, SetsDownARoverNearTheTruth) {
   EXPECT_EQ(found[0].poses[0].position_m, initial_.poses[0].position_m) << "who knows its start stands";
 }
 
-TEST_F(UnknownStartsTest, OffersNothingWhileTheLastSolutionIsTheBestPlace) {
+TEST_F(UnknownStartsTest, OffersNoPlacementWhileTheLastSolutionIsTheBest) {
   Use({.seed = 3, .is_around_base = true});
   ForgetStarts({2});
   Prepare(scenario_.truth);
   EXPECT_TRUE(Arrange().empty());
 }
 
-TEST_F(UnknownStartsTest, OffersAnotherPlaceWhereTheLastSolutionIsWrong) {
+TEST_F(UnknownStartsTest, OffersAnotherPlacementIfTheLastSolutionIsWrong) {
   Use({.seed = 3, .is_around_base = true});
   ForgetStarts({2});
   std::map<NodeKey, Pose> last = scenario_.truth;
@@ -100,7 +100,7 @@ TEST_F(UnknownStartsTest, OffersAnotherPlaceWhereTheLastSolutionIsWrong) {
   EXPECT_LT(ErrorM(found[0], {2, 50}), 3);
 }
 
-TEST_F(UnknownStartsTest, LetsTheRoverWithTheMostRangesStandWhereNobodyIsKnown) {
+TEST_F(UnknownStartsTest, KeepsTheRoverWithTheMostRangesIfNoStartIsKnown) {
   Use({.seed = 4, .has_base_station = false, .is_around_base = true});
   std::size_t left = 5;
   std::erase_if(scenario_.graph.ranges, [&left](const RangeEdge& edge) {

@@ -1,4 +1,5 @@
-// Solves that go on from an earlier one: what stays, what may move, and the ways back from what was wrong.
+// Solves that start from an earlier solution: what stays, what may move, and how the solver recovers from a wrong
+// solution.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,7 +19,7 @@ using simulation::TrajectoryErrorM;
 
 constexpr std::int64_t kWarmStep_ns = 10'000'000'000;
 
-// As it was when each rover had `node_count` nodes.
+// The scenario at the time when each rover had `node_count` nodes.
 Scenario Earlier(Scenario scenario, int node_count) {
   const auto is_late = [node_count](const auto& item) { return item.timestamp_ns >= node_count * kWarmStep_ns; };
   std::erase_if(scenario.graph.nodes, is_late);
@@ -27,7 +28,7 @@ Scenario Earlier(Scenario scenario, int node_count) {
   return scenario;
 }
 
-// The rover's configured start is gone and its raw poses lie anywhere.
+// Removes the rover's configured start and moves its raw poses elsewhere.
 void ForgetStart(Scenario& scenario, AgentId agent) {
   scenario.agents.at(agent).start.reset();
   const Pose elsewhere = Pose::FromPlanar(50, -70.0 * agent, 2 * agent);
@@ -55,8 +56,8 @@ class WarmSolveTest : public testing::Test {
   SolverOptions options_;
 };
 
-// Rover 1 drives 19 m along x, then turns left; rover 2 stands at (10, 7), and nobody knows where. Nothing but ranges
-// after the turn tells left from right.
+// Rover 1 drives 19 m along x, then turns left. Rover 2 stands at (10, 7), but its start is unknown. Only ranges after
+// the turn distinguish left from right.
 class MirrorTest : public WarmSolveTest {
  protected:
   void SetUp() override {
@@ -87,7 +88,7 @@ class MirrorTest : public WarmSolveTest {
   }
 };
 
-TEST_F(MirrorTest, StaysAmbiguousAndWhereItIsWhileNothingTellsTheSides) {
+TEST_F(MirrorTest, StaysAmbiguousAndInPlaceWhileNoRangeDistinguishesTheSides) {
   Drive(0, 20);
   const Solution first = Solve(scenario_);
   const Solution second = Solve(scenario_, ToLast(first));
@@ -96,7 +97,7 @@ TEST_F(MirrorTest, StaysAmbiguousAndWhereItIsWhileNothingTellsTheSides) {
   EXPECT_LT(LargestMoveM(first.poses, second.poses), 0.01);
 }
 
-TEST_F(MirrorTest, ChangesSidesWhenRangesTellThem) {
+TEST_F(MirrorTest, ChangesSidesWhenRangesDistinguishThem) {
   Drive(0, 20);
   const Solution first = Solve(scenario_);
   Drive(20, 24);
@@ -113,7 +114,7 @@ TEST_F(MirrorTest, ChangesSidesWhenRangesTellThem) {
   }
 }
 
-TEST_F(WarmSolveTest, LeavesAnArrangedRoverWhereItWasSetDown) {
+TEST_F(WarmSolveTest, DoesNotMoveAnArrangedRover) {
   Scenario scenario = MakeScenario({.seed = 1, .is_around_base = true});
   ForgetStart(scenario, 2);
   ForgetStart(scenario, 3);
@@ -124,7 +125,7 @@ TEST_F(WarmSolveTest, LeavesAnArrangedRoverWhereItWasSetDown) {
   EXPECT_THAT(second.rovers[1].text, testing::HasSubstr("its ranges say where it is"));
 }
 
-TEST_F(WarmSolveTest, TakesBackARoverThatDriftedWithoutRanges) {
+TEST_F(WarmSolveTest, CorrectsARoverThatDriftedWithoutRanges) {
   constexpr int kBack = 85;
   Scenario scenario = MakeScenario({.seed = 31});
   std::erase_if(scenario.graph.ranges, [](const RangeEdge& edge) {
@@ -142,8 +143,8 @@ TEST_F(WarmSolveTest, TakesBackARoverThatDriftedWithoutRanges) {
   EXPECT_LT(LargestMoveM(Solve(scenario).poses, solution.poses), 0.1);
 }
 
-// A solve that begins there is refused every time; one from odometry is not.
-TEST_F(WarmSolveTest, FindsTheWayBackFromALastSolutionThatIsNone) {
+// A solve from this solution is refused every time, but a solve from odometry is not.
+TEST_F(WarmSolveTest, RecoversFromAnUnusableLastSolution) {
   const Scenario scenario = MakeScenario({.seed = 32, .node_count = 60});
   std::mt19937_64 rng(32);
   std::uniform_real_distribution<double> anywhere(-1000, 1000);
@@ -158,7 +159,7 @@ TEST_F(WarmSolveTest, FindsTheWayBackFromALastSolutionThatIsNone) {
   EXPECT_LT(TrajectoryErrorM(scenario, solution.poses), 0.5);
 }
 
-TEST_F(WarmSolveTest, FindsTheWayBackFromARoverOnTheWrongSide) {
+TEST_F(WarmSolveTest, RecoversFromARoverOnTheWrongSide) {
   const Scenario scenario = MakeScenario({.seed = 33, .node_count = 60, .is_around_base = true});
   const Solution cold = Solve(scenario);
   LastSolution last = ToLast(cold);
@@ -174,7 +175,7 @@ TEST_F(WarmSolveTest, FindsTheWayBackFromARoverOnTheWrongSide) {
   EXPECT_LT(LargestMoveM(cold.poses, solution.poses), 0.1);
 }
 
-TEST_F(WarmSolveTest, DoesNotTurnATeamThatMayTurnAboutTheBaseStation) {
+TEST_F(WarmSolveTest, DoesNotRotateATeamThatMayRotateAboutTheBaseStation) {
   Scenario scenario = MakeScenario({.seed = 34, .is_around_base = true});
   for (const AgentId agent : {1, 2, 3}) ForgetStart(scenario, agent);
   const Scenario earlier = Earlier(scenario, 90);
@@ -183,14 +184,14 @@ TEST_F(WarmSolveTest, DoesNotTurnATeamThatMayTurnAboutTheBaseStation) {
   ASSERT_TRUE(second.is_accepted) << second.text;
   EXPECT_EQ(second.rovers[0].anchoring, Anchoring::kYawFree);
   EXPECT_LT(std::abs(FindAlignment(second.poses, first.poses, /*is_planar=*/true).Yaw()), 0.002);
-  // Since the drift of the shape is not the point, a second time with nothing new moves nothing.
+  // A second solve without new records moves nothing.
   EXPECT_LT(LargestMoveM(second.poses, Solve(scenario, ToLast(second)).poses), 0.01);
 }
 
-TEST_F(WarmSolveTest, LeavesTheTeamWhereItWasThoughSlightlyBetterPlacesExist) {
+TEST_F(WarmSolveTest, DoesNotMoveTheTeamThoughSlightlyBetterPlacementsExist) {
   Scenario scenario = MakeScenario({.seed = 35, .start_sigma_m = 0.3, .is_around_base = true});
   const Solution solved = Solve(scenario);
-  // A whole team 3 cm beside its best place, well within what its starts say.
+  // The whole team lies 3 cm beside its best position, well within the uncertainty of its starts.
   LastSolution last = ToLast(solved);
   const Pose base = scenario.agents.at(4).start.value();
   const Pose turn = base * Pose::FromPlanar(0, 0, 0.004) * base.Inverse();
@@ -202,7 +203,7 @@ TEST_F(WarmSolveTest, LeavesTheTeamWhereItWasThoughSlightlyBetterPlacesExist) {
   EXPECT_LT(std::abs(FindAlignment(again.poses, last.poses, /*is_planar=*/true).Yaw()), 1e-3);
 }
 
-TEST_F(WarmSolveTest, EndsSolveBySolveNearWhereOneSolveEnds) {
+TEST_F(WarmSolveTest, RepeatedSolvesEndNearASingleSolve) {
   for (const std::uint64_t seed : {38, 39, 40, 41}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     const Scenario scenario = MakeScenario({.seed = seed, .outlier_ratio = 0.05, .is_around_base = true});
@@ -217,7 +218,7 @@ TEST_F(WarmSolveTest, EndsSolveBySolveNearWhereOneSolveEnds) {
   }
 }
 
-TEST_F(WarmSolveTest, SolvesInAWindowAllThatWasNeverSolved) {
+TEST_F(WarmSolveTest, AWindowIncludesAllNodesThatWereNeverSolved) {
   const Scenario scenario = MakeScenario({.seed = 36});
   const Solution full = Solve(scenario);
   LastSolution last = ToLast(full);
@@ -231,7 +232,7 @@ TEST_F(WarmSolveTest, SolvesInAWindowAllThatWasNeverSolved) {
   EXPECT_LT(LargestMoveM(full.poses, partly.poses), 0.02);
 }
 
-TEST_F(WarmSolveTest, CountsNodesThatStandFixedNeitherAsKnownNorAsNew) {
+TEST_F(WarmSolveTest, CountsFixedNodesNeitherAsKnownNorAsNew) {
   Scenario scenario = MakeScenario({.seed = 37, .node_count = 20});
   const Pose base = scenario.agents.at(4).start.value();
   for (std::uint64_t i = 1; i < 100; ++i) scenario.graph.nodes.push_back(GraphNode{{4, i}, 0, base});

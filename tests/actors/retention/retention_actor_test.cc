@@ -30,7 +30,7 @@ bool AsksForHave(const proto::Message& message) {
   return request && request->has_have();
 }
 
-// Rovers 1 to 3 with storage, roles and retention; records are carried between them by hand. Merge is a probe.
+// Rovers 1 to 3 with storage, roles and retention. The test itself carries records between them. Merge is a probe.
 class RetentionActorTest : public testing::Test {
  protected:
   RetentionActorTest() {
@@ -101,7 +101,7 @@ class RetentionActorTest : public testing::Test {
     return record;
   }
 
-  // At the leader, and heard by all.
+  // Sets the roles at the leader, and waits until all agents know them.
   void SetRoles(AgentId leader, AgentId survivor) {
     proto::Message message;
     message.mutable_role_set_request()->set_leader(leader);
@@ -157,7 +157,7 @@ class RetentionActorTest : public testing::Test {
     Bring(kRover, kSurvivor);
   }
 
-  // Whether the rover's storage has published, since the last call, that records were pruned.
+  // Returns true if the rover's storage has published since the last call that records were pruned.
   bool HearsOfPruned() {
     team_.AdvanceTime(minutes(1));
     const std::vector<proto::Message> heard = team_.Take({kRover, "reader"});
@@ -165,7 +165,7 @@ class RetentionActorTest : public testing::Test {
                        [](const proto::Message& message) { return message.records_stored().is_pruned(); });
   }
 
-  // The actor fails at the next message of that kind.
+  // Makes the actor fail once, at its next message of that kind.
   void FailOnce(const Address& actor, proto::Message::BodyCase body, simulation::Fault fault) {
     team_.SetFault([actor, body, fault, is_done = false](const Address& at, const proto::Message& message) mutable {
       if (is_done || at != actor || message.body_case() != body) return simulation::Fault::kNone;
@@ -204,7 +204,7 @@ class RetentionActorTest : public testing::Test {
     return answer ? answer->status().storage() : proto::StorageStatus();
   }
 
-  // On the radio, from now on.
+  // Loses all have-sets on the radio from now on, or none.
   void LoseHaveSets(bool is_lost) {
     team_.SetFilter([is_lost](AgentId, AgentId, const proto::Message& message) {
       const auto reply = ControlReplyOf(message);
@@ -226,7 +226,7 @@ class RetentionActorTest : public testing::Test {
   simulation::SimulatedTeam team_{1};
 };
 
-TEST_F(RetentionActorTest, RemovesWhatLeaderAndSurvivorHaveNow) {
+TEST_F(RetentionActorTest, RemovesRecordsThatLeaderAndSurvivorHaveNow) {
   Start();
   Insert(kRover, ReportOf(1, "both"));
   Bring(kRover, kLeader);
@@ -242,7 +242,7 @@ TEST_F(RetentionActorTest, RemovesWhatLeaderAndSurvivorHaveNow) {
   EXPECT_EQ(RecordsOf(kLeader).size(), 2u);
 }
 
-TEST_F(RetentionActorTest, TheLeaderAsksTheSurvivorAloneAndTheOtherWayRound) {
+TEST_F(RetentionActorTest, LeaderAndSurvivorAskOnlyEachOther) {
   Start();
   Insert(kLeader, ReportOf(1));
   Bring(kLeader, kSurvivor);
@@ -255,7 +255,7 @@ TEST_F(RetentionActorTest, TheLeaderAsksTheSurvivorAloneAndTheOtherWayRound) {
   EXPECT_EQ(GoneOf(Prune(kSurvivor, by_age)), 1);
 }
 
-TEST_F(RetentionActorTest, OfTwoThatRemoveTheSameAtOnceOneKeepsIt) {
+TEST_F(RetentionActorTest, OneOfTwoAgentsThatPruneTheSameRecordAtOnceKeepsIt) {
   Start();
   Insert(kLeader, ReportOf(1));
   Bring(kLeader, kSurvivor);
@@ -296,14 +296,14 @@ TEST_F(RetentionActorTest, RemovesNothingWithoutASurvivor) {
   EXPECT_EQ(Prune(kRover).text(), "the team has no designated survivor");
 }
 
-TEST_F(RetentionActorTest, AsksNobodyWhoHasLeft) {
+TEST_F(RetentionActorTest, AsksNoAgentThatHasLeft) {
   config_.mutable_agents(1)->set_left(true);
   Start();
   team_.AdvanceTime(minutes(11));
   EXPECT_EQ(Prune(kRover).text(), "rover2, the designated survivor, has left the team");
 }
 
-TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
+TEST_F(RetentionActorTest, RefusesAnInvalidHaveSet) {
   Start();
   Insert(kRover, ReportOf(1));
   LoseHaveSets(true);
@@ -332,7 +332,7 @@ TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
   EXPECT_EQ(RecordsOf(kRover).size(), 1u);
 }
 
-TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
+TEST_F(RetentionActorTest, AcceptsAnswersOnlyFromTheAgentsThatItAsked) {
   Start();
   Insert(kLeader, ReportOf(1));
   LoseHaveSets(true);
@@ -363,7 +363,7 @@ TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
   EXPECT_EQ(RecordsOf(kLeader).size(), 1u);
 }
 
-TEST_F(RetentionActorTest, TakesOneOrderAtATime) {
+TEST_F(RetentionActorTest, AcceptsOneOrderAtATime) {
   Start();
   Order(kRover, {});
   const proto::PruneReply second = Prune(kRover);
@@ -373,7 +373,7 @@ TEST_F(RetentionActorTest, TakesOneOrderAtATime) {
   EXPECT_FALSE(IsError(first->prune_reply().error()));
 }
 
-// Nobody else has it, so that nobody has to be asked.
+// History exists only on this agent, so no other agent has to be asked.
 TEST_F(RetentionActorTest, RemovesHistoryThoughLeaderAndSurvivorCannotBeReached) {
   (*config_.mutable_keep())["power"] = "all";
   config_.mutable_retention()->set_history_mb_max(1);
@@ -402,7 +402,7 @@ TEST_F(RetentionActorTest, RemovesHistoryThoughLeaderAndSurvivorCannotBeReached)
   EXPECT_EQ(CountOf(kRover, proto::POWER), 1u) << "what is held stays";
 }
 
-TEST_F(RetentionActorTest, RefusesTypesOfWhichNothingIsEverPruned) {
+TEST_F(RetentionActorTest, RefusesTypesThatAreNeverPruned) {
   Start();
   proto::PruneOrder order;
   order.add_data_types(proto::POWER);
@@ -451,7 +451,7 @@ TEST_F(RetentionActorTest, RemovesNothingForTenMinutesAfterLeaderOrSurvivorChang
   EXPECT_EQ(RecordsOf(kSurvivor).size(), 0u);
 }
 
-TEST_F(RetentionActorTest, AppliesTheTeamFilesAgesNowAndThen) {
+TEST_F(RetentionActorTest, AppliesTheTeamFilesAgesPeriodically) {
   config_.mutable_retention()->set_keep_event_days(30);
   Start();
   Insert(kRover, EventOf(31));
@@ -465,7 +465,7 @@ TEST_F(RetentionActorTest, AppliesTheTeamFilesAgesNowAndThen) {
   EXPECT_EQ(StatusOf(kRover).pruned_count(), 1);
 }
 
-TEST_F(RetentionActorTest, TriesAgainWhenTheOthersAreBack) {
+TEST_F(RetentionActorTest, TriesAgainWhenTheOtherAgentsReturn) {
   config_.mutable_retention()->set_keep_days(30);
   Start();
   Insert(kRover, ReportOf(31));
@@ -479,7 +479,7 @@ TEST_F(RetentionActorTest, TriesAgainWhenTheOthersAreBack) {
   EXPECT_EQ(RecordsOf(kRover).size(), 0u);
 }
 
-TEST_F(RetentionActorTest, AsksNobodyWhereTheTeamFileSetsNoLimits) {
+TEST_F(RetentionActorTest, AsksNoAgentIfTheTeamFileSetsNoLimits) {
   Start();
   const std::uint64_t bytes = team_.radio_bytes();
   team_.AdvanceTime(minutes(60));
@@ -491,8 +491,8 @@ TEST_F(RetentionActorTest, AsksNobodyWhereTheTeamFileSetsNoLimits) {
   EXPECT_LT(team_.radio_bytes() - bytes, 10'000u);
 }
 
-// Half of a budget of 1 MB is for maps; they take it all.
-TEST_F(RetentionActorTest, LetsMapsGoFirstAndLeavesGraphAndStates) {
+// Half of a budget of 1 MB is for maps, and maps use it all.
+TEST_F(RetentionActorTest, RemovesMapsFirstAndKeepsGraphAndStates) {
   config_.mutable_retention()->set_store_mb_max(1);
   config_.mutable_retention()->set_map_part_max(0.5);
   Start();
@@ -522,7 +522,7 @@ TEST_F(RetentionActorTest, LetsMapsGoFirstAndLeavesGraphAndStates) {
   EXPECT_EQ(after.space_low(), "");
 }
 
-TEST_F(RetentionActorTest, SaysThatSpaceIsLowWhereNothingMayGo) {
+TEST_F(RetentionActorTest, ReportsThatSpaceIsLowIfNothingMayBeRemoved) {
   config_.mutable_retention()->set_store_mb_max(1);
   config_.mutable_retention()->set_map_part_max(0.5);
   Start();
@@ -537,7 +537,7 @@ TEST_F(RetentionActorTest, SaysThatSpaceIsLowWhereNothingMayGo) {
   EXPECT_EQ(StatusOf(kRover).database_bytes_max(), 1e6);
 }
 
-TEST_F(RetentionActorTest, TakesBeatenMaps) {
+TEST_F(RetentionActorTest, RemovesFullyOccludedMaps) {
   Start();
   for (std::uint64_t i = 1; i <= 3; ++i) Insert(kRover, MapOf(kRover, i, 1, 64));
   Bring(kRover, kLeader);
@@ -554,7 +554,7 @@ TEST_F(RetentionActorTest, TakesBeatenMaps) {
   for (const proto::StoredRecord& left : RecordsOf(kRover)) EXPECT_NE(left.key().seq(), occluded.seq());
 }
 
-// Merging keeps what it has read, so that it has to hear of a prune whatever befalls it.
+// Merging keeps the records that it has read. It must hear of a prune whatever fails.
 TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnyType) {
   Start();
   Insert(kRover, ReportOf(1));
@@ -571,7 +571,7 @@ TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnyType) {
   EXPECT_FALSE(HearsOfPruned());
 }
 
-TEST_F(RetentionActorTest, ReadersHearOfAPruneThoughItFailsAsMapsAreGone) {
+TEST_F(RetentionActorTest, ReadersHearOfAPruneThoughTheActorFailsAfterIt) {
   Start();
   InsertOldMapEverywhere();
   FailOnce({kRover, actor_name::kRetention}, proto::Message::kPruneReply, simulation::Fault::kBeforeHandler);
@@ -580,7 +580,7 @@ TEST_F(RetentionActorTest, ReadersHearOfAPruneThoughItFailsAsMapsAreGone) {
   EXPECT_TRUE(RecordsOf(kRover).empty());
 }
 
-TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnEarlierLifeOfStorage) {
+TEST_F(RetentionActorTest, ReadersHearOfAPruneBeforeTheRestartOfStorage) {
   Start();
   InsertOldMapEverywhere();
   FailOnce({kRover, actor_name::kStorage}, proto::Message::kPruneRequest, simulation::Fault::kAtFirstSend);
@@ -589,7 +589,7 @@ TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnEarlierLifeOfStorage) {
   EXPECT_TRUE(HearsOfPruned());
 }
 
-TEST_F(RetentionActorTest, TakesNothingWhereNoMapIsBeaten) {
+TEST_F(RetentionActorTest, RemovesNothingIfNoMapIsFullyOccluded) {
   Start();
   Insert(kRover, MapOf(kRover, 1, 1, 64));
   Bring(kRover, kLeader);
@@ -604,7 +604,7 @@ TEST_F(RetentionActorTest, TakesNothingWhereNoMapIsBeaten) {
   EXPECT_EQ(RecordsOf(kRover).size(), 1u);
 }
 
-TEST_F(RetentionActorTest, SaysWhyMergeCouldNotTell) {
+TEST_F(RetentionActorTest, ReportsWhyMergeCouldNotAnswer) {
   Start();
   proto::PruneOrder order;
   order.set_occluded_maps(true);
@@ -619,14 +619,14 @@ TEST_F(RetentionActorTest, SaysWhyMergeCouldNotTell) {
   EXPECT_EQ(reply->prune_reply().error().text(), "too much waits");
 }
 
-TEST_F(RetentionActorTest, GoesOnAfterARestartInTheMiddle) {
+TEST_F(RetentionActorTest, ContinuesAfterARestartDuringAPrune) {
   Start();
   Insert(kRover, ReportOf(1));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
   team_.SetFilter([](AgentId, AgentId, const proto::Message& message) { return !message.has_control_reply(); });
   Order(kRover, {});
-  team_.AdvanceTime(seconds(5));  // Leader and survivor are asked, and their answers lost.
+  team_.AdvanceTime(seconds(5));  // Leader and survivor are asked, but their answers are lost.
   team_.CrashActor({kRover, actor_name::kRetention});
   team_.SetFilter(nullptr);
   team_.AdvanceTime(seconds(5));

@@ -34,7 +34,7 @@ TEST(RetentionPlanTest, HasNothingToDoWithoutLimits) {
   EXPECT_TRUE(PlanOf({}, kTypes, StatusOf(1e6, 1e6)).empty());
 }
 
-TEST(RetentionPlanTest, TakesAllTypesByAge) {
+TEST(RetentionPlanTest, RemovesAllTypesByAge) {
   proto::RetentionConfig retention;
   retention.set_keep_days(30);
   EXPECT_TRUE(HasLimits(retention));
@@ -45,7 +45,7 @@ TEST(RetentionPlanTest, TakesAllTypesByAge) {
   EXPECT_EQ(plan[0].until_bytes, 0);
 }
 
-TEST(RetentionPlanTest, KeepsEventsByTheirOwnAgeWhereTheyHaveOne) {
+TEST(RetentionPlanTest, KeepsEventsByTheirOwnAgeIfOneIsSet) {
   proto::RetentionConfig retention;
   retention.set_keep_days(30);
   retention.set_keep_event_days(90);
@@ -59,34 +59,34 @@ TEST(RetentionPlanTest, KeepsEventsByTheirOwnAgeWhereTheyHaveOne) {
             (std::vector<DataType>{proto::POWER, proto::LOCAL_TRAVERSABILITY_MAP, static_cast<DataType>(1000)}));
 }
 
-TEST(RetentionPlanTest, LeavesAStoreWithinItsBudgetAlone) {
+TEST(RetentionPlanTest, RemovesNothingFromAStoreWithinItsBudget) {
   EXPECT_TRUE(HasLimits(BudgetOf(100, 0.7)));
   EXPECT_TRUE(PlanOf(BudgetOf(100, 0.7), kTypes, StatusOf(85, 85)).empty());
 }
 
-TEST(RetentionPlanTest, LetsMapsMakeRoomForThemselvesFirst) {
+TEST(RetentionPlanTest, RemovesMapsBeyondTheirPartFirst) {
   const PrunePlan plan = PlanOf(BudgetOf(100, 0.5), kTypes, StatusOf(90, 45));
   ASSERT_EQ(plan.size(), 2u);
   ASSERT_EQ(plan[0].request.data_types_size(), 1);
   EXPECT_EQ(plan[0].request.data_types(0), proto::LOCAL_TRAVERSABILITY_MAP);
-  EXPECT_NEAR(plan[0].until_bytes, 5 * kMb, 1);  // 45 of 40.
+  EXPECT_NEAR(plan[0].until_bytes, 5 * kMb, 1);  // Maps use 45 MB, and their limit is 40 MB.
   EXPECT_TRUE(plan[1].request.data_types().empty());
   EXPECT_NEAR(plan[1].until_bytes, 10 * kMb, 1);
 }
 
-TEST(RetentionPlanTest, TakesNoMoreMapsThanTheStoreIsBeyondItsBudget) {
+TEST(RetentionPlanTest, RemovesNoMoreMapsThanTheStoreExceedsItsBudget) {
   const PrunePlan plan = PlanOf(BudgetOf(100, 0.5), kTypes, StatusOf(86, 80));
   ASSERT_EQ(plan.size(), 2u);
   EXPECT_NEAR(plan[0].until_bytes, 6 * kMb, 1);
 }
 
-TEST(RetentionPlanTest, LeavesMapsWithinTheirPartForTheOldestOfAll) {
+TEST(RetentionPlanTest, RemovesTheOldestOfAllTypesIfMapsAreWithinTheirPart) {
   const PrunePlan plan = PlanOf(BudgetOf(100, 0.5), kTypes, StatusOf(90, 10));
   ASSERT_EQ(plan.size(), 1u);
   EXPECT_TRUE(plan[0].request.data_types().empty());
 }
 
-TEST(RetentionPlanTest, TakesBeatenMapsFirstWhereTheTeamFileSaysSo) {
+TEST(RetentionPlanTest, RemovesFullyOccludedMapsFirstIfTheTeamFileSaysSo) {
   proto::RetentionConfig retention = BudgetOf(100, 0.5);
   retention.set_drop_occluded_maps(true);
   const PrunePlan plan = PlanOf(retention, kTypes, StatusOf(90, 45));
@@ -96,7 +96,7 @@ TEST(RetentionPlanTest, TakesBeatenMapsFirstWhereTheTeamFileSaysSo) {
   EXPECT_TRUE(PlanOf(retention, kTypes, StatusOf(10, 5)).empty());
 }
 
-TEST(RetentionPlanTest, DoesWhatAnOperatorOrders) {
+TEST(RetentionPlanTest, CarriesOutAnOperatorsOrder) {
   proto::PruneOrder order;
   order.set_is_dry_run(true);
   order.set_older_than_s(60);

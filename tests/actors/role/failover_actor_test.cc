@@ -11,7 +11,7 @@ namespace {
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-// Rovers 1 (leader), 2 (survivor), 3 and base station 4; a leader silent for 120 s is replaced.
+// A team of rovers 1 (leader), 2 (survivor) and 3 and base station 4. A leader that is silent for 120 s is replaced.
 class FailoverActorTest : public testing::Test, protected RoleTeam {
  protected:
   FailoverActorTest() : RoleTeam(/*seed=*/1) {
@@ -43,14 +43,14 @@ class FailoverActorTest : public testing::Test, protected RoleTeam {
     team_.AdvanceTime(std::chrono::milliseconds(10));
   }
 
-  // Out of everybody's reach, and the others notice.
+  // Cuts the agent off from all others, which notice it.
   void Lose(AgentId agent) {
     for (const AgentId other : Agents()) {
       if (other != agent) team_.SetLink(agent, other, false);
     }
   }
 
-  // From now on, who asks whom whether it is there, and who answers, in the order of sending.
+  // Records in `checks_` from now on which agent sends a leader check to which ("2?1"), and who replies ("1!2").
   void CountChecks() {
     team_.SetFilter([this](AgentId from, AgentId to, const proto::Message& message) {
       if (message.has_leader_check()) {
@@ -81,7 +81,7 @@ TEST_F(FailoverActorTest, OnlyTheSurvivorTakesTheLeadAndNamesAConnectedRover) {
   }
 }
 
-TEST_F(FailoverActorTest, TheDeposedLeaderStepsDownWhenItIsReachedAgain) {
+TEST_F(FailoverActorTest, TheDeposedLeaderStepsDownWhenItReconnects) {
   StartWithFailover();
   Lose(1);
   team_.AdvanceTime(minutes(10));
@@ -104,7 +104,7 @@ TEST_F(FailoverActorTest, TheNextSurvivorReplacesTheNextLeader) {
   EXPECT_EQ(LeaderAsKnownTo(3), 3u);
 }
 
-TEST_F(FailoverActorTest, NamesNoLostRoverSurvivorWhereAnotherIsConnected) {
+TEST_F(FailoverActorTest, DoesNotNameALostRoverSurvivorIfAnotherIsConnected) {
   config_.mutable_agents(3)->set_kind(proto::AGENT_KIND_ROVER);
   StartWithFailover();
   Lose(3);
@@ -113,7 +113,7 @@ TEST_F(FailoverActorTest, NamesNoLostRoverSurvivorWhereAnotherIsConnected) {
   EXPECT_EQ(Show(2).roles().survivor(), 4u);
 }
 
-TEST_F(FailoverActorTest, NamesTheLostLeaderSurvivorWhereThereIsNobodyElse) {
+TEST_F(FailoverActorTest, NamesTheLostLeaderSurvivorIfThereIsNoOtherRover) {
   config_.mutable_agents(2)->set_kind(proto::AGENT_KIND_BASE_STATION);
   config_.mutable_agents()->RemoveLast();
   StartWithFailover();
@@ -123,7 +123,7 @@ TEST_F(FailoverActorTest, NamesTheLostLeaderSurvivorWhereThereIsNobodyElse) {
   EXPECT_EQ(Show(2).roles().survivor(), 1u);
 }
 
-TEST_F(FailoverActorTest, ReplacesALeaderThatHasLeftThoughNobodyEverHeardIt) {
+TEST_F(FailoverActorTest, ReplacesALeaderThatHasLeftThoughItWasNeverHeard) {
   config_.mutable_agents(0)->set_left(true);
   Lose(1);
   StartWithFailover();
@@ -133,7 +133,7 @@ TEST_F(FailoverActorTest, ReplacesALeaderThatHasLeftThoughNobodyEverHeardIt) {
   EXPECT_EQ(Show(2).roles().survivor(), 3u);
 }
 
-TEST_F(FailoverActorTest, NamesNobodySurvivorWhoHasLeft) {
+TEST_F(FailoverActorTest, DoesNotNameAnAgentThatHasLeftSurvivor) {
   config_.mutable_agents(2)->set_left(true);  // The only other rover.
   StartWithFailover();
   Lose(3);
@@ -151,7 +151,7 @@ TEST_F(FailoverActorTest, DoesNothingWhenFailoverIsManual) {
   EXPECT_EQ(LeaderAsKnownTo(2), 1u);
 }
 
-TEST_F(FailoverActorTest, WaitsWhileTheLeaderSleepsAndAWholeTimeoutMore) {
+TEST_F(FailoverActorTest, WaitsWhileTheLeaderSleepsAndOneTimeoutMore) {
   StartWithFailover();
   SetLease(1, proto::LEASE_KIND_SLEEPING, 3600);
   Lose(1);
@@ -161,7 +161,7 @@ TEST_F(FailoverActorTest, WaitsWhileTheLeaderSleepsAndAWholeTimeoutMore) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
-TEST_F(FailoverActorTest, WaitsWhileEitherDrives) {
+TEST_F(FailoverActorTest, WaitsWhileLeaderOrSurvivorDrives) {
   StartWithFailover();
   SetLease(1, proto::LEASE_KIND_DRIVING, 300);
   Lose(1);
@@ -186,7 +186,7 @@ TEST_F(FailoverActorTest, APausedLeaderThatIsLostIsReplacedAndOneThatAnswersIsNo
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
-TEST_F(FailoverActorTest, DrivingStopsNothingInATeamThatTalksWhileDriving) {
+TEST_F(FailoverActorTest, DrivingDoesNotDelayFailoverWithoutRadioSilence) {
   config_.mutable_radio()->set_quiet_while_driving(false);
   StartWithFailover();
   SetLease(1, proto::LEASE_KIND_DRIVING, 3600);
@@ -195,7 +195,7 @@ TEST_F(FailoverActorTest, DrivingStopsNothingInATeamThatTalksWhileDriving) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
-TEST_F(FailoverActorTest, ALeaderThatIsHeardNowAndThenStays) {
+TEST_F(FailoverActorTest, ALeaderThatIsHeardOccasionallyStays) {
   StartWithFailover();
   for (int i = 0; i < 20; ++i) {
     team_.SetLink(1, 2, false);
@@ -206,7 +206,7 @@ TEST_F(FailoverActorTest, ALeaderThatIsHeardNowAndThenStays) {
   EXPECT_EQ(LeaderAsKnownTo(2), 1u);
 }
 
-TEST_F(FailoverActorTest, DoesNotMissALeaderThatItNeverHeard) {
+TEST_F(FailoverActorTest, DoesNotReplaceALeaderThatItNeverHeard) {
   StartWithFailover();
   Lose(1);
   team_.Crash(2);
@@ -220,7 +220,7 @@ TEST_F(FailoverActorTest, DoesNotMissALeaderThatItNeverHeard) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
-TEST_F(FailoverActorTest, DoesNotMissASleepingLeaderAfterARestart) {
+TEST_F(FailoverActorTest, DoesNotReplaceASleepingLeaderAfterARestart) {
   StartWithFailover();
   SetLease(1, proto::LEASE_KIND_SLEEPING, 36000);
   Lose(1);
@@ -234,7 +234,7 @@ TEST_F(FailoverActorTest, DoesNotMissASleepingLeaderAfterARestart) {
   EXPECT_EQ(LeaderAsKnownTo(2), 1u);
 }
 
-TEST_F(FailoverActorTest, DoesNotMissASleepingLeaderWhenItsLeaseIsForgotten) {
+TEST_F(FailoverActorTest, DoesNotReplaceASleepingLeaderWhenItsLeaseIsForgotten) {
   StartWithFailover();
   SetLease(1, proto::LEASE_KIND_SLEEPING, 36000);
   Lose(1);
@@ -244,7 +244,7 @@ TEST_F(FailoverActorTest, DoesNotMissASleepingLeaderWhenItsLeaseIsForgotten) {
   EXPECT_EQ(LeaderAsKnownTo(2), 1u);
 }
 
-TEST_F(FailoverActorTest, ASurvivorThatReachesNobodyIsItselfTheLostOne) {
+TEST_F(FailoverActorTest, ASurvivorThatReachesNoAgentDoesNotTakeTheLead) {
   StartWithFailover();
   Lose(2);
   team_.AdvanceTime(minutes(60));
@@ -254,15 +254,15 @@ TEST_F(FailoverActorTest, ASurvivorThatReachesNobodyIsItselfTheLostOne) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
-// An idle link that nothing crosses is given up after 33 s only.
-TEST_F(FailoverActorTest, TheSurvivorAsksTheLeaderThreeTimesInATimeout) {
+// Without the leader's checks an idle link would be given up only after 33 s.
+TEST_F(FailoverActorTest, TheSurvivorChecksTheLeaderThreeTimesPerTimeout) {
   StartWithFailover();
   CountChecks();
   team_.AdvanceTime(seconds(120));
   EXPECT_EQ(checks_, "2?1 1!2 2?1 1!2 2?1 1!2 ");
 }
 
-TEST_F(FailoverActorTest, ALeaderThatMayBeSilentIsNotAsked) {
+TEST_F(FailoverActorTest, ALeaderInRadioSilenceIsNotChecked) {
   StartWithFailover();
   SetLease(1, proto::LEASE_KIND_SLEEPING, 600);
   CountChecks();
@@ -275,7 +275,7 @@ TEST_F(FailoverActorTest, ALeaderThatMayBeSilentIsNotAsked) {
   EXPECT_EQ(checks_, "2?1 1!2 ");
 }
 
-TEST_F(FailoverActorTest, ALeaderThatIsAwayIsAskedWhenItIsBack) {
+TEST_F(FailoverActorTest, AReconnectedLeaderIsChecked) {
   StartWithFailover();
   CountChecks();
   team_.SetLink(1, 2, false);
@@ -286,7 +286,7 @@ TEST_F(FailoverActorTest, ALeaderThatIsAwayIsAskedWhenItIsBack) {
   EXPECT_EQ(checks_, "2?1 1!2 ");
 }
 
-TEST_F(FailoverActorTest, NobodyAsksWhereOperatorsDecide) {
+TEST_F(FailoverActorTest, NoAgentChecksTheLeaderIfFailoverIsManual) {
   config_.mutable_roles()->set_failover(proto::FAILOVER_MANUAL);
   StartWithFailover();
   CountChecks();
@@ -294,7 +294,7 @@ TEST_F(FailoverActorTest, NobodyAsksWhereOperatorsDecide) {
   EXPECT_EQ(checks_, "");
 }
 
-TEST_F(FailoverActorTest, OnlyTheSurvivorIsAnswered) {
+TEST_F(FailoverActorTest, OnlyTheSurvivorsChecksAreAnswered) {
   StartWithFailover();
   CountChecks();
   proto::Message question;
@@ -304,7 +304,7 @@ TEST_F(FailoverActorTest, OnlyTheSurvivorIsAnswered) {
   EXPECT_EQ(checks_, "3?1 ");
 }
 
-TEST_F(FailoverActorTest, TakesTheLeadOnlyOfTheLeaderThatItMisses) {
+TEST_F(FailoverActorTest, TakesTheLeadOnlyIfTheRolesAreStillTheSame) {
   StartWithFailover();
   Lose(1);
   team_.RecordSent({2, actor_name::kFailover});
@@ -316,7 +316,7 @@ TEST_F(FailoverActorTest, TakesTheLeadOnlyOfTheLeaderThatItMisses) {
   EXPECT_EQ(sent.back().role_set_request().expected().term().number(), 1u);
 }
 
-TEST_F(FailoverActorTest, OfATeamOfTwoTheSurvivorLeadsAlone) {
+TEST_F(FailoverActorTest, TheSurvivorOfATeamOfTwoLeadsAlone) {
   config_.mutable_agents()->RemoveLast();
   config_.mutable_agents()->RemoveLast();
   StartWithFailover();
@@ -325,7 +325,7 @@ TEST_F(FailoverActorTest, OfATeamOfTwoTheSurvivorLeadsAlone) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
-TEST_F(FailoverActorTest, CountsAnewForAnotherLeader) {
+TEST_F(FailoverActorTest, RestartsTheTimeoutForAnotherLeader) {
   StartWithFailover();
   Lose(1);
   Lose(3);
@@ -339,7 +339,7 @@ TEST_F(FailoverActorTest, CountsAnewForAnotherLeader) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
-TEST_F(FailoverActorTest, ASurvivorWhoseRoleIsDurableOnlyLaterActsFromThenOn) {
+TEST_F(FailoverActorTest, ASurvivorActsOnceItsRoleIsDurable) {
   StartWithFailover();
   disks_[1]->is_failing = true;
   Swap(2);

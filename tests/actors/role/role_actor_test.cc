@@ -17,7 +17,7 @@ using std::chrono::milliseconds;
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-// A PgoActor that keeps the roles that were published.
+// An actor in PgoActor's place that keeps the leaders in published roles.
 class FakePgoActor final : public Actor {
  public:
   explicit FakePgoActor(std::shared_ptr<std::vector<AgentId>> leaders) : leaders_(std::move(leaders)) {}
@@ -35,7 +35,7 @@ class RoleActorTest : public testing::Test, protected RoleTeam {
  protected:
   RoleActorTest() : RoleTeam(/*seed=*/1) {}
 
-  // What `agent`'s sync actor was notified of, oldest first.
+  // Role changes that `agent`'s sync actor was notified of, oldest first.
   std::vector<proto::RolesChanged> Notified(AgentId agent) {
     std::vector<proto::RolesChanged> reported;
     for (const proto::Message& message : team_.Take({agent, actor_name::kSync}))
@@ -44,7 +44,7 @@ class RoleActorTest : public testing::Test, protected RoleTeam {
   }
 };
 
-TEST_F(RoleActorTest, AgreesOnTheTeamFilesRolesInTermOne) {
+TEST_F(RoleActorTest, AllAgreeOnTheTeamFilesRolesInTermOne) {
   StartAndSettle();
   EXPECT_TRUE(AllAgree());
   const auto shown = Show(4);
@@ -55,7 +55,7 @@ TEST_F(RoleActorTest, AgreesOnTheTeamFilesRolesInTermOne) {
   EXPECT_THAT(Show(1).confirmed_by(), testing::ElementsAre(1, 2, 3, 4));
 }
 
-TEST_F(RoleActorTest, TellsItsAgentsOtherActorsTheirRole) {
+TEST_F(RoleActorTest, NotifiesItsAgentsOtherActorsOfTheirRole) {
   StartAndSettle();
   EXPECT_EQ(Notified(1).back().own_role(), proto::ROLE_LEADER);
   EXPECT_EQ(Notified(2).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
@@ -63,7 +63,7 @@ TEST_F(RoleActorTest, TellsItsAgentsOtherActorsTheirRole) {
   EXPECT_EQ(Notified(4).back().own_role(), proto::ROLE_BASE_STATION);
 }
 
-TEST_F(RoleActorTest, ReachesAnActorThatStartsLateOrWhoseMailboxIsFull) {
+TEST_F(RoleActorTest, NotifiesAnActorThatStartsLateOrWhoseMailboxIsFull) {
   StartAndSettle();
   const auto leaders = std::make_shared<std::vector<AgentId>>();
   team_.Spawn(1, actor_name::kPgo, [leaders] { return std::make_unique<FakePgoActor>(leaders); });
@@ -74,7 +74,7 @@ TEST_F(RoleActorTest, ReachesAnActorThatStartsLateOrWhoseMailboxIsFull) {
   EXPECT_THAT(*leaders, testing::ElementsAre(1u, 2u));
 }
 
-TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndSaysSo) {
+TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndReportsIt) {
   StartAndSettle();
   disks_[1]->is_failing = true;
   Swap(2);
@@ -92,7 +92,7 @@ TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndSaysS
   EXPECT_EQ(shown.confirmed_by_size(), 0);
   EXPECT_THAT(Show(2).confirmed_by(), testing::Not(testing::Contains(1)));
 
-  // Nobody leads in its name, and it says whom to ask.
+  // The agent makes no new term in another agent's name, and refers the operator to another agent.
   Swap(1);
   EXPECT_THAT(Refusal(1).text, testing::HasSubstr("ask another agent"));
   team_.AdvanceTime(minutes(5));
@@ -118,7 +118,7 @@ TEST_F(RoleActorTest, ALeaderWhoseStorageIsSilentStopsLeadingToo) {
   EXPECT_EQ(Notified(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
 }
 
-TEST_F(RoleActorTest, WhoCannotStoreThatItLeadsDoesNotLead) {
+TEST_F(RoleActorTest, AnAgentThatCannotStoreItsRoleDoesNotLead) {
   StartAndSettle();
   disks_[3]->is_failing = true;
   proto::RoleSetRequest request;
@@ -131,7 +131,7 @@ TEST_F(RoleActorTest, WhoCannotStoreThatItLeadsDoesNotLead) {
   EXPECT_EQ(Show(3).unstored().leader(), 3u);
 }
 
-TEST_F(RoleActorTest, AfterARestartOnAFullDiskADeposedLeaderHearsTheTeamFirst) {
+TEST_F(RoleActorTest, ADeposedLeaderOnAFullDiskAsksTheTeamAfterARestart) {
   StartAndSettle();
   disks_[1]->is_failing = true;
   Swap(2);
@@ -145,7 +145,7 @@ TEST_F(RoleActorTest, AfterARestartOnAFullDiskADeposedLeaderHearsTheTeamFirst) {
   EXPECT_EQ(Show(1).roles().leader(), 2u);
 }
 
-TEST_F(RoleActorTest, ANewTermOfItsOwnThatCannotBeStoredMakesNobodyLead) {
+TEST_F(RoleActorTest, NoAgentLeadsInANewTermThatCannotBeStored) {
   StartAndSettle();
   disks_[1]->is_failing = true;
   (void)Notified(1);
@@ -185,14 +185,14 @@ TEST_F(RoleActorTest, ARepeatedSwapIsNotUndone) {
   *swap.mutable_expected() = Show(1).roles();
   Set(1, swap);
   team_.AdvanceTime(std::chrono::seconds(10));
-  Set(1, swap);  // The answer came too late for the operator.
+  Set(1, swap);  // The first answer came too late for the operator, who repeats the swap.
   EXPECT_EQ(Refusal(1).field, "expected");
   team_.AdvanceTime(std::chrono::seconds(10));
   EXPECT_TRUE(AllAgree());
   EXPECT_EQ(Show(3).roles().leader(), 2u);
 }
 
-// A swap whose answer comes when it is acted on.
+// A swap whose answer is delayed until leader and survivor act on it.
 class RoleWaitTest : public RoleActorTest {
  protected:
   void SwapAndWait(AgentId at, double wait_s) {
@@ -218,7 +218,7 @@ TEST_F(RoleWaitTest, AnswersWhenLeaderAndSurvivorAct) {
   EXPECT_TRUE(shown.not_confirmed_by().empty());
 }
 
-TEST_F(RoleWaitTest, NamesWhoHasNotConfirmedWithinTheLimit) {
+TEST_F(RoleWaitTest, NamesAgentsThatHaveNotConfirmedInTime) {
   StartAndSettle();
   team_.SetLink(1, 2, false);
   team_.SetLink(3, 2, false);
@@ -232,7 +232,7 @@ TEST_F(RoleWaitTest, NamesWhoHasNotConfirmedWithinTheLimit) {
   EXPECT_THAT(shown.not_confirmed_by(), testing::ElementsAre(2));
 }
 
-TEST_F(RoleWaitTest, IsRefusedWhereAnotherChangeComesFirst) {
+TEST_F(RoleWaitTest, IsRefusedIfAnotherChangeHappensFirst) {
   StartAndSettle();
   team_.SetLink(1, 2, false);
   team_.SetLink(3, 2, false);
@@ -252,7 +252,7 @@ TEST_F(RoleWaitTest, IsRefusedWhereAnotherChangeComesFirst) {
   EXPECT_EQ(errors[0].text, "another change came after this one: leader agent3, survivor agent1");
 }
 
-TEST_F(RoleWaitTest, TooManyThatWaitAreRefused) {
+TEST_F(RoleWaitTest, TooManyWaitingSwapsAreRefused) {
   StartAndSettle();
   for (const AgentId other : {1, 3, 4}) team_.SetLink(other, 2, false);
   for (int i = 0; i < 16; ++i) {
@@ -288,7 +288,7 @@ TEST_F(RoleActorTest, DryRunShowsAndChangesNothing) {
   EXPECT_EQ(Show(1).roles().leader(), 1u);
 }
 
-TEST_F(RoleActorTest, DoesNotActOnWhatCannotBeStored) {
+TEST_F(RoleActorTest, DoesNotActOnRolesThatCannotBeStored) {
   StartAndSettle();
   disks_[1]->is_failing = true;
   Swap(1);
@@ -310,7 +310,7 @@ TEST_F(RoleActorTest, AsksASilentStorageAgain) {
   EXPECT_TRUE(AllAgree());
 }
 
-TEST_F(RoleActorTest, ReachesAnAgentThatWasAway) {
+TEST_F(RoleActorTest, NotifiesAnAgentThatWasAway) {
   StartAndSettle();
   for (AgentId other : {1, 2, 4}) team_.SetLink(3, other, false);
   Swap(1);
@@ -322,7 +322,7 @@ TEST_F(RoleActorTest, ReachesAnAgentThatWasAway) {
   EXPECT_TRUE(AllAgree());
 }
 
-TEST_F(RoleActorTest, CrashedLeaderStepsDownWhenItComesBack) {
+TEST_F(RoleActorTest, ACrashedLeaderStepsDownWhenItReturns) {
   StartAndSettle();
   team_.Crash(1);
   proto::RoleSetRequest request;
@@ -337,7 +337,7 @@ TEST_F(RoleActorTest, CrashedLeaderStepsDownWhenItComesBack) {
   for (const auto& reported : Notified(1)) EXPECT_EQ(reported.roles().leader(), 2u) << "it never acted as leader again";
 }
 
-TEST_F(RoleActorTest, GivesUpItsRoleWhenAnActorFailsAgainAndAgain) {
+TEST_F(RoleActorTest, GivesUpItsRoleWhenAnActorFailsRepeatedly) {
   StartAndSettle();
   team_.Spawn(1, actor_name::kMerge, []() -> std::unique_ptr<Actor> { throw std::runtime_error("no GL"); });
   team_.AdvanceTime(seconds(10));
@@ -348,7 +348,7 @@ TEST_F(RoleActorTest, GivesUpItsRoleWhenAnActorFailsAgainAndAgain) {
   EXPECT_EQ(roles.reason(), "actor merge fails: no GL");
 }
 
-TEST_F(RoleActorTest, GivesUpItsRoleOnceSomebodyCanTakeIt) {
+TEST_F(RoleActorTest, GivesUpItsRoleOnceAnotherAgentCanTakeIt) {
   StartAndSettle();
   team_.Partition({{1}});
   proto::Message message;
@@ -373,7 +373,7 @@ TEST_F(RoleActorTest, LeaderTakesANewTermAtEachStart) {
   EXPECT_EQ(Show(1).history_size(), 2);
 }
 
-TEST_F(RoleActorTest, TakesOrdersFromItsOwnAgentOnly) {
+TEST_F(RoleActorTest, AcceptsOrdersOnlyFromItsOwnAgent) {
   StartAndSettle();
   proto::Message message;
   message.mutable_role_set_request()->set_is_swap(true);
@@ -382,7 +382,7 @@ TEST_F(RoleActorTest, TakesOrdersFromItsOwnAgentOnly) {
   EXPECT_EQ(Show(1).roles().leader(), 1u);
 }
 
-TEST_F(RoleActorTest, CountsAnnouncementsFromTheFarFuture) {
+TEST_F(RoleActorTest, RefusesAndCountsTermsFarInTheFuture) {
   StartAndSettle();
   const proto::RoleAssignment before = Show(1).roles();
   proto::Message message;
@@ -402,11 +402,11 @@ TEST_F(RoleActorTest, IsSilentWhenAllHaveConfirmed) {
   EXPECT_EQ(team_.radio_bytes(), bytes);
 }
 
-// Random commands at random agents, crashes, cuts and a lossy radio; then quiet, in which all must agree on the newest
-// term, with at most one assignment a term ever seen.
+// Random commands at random agents, crashes, link failures and a lossy radio. Afterwards the radio works, and all
+// agents must agree on the newest term. At most one assignment per term may ever be seen.
 class RoleActorChaosTest : public testing::TestWithParam<int> {};
 
-TEST_P(RoleActorChaosTest, AgreesInTheEnd) {
+TEST_P(RoleActorChaosTest, AllAgreeInTheEnd) {
   for (int i = 0; i < 10; ++i) {
     const auto seed = static_cast<std::uint64_t>(GetParam() * 10 + i);
     SCOPED_TRACE("seed " + std::to_string(seed));

@@ -23,7 +23,7 @@ proto::RoleAssignment Roles(AgentId leader, AgentId survivor, std::uint64_t numb
   return roles;
 }
 
-// Agents 1 to 3 of a team that agent 1 leads; agent 9 does not exist.
+// Options in a team of agents 1 to 3 that agent 1 leads. Agent 9 does not exist.
 RoleLogic::Options Options(AgentId self) {
   RoleLogic::Options options;
   options.self = self;
@@ -66,7 +66,7 @@ class RoleLogicTest : public testing::Test {
   RoleLogic logic_{Options(kSelf)};
 };
 
-TEST_F(RoleLogicTest, StartsWithTheNewestStoredAssignmentAndTellsTheOthers) {
+TEST_F(RoleLogicTest, StartsWithTheNewestStoredAssignmentAndAnnouncesIt) {
   RoleLogic logic(Options(kSelf));
   const auto actions = logic.OnLoaded({Roles(1, 2, 4, 1), Roles(3, 2, 5, 1)}, 77, 0);
   ASSERT_TRUE(actions.apply);
@@ -75,17 +75,17 @@ TEST_F(RoleLogicTest, StartsWithTheNewestStoredAssignmentAndTellsTheOthers) {
   EXPECT_TRUE(actions.announce_timer);
 }
 
-TEST_F(RoleLogicTest, StartsWithTheTeamFileWhereNothingIsStored) {
+TEST_F(RoleLogicTest, StartsWithTheTeamFileIfNothingIsStored) {
   RoleLogic logic(Options(kSelf));
   EXPECT_EQ(logic.OnLoaded({}, 77, 0).apply->leader(), 1u);
 }
 
-TEST_F(RoleLogicTest, FallsBackToTheTeamFileWhenItForbidsWhatIsStored) {
+TEST_F(RoleLogicTest, FallsBackToTheTeamFileIfItForbidsTheStoredRoles) {
   RoleLogic logic(Options(kSelf));
   EXPECT_EQ(logic.OnLoaded({Roles(9, 2, 5, 1)}, 77, 0).apply->leader(), 1u);
   proto::RoleSetRequest request;
   request.set_leader(3);
-  EXPECT_EQ(logic.Propose(request, 0)->term().number(), 6u);  // Number 5 stays taken.
+  EXPECT_EQ(logic.Propose(request, 0)->term().number(), 6u);  // Number 5 counts as used.
 }
 
 TEST_F(RoleLogicTest, IsSilentBeforeStorageAnswered) {
@@ -96,7 +96,7 @@ TEST_F(RoleLogicTest, IsSilentBeforeStorageAnswered) {
   EXPECT_FALSE(actions->save);
 }
 
-TEST_F(RoleLogicTest, KeepsWhatARequestDoesNotName) {
+TEST_F(RoleLogicTest, KeepsTheRolesThatARequestDoesNotName) {
   const auto roles = Propose(3, 0);
   ASSERT_TRUE(roles);
   EXPECT_EQ(roles->leader(), 3u);
@@ -104,14 +104,14 @@ TEST_F(RoleLogicTest, KeepsWhatARequestDoesNotName) {
   EXPECT_EQ(OrderOf(roles->term()), OrderOf(Roles(3, 2, 6, kSelf, 77).term()));
 }
 
-TEST_F(RoleLogicTest, ExchangesLeaderAndSurvivor) {
+TEST_F(RoleLogicTest, SwapsLeaderAndSurvivor) {
   const auto roles = Propose(0, 0, /*is_swap=*/true);
   ASSERT_TRUE(roles);
   EXPECT_EQ(roles->leader(), 2u);
   EXPECT_EQ(roles->survivor(), 1u);
 }
 
-TEST_F(RoleLogicTest, RefusesARequestThatReliesOnOtherRoles) {
+TEST_F(RoleLogicTest, RefusesARequestThatExpectsOtherRoles) {
   proto::RoleSetRequest swap;
   swap.set_is_swap(true);
   *swap.mutable_expected() = Roles(1, 2, 5, 1);
@@ -136,8 +136,9 @@ TEST_F(RoleLogicTest, RefusesARequestThatReliesOnOtherRoles) {
   EXPECT_TRUE(logic_.Propose(swap, 0));
 }
 
-TEST_F(RoleLogicTest, RefusesRolesThatCannotBe) {
-  EXPECT_EQ(Propose(2, 0).error().field, "survivor");  // The present survivor as leader, without a new survivor.
+TEST_F(RoleLogicTest, RefusesInvalidRoles) {
+  // Makes the present survivor the leader without naming a new survivor.
+  EXPECT_EQ(Propose(2, 0).error().field, "survivor");
   EXPECT_EQ(Propose(0, 1).error().code, ErrorCode::kRefused);
   EXPECT_EQ(Propose(9, 0).error().field, "leader");
   EXPECT_EQ(Propose(0, 0).error().code, ErrorCode::kInvalid);
@@ -148,24 +149,25 @@ TEST_F(RoleLogicTest, RefusesRolesThatCannotBe) {
   EXPECT_EQ(logic_.Propose(wordy, 0).error().field, "reason");
 }
 
-TEST_F(RoleLogicTest, ActsAndTellsOnlyAfterTheAssignmentIsDurable) {
+TEST_F(RoleLogicTest, ActsAndAnnouncesOnlyAfterTheAssignmentIsDurable) {
   const auto begun = logic_.Adopt(*Propose(3, 0));
   EXPECT_TRUE(begun.save);
   EXPECT_FALSE(begun.apply);
   EXPECT_TRUE(begun.announcements.empty());
   EXPECT_EQ(logic_.current().leader(), 1u);
-  EXPECT_EQ(Propose(0, 3).error().code, ErrorCode::kUnavailable);  // One at a time.
+  EXPECT_EQ(Propose(0, 3).error().code, ErrorCode::kUnavailable);  // Only one proposal at a time is accepted.
   const auto done = logic_.OnSaved();
   EXPECT_EQ(done.apply->leader(), 3u);
   EXPECT_THAT(Notified(done), ElementsAre(1, 3));
   EXPECT_EQ(logic_.current().leader(), 3u);
 }
 
-TEST_F(RoleLogicTest, StaysAsItWasWhenStoringFails) {
+TEST_F(RoleLogicTest, KeepsItsRolesWhenStoringFails) {
   logic_.Adopt(*Propose(3, 0));
   logic_.OnSaveFailed();
   EXPECT_EQ(logic_.current().leader(), 1u);
-  EXPECT_EQ(Propose(3, 0)->term().number(), 7u);  // What failed may lie on the disk all the same, under number 6.
+  // The failed assignment may be on the disk nevertheless, under number 6.
+  EXPECT_EQ(Propose(3, 0)->term().number(), 7u);
 }
 
 TEST_F(RoleLogicTest, AdoptsANewerTermAndConfirmsIt) {
@@ -179,7 +181,7 @@ TEST_F(RoleLogicTest, AdoptsANewerTermAndConfirmsIt) {
   EXPECT_TRUE(done.announcements[0].announce.is_reply());
 }
 
-TEST_F(RoleLogicTest, AnswersAnOlderTermWithItsOwn) {
+TEST_F(RoleLogicTest, AnswersAnOlderTermWithItsNewerOne) {
   const auto actions = logic_.OnAnnounce(3, Announce(Roles(3, 2, 4, 3)));
   ASSERT_TRUE(actions);
   EXPECT_FALSE(actions->save);
@@ -194,7 +196,7 @@ TEST_F(RoleLogicTest, OrdersTermsOfOneNumberByIssuerThenEpoch) {
   EXPECT_TRUE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 3, /*epoch=*/2)))->save);
 }
 
-TEST_F(RoleLogicTest, TakesANewTermBeforeItLeadsUnderOneOfAnEarlierLife) {
+TEST_F(RoleLogicTest, IssuesANewTermBeforeItLeadsInATermFromBeforeItsRestart) {
   logic_.OnAnnounce(3, Announce(Roles(kSelf, 1, 6, kSelf, /*epoch=*/76)));
   const auto heard = logic_.OnSaved();
   EXPECT_FALSE(heard.apply);
@@ -203,8 +205,8 @@ TEST_F(RoleLogicTest, TakesANewTermBeforeItLeadsUnderOneOfAnEarlierLife) {
   EXPECT_EQ(logic_.OnSaved().apply->term().number(), 7u);
 }
 
-// It may have led in that one before, if its disk was lost since.
-TEST_F(RoleLogicTest, LeadsOnlyInTermsOfItsOwnWhoeverNamesIt) {
+// The agent may already have led in the announced term, if its disk was lost since.
+TEST_F(RoleLogicTest, LeadsOnlyInTermsThatItIssuedItself) {
   proto::RoleAssignment named = Roles(kSelf, 1, 6, 3);
   named.set_reason("as the operator said");
   logic_.OnAnnounce(3, Announce(named));
@@ -216,7 +218,7 @@ TEST_F(RoleLogicTest, LeadsOnlyInTermsOfItsOwnWhoeverNamesIt) {
   EXPECT_EQ(logic_.OnSaved().apply->term().number(), 7u);
 }
 
-TEST_F(RoleLogicTest, RefusesAtTheDoor) {
+TEST_F(RoleLogicTest, RefusesInvalidAnnouncements) {
   const auto refused = [this](AgentId from, const proto::RoleAssignment& roles) {
     return !logic_.OnAnnounce(from, Announce(roles)).has_value();
   };
@@ -227,21 +229,21 @@ TEST_F(RoleLogicTest, RefusesAtTheDoor) {
   EXPECT_TRUE(refused(3, Roles(3, 2, 5 + 1'000'001, 3)));
   EXPECT_TRUE(refused(3, Roles(3, 0, 6, 3))) << "a survivor never goes without another one";
   EXPECT_FALSE(refused(3, Roles(3, 2, 5 + 1'000'000, 3)));
-  EXPECT_TRUE(refused(3, Roles(3, 2, 5, 1)));  // Another assignment in the term that stands.
+  EXPECT_TRUE(refused(3, Roles(3, 2, 5, 1)));  // Another assignment in the current term.
 }
 
-TEST_F(RoleLogicTest, TellsAgainUntilAllConfirm) {
+TEST_F(RoleLogicTest, RepeatsTheAnnouncementUntilAllConfirm) {
   EXPECT_THAT(Notified(logic_.OnAnnounceTimer()), ElementsAre(1, 3));
   EXPECT_TRUE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 1), /*is_reply=*/true))->announcements.empty());
   const auto again = logic_.OnAnnounceTimer();
   EXPECT_THAT(Notified(again), ElementsAre(3));
-  EXPECT_EQ(*again.announce_timer, std::chrono::seconds(20));  // After 5 and 10.
+  EXPECT_EQ(*again.announce_timer, std::chrono::seconds(20));  // The delay after 5 and 10 seconds.
   EXPECT_THAT(Notified(*logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1)))), ElementsAre(3));
   EXPECT_FALSE(logic_.OnAnnounceTimer().announce_timer);
   EXPECT_THAT(logic_.Show(false).confirmed_by(), ElementsAre(1, 2, 3));
 }
 
-TEST_F(RoleLogicTest, TellsAnUnconfirmedAgentAtOnceWhenItIsReached) {
+TEST_F(RoleLogicTest, AnnouncesToAnUnconfirmedAgentAtOnceWhenItReconnects) {
   EXPECT_THAT(Notified(logic_.OnPeerConnected(3)), ElementsAre(3));
   logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1), /*is_reply=*/true));
   EXPECT_TRUE(logic_.OnPeerConnected(3).announcements.empty());
@@ -255,7 +257,7 @@ TEST_F(RoleLogicTest, ShowsItsHistory) {
   EXPECT_EQ(logic_.Show(false).history_size(), 0);
 }
 
-// The agent that its stored roles name leader.
+// The leader of the stored roles.
 class RoleLogicLeaderTest : public testing::Test {
  protected:
   RoleLogicLeaderTest() { started_ = logic_.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0); }
@@ -264,13 +266,13 @@ class RoleLogicLeaderTest : public testing::Test {
   RoleLogic::Actions started_;
 };
 
-TEST_F(RoleLogicLeaderTest, AsksAroundBeforeItActs) {
+TEST_F(RoleLogicLeaderTest, AsksTheTeamBeforeItActs) {
   EXPECT_FALSE(started_.apply);
   EXPECT_TRUE(started_.leader_timer);
   EXPECT_THAT(Notified(started_), ElementsAre(2, 3));
 }
 
-TEST_F(RoleLogicLeaderTest, TakesANewTermWithTheSameRolesWhenNobodyKnowsBetter) {
+TEST_F(RoleLogicLeaderTest, TakesANewTermWithTheSameRolesIfNoNewerOneIsKnown) {
   const auto begun = logic_.OnLeaderTimer(0);
   ASSERT_TRUE(begun.save);
   EXPECT_EQ(OrderOf(begun.save->term()), OrderOf(Roles(1, 2, 6, 1, 77).term()));
@@ -279,7 +281,7 @@ TEST_F(RoleLogicLeaderTest, TakesANewTermWithTheSameRolesWhenNobodyKnowsBetter) 
   EXPECT_FALSE(logic_.OnLeaderTimer(0).save);
 }
 
-TEST_F(RoleLogicLeaderTest, TakesItAtOnceWhenAllAgree) {
+TEST_F(RoleLogicLeaderTest, TakesANewTermAtOnceWhenAllAgree) {
   EXPECT_FALSE(logic_.OnAnnounce(2, Announce(Roles(1, 2, 5, 1), true))->save);
   EXPECT_TRUE(logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1), true))->save);
 }
@@ -290,7 +292,7 @@ TEST_F(RoleLogicLeaderTest, StepsDownWhenItHearsANewerTerm) {
   EXPECT_FALSE(logic_.OnLeaderTimer(0).save);
 }
 
-TEST_F(RoleLogicLeaderTest, TakesANewTermAboveTheOneThatItsLostDiskHeld) {
+TEST_F(RoleLogicLeaderTest, TakesANewTermAboveThatOfItsLostDisk) {
   logic_.OnAnnounce(2, Announce(Roles(1, 3, 8, 2), true));
   const auto heard = logic_.OnSaved();
   EXPECT_FALSE(heard.apply);
@@ -307,7 +309,7 @@ TEST_F(RoleLogicLeaderTest, WaitsAgainWhenItsNewTermCannotBeStored) {
   EXPECT_TRUE(logic_.OnLeaderTimer(0).save);
 }
 
-TEST_F(RoleLogicLeaderTest, TakesTermOneWhereNothingIsStored) {
+TEST_F(RoleLogicLeaderTest, TakesTermOneIfNothingIsStored) {
   RoleLogic logic(Options(1));
   logic.OnLoaded({}, 77, 0);
   EXPECT_EQ(logic.OnLeaderTimer(0).save->term().number(), 1u);
@@ -331,7 +333,7 @@ TEST_F(RoleLogicTest, SteppingDownNamesOnlyConnectedAgents) {
   const auto to_third = logic.ProposeStepDown({3}, "", 0);  // The survivor is away.
   ASSERT_TRUE(to_third);
   EXPECT_EQ(to_third->leader(), 3u);
-  EXPECT_EQ(to_third->survivor(), 1u);  // Rather this agent than nobody.
+  EXPECT_EQ(to_third->survivor(), 1u);  // This agent stays as survivor, because no other agent is connected.
 }
 
 TEST_F(RoleLogicTest, SurvivorStepsDownInFavourOfAThird) {
@@ -342,15 +344,16 @@ TEST_F(RoleLogicTest, SurvivorStepsDownInFavourOfAThird) {
   EXPECT_EQ(logic_.ProposeStepDown({1}, "", 0).error().code, ErrorCode::kUnavailable);
 }
 
-TEST_F(RoleLogicTest, WhoHasNoRoleGivesUpNone) {
+TEST_F(RoleLogicTest, AnAgentWithoutARoleGivesUpNone) {
   RoleLogic logic(Options(3));
-  EXPECT_EQ(logic.ProposeStepDown({1, 2}, "", 0).error().code, ErrorCode::kUnavailable);  // Not loaded yet.
+  // The roles are not loaded yet.
+  EXPECT_EQ(logic.ProposeStepDown({1, 2}, "", 0).error().code, ErrorCode::kUnavailable);
   logic.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0);
   EXPECT_EQ(logic.ProposeStepDown({1, 2}, "", 0).error().code, ErrorCode::kNotFound);
 }
 
-// Agent 1 has left the team that it led.
-TEST(RoleLogicLeftTest, NamesNobodyWhoLeftAndKeepsWhatItDecided) {
+// Agent 1 has left the team, which it led.
+TEST(RoleLogicLeftTest, NamesNoAgentThatHasLeftButKeepsItsAssignments) {
   RoleLogic::Options options = Options(kSelf);
   options.left = {1};
   RoleLogic logic(options);
@@ -379,7 +382,7 @@ TEST(RoleLogicLeftTest, NamesNobodyWhoLeftAndKeepsWhatItDecided) {
   EXPECT_FALSE(logic.OnAnnounceTimer().announce_timer) << "nobody waits for who left";
 }
 
-TEST(RoleLogicLeftTest, StepsDownInFavourOfNobodyWhoLeft) {
+TEST(RoleLogicLeftTest, DoesNotStepDownInFavourOfAnAgentThatHasLeft) {
   RoleLogic::Options options = Options(1);
   options.left = {2};
   RoleLogic logic(options);

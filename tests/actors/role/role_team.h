@@ -15,7 +15,7 @@
 
 namespace moondb {
 
-// What StorageActor keeps of roles, on a disk that outlives a crash.
+// Role assignments that StorageActor keeps, on a disk that survives a crash.
 struct Disk {
   std::vector<proto::RoleAssignment> roles;
   bool is_failing = false;
@@ -53,8 +53,8 @@ class FakeStorageActor final : public Actor {
   std::shared_ptr<Disk> disk_;
 };
 
-// Rovers 1 (leader), 2 (survivor), 3 and base station 4, unless config_ is changed before Start. Their sync actors are
-// probes.
+// A team of rovers 1 (leader), 2 (survivor) and 3 and base station 4, unless config_ is changed before Start. The sync
+// actors are probes.
 class RoleTeam {
  public:
   explicit RoleTeam(std::uint64_t seed) : team_(seed) {
@@ -110,14 +110,14 @@ class RoleTeam {
     Set(at, request);
   }
 
-  // The last answer to `at`'s gateway.
+  // The last answer to the gateway of agent `at`.
   proto::Message Answer(AgentId at) {
     proto::Message answer;
     for (const proto::Message& message : team_.Take({at, actor_name::kGateway})) answer = message;
     return answer;
   }
 
-  // The error with which it was answered.
+  // The error in the last answer. Fails the test if the answer has none.
   Error Refusal(AgentId at) {
     const Result<void> answered = CheckControlReply(Answer(at));
     EXPECT_FALSE(answered);

@@ -1,4 +1,4 @@
-// Roles in a team with keys: RoleLogics that talk to each other, and what members that lie can make of them.
+// Roles in a team with keys: several RoleLogics that exchange messages, and members that announce forged roles.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,13 +20,14 @@ using testing::HasSubstr;
 
 constexpr AgentId kBase = 9;
 
-// As a signature would be: nobody makes another agent's.
+// Stands for a signature. Tests never sign as another agent.
 std::string SignAs(AgentId agent, proto::RoleAssignment roles) {
   roles.clear_signature();
   return "agent " + std::to_string(agent) + ": " + std::to_string(std::hash<std::string>()(roles.SerializeAsString()));
 }
 
-// Rovers from 1 on, of whom 1 leads and 2 survives by the team file, and perhaps a base station.
+// A team of rovers from agent 1 on, and optionally a base station. By the team file agent 1 leads and agent 2 is the
+// survivor.
 class SignedTeam {
  public:
   explicit SignedTeam(int rovers, bool has_base = false) {
@@ -35,7 +36,8 @@ class SignedTeam {
     for (const AgentId agent : agents_) Start(agent, {});
   }
 
-  // A new life, with what its disk holds: what it acted on, and what it has as records.
+  // Restarts the agent with the contents of its disk: the assignments that it acted on, and those that it holds as
+  // records.
   void Start(AgentId agent, std::vector<proto::RoleAssignment> disk,
              const std::vector<proto::RoleAssignment>& records = {}) {
     logics_[agent] = std::make_unique<RoleLogic>(OptionsOf(agent));
@@ -65,7 +67,7 @@ class SignedTeam {
     return options;
   }
 
-  // It stops, and the others start again with a team file that marks it.
+  // Stops the agent. The others restart with a team file that marks it as left.
   void Leave(AgentId gone) {
     left_.insert(gone);
     logics_.erase(gone);
@@ -74,12 +76,12 @@ class SignedTeam {
     }
   }
 
-  // Only these hear each other from now on; what was said before is lost.
+  // From now on only the agents in `together` hear each other. Messages in flight are lost.
   void Divide(std::set<AgentId> together) {
     together_ = std::move(together);
     queue_.clear();
   }
-  // All hear each other, and say what they hold.
+  // All agents hear each other again and announce their roles.
   void Heal() {
     together_.clear();
     for (const auto& [agent, logic] : logics_) {
@@ -88,7 +90,7 @@ class SignedTeam {
       }
     }
     Settle();
-    // What waited for a chain is announced once more.
+    // Announces again the assignments that waited for a chain.
     for (const auto& [agent, logic] : logics_) Perform(agent, logic->OnAnnounceTimer());
     Settle();
   }
@@ -104,7 +106,8 @@ class SignedTeam {
     return {};
   }
 
-  // What the liar says to everybody, whatever it holds itself; asked for the chain, it gives its earlier lies.
+  // The liar announces `roles` to all agents, whatever it holds itself. If asked for the chain, it sends its earlier
+  // forgeries.
   void Announce(AgentId liar, const proto::RoleAssignment& roles) {
     lies_[roles.signature()] = roles;
     proto::RoleAnnounce announce;
@@ -116,7 +119,7 @@ class SignedTeam {
     Settle();
   }
 
-  // The agent's storage was brought this record.
+  // Notifies the agent's RoleLogic that its storage received this record.
   void Record(AgentId agent, const proto::RoleAssignment& roles) {
     Perform(agent, logics_[agent]->OnRecord(roles));
     Settle();
@@ -147,7 +150,7 @@ class SignedTeam {
   const std::string& last_refusal() const { return last_refusal_; }
   int refusals() const { return refusals_; }
   std::size_t chain_pages() const { return chain_pages_; }
-  int announce_timers() const { return announce_timers_; }  // How often one was started.
+  int announce_timers() const { return announce_timers_; }  // Number of timers started.
 
  private:
   struct Said {
@@ -210,10 +213,10 @@ class SignedTeam {
   }
 
   std::vector<AgentId> agents_;
-  std::set<AgentId> left_;  // Of these.
+  std::set<AgentId> left_;  // The agents of `agents_` that have left.
   std::map<AgentId, std::unique_ptr<RoleLogic>> logics_;
   std::map<AgentId, std::vector<proto::RoleAssignment>> disks_;
-  std::map<std::string, proto::RoleAssignment> lies_;  // By signature.
+  std::map<std::string, proto::RoleAssignment> lies_;  // Forged assignments by signature.
   std::set<AgentId> together_;
   std::deque<Said> queue_;
   RoleLogic::Time now_{};
@@ -225,7 +228,7 @@ class SignedTeam {
   int announce_timers_ = 0;
 };
 
-// By the liar's own key, as it may be issued after `follows` by one who has a role there.
+// An assignment signed with the liar's own key, as an agent with a role could issue it after `follows`.
 proto::RoleAssignment ForgedAfter(const proto::RoleAssignment& follows, AgentId liar, AgentId leader, AgentId survivor,
                                   bool is_command = false) {
   proto::RoleAssignment roles = RoleChain::Next(follows, is_command);
@@ -237,7 +240,7 @@ proto::RoleAssignment ForgedAfter(const proto::RoleAssignment& follows, AgentId 
   return roles;
 }
 
-TEST(SignedRolesTest, AreChangedByLeaderSurvivorAndWhoMayCommand) {
+TEST(SignedRolesTest, MayBeChangedByLeaderSurvivorAndCommandingAgents) {
   SignedTeam team(3, /*has_base=*/true);
   ASSERT_TRUE(team.Set(1, 3, 2));
   EXPECT_EQ(team.LeaderAt(kBase), 3u);
@@ -255,7 +258,7 @@ TEST(SignedRolesTest, AreChangedByLeaderSurvivorAndWhoMayCommand) {
   EXPECT_EQ(team.refusals(), 0);
 }
 
-TEST(SignedRolesTest, AreMovedByNoPlainRover) {
+TEST(SignedRolesTest, CannotBeChangedByARoverWithoutARole) {
   SignedTeam team(3, /*has_base=*/true);
   const std::string before = team.Term(1);
   team.Announce(3, ForgedAfter(team.Of(1), 3, 3, 2));
@@ -273,7 +276,7 @@ TEST(SignedRolesTest, AreMovedByNoPlainRover) {
   EXPECT_EQ(team.refusals(), 12);
 }
 
-TEST(SignedRolesTest, OfTwoHalvesAreOneWhereTheyHealTenTermsAgainstOne) {
+TEST(SignedRolesTest, ConvergeAfterAPartitionWithTenTermsAgainstOne) {
   SignedTeam team(4);
   team.Divide({1, 3});
   for (int i = 0; i < 10; ++i) ASSERT_TRUE(team.Set(1, 1, i % 2 == 0 ? 3 : 2));
@@ -288,13 +291,13 @@ TEST(SignedRolesTest, OfTwoHalvesAreOneWhereTheyHealTenTermsAgainstOne) {
   EXPECT_EQ(team.refusals(), 0);
 }
 
-TEST(SignedRolesTest, OfATeamOfTwoAreChangedByEither) {
+TEST(SignedRolesTest, MayBeChangedByEitherAgentOfATeamOfTwo) {
   SignedTeam team(2);
   ASSERT_TRUE(team.Set(2, 2, 1));
   EXPECT_EQ(team.LeaderAt(1), 2u);
   ASSERT_TRUE(team.Set(1, 1, 2));
   EXPECT_EQ(team.LeaderAt(2), 1u);
-  // Its leader's disk is lost while nobody hears it.
+  // The leader loses its disk while no other agent hears it.
   team.Divide({1});
   team.Start(1, {});
   team.Heal();
@@ -302,7 +305,7 @@ TEST(SignedRolesTest, OfATeamOfTwoAreChangedByEither) {
   EXPECT_EQ(team.Term(1), team.Term(2));
 }
 
-TEST(SignedRolesTest, ComeBackToAnAgentThatWasWipedAtChange5000) {
+TEST(SignedRolesTest, ReturnToAnAgentThatWasWipedAtRevision5000) {
   SignedTeam team(3);
   team.Divide({1});
   for (int i = 0; i < 5000; ++i) ASSERT_TRUE(team.Set(1, 1, i % 2 == 0 ? 3 : 2));
@@ -316,14 +319,14 @@ TEST(SignedRolesTest, ComeBackToAnAgentThatWasWipedAtChange5000) {
   team.Heal();
   EXPECT_EQ(team.Term(3), team.Term(1));
   EXPECT_GT(team.chain_pages(), pages + 10) << "a chain of 5,000 comes page by page";
-  // What its disk holds by now is enough for its next life.
+  // Its disk now holds enough for the next start.
   team.Divide({3});
   team.Start(3, team.disk(3));
   EXPECT_EQ(team.Term(3), term);
 }
 
-// What an assignment follows may have come as a record alone.
-TEST(SignedRolesTest, StandAfterARestartThoughForerunnersAreRecordsAlone) {
+// Predecessors of an assignment may be held only as records.
+TEST(SignedRolesTest, StayValidAfterARestartThoughPredecessorsAreOnlyRecords) {
   SignedTeam team(3);
   ASSERT_TRUE(team.Set(1, 1, 3));
   ASSERT_TRUE(team.Set(1, 1, 2));
@@ -338,7 +341,7 @@ TEST(SignedRolesTest, StandAfterARestartThoughForerunnersAreRecordsAlone) {
   EXPECT_EQ(team.Term(3), term);
 }
 
-TEST(SignedRolesTest, AreNotALiarsBesideAnAgentThatWasWiped) {
+TEST(SignedRolesTest, CannotBeForgedForAWipedAgent) {
   SignedTeam team(3);
   ASSERT_TRUE(team.Set(1, 1, 2));
   const std::string before = team.Term(1);
@@ -356,9 +359,9 @@ TEST(SignedRolesTest, AreNotALiarsBesideAnAgentThatWasWiped) {
   EXPECT_EQ(team.Term(2), before);
 }
 
-TEST(SignedRolesTest, OfADeposedLiarWithAThousandAssignmentsEndWithOneWordOfTheBaseStation) {
+TEST(SignedRolesTest, OneBaseStationAssignmentSupersedesAThousandOfADeposedLiar) {
   SignedTeam team(3, /*has_base=*/true);
-  ASSERT_TRUE(team.Set(1, 3, 2));  // Rover 3 leads, and will lie.
+  ASSERT_TRUE(team.Set(1, 3, 2));  // Rover 3 leads, and later forges assignments.
   proto::RoleAssignment lie = team.Of(1);
   ASSERT_TRUE(team.Set(2, 1, 2));
   EXPECT_EQ(team.LeaderAt(3), 1u);
@@ -377,7 +380,7 @@ TEST(SignedRolesTest, OfADeposedLiarWithAThousandAssignmentsEndWithOneWordOfTheB
   for (const AgentId agent : {1, 2, 9}) EXPECT_EQ(team.LeaderAt(agent), 1u) << agent;
 }
 
-TEST(SignedRolesTest, AreActedOnTwentyTimesAtOnceAndThenOnceAMinuteOfOneIssuer) {
+TEST(SignedRolesTest, AreRateLimitedPerIssuerToTwentyAtOnceAndThenOnePerMinute) {
   SignedTeam team(3);
   const std::uint64_t before = RevisionOf(team.Of(2).term());
   for (int i = 0; i < 100; ++i) ASSERT_TRUE(team.Set(1, 1, i % 2 == 0 ? 3 : 2));
@@ -387,9 +390,9 @@ TEST(SignedRolesTest, AreActedOnTwentyTimesAtOnceAndThenOnceAMinuteOfOneIssuer) 
   EXPECT_EQ(team.Term(2), team.Term(1)) << "the newest of what waited";
 }
 
-TEST(SignedRolesTest, ThatComeAsRecordsAreActedOnNoMoreOften) {
+TEST(SignedRolesTest, AreRateLimitedAlsoIfTheyArriveAsRecords) {
   SignedTeam team(4);
-  ASSERT_TRUE(team.Set(1, 3, 2));  // Rover 3 leads, and will lie.
+  ASSERT_TRUE(team.Set(1, 3, 2));  // Rover 3 leads, and later forges assignments.
   proto::RoleAssignment lie = team.Of(4);
   const std::uint64_t before = RevisionOf(lie.term());
   team.Divide({4});
@@ -411,7 +414,7 @@ TEST(SignedRolesTest, ThatComeAsRecordsAreActedOnNoMoreOften) {
   EXPECT_EQ(team.Of(4).signature(), lie.signature()) << "the newest of what waited";
 }
 
-TEST(SignedRolesTest, OfARecordThatComesWhileAnotherIsBeingStoredAreActedOnAfterIt) {
+TEST(SignedRolesTest, AreActedOnAfterThePreviousRecordIsStored) {
   SignedTeam team(4);
   const proto::RoleAssignment first = ForgedAfter(team.Of(4), 1, 3, 2);
   const proto::RoleAssignment second = ForgedAfter(first, 3, 2, 3);
@@ -424,9 +427,9 @@ TEST(SignedRolesTest, OfARecordThatComesWhileAnotherIsBeingStoredAreActedOnAfter
   EXPECT_EQ(team.Of(4).signature(), second.signature());
 }
 
-// Agent 3 has an empty disk. While it waits for the chain of an assignment, it hears of a newer one, which its disk
-// does not take.
-TEST(SignedRolesTest, OfAChainThatComesLateDoNotReplaceNewerOnesThatCannotBeStored) {
+// Agent 3 has an empty disk. While it waits for the chain of an assignment, it hears of a newer one, which cannot be
+// stored.
+TEST(SignedRolesTest, FromALateChainDoNotReplaceNewerOnesThatCannotBeStored) {
   SignedTeam team(3, /*has_base=*/true);
   ASSERT_TRUE(team.Set(1, 3, 2));
   ASSERT_TRUE(team.Set(2, 1, 2));
@@ -458,14 +461,14 @@ TEST(SignedRolesTest, OfAChainThatComesLateDoNotReplaceNewerOnesThatCannotBeStor
   EXPECT_FALSE(late->apply);
 }
 
-TEST(SignedRolesTest, ThatOneIssuedWhoLeftStillCountAndAWordOfTheBaseStationEndsThem) {
+TEST(SignedRolesTest, IssuedByAnAgentThatLeftStayValidUntilTheBaseStationSupersedesThem) {
   SignedTeam team(4, /*has_base=*/true);
   ASSERT_TRUE(team.Set(1, 1, 3));
   const std::string before = team.Term(3);
   team.Leave(1);
   EXPECT_EQ(team.Term(3), before) << "read back from its disk";
   EXPECT_EQ(team.LeaderAt(3), 1u);
-  // A wiped agent hears of it from the others, with the chain that the one who left had issued.
+  // A wiped agent receives the term from the others, with the chain that the agent that left had issued.
   team.Start(4, {});
   team.Heal();
   EXPECT_EQ(team.Term(4), before);

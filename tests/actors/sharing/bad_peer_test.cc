@@ -1,4 +1,4 @@
-// What an agent's status shows of a member of the team that says what it must not, and that nothing grows by it.
+// Tests that an agent's status shows the protocol violations of a team member, and that nothing grows because of them.
 #include <gtest/gtest.h>
 
 #include "actors/sharing/codec.h"
@@ -16,7 +16,7 @@ using std::chrono::seconds;
 constexpr AgentId kGood = 1;
 constexpr AgentId kBad = 3;
 
-// Agent 1 is real; agent 3 says what each test likes.
+// Agent 1 is real. Each test chooses the messages of agent 3.
 class BadPeerTest : public testing::Test {
  protected:
   BadPeerTest() {
@@ -82,7 +82,7 @@ TEST_F(BadPeerTest, ShowsHellosOfAnotherTeam) {
   EXPECT_EQ(CountHeard(proto::Message::kRefusal), 100);
 }
 
-TEST_F(BadPeerTest, ShowsWhoRunsAnotherConfiguration) {
+TEST_F(BadPeerTest, ShowsAPeerWithAnotherConfiguration) {
   proto::Message hello = Hello(10);
   hello.mutable_hello()->set_config_hash(2);
   Say(hello);
@@ -93,7 +93,7 @@ TEST_F(BadPeerTest, ShowsWhoRunsAnotherConfiguration) {
   EXPECT_EQ(Status().other_config_agents_size(), 0);
 }
 
-TEST_F(BadPeerTest, NoLongerShowsAnotherConfigurationOnceThePeerCameBack) {
+TEST_F(BadPeerTest, ForgetsAnotherConfigurationOnceThePeerReconnects) {
   proto::Message hello = Hello(10);
   hello.mutable_hello()->set_config_hash(2);
   Say(hello);
@@ -135,14 +135,14 @@ TEST_F(BadPeerTest, DecodesFewBatchesOfAPeerThatSendsDamagedOnes) {
   EXPECT_EQ(Status().damaged_messages(), 3) << "it is heard again";
 }
 
-TEST_F(BadPeerTest, ShowsRecordsThatAreNotGenuine) {
+TEST_F(BadPeerTest, ShowsForgedRecords) {
   Say(Hello(10));
   Say(Batch(10, "another content under the key's hash"));
   EXPECT_EQ(Status().rejected_records(), 1);
   EXPECT_TRUE(store_->records().empty());
 }
 
-TEST_F(BadPeerTest, ShowsWhatItDropsOfAFloodOfBatches) {
+TEST_F(BadPeerTest, ShowsHowManyBatchesOfAFloodItDrops) {
   Say(Hello(10));
   Say(Batch(10, "power"), 100);
   EXPECT_EQ(Status().dropped_messages(), 84);
@@ -157,7 +157,7 @@ TEST_F(BadPeerTest, OpensOneSessionForAFloodOfShareRequests) {
   EXPECT_EQ(CountHeard(proto::Message::kHello), 1);
 }
 
-TEST_F(BadPeerTest, ShowsAcknowledgmentsOfWhatWasNeverSent) {
+TEST_F(BadPeerTest, ShowsAcknowledgmentsOfRecordsThatWereNeverSent) {
   store_->Insert(kGood, proto::POWER, "own");
   Say(ShareOrder(proto::SHARING_KIND_SYNC));
   proto::Message have;
@@ -179,7 +179,7 @@ TEST_F(BadPeerTest, ShowsAcknowledgmentsOfWhatWasNeverSent) {
   EXPECT_EQ(Status().sessions(0).acknowledged_records(), 0);
 }
 
-// Each page says that one more follows.
+// Each page announces one more page.
 TEST_F(BadPeerTest, RefusesAHaveSetWithoutEnd) {
   store_->Insert(kGood, proto::POWER, "own");
   Say(ShareOrder(proto::SHARING_KIND_SYNC));

@@ -11,7 +11,7 @@ namespace {
 
 class BatchMakerTest : public SessionFixture {};
 
-TEST_F(BatchMakerTest, FillsThePapersFieldsTruthfully) {
+TEST_F(BatchMakerTest, FillsTheFieldsThatThePaperDefines) {
   const RecordKey first = source_.Insert(3, proto::POSE_GRAPH_NODE, Noise(2000));
   source_.Insert(3, proto::POSE_GRAPH_NODE, Noise(3900));
   Order();
@@ -39,7 +39,7 @@ TEST_F(BatchMakerTest, CountsRemainingDownToZero) {
   EXPECT_EQ(left, 0u);
 }
 
-TEST_F(BatchMakerTest, FillsMessagesWellWhateverTheContentIsLike) {
+TEST_F(BatchMakerTest, FillsMessagesWithCompressibleContent) {
   UseCodec(proto::CODEC_ZSTD);
   for (int i = 0; i < 2000; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, std::string(90, 'x') + Noise(3));
   Order();
@@ -50,7 +50,7 @@ TEST_F(BatchMakerTest, FillsMessagesWellWhateverTheContentIsLike) {
   EXPECT_GT(static_cast<double>(bytes) / static_cast<double>(batches.size()), 2500.0);
 }
 
-TEST_F(BatchMakerTest, SendsALargeRecordInPieces) {
+TEST_F(BatchMakerTest, SendsALargeRecordInFragments) {
   source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(100));
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100'000));
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100));
@@ -78,7 +78,7 @@ TEST_F(BatchMakerTest, SendsALargeRecordInPieces) {
   EXPECT_EQ(Status().remaining(), 0);
 }
 
-TEST_F(BatchMakerTest, AnOrderInTheMiddleOfTheLastRecordPutsOffTheEnd) {
+TEST_F(BatchMakerTest, AnOrderDuringTheLastRecordDelaysTheEnd) {
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(10'000));
   Order();
   AnswerHello();
@@ -99,7 +99,7 @@ TEST_F(BatchMakerTest, AnOrderInTheMiddleOfTheLastRecordPutsOffTheEnd) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(BatchMakerTest, GoesOnInALargeRecordWhereACutEndedIt) {
+TEST_F(BatchMakerTest, ResumesALargeRecordAfterALinkFailure) {
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100'000));
   Order();
   AnswerHello();
@@ -109,7 +109,7 @@ TEST_F(BatchMakerTest, GoesOnInALargeRecordWhereACutEndedIt) {
     sent_.erase(sent_.begin());
     Acknowledge(fragment);
   }
-  TakeSent();  // Lost.
+  TakeSent();  // The messages in flight are lost.
   Take(session_.OnConnected(now_));
   AnswerHello();
   fragments += RunToEnd().size();
@@ -117,7 +117,7 @@ TEST_F(BatchMakerTest, GoesOnInALargeRecordWhereACutEndedIt) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(BatchMakerTest, TellsInSmallMessagesWhatIsDropped) {
+TEST_F(BatchMakerTest, ReportsDropsInSmallMessages) {
   for (int i = 0; i < 4000; ++i) {
     const RecordKey key = source_.Insert(kSelf, proto::OPTIMIZED_POSE, "p");
     if (i % 2 == 1) source_.Drop(key);
@@ -129,8 +129,8 @@ TEST_F(BatchMakerTest, TellsInSmallMessagesWhatIsDropped) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(BatchMakerTest, TellsWhatIsDroppedOnlyWithTheLastRecords) {
-  // What packs well comes first, so that more records than fit are asked for when the noise comes.
+TEST_F(BatchMakerTest, ReportsDropsOnlyWithTheLastRecords) {
+  // Records that compress well come first. The maker therefore fetches more records than fit, before the noise follows.
   for (int i = 0; i < 2000; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, std::string(90, 'x'));
   for (int i = 0; i < 40; ++i) source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(500));
   source_.Drop(source_.Insert(kSelf, proto::POWER, "old"));
@@ -146,10 +146,10 @@ TEST_F(BatchMakerTest, TellsWhatIsDroppedOnlyWithTheLastRecords) {
   EXPECT_EQ(destination_.have(), source_.have());
   Order();
   AnswerHello();
-  for (const auto& batch : RunToEnd()) EXPECT_EQ(batch.batch().dropped_size(), 0);  // Once is enough.
+  for (const auto& batch : RunToEnd()) EXPECT_EQ(batch.batch().dropped_size(), 0);  // Drops need to be sent only once.
 }
 
-TEST_F(BatchMakerTest, TellsWhatIsDroppedWhenNoRecordIsMissing) {
+TEST_F(BatchMakerTest, ReportsDropsWhenNoRecordIsMissing) {
   source_.Drop(source_.Insert(kSelf, proto::POWER, "old"));
   Order();
   AnswerHello();
@@ -159,7 +159,7 @@ TEST_F(BatchMakerTest, TellsWhatIsDroppedWhenNoRecordIsMissing) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(BatchMakerTest, CodesCompactlyByDefault) {
+TEST_F(BatchMakerTest, UsesTheCompactCodecByDefault) {
   OrderMaps(60);
   std::size_t batches = 0;
   for (const proto::Message& message : RunToEnd()) {
@@ -172,7 +172,7 @@ TEST_F(BatchMakerTest, CodesCompactlyByDefault) {
   EXPECT_EQ(Status().codec(), proto::CODEC_COMPACT);
 }
 
-TEST_F(BatchMakerTest, ItsBatchesOfMapsLeanOnThoseBefore) {
+TEST_F(BatchMakerTest, ItsBatchesOfMapsDependOnEarlierOnes) {
   OrderMaps(60);
   const std::vector<proto::Message> batches = RunToEnd();
   ASSERT_GE(batches.size(), 3u);
@@ -182,7 +182,7 @@ TEST_F(BatchMakerTest, ItsBatchesOfMapsLeanOnThoseBefore) {
   EXPECT_EQ(Status().resends(), 0);
 }
 
-TEST_F(BatchMakerTest, ARunGoesOnInTheNextOrder) {
+TEST_F(BatchMakerTest, ARunContinuesInTheNextOrder) {
   OrderMaps(20);
   RunToEnd();
   OrderMaps(4, 20);
@@ -191,7 +191,7 @@ TEST_F(BatchMakerTest, ARunGoesOnInTheNextOrder) {
   EXPECT_EQ(Status().resends(), 0);
 }
 
-TEST_F(BatchMakerTest, ARunBeginsAnewWhereTheDestinationForgotIt) {
+TEST_F(BatchMakerTest, ARunRestartsIfTheDestinationForgotIt) {
   OrderMaps(20);
   RunToEnd();
   InsertMaps(4, 20);
@@ -203,7 +203,7 @@ TEST_F(BatchMakerTest, ARunBeginsAnewWhereTheDestinationForgotIt) {
   EXPECT_EQ(Status().resends(), 1);
 }
 
-TEST_F(BatchMakerTest, ARunBeginsAnewWhereABatchOfItWasUnderWay) {
+TEST_F(BatchMakerTest, ARunRestartsIfOneOfItsBatchesWasInFlight) {
   OrderMaps(60, 0, 2048);
   Acknowledge(sent_.front());
   ASSERT_GT(sent_.back().remaining(), 0u);
@@ -215,14 +215,14 @@ TEST_F(BatchMakerTest, ARunBeginsAnewWhereABatchOfItWasUnderWay) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(BatchMakerTest, CodesEachBatchByItselfForADestinationThatKeepsNoRuns) {
+TEST_F(BatchMakerTest, CodesEachBatchIndependentlyForADestinationThatKeepsNoRuns) {
   are_runs_kept_ = false;
   OrderMaps(60);
   for (const proto::Message& message : RunToEnd()) EXPECT_TRUE(IsReadByItself(message));
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(BatchMakerTest, AnOrderBeforeTheEndCostsTheRunNothing) {
+TEST_F(BatchMakerTest, AnOrderBeforeTheEndDoesNotRestartTheRun) {
   OrderMaps(20);
   ASSERT_GT(sent_.back().remaining(), 0u) << "the end waits for these";
   InsertMaps(4, 20);
@@ -233,8 +233,8 @@ TEST_F(BatchMakerTest, AnOrderBeforeTheEndCostsTheRunNothing) {
   EXPECT_EQ(Status().resends(), 0);
 }
 
-// Of what was coded behind the lost batch nothing leaves any more.
-TEST_F(BatchMakerTest, SendsNothingMoreOfARunThatIsBroken) {
+// Batches that were coded after the lost batch are not sent any more.
+TEST_F(BatchMakerTest, SendsNoMoreBatchesOfABrokenRun) {
   OrderMaps(60, 0, 2048);
   const proto::Message first = sent_.front();
   sent_.erase(sent_.begin());
@@ -246,7 +246,7 @@ TEST_F(BatchMakerTest, SendsNothingMoreOfARunThatIsBroken) {
   for (const proto::Message& message : RunToEnd()) EXPECT_TRUE(IsReadByItself(message));
 }
 
-TEST_F(BatchMakerTest, ALargeMapThatLeansOnOthersIsCodedAnewWhereTheyAreNotThere) {
+TEST_F(BatchMakerTest, ALargeMapIsCodedAgainIfTheMapsThatItDependsOnAreMissing) {
   OrderMaps(20);
   RunToEnd();
   InsertMaps(1, 20);
@@ -271,7 +271,7 @@ TEST_F(BatchMakerTest, ADamagedBatchEndsItsRun) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(BatchMakerTest, MapsThatTravelInPiecesArePartsOfTheRun) {
+TEST_F(BatchMakerTest, MapsSentInFragmentsArePartOfTheRun) {
   InsertNoiseMap(0, 300);
   OrderMaps(20);
   bool has_fragments = false;
@@ -281,7 +281,7 @@ TEST_F(BatchMakerTest, MapsThatTravelInPiecesArePartsOfTheRun) {
   EXPECT_EQ(Status().resends(), 0);
 }
 
-TEST_F(BatchMakerTest, CodesAsItsOptionsSay) {
+TEST_F(BatchMakerTest, UsesTheCodecOfItsOptions) {
   const proto::RecordBatch rows = RowBatch(300);
   for (const proto::Codec codec : {proto::CODEC_PLAIN, proto::CODEC_ZSTD}) {
     UseCodec(codec);
@@ -296,7 +296,7 @@ TEST_F(BatchMakerTest, CodesAsItsOptionsSay) {
   EXPECT_EQ(destination_.records().size(), 600u);
 }
 
-TEST_F(BatchMakerTest, SaysWhatIsLeftByType) {
+TEST_F(BatchMakerTest, ReportsTheBacklogByType) {
   for (int i = 0; i < 3; ++i) source_.Insert(kSelf, proto::POWER, Noise(1500));
   for (int i = 0; i < 9; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(1500));
   Order();
@@ -304,7 +304,7 @@ TEST_F(BatchMakerTest, SaysWhatIsLeftByType) {
   const proto::ShareSession status = Status();
   double left = 0;
   for (const proto::TypeBacklog& type : status.backlog()) left += type.records();
-  ASSERT_EQ(status.backlog_size(), 1);  // States are under way or ready.
+  ASSERT_EQ(status.backlog_size(), 1);  // All states are in flight or ready to be sent.
   EXPECT_EQ(status.backlog(0).data_type(), static_cast<std::uint32_t>(proto::POSE_GRAPH_NODE));
   EXPECT_LT(left, 9);
   EXPECT_GT(left, 4);
@@ -312,7 +312,7 @@ TEST_F(BatchMakerTest, SaysWhatIsLeftByType) {
   EXPECT_TRUE(Status().backlog().empty());
 }
 
-TEST_F(BatchMakerTest, NumbersItsBatchesAnewInEachSession) {
+TEST_F(BatchMakerTest, NumbersItsBatchesFromOneInEachSession) {
   BatchMaker maker(kDestination, proto::CODEC_ZSTD, {}, 1);
   maker.StartOver(77, /*is_any_in_flight=*/false);
   const proto::MissingReply nothing;

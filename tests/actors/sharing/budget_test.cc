@@ -1,5 +1,5 @@
-// The radio's budget: what one agent's sessions, of both kinds and in both directions, send and receive together; and
-// the states that agents send by themselves.
+// Tests the radio's budget, which limits the bytes that all sessions of one agent send and receive together. Also tests
+// the states that agents send periodically.
 #include <gtest/gtest.h>
 
 #include <deque>
@@ -18,7 +18,7 @@ using std::chrono::minutes;
 using std::chrono::seconds;
 
 constexpr AgentId kLeader = 1;
-constexpr double kBudget = 20'000;  // Bytes a second.
+constexpr double kBudget = 20'000;  // Bytes per second.
 
 class BudgetTest : public testing::Test {
  protected:
@@ -40,7 +40,7 @@ class BudgetTest : public testing::Test {
     return radio;
   }
 
-  // What no codec makes less.
+  // Inserts content that no codec can compress.
   void InsertNoise(AgentId agent, std::size_t bytes) {
     std::mt19937_64 random(agent);
     for (std::size_t i = 0; i < bytes / 200; ++i) {
@@ -50,7 +50,7 @@ class BudgetTest : public testing::Test {
     }
   }
 
-  // The most that an agent sent and received within ten seconds.
+  // The highest number of bytes that an agent sent and received within ten seconds.
   double MostInTenSeconds(AgentId agent) const {
     std::deque<const Sent*> window;
     double bytes = 0;
@@ -88,7 +88,7 @@ TEST_F(BudgetTest, AllSessionsOfTheLeaderShareIt) {
   const MonotonicTime start = team_.now();
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_REPLICATION));
-  // To the leader 400 kB, to the survivor what the leader holds now.
+  // The leader receives 400 kB, and the survivor then receives the records that the leader holds.
   ASSERT_TRUE(team_.RunUntil(
       [&] { return stores_[kLeader]->records().size() == 3000 && stores_[2]->records().size() >= 2000; }, minutes(10)));
   double bytes = 0;
@@ -98,7 +98,7 @@ TEST_F(BudgetTest, AllSessionsOfTheLeaderShareIt) {
   EXPECT_GT(bytes / seconds_taken, 0.7 * kBudget) << "what one session leaves, others have";
 }
 
-TEST_F(BudgetTest, ASessionAloneHasAllOfIt) {
+TEST_F(BudgetTest, ASingleSessionUsesAllOfIt) {
   Start(Radio());
   InsertNoise(3, 200'000);
   const MonotonicTime start = team_.now();
@@ -108,7 +108,7 @@ TEST_F(BudgetTest, ASessionAloneHasAllOfIt) {
   EXPECT_LE(MostInTenSeconds(3), 10 * kBudget + 8 * 1024 + 4096);
 }
 
-TEST_F(BudgetTest, ASenderThatVanishedGivesItsPartBack) {
+TEST_F(BudgetTest, ASenderThatVanishesReturnsItsShare) {
   Start(Radio());
   InsertNoise(2, 400'000);
   InsertNoise(3, 200'000);
@@ -124,7 +124,7 @@ TEST_F(BudgetTest, ASenderThatVanishedGivesItsPartBack) {
   EXPECT_EQ(team_.now() - start, seconds(10));
 }
 
-TEST_F(BudgetTest, LatestStatesComeToTheLeaderUnasked) {
+TEST_F(BudgetTest, LatestStatesReachTheLeaderPeriodically) {
   Start(Radio(/*states_period_s=*/30));
   stores_[3]->Insert(3, proto::POWER, "p");
   stores_[3]->Insert(3, proto::POSE_GRAPH_NODE, "n");
@@ -140,7 +140,7 @@ TEST_F(BudgetTest, LatestStatesComeToTheLeaderUnasked) {
   EXPECT_FALSE(status.sessions(0).is_open()) << "out of reach nothing is begun";
 }
 
-TEST_F(BudgetTest, AnOrderThatIsOpenGoesOnWhenStatesAreDue) {
+TEST_F(BudgetTest, AnOpenOrderContinuesWhenStatesAreDue) {
   Start(Radio(/*states_period_s=*/5));
   InsertNoise(3, 400'000);
   Share(team_, 3, ShareOrder(proto::SHARING_KIND_SYNC));
@@ -149,21 +149,21 @@ TEST_F(BudgetTest, AnOrderThatIsOpenGoesOnWhenStatesAreDue) {
   ASSERT_TRUE(team_.RunUntil([&] { return stores_[kLeader]->records().size() == 2001; }, minutes(1)));
 }
 
-TEST_F(BudgetTest, ARoleChangeMakesNoFullSyncOfUnaskedStates) {
+TEST_F(BudgetTest, ARoleChangeDoesNotTurnPeriodicStatesIntoAFullSync) {
   Start(Radio(/*states_period_s=*/30));
   stores_[3]->Insert(3, proto::POWER, "p");
   InsertNoise(3, 100'000);
   team_.SetFilter([this](AgentId from, AgentId, const proto::Message& message) {
     return !(message.has_hello() && from == 3 && stores_[kLeader]->records().empty());
   });
-  team_.AdvanceTime(seconds(31));  // The session to the leader stays open, unanswered.
+  team_.AdvanceTime(seconds(31));  // The session to the leader stays open without an answer.
   ASSERT_TRUE(ShareStatusOf(team_, 3, actor_name::kSync).sessions(0).is_periodic());
   for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(2, 1, 5));
   team_.AdvanceTime(seconds(20));
   EXPECT_TRUE(stores_[2]->records().empty());
 }
 
-TEST_F(BudgetTest, ASharingActorThatBeganAnewSharesTheBudgetAgain) {
+TEST_F(BudgetTest, ARestartedSharingActorSharesTheBudgetAgain) {
   Start(Radio());
   InsertNoise(2, 400'000);
   InsertNoise(3, 400'000);
@@ -175,12 +175,12 @@ TEST_F(BudgetTest, ASharingActorThatBeganAnewSharesTheBudgetAgain) {
     return ShareStatusOf(team_, agent, actor).sessions(0).bytes_per_second_max();
   };
   EXPECT_EQ(rate(2, actor_name::kSync), kBudget / 2);
-  // The leader's replica actor forgets its senders; the sync actor beside it hears of that.
+  // The leader's replica actor forgets its senders. The sync actor on the same agent learns of that.
   team_.CrashActor({kLeader, actor_name::kReplica});
   team_.SetLink(3, kLeader, false);
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(rate(2, actor_name::kSync), kBudget);
-  // And the other way round: who begins anew hears what moves beside it.
+  // The reverse also holds: a restarted actor learns which sessions the other actor serves.
   team_.CrashActor({kLeader, actor_name::kReplica});
   team_.AdvanceTime(seconds(1));
   team_.SetLink(3, kLeader, true);

@@ -18,7 +18,7 @@ proto::BundleFile Head() {
   return head;
 }
 
-// Records that do not compress.
+// Records with random content that does not compress.
 proto::RecordBatch Batch(std::uint64_t first_seq, int count, std::size_t bytes) {
   std::mt19937_64 rng(first_seq);
   proto::RecordBatch batch;
@@ -47,7 +47,7 @@ ErrorCode CodeOf(const std::string& file) {
   return read ? ErrorCode::kInternal : read.error().code;
 }
 
-TEST(BundleFileTest, GivesBackWhatWentIn) {
+TEST(BundleFileTest, ReturnsTheRecordsThatWereAdded) {
   BundleWriter writer(Head(), 100'000);
   EXPECT_EQ(writer.Add(Batch(1, 20, 50)), 20);
   EXPECT_EQ(writer.Add(Batch(21, 5, 50)), 5);
@@ -66,7 +66,7 @@ TEST(BundleFileTest, GivesBackWhatWentIn) {
   EXPECT_EQ(contents[24], Batch(21, 5, 50).records(4).content());
 }
 
-TEST(BundleFileTest, IsNeverLargerThanItsBudgetAndLeavesLittleOfItUnused) {
+TEST(BundleFileTest, FillsItsBudgetAndNeverExceedsIt) {
   for (const std::size_t budget : {1024, 3000, 10'000, 30'000}) {
     BundleWriter writer(Head(), budget);
     const int added = writer.Add(Batch(1, 1000, 40));
@@ -79,7 +79,7 @@ TEST(BundleFileTest, IsNeverLargerThanItsBudgetAndLeavesLittleOfItUnused) {
   }
 }
 
-TEST(BundleFileTest, TakesNothingThatDoesNotFit) {
+TEST(BundleFileTest, RefusesARecordThatDoesNotFit) {
   BundleWriter writer(Head(), 1024);
   EXPECT_EQ(writer.Add(Batch(1, 1, 2000)), 0);
   EXPECT_EQ(writer.record_count(), 0u);
@@ -98,8 +98,8 @@ TEST(BundleFileTest, RefusesEveryDamagedByteAndEveryTruncation) {
   }
 }
 
-// Its checksum is right: somebody made it so.
-TEST(BundleFileTest, RefusesAHaveSetThatIsNotThatOfItsRecords) {
+// The checksum matches, as if an attacker had computed it.
+TEST(BundleFileTest, RefusesAHaveSetThatDoesNotMatchItsRecords) {
   BundleWriter writer(Head(), 10'000);
   ASSERT_EQ(writer.Add(Batch(1, 3, 30)), 3);
   const std::string file = writer.Finish();
@@ -113,7 +113,7 @@ TEST(BundleFileTest, RefusesAHaveSetThatIsNotThatOfItsRecords) {
   EXPECT_EQ(CodeOf(forged + body), ErrorCode::kCorrupt);
 }
 
-TEST(BundleFileTest, SaysThatAnotherVersionIsNotDamage) {
+TEST(BundleFileTest, DistinguishesAnotherVersionFromDamage) {
   const auto read = ReadBundle("moondb bundle 2\nwhatever", [](const proto::StoredRecord&) { return Result<void>(); });
   ASSERT_FALSE(read);
   EXPECT_NE(read.error().text.find("another version"), std::string::npos) << read.error().text;

@@ -36,7 +36,7 @@ ErrorCode CodeOf(const Result<proto::RecordBatch>& result) {
   return result ? ErrorCode::kInternal : result.error().code;
 }
 
-TEST(CodecTest, GivesEveryByteBack) {
+TEST(CodecTest, RestoresEveryByte) {
   for (const auto& batch : {BatchOf(0, ""), BatchOf(1, Noise(40)), BatchOf(200, std::string(100, 'a'))}) {
     const CodedBatch coded = EncodeBatch(batch);
     const auto decoded = DecodeBatch(coded.codec, coded.bytes, static_cast<std::uint32_t>(batch.records_size()));
@@ -45,7 +45,7 @@ TEST(CodecTest, GivesEveryByteBack) {
   }
 }
 
-TEST(CodecTest, TakesWhicheverFormIsSmaller) {
+TEST(CodecTest, UsesTheSmallerForm) {
   EXPECT_EQ(EncodeBatch(BatchOf(1, Noise(40))).codec, proto::CODEC_PLAIN);
   const CodedBatch coded = EncodeBatch(BatchOf(200, std::string(100, 'a')));
   EXPECT_EQ(coded.codec, proto::CODEC_ZSTD);
@@ -67,21 +67,21 @@ TEST(CodecTest, RefusesEveryDamagedByteOfAFrame) {
     std::string damaged = coded.bytes;
     damaged[i] = static_cast<char>(damaged[i] ^ 0x10);
     const auto decoded = DecodeBatch(coded.codec, damaged, 20);
-    // A flag in the frame's header that changes nothing may pass; other records may not.
+    // A changed flag in the frame's header that has no effect may pass, but the records must be the same.
     if (decoded) {
       EXPECT_EQ(decoded->SerializeAsString(), batch.SerializeAsString()) << i;
     }
   }
 }
 
-TEST(CodecTest, RefusesWhatWouldDecodeToTooMuch) {
+TEST(CodecTest, RefusesAFrameThatWouldDecodeToTooMuch) {
   const std::string tiny_frame_of_64_mib = {'\x28', '\xB5', '\x2F', '\xFD', '\xA0', 0, 0, 0, 4, 1, 0, 0};
   const auto decoded = DecodeBatch(proto::CODEC_ZSTD, tiny_frame_of_64_mib, 1);
   ASSERT_FALSE(decoded);
   EXPECT_EQ(decoded.error().text, "would decode to more than 18 MiB");
 }
 
-// Some hundred bytes on the wire, that would take a gigabyte here.
+// A frame of a few hundred bytes that would take a gigabyte of memory here.
 TEST(CodecTest, RefusesMillionsOfEmptyRecords) {
   std::string plain;
   for (int i = 0; i < 8'000'000; ++i) plain += std::string_view("\x0A\x00", 2);
@@ -126,7 +126,7 @@ TEST(CodecTest, CodesMapsAndRowsInAFractionOfZstd) {
   }
 }
 
-TEST(CodecTest, FillsMessagesThatAreDecodableInTheirOrder) {
+TEST(CodecTest, FillsMessagesThatDecodeInOrder) {
   std::mt19937_64 rng(2);
   proto::RecordBatch batch;
   for (int i = 0; i < 1000; ++i) {
@@ -150,7 +150,7 @@ TEST(CodecTest, FillsMessagesThatAreDecodableInTheirOrder) {
   EXPECT_GE(static_cast<double>(bytes) / static_cast<double>(messages), 0.75 * kMessageBytes);
 }
 
-TEST(CodecTest, BeginsARunAnewWhereItIsTold) {
+TEST(CodecTest, BeginsANewRunOnRequest) {
   SharingEncoder encoder;
   const CodedBatch first = encoder.Encode(proto::CODEC_COMPACT, MapBatch(0, 8), 1'000'000);
   const CodedBatch later = encoder.Encode(proto::CODEC_COMPACT, MapBatch(8, 8), 1'000'000);
@@ -169,7 +169,7 @@ TEST(CodecTest, BeginsARunAnewWhereItIsTold) {
   EXPECT_TRUE(encoder.Encode(proto::CODEC_COMPACT, MapBatch(16, 8), 1'000'000).leans_on_others);
 }
 
-TEST(CodecTest, GivesOneRecordThatIsTooLargeForAMessageAlone) {
+TEST(CodecTest, CodesARecordThatIsTooLargeForAMessageByItself) {
   proto::RecordBatch batch;
   for (int i = 0; i < 3; ++i) *batch.add_records() = Store(Noise(2 * kMessageBytes), 1234, i);
   for (const auto codec : {proto::CODEC_COMPACT, proto::CODEC_ZSTD, proto::CODEC_PLAIN}) {
@@ -180,7 +180,7 @@ TEST(CodecTest, GivesOneRecordThatIsTooLargeForAMessageAlone) {
   }
 }
 
-TEST(CodecTest, FallsBackWhereZstdOrNothingIsSmaller) {
+TEST(CodecTest, FallsBackIfZstdOrNoCompressionIsSmaller) {
   EXPECT_EQ(SharingEncoder().Encode(proto::CODEC_COMPACT, BatchOf(1, ""), kMessageBytes).codec, proto::CODEC_PLAIN);
   const proto::RecordBatch noise = From(RowBatch(200), 0, 200);
   EXPECT_EQ(SharingEncoder().Encode(proto::CODEC_ZSTD, noise, kMessageBytes).codec, proto::CODEC_ZSTD);
@@ -200,7 +200,7 @@ TEST(CodecTest, RefusesEveryTruncationAndWrongCountsOfTheCompactForm) {
   EXPECT_FALSE(DecodeBatch(coded.codec, coded.bytes + "x", count));
 }
 
-TEST(CodecTest, NeverGivesOtherRecordsForADamagedByteOfTheCompactForm) {
+TEST(CodecTest, NeverDecodesADamagedCompactFormToOtherRecords) {
   const proto::RecordBatch batch = RowsAndMaps();
   const CodedBatch coded = SharingEncoder().Encode(proto::CODEC_COMPACT, batch, 1'000'000);
   for (std::size_t i = 0; i < coded.bytes.size(); i += 2) {

@@ -1,4 +1,4 @@
-// Records of custom data types on their way through a team with the real StorageActor: rover, leader, survivor, base.
+// Follows records of custom data types through a team with the real StorageActor: rover, leader, survivor and base.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -17,8 +17,8 @@ using std::chrono::seconds;
 using testing::ElementsAre;
 
 constexpr AgentId kLeader = 1, kSurvivor = 2, kRover = 3, kBase = 4;
-constexpr DataType kSoil = 1000;    // All; to the base station the newest of each key.
-constexpr DataType kBeacon = 1001;  // Latest.
+constexpr DataType kSoil = 1000;    // Policy `all`. The base station gets the newest record of each key.
+constexpr DataType kBeacon = 1001;  // Policy `latest`.
 
 proto::TeamConfig TeamWithTypes() {
   proto::TeamConfig team = TestTeam(3);
@@ -112,11 +112,11 @@ class CustomTypesTeamTest : public testing::Test {
     return answers.empty() ? proto::Message() : answers.back();
   }
 
-  AgentId other_name_at_ = 0;  // Which agent names the first type differently.
+  AgentId other_name_at_ = 0;  // The agent whose team file gives the first type another name.
   simulation::SimulatedTeam team_{/*seed=*/5};
 };
 
-TEST_F(CustomTypesTeamTest, BringsARoversRecordsToLeaderSurvivorAndBaseByPolicy) {
+TEST_F(CustomTypesTeamTest, SendsARoversRecordsToLeaderSurvivorAndBaseByPolicy) {
   Start(/*without_types=*/0);
   Insert(kRover, kSoil, "hole 1, dry", "hole 1");
   Insert(kRover, kBeacon, "at 1", "beacon 7");
@@ -135,11 +135,11 @@ TEST_F(CustomTypesTeamTest, BringsARoversRecordsToLeaderSurvivorAndBaseByPolicy)
   EXPECT_EQ(SentRecords(), sent) << "nothing is sent twice";
 }
 
-TEST_F(CustomTypesTeamTest, SendsTheBaseStationOnlyTheNewestWhereGroundSaysLatest) {
+TEST_F(CustomTypesTeamTest, SendsTheBaseStationOnlyTheNewestIfGroundIsLatest) {
   Start(/*without_types=*/0);
   for (int i = 1; i <= 20; ++i) Insert(kRover, kSoil, std::to_string(i), "hole " + std::to_string(i % 2));
   Insert(kLeader, kSoil, "the leader's own");
-  // The base station is up to date with what the leader had, and with the rest when it comes.
+  // The first sync sends the base station the records that the leader held before. The second sends the rest.
   SyncAndReplicate();
   SyncAndReplicate();
   EXPECT_EQ(PayloadsAt(kLeader, kSoil).size(), 21u);
@@ -164,16 +164,16 @@ TEST_F(CustomTypesTeamTest, ALeaderThatDoesNotKnowTheTypeCarriesIt) {
   EXPECT_EQ(SentRecords(), sent);
 }
 
-TEST_F(CustomTypesTeamTest, TellsReadersOfNewRecords) {
+TEST_F(CustomTypesTeamTest, NotifiesReadersOfNewRecords) {
   Start(/*without_types=*/0);
-  (void)team_.Take({kRover, "listener"});  // What was published at the start.
+  (void)team_.Take({kRover, "listener"});  // Removes the messages from the start.
   Insert(kRover, kSoil, "a");
   const auto reported = team_.Take({kRover, "listener"});
   ASSERT_EQ(reported.size(), 1u);
   EXPECT_THAT(reported[0].records_stored().data_types(), ElementsAre(kSoil));
 }
 
-TEST_F(CustomTypesTeamTest, ATypeThatTheLeaderUnderstandsDifferentlyStaysAndStatusSaysSo) {
+TEST_F(CustomTypesTeamTest, ReportsATypeThatTheLeaderDefinesDifferentlyAndDoesNotSendIt) {
   other_name_at_ = kLeader;
   Start(/*without_types=*/0);
   Insert(kRover, kSoil, "dry");

@@ -15,7 +15,7 @@ using std::chrono::minutes;
 
 constexpr AgentId kSelf = 3;  // The base station.
 
-// With the real StorageActor; the gateway is a probe.
+// Uses the real StorageActor. The gateway is a probe.
 class DownlinkActorTest : public testing::Test {
  protected:
   DownlinkActorTest() {
@@ -90,10 +90,10 @@ class DownlinkActorTest : public testing::Test {
   simulation::SimulatedTeam team_{/*seed=*/1};
   const Address requester_{kSelf, actor_name::kGateway};
   std::int64_t next_index_ = 1;
-  std::mt19937_64 rng_{1};  // Positions that do not compress: a node has 8 bytes at least.
+  std::mt19937_64 rng_{1};  // Draws positions that do not compress. A node takes at least 8 bytes.
 };
 
-TEST_F(DownlinkActorTest, PacksWhatTheGroundAsksForIntoBundlesWithoutRepeatingAny) {
+TEST_F(DownlinkActorTest, PacksRequestedRecordsIntoBundlesWithoutRepeatingAny) {
   InsertNodes(300);
   std::set<std::uint64_t> seqs;
   double left = 300;
@@ -119,7 +119,7 @@ TEST_F(DownlinkActorTest, PacksWhatTheGroundAsksForIntoBundlesWithoutRepeatingAn
   EXPECT_FALSE(nothing.has_made());
 }
 
-TEST_F(DownlinkActorTest, KeepsABundleUntilTheGroundHasItAndItsRecordsOutOfOthersForEver) {
+TEST_F(DownlinkActorTest, KeepsABundleUntilItIsAcknowledgedAndNeverPacksItsRecordsAgain) {
   InsertNodes(10);
   ASSERT_EQ(Order(8000).made().record_count(), 10);
   const std::string file = FileOf(1);
@@ -136,7 +136,7 @@ TEST_F(DownlinkActorTest, KeepsABundleUntilTheGroundHasItAndItsRecordsOutOfOther
   EXPECT_EQ(next.made().record_count(), 1);
 }
 
-TEST_F(DownlinkActorTest, LeavesOutWhatTheGroundDoesNotAskFor) {
+TEST_F(DownlinkActorTest, LeavesOutRecordsThatTheGroundStationDoesNotRequest) {
   proto::Message message;
   proto::Record& record = *message.mutable_insert_request()->add_records();
   record.set_timestamp_ns(1);
@@ -146,14 +146,14 @@ TEST_F(DownlinkActorTest, LeavesOutWhatTheGroundDoesNotAskFor) {
   EXPECT_FALSE(Order(8000).has_made());
 }
 
-TEST_F(DownlinkActorTest, SaysWhatIsWrong) {
+TEST_F(DownlinkActorTest, RefusesInvalidOrders) {
   EXPECT_EQ(Order(1000).error().code(), proto::ERROR_CODE_INVALID);
   EXPECT_EQ(Order(17 * 1024 * 1024).error().code(), proto::ERROR_CODE_INVALID);
   EXPECT_EQ(Order(2000, 1).error().code(), proto::ERROR_CODE_INVALID);
   EXPECT_EQ(Order(0, 1).error().code(), proto::ERROR_CODE_NOT_FOUND);
 }
 
-TEST_F(DownlinkActorTest, LetsNoMoreBundlesWaitThanItMay) {
+TEST_F(DownlinkActorTest, LimitsTheNumberOfWaitingBundles) {
   for (int i = 0; i < kBundlesWaitingMax; ++i) {
     InsertNodes(1);
     ASSERT_TRUE(Order(2000).has_made());
@@ -164,7 +164,7 @@ TEST_F(DownlinkActorTest, LetsNoMoreBundlesWaitThanItMay) {
   EXPECT_TRUE(Order(2000).has_made());
 }
 
-TEST_F(DownlinkActorTest, TakesOneOrderAfterTheOtherAndAFewThatWait) {
+TEST_F(DownlinkActorTest, CarriesOutOneOrderAtATimeAndQueuesAFew) {
   InsertNodes(300);
   proto::Message message;
   message.mutable_downlink_request()->set_bytes_max(1500);
@@ -187,8 +187,8 @@ TEST_F(DownlinkActorTest, TakesOneOrderAfterTheOtherAndAFewThatWait) {
   EXPECT_EQ(numbers, (std::set<std::uint32_t>{1, 2}));
 }
 
-TEST_F(DownlinkActorTest, AnswersWhereStorageDoesNot) {
-  simulation::SimulatedTeam team(/*seed=*/1);  // In which storage is a probe.
+TEST_F(DownlinkActorTest, AnswersThoughStorageDoesNot) {
+  simulation::SimulatedTeam team(/*seed=*/1);  // A team whose storage is a probe that does not answer.
   team.AddAgent(kSelf);
   SpawnDownlink(team);
   proto::Message message;
@@ -200,7 +200,7 @@ TEST_F(DownlinkActorTest, AnswersWhereStorageDoesNot) {
   EXPECT_EQ(answers[0].downlink_reply().error().code(), proto::ERROR_CODE_TIMED_OUT);
 }
 
-TEST_F(DownlinkActorTest, TakesNoOrderFromAnotherAgent) {
+TEST_F(DownlinkActorTest, AcceptsNoOrderFromAnotherAgent) {
   proto::Message message;
   message.mutable_downlink_request()->set_acknowledge(1);
   team_.AddAgent(1);

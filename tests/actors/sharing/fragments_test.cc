@@ -38,7 +38,7 @@ TEST(FragmentsTest, MakeUpTheWhole) {
   EXPECT_EQ(collector.PartFrom(kSender).hash, 0u);
 }
 
-TEST(FragmentsTest, GoOnAfterACutWhereTheyEnded) {
+TEST(FragmentsTest, ResumeAfterALinkFailure) {
   const std::string whole = Noise(10'000);
   FragmentCollector collector(100'000);
   const auto fragments = Cut(whole, 1000);
@@ -54,7 +54,7 @@ TEST(FragmentsTest, GoOnAfterACutWhereTheyEnded) {
   EXPECT_EQ(Cut(whole, 1000, {rest[0].fragment().hash(), 10'000}).size(), 10u) << "more than there can be";
 }
 
-TEST(FragmentsTest, NeedWhatComesBefore) {
+TEST(FragmentsTest, NeedTheFragmentsBeforeThem) {
   FragmentCollector collector(100'000);
   const auto fragments = Cut(Noise(10'000), 1000);
   EXPECT_EQ(collector.Take(kSender, fragments[1]).error().code, ErrorCode::kNotFound);
@@ -65,7 +65,7 @@ TEST(FragmentsTest, NeedWhatComesBefore) {
   EXPECT_EQ(collector.PartFrom(3).bytes, 0u);
 }
 
-TEST(FragmentsTest, BeginAnewAfterAPartThatStatesAWrongSize) {
+TEST(FragmentsTest, RestartAfterAPartThatStatesAWrongSize) {
   const std::string whole = Noise(3000);
   FragmentCollector collector(100'000);
   proto::Batch wrong = Cut(whole, 1000)[0];
@@ -79,7 +79,7 @@ TEST(FragmentsTest, BeginAnewAfterAPartThatStatesAWrongSize) {
   EXPECT_EQ(**collector.Take(kSender, second[0]), whole);
 }
 
-TEST(FragmentsTest, TakeNothingThatCannotBe) {
+TEST(FragmentsTest, RejectInvalidFragments) {
   FragmentCollector collector(5'000);
   const proto::Batch good = Cut(Noise(3000), 1000)[0];
   const auto broken = [&](auto change) {
@@ -97,7 +97,7 @@ TEST(FragmentsTest, TakeNothingThatCannotBe) {
   EXPECT_FALSE(broken([](proto::Batch&) {}));
 }
 
-TEST(FragmentsTest, OneSenderTakesNoMoreThanTheLargestRecord) {
+TEST(FragmentsTest, OneSenderUsesNoMoreSpaceThanTheLargestRecord) {
   FragmentCollector collector(5'000, 2'000);
   EXPECT_EQ(collector.Take(kSender, Cut(Noise(2001), 1000)[0]).error().code, ErrorCode::kCorrupt);
   for (int i = 0; i < 2; ++i) {
@@ -108,7 +108,7 @@ TEST(FragmentsTest, OneSenderTakesNoMoreThanTheLargestRecord) {
   }
 }
 
-TEST(FragmentsTest, NoticeAWholeThatIsNotWhatItsHashSays) {
+TEST(FragmentsTest, DetectARecordThatDoesNotMatchItsHash) {
   FragmentCollector collector(100'000);
   auto fragments = Cut(Noise(2000), 1000);
   (*fragments[0].mutable_coded())[7] ^= 1;
@@ -117,7 +117,7 @@ TEST(FragmentsTest, NoticeAWholeThatIsNotWhatItsHashSays) {
   EXPECT_EQ(collector.PartFrom(kSender).bytes, 0u) << "begins anew";
 }
 
-TEST(FragmentsTest, WhatWasBegunFirstGivesWayWhenThereIsNoRoom) {
+TEST(FragmentsTest, EvictTheOldestPartialRecordIfThereIsNoRoom) {
   FragmentCollector collector(5'000);
   const auto first = Cut(Noise(4000), 1000);
   const auto second = Cut(Noise(4000), 1000);
@@ -129,7 +129,7 @@ TEST(FragmentsTest, WhatWasBegunFirstGivesWayWhenThereIsNoRoom) {
   EXPECT_TRUE(**collector.Take(3, second[3]) != "");
 }
 
-TEST(FragmentsTest, ABufferCountsForAllThatWasWrittenToIt) {
+TEST(FragmentsTest, ABufferCountsAllBytesEverWrittenToIt) {
   FragmentCollector collector(5'000);
   const auto first = Cut(Noise(4000), 1000);
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(collector.Take(2, first[i]));

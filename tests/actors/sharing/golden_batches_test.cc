@@ -1,6 +1,6 @@
-// Batches of wire version 1 in each form, as bytes that an agent of that version has written: what reads them no
-// longer, or otherwise, speaks another wire version (docs/COMPATIBILITY.md). How zstd packs is not compared: its
-// versions differ.
+// Batches of wire version 1 in each form, as bytes written by an agent of that version. Code that cannot read them, or
+// reads other records from them, implements another wire version (docs/COMPATIBILITY.md). The bytes that zstd writes
+// are not compared, because versions of zstd differ in them.
 #include <gtest/gtest.h>
 
 #include "actors/sharing/codec.h"
@@ -29,7 +29,7 @@ std::string ToHex(const std::string& bytes) {
   return hex;
 }
 
-// Blocks that roll by, of which each map shows a little more.
+// A map of blocks that move past. Each next map shows a little more of them.
 Layers RollingMap(int index) {
   return DrawLayers(2, 24, 24, [index](int layer, int column, int row) {
     const int x = (((column - 12) << layer) + 4 * index + 1024) >> 3;
@@ -38,7 +38,7 @@ Layers RollingMap(int index) {
   });
 }
 
-// Two maps and three rows, of which the second batch has the next ones.
+// Two maps and three rows from `index` on. The second batch has the maps and rows that follow those of the first.
 proto::RecordBatch BatchFrom(int index) {
   proto::RecordBatch batch;
   for (int i = index; i < index + 2; ++i) *batch.add_records() = MapOf(RollingMap(i), i);
@@ -48,24 +48,24 @@ proto::RecordBatch BatchFrom(int index) {
   return batch;
 }
 
-// Begins a run: its second map leans on its first.
+// The first batch of a run. Its second map depends on its first map.
 constexpr std::string_view kFirst =
     "0100E90228B52FFD603600550500D2C82029706D3AB0782807853A9C52DCF31C5A1998120FC12DFC7F45001C872B3C25602A4441DA44A4"
     "1B91290507EB371DC30843EC2AFE0D5B1F15CA01DA6CEE146D8EF47992CFE77506784A9491261363DE5F980A8559650FECF6ECD705BA5B48"
     "4D1726A69AEE754C93A33037CAB26F673E7FDB047F905E4C301D51C814B1D8E94BE23358010E00F92E74281C08140826EBEA401772BAFBF0"
     "A11D8BDE86204135B0531A9B659FDA9627E296B8DB1062CB71E6B9723D85F86386DEADB3E2FC05F8DF068290B5B14D25CAB127BC8722242B";
 
-// Goes on with it: its maps lean on the first batch's, its rows refer to the first batch's rows.
+// The next batch of the run. Its maps and rows refer to the maps and rows of the first batch.
 constexpr std::string_view kSecond =
     "0102A30128B52FFD20D3450200A4020555863D8203021901000002820101000200020201010180A8FEEAEA01E6CC99B3E6CCF999C00106"
     "31010A0057DB6A350520284DAC390EFBBAB06BE0B00C001A02C27294F5067DFDDFFFFF6EB918D2ACD3ED480C1D166D638635";
 
-// Two rows and no maps.
+// A batch of two rows without maps.
 constexpr std::string_view kRows =
     "008A0102D7810F6800020000A198F5DBE0C3A69E5F000001000001010200000000000002010402090652020907008080A8B1E39FE7CB1704"
     "0094357700808080808080809AC00100";
 
-// The same two rows, as codec plain has them, and as one zstd frame.
+// The same two rows in codec plain and as one zstd frame.
 constexpr std::string_view kPlain =
     "0A300A0F080211214C7D0B1E9A3C5F1801200112140900002A36FE9C971752090900000000000034C0194D392A6F2B8135550A300A0F0802"
     "11214C7D0B1E9A3C5F1801200212140900CAC471FE9C971752090900000000000034C019D1F2323F034B5D04";
@@ -78,18 +78,18 @@ void ExpectIs(const Result<proto::RecordBatch>& decoded, const proto::RecordBatc
   EXPECT_EQ(decoded->SerializeAsString(), batch.SerializeAsString());
 }
 
-TEST(GoldenBatchesTest, AreOfTheWireVersionOfToday) { EXPECT_EQ(kWireVersion, 1u); }
+TEST(GoldenBatchesTest, HaveTheCurrentWireVersion) { EXPECT_EQ(kWireVersion, 1u); }
 
-TEST(GoldenBatchesTest, ACompactBatchOfRowsIsRead) {
+TEST(GoldenBatchesTest, DecodeACompactBatchOfRows) {
   ExpectIs(DecodeBatch(proto::CODEC_COMPACT, FromHex(kRows), 2), RowBatch(2));
 }
 
-TEST(GoldenBatchesTest, ACompactBatchOfMapsAndRowsIsRead) {
+TEST(GoldenBatchesTest, DecodeACompactBatchOfMapsAndRows) {
   BatchDecoder decoder;
   ExpectIs(decoder.Decode(FromHex(kFirst), 5), BatchFrom(0));
 }
 
-TEST(GoldenBatchesTest, ARunIsReadOn) {
+TEST(GoldenBatchesTest, DecodeTheNextBatchOfARun) {
   BatchDecoder decoder;
   ExpectIs(decoder.Decode(FromHex(kFirst), 5), BatchFrom(0));
   ExpectIs(decoder.Decode(FromHex(kSecond), 5), BatchFrom(2));
@@ -98,12 +98,12 @@ TEST(GoldenBatchesTest, ARunIsReadOn) {
   EXPECT_EQ(alone.error().code, ErrorCode::kNotFound);
 }
 
-TEST(GoldenBatchesTest, APlainBatchIsWrittenAndRead) {
+TEST(GoldenBatchesTest, EncodeAndDecodeAPlainBatch) {
   EXPECT_EQ(ToHex(RowBatch(2).SerializeAsString()), kPlain);
   ExpectIs(DecodeBatch(proto::CODEC_PLAIN, FromHex(kPlain), 2), RowBatch(2));
 }
 
-TEST(GoldenBatchesTest, AZstdFrameIsRead) { ExpectIs(DecodeBatch(proto::CODEC_ZSTD, FromHex(kZstd), 2), RowBatch(2)); }
+TEST(GoldenBatchesTest, DecodeAZstdFrame) { ExpectIs(DecodeBatch(proto::CODEC_ZSTD, FromHex(kZstd), 2), RowBatch(2)); }
 
 }  // namespace
 }  // namespace moondb

@@ -45,13 +45,13 @@ class HaveCollectorTest : public testing::Test {
   const proto::Have last_ = Page(KeyOf(7, 10), {}, OneRecord(KeyOf(7, 10)));
 };
 
-TEST_F(HaveCollectorTest, OnePageMayBeTheWhole) {
+TEST_F(HaveCollectorTest, AcceptsOnePageAsTheWholeSet) {
   EXPECT_EQ(*collector_.Take(Page({}, {}, OneRecord(KeyOf(1)))), Taken::kLastPage);
   EXPECT_EQ(collector_.TakeWhole(), OneRecord(KeyOf(1)));
   EXPECT_FALSE(collector_.is_begun());
 }
 
-TEST_F(HaveCollectorTest, TakesEachPageOnceInItsOrder) {
+TEST_F(HaveCollectorTest, AcceptsEachPageOnceInOrder) {
   EXPECT_EQ(*collector_.Take(second_), Taken::kNothing);
   EXPECT_EQ(*collector_.Take(first_), Taken::kPage);
   EXPECT_EQ(*collector_.Take(first_), Taken::kNothing);
@@ -65,7 +65,7 @@ TEST_F(HaveCollectorTest, TakesEachPageOnceInItsOrder) {
   EXPECT_EQ(collector_.TakeWhole(), whole);
 }
 
-TEST_F(HaveCollectorTest, RefusesAPageThatNamesWhatItDoesNotSpeakOf) {
+TEST_F(HaveCollectorTest, RefusesAPageWithStreamsOutsideItsRange) {
   for (const proto::Have& page :
        {Page(KeyOf(5), {}, OneRecord(KeyOf(4))), Page(KeyOf(5), {}, OneRecord(KeyOf(1))),
         Page(KeyOf(5), KeyOf(7), OneRecord(KeyOf(7))), Page(KeyOf(5), KeyOf(7), OneRecord(KeyOf(8))),
@@ -76,7 +76,7 @@ TEST_F(HaveCollectorTest, RefusesAPageThatNamesWhatItDoesNotSpeakOf) {
   }
 }
 
-TEST_F(HaveCollectorTest, RefusesPagesThatDoNotGoOn) {
+TEST_F(HaveCollectorTest, RefusesPagesThatMakeNoProgress) {
   for (const proto::Have& page : {Page(KeyOf(5), KeyOf(5), OneRecord(KeyOf(5))),
                                   Page(KeyOf(5), KeyOf(4), OneRecord(KeyOf(5))), Page(KeyOf(5), KeyOf(9), HaveSet())}) {
     EXPECT_EQ(*collector_.Take(first_), Taken::kPage);
@@ -109,7 +109,7 @@ TEST_F(HaveCollectorTest, RefusesMoreThanAHaveSetMayHold) {
   EXPECT_EQ(RefusalOf(Page(from, {}, Streams(epoch, 1))), ErrorCode::kInvalid);
 }
 
-TEST_F(HaveCollectorTest, AStreamThatWasCutIsOneStream) {
+TEST_F(HaveCollectorTest, CountsAStreamSplitAcrossPagesOnce) {
   HaveSet all_but_one = Streams(1, kHaveStreamsMax);
   const std::uint64_t last = kHaveStreamsMax;
   ASSERT_EQ(*collector_.Take(Page({}, KeyOf(last, 2), all_but_one)), Taken::kPage);

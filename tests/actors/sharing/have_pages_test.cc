@@ -1,4 +1,4 @@
-// A have-set that travels in pages: one session whose destination is asked page by page.
+// A have-set that is sent in pages: one session requests it from its destination page by page.
 #include <gtest/gtest.h>
 
 #include "proto/types.pb.h"
@@ -9,7 +9,7 @@ namespace {
 
 using std::chrono::seconds;
 
-// Pages of four streams or so.
+// Size of a page with about four streams.
 constexpr std::size_t kPageBytes = 100;
 
 class HavePagesTest : public SessionFixture {
@@ -35,7 +35,7 @@ class HavePagesTest : public SessionFixture {
     return page;
   }
 
-  // The one Hello that was sent since.
+  // The only Hello that was sent since the last call.
   proto::Hello NextHello() {
     const auto sent = TakeSent();
     EXPECT_EQ(sent.size(), 1u);
@@ -43,7 +43,7 @@ class HavePagesTest : public SessionFixture {
     return sent.empty() ? proto::Hello() : sent.back().hello();
   }
 
-  // Answers Hellos until something else is sent; how many.
+  // Answers Hellos until another message is sent. Returns the number of pages.
   int AnswerAll() {
     int pages = 0;
     for (; !sent_.empty() && sent_.back().has_hello(); ++pages) Take(session_.OnHave(PageFor(NextHello()), now_));
@@ -59,7 +59,7 @@ class HavePagesTest : public SessionFixture {
   }
 };
 
-TEST_F(HavePagesTest, AreAskedForOneAfterTheOther) {
+TEST_F(HavePagesTest, AreRequestedOneAfterTheOther) {
   Order();
   EXPECT_GE(AnswerAll(), 4);
   ExpectOneRecordMoreAndTheEnd();
@@ -67,7 +67,7 @@ TEST_F(HavePagesTest, AreAskedForOneAfterTheOther) {
   EXPECT_EQ(Status().refused_haves(), 0);
 }
 
-TEST_F(HavePagesTest, ALostOneIsAskedForAgainAndNoOther) {
+TEST_F(HavePagesTest, OnlyALostPageIsRequestedAgain) {
   Order();
   Take(session_.OnHave(PageFor(NextHello()), now_));
   const proto::Hello lost = NextHello();
@@ -81,7 +81,7 @@ TEST_F(HavePagesTest, ALostOneIsAskedForAgainAndNoOther) {
   ExpectOneRecordMoreAndTheEnd();
 }
 
-TEST_F(HavePagesTest, ThoseThatAreHereOutliveACutOfTheLink) {
+TEST_F(HavePagesTest, ReceivedPagesSurviveALinkFailure) {
   Order();
   Take(session_.OnHave(PageFor(NextHello()), now_));
   const RecordKey waited_for = FromProto(NextHello().have_from());
@@ -93,7 +93,7 @@ TEST_F(HavePagesTest, ThoseThatAreHereOutliveACutOfTheLink) {
   ExpectOneRecordMoreAndTheEnd();
 }
 
-TEST_F(HavePagesTest, RepeatedAndLateOnesChangeNothing) {
+TEST_F(HavePagesTest, RepeatedAndLatePagesChangeNothing) {
   Order();
   std::vector<proto::Have> before;
   while (!sent_.empty() && sent_.back().has_hello()) {
@@ -104,13 +104,13 @@ TEST_F(HavePagesTest, RepeatedAndLateOnesChangeNothing) {
     for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
     EXPECT_EQ(sent_.size(), sent) << "a page that came twice is not answered";
   }
-  // While records are sent they are what the destination has, as ever.
+  // Late pages during the transfer still count as statements of what the destination has.
   for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
   ExpectOneRecordMoreAndTheEnd();
   EXPECT_EQ(Status().refused_haves(), 0);
 }
 
-TEST_F(HavePagesTest, ThoseOfAnEarlierSessionAreNotHeard) {
+TEST_F(HavePagesTest, PagesOfAnEarlierSessionAreIgnored) {
   Order();
   const proto::Have old = PageFor(NextHello());
   Advance(seconds(6));
@@ -120,8 +120,8 @@ TEST_F(HavePagesTest, ThoseOfAnEarlierSessionAreNotHeard) {
   EXPECT_TRUE(sent_.empty());
 }
 
-// It may have lost its disk with what the pages name.
-TEST_F(HavePagesTest, ADestinationThatBeganAnewIsAskedFromTheBeginning) {
+// The destination may have lost its disk and with it the records that the pages name.
+TEST_F(HavePagesTest, AreRequestedFromTheFirstOnceTheDestinationRestarted) {
   Order();
   Take(session_.OnHave(PageFor(NextHello()), now_));
   destination_ = MemoryStore();
@@ -135,7 +135,7 @@ TEST_F(HavePagesTest, ADestinationThatBeganAnewIsAskedFromTheBeginning) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(HavePagesTest, AskNothingInAShutWindowAndGoOnAfterIt) {
+TEST_F(HavePagesTest, AreNotRequestedInAShutWindowAndContinueAfterIt) {
   Order();
   const proto::Hello first = NextHello();
   Take(session_.SetWindow(SharingSession::Window::kShut, now_));
@@ -148,7 +148,7 @@ TEST_F(HavePagesTest, AskNothingInAShutWindowAndGoOnAfterIt) {
   ExpectOneRecordMoreAndTheEnd();
 }
 
-TEST_F(HavePagesTest, AreAskedForAnewWhereAnOrderMeansMore) {
+TEST_F(HavePagesTest, AreRequestedFromTheFirstIfAnOrderCoversMore) {
   proto::RecordFilter own;
   own.add_origin_agents(kSelf);
   Take(session_.Order(own, now_));
@@ -158,7 +158,7 @@ TEST_F(HavePagesTest, AreAskedForAnewWhereAnOrderMeansMore) {
   EXPECT_FALSE(NextHello().has_have_from());
 }
 
-TEST_F(HavePagesTest, WhoSaysWhatCannotBeIsAskedFromTheBeginningAfterTheDelay) {
+TEST_F(HavePagesTest, AreRequestedFromTheFirstAfterADelayIfOneIsInvalid) {
   Order();
   Take(session_.OnHave(PageFor(NextHello()), now_));
   proto::Have bad = PageFor(NextHello());

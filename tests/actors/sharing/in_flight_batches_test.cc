@@ -31,7 +31,7 @@ TEST_F(InFlightBatchesTest, KeepsMessagesSmallAndUnacknowledgedBytesWithinTheCre
     Acknowledge(in_flight.front());
     in_flight.erase(in_flight.begin());
   }
-  EXPECT_GE(most_in_flight, 2u);  // The radio is never idle while an acknowledgment travels.
+  EXPECT_GE(most_in_flight, 2u);  // The next batch travels while an acknowledgment returns, so the radio is never idle.
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
@@ -47,13 +47,13 @@ TEST_F(InFlightBatchesTest, SendsOneMessageAtATimeWithoutCredit) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(InFlightBatchesTest, KeepsToTheCreditThatItWasGrantedLast) {
+TEST_F(InFlightBatchesTest, ObeysTheLatestCredit) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Order();
   AnswerHello();
   std::vector<proto::Message> sent = TakeSent();
   ASSERT_EQ(sent.size(), 2u);
-  credit_ = 2048;  // Others have begun to send there.
+  credit_ = 2048;  // Other senders have begun to send to the destination.
   for (const proto::Message& batch : sent) Acknowledge(batch);
   for (int i = 0; i < 4; ++i) {
     sent = TakeSent();
@@ -82,8 +82,9 @@ TEST_F(InFlightBatchesTest, SendsALostBatchAgainBeforeTheRestEnds) {
   EXPECT_EQ(Status().resends(), 1);
 }
 
-// Whoever gets a batch with nothing remaining has all: so nothing that comes before it is still open.
-TEST_F(InFlightBatchesTest, SaysTheEndOnlyWhenAllBeforeItIsAcknowledged) {
+// A batch with nothing remaining means that the destination has everything. No earlier batch may be unacknowledged
+// then.
+TEST_F(InFlightBatchesTest, SendsTheEndOnlyWhenAllEarlierBatchesAreAcknowledged) {
   for (int i = 0; i < 3; ++i) source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(3000));
   Order();
   AnswerHello();
@@ -100,13 +101,13 @@ TEST_F(InFlightBatchesTest, SaysTheEndOnlyWhenAllBeforeItIsAcknowledged) {
   EXPECT_EQ(destination_.records().size() + sent[0].batch().record_count(), 3u);
 }
 
-TEST_F(InFlightBatchesTest, GivesUpALostBatchBeforeItSaysTheEnd) {
+TEST_F(InFlightBatchesTest, GivesUpALostBatchBeforeItSendsTheEnd) {
   for (int i = 0; i < 4; ++i) source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(3000));
   Order();
   AnswerHello();
   const std::vector<proto::Message> sent = TakeSent();
   ASSERT_EQ(sent.size(), 2u);
-  Acknowledge(sent[1]);  // The first one was lost.
+  Acknowledge(sent[1]);  // The first batch was lost.
   std::uint64_t covered = 1;
   for (const proto::Message& message : RunToEnd()) {
     covered += message.batch().record_count();
@@ -116,7 +117,7 @@ TEST_F(InFlightBatchesTest, GivesUpALostBatchBeforeItSaysTheEnd) {
   EXPECT_FALSE(session_.is_open());
 }
 
-TEST_F(InFlightBatchesTest, DoesNotRepeatWhatTheDestinationDoesNotTake) {
+TEST_F(InFlightBatchesTest, DoesNotResendRecordsThatTheDestinationRejects) {
   destination_.Reject(proto::POWER);
   source_.Insert(kSelf, proto::POWER, "p");
   source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
@@ -131,7 +132,7 @@ TEST_F(InFlightBatchesTest, DoesNotRepeatWhatTheDestinationDoesNotTake) {
   EXPECT_EQ(Status().last_error(), "the destination did not take 1 records");
 }
 
-TEST_F(InFlightBatchesTest, RefusesAnAcknowledgmentOfWhatWasNeverSent) {
+TEST_F(InFlightBatchesTest, RefusesAnAcknowledgmentOfRecordsThatWereNeverSent) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Order();
   AnswerHello();
@@ -152,7 +153,7 @@ TEST_F(InFlightBatchesTest, RefusesAnAcknowledgmentOfWhatWasNeverSent) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(InFlightBatchesTest, BoundsWhatItKeepsOfADestinationsWords) {
+TEST_F(InFlightBatchesTest, BoundsTheHaveSetThatItKeepsOfADestination) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Order();
   AnswerHello();
@@ -179,21 +180,21 @@ TEST_F(InFlightBatchesTest, BoundsWhatItKeepsOfADestinationsWords) {
   }
 }
 
-TEST_F(InFlightBatchesTest, ALostBatchIsNoticedAtASlowRateToo) {
+TEST_F(InFlightBatchesTest, DetectsALostBatchAtASlowRate) {
   for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   session_.SetRate(125, now_);
   Order();
   AnswerHello();
-  TakeSent();  // Lost.
+  TakeSent();  // The batches are lost.
   Advance(seconds(10));
   EXPECT_TRUE(TakeSent().back().has_hello());
 }
 
-TEST_F(InFlightBatchesTest, AnAcknowledgmentThatComesAfterGivingUpCounts) {
+TEST_F(InFlightBatchesTest, AnAcknowledgmentAfterGivingUpCounts) {
   OrderMaps(60);
   const std::vector<proto::Message> sent = TakeSent();
   ASSERT_GE(sent.size(), 2u);
-  const proto::Have stored = Store(sent[1]);  // Before the first: it asks for a new run.
+  const proto::Have stored = Store(sent[1]);  // Arrives before the first batch, so the destination requests a new run.
   EXPECT_TRUE(stored.needs_new_run());
   Take(session_.OnHave(stored, now_));
   for (std::size_t i = 0; i < sent.size(); ++i) {
@@ -237,7 +238,7 @@ HaveSet HaveOf(std::uint64_t first, std::uint64_t last) {
   return have;
 }
 
-TEST_F(InFlightBatchesTest, CountsWhatIsUnderWayAsHadUntilItIsGivenUp) {
+TEST_F(InFlightBatchesTest, CountsInFlightRecordsAsCoveredUntilTheyAreGivenUp) {
   InFlightBatches in_flight;
   in_flight.SetHave(HaveOf(1, 2));
   in_flight.Add(1, ContentsOf(3, 4, 100));
@@ -250,7 +251,7 @@ TEST_F(InFlightBatchesTest, CountsWhatIsUnderWayAsHadUntilItIsGivenUp) {
   EXPECT_EQ(in_flight.unacked_bytes(), 0u);
 }
 
-TEST_F(InFlightBatchesTest, AcknowledgesABatchByItsNumberAndOthersByTheirRecords) {
+TEST_F(InFlightBatchesTest, AcknowledgesABatchByItsNumberAndOtherBatchesByTheirRecords) {
   InFlightBatches in_flight;
   in_flight.SetCredit(250);
   in_flight.Add(1, ContentsOf(1, 2, 100));
@@ -270,7 +271,7 @@ TEST_F(InFlightBatchesTest, AcknowledgesABatchByItsNumberAndOthersByTheirRecords
   EXPECT_EQ(in_flight.ExpectedHave({}), HaveOf(1, 3)) << "but after a new start";
 }
 
-TEST_F(InFlightBatchesTest, BelievesOnlyOfABatchThatLeansOnOthersThatItsRunIsBroken) {
+TEST_F(InFlightBatchesTest, GivesUpARunOnlyForABatchThatDependsOnOthers) {
   InFlightBatches in_flight;
   BatchContents leaning = ContentsOf(1, 1, 10);
   leaning.run = 5;

@@ -1,5 +1,5 @@
-// The largest have-set that there may be, between two agents at 1 Mbps: what a session's start costs, and that it
-// comes to its end over any radio.
+// Tests the largest possible have-set between two agents at 1 Mbps: how long a session takes to start, and that the
+// session completes over any radio.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ using std::chrono::seconds;
 constexpr AgentId kLeader = 1;
 constexpr AgentId kSurvivor = 2;
 
-// Leader and survivor have the same streams, as many as there may be; the leader has one record more.
+// Leader and survivor hold the same streams, the largest number allowed. The leader has one record more.
 class LargeHaveSetTest : public testing::Test {
  protected:
   LargeHaveSetTest() {
@@ -41,7 +41,7 @@ class LargeHaveSetTest : public testing::Test {
     });
   }
 
-  // Until the survivor has all, and says so.
+  // Replicates until the survivor has everything and has acknowledged it.
   bool ReplicateWithin(Duration limit) {
     const MonotonicTime begin = team_.now();
     Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_REPLICATION));
@@ -65,7 +65,7 @@ class LargeHaveSetTest : public testing::Test {
   Duration took_{};
 };
 
-TEST_F(LargeHaveSetTest, StartsASessionInTheTimeThatItsBytesNeed) {
+TEST_F(LargeHaveSetTest, StartsASessionInTheTimeToTransmitItsBytes) {
   EXPECT_TRUE(ReplicateWithin(minutes(10)));
   const double have_bytes = static_cast<double>(ToProto(survivor_->have()).ByteSizeLong());
   const double took_s = std::chrono::duration<double>(took_).count();
@@ -77,7 +77,7 @@ TEST_F(LargeHaveSetTest, StartsASessionInTheTimeThatItsBytesNeed) {
   EXPECT_EQ(Session().resends(), 0);
 }
 
-TEST_F(LargeHaveSetTest, ComesOverARadioThatLosesRepeatsAndReorders) {
+TEST_F(LargeHaveSetTest, ArrivesOverARadioThatLosesRepeatsAndReorders) {
   team_.radio().loss_ratio = 0.1;
   team_.radio().duplicate_ratio = 0.2;
   team_.radio().latency_jitter = milliseconds(500);
@@ -86,7 +86,7 @@ TEST_F(LargeHaveSetTest, ComesOverARadioThatLosesRepeatsAndReorders) {
   EXPECT_EQ(Session().refused_haves(), 0);
 }
 
-TEST_F(LargeHaveSetTest, ComesOverALinkThatIsNeverUpForLong) {
+TEST_F(LargeHaveSetTest, ArrivesOverALinkThatIsNeverUpForLong) {
   int cuts = 0;
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_REPLICATION));
   for (; cuts < 100 && survivor_->have() != leader_->have(); ++cuts) {
@@ -100,13 +100,13 @@ TEST_F(LargeHaveSetTest, ComesOverALinkThatIsNeverUpForLong) {
   EXPECT_EQ(survivor_->have(), leader_->have());
 }
 
-TEST_F(LargeHaveSetTest, BeginsAnewWithASurvivorThatWasRestarted) {
+TEST_F(LargeHaveSetTest, IsRequestedAgainFromARestartedSurvivor) {
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_REPLICATION));
   team_.AdvanceTime(seconds(5));
-  *survivor_ = MemoryStore();  // With its disk.
+  *survivor_ = MemoryStore();  // The survivor loses its disk.
   team_.Crash(kSurvivor);
   team_.Restart(kSurvivor);
-  // What was on the first page, which came before, is missing now.
+  // Records named on the first page, which arrived before the restart, are missing now.
   EXPECT_TRUE(team_.RunUntil([this] { return !survivor_->records().empty(); }, minutes(10)));
   EXPECT_EQ(survivor_->records().begin()->first, leader_->records().begin()->first);
 }

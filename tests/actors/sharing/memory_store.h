@@ -1,4 +1,4 @@
-// MemoryStore: a small stand-in for StorageActor: records in memory, everything under the policy `all`.
+// MemoryStore: a small substitute for StorageActor. Keeps records in memory, all of them under the policy `all`.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace moondb {
 
 class MemoryStore {
  public:
-  // The next record of (origin, epoch, type).
+  // Inserts the next record of (origin, epoch, type).
   RecordKey Insert(AgentId origin, DataType type, std::string content, std::uint64_t epoch = 7) {
     RecordKey key{{origin, epoch, type}, have_.Get({origin, epoch, type}).Covered().Max() + 1};
     have_[key.stream].held.Add(key.seq);
@@ -31,7 +31,7 @@ class MemoryStore {
     have_[key.stream].dropped.Add(key.seq);
   }
 
-  // Records of this type are refused at the door.
+  // The store rejects records of this type from peers.
   void Reject(DataType type) { rejected_type_ = type; }
 
   proto::HaveReply Have(const proto::HaveRequest& request = {}) const {
@@ -114,7 +114,7 @@ class MemoryStore {
   const HaveSet& have() const { return have_; }
 
  private:
-  // What was held when an order to a destination was taken up (MissingRequest.mark).
+  // Records that were held when an order to a destination began (MissingRequest.mark).
   struct Mark {
     std::uint64_t number = 0;
     HaveSet have;
@@ -142,7 +142,7 @@ class MemoryStore {
   DataType rejected_type_ = 0;
 };
 
-// Answers as StorageActor does, from a store that outlives it.
+// Answers as StorageActor does, from a store that outlives the actor.
 class MemoryStorageActor final : public Actor {
  public:
   explicit MemoryStorageActor(std::shared_ptr<MemoryStore> store) : store_(std::move(store)) {}

@@ -1,4 +1,4 @@
-// Mutator: bad input made of good input, and out of nothing: for tests of what checks messages of peers.
+// Mutator: mutates valid input and invents invalid input, to test the checks on peers' messages.
 #pragma once
 
 #include <google/protobuf/descriptor.h>
@@ -17,7 +17,7 @@ class Mutator {
 
   std::uint64_t Draw(std::uint64_t count) { return rng_() % count; }
 
-  // Changes, drops, repeats or exchanges one to four things somewhere within the message.
+  // Changes, drops, repeats or swaps one to four fields anywhere in the message.
   void Mutate(google::protobuf::Message& message) {
     for (std::uint64_t left = 1 + Draw(4); left > 0; --left) MutateOnce(message);
   }
@@ -48,7 +48,7 @@ class Mutator {
     return bytes;
   }
 
-  // Numbers at which programs err.
+  // A small, random or boundary number.
   std::uint64_t Number() {
     constexpr std::uint64_t kEdges[] = {0,     1,         2,          3,         4095,           4096,
                                         65536, INT32_MAX, UINT32_MAX, INT64_MAX, UINT64_MAX - 1, UINT64_MAX};
@@ -68,7 +68,7 @@ class Mutator {
   void MutateOnce(google::protobuf::Message& message) {
     const auto& descriptor = *message.GetDescriptor();
     if (descriptor.field_count() == 0) return;
-    // As a rule what is there; now and then any field of the message.
+    // Usually chooses a field that is set, and sometimes any field of the message.
     std::vector<const Field*> fields;
     message.GetReflection()->ListFields(message, &fields);
     const bool is_any = fields.empty() || Draw(4) == 0;
@@ -98,7 +98,7 @@ class Mutator {
         return reflection.SwapElements(&message, &field, at, static_cast<int>(Draw(static_cast<std::uint64_t>(size))));
       case 2:
         if (!is_message) return;
-        // Many of the same.
+        // Repeats the entry, sometimes thousands of times.
         for (std::uint64_t left = Draw(3) == 0 ? Draw(5000) : 1; left > 0; --left) {
           auto& added = *reflection.AddMessage(&message, &field);
           added.CopyFrom(reflection.GetRepeatedMessage(message, &field, at));

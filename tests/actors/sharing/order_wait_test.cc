@@ -1,4 +1,4 @@
-// Requests that wait until an order to share is done: when they are answered, and what the answer says.
+// Requests that wait until an order to share is done: when they are answered, and with which answer.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ constexpr AgentId kRover = 3;
 constexpr AgentId kBase = 4;
 constexpr std::uint64_t kRequest = 77;
 
-// Rovers 1 (leader), 2 (survivor), 3 and base station 4, with records in memory.
+// A team with records in memory: agent 1 (leader), 2 (survivor), 3 (rover) and 4 (base station).
 class OrderWaitTest : public testing::Test {
  protected:
   OrderWaitTest() {
@@ -38,7 +38,7 @@ class OrderWaitTest : public testing::Test {
       team_.Spawn(agent, actor_name::kLease, [options] { return std::make_unique<LeaseActor>(options); });
     }
     team_.AdvanceTime(seconds(1));
-    // The leader of a team begins a term of its own.
+    // A team's leader begins a term of its own.
     for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(kLeader, kSurvivor, 1));
     team_.AdvanceTime(seconds(10));
   }
@@ -47,7 +47,7 @@ class OrderWaitTest : public testing::Test {
     for (int i = 0; i < count; ++i) stores_[agent]->Insert(agent, proto::POSE_GRAPH_NODE, Noise(100));
   }
 
-  // Nothing makes it shorter.
+  // Random bytes that do not compress.
   std::string Noise(std::size_t bytes) {
     std::string noise(bytes, '\0');
     for (char& byte : noise) byte = static_cast<char>(random_());
@@ -64,7 +64,7 @@ class OrderWaitTest : public testing::Test {
     ASSERT_EQ(team_.Post({agent, "client"}, {agent, actor}, order), SendResult::kAccepted);
   }
 
-  // The answer that the client of that agent has by now.
+  // The answer that the client at `agent` has received so far.
   std::optional<proto::ShareReply> AnswerAt(AgentId agent) {
     for (const proto::Message& message : team_.Take({agent, "client"})) {
       if (message.has_share_reply()) {
@@ -75,7 +75,7 @@ class OrderWaitTest : public testing::Test {
     return answers_[agent];
   }
 
-  // Runs until the answer comes. Fails the test where none comes in this time.
+  // Runs until the answer arrives. Fails the test if none arrives within `limit`.
   proto::ShareReply Await(AgentId agent, seconds limit) {
     EXPECT_TRUE(team_.RunUntil([&] { return AnswerAt(agent).has_value(); }, limit));
     return AnswerAt(agent).value_or(proto::ShareReply());
@@ -131,7 +131,7 @@ TEST_F(OrderWaitTest, IsAnsweredWhenEachPairIsComplete) {
   EXPECT_EQ(stores_[kBase]->records().size(), 250u) << "the leader has brought on what it was brought";
 }
 
-TEST_F(OrderWaitTest, NamesWhoIsOutOfReachAndClaimsNothingOfIt) {
+TEST_F(OrderWaitTest, NamesAnUnreachableAgentAndDoesNotCountItAsComplete) {
   InsertAt(kRover, 5);
   InsertAt(kSurvivor, 5);
   team_.SetLink(kLeader, kRover, false);
@@ -150,7 +150,7 @@ TEST_F(OrderWaitTest, NamesWhoIsOutOfReachAndClaimsNothingOfIt) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 5u);
 }
 
-TEST_F(OrderWaitTest, ALinkThatIsBackInAMomentIsWaitedFor) {
+TEST_F(OrderWaitTest, WaitsForALinkThatReturnsSoon) {
   InsertAt(kRover, 5);
   team_.SetLink(kLeader, kRover, false);
   Ask(kLeader, 600);
@@ -175,12 +175,12 @@ TEST_F(OrderWaitTest, WaitsForAnAgentThatDrivesUntilItsLimit) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 5u);
 }
 
-TEST_F(OrderWaitTest, EndsWhileTheRobotGoesOnInserting) {
+TEST_F(OrderWaitTest, EndsWhileTheRobotKeepsInserting) {
   InsertAt(kRover, 100);
   team_.radio().bytes_per_second = 3'000;
   Ask(kRover, 60);
   for (int i = 0; i < 1200 && !AnswerAt(kRover); ++i) {
-    // More than the radio carries.
+    // Inserts faster than the radio can transmit.
     stores_[kRover]->Insert(kRover, proto::LOCAL_TRAVERSABILITY_MAP, Noise(400));
     team_.AdvanceTime(milliseconds(50));
   }
@@ -190,7 +190,7 @@ TEST_F(OrderWaitTest, EndsWhileTheRobotGoesOnInserting) {
   EXPECT_GE(stores_[kLeader]->records().size(), 100u);
 }
 
-TEST_F(OrderWaitTest, AnAgentThatRestartsIsOrderedAgain) {
+TEST_F(OrderWaitTest, ARestartedAgentReceivesTheOrderAgain) {
   InsertAt(kRover, 300);
   team_.radio().bytes_per_second = 3'000;
   Ask(kLeader, 600);
@@ -218,7 +218,7 @@ TEST_F(OrderWaitTest, EndsWithItsTerm) {
   EXPECT_FALSE(reply.progress().is_complete());
 }
 
-TEST_F(OrderWaitTest, IsNotCompleteBeforeWhatANewLeaderGathersIsBroughtOn) {
+TEST_F(OrderWaitTest, IsNotCompleteBeforeTheRecordsThatANewLeaderGathersAreForwarded) {
   stores_[kSurvivor]->Insert(kLeader, proto::POSE_GRAPH_NODE, "what the leader lost with its disk");
   for (int i = 0; i < 50; ++i) stores_[kSurvivor]->Insert(kRover, proto::POSE_GRAPH_NODE, "node " + std::to_string(i));
   team_.radio().bytes_per_second = 2'000;
@@ -235,7 +235,7 @@ TEST_F(OrderWaitTest, IsNotCompleteBeforeWhatANewLeaderGathersIsBroughtOn) {
   EXPECT_EQ(gathered, 3);
 }
 
-TEST_F(OrderWaitTest, AReplicationIsCompleteWhenWhatIsGatheredIsWithTheSurvivor) {
+TEST_F(OrderWaitTest, AReplicationIsCompleteWhenTheSurvivorHasTheGatheredRecords) {
   for (int i = 0; i < 50; ++i) stores_[kBase]->Insert(kRover, proto::POSE_GRAPH_NODE, "node " + std::to_string(i));
   team_.radio().bytes_per_second = 2'000;
   NotifyRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
@@ -244,7 +244,7 @@ TEST_F(OrderWaitTest, AReplicationIsCompleteWhenWhatIsGatheredIsWithTheSurvivor)
   EXPECT_EQ(stores_[kSurvivor]->records().size(), 50u);
 }
 
-TEST_F(OrderWaitTest, AnAgentThatRefusesToShareHasNotBeenGathered) {
+TEST_F(OrderWaitTest, AnAgentThatRefusesToShareDoesNotCountAsGathered) {
   std::uint64_t order = 0;
   team_.SetFilter([&order](AgentId, AgentId to, const proto::Message& message) {
     if (to != kRover || !message.has_share_request()) return true;
@@ -265,15 +265,15 @@ TEST_F(OrderWaitTest, AnAgentThatRefusesToShareHasNotBeenGathered) {
   EXPECT_EQ(PairOf(reply, kRover, kLeader).why(), "does not share");
 }
 
-// The order of an earlier term brought what was there when it was taken up.
-TEST_F(OrderWaitTest, AnOrderOfBeforeGathersNothing) {
+// An order of an earlier term covers only the records that were held when it began.
+TEST_F(OrderWaitTest, AnEarlierOrderDoesNotCountAsGathering) {
   InsertAt(kRover, 300);
   team_.radio().bytes_per_second = 3'000;
   proto::Message earlier = ShareOrder(proto::SHARING_KIND_REPLICATION, kLeader);
   (void)team_.Post({kRover, "operator"}, {kRover, actor_name::kReplica}, earlier);
   team_.AdvanceTime(seconds(1));
   InsertAt(kRover, 50);
-  // The leader's own orders do not arrive while that one is carried out.
+  // The rover does not receive the leader's own orders while it carries out the earlier one.
   bool is_deaf = true;
   team_.SetFilter([&is_deaf](AgentId, AgentId to, const proto::Message& message) {
     return !is_deaf || to != kRover || !message.has_share_request();
@@ -288,7 +288,7 @@ TEST_F(OrderWaitTest, AnOrderOfBeforeGathersNothing) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 350u);
 }
 
-TEST_F(OrderWaitTest, SaysWhoCannotBeAskedForWhatItHolds) {
+TEST_F(OrderWaitTest, NamesAnAgentWhoseRecordsCannotBeRequested) {
   Drive(kRover, 300);
   NotifyRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
   Ask(kLeader, 5, proto::SHARING_KIND_REPLICATION);
@@ -299,7 +299,7 @@ TEST_F(OrderWaitTest, SaysWhoCannotBeAskedForWhatItHolds) {
   EXPECT_THAT(PairOf(reply, kRover, kLeader).why(), StartsWith("rover3 drives"));
 }
 
-TEST_F(OrderWaitTest, StopsWithItsBytes) {
+TEST_F(OrderWaitTest, StopsWhenItsBytesAreUsedUp) {
   InsertAt(kRover, 2000);
   Ask(kLeader, 600, proto::SHARING_KIND_SYNC, [](proto::ShareRequest& request) {
     request.set_bytes_max(2'000);
@@ -314,7 +314,7 @@ TEST_F(OrderWaitTest, StopsWithItsBytes) {
   EXPECT_LT(stores_[kLeader]->records().size(), 2000u);
 }
 
-TEST_F(OrderWaitTest, TheEndOfALimitedOrderIsToldAgainWhereItWasLost) {
+TEST_F(OrderWaitTest, ResendsTheEndOfALimitedOrderIfItWasLost) {
   InsertAt(kRover, 2000);
   int ends = 0;
   team_.SetFilter([&ends](AgentId, AgentId to, const proto::Message& message) {
@@ -327,7 +327,7 @@ TEST_F(OrderWaitTest, TheEndOfALimitedOrderIsToldAgainWhereItWasLost) {
   EXPECT_TRUE(Await(kLeader, seconds(60)).progress().pairs(0).is_limited());
 }
 
-TEST_F(OrderWaitTest, SaysWhatADestinationDidNotTake) {
+TEST_F(OrderWaitTest, ReportsRecordsThatADestinationRejected) {
   InsertAt(kRover, 3);
   for (int i = 0; i < 4; ++i) stores_[kRover]->Insert(kRover, proto::LOCAL_TRAVERSABILITY_MAP, "map");
   stores_[kLeader]->Reject(proto::LOCAL_TRAVERSABILITY_MAP);
@@ -338,7 +338,7 @@ TEST_F(OrderWaitTest, SaysWhatADestinationDidNotTake) {
   EXPECT_EQ(pair.why(), "the destination did not take 4 records");
 }
 
-TEST_F(OrderWaitTest, ARoverWaitsForItsOwnRecordsAlone) {
+TEST_F(OrderWaitTest, ARoverWaitsOnlyForItsOwnRecords) {
   InsertAt(kRover, 5);
   Ask(kRover, 60);
   const proto::ShareReply reply = Await(kRover, seconds(10));
@@ -347,8 +347,8 @@ TEST_F(OrderWaitTest, ARoverWaitsForItsOwnRecordsAlone) {
   EXPECT_EQ(reply.progress().pairs(0).destination(), kLeader);
 }
 
-// What the agents say to each other is the same whether somebody waits or not.
-TEST_F(OrderWaitTest, AWaitCausesNoMessagesBetweenAgents) {
+// The agents exchange the same messages whether or not a client waits.
+TEST_F(OrderWaitTest, AWaitCausesNoExtraMessagesBetweenAgents) {
   std::map<bool, int> messages;
   for (const bool is_waiting : {false, true}) {
     int& count = messages[is_waiting];
@@ -366,7 +366,7 @@ TEST_F(OrderWaitTest, AWaitCausesNoMessagesBetweenAgents) {
   EXPECT_EQ(messages[true], messages[false]);
 }
 
-// --- News of an order ---
+// --- News about an order ---
 
 class OrderNewsTest : public OrderWaitTest {
  protected:
@@ -389,7 +389,7 @@ class OrderNewsTest : public OrderWaitTest {
   }
 };
 
-TEST_F(OrderNewsTest, ComesAtMostTwiceASecondAndOverTheRadioOnceInFiveSeconds) {
+TEST_F(OrderNewsTest, ArrivesAtMostTwicePerSecondAndOverTheRadioOnceInFiveSeconds) {
   InsertAt(kRover, 500);
   team_.radio().bytes_per_second = 3'000;
   for (const bool is_relayed : {false, true}) {
@@ -407,7 +407,7 @@ TEST_F(OrderNewsTest, ComesAtMostTwiceASecondAndOverTheRadioOnceInFiveSeconds) {
   }
 }
 
-TEST_F(OrderNewsTest, SaysTheEnd) {
+TEST_F(OrderNewsTest, ReportsTheEnd) {
   InsertAt(kRover, 100);
   const std::uint64_t order = Order();
   std::uint64_t version = 0;
@@ -425,7 +425,7 @@ TEST_F(OrderNewsTest, SaysTheEnd) {
   FAIL() << "it is never over";
 }
 
-TEST_F(OrderNewsTest, IsTheSameAfterTheWaitWhereNothingChanged) {
+TEST_F(OrderNewsTest, ArrivesUnchangedAfterTheWaitIfNothingChanged) {
   Drive(kRover, 3600);
   InsertAt(kRover, 1);
   const std::uint64_t order = Order();
@@ -435,14 +435,14 @@ TEST_F(OrderNewsTest, IsTheSameAfterTheWaitWhereNothingChanged) {
   EXPECT_TRUE(News(milliseconds(200)));
 }
 
-TEST_F(OrderNewsTest, OfAnUnknownOrderIsAnError) {
+TEST_F(OrderNewsTest, AboutAnUnknownOrderIsAnError) {
   AskForNews(12345, 0, 60);
   const auto news = News(milliseconds(100));
   ASSERT_TRUE(news);
   EXPECT_EQ(news->error().code(), proto::ERROR_CODE_NOT_FOUND);
 }
 
-TEST_F(OrderNewsTest, OldOrdersAreForgottenAndThoseThatAreWaitedForAreNot) {
+TEST_F(OrderNewsTest, ForgetsOldOrdersExceptThoseWithAWaitingClient) {
   InsertAt(kRover, 2000);
   team_.radio().bytes_per_second = 1'000;
   const std::uint64_t waited_for = Order();
@@ -457,7 +457,7 @@ TEST_F(OrderNewsTest, OldOrdersAreForgottenAndThoseThatAreWaitedForAreNot) {
   EXPECT_EQ(news->order(), waited_for);
 }
 
-TEST_F(OrderNewsTest, TooManyRequestsAreRefused) {
+TEST_F(OrderNewsTest, RefusesTooManyRequests) {
   Drive(kRover, 3600);
   InsertAt(kRover, 1);
   const std::uint64_t order = Order();

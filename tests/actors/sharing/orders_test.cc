@@ -1,4 +1,5 @@
-// Orders to share: in which term they are taken, which sessions have carried them out, and what a new leader gathers.
+// Orders to share: the terms in which they are accepted, the sessions that complete them, and what a new leader
+// gathers.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -21,7 +22,7 @@ using testing::UnorderedElementsAre;
 
 constexpr AgentId kLeader = 1;
 
-// Rovers 1 (leader), 2 (survivor), 3 and base station 4, with records in memory.
+// A team with records in memory: agent 1 (leader), 2 (survivor), 3 (rover) and 4 (base station).
 class SharingOrdersTest : public testing::Test {
  protected:
   SharingOrdersTest() {
@@ -38,7 +39,7 @@ class SharingOrdersTest : public testing::Test {
     for (int i = 0; i < count; ++i) stores_[agent]->Insert(agent, proto::POSE_GRAPH_NODE, "node " + std::to_string(i));
   }
 
-  // How far that agent's session to the leader is with the leader's orders.
+  // Progress of the leader's orders in the session from `agent` to the leader.
   proto::SessionOrder LeadersOrderAt(AgentId agent) {
     const proto::ShareStatus status = ShareStatusOf(team_, agent, actor_name::kSync);
     for (const proto::ShareSession& session : status.sessions()) {
@@ -54,7 +55,7 @@ class SharingOrdersTest : public testing::Test {
   simulation::SimulatedTeam team_{1};
 };
 
-TEST_F(SharingOrdersTest, AnOrderOfAnotherTermIsRefusedWithTheRolesThatStand) {
+TEST_F(SharingOrdersTest, AnOrderOfAnotherTermIsRefusedWithTheCurrentRoles) {
   NotifyRoles(team_, config_, kLeader, Roles(kLeader, 2, 3));
   for (const auto kind : {proto::SHARING_KIND_SYNC, proto::SHARING_KIND_REPLICATION}) {
     for (const std::uint64_t other : {2, 4}) {
@@ -77,7 +78,7 @@ TEST_F(SharingOrdersTest, AnOrderOfAnotherTermIsRefusedWithTheRolesThatStand) {
   }
 }
 
-TEST_F(SharingOrdersTest, AgentsOrderEachOtherWhateverTheTerm) {
+TEST_F(SharingOrdersTest, AgentsAcceptOrdersFromEachOtherInAnyTerm) {
   proto::Message order = OrderInTerm(proto::SHARING_KIND_SYNC, Roles(kLeader, 2, 9).term());
   order.mutable_share_request()->set_destination(kLeader);
   InsertAt(3, 5);
@@ -86,7 +87,7 @@ TEST_F(SharingOrdersTest, AgentsOrderEachOtherWhateverTheTerm) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 5u);
 }
 
-// The answer that the actor asked for at its start travels behind data, a change of roles before it.
+// The reply to the actor's request at its start is queued behind data, and a role change overtakes it.
 TEST_F(SharingOrdersTest, AnOldAnswerDoesNotOvertakeNewRoles) {
   NotifyRoles(team_, config_, 3, Roles(3, 2, 5));
   for (const char* actor : {actor_name::kSync, actor_name::kReplica}) {
@@ -100,7 +101,7 @@ TEST_F(SharingOrdersTest, AnOldAnswerDoesNotOvertakeNewRoles) {
   EXPECT_EQ(stores_[3]->records().size(), 5u) << "it still leads, and gathers";
 }
 
-TEST_F(SharingOrdersTest, StatusSaysFromWhomANewLeaderStillGathers) {
+TEST_F(SharingOrdersTest, StatusShowsFromWhichAgentsANewLeaderStillGathers) {
   team_.SetLink(3, 2, false);
   team_.radio().bytes_per_second = 2'000;
   InsertAt(kLeader, 30);
@@ -125,7 +126,7 @@ TEST_F(SharingOrdersTest, StatusSaysFromWhomANewLeaderStillGathers) {
   EXPECT_TRUE(ShareStatusOf(team_, 3, actor_name::kReplica).gathers_from().empty());
 }
 
-TEST_F(SharingOrdersTest, StatusSaysForHowLongAnAgentCannotBeAsked) {
+TEST_F(SharingOrdersTest, StatusShowsForHowLongAnAgentCannotBeAsked) {
   for (AgentId agent = 1; agent <= 4; ++agent) {
     LeaseActor::Options options;
     options.self = agent;
@@ -149,7 +150,7 @@ TEST_F(SharingOrdersTest, StatusSaysForHowLongAnAgentCannotBeAsked) {
   EXPECT_NEAR(status.sessions(0).waits_for_s(), 590, 1);
 }
 
-// What --wait looks at: an earlier order's session may end between the look before the order and the order's arrival.
+// For --wait: a client reads the completed order, then sends its order. An earlier session may end between the two.
 TEST_F(SharingOrdersTest, ASessionOfAnEarlierOrderDoesNotCompleteALaterOne) {
   InsertAt(2, 100);
   team_.radio().bytes_per_second = 3'000;
@@ -159,7 +160,7 @@ TEST_F(SharingOrdersTest, ASessionOfAnEarlierOrderDoesNotCompleteALaterOne) {
   ASSERT_TRUE(HasReached(LeadersOrderAt(2).ordered(), earlier));
   ASSERT_FALSE(HasReached(LeadersOrderAt(2).completed(), earlier));
 
-  // The later order is lost on its way, again and again, while the earlier one's session goes on.
+  // The later order is lost again and again while the session of the earlier one continues.
   team_.SetFilter(
       [](AgentId, AgentId to, const proto::Message& message) { return to != 2 || !message.has_share_request(); });
   const std::uint64_t later = Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC)).order();
@@ -173,7 +174,7 @@ TEST_F(SharingOrdersTest, ASessionOfAnEarlierOrderDoesNotCompleteALaterOne) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 101u);
 }
 
-TEST_F(SharingOrdersTest, TheAnswerToAnEarlierOrderIsNotTakenForALaterOnes) {
+TEST_F(SharingOrdersTest, TheAnswerToAnEarlierOrderDoesNotCountForALaterOne) {
   const std::uint64_t earlier = Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC)).order();
   team_.AdvanceTime(seconds(5));
   team_.SetFilter(
@@ -189,7 +190,7 @@ TEST_F(SharingOrdersTest, TheAnswerToAnEarlierOrderIsNotTakenForALaterOnes) {
   EXPECT_TRUE(HasReached(LeadersOrderAt(2).completed(), later)) << "it is given again until it is answered";
 }
 
-TEST_F(SharingOrdersTest, ALateCopyOfAnOrderTakesNothingBack) {
+TEST_F(SharingOrdersTest, ALateCopyOfAnOrderChangesNothing) {
   const std::uint64_t earlier = Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC)).order();
   const std::uint64_t later = Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC)).order();
   team_.AdvanceTime(seconds(5));
@@ -201,10 +202,10 @@ TEST_F(SharingOrdersTest, ALateCopyOfAnOrderTakesNothingBack) {
   EXPECT_EQ(LeadersOrderAt(2).completed(), later);
 }
 
-// A leader asks one after another; who brings nothing lets the next one go first.
+// A leader gathers from one agent at a time. An agent that makes no progress is skipped for the next one.
 TEST_F(SharingOrdersTest, ARefusedBatchIsNoProgress) {
   InsertAt(kLeader, 10);
-  // The survivor does not hear that it is asked.
+  // The survivor does not receive the leader's request.
   team_.SetFilter(
       [](AgentId, AgentId to, const proto::Message& message) { return to != 2 || !message.has_share_request(); });
   NotifyRoles(team_, config_, 3, Roles(3, 2, 3));

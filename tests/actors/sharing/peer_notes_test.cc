@@ -11,11 +11,11 @@ namespace moondb {
 namespace {
 
 constexpr std::uint64_t kEpochs = 300;
-constexpr std::uint64_t kLater = UINT64_MAX;  // The number of a note after all others.
+constexpr std::uint64_t kLater = UINT64_MAX;  // Number of a note after all others.
 
 class PeerNotesTest : public SessionFixture {
  protected:
-  // In both stores: old lives of this agent, each with a gap.
+  // Adds records of this agent's earlier epochs to both stores. Each epoch has a gap.
   void StoreOldEpochs() {
     for (std::uint64_t epoch = 1; epoch <= kEpochs; ++epoch) {
       for (MemoryStore* store : {&source_, &destination_}) {
@@ -29,7 +29,7 @@ class PeerNotesTest : public SessionFixture {
   std::vector<proto::PeerHave> TakeNotes() { return std::exchange(peer_haves_, {}); }
 };
 
-TEST_F(PeerNotesTest, NotesAllThatTheDestinationHasOnceAndThenWhatIsNews) {
+TEST_F(PeerNotesTest, NotesTheWholeHaveSetOnceAndThenOnlyDifferences) {
   StoreOldEpochs();
   for (int i = 0; i < 600; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
   Order();
@@ -55,7 +55,7 @@ TEST_F(PeerNotesTest, NotesAllThatTheDestinationHasOnceAndThenWhatIsNews) {
   EXPECT_TRUE(notes.back().is_session_closed());
 }
 
-TEST_F(PeerNotesTest, AStepOfTheSessionIsOneNote) {
+TEST_F(PeerNotesTest, EachStepOfTheSessionIsOneNote) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
   Order();
   AnswerHello();
@@ -69,7 +69,7 @@ TEST_F(PeerNotesTest, AStepOfTheSessionIsOneNote) {
   EXPECT_GT(note.handed_over_size(), 0) << "the batch that the acknowledgment made room for";
 }
 
-TEST_F(PeerNotesTest, AnAcknowledgmentWithoutNewsIsNotNoted) {
+TEST_F(PeerNotesTest, AnAcknowledgmentWithoutNewRecordsIsNotNoted) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
   Order();
   AnswerHello();
@@ -80,7 +80,7 @@ TEST_F(PeerNotesTest, AnAcknowledgmentWithoutNewsIsNotNoted) {
   for (const proto::PeerHave& note : TakeNotes()) EXPECT_FALSE(note.has_acknowledged());
 }
 
-TEST_F(PeerNotesTest, NotesAllAgainWhenStorageAsks) {
+TEST_F(PeerNotesTest, NotesTheWholeHaveSetAgainWhenStorageRequestsIt) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
   Order();
   AnswerHello();
@@ -104,8 +104,8 @@ TEST_F(PeerNotesTest, NotesAllAgainWhenStorageAsks) {
   EXPECT_EQ(notes[0].handed_over_size(), handed_over - int(first.batch().record_count())) << "what is under way";
 }
 
-// Of several differences that storage could not use before it had the answer to the first.
-TEST_F(PeerNotesTest, AnswersNoRequestThatItsAnswerToAnotherOvertook) {
+// Several differences may have been refused by storage before it received the reply to its first request.
+TEST_F(PeerNotesTest, IgnoresRequestsThatAnEarlierAnswerAlreadyCovers) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
   Order();
   AnswerHello();
@@ -115,23 +115,24 @@ TEST_F(PeerNotesTest, AnswersNoRequestThatItsAnswerToAnotherOvertook) {
   ASSERT_EQ(TakeNotes().size(), 1u);
   Take(session_.OnPeerHaveRequest(unused));
   EXPECT_TRUE(TakeNotes().empty());
-  Take(session_.OnPeerHaveRequest(unused + 2));  // A difference to that answer: it was lost.
+  // Storage refused a difference that followed the reply, so the reply was lost.
+  Take(session_.OnPeerHaveRequest(unused + 2));
   EXPECT_EQ(TakeNotes().size(), 1u);
 }
 
-TEST_F(PeerNotesTest, NotesNothingOfADestinationThatHasNotAnswered) {
+TEST_F(PeerNotesTest, NotesNothingBeforeTheDestinationAnswers) {
   Take(session_.OnPeerHaveRequest(kLater));
   Order();
   Take(session_.OnPeerHaveRequest(kLater));
   EXPECT_TRUE(TakeNotes().empty());
   AnswerHello();
   EXPECT_FALSE(TakeNotes().empty());
-  Take(session_.OnConnected(now_));  // It starts over.
+  Take(session_.OnConnected(now_));  // The session starts over.
   Take(session_.OnPeerHaveRequest(kLater));
   EXPECT_TRUE(TakeNotes().empty());
 }
 
-TEST_F(PeerNotesTest, AClosedSessionStillNotesWhatItWasToldLast) {
+TEST_F(PeerNotesTest, AClosedSessionStillNotesTheLastHaveSet) {
   source_.Insert(kSelf, proto::POWER, "p");
   Order();
   AnswerHello();
@@ -144,7 +145,7 @@ TEST_F(PeerNotesTest, AClosedSessionStillNotesWhatItWasToldLast) {
   EXPECT_TRUE(FromProto(notes[0].acknowledged())->Get({kSelf, 7, proto::POWER}).Covered().Contains(1));
 }
 
-TEST_F(PeerNotesTest, EachAnswerToAHelloIsNotedWhole) {
+TEST_F(PeerNotesTest, EachAnswerToAHelloIsNotedInFull) {
   source_.Insert(kSelf, proto::POWER, "p");
   Order();
   AnswerHello();

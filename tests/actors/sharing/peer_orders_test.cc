@@ -13,7 +13,7 @@ class PeerOrdersTest : public testing::Test {
  protected:
   static PeerOrders::Options Options() { return {1, proto::SHARING_KIND_SYNC, seconds(5), seconds(20)}; }
 
-  // The orders that are sent when the next deadline has come, after so many seconds.
+  // Returns the orders sent at the next deadline, which is expected in `expected_s` seconds.
   SharingActions NextAfter(int expected_s) {
     if (!orders_.deadline()) return {};
     EXPECT_EQ(*orders_.deadline() - now_, seconds(expected_s));
@@ -42,8 +42,8 @@ TEST_F(PeerOrdersTest, AsksUntilThePeerAnswersWithAGrowingDelay) {
   EXPECT_FALSE(orders_.deadline());
 }
 
-// Its process may be another one, which knows nothing of the order.
-TEST_F(PeerOrdersTest, AsksAgainAPeerThatIsReachedAgainBeforeItToldTheEnd) {
+// The peer may have restarted and know nothing of the order.
+TEST_F(PeerOrdersTest, AsksAReconnectedPeerAgainIfItHasNotReportedTheEnd) {
   orders_.Give(2, kOrder, 0, now_);
   ASSERT_TRUE(orders_.TakeAnswer(2, kOrder, /*is_taken=*/true));
   EXPECT_EQ(orders_.OnConnected(2, now_).size(), 1u);
@@ -56,13 +56,13 @@ TEST_F(PeerOrdersTest, AsksAgainAPeerThatIsReachedAgainBeforeItToldTheEnd) {
   EXPECT_TRUE(orders_.OnConnected(2, now_).empty());
 }
 
-TEST_F(PeerOrdersTest, ForgetsWhatThePeerRefused) {
+TEST_F(PeerOrdersTest, ForgetsOrdersThatThePeerRefused) {
   orders_.Give(2, kOrder, 0, now_);
   ASSERT_TRUE(orders_.TakeAnswer(2, kOrder, /*is_taken=*/false));
   EXPECT_TRUE(orders_.OnConnected(2, now_).empty());
 }
 
-TEST_F(PeerOrdersTest, AsksAtOnceWhereThePeerIsReachedAgain) {
+TEST_F(PeerOrdersTest, AsksAReconnectedPeerAtOnce) {
   EXPECT_TRUE(orders_.OnConnected(2, now_).empty()) << "nothing is ordered";
   orders_.Give(2, 41, 0, now_);
   NextAfter(5);

@@ -5,7 +5,7 @@
 namespace moondb {
 namespace {
 
-TEST(RadioShareTest, GivesEachMovingSessionAnEqualPart) {
+TEST(RadioShareTest, GivesEachActiveSessionAnEqualPart) {
   RadioShare share(12'000);
   EXPECT_EQ(share.Part(0), 12'000) << "whoever begins has all of it";
   EXPECT_EQ(share.Part(3), 4'000);
@@ -14,7 +14,7 @@ TEST(RadioShareTest, GivesEachMovingSessionAnEqualPart) {
   EXPECT_FALSE(RadioShare(0).is_limited());
 }
 
-TEST(RadioShareTest, NotifiesTheOtherActorOfEachChangeAndAgainWhereItBeganAnew) {
+TEST(RadioShareTest, NotifiesTheOtherActorOfEachChangeAndAgainAfterItsRestart) {
   RadioShare share(12'000);
   EXPECT_TRUE(share.MustNotify(0)) << "it has heard nothing yet";
   share.NoteNotified(0);

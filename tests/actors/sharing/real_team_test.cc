@@ -1,4 +1,4 @@
-// Sharing, roles and the real StorageActor together: a team of three rovers and a base station with SQLite files.
+// Sharing, roles and the real StorageActor together, in a team of three rovers and a base station with SQLite files.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -187,12 +187,12 @@ class RealTeam {
     return sent;
   }
 
-  // Since the last call, by sender and receiver: of have-sets.
+  // Bytes of the have-sets since the last call, by sender and receiver.
   std::map<std::pair<AgentId, AgentId>, std::size_t> TakeHaveBytes() { return std::exchange(have_bytes_, {}); }
-  // Since the last call, by receiver: in batches.
+  // Number of records in batches since the last call, by receiver.
   std::map<AgentId, std::uint64_t> TakeRecordsTo() { return std::exchange(records_to_, {}); }
 
-  // The leader's orders, and time enough on a quiet radio.
+  // Sends the leader's orders, and waits long enough for an idle radio to carry them out.
   void SyncAndReplicate() {
     const AgentId leader = RolesAt(1).leader();
     EXPECT_EQ(Share(team_, leader, ShareOrder(proto::SHARING_KIND_SYNC)).error().code(), proto::ERROR_CODE_NONE);
@@ -201,7 +201,7 @@ class RealTeam {
     team_.AdvanceTime(minutes(2));
   }
 
-  // Everything that was ever acknowledged is there.
+  // Every record that an agent ever acknowledged is still there.
   void ExpectNothingAcknowledgedIsLost() {
     for (const auto& [agent, claimed] : claimed_) {
       if (!team_.is_running(agent)) continue;
@@ -226,7 +226,7 @@ class RealTeam {
     }
     EXPECT_EQ(ReadAll(roles.survivor()), leader) << "the survivor has what the leader has";
     EXPECT_EQ(HaveOf(roles.survivor()), HaveOf(roles.leader()));
-    // What the policy `ground` names.
+    // Records whose types the policy `ground` names.
     const Records base = ReadAll(kBase);
     for (const auto& [key, content] : leader) {
       if (GroundPolicyOf(config_, key.stream.type) != proto::POLICY_NONE) {
@@ -277,7 +277,7 @@ class RealTeam {
     }
   }
 
-  // The answer to a client of `agent`; empty where there is none.
+  // The answer to a client of `agent`. Empty if there is no answer.
   proto::Message Ask(AgentId agent, const char* actor, const proto::Message& question) {
     (void)team_.Post({agent, "client"}, {agent, actor}, question);
     team_.RunUntilIdle();
@@ -290,12 +290,12 @@ class RealTeam {
   std::filesystem::path folder_;
   simulation::SimulatedTeam team_;
   std::map<AgentId, std::uint64_t> next_index_;
-  std::map<AgentId, HaveSet> claimed_;  // By all have-sets that each agent ever sent.
+  std::map<AgentId, HaveSet> claimed_;  // All records in any have-set that each agent ever sent.
   std::map<std::pair<AgentId, AgentId>, std::size_t> have_bytes_;
   std::map<AgentId, std::uint64_t> records_to_;
 };
 
-TEST(RealTeamTest, LeaderThenSurvivorHaveEverythingAndNothingGoesTwice) {
+TEST(RealTeamTest, LeaderThenSurvivorHaveEverythingAndNothingIsSentTwice) {
   RealTeam team(/*seed=*/1);
   team.Settle();
   for (AgentId agent = 1; agent <= 3; ++agent) {
@@ -307,7 +307,7 @@ TEST(RealTeamTest, LeaderThenSurvivorHaveEverythingAndNothingGoesTwice) {
   team.InsertOptimizedPoses(1, 2, 50, 2);
   team.SyncAndReplicate();
   team.ExpectConverged();
-  // Of the states only the newest one of each rover, of the poses only the newest run.
+  // Only the newest state of each rover and the poses of the newest run.
   std::map<DataType, int> counts;
   for (const auto& [key, content] : team.ReadAll(2)) ++counts[key.stream.type];
   EXPECT_EQ(counts[proto::POWER], 3);
@@ -317,8 +317,8 @@ TEST(RealTeamTest, LeaderThenSurvivorHaveEverythingAndNothingGoesTwice) {
   team.ExpectNothingIsSentTwice();
 }
 
-// The baseline of every benchmark works, too, and brings the same.
-TEST(RealTeamTest, ThePapersStatementsBringEverythingToo) {
+// The codec that is the baseline of every benchmark transfers the same records.
+TEST(RealTeamTest, ThePapersSqlCodecTransfersEverythingToo) {
   RealTeam team(/*seed=*/7, proto::CODEC_PAPER_SQL);
   team.Settle();
   for (AgentId agent = 1; agent <= 3; ++agent) {
@@ -331,7 +331,7 @@ TEST(RealTeamTest, ThePapersStatementsBringEverythingToo) {
   EXPECT_GT(team.statements(), 100u);
 }
 
-TEST(RealTeamTest, NewLeaderIsSentOnlyWhatItLacks) {
+TEST(RealTeamTest, ANewLeaderIsSentOnlyMissingRecords) {
   RealTeam team(/*seed=*/2);
   team.Settle();
   for (AgentId agent = 1; agent <= 3; ++agent) team.InsertNodes(agent, 100);
@@ -346,8 +346,8 @@ TEST(RealTeamTest, NewLeaderIsSentOnlyWhatItLacks) {
   EXPECT_EQ(team.SentRecords(), sent + 7 * 3);  // To the new leader, the new survivor and the base station.
 }
 
-// A log per destination, as the paper has it, would send each rover's whole history to the new leader again.
-TEST(RealTeamTest, AfterTheLeadersDeathNothingIsSentAgain) {
+// A log per destination, as in the paper, would send each rover's whole history to the new leader again.
+TEST(RealTeamTest, NothingIsSentAgainAfterTheLeadersDeath) {
   RealTeam team(/*seed=*/4);
   team.Settle();
   for (AgentId agent = 1; agent <= 3; ++agent) {
@@ -358,7 +358,8 @@ TEST(RealTeamTest, AfterTheLeadersDeathNothingIsSentAgain) {
   team.SyncAndReplicate();
   team.ExpectConverged();
   const RealTeam::Records before = team.ReadAll(2);
-  std::size_t log_bytes = 0;  // Of the agents that go on, to the new leader.
+  // Bytes of the remaining agents' own records, which a log per destination would send to the new leader.
+  std::size_t log_bytes = 0;
   for (const AgentId agent : {3u, kBase}) {
     for (const auto& [key, content] : before) log_bytes += key.stream.origin == agent ? content.size() : 0;
   }
@@ -385,7 +386,7 @@ TEST(RealTeamTest, AfterTheLeadersDeathNothingIsSentAgain) {
             << " bytes of have-sets a pair; by a log per destination " << log_bytes << " bytes of contents\n";
 }
 
-TEST(RealTeamTest, CutOfTheLinkAndCrashOfTheLeaderLoseNothing) {
+TEST(RealTeamTest, LinkFailureAndLeaderCrashLoseNothing) {
   RealTeam team(/*seed=*/3);
   team.Settle();
   for (AgentId agent = 1; agent <= 3; ++agent) {
@@ -413,9 +414,8 @@ int SeedCount() {
   return text == nullptr ? 6 : std::max(1, std::atoi(text));
 }
 
-// A lossy radio that repeats and reorders, cuts, crashes at any moment, role changes and orders anywhere; then quiet,
-// in which everything must converge. MOONDB_SEEDS sets how many runs.
-TEST(RealTeamTest, AQuarantineOfMapsComesToEveryAgentWhoeverGaveIt) {
+// Both quarantines of the same maps reach every agent, whether a rover or the base station made them.
+TEST(RealTeamTest, AQuarantineOfMapsReachesEveryAgentFromAnyOrigin) {
   RealTeam real(/*seed=*/1);
   real.InsertNodes(3, 5);
   real.SyncAndReplicate();
@@ -423,13 +423,15 @@ TEST(RealTeamTest, AQuarantineOfMapsComesToEveryAgentWhoeverGaveIt) {
   real.InsertQuarantine(/*at=*/kBase, /*maps_of=*/1);
   real.SyncAndReplicate();
   real.TakeHaveBytes();
-  real.SyncAndReplicate();  // What came to the leader goes on from there.
+  real.SyncAndReplicate();  // Records that reached the leader are forwarded to the other agents.
   for (AgentId agent = 1; agent <= kAgents; ++agent) EXPECT_EQ(real.QuarantinesAt(agent), 2u) << "agent " << agent;
   for (const auto& [pair, bytes] : real.TakeHaveBytes()) EXPECT_LT(bytes, 1000u) << "its streams alone are told beside";
   real.ExpectNothingIsSentTwice();
 }
 
-TEST(RealTeamTest, ConvergesAfterAnything) {
+// Random faults: a lossy radio that repeats and reorders, link failures, crashes at any moment, role changes and
+// orders. Afterwards the radio is reliable, and everything must converge. MOONDB_SEEDS sets the number of runs.
+TEST(RealTeamTest, ConvergesAfterRandomFaults) {
   const int seeds = SeedCount();
   std::cout << "seeds 1 to " << seeds << "\n";
   for (int seed = 1; seed <= seeds; ++seed) {

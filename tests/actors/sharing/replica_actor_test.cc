@@ -33,7 +33,7 @@ class ReplicaActorTest : public testing::Test {
   simulation::SimulatedTeam team_{1};
 };
 
-TEST_F(ReplicaActorTest, BringsAllThatTheLeaderHoldsToTheSurvivor) {
+TEST_F(ReplicaActorTest, SendsAllRecordsOfTheLeaderToTheSurvivor) {
   InsertAtLeader(100);
   EXPECT_EQ(Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION)).session_count(), 1u);
   team_.AdvanceTime(seconds(2));
@@ -45,7 +45,7 @@ TEST_F(ReplicaActorTest, BringsAllThatTheLeaderHoldsToTheSurvivor) {
   EXPECT_EQ(ShareStatusOf(team_, 2, actor_name::kReplica).received_records(), 300);
 }
 
-TEST_F(ReplicaActorTest, SendsNothingHomeThatItsAuthorStillHas) {
+TEST_F(ReplicaActorTest, DoesNotReturnRecordsThatTheirOriginStillHas) {
   InsertAtLeader(10);
   for (int i = 0; i < 10; ++i) stores_[2]->Insert(2, proto::POSE_GRAPH_NODE, "node " + std::to_string(i));
   Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION));
@@ -54,7 +54,7 @@ TEST_F(ReplicaActorTest, SendsNothingHomeThatItsAuthorStillHas) {
   EXPECT_EQ(stores_[2]->records(), stores_[1]->records());
 }
 
-TEST_F(ReplicaActorTest, SaysWhoLeadsWhenTheOrderComesToAnotherAgent) {
+TEST_F(ReplicaActorTest, NamesTheLeaderWhenAnotherAgentGetsTheOrder) {
   const auto reply = Share(team_, 3, ShareOrder(proto::SHARING_KIND_REPLICATION));
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
   EXPECT_EQ(reply.error().text(), "rover3 does not lead, rover1 does: give the command there");
@@ -67,7 +67,7 @@ TEST_F(ReplicaActorTest, RefusesWithoutASurvivor) {
   EXPECT_EQ(reply.error().text(), "no designated survivor is assigned");
 }
 
-TEST_F(ReplicaActorTest, TurnsAnUnfinishedReplicationToTheNewSurvivor) {
+TEST_F(ReplicaActorTest, RedirectsAnUnfinishedReplicationToTheNewSurvivor) {
   InsertAtLeader(10);
   team_.SetLink(1, 2, false);
   Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION));
@@ -77,7 +77,7 @@ TEST_F(ReplicaActorTest, TurnsAnUnfinishedReplicationToTheNewSurvivor) {
   EXPECT_TRUE(stores_[2]->records().empty());
 }
 
-TEST_F(ReplicaActorTest, ANewLeaderGathersOnceAllThatTheTeamHolds) {
+TEST_F(ReplicaActorTest, ANewLeaderGathersAllRecordsOfTheTeamOnce) {
   InsertAtLeader(10);
   stores_[4]->Insert(4, proto::POSE_GRAPH_NODE, "of the base station");
   NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
@@ -86,12 +86,13 @@ TEST_F(ReplicaActorTest, ANewLeaderGathersOnceAllThatTheTeamHolds) {
   InsertAtLeader(1);
   team_.AdvanceTime(seconds(100));
   EXPECT_EQ(stores_[3]->records().size(), 31u);
-  NotifyRoles(team_, config_, 3, Roles(3, 2, 4));  // As after a start, perhaps with an empty disk.
+  // Repeats the assignment, as after a start with a disk that may be empty.
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 4));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(stores_[3]->records().size(), 34u);
 }
 
-TEST(ReplicaActorLeftTest, ANewLeaderGathersFromNobodyWhoHasLeft) {
+TEST(ReplicaActorLeftTest, ANewLeaderGathersFromNoAgentThatHasLeft) {
   proto::TeamConfig config = TestTeam(3);
   config.mutable_agents(0)->set_left(true);
   simulation::SimulatedTeam team(1);
@@ -106,12 +107,12 @@ TEST(ReplicaActorLeftTest, ANewLeaderGathersFromNobodyWhoHasLeft) {
             "rover1 survives, but has left the team");
 }
 
-// Nobody sends what another one is sending.
-TEST_F(ReplicaActorTest, GathersFromTheSurvivorFirstAndNothingTwice) {
+// Each agent sends only records that no other agent is sending.
+TEST_F(ReplicaActorTest, GathersFromTheSurvivorFirstAndNoRecordTwice) {
   InsertAtLeader(10);
   for (const AgentId agent : {2u, 3u}) Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION, agent));
   team_.AdvanceTime(seconds(2));
-  *stores_[1] = MemoryStore();  // Its disk is lost.
+  *stores_[1] = MemoryStore();  // The leader loses its disk.
   NotifyRoles(team_, config_, 1, Roles(1, 2, 3));
   team_.AdvanceTime(seconds(10));
   EXPECT_EQ(stores_[1]->records().size(), 30u);
@@ -119,10 +120,10 @@ TEST_F(ReplicaActorTest, GathersFromTheSurvivorFirstAndNothingTwice) {
   EXPECT_EQ(ShareStatusOf(team_, 3, actor_name::kReplica).sessions(0).sent_records(), 0);
 }
 
-TEST_F(ReplicaActorTest, GoesOnGatheringWhileOneDoesNotAnswer) {
+TEST_F(ReplicaActorTest, KeepsGatheringWhileOneAgentDoesNotAnswer) {
   InsertAtLeader(10);
   stores_[4]->Insert(4, proto::POSE_GRAPH_NODE, "of the base station");
-  team_.SetLink(3, 2, false, /*tell=*/false);  // The survivor, which is asked first.
+  team_.SetLink(3, 2, false, /*tell=*/false);  // Cuts the link to the survivor, which is asked first.
   NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   team_.AdvanceTime(seconds(50));
   EXPECT_TRUE(stores_[3]->records().empty());
@@ -130,12 +131,13 @@ TEST_F(ReplicaActorTest, GoesOnGatheringWhileOneDoesNotAnswer) {
   EXPECT_EQ(stores_[3]->records().size(), 31u);
   stores_[2]->Insert(2, proto::POWER, "of the survivor");
   team_.SetLink(3, 2, true);
-  team_.AdvanceTime(seconds(30));  // Neither had noticed.
+  team_.AdvanceTime(seconds(30));  // Neither agent had noticed the cut.
   EXPECT_EQ(stores_[3]->records().size(), 32u);
 }
 
-// Who is away is not waited for: the next one's turn comes at once, and its own when it is back.
-TEST_F(ReplicaActorTest, GathersFromThoseThatAreThere) {
+// The leader does not wait for an unreachable agent: the next agent's turn comes at once. It asks the former when it
+// returns.
+TEST_F(ReplicaActorTest, GathersFromReachableAgents) {
   InsertAtLeader(10);
   stores_[2]->Insert(2, proto::POWER, "of the survivor");
   team_.SetLink(3, 2, false);
@@ -162,8 +164,8 @@ TEST_F(ReplicaActorTest, AFlappingAgentDoesNotKeepOthersWaiting) {
   EXPECT_EQ(stores_[3]->records().size(), 30u);
 }
 
-// Its order comes before word of the term in which it leads.
-TEST_F(ReplicaActorTest, GivesTheNewLeaderAllThoughItHearsOfItsTermLater) {
+// The new leader's order arrives before the message about its term.
+TEST_F(ReplicaActorTest, SendsTheNewLeaderEverythingThoughItLearnsItsTermLater) {
   InsertAtLeader(10);
   team_.radio().bytes_per_second = 2'000;
   NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
@@ -179,7 +181,7 @@ TEST_F(ReplicaActorTest, GivesTheNewLeaderAllThoughItHearsOfItsTermLater) {
   }
 }
 
-TEST_F(ReplicaActorTest, ADeposedLeaderGathersNoMore) {
+TEST_F(ReplicaActorTest, ADeposedLeaderStopsGathering) {
   InsertAtLeader(10);
   team_.SetLink(1, 3, false);
   team_.SetLink(2, 3, false);

@@ -1,4 +1,4 @@
-// What sessions note of their peers, as the real storage keeps and shows it.
+// The notes that sessions make about their peers, as the real storage keeps and shows them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,7 +26,7 @@ using std::chrono::minutes;
 constexpr AgentId kLogSelf = 1;
 constexpr AgentId kPeer = 2;
 
-// A session's notes on their way to a log that may fail to write them, or be made anew; some are lost.
+// A session's notes for a log that may fail to write them or may restart. Some notes are lost.
 class NotesOverTime {
  public:
   explicit NotesOverTime(std::uint64_t seed) : rng_(seed) { Restart(); }
@@ -34,7 +34,7 @@ class NotesOverTime {
   void Step() {
     SharingActions actions;
     const auto what = rng_() % 16;
-    if (what == 0) {  // A new session, at times with a destination that lost its disk.
+    if (what == 0) {  // A new session. In one of four cases its destination has lost its disk.
       if (rng_() % 4 == 0) have_ = HaveSet();
       notes_.NoteAnswer(have_, {}, actions);
     } else if (what == 1) {
@@ -48,7 +48,7 @@ class NotesOverTime {
     ExpectTruth();
   }
 
-  // Without any trouble.
+  // Sends one note without any fault.
   void NoteOnce() {
     SharingActions actions;
     HaveSet news;
@@ -73,7 +73,7 @@ class NotesOverTime {
     return *RecordStore::Open(std::move(options));
   }
 
-  // A new life of storage, upon the same tables.
+  // Restarts storage's log on the same tables.
   void Restart() {
     log_ = PeerLog();
     ASSERT_TRUE(log_.Load(store_->database()));
@@ -81,7 +81,7 @@ class NotesOverTime {
 
   StreamKey Any() { return {3, 1 + rng_() % 40, proto::POSE_GRAPH_NODE}; }
 
-  // Streams as an acknowledgment has them: whole.
+  // Streams as they appear in an acknowledgment, which sends each stream in full.
   HaveSet AnyNews() {
     HaveSet heard;
     for (auto streams = rng_() % 3 + 1; streams > 0; --streams) {
@@ -114,7 +114,7 @@ class NotesOverTime {
     }
   }
 
-  // Shown is what the last note that was taken said; a note between that and now changed nothing.
+  // The view shows the last accepted note. Later notes that were not accepted changed nothing.
   void ExpectTruth() { EXPECT_EQ(Shown(), taken_); }
 
   std::mt19937_64 rng_;
@@ -128,7 +128,7 @@ class NotesOverTime {
   int requests_ = 0;
 };
 
-TEST(ReplicationLogTest, DifferencesComeToTheSameAsTheWholeWhateverIsLostBetween) {
+TEST(ReplicationLogTest, DifferencesAddUpToTheWholeHaveSetWhateverIsLost) {
   int requests = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -141,7 +141,7 @@ TEST(ReplicationLogTest, DifferencesComeToTheSameAsTheWholeWhateverIsLostBetween
   EXPECT_GT(requests, 100);
 }
 
-// Agent 1 leads, and replicates to agent 2. Both know `epochs` old lives of agent 3, with gaps.
+// Agent 1 leads and replicates to agent 2. Both know `epochs` earlier epochs of agent 3, with gaps.
 class ReplicatingTeam {
  public:
   explicit ReplicatingTeam(std::uint64_t epochs) : team_(/*seed=*/1) {
@@ -159,7 +159,7 @@ class ReplicatingTeam {
     team_.RecordSent({kLogSelf, actor_name::kStorage});
   }
 
-  // At random places, so that they take room on the radio.
+  // Inserts nodes at random positions that do not compress.
   void InsertNodes(int count) {
     proto::Message message;
     for (int i = 0; i < count; ++i) {
@@ -190,7 +190,7 @@ class ReplicatingTeam {
     return *FromProto(team_.Take({kPeer, "test"}).at(0).have_reply().have());
   }
 
-  // What agent 1 shows of agent 2, which ends both.
+  // Ends both agents and returns what agent 1 shows of agent 2.
   Covered EndAndShow() {
     for (const AgentId agent : {kLogSelf, kPeer}) team_.Crash(agent);
     const Result<std::unique_ptr<Database>> database = Database::Open(PathOf(kLogSelf));
@@ -205,7 +205,7 @@ class ReplicatingTeam {
  private:
   std::string PathOf(AgentId agent) const { return folder_.File("agent" + std::to_string(agent) + ".db"); }
 
-  // The newest state of agent 3, and that its earlier epochs were superseded by it.
+  // Stores the newest state of agent 3, and drops for its earlier epochs, which that state superseded.
   void StoreOldEpochs(AgentId agent, std::uint64_t epochs) {
     proto::Message message;
     proto::StoreRequest& request = *message.mutable_store_request();
@@ -249,7 +249,7 @@ class ReplicatingTeam {
   simulation::SimulatedTeam team_;
 };
 
-TEST(ReplicationLogTest, ShowsWhatThePeerHasAfterAStorageThatFailedAsked) {
+TEST(ReplicationLogTest, ShowsThePeersHaveSetAfterStorageFailedAndRequestedIt) {
   ReplicatingTeam team(/*epochs=*/20);
   for (int i = 0; i < 10; ++i) team.InsertNodes(300);
   int notes = 0;
@@ -273,7 +273,7 @@ TEST(ReplicationLogTest, ShowsWhatThePeerHasAfterAStorageThatFailedAsked) {
   EXPECT_EQ(team.EndAndShow(), covered);
 }
 
-TEST(ReplicationLogTest, ANoteIsAsLargeAsItsNewsAndNotAsTheHaveSet) {
+TEST(ReplicationLogTest, ANotesSizeDependsOnItsNewRecordsAndNotOnTheHaveSet) {
   ReplicatingTeam team(/*epochs=*/400);
   for (int i = 0; i < 10; ++i) team.InsertNodes(300);
   team.Replicate();

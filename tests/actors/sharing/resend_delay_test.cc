@@ -12,12 +12,12 @@ using std::chrono::seconds;
 
 class ResendDelayTest : public SessionFixture {};
 
-// Pieces are acknowledged before anything is stored: that is no progress.
-TEST_F(ResendDelayTest, TriesALargeRecordLessAndLessOftenWhereItCannotBeStored) {
+// Fragments are acknowledged before the record is stored. Acknowledged fragments are therefore not progress.
+TEST_F(ResendDelayTest, RetriesALargeRecordThatCannotBeStoredLessAndLessOften) {
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(10'000));
   Order();
   std::size_t hellos = 0;
-  for (int i = 0; i < 1000; ++i) {  // 100 s.
+  for (int i = 0; i < 1000; ++i) {  // Runs for 100 s.
     Advance(std::chrono::milliseconds(100));
     for (const proto::Message& message : TakeSent()) {
       if (message.has_hello()) {
@@ -47,14 +47,14 @@ TEST_F(ResendDelayTest, StartsOverOnceWhenTheDestinationForgotTheSession) {
   Take(session_.OnRefusal(refusal, now_));
   refusal.set_session_id(TakeHello());
   Take(session_.OnRefusal(refusal, now_));
-  EXPECT_TRUE(TakeSent().empty());  // No tight loop: the delay serves from here.
+  EXPECT_TRUE(TakeSent().empty());  // The session waits for the delay, so no tight loop develops.
   Advance(seconds(6));
   AnswerHello();
   RunToEnd();
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(ResendDelayTest, ADestinationThatNeverReadsARunIsTriedLessAndLessOften) {
+TEST_F(ResendDelayTest, RetriesADestinationThatNeverReadsARunLessAndLessOften) {
   OrderMaps(60);
   const auto answer_all = [this] {
     std::size_t count = 0;
@@ -76,7 +76,7 @@ TEST_F(ResendDelayTest, ADestinationThatNeverReadsARunIsTriedLessAndLessOften) {
   EXPECT_LE(answer_all(), kInFlightMax);
 }
 
-TEST_F(ResendDelayTest, DoublesUpToTheLongestAndIsTheFirstAgainAfterProgress) {
+TEST_F(ResendDelayTest, DoublesUpToTheLimitAndResetsAfterProgress) {
   ResendDelay delay(seconds(5), seconds(30));
   for (const int expected : {5, 10, 20, 30, 30}) {
     EXPECT_EQ(delay.delay(), seconds(expected));
@@ -88,7 +88,7 @@ TEST_F(ResendDelayTest, DoublesUpToTheLongestAndIsTheFirstAgainAfterProgress) {
   EXPECT_FALSE(delay.has_grown());
 }
 
-TEST_F(ResendDelayTest, AfterARefusalRecordsAloneAreProgress) {
+TEST_F(ResendDelayTest, AfterARefusalOnlyRecordsAreProgress) {
   ResendDelay delay(seconds(5), seconds(30));
   delay.Grow();
   delay.NoteRefusal();
@@ -101,7 +101,7 @@ TEST_F(ResendDelayTest, AfterARefusalRecordsAloneAreProgress) {
   EXPECT_EQ(delay.delay(), seconds(5)) << "nothing was refused since";
 }
 
-TEST_F(ResendDelayTest, StartsOverAtOnceOncePerProgress) {
+TEST_F(ResendDelayTest, StartsOverImmediatelyOncePerProgress) {
   ResendDelay delay(seconds(5), seconds(30));
   EXPECT_TRUE(delay.TakeStartAtOnce());
   EXPECT_FALSE(delay.TakeStartAtOnce());

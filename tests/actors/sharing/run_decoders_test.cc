@@ -23,7 +23,7 @@ class RunDecodersTest : public testing::Test {
     return batch;
   }
 
-  // False: it leans on others that are not there.
+  // Returns false if the batch depends on others that are missing.
   bool IsDecoded(AgentId sender, const proto::Batch& batch) {
     const auto records = runs_.Decode(sender, batch, batch.coded(), now_);
     if (!records) {
@@ -38,7 +38,7 @@ class RunDecodersTest : public testing::Test {
   int map_count_ = 0;
 };
 
-TEST_F(RunDecodersTest, KeepsNothingForWhoHasNoPlace) {
+TEST_F(RunDecodersTest, KeepsNoRunForASenderWithoutAPlace) {
   const proto::Batch first = NextBatch(), second = NextBatch();
   EXPECT_TRUE(IsDecoded(2, first));
   EXPECT_FALSE(IsDecoded(2, second));
@@ -58,7 +58,7 @@ TEST_F(RunDecodersTest, SendersHaveRunsOfTheirOwn) {
   EXPECT_TRUE(IsDecoded(2, second));
 }
 
-TEST_F(RunDecodersTest, ARunStaysUntilAnotherOfItsSenderHasBegun) {
+TEST_F(RunDecodersTest, ARunStaysUntilItsSenderBeginsAnother) {
   EXPECT_TRUE(runs_.TakePlace(2, now_));
   EXPECT_TRUE(IsDecoded(2, NextBatch()));
   const proto::Batch of_first_run = NextBatch();
@@ -71,7 +71,7 @@ TEST_F(RunDecodersTest, ARunStaysUntilAnotherOfItsSenderHasBegun) {
   EXPECT_FALSE(IsDecoded(2, of_first_run));
 }
 
-TEST_F(RunDecodersTest, APlaceIsLostToAnotherSenderAfterSilenceAlone) {
+TEST_F(RunDecodersTest, ASenderLosesItsPlaceOnlyAfterSilence) {
   EXPECT_TRUE(runs_.TakePlace(2, now_));
   EXPECT_TRUE(runs_.TakePlace(3, now_));
   const proto::Batch first = NextBatch(), second = NextBatch();

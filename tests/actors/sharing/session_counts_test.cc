@@ -13,7 +13,7 @@ using std::chrono::seconds;
 
 class SessionCountsTest : public SessionFixture {};
 
-TEST_F(SessionCountsTest, TellsWhatIsAcknowledgedSinceTheDestinationAnswered) {
+TEST_F(SessionCountsTest, CountsRecordsAcknowledgedSinceTheDestinationAnswered) {
   for (int i = 0; i < 200; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(100));
   Order();
   Advance(seconds(3));
@@ -29,7 +29,7 @@ TEST_F(SessionCountsTest, TellsWhatIsAcknowledgedSinceTheDestinationAnswered) {
   EXPECT_EQ(Status().session_acknowledged_records() + Status().remaining(), 200);
   EXPECT_GT(Status().session_acknowledged_bytes(), 100 * Status().session_acknowledged_records());
 
-  // Reached again: what is left is not known, and time counts from the new answer.
+  // The destination is reached again. The remaining count is unknown, and the time counts from the new answer.
   Advance(seconds(1));
   Take(session_.OnConnected(now_));
   EXPECT_FALSE(Status().is_remaining_known());
@@ -50,7 +50,7 @@ TEST_F(SessionCountsTest, TellsWhatIsAcknowledgedSinceTheDestinationAnswered) {
   EXPECT_FALSE(Status().is_remaining_known());
 }
 
-TEST_F(SessionCountsTest, CountsEachEndingByItself) {
+TEST_F(SessionCountsTest, CountsEachKindOfEndSeparately) {
   SessionCounts counts;
   counts.NoteEnd(Ending::kCompleted);
   counts.NoteEnd(Ending::kCompleted);

@@ -1,4 +1,4 @@
-// SessionFixture: one session between two stores in memory, for the tests of the session and of its parts.
+// SessionFixture: one session between two stores in memory, for the tests of the session and its parts.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -27,7 +27,8 @@ inline std::string Noise(std::size_t size) {
   return bytes;
 }
 
-// A session with a store on each side. Storage answers at once; the destination answers when a test says so.
+// A session with a store on each side. The source's storage answers at once. The destination answers when a test calls
+// it.
 class SessionFixture : public testing::Test {
  protected:
   void Order() { Take(session_.Order(proto::RecordFilter(), now_)); }
@@ -49,7 +50,7 @@ class SessionFixture : public testing::Test {
 
   std::vector<proto::Message> TakeSent() { return std::exchange(sent_, {}); }
 
-  // The session id of the last Hello; forgets all else that was sent before.
+  // The session id of the last Hello. Removes all messages that were sent before.
   std::uint64_t TakeHello() {
     const auto sent = TakeSent();
     EXPECT_FALSE(sent.empty());
@@ -71,7 +72,7 @@ class SessionFixture : public testing::Test {
     Take(session_.OnHave(have, now_));
   }
 
-  // The destination stores a batch; what it acknowledges.
+  // The destination stores a batch. Returns its acknowledgment.
   proto::Have Store(const proto::Message& message) {
     const proto::Batch& batch = message.batch();
     std::string coded = batch.coded();
@@ -112,14 +113,14 @@ class SessionFixture : public testing::Test {
     }
   }
 
-  // Orders once these are stored as well; the destination answers the Hello.
+  // Inserts maps and orders the session. The destination answers the Hello.
   void OrderMaps(int count, int first = 0, std::uint32_t credit = 8 * 1024) {
     InsertMaps(count, first);
     Order();
     AnswerHello(credit);
   }
 
-  // One that is too large for a message.
+  // Inserts a map that is too large for one message.
   void InsertNoiseMap(int index, int side) {
     const auto any_cell = [this](int, int, int) { return static_cast<Cell>(rng_() % 3); };
     const proto::StoredRecord map = MapOf(DrawLayers(1, side, side, any_cell), index);
@@ -131,7 +132,7 @@ class SessionFixture : public testing::Test {
     return DecodeBatch(batch.codec(), batch.coded(), batch.record_count()).has_value();
   }
 
-  // Stores and acknowledges until nothing is sent any more; all batches.
+  // Stores and acknowledges until no message is sent any more. Returns all batches.
   std::vector<proto::Message> RunToEnd() {
     std::vector<proto::Message> batches;
     while (!sent_.empty()) {
@@ -143,7 +144,7 @@ class SessionFixture : public testing::Test {
     return batches;
   }
 
-  // The destination stores and acknowledges at once; coded bytes that came until then.
+  // The destination stores and acknowledges at once. Returns the coded bytes that arrived before `end`.
   std::size_t BytesUntil(SharingSession::Time end) {
     std::size_t bytes = 0;
     while (now_ < end) {
@@ -157,7 +158,7 @@ class SessionFixture : public testing::Test {
     return bytes;
   }
 
-  // Time passes in small steps.
+  // Advances the time in small steps.
   void Advance(std::chrono::nanoseconds duration) {
     for (const auto end = now_ + duration; now_ < end;) {
       now_ += std::chrono::milliseconds(100);
@@ -181,28 +182,28 @@ class SessionFixture : public testing::Test {
     return options;
   }
 
-  // Before anything is ordered; compact otherwise.
+  // Requires: nothing is ordered yet. The default is the compact codec.
   void UseCodec(proto::Codec codec) {
     SharingSession::Options options = Options();
     options.codec = codec;
     session_ = SharingSession(options, proto::SHARING_KIND_SYNC, kDestination, first_id_ += 1000);
   }
 
-  std::uint64_t first_id_ = 1000;  // Each session has another one.
+  std::uint64_t first_id_ = 1000;  // Each session has an id of its own.
   SharingSession session_{Options(), proto::SHARING_KIND_SYNC, kDestination, first_id_};
   SharingSession::Time now_{};
-  std::uint32_t credit_ = 8 * 1024;  // That the destination grants.
-  std::uint32_t granted_rate_ = 0;   // Likewise.
-  TypeSchemas schemas_;              // Of the destination, where it tells them.
+  std::uint32_t credit_ = 8 * 1024;  // Credit that the destination grants, in bytes.
+  std::uint32_t granted_rate_ = 0;   // Rate that the destination grants.
+  TypeSchemas schemas_;              // Schemas that the destination reports. Empty if it reports none.
   MemoryStore source_;
   MemoryStore destination_;
-  FragmentCollector fragments_{1'000'000};  // The destination's, as is the next.
+  FragmentCollector fragments_{1'000'000};  // Fragments that the destination has received.
   RunDecoders runs_{1, {}};
   bool are_runs_kept_ = true;
   std::mt19937_64 rng_{3};
   std::vector<proto::Message> sent_;
   std::vector<proto::PeerHave> peer_haves_;
-  proto::RecordFilter asked_for_;  // The last filter that storage was given.
+  proto::RecordFilter asked_for_;  // The last filter that storage received.
 };
 
 }  // namespace moondb

@@ -1,6 +1,6 @@
-// Sharing under input that nobody would send: real sessions, receivers and stores, first beside damaged, forged,
-// repeated and invented messages, then without them. Each test prints its first seed; MOONDB_FUZZ_SEED sets it, and
-// MOONDB_FUZZ_RUNS how many conversations there are (default 100).
+// Sharing under input that no correct agent sends. Real sessions, receivers and stores first receive damaged, forged,
+// repeated and invented messages besides the real ones, then only real ones. Each test prints its first seed, which
+// MOONDB_FUZZ_SEED sets. MOONDB_FUZZ_RUNS sets the number of conversations (default 100).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -32,7 +32,7 @@ using std::chrono::seconds;
 
 constexpr AgentId kReceiver = 1;
 constexpr AgentId kSender = 2;
-// No input may ask for more.
+// Limits on what one input may cause.
 constexpr std::size_t kActionsMax = 32;
 constexpr std::size_t kHaveBytesMax = 64 * 1024;
 
@@ -76,7 +76,7 @@ proto::Record PowerOf(double ratio) {
   return record;
 }
 
-// That travels in several pieces.
+// A map that is sent in several fragments.
 proto::Record LargeMapOf(AgentId agent, std::uint64_t index, Mutator& mutator) {
   constexpr std::uint32_t kSide = 256;
   proto::Record record;
@@ -108,7 +108,7 @@ std::map<RecordKey, std::string> SharedOf(RecordStore& store) {
   }
 }
 
-// A sender's session and a receiver, each with its store; what they say to each other passes the test.
+// A sender's session and a receiver, each with its store. All their messages pass through the test.
 class Conversation {
  public:
   explicit Conversation(std::uint64_t seed)
@@ -129,7 +129,7 @@ class Conversation {
 
   void Order() { TakeOfSession(session_.Order(proto::RecordFilter(), now_)); }
 
-  // One message comes, perhaps not as it was sent; or one that nobody sent.
+  // Delivers one message, possibly changed, or an invented message.
   void BadStep() {
     now_ += std::chrono::milliseconds(50);
     TakeOfSession(session_.OnTimer(now_));
@@ -137,7 +137,7 @@ class Conversation {
     Flying flying = TakeFromAir();
     switch (mutator_.Draw(8)) {
       case 0:
-        return;  // Lost.
+        return;  // The message is lost.
       case 1:
         Deliver(flying);
         return Deliver(flying);
@@ -158,7 +158,7 @@ class Conversation {
     }
   }
 
-  // From now on as two agents that behave; until the session is complete.
+  // Runs two correct agents from now on, until the session is complete. Returns false if it does not complete.
   bool GoodEnd() {
     air_.clear();
     TakeOfSession(session_.Close());
@@ -200,7 +200,8 @@ class Conversation {
     proto::Message message;
   };
 
-  // A have-set that claims an epoch of the hearer's own makes it store its states once more, under another name.
+  // A have-set that claims one of the receiving agent's own epochs makes that agent reissue its states under other
+  // keys.
   bool IsGenuine(const RecordKey& key, const std::string& content) const {
     const auto found = genuine_.find(key);
     if (found != genuine_.end()) return found->second == content;
@@ -210,7 +211,7 @@ class Conversation {
     });
   }
 
-  // With one seed in four a have-set comes in pages of a stream or two; such conversations get less far.
+  // With one seed in four the have-set is sent in pages of one or two streams. Such conversations make less progress.
   static SharingReceiver::Options ReceiverOptions(std::uint64_t seed) {
     SharingReceiver::Options options;
     options.team = "test";
@@ -226,7 +227,7 @@ class Conversation {
     return flying;
   }
 
-  // As what was heard last, with other words; a body of its own; or noise.
+  // Invents a message: a mutation of one heard before, a new body, or noise.
   Flying Invent() {
     Flying flying{mutator_.Draw(2) == 0 ? kReceiver : kSender, {}};
     if (mutator_.Draw(3) == 0) {
@@ -248,8 +249,8 @@ class Conversation {
     return flying;
   }
 
-  // Its records become the receiver's own, of the epoch in which it is and of one to come, with the right hashes; or
-  // are changed under their keys.
+  // Forges the records of a batch. Either they become the receiver's own in its present epoch or a later one, with
+  // valid hashes, or their content changes under the same keys.
   void ForgeRecords(proto::Message& message) {
     proto::Batch& batch = *message.mutable_batch();
     Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count());
@@ -317,7 +318,7 @@ class Conversation {
     ASSERT_LE(actions.size(), kActionsMax);
     for (SharingAction& action : actions) {
       proto::Message& message = action.message;
-      if (message.has_hello()) {  // As SharingActor completes it.
+      if (message.has_hello()) {  // Completes the Hello as SharingActor does.
         message.mutable_hello()->set_wire_version(kWireVersion);
         message.mutable_hello()->set_team("test");
         session_id_ = message.hello().session_id();
@@ -344,7 +345,7 @@ class Conversation {
   SharingSession session_{SharingSession::Options(), proto::SHARING_KIND_REPLICATION, kReceiver, 1000};
   SharingReceiver receiver_;
   SharingSession::Time now_{};
-  std::uint64_t session_id_ = 0;  // The session's present one.
+  std::uint64_t session_id_ = 0;  // Id from the session's last Hello.
   std::deque<Flying> air_;
   std::vector<Flying> heard_;
 };
@@ -366,7 +367,7 @@ TEST(SharingFuzzTest, AConversationSurvivesBadMessagesAndThenCompletes) {
   EXPECT_GT(refusals, 10 * static_cast<double>(RunCount())) << "most of it was bad";
 }
 
-// Those of proto/message.proto that agents send each other.
+// Bodies in proto/message.proto that agents send to each other.
 std::vector<const google::protobuf::FieldDescriptor*> BodiesBetweenAgents() {
   std::vector<const google::protobuf::FieldDescriptor*> bodies;
   const google::protobuf::OneofDescriptor& all = *proto::Message::descriptor()->FindOneofByName("body");
@@ -377,7 +378,7 @@ std::vector<const google::protobuf::FieldDescriptor*> BodiesBetweenAgents() {
   return bodies;
 }
 
-// The actors of an agent beside a peer that sends whatever fits into a message.
+// The actors of an agent together with a peer that sends arbitrary messages.
 TEST(SharingFuzzTest, ActorsSurviveAPeerThatSendsAnything) {
   const std::uint64_t first_seed = FirstSeed();
   const proto::TeamConfig config = TestTeam(3);

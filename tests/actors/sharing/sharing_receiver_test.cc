@@ -17,7 +17,7 @@ namespace {
 using std::chrono::seconds;
 using testing::ElementsAre;
 
-constexpr char kTeamId[] = "0123456789abcdef";  // As messages carry it.
+constexpr char kTeamId[] = "0123456789abcdef";  // The team's id as messages carry it.
 
 class SharingReceiverTest : public testing::Test {
  protected:
@@ -55,7 +55,7 @@ class SharingReceiverTest : public testing::Test {
     return message;
   }
 
-  // A run of some batches, from number 1, each with some maps.
+  // A run of `count` batches with four maps each, numbered from 1.
   static std::vector<proto::Message> RunOf(std::uint64_t session_id, std::uint32_t count) {
     SharingEncoder encoder;
     std::vector<proto::Message> batches;
@@ -70,7 +70,7 @@ class SharingReceiverTest : public testing::Test {
     return batches;
   }
 
-  // A StoreRequest with all of them.
+  // Returns true if the batch leads to a StoreRequest with all its records.
   bool IsStored(const proto::Message& batch, AgentId sender = 2) {
     const auto actions = receiver_.OnBatch(sender, batch, now_);
     if (!actions || actions->size() != 1 || !actions->front().message.has_store_request()) return false;
@@ -99,7 +99,7 @@ class SharingReceiverTest : public testing::Test {
     return asked.empty() ? 0 : asked[0].message.request_id();
   }
 
-  // Storage answers, too; the answer to the Hello.
+  // Opens a session, with an answer from storage too. Returns the answer to the Hello.
   proto::Have Open(AgentId sender, std::uint64_t session_id) {
     const SharingActions answered = receiver_.OnHaveReply(OpenSession(sender, session_id), proto::HaveReply());
     EXPECT_EQ(answered.size(), 1u);
@@ -129,7 +129,7 @@ TEST_F(SharingReceiverTest, AnswersAHelloWithTheWholeHaveSet) {
   EXPECT_EQ(have.have().streams(0).origin_agent(), 3u);
 }
 
-TEST_F(SharingReceiverTest, SpeaksOfTheOriginsThatTheHelloAsksFor) {
+TEST_F(SharingReceiverTest, AnswersWithTheOriginsThatTheHelloRequests) {
   proto::Hello hello = Hello(10);
   hello.add_origin_agents(3);
   hello.add_origin_agents(5);
@@ -169,7 +169,7 @@ TEST_F(SharingReceiverTest, AnswersEachHelloWithOnePage) {
   EXPECT_EQ(receiver_.MovingSessions(now_), 1u);
 }
 
-TEST_F(SharingReceiverTest, RefusesToGoOnWithASessionThatItDoesNotKnow) {
+TEST_F(SharingReceiverTest, RefusesToContinueAnUnknownSession) {
   proto::Hello hello = Hello(10);
   *hello.mutable_have_from() = ToProto(RecordKey{{3, 7, proto::POWER}, 9});
   EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kNotFound);
@@ -179,8 +179,8 @@ TEST_F(SharingReceiverTest, RefusesToGoOnWithASessionThatItDoesNotKnow) {
   EXPECT_EQ(receiver_.OnBatch(2, Batch(9, 1), now_)->size(), 1u) << "the session that is known stays";
 }
 
-// A thousand bytes that become sixteen million: the first few are decoded, then the sender has to wait.
-TEST_F(SharingReceiverTest, DecodesSoMuchOfOneSenderAMinute) {
+// A thousand bytes that decode to sixteen million. The receiver decodes the first few, then the sender must wait.
+TEST_F(SharingReceiverTest, LimitsTheBytesDecodedPerSenderAndMinute) {
   proto::RecordBatch records;
   *records.add_records()->mutable_key() = ToProto(RecordKey{{2, 9, proto::POWER}, 1});
   records.mutable_records(0)->set_content(std::string(16 << 20, '\0'));
@@ -204,7 +204,7 @@ TEST_F(SharingReceiverTest, DecodesSoMuchOfOneSenderAMinute) {
   EXPECT_EQ(decoded_of(2, now_ + std::chrono::minutes(1)), 1) << "the second went beyond what it had";
 }
 
-TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamOrKind) {
+TEST_F(SharingReceiverTest, RefusesMessagesOfAnotherTeamOrKind) {
   proto::Hello hello = Hello(10);
   hello.set_team_id("fedcba9876543210");
   EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused) << "a team of the same name";
@@ -229,14 +229,14 @@ TEST_F(SharingReceiverTest, RefusesAnotherWireVersionAndNamesBoth) {
   EXPECT_EQ(receiver_.counts().refused_hellos, 2);
 }
 
-// Whatever else a Hello of another version holds.
+// The wire version is readable whatever else a Hello of another version holds.
 TEST_F(SharingReceiverTest, ReadsTheWireVersionOfAnyVersionsHello) {
   proto::Hello hello;
   ASSERT_TRUE(hello.ParseFromString("\x08\x2A\x12\x03tea\x7A\x02no"));
   EXPECT_EQ(hello.wire_version(), 42u);
 }
 
-TEST_F(SharingReceiverTest, TakesAnotherConfigurationAndRemembersWhose) {
+TEST_F(SharingReceiverTest, AcceptsAnotherConfigurationAndRemembersItsAgent) {
   proto::Hello hello = Hello(10);
   hello.set_config_hash(78);
   hello.set_team("renamed");
@@ -246,7 +246,7 @@ TEST_F(SharingReceiverTest, TakesAnotherConfigurationAndRemembersWhose) {
   EXPECT_TRUE(receiver_.other_configs().empty());
 }
 
-TEST_F(SharingReceiverTest, RefusesABatchOfASessionThatItDoesNotKnow) {
+TEST_F(SharingReceiverTest, RefusesABatchOfAnUnknownSession) {
   EXPECT_EQ(RefusalOf(*receiver_.OnBatch(2, Batch(10, 1), now_)), ErrorCode::kNotFound);
   OpenSession(2, 10);
   EXPECT_EQ(RefusalOf(*receiver_.OnBatch(2, Batch(11, 1), now_)), ErrorCode::kNotFound);
@@ -286,7 +286,7 @@ TEST_F(SharingReceiverTest, DoesNotAcknowledgeAFailedCommit) {
   EXPECT_EQ(RefusalOf(receiver_.OnStoreReply(stored->at(0).message.request_id(), reply)), ErrorCode::kUnavailable);
 }
 
-TEST_F(SharingReceiverTest, SharesItsCreditAmongThoseWhoSend) {
+TEST_F(SharingReceiverTest, SharesItsCreditAmongActiveSenders) {
   const auto credit_at_hello = [this](AgentId sender) {
     const std::uint64_t asked = OpenSession(sender, 10);
     return receiver_.OnHaveReply(asked, proto::HaveReply()).at(0).message.have().unacked_bytes_max();
@@ -321,7 +321,7 @@ TEST_F(SharingReceiverTest, CountsAndDropsDamagedBatches) {
   EXPECT_EQ(receiver_.counts().damaged_messages, 3);
 }
 
-TEST_F(SharingReceiverTest, StoresWhatCameInPiecesAndSaysHowMuchOfItIsHere) {
+TEST_F(SharingReceiverTest, StoresFragmentedRecordsAndReportsHowMuchArrived) {
   const proto::Message whole = Batch(11, 1);
   FragmentCutter cutter({whole.batch().codec(), whole.batch().coded()}, 1, {});
   std::vector<proto::Message> fragments;
@@ -357,7 +357,7 @@ TEST_F(SharingReceiverTest, StoresWhatCameInPiecesAndSaysHowMuchOfItIsHere) {
   EXPECT_EQ(receiver_.counts().damaged_messages, 1);
 }
 
-TEST_F(SharingReceiverTest, BoundsWhatWaitsForStorageUntilTheSenderStartsOver) {
+TEST_F(SharingReceiverTest, BoundsTheBatchesThatWaitForStorage) {
   Open(2, 10);
   for (std::uint32_t number = 1; number <= 16; ++number) {
     EXPECT_EQ(receiver_.OnBatch(2, Batch(10, number), now_)->size(), 1u);
@@ -368,12 +368,12 @@ TEST_F(SharingReceiverTest, BoundsWhatWaitsForStorageUntilTheSenderStartsOver) {
   EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
 }
 
-TEST_F(SharingReceiverTest, IgnoresAHelloThatCameLate) {
+TEST_F(SharingReceiverTest, IgnoresALateHello) {
   Open(2, 10);
   OpenSession(2, 11);
   EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
   EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
-  // No radio is that late: the other one was damaged.
+  // No radio delays a message that long, so the newer Hello must have been damaged.
   now_ += seconds(61);
   EXPECT_EQ(receiver_.OnHello(2, Hello(10), now_).size(), 1u);
 }
@@ -391,7 +391,7 @@ TEST_F(SharingReceiverTest, AnswersOnlyTheNewestHello) {
   EXPECT_EQ(answer[0].message.have().session_id(), 1000u);
 }
 
-TEST_F(SharingReceiverTest, AsksStorageAgainWhereItsAnswerIsLost) {
+TEST_F(SharingReceiverTest, AsksStorageAgainIfItsAnswerIsLost) {
   OpenSession(2, 10);
   EXPECT_TRUE(receiver_.OnHello(2, Hello(11), now_).empty());
   now_ += seconds(11);
@@ -401,13 +401,13 @@ TEST_F(SharingReceiverTest, AsksStorageAgainWhereItsAnswerIsLost) {
             12u);
 }
 
-TEST_F(SharingReceiverTest, AsksStorageOnceForAHelloThatIsRepeated) {
+TEST_F(SharingReceiverTest, AsksStorageOnceForARepeatedHello) {
   const std::uint64_t asked = OpenSession(2, 10);
   for (int i = 0; i < 100; ++i) EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
   EXPECT_EQ(receiver_.OnHaveReply(asked, proto::HaveReply()).size(), 1u);
 }
 
-TEST_F(SharingReceiverTest, BoundsSessionsAndLetsSilentOnesGiveWay) {
+TEST_F(SharingReceiverTest, BoundsSessionsAndReplacesSilentOnes) {
   for (AgentId sender = 1; sender <= 16; ++sender) OpenSession(sender, 10);
   EXPECT_EQ(RefusalOf(receiver_.OnHello(17, Hello(10), now_)), ErrorCode::kFull);
   now_ += seconds(59);
@@ -448,7 +448,7 @@ TEST_F(SharingReceiverTest, GrantsEachSenderItsPartOfTheBudget) {
   EXPECT_EQ(receiver.MovingSessions(now_), 0u) << "and who has told its end";
 }
 
-TEST_F(SharingReceiverTest, TellsItsSchemasToWhoHasOthers) {
+TEST_F(SharingReceiverTest, SendsItsSchemasToASenderWithOthers) {
   SharingReceiver::Options options = Options();
   options.schemas = SchemasOf({});
   SharingReceiver receiver(options, 500);
@@ -462,7 +462,7 @@ TEST_F(SharingReceiverTest, TellsItsSchemasToWhoHasOthers) {
   EXPECT_EQ(answer_to(3, 5).schemas_size(), options.schemas.size());
 }
 
-TEST_F(SharingReceiverTest, ReadsARunInItsOrderAndAsksForANewOneOtherwise) {
+TEST_F(SharingReceiverTest, ReadsARunInOrderAndOtherwiseRequestsANewOne) {
   Open(2, 10);
   const std::vector<proto::Message> run = RunOf(10, 4);
   EXPECT_TRUE(IsStored(run[0]));
@@ -473,7 +473,7 @@ TEST_F(SharingReceiverTest, ReadsARunInItsOrderAndAsksForANewOneOtherwise) {
   EXPECT_EQ(receiver_.counts().damaged_messages, 0);
 }
 
-TEST_F(SharingReceiverTest, LateCopiesLeaveARunWhereItIs) {
+TEST_F(SharingReceiverTest, LateCopiesDoNotChangeARun) {
   Open(2, 10);
   const std::vector<proto::Message> run = RunOf(10, 3);
   EXPECT_TRUE(IsStored(run[0]));
@@ -506,7 +506,7 @@ TEST_F(SharingReceiverTest, KeepsRunsFromSessionToSession) {
   EXPECT_TRUE(IsStored(run[1]));
 }
 
-TEST_F(SharingReceiverTest, TellsRunsApartByTheirNumbers) {
+TEST_F(SharingReceiverTest, DistinguishesRunsByTheirNumbers) {
   Open(2, 10);
   std::vector<proto::Message> run = RunOf(10, 2);
   EXPECT_TRUE(IsStored(run[0]));
@@ -524,7 +524,7 @@ TEST_F(SharingReceiverTest, ABatchWithoutMapsMayOvertakeOneOfARun) {
   EXPECT_TRUE(IsStored(run[1]));
 }
 
-TEST_F(SharingReceiverTest, KeepsRunsOfSoManySendersAndTellsTheOthers) {
+TEST_F(SharingReceiverTest, KeepsRunsOfALimitedNumberOfSendersAndInformsTheOthers) {
   SharingReceiver::Options options = Options();
   options.run_places_max = 2;
   receiver_ = SharingReceiver(options, 500);

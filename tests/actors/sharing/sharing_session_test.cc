@@ -29,7 +29,7 @@ TEST_F(SharingSessionTest, AsksForTheHaveSetBeforeAnythingIsSent) {
   EXPECT_EQ(sent[0].hello().kind(), proto::SHARING_KIND_SYNC);
 }
 
-TEST_F(SharingSessionTest, SaysThatNothingIsMissingAndCompletes) {
+TEST_F(SharingSessionTest, ReportsThatNothingIsMissingAndCompletes) {
   Order();
   AnswerHello();
   const auto batches = RunToEnd();
@@ -41,12 +41,12 @@ TEST_F(SharingSessionTest, SaysThatNothingIsMissingAndCompletes) {
   EXPECT_TRUE(peer_haves_.back().is_session_closed());
 }
 
-TEST_F(SharingSessionTest, BringsWhatIsMissingAndNothingElse) {
+TEST_F(SharingSessionTest, SendsOnlyMissingRecords) {
   for (int i = 0; i < 300; ++i) {
     const RecordKey key = source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
     if (i % 3 == 0) destination_.Insert(kSelf, proto::POSE_GRAPH_NODE, source_.records().at(key));
   }
-  // The destination holds seqs 1 to 100 by now; 200 are missing.
+  // The destination now holds records with seqs 1 to 100, and 200 records are missing.
   for (const auto& [key, content] : destination_.records()) ASSERT_LE(key.seq, 100u);
   Order();
   AnswerHello();
@@ -89,7 +89,7 @@ TEST_F(SharingSessionTest, StartsOverFromTheHaveSetWhenAnAcknowledgmentIsLost) {
   AnswerHello();
   const auto sent = TakeSent();
   ASSERT_EQ(sent.size(), 1u);
-  Store(sent[0]);  // Its acknowledgment does not arrive.
+  Store(sent[0]);  // The acknowledgment does not arrive.
   Advance(seconds(6));
   AnswerHello();
   for (const auto& batch : RunToEnd()) EXPECT_EQ(batch.batch().record_count(), 0u);
@@ -108,11 +108,11 @@ TEST_F(SharingSessionTest, StartsOverAtOnceWhenTheDestinationIsReachedAgain) {
   Take(session_.OnConnected(now_));
   AnswerHello();
   RunToEnd();
-  Take(session_.OnConnected(now_));  // Nothing is unfinished.
+  Take(session_.OnConnected(now_));  // No order is unfinished.
   EXPECT_TRUE(TakeSent().empty());
 }
 
-TEST_F(SharingSessionTest, IgnoresWhatBelongsToAnEarlierSession) {
+TEST_F(SharingSessionTest, IgnoresMessagesOfAnEarlierSession) {
   source_.Insert(kSelf, proto::POWER, "p");
   Order();
   proto::Have old;
@@ -141,7 +141,7 @@ TEST_F(SharingSessionTest, EndsWithTheReasonWhenItIsRefused) {
   EXPECT_TRUE(TakeSent().empty());
 }
 
-TEST_F(SharingSessionTest, IncludesWhatWasStoredBeforeALaterOrder) {
+TEST_F(SharingSessionTest, IncludesRecordsStoredBeforeALaterOrder) {
   source_.Insert(kSelf, proto::POWER, "p");
   Order();
   AnswerHello();
@@ -155,7 +155,7 @@ TEST_F(SharingSessionTest, IncludesWhatWasStoredBeforeALaterOrder) {
   EXPECT_EQ(Status().completed_sessions(), 1);
 }
 
-TEST_F(SharingSessionTest, TellsStorageWhatItHandedOverAndWhatCameOfIt) {
+TEST_F(SharingSessionTest, NotesInStorageWhichRecordsWereSentAndAcknowledged) {
   const RecordKey key = source_.Insert(kSelf, proto::POWER, "p");
   Order();
   AnswerHello();
@@ -196,7 +196,7 @@ TEST_F(SharingSessionTest, ForgetsTheOrderWhenClosed) {
   EXPECT_FALSE(session_.deadline());
 }
 
-TEST_F(SharingSessionTest, ClosedItHasNothingLeftToDo) {
+TEST_F(SharingSessionTest, HasNothingRemainingOnceClosed) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Order();
   AnswerHello();
@@ -217,7 +217,7 @@ TEST_F(SharingSessionTest, RefusesAMalformedHaveSet) {
   EXPECT_EQ(Status().refused_haves(), 1);
 }
 
-TEST_F(SharingSessionTest, ShowsOfARefusalNoMoreThanALine) {
+TEST_F(SharingSessionTest, ShowsAtMostOneLineOfARefusal) {
   Order();
   proto::Refusal refusal;
   refusal.set_session_id(TakeHello());
@@ -228,7 +228,7 @@ TEST_F(SharingSessionTest, ShowsOfARefusalNoMoreThanALine) {
   EXPECT_TRUE(proto::ShareSession().ParseFromString(Status().SerializeAsString())) << "UTF-8 as a client needs it";
 }
 
-TEST_F(SharingSessionTest, KeepsToTheSmallerOfItsOwnAndTheGrantedRate) {
+TEST_F(SharingSessionTest, ObeysTheLowerOfItsOwnAndTheGrantedRate) {
   for (int i = 0; i < 2000; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   session_.SetRate(5'000, now_);
   granted_rate_ = 2'000;
@@ -248,7 +248,7 @@ TEST_F(SharingSessionTest, KeepsToTheSmallerOfItsOwnAndTheGrantedRate) {
   EXPECT_LT(own, 5'000u * 21);
 }
 
-TEST_F(SharingSessionTest, AVerySlowRateStartsNothingAnew) {
+TEST_F(SharingSessionTest, AVerySlowRateCausesNoResends) {
   for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   session_.SetRate(125, now_);
   Order();

@@ -1,5 +1,5 @@
-// A team of rovers and a base station for tests of the sharing actors. It does not include them: a change of their
-// headers must not compile every test again.
+// A team of rovers and a base station for tests of the sharing actors. It does not include the actors' headers, so a
+// change in them does not recompile every test.
 #pragma once
 
 #include <cstdint>
@@ -17,11 +17,11 @@ class ShareStatus;
 
 namespace moondb {
 
-// Rovers 1 to `rover_count` ("rover1"...), then a base station ("base"); 1 leads, 2 is the designated survivor.
-// Everything is shared; the base station is sent nodes and maps.
+// Rovers 1 to `rover_count` ("rover1"...), followed by a base station ("base"). Agent 1 leads, and agent 2 is the
+// designated survivor. Everything is shared, and the base station receives nodes and maps.
 proto::TeamConfig TestTeam(int rover_count);
 
-// The two sharing actors of an agent.
+// Adds the two sharing actors to an agent.
 void SpawnSharing(simulation::SimulatedTeam& team, AgentId agent, const proto::TeamConfig& config,
                   const PaperSql& paper_sql = {});
 
@@ -34,7 +34,7 @@ proto::Message ShareOrder(proto::SharingKind kind, AgentId destination = 0);
 // Sends an order to an agent as its operator does, runs the team until it is idle, and returns the answer.
 proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, const proto::Message& order);
 
-// Include proto/share_status.pb.h to look into it.
+// Include proto/share_status.pb.h to read the result's fields.
 proto::ShareStatus ShareStatusOf(simulation::SimulatedTeam& team, AgentId agent, const char* actor);
 
 void NotifyRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,

@@ -15,7 +15,7 @@ using Window = SharingSession::Window;
 
 class StandingOrderTest : public SessionFixture {};
 
-TEST_F(StandingOrderTest, SaysHowEachAgentsNewestOrderEnded) {
+TEST_F(StandingOrderTest, ReportsHowEachAgentsNewestOrderEnded) {
   const auto order = [this](std::uint64_t number, AgentId agent, std::uint64_t bytes_max = 0) {
     Take(session_.Order(proto::RecordFilter(), now_, bytes_max, {agent, number}));
   };
@@ -59,7 +59,7 @@ TEST_F(StandingOrderTest, AnOrderInAShutWindowWaitsForItToOpen) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(StandingOrderTest, TakesAcknowledgmentsInAShutWindowAndGoesOnWhereItStopped) {
+TEST_F(StandingOrderTest, AcceptsAcknowledgmentsInAShutWindowAndResumesWhereItStopped) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Order();
   AnswerHello();
@@ -94,7 +94,7 @@ TEST_F(StandingOrderTest, CompletesInAShutWindowWhenAllIsAcknowledged) {
   EXPECT_TRUE(TakeSent().empty());
 }
 
-TEST_F(StandingOrderTest, StatesPassAWindowForStatesAndTheRestWaits) {
+TEST_F(StandingOrderTest, OnlyStatesPassAWindowForStates) {
   source_.Insert(kSelf, proto::POWER, "p");
   for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Take(session_.SetWindow(Window::kStatesOnly, now_));
@@ -107,11 +107,11 @@ TEST_F(StandingOrderTest, StatesPassAWindowForStatesAndTheRestWaits) {
   EXPECT_GT(batches[0].remaining(), 0u) << "it is not the end of the order";
   EXPECT_TRUE(session_.is_open());
   EXPECT_FALSE(session_.deadline());
-  Acknowledge(batches[0]);  // Once more.
+  Acknowledge(batches[0]);  // Repeats the acknowledgment.
   Advance(seconds(100));
   EXPECT_TRUE(TakeSent().empty());
 
-  Order();  // Nothing new: a Hello, and no batch.
+  Order();  // Without new records an order leads to a Hello and no batch.
   AnswerHello();
   EXPECT_TRUE(TakeSent().empty());
 
@@ -124,7 +124,7 @@ TEST_F(StandingOrderTest, StatesPassAWindowForStatesAndTheRestWaits) {
   EXPECT_EQ(Status().sent_records(), 101);
 }
 
-TEST_F(StandingOrderTest, ADriveThatBeginsStopsStatesTooUntilTheNextOrder) {
+TEST_F(StandingOrderTest, TheStartOfADriveStopsStatesTooUntilTheNextOrder) {
   for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Order();
   AnswerHello();
@@ -165,7 +165,7 @@ TEST_F(StandingOrderTest, AsksForStatesOnlyInAWindowForStates) {
   EXPECT_EQ(asked_for_.DebugString(), filter.DebugString());
 }
 
-TEST_F(StandingOrderTest, AnOrderWithoutStatesWaits) {
+TEST_F(StandingOrderTest, AnOrderWithoutStatesWaitsInAWindowForStates) {
   source_.Insert(kSelf, proto::POWER, "p");
   proto::RecordFilter filter;
   filter.add_data_types(proto::POSE_GRAPH_NODE);
@@ -176,8 +176,9 @@ TEST_F(StandingOrderTest, AnOrderWithoutStatesWaits) {
   EXPECT_TRUE(TakeSent().empty());
 }
 
-// What the destination has not been asked for, it has not said that it lacks.
-TEST_F(StandingOrderTest, AsksOnlyForTheOriginsThatItsFilterMeansAndAgainForOthers) {
+// The destination's have-set does not cover origins that the session did not ask about, so their records may not be
+// missing.
+TEST_F(StandingOrderTest, AsksOnlyForTheOriginsInItsFilterAndAgainForOthers) {
   for (int i = 0; i < 20; ++i) {
     const RecordKey other = source_.Insert(kSelf + 1, proto::POSE_GRAPH_NODE, Noise(60));
     destination_.Insert(kSelf + 1, proto::POSE_GRAPH_NODE, source_.records().at(other));
@@ -194,7 +195,8 @@ TEST_F(StandingOrderTest, AsksOnlyForTheOriginsThatItsFilterMeansAndAgainForOthe
   have.set_is_whole(true);
   have.set_unacked_bytes_max(8 * 1024);
   Take(session_.OnHave(have, now_));
-  Take(session_.Order(proto::RecordFilter(), now_));  // While the first batch is under way: now everybody's.
+  // Extends the order to all origins while the first batch is in flight.
+  Take(session_.Order(proto::RecordFilter(), now_));
   EXPECT_TRUE(sent_.back().has_hello());
   EXPECT_EQ(sent_.back().hello().origin_agents_size(), 0);
   AnswerHello();
@@ -206,7 +208,7 @@ TEST_F(StandingOrderTest, AsksOnlyForTheOriginsThatItsFilterMeansAndAgainForOthe
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(StandingOrderTest, ALimitedOrderEndsWithItsBytes) {
+TEST_F(StandingOrderTest, ALimitedOrderEndsWhenItsBytesAreUsedUp) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/10'000));
   AnswerHello();
@@ -220,7 +222,7 @@ TEST_F(StandingOrderTest, ALimitedOrderEndsWithItsBytes) {
   EXPECT_EQ(Status().acknowledged_records(), Status().sent_records());
   EXPECT_NE(Status().last_error().find("its order's bytes"), std::string::npos) << Status().last_error();
 
-  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/1'000'000));  // The rest fits.
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/1'000'000));  // The rest fits into the limit.
   AnswerHello();
   RunToEnd();
   EXPECT_EQ(Status().completed_sessions(), 1);
@@ -238,7 +240,7 @@ TEST_F(StandingOrderTest, ALimitDoesNotNarrowAnOpenOrderWithoutOne) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(StandingOrderTest, ALimitHoldsForRecordsInPiecesToo) {
+TEST_F(StandingOrderTest, ALimitAppliesToRecordsInFragmentsToo) {
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(30'000));
   Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/10'000));
   AnswerHello();
@@ -252,7 +254,7 @@ TEST_F(StandingOrderTest, ALimitHoldsForRecordsInPiecesToo) {
   EXPECT_LT(Status().coded_bytes(), 33'000) << "it goes on where it ended";
 }
 
-TEST_F(StandingOrderTest, LeavesOutWhatTheDestinationUnderstandsDifferently) {
+TEST_F(StandingOrderTest, LeavesOutTypesThatTheDestinationDefinesDifferently) {
   schemas_ = SchemasOf({});
   for (proto::TypeSchema& schema : schemas_) {
     if (schema.data_type() == proto::MODE) schema.set_hash(schema.hash() + 1);
@@ -264,14 +266,14 @@ TEST_F(StandingOrderTest, LeavesOutWhatTheDestinationUnderstandsDifferently) {
   ASSERT_EQ(asked_for_.not_data_types_size(), 1);
   EXPECT_EQ(asked_for_.not_data_types(0), static_cast<std::uint32_t>(proto::MODE));
   EXPECT_EQ(Status().other_schema_types_size(), 1);
-  schemas_.Clear();  // It was updated.
+  schemas_.Clear();  // The destination's team file was updated.
   Order();
   AnswerHello();
   EXPECT_TRUE(asked_for_.not_data_types().empty());
   EXPECT_TRUE(Status().other_schema_types().empty());
 }
 
-TEST_F(StandingOrderTest, BringsStatesUnaskedWithoutCountingOrTellingAnEnd) {
+TEST_F(StandingOrderTest, SendsPeriodicStatesWithoutCountingOrReportingAnEnd) {
   source_.Insert(kSelf, proto::POWER, "p");
   source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
   Take(session_.BringPeriodic(States(), now_));
@@ -284,13 +286,13 @@ TEST_F(StandingOrderTest, BringsStatesUnaskedWithoutCountingOrTellingAnEnd) {
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(Status().completed_sessions() + Status().closed_sessions(), 0);
 
-  Take(session_.BringPeriodic(States(), now_));  // Nothing new.
+  Take(session_.BringPeriodic(States(), now_));  // There are no new records.
   AnswerHello();
   EXPECT_TRUE(TakeSent().empty());
   EXPECT_FALSE(session_.is_open());
 }
 
-TEST_F(StandingOrderTest, AnOrderTakesThePlaceOfUnaskedStatesWithItsOwnLimit) {
+TEST_F(StandingOrderTest, AnOrderReplacesPeriodicStatesAndKeepsItsOwnLimit) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   source_.Insert(kSelf, proto::POWER, "p");
   Take(session_.BringPeriodic(States(), now_));
@@ -308,7 +310,7 @@ TEST_F(StandingOrderTest, AnOrderTakesThePlaceOfUnaskedStatesWithItsOwnLimit) {
   EXPECT_EQ(Status().last_error(), error) << "the order's end is still to be seen";
 }
 
-TEST_F(StandingOrderTest, RemindersNeitherHoldUpAnOrderNorWidenIt) {
+TEST_F(StandingOrderTest, RemindersNeitherDelayNorExtendAnOrder) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/30'000));
   AnswerHello();
@@ -324,7 +326,7 @@ TEST_F(StandingOrderTest, RemindersNeitherHoldUpAnOrderNorWidenIt) {
   EXPECT_LE(Status().coded_bytes(), 30'000 + 1300);
 }
 
-TEST_F(StandingOrderTest, UnaskedStatesWaitForAShutWindowWithoutCountingResends) {
+TEST_F(StandingOrderTest, PeriodicStatesWaitForAShutWindowWithoutCountingResends) {
   source_.Insert(kSelf, proto::POWER, "p");
   Take(session_.SetWindow(Window::kShut, now_));
   for (int i = 0; i < 10; ++i) Take(session_.BringPeriodic(States(), now_));
@@ -337,7 +339,7 @@ TEST_F(StandingOrderTest, UnaskedStatesWaitForAShutWindowWithoutCountingResends)
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(StandingOrderTest, MeansTheStatesOfItsFilterWhereOnlyTheyPass) {
+TEST_F(StandingOrderTest, CoversOnlyTheStatesOfItsFilterInAWindowForStates) {
   StandingOrder order({proto::POWER, proto::MODE}, /*first_mark=*/1);
   proto::RecordFilter filter;
   filter.add_origin_agents(kSelf);
@@ -366,7 +368,7 @@ TEST_F(StandingOrderTest, MeansTheStatesOfItsFilterWhereOnlyTheyPass) {
   EXPECT_TRUE(order.NeedsNewStart()) << "more may pass";
 }
 
-TEST_F(StandingOrderTest, NeedsANewStartForStreamsThatTheDestinationWasNotAskedAbout) {
+TEST_F(StandingOrderTest, NeedsARestartForStreamsThatTheDestinationWasNotAskedAbout) {
   StandingOrder order({}, /*first_mark=*/1);
   proto::Hello hello;
   proto::RecordFilter own;
@@ -387,7 +389,7 @@ TEST_F(StandingOrderTest, NeedsANewStartForStreamsThatTheDestinationWasNotAskedA
   EXPECT_FALSE(order.NeedsNewStart()) << "it was asked about all";
 }
 
-TEST_F(StandingOrderTest, KeepsALimitOnlyWhereTheOpenOrderHadOne) {
+TEST_F(StandingOrderTest, KeepsALimitOnlyIfTheOpenOrderHasOne) {
   StandingOrder order({}, /*first_mark=*/1);
   order.Give({}, 1000, {}, /*is_added=*/false);
   order.SpendBytes(400);

@@ -20,7 +20,7 @@ using std::chrono::seconds;
 constexpr AgentId kLeader = 1;
 constexpr AgentId kBase = 4;
 
-// Rovers 1 (leader), 2, 3 and base station 4, with records in memory.
+// A team with records in memory: agents 1 (leader), 2 and 3 are rovers, and 4 is the base station.
 class MemoryTeam {
  public:
   explicit MemoryTeam(std::uint64_t seed) : team_(seed) {
@@ -60,7 +60,7 @@ class SyncActorTest : public testing::Test, protected MemoryTeam {
   SyncActorTest() : MemoryTeam(/*seed=*/1) {}
 };
 
-TEST_F(SyncActorTest, BringsARoversOwnRecordsToTheLeader) {
+TEST_F(SyncActorTest, SendsARoversOwnRecordsToTheLeader) {
   stores_[2]->Insert(2, proto::POSE_GRAPH_NODE, "own");
   stores_[2]->Insert(3, proto::POSE_GRAPH_NODE, "of another");
   const auto reply = Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
@@ -71,7 +71,7 @@ TEST_F(SyncActorTest, BringsARoversOwnRecordsToTheLeader) {
 }
 
 TEST(SyncActorLargeTeamTest, CollectsFromAllAtOnce) {
-  constexpr int kRoverCount = 63;  // And the base station: the most that a team file may name.
+  constexpr int kRoverCount = 63;  // With the base station, the largest team that a team file may define.
   const proto::TeamConfig config = TestTeam(kRoverCount);
   simulation::SimulatedTeam team(1);
   const auto leaders = std::make_shared<MemoryStore>();
@@ -90,12 +90,12 @@ TEST(SyncActorLargeTeamTest, CollectsFromAllAtOnce) {
 TEST_F(SyncActorTest, CollectsFromTheWholeTeamAtTheLeadersOrder) {
   InsertAll(50);
   const auto reply = Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
-  EXPECT_EQ(reply.session_count(), 6u);  // Three asked, three brought to.
+  EXPECT_EQ(reply.session_count(), 6u);  // The leader requests three sessions and opens three itself.
   team_.AdvanceTime(seconds(2));
   EXPECT_TRUE(LeaderHasAll(50));
 }
 
-TEST(SyncActorLeftTest, AsksNobodyWhoHasLeftAndPassesItsRecordsOn) {
+TEST(SyncActorLeftTest, DoesNotAskAnAgentThatHasLeftButForwardsItsRecords) {
   proto::TeamConfig config = TestTeam(3);
   config.mutable_agents(2)->set_left(true);
   simulation::SimulatedTeam team(1);
@@ -127,7 +127,7 @@ TEST_F(SyncActorTest, CollectsFromNamedAgentsOnly) {
   EXPECT_EQ(stores_[2]->records().size(), 5u);
 }
 
-TEST_F(SyncActorTest, BringsRoversTheirPosesAndTheBaseStationWhatThePolicyAsksFor) {
+TEST_F(SyncActorTest, SendsRoversTheirPosesAndTheBaseStationTheTypesOfItsPolicy) {
   stores_[kLeader]->Insert(1, proto::OPTIMIZED_POSE, "pose");
   stores_[kLeader]->Insert(1, proto::POSE_GRAPH_NODE, "node");
   stores_[kLeader]->Insert(3, proto::LOCAL_TRAVERSABILITY_MAP, "map");
@@ -146,7 +146,7 @@ TEST_F(SyncActorTest, SendsNothingTwice) {
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
   team_.AdvanceTime(seconds(2));
   const double sent = SentRecords();
-  EXPECT_EQ(sent, 120);  // 60 to the leader, and the base station gets the 60 that it lacks.
+  EXPECT_EQ(sent, 120);  // 60 go to the leader, and the base station receives the 60 that it lacks.
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(SentRecords(), sent);
@@ -168,11 +168,11 @@ TEST_F(SyncActorTest, AsksAgainUntilAnAbsentAgentAnswers) {
   team_.AdvanceTime(minutes(5));
   EXPECT_EQ(stores_[kLeader]->records().size(), 60u);
   team_.SetLink(kLeader, 3, true);
-  team_.AdvanceTime(seconds(1));  // At once, not when a grown delay is over.
+  team_.AdvanceTime(seconds(1));  // The session resumes at once, without waiting for a grown delay.
   EXPECT_TRUE(LeaderHasAll(20));
 }
 
-TEST_F(SyncActorTest, CarriesOnAfterACutThatNobodyWasToldOf) {
+TEST_F(SyncActorTest, ContinuesAfterALinkFailureThatWasNotReported) {
   InsertAll(200);
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
   team_.AdvanceTime(milliseconds(3));
@@ -184,7 +184,7 @@ TEST_F(SyncActorTest, CarriesOnAfterACutThatNobodyWasToldOf) {
   EXPECT_TRUE(LeaderHasAll(200));
 }
 
-TEST_F(SyncActorTest, CarriesOnAfterTheLeadersCrash) {
+TEST_F(SyncActorTest, ContinuesAfterTheLeadersCrash) {
   InsertAll(200);
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
   ASSERT_TRUE(team_.RunUntil([&] { return stores_[kLeader]->records().size() > 300; }, seconds(10)));
@@ -206,7 +206,7 @@ TEST_F(SyncActorTest, RefillsALeaderThatLostItsDisk) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 20u);
 }
 
-TEST_F(SyncActorTest, TurnsAnUnfinishedSyncToTheNewLeader) {
+TEST_F(SyncActorTest, RedirectsAnUnfinishedSyncToTheNewLeader) {
   InsertAll(20);
   team_.SetLink(2, kLeader, false);
   Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
@@ -216,7 +216,7 @@ TEST_F(SyncActorTest, TurnsAnUnfinishedSyncToTheNewLeader) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 20u);
 }
 
-TEST_F(SyncActorTest, RefusesOrdersThatCannotBeMeantForIt) {
+TEST_F(SyncActorTest, RefusesInvalidOrders) {
   proto::Message order = ShareOrder(proto::SHARING_KIND_SYNC);
   order.mutable_share_request()->add_from_agents(3);
   EXPECT_EQ(Share(team_, 2, order).error().code(), proto::ERROR_CODE_REFUSED);
@@ -224,7 +224,7 @@ TEST_F(SyncActorTest, RefusesOrdersThatCannotBeMeantForIt) {
   EXPECT_EQ(Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC, 9)).error().code(), proto::ERROR_CODE_INVALID);
 }
 
-TEST_F(SyncActorTest, TakesNothingFromOutsideTheTeamNorLocalWordsFromPeers) {
+TEST_F(SyncActorTest, IgnoresMessagesFromOutsideTheTeamAndLocalMessagesFromPeers) {
   proto::Message order = ShareOrder(proto::SHARING_KIND_SYNC, kLeader);
   (void)team_.Post({9, actor_name::kSync}, {2, actor_name::kSync}, order);
   proto::Message roles;
@@ -239,14 +239,14 @@ TEST_F(SyncActorTest, TakesNothingFromOutsideTheTeamNorLocalWordsFromPeers) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 1u);
 }
 
-TEST_F(SyncActorTest, LeavesRolesToRoleActors) {
+TEST_F(SyncActorTest, SendsNoMessagesToRoleActors) {
   NotifyRoles(team_, config_, 2, Roles(1, 3, 8));
   Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
   team_.AdvanceTime(seconds(1));
   EXPECT_TRUE(team_.Take({kLeader, actor_name::kRole}).empty());
 }
 
-// Many random radios; then quiet, in which everything must arrive.
+// Many runs with a random radio that then becomes reliable. All records must arrive.
 class SyncActorRadioTest : public testing::TestWithParam<int> {};
 
 TEST_P(SyncActorRadioTest, ConvergesOverALossyRadio) {

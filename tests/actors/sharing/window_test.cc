@@ -1,4 +1,5 @@
-// Windows: leases of driving and sleeping, and pauses, from a robot's word at one agent to the sessions of another.
+// Windows: how leases for driving and sleeping, and pauses, reported by a robot to one agent affect the sessions of
+// another.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -26,7 +27,7 @@ proto::TeamConfig QuietTeam(bool is_quiet_while_driving) {
   return team;
 }
 
-// Rovers 1 (leader), 2, 3 and base station 4, with records in memory.
+// A team with records in memory: agents 1 (leader), 2 and 3 are rovers, and 4 is the base station.
 class WindowTeam {
  public:
   explicit WindowTeam(std::uint64_t seed, bool is_quiet_while_driving = true)
@@ -76,8 +77,8 @@ class WindowTeam {
   const proto::TeamConfig config_;
   std::map<AgentId, std::shared_ptr<MemoryStore>> stores_;
   std::map<AgentId, MonotonicTime> quiet_until_;
-  int bulky_ = 0;           // Batches of anything but states on their way.
-  int bulky_by_quiet_ = 0;  // Of these, from agents that were to be quiet.
+  int bulky_ = 0;           // Sent batches with types other than states.
+  int bulky_by_quiet_ = 0;  // The batches in `bulky_` from agents in radio silence.
   simulation::SimulatedTeam team_;
 };
 
@@ -85,7 +86,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
  protected:
   WindowTest() : WindowTeam(/*seed=*/1) {}
 
-  // 50 kB that no codec makes less, over a radio of 20 kB/s.
+  // Inserts 50 kB that no codec can compress. The radio carries 20 kB/s.
   void InsertMuchInto(AgentId agent) {
     team_.radio().bytes_per_second = 20'000;
     std::mt19937_64 random(1);
@@ -96,7 +97,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
     }
   }
 
-  // Rover 2's session to the leader.
+  // Runs rover 2's session to the leader until about a quarter of its records arrived.
   void ShareUntilTheMiddle() {
     InsertMuchInto(2);
     Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
@@ -109,7 +110,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
     for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(1, 2, 5));
   }
 
-  // Whom the leader asked for all that they hold.
+  // Agents that the leader asked for all their records.
   std::vector<AgentId> Asked() {
     std::vector<AgentId> asked;
     for (const proto::Message& message : team_.TakeSent({kLeader, actor_name::kReplica})) {
@@ -118,7 +119,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
     return asked;
   }
 
-  // Nothing more comes than was handed over before.
+  // Expects that no batches follow those that were already handed over.
   void ExpectSilence(seconds duration) {
     team_.AdvanceTime(seconds(2));
     const int bulky = bulky_;
@@ -130,7 +131,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
   }
 };
 
-TEST_F(WindowTest, ADrivingSenderStopsInTheMiddleAndGoesOnByItself) {
+TEST_F(WindowTest, ADrivingSenderPausesATransferAndResumesByItself) {
   ShareUntilTheMiddle();
   Drive(2, 60);
   ExpectSilence(seconds(59));
@@ -158,7 +159,7 @@ TEST_F(WindowTest, OpensAtOnceWhenTheDriveEndsEarly) {
   EXPECT_EQ(HeldByLeader(), 500u);
 }
 
-TEST_F(WindowTest, APausedAgentNeitherSendsNorIsSentAnythingBulkyButItsStates) {
+TEST_F(WindowTest, APausedAgentSendsAndReceivesNothingButStates) {
   stores_[2]->Insert(2, proto::POWER, "full");
   ShareUntilTheMiddle();
   Pause(2, 60);
@@ -180,7 +181,7 @@ TEST_F(WindowTest, APausedAgentNeitherSendsNorIsSentAnythingBulkyButItsStates) {
   EXPECT_EQ(HeldByLeader(), 522u);
 }
 
-TEST_F(WindowTest, AnOrderWaitsAndSaysForWhat) {
+TEST_F(WindowTest, AnOrderWaitsAndReportsTheReason) {
   Insert(2, 20);
   Drive(2, 40);
   EXPECT_EQ(Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC)).session_count(), 1u);
@@ -191,7 +192,7 @@ TEST_F(WindowTest, AnOrderWaitsAndSaysForWhat) {
   EXPECT_EQ(HeldByLeader(), 20u);
 }
 
-TEST_F(WindowTest, AnOrderBringsTheStatesOfADrivingAgentAndNoneOfASleeper) {
+TEST_F(WindowTest, AnOrderTransfersTheStatesOfADrivingAgentButNotOfASleepingOne) {
   for (const AgentId agent : {2, 3}) {
     stores_[agent]->Insert(agent, proto::POWER, "full");
     Insert(agent, 20);
@@ -207,7 +208,7 @@ TEST_F(WindowTest, AnOrderBringsTheStatesOfADrivingAgentAndNoneOfASleeper) {
   EXPECT_EQ(HeldByLeader(), 42u);
 }
 
-TEST_F(WindowTest, TheLeaderCollectsFromThoseWhoDoNotDrive) {
+TEST_F(WindowTest, TheLeaderCollectsFromAgentsThatDoNotDrive) {
   for (AgentId agent = 2; agent <= 4; ++agent) Insert(agent, 20);
   Drive(3, 3000);
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
@@ -217,7 +218,7 @@ TEST_F(WindowTest, TheLeaderCollectsFromThoseWhoDoNotDrive) {
   EXPECT_EQ(HeldByLeader(), 60u);
 }
 
-TEST_F(WindowTest, ReplicationWaitsLikewise) {
+TEST_F(WindowTest, ReplicationWaitsForTheWindowToo) {
   Insert(kLeader, 20);
   Sleep(2, 40);
   team_.AdvanceTime(seconds(1));
@@ -229,7 +230,7 @@ TEST_F(WindowTest, ReplicationWaitsLikewise) {
   EXPECT_EQ(stores_[2]->records().size(), 20u);
 }
 
-TEST_F(WindowTest, ANewLeaderAsksADrivingAgentWhenItStandsStill) {
+TEST_F(WindowTest, ANewLeaderAsksADrivingAgentOnceItStops) {
   Insert(3, 20);
   Drive(3, 3600);
   Sleep(2, 3600);
@@ -242,7 +243,7 @@ TEST_F(WindowTest, ANewLeaderAsksADrivingAgentWhenItStandsStill) {
   EXPECT_EQ(HeldByLeader(), 20u);
 }
 
-TEST_F(WindowTest, ANewLeaderAsksTheNextOneWhenTheFirstBeginsToDrive) {
+TEST_F(WindowTest, ANewLeaderAsksTheNextAgentWhenTheFirstBeginsToDrive) {
   InsertMuchInto(2);
   BeginTermOfTheLeader();
   team_.AdvanceTime(seconds(1));
@@ -262,7 +263,7 @@ TEST_F(WindowTest, ARestartedSharingActorKnowsTheLeases) {
   EXPECT_EQ(bulky_, 0);
 }
 
-TEST(WindowConfigTest, ATeamThatTalksWhileDrivingWaitsForSleepersAndPausesOnly) {
+TEST(WindowConfigTest, ATeamWithoutRadioSilenceWhileDrivingWaitsOnlyForSleepersAndPauses) {
   WindowTeam team(/*seed=*/1, /*is_quiet_while_driving=*/false);
   team.Insert(2, 20);
   team.Drive(2, 600);
@@ -283,10 +284,10 @@ TEST(WindowConfigTest, ATeamThatTalksWhileDrivingWaitsForSleepersAndPausesOnly) 
   EXPECT_EQ(team.HeldByLeader(), 40u) << "what waited for the sleeper, and nothing else";
 }
 
-// Random drives, sleeps and pauses over a lossy radio; then quiet, in which everything must arrive.
+// Random drives, sleeps and pauses over a lossy radio, which then becomes reliable. All records must arrive.
 class WindowRadioTest : public testing::TestWithParam<int> {};
 
-TEST_P(WindowRadioTest, LosesNothingWhateverOpensAndShuts) {
+TEST_P(WindowRadioTest, LosesNoRecordWhileWindowsOpenAndShut) {
   for (int i = 0; i < 10; ++i) {
     const auto seed = static_cast<std::uint64_t>(GetParam() * 10 + i);
     SCOPED_TRACE("seed " + std::to_string(seed));

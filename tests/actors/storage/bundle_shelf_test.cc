@@ -42,7 +42,7 @@ class BundleShelfTest : public testing::Test {
   std::unique_ptr<RecordStore> store_;
 };
 
-TEST_F(BundleShelfTest, KeepsBundlesAcrossAStart) {
+TEST_F(BundleShelfTest, KeepsBundlesAcrossARestart) {
   Open();
   const auto loaded = store_->LoadBundles();
   ASSERT_TRUE(loaded) << ToString(loaded.error());
@@ -56,7 +56,7 @@ TEST_F(BundleShelfTest, KeepsBundlesAcrossAStart) {
   EXPECT_EQ(CountOf(loaded->acknowledged()), 0u);
 }
 
-TEST_F(BundleShelfTest, GivesAFileInParts) {
+TEST_F(BundleShelfTest, ReadsAFileInParts) {
   proto::ReadBundleRequest request;
   request.set_number(2);
   const auto first = store_->ReadBundle(request);
@@ -69,7 +69,7 @@ TEST_F(BundleShelfTest, GivesAFileInParts) {
   EXPECT_EQ(store_->ReadBundle(request)->part(), "");
 }
 
-TEST_F(BundleShelfTest, ForgetsTheFileAndRemembersWhatWasInIt) {
+TEST_F(BundleShelfTest, AcknowledgingABundleRemovesItsFileAndKeepsItsHaveSet) {
   ASSERT_TRUE(store_->AcknowledgeBundle(2));
   ASSERT_TRUE(store_->AcknowledgeBundle(2)) << "again, since the first answer may be lost";
   ASSERT_TRUE(store_->AcknowledgeBundle(1));
@@ -84,17 +84,17 @@ TEST_F(BundleShelfTest, ForgetsTheFileAndRemembersWhatWasInIt) {
   request.set_number(1);
   EXPECT_EQ(store_->ReadBundle(request).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(store_->AcknowledgeBundle(3).error().code, ErrorCode::kNotFound);
-  // However many bundles there were, what the ground has is kept once.
+  // Acknowledged have-sets are merged: one row holds everything that the ground station has.
   EXPECT_EQ(*store_->database().Number("SELECT count(*) FROM downlink_bundle WHERE length(have) > 0"), 1);
 }
 
-TEST_F(BundleShelfTest, GivesNoNumberTwice) {
+TEST_F(BundleShelfTest, RefusesANumberThatWasUsedBefore) {
   EXPECT_EQ(store_->SaveBundle(BundleOf(2, 3, "x")).error().code, ErrorCode::kInvalid);
   ASSERT_TRUE(store_->AcknowledgeBundle(2));
   EXPECT_EQ(store_->SaveBundle(BundleOf(1, 3, "x")).error().code, ErrorCode::kInvalid);
 }
 
-TEST_F(BundleShelfTest, DownlinksAgainWhatItCannotReadAnyMore) {
+TEST_F(BundleShelfTest, CountsRecordsOfAnUnreadableHaveSetAsNotTaken) {
   ASSERT_TRUE(store_->database().Execute("UPDATE downlink_bundle SET have = x'FF' WHERE number = 1"));
   const auto loaded = store_->LoadBundles();
   ASSERT_TRUE(loaded) << ToString(loaded.error());

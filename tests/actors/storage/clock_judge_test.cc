@@ -14,7 +14,7 @@ constexpr std::int64_t kUtc_ns = 1'767'225'600'000'000'000;  // 2026-01-01.
 
 class ClockJudgeTest : public testing::Test {
  protected:
-  // Peers whose clocks are that much ahead of the right time.
+  // Adds the clock of `peer`, which is `ahead` of the right time.
   void Hear(AgentId peer, nanoseconds ahead = {}) { judge_.NotePeer(peer, Utc(ahead), now_); }
   ClockJudge::Verdict Judge(nanoseconds ahead = {}) { return judge_.Judge(Utc(ahead), now_); }
   bool IsSuspect(nanoseconds ahead = {}) { return !Judge(ahead).suspect.empty(); }
@@ -25,7 +25,7 @@ class ClockJudgeTest : public testing::Test {
   ClockJudge::Time now_ = start_;
 };
 
-TEST_F(ClockJudgeTest, TrustsAPlausibleClockThatNobodyContradicts) {
+TEST_F(ClockJudgeTest, TrustsAPlausibleClockThatNoPeerContradicts) {
   EXPECT_FALSE(IsSuspect());
   now_ += hours(100);
   EXPECT_FALSE(IsSuspect());
@@ -51,7 +51,7 @@ TEST_F(ClockJudgeTest, SuspectsAClockThatIsOffMostOfTheTeam) {
   EXPECT_FALSE(IsSuspect(seconds(30)));
 }
 
-TEST_F(ClockJudgeTest, LeavesATieToTheBaseStation) {
+TEST_F(ClockJudgeTest, TheBaseStationsClockBreaksATie) {
   Hear(kBase);
   EXPECT_TRUE(IsSuspect(hours(3)));
   Hear(2, hours(3));
@@ -60,7 +60,7 @@ TEST_F(ClockJudgeTest, LeavesATieToTheBaseStation) {
   EXPECT_TRUE(IsSuspect(hours(3))) << "two against two";
 }
 
-TEST_F(ClockJudgeTest, CountsOtherClocksOn) {
+TEST_F(ClockJudgeTest, ExtrapolatesThePeersClocks) {
   Hear(2);
   Hear(3);
   now_ += hours(50);
@@ -68,7 +68,7 @@ TEST_F(ClockJudgeTest, CountsOtherClocksOn) {
   EXPECT_TRUE(IsSuspect(-hours(50)));
 }
 
-TEST_F(ClockJudgeTest, CountsNoClockThatWasNeverSet) {
+TEST_F(ClockJudgeTest, IgnoresPeersWhoseClockWasNeverSet) {
   Hear(2, -hours(24 * 365 * 50));
   Hear(3, -hours(24 * 365 * 50));
   judge_.NotePeer(kBase, INT64_MIN, now_);

@@ -16,7 +16,7 @@ std::unique_ptr<Database> Open(const std::string& path) {
   return database ? *std::move(database) : nullptr;
 }
 
-TEST(CountingFilesTest, CountsWhatGoesToFileAndLog) {
+TEST(CountingFilesTest, CountsBytesWrittenToFileAndLog) {
   const TemporaryFolder folder;
   const auto database = Open(folder.File("a.db"));
   ASSERT_TRUE(database->Execute("CREATE TABLE t(x BLOB)"));
@@ -31,7 +31,7 @@ TEST(CountingFilesTest, CountsWhatGoesToFileAndLog) {
   EXPECT_LE(in_file, 130'000u);
 }
 
-TEST(CountingFilesTest, CountsNothingForReading) {
+TEST(CountingFilesTest, ReadingCountsNoBytes) {
   const TemporaryFolder folder;
   const auto database = Open(folder.File("a.db"));
   ASSERT_TRUE(database->Execute("CREATE TABLE t(x); INSERT INTO t VALUES(1)"));
@@ -40,7 +40,7 @@ TEST(CountingFilesTest, CountsNothingForReading) {
   EXPECT_EQ(database->WrittenBytes(), before);
 }
 
-TEST(CountingFilesTest, CountsForEachDatabaseApart) {
+TEST(CountingFilesTest, CountsEachDatabaseSeparately) {
   const TemporaryFolder folder;
   const auto first = Open(folder.File("a.db"));
   const auto second = Open(folder.File("b.db"));
@@ -50,8 +50,9 @@ TEST(CountingFilesTest, CountsForEachDatabaseApart) {
   EXPECT_EQ(second->WrittenBytes(), before);
 }
 
-// Debian's SQLite writes zeros over what is deleted unless it is told not to.
-TEST(CountingFilesTest, DeletingWritesFewerBytesThanWereThere) {
+// SQLite as Debian builds it overwrites deleted content with zeros by default. Database sets secure_delete to FAST,
+// which avoids these extra writes.
+TEST(CountingFilesTest, DeletingWritesFewerBytesThanItRemoves) {
   const TemporaryFolder folder;
   const auto database = Open(folder.File("a.db"));
   ASSERT_TRUE(database->Execute("CREATE TABLE t(x BLOB); INSERT INTO t VALUES(zeroblob(1000000))"));

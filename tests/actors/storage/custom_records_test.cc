@@ -1,4 +1,4 @@
-// Records of custom data types in the store: declared ones, and those that are only carried.
+// Tests how the store handles records of custom data types, declared in its team file or only carried for others.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -47,14 +47,14 @@ void BringAll(RecordStore& from, RecordStore& to) {
   }
 }
 
-// A store whose team file declares no custom type.
+// Options of a store whose team file declares no custom type.
 RecordStore::Options WithoutTypes(AgentId self, const std::string& path = ":memory:") {
   RecordStore::Options options = StoreOptionsOf(self, path);
   options.custom_types.Clear();
   return options;
 }
 
-TEST(CustomRecordsTest, StoresAndReadsThemByType) {
+TEST(CustomRecordsTest, StoresAndReadsRecordsByType) {
   auto store = OpenStore(StoreOptionsOf(2));
   const std::string bytes("\0\xFF\x01", 3);
   const proto::RecordKey first = InsertOne(*store, CustomRecordOf(kSoil, bytes, std::string("k\0", 2)));
@@ -70,7 +70,7 @@ TEST(CustomRecordsTest, StoresAndReadsThemByType) {
   EXPECT_EQ(Contents(*store).size(), 4u);
 }
 
-TEST(CustomRecordsTest, HasTheBytesOnTheWireThatPeersExpect) {
+TEST(CustomRecordsTest, SerialisesToTheBytesThatPeersExpect) {
   proto::Record record = CustomRecordOf(kSoil, "wet", "k");
   record.mutable_custom()->set_metadata("m");
   const proto::StoredRecord stored = Packed({{2, 77, kSoil}, 1}, record);
@@ -80,7 +80,7 @@ TEST(CustomRecordsTest, HasTheBytesOnTheWireThatPeersExpect) {
                                           26));
 }
 
-TEST(CustomRecordsTest, ShowsThemToSql) {
+TEST(CustomRecordsTest, ShowsRecordsToSql) {
   auto store = OpenStore(StoreOptionsOf(2));
   proto::Record record = CustomRecordOf(kSoil, "wet", "hole 3");
   record.mutable_custom()->set_metadata("percent");
@@ -95,7 +95,7 @@ TEST(CustomRecordsTest, ShowsThemToSql) {
   EXPECT_EQ(Text(*store, "SELECT replica_id FROM replica"), ToString(FromProto(key)));
 }
 
-TEST(CustomRecordsTest, TellsOfNewRowsAndCountsThem) {
+TEST(CustomRecordsTest, ReportsTypesOfNewRowsAndCountsThem) {
   auto store = OpenStore(StoreOptionsOf(2));
   proto::InsertRequest request;
   *request.add_records() = CustomRecordOf(kBeacon, "x");
@@ -122,7 +122,7 @@ TEST(CustomRecordsTest, RefusesOwnRecordsOfAnUndeclaredTypeOrSize) {
   EXPECT_TRUE(Contents(*store).empty());
 }
 
-TEST(CustomRecordsTest, RejectsAKeyOfAnotherTypeThanTheContent) {
+TEST(CustomRecordsTest, RejectsAKeyWhoseTypeDiffersFromTheContents) {
   auto store = OpenStore(StoreOptionsOf(1));
   for (const DataType type : {kBeacon, static_cast<DataType>(proto::POWER), DataType{2000}}) {
     const RecordKey key{StreamKey{2, 77, type}, 1};
@@ -136,7 +136,7 @@ TEST(CustomRecordsTest, KeepsTheNewestOfEachKeyOfALatestType) {
   auto leader = OpenStore(StoreOptionsOf(1));
   InsertOne(*origin, CustomRecordOf(kBeacon, "a1", "a"));
   InsertOne(*origin, CustomRecordOf(kBeacon, "b1", "b"));
-  // A key of one type says nothing about the other's.
+  // A latest_key of one type does not affect the other type.
   InsertOne(*origin, CustomRecordOf(kSoil, "soil", "a"));
   BringAll(*origin, *leader);
   InsertOne(*origin, CustomRecordOf(kBeacon, "a2", "a"));
@@ -148,7 +148,7 @@ TEST(CustomRecordsTest, KeepsTheNewestOfEachKeyOfALatestType) {
   EXPECT_EQ(leader->GetHave().have().SerializeAsString(), origin->GetHave().have().SerializeAsString());
 }
 
-TEST(CustomRecordsTest, SendsThemBetweenPosesAndMapsByPriority) {
+TEST(CustomRecordsTest, SendsRecordsByPriorityBetweenPosesAndMaps) {
   RecordStore::Options options = StoreOptionsOf(2);
   options.custom_types.Mutable(1)->set_priority(1);
   auto store = OpenStore(options);
@@ -162,7 +162,7 @@ TEST(CustomRecordsTest, SendsThemBetweenPosesAndMapsByPriority) {
   EXPECT_THAT(order, testing::ElementsAre(proto::OPTIMIZED_POSE, kBeacon, kSoil, proto::LOCAL_TRAVERSABILITY_MAP));
 }
 
-TEST(CustomRecordsTest, CarriesWhatItsTeamFileDoesNotKnow) {
+TEST(CustomRecordsTest, CarriesRecordsOfTypesThatItsTeamFileDoesNotDeclare) {
   auto origin = OpenStore(StoreOptionsOf(2));
   auto carrier = OpenStore(WithoutTypes(1));
   auto survivor = OpenStore(StoreOptionsOf(3));
@@ -180,8 +180,8 @@ TEST(CustomRecordsTest, CarriesWhatItsTeamFileDoesNotKnow) {
   EXPECT_EQ(Text(*carrier, "SELECT type FROM v_custom_record WHERE data_type = 1001"), "type_1001");
 }
 
-TEST(CustomRecordsTest, TakesLargerPayloadsFromPeersThanFromItsOwnRobot) {
-  // A limit that was lowered must not lose what was recorded before.
+TEST(CustomRecordsTest, AcceptsLargerPayloadsFromPeersThanFromItsOwnRobot) {
+  // A team file with a lowered size limit must not lose records that were stored under the old limit.
   auto store = OpenStore(StoreOptionsOf(1));
   const RecordKey key{StreamKey{2, 77, kSoil}, 1};
   EXPECT_EQ(StoreOne(*store, Packed(key, CustomRecordOf(kSoil, std::string(65, 'x')))).stored_count(), 1u);
@@ -199,14 +199,14 @@ TEST(CustomRecordsTest, KeepsTheRowsOfATypeThatIsNoLongerDeclared) {
   }
   auto store = OpenStore(WithoutTypes(2, path));
   EXPECT_THAT(PayloadsOf(*store, kSoil), testing::ElementsAre("own", "of a peer"));
-  // Others' are passed on; nobody says how own ones would be shared.
+  // Peers' records are still shared. Own records are not, because no sharing policy is declared for them.
   EXPECT_THAT(PayloadsOf(store->GetMissing({})->records()), testing::ElementsAre("of a peer"));
   store.reset();
   store = OpenStore(StoreOptionsOf(2, path));
   EXPECT_EQ(store->GetMissing({})->records_size(), 2);
 }
 
-TEST(CustomRecordsTest, SendsOnlyTheNewestOfEachKeyWhereTheFilterSaysSo) {
+TEST(CustomRecordsTest, SendsOnlyTheNewestOfEachKeyIfTheFilterSaysSo) {
   auto store = OpenStore(StoreOptionsOf(1));
   auto base = OpenStore(StoreOptionsOf(9));
   InsertOne(*store, CustomRecordOf(kSoil, "a1", "a"));
@@ -221,7 +221,7 @@ TEST(CustomRecordsTest, SendsOnlyTheNewestOfEachKeyWhereTheFilterSaysSo) {
   EXPECT_EQ(missing.remaining(), 0u);
   EXPECT_TRUE(missing.dropped().empty());
 
-  // In pages of one the count of what remains is as exact, and nothing is missing at the end.
+  // Also in pages of one record the remaining count is exact and no record is lost.
   request.set_records_max(1);
   for (const std::uint64_t remaining : {2, 1, 0}) {
     *request.mutable_destination_have() = base->GetHave().have();

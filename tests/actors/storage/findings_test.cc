@@ -1,4 +1,4 @@
-// How a process finds out how the one before it ended, and what nobody has acknowledged yet.
+// Tests how a process finds out how its predecessor ended, and which findings are not acknowledged yet.
 #include "actors/storage/findings.h"
 
 #include <gmock/gmock.h>
@@ -27,7 +27,7 @@ class LastRunTest : public testing::Test {
     return StoreOptionsOf(1, path_, seed_);
   }
 
-  // As moondb_agent does before its actors run.
+  // Opens the store as moondb_agent does before its actors run.
   std::unique_ptr<RecordStore> Start() {
     auto store = OpenStore(Options());
     const Result<void> written = store->LogLastRun(kNow_ns);
@@ -58,18 +58,18 @@ class LastRunTest : public testing::Test {
   std::uint64_t seed_ = 0;
 };
 
-TEST_F(LastRunTest, FindsNothingAtTheFirstStartEver) {
+TEST_F(LastRunTest, FindsNothingAtTheVeryFirstStart) {
   auto store = Start();
   EXPECT_THAT(Findings(*store), IsEmpty());
   EXPECT_THAT(Story(*store), IsEmpty());
 }
 
-TEST_F(LastRunTest, FindsAProcessThatEndedWithoutStoppingAndSaysItOnce) {
+TEST_F(LastRunTest, ReportsAProcessThatEndedWithoutStoppingOnce) {
   {
     auto store = Start();
     Notify(*store, proto::EVENT_KIND_STARTED, "started");
   }
-  // The first start comes to nothing more (its port is taken), the second runs.
+  // The first process here ends without a "started" event (as if its port were taken). The second one runs.
   (void)Start();
   auto store = Start();
   Notify(*store, proto::EVENT_KIND_STARTED, "started");
@@ -77,7 +77,7 @@ TEST_F(LastRunTest, FindsAProcessThatEndedWithoutStoppingAndSaysItOnce) {
   EXPECT_THAT(Findings(*store), ElementsAre(kEndedWithoutStopping));
 }
 
-TEST_F(LastRunTest, FindsNothingWhereTheProcessStopped) {
+TEST_F(LastRunTest, FindsNothingIfTheProcessStopped) {
   {
     auto store = Start();
     Notify(*store, proto::EVENT_KIND_STARTED, "started");
@@ -89,7 +89,7 @@ TEST_F(LastRunTest, FindsNothingWhereTheProcessStopped) {
   EXPECT_EQ(Story(*store).back(), "stopped, as it was asked to");
 }
 
-TEST_F(LastRunTest, FindsNothingInABackupThatWasPutBack) {
+TEST_F(LastRunTest, FindsNothingInARestoredBackup) {
   const std::string backup = folder_.File("backup.db");
   {
     auto store = Start();
@@ -102,14 +102,14 @@ TEST_F(LastRunTest, FindsNothingInABackupThatWasPutBack) {
   EXPECT_THAT(Findings(*store), IsEmpty());
 }
 
-// Events of earlier lives that come home from peers are older, though they are stored later.
-TEST_F(LastRunTest, GoesByTheOrderInWhichTheEventsWereWrittenDown) {
+// Events of earlier epochs that peers return count as older, though they are stored later.
+TEST_F(LastRunTest, OrdersEventsByEpochAndNotByWhenTheyWereStored) {
   const std::vector<proto::StoredRecord> former = {
       Packed({{1, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_STARTED, "started long ago", "", kNow_ns)),
       Packed({{1, 5, proto::AGENT_EVENT}, 2}, MakeEvent(proto::EVENT_KIND_COMMAND, "sync now", "", kNow_ns))};
   {
     auto store = Start();
-    StoreOne(*store, former[0]);  // So that this life's epoch is a later one.
+    StoreOne(*store, former[0]);  // Makes the epoch of this process a later one.
     Notify(*store, proto::EVENT_KIND_STARTED, "started");
     ASSERT_TRUE(store->WriteDownStop(kNow_ns));
     StoreOne(*store, former[1]);
@@ -118,7 +118,7 @@ TEST_F(LastRunTest, GoesByTheOrderInWhichTheEventsWereWrittenDown) {
   EXPECT_THAT(Findings(*store), IsEmpty());
 }
 
-TEST_F(LastRunTest, AFileThatWasSetAsideIsTheFirstEventOfTheOneThatFollows) {
+TEST_F(LastRunTest, ADamagedFileThatWasSetAsideIsTheFirstEventOfTheNewFile) {
   {
     auto store = Start();
     Notify(*store, proto::EVENT_KIND_STARTED, "started");
@@ -133,9 +133,9 @@ TEST_F(LastRunTest, AFileThatWasSetAsideIsTheFirstEventOfTheOneThatFollows) {
   EXPECT_THAT(Story(*store), ElementsAre(HasSubstr("set aside"), "started"));
 }
 
-TEST_F(LastRunTest, AFileThatAStartSetAsideWhichWroteDownNothingIsFoundByTheNext) {
+TEST_F(LastRunTest, AFileSetAsideByAStartThatLoggedNoEventIsReportedByTheNextStart) {
   std::ofstream(path_, std::ios::binary) << std::string(8192, '\x5a');
-  (void)OpenStore(Options());  // Killed before it could write down a word.
+  (void)OpenStore(Options());  // Killed before it could write an event.
   {
     auto store = Start();
     ASSERT_EQ(Findings(*store).size(), 1u);
@@ -147,7 +147,7 @@ TEST_F(LastRunTest, AFileThatAStartSetAsideWhichWroteDownNothingIsFoundByTheNext
   EXPECT_EQ(Findings(*store).size(), 1u) << "once";
 }
 
-TEST_F(LastRunTest, RecordsThatWereDamagedWithinAreAFinding) {
+TEST_F(LastRunTest, DamagedRecordsAreAFinding) {
   {
     auto store = Start();
     InsertOne(*store, NodeRecord(1, 1, 0));
@@ -160,7 +160,7 @@ TEST_F(LastRunTest, RecordsThatWereDamagedWithinAreAFinding) {
   EXPECT_TRUE(store->set_aside().empty());
 }
 
-TEST_F(LastRunTest, WhatWasAcknowledgedStaysAcknowledged) {
+TEST_F(LastRunTest, AcknowledgedFindingsStayAcknowledged) {
   {
     auto store = Start();
     Notify(*store, proto::EVENT_KIND_STARTED, "started");
@@ -176,7 +176,7 @@ TEST_F(LastRunTest, WhatWasAcknowledgedStaysAcknowledged) {
   EXPECT_THAT(Findings(*Start()), IsEmpty());
 }
 
-TEST_F(LastRunTest, OtherAgentsEventsAreTheirOwn) {
+TEST_F(LastRunTest, IgnoresEventsOfOtherAgents) {
   auto store = Start();
   StoreOne(*store, Packed({{2, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_DAMAGE, "theirs", "", kNow_ns)));
   EXPECT_THAT(Findings(*store), IsEmpty());

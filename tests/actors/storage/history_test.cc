@@ -1,4 +1,4 @@
-// What a robot's own disk keeps of the states that newer ones have superseded.
+// Tests the history table: superseded states that a robot keeps on its own disk.
 #include "actors/storage/history.h"
 
 #include <gmock/gmock.h>
@@ -28,7 +28,7 @@ RecordStore::Options WithHistory(const std::string& path = ":memory:") {
   for (const auto& [type, policy] : options.policies) {
     if (policy == proto::POLICY_LATEST) options.history.keep[type] = KeepRule{};
   }
-  options.history.keep[1001] = KeepRule{};  // "beacon", of which the latest of each key is kept.
+  options.history.keep[1001] = KeepRule{};  // The type "beacon", of which the latest record of each key is kept.
   options.history.keep[proto::OPTIMIZED_POSE] = KeepRule{milliseconds::zero()};
   return options;
 }
@@ -46,7 +46,7 @@ proto::ReadReply ReadHistory(RecordStore& store, proto::ReadRequest request = {}
   return page.value_or(proto::ReadReply());
 }
 
-// Degrees of the temperatures in history, as read; NaN for what is none.
+// Temperatures in degrees Celsius, as read from history. NaN for records of other types.
 std::vector<double> Superseded(RecordStore& store, bool is_newest_first = false) {
   proto::ReadRequest request;
   request.set_is_newest_first(is_newest_first);
@@ -64,7 +64,7 @@ std::uint64_t HistoryCount(RecordStore& store) {
   return static_cast<std::uint64_t>(store.GetStatus()->history_count());
 }
 
-TEST(HistoryTest, KeepsWhatTheRobotItselfSuperseded) {
+TEST(HistoryTest, KeepsStatesThatTheRobotItselfSuperseded) {
   auto store = OpenStore(WithHistory());
   const proto::RecordKey first = InsertOne(*store, TemperatureRecord(-40));
   InsertOne(*store, TemperatureRecord(-41));
@@ -75,11 +75,11 @@ TEST(HistoryTest, KeepsWhatTheRobotItselfSuperseded) {
   EXPECT_THAT(Superseded(*store, /*is_newest_first=*/true), ElementsAre(-41, -40));
   EXPECT_EQ(FromProto(history.records(0).key()), FromProto(first));
   EXPECT_TRUE(history.is_complete());
-  // The database itself has the newest alone.
+  // The data table holds only the newest state.
   EXPECT_THAT(Contents(*store), SizeIs(1));
 }
 
-TEST(HistoryTest, IsOutsideWhatIsHeldSharedVerifiedAndCounted) {
+TEST(HistoryTest, IsNotPartOfWhatIsHeldSharedVerifiedAndCounted) {
   auto with = OpenStore(WithHistory());
   auto without = OpenStore(StoreOptionsOf(1));
   auto peer = OpenStore(StoreOptionsOf(2));
@@ -112,7 +112,7 @@ TEST(HistoryTest, IsOutsideWhatIsHeldSharedVerifiedAndCounted) {
   EXPECT_EQ(with->Verify(verify)->missing_count(), 0);
 }
 
-TEST(HistoryTest, NothingInItSupersedesOrIsSuperseded) {
+TEST(HistoryTest, HistoryRowsSupersedeNothingAndAreNotSuperseded) {
   auto store = OpenStore(WithHistory());
   for (int i = 0; i < 5; ++i) InsertOne(*store, TemperatureRecord(i));
   const RecordTable& table = *FindRecordTable(proto::TEMPERATURE);
@@ -137,18 +137,18 @@ TEST(HistoryTest, KeepsNothingOfOtherAgents) {
   EXPECT_EQ(HistoryCount(*store), 0u);
 }
 
-TEST(HistoryTest, KeepsOwnStatesThatCameHomeAndWereThenSuperseded) {
+TEST(HistoryTest, KeepsOwnStatesThatPeersReturnedAndWereThenSuperseded) {
   auto store = OpenStore(WithHistory());
-  const RecordKey old{{1, 5, proto::TEMPERATURE}, 1};  // Of a disk that was lost.
+  const RecordKey old{{1, 5, proto::TEMPERATURE}, 1};  // The epoch of a lost disk.
   StoreOne(*store, Packed(old, TemperatureRecord(-40)));
   InsertOne(*store, TemperatureRecord(-41));
   EXPECT_THAT(Superseded(*store), ElementsAre(-40));
-  // One that comes home after its superseder is dropped at once.
+  // A state that returns from a peer after its superseder was stored is dropped at once.
   StoreOne(*store, Packed({{1, 5, proto::TEMPERATURE}, 2}, TemperatureRecord(-39)));
   EXPECT_THAT(Superseded(*store), ElementsAre(-40));
 }
 
-TEST(HistoryTest, KeepsNothingOfTypesThatKeepTheLatestAlone) {
+TEST(HistoryTest, KeepsNothingOfTypesThatKeepOnlyTheLatest) {
   auto store = OpenStore(WithHistory());
   InsertOne(*store, OptimizedPoseRecord({1, 1}, 1, 1, 0));
   InsertOne(*store, OptimizedPoseRecord({1, 1}, 1, 2, 0));
@@ -161,11 +161,11 @@ TEST(HistoryTest, KeepsNothingOfTypesThatKeepTheLatestAlone) {
   EXPECT_EQ(HistoryCount(*none), 0u);
 }
 
-TEST(HistoryTest, MovesInTheTransactionOfTheSuperseder) {
+TEST(HistoryTest, MovesAStateInTheTransactionOfItsSuperseder) {
   auto store = OpenStore(WithHistory());
   InsertOne(*store, TemperatureRecord(-40));
   InsertOne(*store, NodeRecord(1, 7, 0));
-  // The second record of the batch is refused, and the first with it.
+  // The store refuses the second record of the batch, and therefore the first one too.
   proto::InsertRequest request;
   *request.add_records() = TemperatureRecord(-41);
   *request.add_records() = NodeRecord(1, 7, 1);
@@ -192,11 +192,11 @@ TEST(HistoryTest, OldestStatesMakeRoomForNewOnes) {
   EXPECT_EQ(static_cast<std::uint64_t>(page.records_size()), HistoryCount(*store));
   EXPECT_TRUE(std::is_sorted(page.row_ids().begin(), page.row_ids().end()));
   EXPECT_EQ(Superseded(*store, /*is_newest_first=*/true).front(), 298);
-  // What the sums say is what the table holds, also to the next process.
+  // The counters match the table, and a new process reads the same counters.
   EXPECT_EQ(*store->database().Number("SELECT count(*) FROM history"), HistoryCount(*store));
 }
 
-TEST(HistoryTest, IsThereAfterARestartWithItsSums) {
+TEST(HistoryTest, SurvivesARestartWithItsCounters) {
   const TemporaryFolder folder;
   const RecordStore::Options options = WithHistory(folder.path() / "a.db");
   double bytes = 0;
@@ -212,14 +212,14 @@ TEST(HistoryTest, IsThereAfterARestartWithItsSums) {
   EXPECT_THAT(Superseded(*store), SizeIs(10));
 }
 
-TEST(HistoryTest, ADamagedRowIsRemovedAtTheNextStartAndCostsNothingElse) {
+TEST(HistoryTest, OnlyTheDamagedRowIsRemovedAtTheNextStart) {
   const TemporaryFolder folder;
   const RecordStore::Options options = WithHistory(folder.path() / "a.db");
   {
     auto store = OpenStore(options);
     for (int i = 0; i < 4; ++i) InsertOne(*store, TemperatureRecord(i));
     ASSERT_TRUE(store->database().Execute("UPDATE history SET content = x'0102' WHERE row_id = 2"));
-    // Who reads before that is told of the others.
+    // Readers skip the damaged row until the next start removes it.
     EXPECT_THAT(Superseded(*store), ElementsAre(0, 2));
   }
   auto store = OpenStore(options);
@@ -255,7 +255,7 @@ TEST(HistoryTest, NoLongerKeepsAStateThatAPeerSendsBackAfterDamage) {
   EXPECT_THAT(Superseded(*OpenStore(options)), ElementsAre(0, 1));
 }
 
-TEST(HistoryTest, WhatIsKeptForATimeGoesByItsStamp) {
+TEST(HistoryTest, ExpiresStatesByTheirTimestamp) {
   RecordStore::Options options = WithHistory();
   options.history.keep[proto::TEMPERATURE] = KeepRule{hours(12)};
   auto store = OpenStore(options);
@@ -268,7 +268,7 @@ TEST(HistoryTest, WhatIsKeptForATimeGoesByItsStamp) {
   EXPECT_EQ(Superseded(*store).front(), 11);
 }
 
-TEST(HistoryTest, AStampOfASuspectClockIsOfUnknownAge) {
+TEST(HistoryTest, StatesFromASuspectClockDoNotExpireByAge) {
   RecordStore::Options options = WithHistory();
   options.history.keep[proto::TEMPERATURE] = KeepRule{hours(12)};
   auto store = OpenStore(options);
@@ -303,7 +303,7 @@ TEST(HistoryTest, IsTrimmedSomeRowsAtATimeToALowerLimit) {
   EXPECT_EQ(HistoryCount(*store), 0u);
 }
 
-TEST(HistoryTest, IsPrunedByAgeTypeAndSizeAndShownBefore) {
+TEST(HistoryTest, IsPrunedByAgeTypeAndSizeAfterADryRunShowsIt) {
   auto store = OpenStore(WithHistory());
   for (int hour = 0; hour < 24; ++hour) InsertOne(*store, StateAt(hour, kNow_ns - (23 - hour) * kHour_ns));
   for (int i = 0; i < 3; ++i) InsertOne(*store, CustomRecordOf(1001, std::to_string(i), "key"));
@@ -330,11 +330,11 @@ TEST(HistoryTest, IsPrunedByAgeTypeAndSizeAndShownBefore) {
   EXPECT_EQ(HistoryCount(*store), 2u);
   request.set_older_than_s(-1);
   EXPECT_EQ(store->Prune(request, kNow_ns).error().field, "older_than_s");
-  // What is held is another matter.
+  // Pruning history leaves the current records alone.
   EXPECT_THAT(Contents(*store), SizeIs(2));
 }
 
-TEST(HistoryTest, IsTheFirstToGoWhereTheFileIsFull) {
+TEST(HistoryTest, IsDroppedFirstIfTheFileIsFull) {
   RecordStore::Options options = WithHistory();
   options.bytes_max = 1'500'000;
   options.custom_types.Mutable(0)->set_bytes_max(100'000);
@@ -345,7 +345,7 @@ TEST(HistoryTest, IsTheFirstToGoWhereTheFileIsFull) {
     ASSERT_FALSE(IsError(InsertAll(*store, records).error()));
   }
   const std::uint64_t before = HistoryCount(*store);
-  // Records of which all are kept take the rest, and then history's room.
+  // Records under policy `all` first take the free space, and then the space of history.
   int stored = 0;
   while (true) {
     proto::InsertRequest request;
@@ -358,7 +358,7 @@ TEST(HistoryTest, IsTheFirstToGoWhereTheFileIsFull) {
   EXPECT_GT(stored, 15);
 }
 
-TEST(HistoryTest, GivesUpAsMuchAsIsAskedFor) {
+TEST(HistoryTest, DropsAsManyBytesAsRequested) {
   auto store = OpenStore(WithHistory());
   for (int i = 0; i < 100; ++i) InsertOne(*store, TemperatureRecord(i));
   const double before = store->GetStatus()->history_bytes();
@@ -395,7 +395,7 @@ TEST(HistoryTest, IsPagedAndFiltered) {
   EXPECT_THAT(ReadHistory(*store, others).records(), IsEmpty());
 }
 
-TEST(HistoryTest, SqlShowsItWithReadableColumns) {
+TEST(HistoryTest, ShowsReadableColumnsToSql) {
   const TemporaryFolder folder;
   auto store = OpenStore(WithHistory(folder.path() / "a.db"));
   InsertOne(*store, TemperatureRecord(-40.5));
@@ -417,7 +417,7 @@ TEST(HistoryTest, SqlShowsItWithReadableColumns) {
   EXPECT_THAT(texts(1), ElementsAre("beacon", "5", "", "hole 3", "0.31", "1"));
 }
 
-TEST(HistoryTest, TakesNoPartOfTheStoresBudget) {
+TEST(HistoryTest, DoesNotUseTheStoresBudget) {
   const TemporaryFolder folder;
   auto with = OpenStore(WithHistory(folder.path() / "a.db"));
   std::vector<proto::Record> records;

@@ -16,7 +16,7 @@ constexpr int kRecords = 20;
 constexpr std::size_t kHeaderBytes = 32;
 constexpr std::size_t kFrameBytes = 24 + 4096;
 
-// A store whose process was killed: its file, and a log with one transaction for each record.
+// The file and the write-ahead log of a store whose process was killed. The log has one transaction per record.
 class LogCheckTest : public testing::Test {
  protected:
   LogCheckTest() {
@@ -35,7 +35,7 @@ class LogCheckTest : public testing::Test {
   }
   void Write(const std::string& log) const { std::ofstream(path_ + "-wal", std::ios::binary) << log; }
 
-  // After a start; `damage` is what the store says of it.
+  // Number of records after a start. Sets `damage` to the damage that the store reports.
   std::size_t RecordsAfterAStart(std::vector<std::string>& damage) const {
     const auto store = OpenStore(StoreOptionsOf(1, path_));
     damage = store->damage();
@@ -54,7 +54,7 @@ TEST_F(LogCheckTest, FindsNothingInALogThatIsWhole) {
   EXPECT_TRUE(damage.empty());
 }
 
-TEST_F(LogCheckTest, FindsNothingInALogThatAPowerCutEndsAnywhere) {
+TEST_F(LogCheckTest, FindsNothingInALogThatAPowerCutTruncatesAnywhere) {
   const std::string whole = Read();
   for (std::size_t bytes = 0; bytes < whole.size(); bytes += 1777) {
     Write(whole.substr(0, bytes));
@@ -62,7 +62,7 @@ TEST_F(LogCheckTest, FindsNothingInALogThatAPowerCutEndsAnywhere) {
   }
 }
 
-TEST_F(LogCheckTest, FindsNothingWhereTheLastTransactionIsTorn) {
+TEST_F(LogCheckTest, FindsNothingIfTheLastTransactionIsTorn) {
   std::string torn = Read();
   torn[torn.size() - 100] ^= 1;
   Write(torn);
@@ -72,12 +72,12 @@ TEST_F(LogCheckTest, FindsNothingWhereTheLastTransactionIsTorn) {
 TEST_F(LogCheckTest, FindsNothingInFramesOfAnEarlierLog) {
   std::string log = Read();
   const std::size_t half = kHeaderBytes + (log.size() / kFrameBytes / 2) * kFrameBytes;
-  for (std::size_t at = half; at < log.size(); at += kFrameBytes) ++log[at + 8];  // Its salts.
+  for (std::size_t at = half; at < log.size(); at += kFrameBytes) ++log[at + 8];  // The frame's salts.
   Write(log);
   EXPECT_EQ(FindLogDamage(path_), "");
 }
 
-TEST_F(LogCheckTest, AStartReportsEachFlippedBitBecauseOfWhichRecordsAreLost) {
+TEST_F(LogCheckTest, AStartReportsEachFlippedBitThatLosesRecords) {
   const std::uint32_t seed = std::random_device{}();
   std::mt19937 random(seed);
   const std::string whole = Read();
@@ -88,15 +88,16 @@ TEST_F(LogCheckTest, AStartReportsEachFlippedBitBecauseOfWhichRecordsAreLost) {
   int lost_count = 0;
   for (int i = 0; i < 60; ++i) {
     std::string flipped = whole;
-    std::size_t byte = i == 0 ? 17 : random() % whole.size();  // First, a bit of the header.
-    // Bytes 4 to 7 of a frame say where a transaction ends: with them the last one looks like two, and is reported.
+    std::size_t byte = i == 0 ? 17 : random() % whole.size();  // The first round flips a bit of the header.
+    // Bytes 4 to 7 of a frame mark the end of a transaction. A flip there splits the last transaction in two and is
+    // reported.
     if (byte >= kHeaderBytes && (byte - kHeaderBytes) % kFrameBytes / 4 == 1) byte += 4;
     flipped[byte] = static_cast<char>(flipped[byte] ^ (1 << random() % 8));
     std::ofstream(path_, std::ios::binary) << database;
     Write(flipped);
     std::vector<std::string> damage;
     const std::size_t left = RecordsAfterAStart(damage);
-    // That the last record is lost is no different from a power cut while it was being written.
+    // Losing only the last record looks like a power cut during its write, so it is not damage.
     if (left < kRecords - 1) {
       ++lost_count;
       ASSERT_EQ(damage.size(), 1u) << "seed " << seed << ", byte " << byte << ", records " << left;

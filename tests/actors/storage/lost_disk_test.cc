@@ -1,5 +1,5 @@
-// An agent whose disk was lost, restored or put back names records before it hears of its own later epochs. What it
-// acknowledged last stands nevertheless, everywhere.
+// An agent whose disk was lost, replaced or restored numbers records before it learns of its own later epochs. The
+// tests check that the record that the agent acknowledged last wins everywhere nevertheless.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -28,7 +28,7 @@ double Celsius(RecordStore& store) { return static_cast<double>(Number(store, "S
 
 HaveSet HaveOf(const RecordStore& store) { return *FromProto(store.GetHave().have()); }
 
-// Until neither lacks anything of the other's.
+// Exchanges records until neither store lacks anything of the other.
 void Exchange(RecordStore& a, RecordStore& b) {
   for (int round = 0; round < 100; ++round) {
     const bool is_moving = Bring(a, b);
@@ -37,7 +37,7 @@ void Exchange(RecordStore& a, RecordStore& b) {
   ADD_FAILURE() << "there is no end";
 }
 
-// "beacon a=2": what stands of that type, key by key.
+// The records of type beacon as "key=payload", for example "a=2".
 std::vector<std::string> Beacons(RecordStore& store) {
   std::vector<std::string> beacons;
   for (const proto::StoredRecord& stored : Contents(store)) {
@@ -48,10 +48,10 @@ std::vector<std::string> Beacons(RecordStore& store) {
   return beacons;
 }
 
-// The agent whose disk fares ill, and one whose disk does not.
+// The agent whose disk is lost or replaced (`store_`), and a peer whose disk is not (`peer_`).
 class LostDiskTest : public testing::Test {
  protected:
-  // The next life of the agent's process, on the file that lies there.
+  // Restarts the agent's process on the file that exists at its path.
   void Restart() {
     store_.reset();
     store_ = OpenStore(StoreOptionsOf(kSelf, path_, ++seed_));
@@ -64,7 +64,7 @@ class LostDiskTest : public testing::Test {
     Remove();
     Restart();
   }
-  // Of the file as it is while no process runs.
+  // Copies the file while no process has it open.
   void CopyAside(const std::string& name) {
     store_.reset();
     std::filesystem::copy_file(path_, folder_.File(name));
@@ -80,7 +80,7 @@ class LostDiskTest : public testing::Test {
     ASSERT_TRUE(done) << ToString(done.error());
   }
 
-  // Some lives in which states come and go, and are shared.
+  // Restarts the agent `lives` times. Each time it stores a new state and shares it.
   void Live(int lives) {
     for (int i = 0; i < lives; ++i) {
       Restart();
@@ -97,13 +97,13 @@ class LostDiskTest : public testing::Test {
   std::unique_ptr<RecordStore> peer_ = OpenStore(StoreOptionsOf(1));
 };
 
-TEST_F(LostDiskTest, AStateOfAnEmptyDiskStandsWhenOlderOnesComeHome) {
+TEST_F(LostDiskTest, AStateFromAnEmptyDiskWinsOverOlderStatesThatPeersReturn) {
   Live(3);
   Wipe();
   const proto::RecordKey key = InsertOne(*store_, TemperatureRecord(50));
   ASSERT_EQ(key.epoch() >> 48, 1u) << "it has not heard of its earlier lives";
   const std::string content = Contents(*store_)[0].content();
-  Bring(*peer_, *store_);  // Its own records come home first.
+  Bring(*peer_, *store_);  // The agent's own earlier records return first.
   EXPECT_EQ(Celsius(*store_), 50);
   Exchange(*store_, *peer_);
   EXPECT_EQ(Celsius(*store_), 50);
@@ -114,8 +114,8 @@ TEST_F(LostDiskTest, AStateOfAnEmptyDiskStandsWhenOlderOnesComeHome) {
   EXPECT_GT(InsertOne(*store_, TemperatureRecord(51)).epoch(), key.epoch());
 }
 
-// Whichever way it hears of them.
-TEST_F(LostDiskTest, HearsOfItsLaterEpochsInAReportAHaveSetAndANoteOfAnAcknowledgment) {
+// The agent may learn of its epochs in any of three ways.
+TEST_F(LostDiskTest, LearnsItsLaterEpochsFromAReportAHaveSetOrANoteOfAnAcknowledgment) {
   Live(2);
   for (int way = 0; way < 3; ++way) {
     SCOPED_TRACE(way);
@@ -145,17 +145,17 @@ TEST_F(LostDiskTest, HearsOfItsLaterEpochsInAReportAHaveSetAndANoteOfAnAcknowled
   }
 }
 
-TEST_F(LostDiskTest, AStateStandsTwoLivesAfterABackupWasPutBack) {
+TEST_F(LostDiskTest, AStateWinsTwoRestartsAfterABackupWasRestored) {
   Live(2);
   BackUp("backup.db");
-  Live(3);  // What these lives wrote is lost with the disk, but for what the peer has.
+  Live(3);  // The records of these restarts are lost with the disk, except those that the peer has.
   PutBack("backup.db");
   InsertOne(*store_, CustomRecordOf(kBeacon, "1", "a"));
   Restart();
   InsertOne(*store_, CustomRecordOf(kBeacon, "2", "b"));
   Exchange(*store_, *peer_);
   EXPECT_THAT(Beacons(*peer_), UnorderedElementsAre("a=1", "b=2"));
-  // The temperature that the backup brought along is older than what the lost disk wrote after it.
+  // The temperature in the backup is older than those that the lost disk wrote after the backup.
   EXPECT_EQ(Celsius(*store_), celsius_);
   EXPECT_EQ(Celsius(*peer_), celsius_);
 
@@ -169,8 +169,8 @@ TEST_F(LostDiskTest, AStateStandsTwoLivesAfterABackupWasPutBack) {
   EXPECT_EQ(Celsius(*peer_), 70);
 }
 
-// A copy that nobody marked: what it holds was known to the file that it was copied from.
-TEST_F(LostDiskTest, AStateStandsAfterAnUnmarkedCopyWasPutBack) {
+// An unmarked copy: the original file knew everything that the copy holds.
+TEST_F(LostDiskTest, AStateWinsAfterAnUnmarkedCopyWasRestored) {
   Live(2);
   CopyAside("copy.db");
   Live(3);
@@ -188,7 +188,7 @@ TEST_F(LostDiskTest, AStateStandsAfterAnUnmarkedCopyWasPutBack) {
   EXPECT_THAT(Beacons(*peer_), ElementsAre("a=1"));
 }
 
-TEST_F(LostDiskTest, TheReplacementsStatesStandWhenTheOldDiskIsPutBack) {
+TEST_F(LostDiskTest, TheReplacementDisksStatesWinWhenTheOldDiskReturns) {
   Live(3);
   CopyAside("old.db");
   Wipe();
@@ -203,8 +203,8 @@ TEST_F(LostDiskTest, TheReplacementsStatesStandWhenTheOldDiskIsPutBack) {
   EXPECT_THAT(Beacons(*store_), ElementsAre("a=new"));
 }
 
-// All others have lost what its replacement had been begun upon.
-TEST_F(LostDiskTest, AnOldDiskThatHearsOfALaterEpochAloneTakesWhatItHadSharedForKnown) {
+// The later epoch is known, but no agent still has the epochs on which the replacement disk was based.
+TEST_F(LostDiskTest, AnOldDiskThatLearnsOnlyALaterEpochAssumesThatItsSharedStatesWereKnown) {
   Live(2);
   InsertOne(*store_, CustomRecordOf(kBeacon, "1", "a"));
   Exchange(*store_, *peer_);
@@ -216,7 +216,7 @@ TEST_F(LostDiskTest, AnOldDiskThatHearsOfALaterEpochAloneTakesWhatItHadSharedFor
   proto::EpochReport report;
   report.add_epochs(EpochOf({PartsOf(Contents(*store_)[0].key().epoch()).counter + 5, 1, 1, 1}, 0));
   ASSERT_TRUE(store_->NoteEpochReport(kPeer, report));
-  std::map<std::string, std::uint64_t> epochs;  // By key of the beacon.
+  std::map<std::string, std::uint64_t> epochs;  // Epochs by the beacon's key.
   for (const proto::StoredRecord& record : Contents(*store_)) {
     proto::Record beacon;
     if (record.key().data_type() != kBeacon || !beacon.ParseFromString(record.content())) continue;
@@ -226,7 +226,7 @@ TEST_F(LostDiskTest, AnOldDiskThatHearsOfALaterEpochAloneTakesWhatItHadSharedFor
   EXPECT_GT(epochs.at("b"), report.epochs(0)) << "nobody else has it";
 }
 
-TEST_F(LostDiskTest, TwoPeersWhoTellTwoLaterEpochsInTurn) {
+TEST_F(LostDiskTest, StatesWinThoughTwoPeersReportLaterEpochsInTurn) {
   Live(2);
   auto late = OpenStore(StoreOptionsOf(3));
   Live(3);
@@ -255,13 +255,13 @@ TEST_F(LostDiskTest, TwoPeersWhoTellTwoLaterEpochsInTurn) {
   }
 }
 
-TEST_F(LostDiskTest, StoresNothingOfALaterEpochBeforeItHasRestated) {
+TEST_F(LostDiskTest, StoresNoRecordOfALaterEpochBeforeReissuingItsStates) {
   Live(3);
   Wipe();
   InsertOne(*store_, TemperatureRecord(55));
   InsertOne(*store_, CustomRecordOf(kBeacon, "1", "a"));
   const std::string have = store_->GetHave().have().SerializeAsString();
-  // A constraint that SQLite looks at only when it commits.
+  // SQLite checks a deferred constraint only at commit.
   ASSERT_TRUE(store_->database().Execute(
       "PRAGMA foreign_keys=ON; CREATE TABLE parent(id INTEGER PRIMARY KEY);"
       "CREATE TABLE child(id INTEGER REFERENCES parent(id) DEFERRABLE INITIALLY DEFERRED);"));
@@ -280,7 +280,7 @@ TEST_F(LostDiskTest, StoresNothingOfALaterEpochBeforeItHasRestated) {
     EXPECT_EQ(store_->TakeReissued().last_row_id(), 0u);
     EXPECT_EQ(store_->GetHave().have().SerializeAsString(), have);
     EXPECT_EQ(Celsius(*store_), 55);
-    Restart();  // Killed, in the middle of it.
+    Restart();  // Killed in the middle of reissuing.
     fail_commits();
   }
   ASSERT_TRUE(store_->database().Execute("DROP TRIGGER orphan"));
@@ -290,8 +290,8 @@ TEST_F(LostDiskTest, StoresNothingOfALaterEpochBeforeItHasRestated) {
   EXPECT_THAT(Beacons(*peer_), ElementsAre("a=1"));
 }
 
-// What is restated goes on once: not again whenever the same epochs are told.
-TEST_F(LostDiskTest, RestatesOnce) {
+// A state is reissued only once, even if the same epochs are reported again.
+TEST_F(LostDiskTest, ReissuesAStateOnlyOnce) {
   Live(3);
   Wipe();
   InsertOne(*store_, TemperatureRecord(55));
@@ -306,7 +306,7 @@ TEST_F(LostDiskTest, RestatesOnce) {
   EXPECT_EQ(epochs, 1);
 }
 
-TEST_F(LostDiskTest, KeepsLocalStatesAndWhatIsNotSharedAsLatestAsTheyAre) {
+TEST_F(LostDiskTest, DoesNotReissueLocalStatesOrRecordsUnderAnotherPolicy) {
   Live(3);
   Wipe();
   InsertOne(*store_, NodeRecord(kSelf, 1));
@@ -320,7 +320,7 @@ TEST_F(LostDiskTest, KeepsLocalStatesAndWhatIsNotSharedAsLatestAsTheyAre) {
   EXPECT_EQ(Celsius(*peer_), 55);
 }
 
-TEST_F(LostDiskTest, RefusesAReportThatIsNone) {
+TEST_F(LostDiskTest, RefusesAMalformedEpochReport) {
   InsertOne(*store_, TemperatureRecord(1));
   const std::uint64_t own = store_->GetHave().epoch();
   const auto note = [this](const std::vector<std::uint64_t>& epochs) {
@@ -357,13 +357,13 @@ TEST_F(LostDiskTest, ReportsTheHighestEpochsOfAnOrigin) {
   EXPECT_EQ(peer_->ReportEpochs(9).epochs_size(), 0);
 }
 
-// --- Poses and verdicts, which go by term and run ---
+// --- Poses and verdicts, which are ordered by term and run ---
 
 double PoseX(RecordStore& store, std::uint64_t node) {
   return static_cast<double>(Number(store, "SELECT x FROM optimized_pose WHERE node_index = " + std::to_string(node)));
 }
 
-TEST_F(LostDiskTest, ALeadersPosesOfANewerTermStandInALowEpoch) {
+TEST_F(LostDiskTest, ALeadersPosesOfANewerTermWinInALowerEpoch) {
   for (std::uint64_t run = 1; run <= 3; ++run) {
     Restart();
     for (std::uint64_t node = 1; node <= 3; ++node) {
@@ -373,7 +373,7 @@ TEST_F(LostDiskTest, ALeadersPosesOfANewerTermStandInALowEpoch) {
   }
   Wipe();
   InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, /*term=*/6, 1, 60));
-  InsertOne(*store_, OptimizedPoseRecord({kSelf, 2}, /*term=*/4, 9, 49));  // Of before it heard of the term.
+  InsertOne(*store_, OptimizedPoseRecord({kSelf, 2}, /*term=*/4, 9, 49));  // Assigned before the agent heard of term 6.
   const std::uint64_t low = store_->GetHave().epoch();
   Exchange(*store_, *peer_);
   for (RecordStore* store : {store_.get(), peer_.get()}) {
@@ -385,13 +385,13 @@ TEST_F(LostDiskTest, ALeadersPosesOfANewerTermStandInALowEpoch) {
   EXPECT_EQ(HaveOf(*store_), HaveOf(*peer_)) << "both come to rest";
   EXPECT_EQ(Number(*store_, "SELECT epoch FROM optimized_pose WHERE node_index = 1"), static_cast<std::int64_t>(low));
 
-  // A third that has none of them takes the drops, too, once it holds what stands.
+  // A third agent that has none of the poses accepts the drops too, once it holds the current poses.
   auto third = OpenStore(StoreOptionsOf(3));
   Exchange(*peer_, *third);
   EXPECT_EQ(HaveOf(*third), HaveOf(*peer_));
 }
 
-TEST_F(LostDiskTest, TakesNoDropOfAPoseWhereItHoldsNone) {
+TEST_F(LostDiskTest, IgnoresADropOfAPoseIfItHoldsNone) {
   const proto::RecordKey key = InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, 5, 1, 1));
   InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, 5, 2, 2));
   proto::StoreRequest reported;
@@ -401,7 +401,7 @@ TEST_F(LostDiskTest, TakesNoDropOfAPoseWhereItHoldsNone) {
   EXPECT_TRUE(HaveOf(*peer_).Get(FromProto(key).stream).Covered().is_empty());
 }
 
-TEST_F(LostDiskTest, DropsAPoseAtOnceThatIsInsertedBelowTheOneThatStands) {
+TEST_F(LostDiskTest, DropsAPoseOfAnOlderRunAtItsInsertion) {
   InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, 5, 7, 57));
   const proto::RecordKey older = InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, 5, 6, 56));
   EXPECT_EQ(older.seq(), 2u) << "acknowledged, and named";
@@ -413,7 +413,7 @@ TEST_F(LostDiskTest, DropsAPoseAtOnceThatIsInsertedBelowTheOneThatStands) {
   EXPECT_EQ(HaveOf(*store_), HaveOf(*peer_));
 }
 
-TEST_F(LostDiskTest, SendsThePoseThatStandsWhereTheNewestAreAskedFor) {
+TEST_F(LostDiskTest, SendsThePoseOfTheNewestTermIfOnlyTheNewestAreRequested) {
   auto options = StoreOptionsOf(1);
   options.policies[proto::OPTIMIZED_POSE] = proto::POLICY_ALL;
   auto all = OpenStore(options);

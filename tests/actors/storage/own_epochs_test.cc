@@ -17,28 +17,28 @@ using testing::IsEmpty;
 
 constexpr std::uint32_t kOurs = 100;     // This file's incarnation.
 constexpr std::uint32_t kLost = 200;     // A disk that was lost.
-constexpr std::uint32_t kAnother = 300;  // Another one.
+constexpr std::uint32_t kAnother = 300;  // The disk that replaced the lost one.
 
-constexpr std::uint64_t kNeverShared = 12345;  // An epoch that nobody else ever heard of.
+constexpr std::uint64_t kNeverShared = 12345;  // An epoch that no other agent ever heard of.
 
-// `base` 0: there was none.
+// Builds an epoch. `base` is 0 if the epoch was based on no other.
 std::uint64_t Epoch(std::uint64_t counter, std::uint32_t tag, std::uint64_t base, std::uint64_t previous,
                     std::uint64_t random = 7) {
   return EpochOf({counter, tag, BaseMarkOf(base), MarkOf(previous)}, random);
 }
-// Of a disk that had heard of no other.
+// Builds an epoch of a disk that had heard of no other disk.
 std::uint64_t Epoch(std::uint64_t counter, std::uint32_t tag, std::uint64_t base) {
   return Epoch(counter, tag, base, base);
 }
 
-// This file's history began these, in its present incarnation.
+// Epochs that this file began in its present incarnation.
 OwnEpochs Began(const std::vector<std::uint64_t>& epochs) {
   OwnEpochs own;
   for (const std::uint64_t epoch : epochs) own.NoteBegun({epoch, kOurs});
   return own;
 }
 
-TEST(OwnEpochsTest, SaysInAnEpochWhereItComesFrom) {
+TEST(OwnEpochsTest, AnEpochEncodesItsDiskBaseAndPredecessor) {
   std::mt19937_64 random(1);
   OwnEpochs own;
   const OwnEpochs::Next first = *own.Draw(random);
@@ -54,7 +54,7 @@ TEST(OwnEpochsTest, SaysInAnEpochWhereItComesFrom) {
   EXPECT_NE(MarkOf(foreign), MarkOf(foreign + 1)) << "all bits of it count";
 }
 
-TEST(OwnEpochsTest, DrawsNoTagThatIsKnownOfAnother) {
+TEST(OwnEpochsTest, DrawsNoTagThatAKnownEpochUses) {
   OwnEpochs own;
   for (std::uint32_t tag = 1; tag <= 500; ++tag) own.Learn(Epoch(tag, tag, 0));
   std::mt19937_64 random(1);
@@ -86,7 +86,7 @@ TEST(OwnEpochsTest, IsLoadedAsItWasWritten) {
   EXPECT_EQ(PartsOf(loaded.Draw(random)->epoch).previous_mark, MarkOf(begun[2].epoch));
 }
 
-TEST(OwnEpochsTest, EndangersWhatALostDisksEpochCannotHaveKnown) {
+TEST(OwnEpochsTest, EndangersEpochsThatALostDiskCannotHaveKnown) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
@@ -101,11 +101,11 @@ TEST(OwnEpochsTest, EndangersWhatALostDisksEpochCannotHaveKnown) {
   EXPECT_EQ(own.Endangered().certain.size(), 3u) << "nor did a still later one";
 }
 
-TEST(OwnEpochsTest, EndangersNothingThatTheBaseKnew) {
+TEST(OwnEpochsTest, EndangersNoEpochThatTheBaseKnew) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t fifth = Epoch(5, kOurs, 0);
   OwnEpochs own = Began({first, fifth});
-  own.Learn(Epoch(6, kLost, fifth));  // Our disk was away, and its replacement had heard of all that it had begun.
+  own.Learn(Epoch(6, kLost, fifth));  // Meanwhile a replacement disk had heard of all epochs that this disk had begun.
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t sixth = Epoch(6, kOurs, fifth);
   own.NoteBegun({sixth, kOurs});
@@ -120,18 +120,18 @@ TEST(OwnEpochsTest, FollowsAChainOfBases) {
   const std::uint64_t the_same_disk = Epoch(5, kLost, knew_third);
   const std::uint64_t its_replacement = Epoch(6, kAnother, the_same_disk);
   for (const std::uint64_t epoch : {knew_third, the_same_disk, its_replacement}) own.Learn(epoch);
-  own.Learn(Epoch(8, kAnother, kNeverShared));  // The replacement later on.
+  own.Learn(Epoch(8, kAnother, kNeverShared));  // A later epoch of the replacement.
   EXPECT_THAT(own.Endangered().certain, ElementsAre(fifth));
-  own.Learn(Epoch(6, kLost, fifth));  // The lost disk was put back meanwhile, and had heard of the fifth.
+  own.Learn(Epoch(6, kLost, fifth));  // Meanwhile the lost disk returned, having heard of the fifth epoch.
   EXPECT_THAT(own.Endangered().certain, ElementsAre(fifth)) << "but its replacement had not";
 }
 
-TEST(OwnEpochsTest, FindsWhereAnOlderCopyParted) {
+TEST(OwnEpochsTest, FindsWhereAnOlderCopyDiverged) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
   const std::uint64_t others_third = Epoch(3, kOurs, second, second, 0);
-  own.Learn(others_third);  // This file is an older copy, and what it was copied from had gone on.
+  own.Learn(others_third);  // This file is an older copy; the file that it was copied from had gone on.
   own.Learn(Epoch(4, kOurs, others_third));
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t third = Epoch(3, kOurs, second, second, 1);
@@ -141,18 +141,18 @@ TEST(OwnEpochsTest, FindsWhereAnOlderCopyParted) {
   EXPECT_THAT(inserted.Endangered().certain, ElementsAre(third));
 }
 
-TEST(OwnEpochsTest, FindsWhereEachOfSeveralOlderCopiesParted) {
+TEST(OwnEpochsTest, FindsWhereEachOfSeveralOlderCopiesDiverged) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first, first, 1);
   const std::uint64_t third = Epoch(3, kOurs, second);
   OwnEpochs own = Began({first, second, third});
   own.Learn(Epoch(2, kOurs, first, first, 0));
-  own.Learn(Epoch(4, kOurs, third));  // A second copy went on, of after all that this file holds.
+  own.Learn(Epoch(4, kOurs, third));  // A second copy went on from the last epoch that this file holds.
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
 }
 
-// Its file had stored once more what it had begun itself, as soon as it heard of the other copy.
-TEST(OwnEpochsTest, EndangersNothingThatTheHighestOneKnew) {
+// The copy that began the highest epoch had reissued this file's states as soon as it heard of the other copy.
+TEST(OwnEpochsTest, EndangersNoEpochThatTheHighestEpochKnew) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first, first, 0);
   OwnEpochs own = Began({first, second});
@@ -165,7 +165,7 @@ TEST(OwnEpochsTest, EndangersNothingThatTheHighestOneKnew) {
   EXPECT_THAT(own.Endangered().certain, ElementsAre(first, second)) << "a disk that knew nothing";
 }
 
-TEST(OwnEpochsTest, GuessesWhereNothingIsKnownOfWhatTheHighestOneWasBegunUpon) {
+TEST(OwnEpochsTest, ReportsPossibleDangerIfTheBaseOfTheHighestEpochIsUnknown) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   OwnEpochs own = Began({first});
   const std::uint64_t later = Epoch(9, kLost, kNeverShared);
@@ -179,7 +179,7 @@ TEST(OwnEpochsTest, GuessesWhereNothingIsKnownOfWhatTheHighestOneWasBegunUpon) {
   EXPECT_THAT(own.Endangered().certain, ElementsAre(first)) << "an earlier one of that disk, which was empty";
 }
 
-TEST(OwnEpochsTest, GuessesWhereAMarkIsThatOfSeveral) {
+TEST(OwnEpochsTest, ReportsPossibleDangerIfSeveralEpochsShareAMark) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   std::uint64_t lost = Epoch(1, kLost, 0);
   while (BaseMarkOf(lost) != BaseMarkOf(first)) ++lost;
@@ -194,7 +194,7 @@ TEST(OwnEpochsTest, GuessesWhereAMarkIsThatOfSeveral) {
   EXPECT_THAT(own.Endangered().certain, ElementsAre(second)) << "neither knew it";
 }
 
-TEST(OwnEpochsTest, SeesThatACopyPartedThoughItsFirstEpochIsNotKnown) {
+TEST(OwnEpochsTest, FindsThatACopyDivergedThoughItsFirstEpochIsUnknown) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
@@ -203,8 +203,8 @@ TEST(OwnEpochsTest, SeesThatACopyPartedThoughItsFirstEpochIsNotKnown) {
   EXPECT_THAT(own.Endangered().certain, ElementsAre(second));
 }
 
-// The states of before the copy were known to what the store became.
-TEST(OwnEpochsTest, SparesWhatABackupBroughtAlong) {
+// States from before the backup were known to the disk onto which it was restored.
+TEST(OwnEpochsTest, DoesNotEndangerEpochsFromARestoredBackup) {
   const std::uint64_t first = Epoch(1, kLost, 0);
   const std::uint64_t second = Epoch(2, kLost, first);
   const std::uint64_t third = Epoch(3, kOurs, second);
@@ -216,7 +216,7 @@ TEST(OwnEpochsTest, SparesWhatABackupBroughtAlong) {
   EXPECT_THAT(own.Endangered().certain, ElementsAre(third));
 }
 
-TEST(OwnEpochsTest, BelievesNoClaimThatIsTooHighAndKeepsABoundedNumber) {
+TEST(OwnEpochsTest, RejectsClaimsThatAreTooHighAndKeepsABoundedNumber) {
   OwnEpochs own = Began({Epoch(2, kOurs, 0)});
   own.NoteStart();
   EXPECT_FALSE(own.IsPossible(0));
@@ -231,7 +231,7 @@ TEST(OwnEpochsTest, BelievesNoClaimThatIsTooHighAndKeepsABoundedNumber) {
   EXPECT_FALSE(own.IsPossible(last + 1)) << "claims do not climb on each other's shoulders";
 }
 
-TEST(OwnEpochsTest, GoesOnWhereTheCounterIsUsedUp) {
+TEST(OwnEpochsTest, DrawsHigherEpochsUntilNoneIsLeft) {
   std::mt19937_64 random(1);
   OwnEpochs own;
   own.Learn(UINT64_MAX - 5);
@@ -245,9 +245,9 @@ TEST(OwnEpochsTest, GoesOnWhereTheCounterIsUsedUp) {
   EXPECT_EQ(own.Draw(random).error().code, ErrorCode::kInternal);
 }
 
-// One robot with several disks: new ones, backups that were put on a disk of their own, and older copies of a file, as
-// far as `has_copies`. It hears of all its epochs only now and then. What epochs say of each other is held against what
-// each disk really knew.
+// Simulates one robot with several disks: new ones, backups restored to disks of their own, and older copies of a file
+// if `has_copies`. The robot learns of all its epochs only now and then. Check compares the conclusions that OwnEpochs
+// draws from the epochs with the true history of each disk.
 class Robot {
  public:
   Robot(std::uint64_t seed, bool has_copies) : random_(seed), has_copies_(has_copies) {}
@@ -276,8 +276,8 @@ class Robot {
     }
   }
 
-  // It hears of all: in danger is what the highest epoch of another disk did not know. Only where two epochs have one
-  // mark it may be a guess.
+  // Learns all epochs. Expects as endangered exactly the epochs that the highest epoch of another disk did not know. A
+  // guess is allowed only if two epochs share a mark.
   void Check() {
     Hear();
     const auto highest = std::find_if(knew_.rbegin(), knew_.rend(),
@@ -305,8 +305,8 @@ class Robot {
  private:
   struct Disk {
     OwnEpochs own;
-    std::set<std::uint64_t> begun;           // By its history.
-    std::set<std::uint64_t> of_incarnation;  // Of these, by its present incarnation.
+    std::set<std::uint64_t> begun;           // Epochs in this disk's history.
+    std::set<std::uint64_t> of_incarnation;  // Those that its present incarnation began.
     std::set<std::uint64_t> known;
   };
 
@@ -349,10 +349,10 @@ class Robot {
   const bool has_copies_;
   std::vector<Disk> disks_ = std::vector<Disk>(1);
   std::size_t present_ = 0;
-  std::set<std::uint32_t> marks_;                                 // Of all epochs.
-  std::set<std::pair<std::uint64_t, std::uint32_t>> base_marks_;  // And their counters.
+  std::set<std::uint32_t> marks_;                                 // Marks of all epochs.
+  std::set<std::pair<std::uint64_t, std::uint32_t>> base_marks_;  // Base marks with the counters of their epochs.
   bool is_ambiguous_ = false;
-  // By every epoch that was ever begun: its base, the one before it in its file, and what these knew.
+  // For each epoch ever begun: its base, its predecessor in its file, and all epochs that these two knew.
   std::map<std::uint64_t, std::set<std::uint64_t>> knew_;
 };
 
@@ -378,9 +378,9 @@ void ExpectNoneMissedOrWrong(bool has_copies) {
   EXPECT_GT(right, 1000);
 }
 
-TEST(OwnEpochsTest, KnowsOfAnyDisksAndBackupsWhatTheyKnewOfEachOther) { ExpectNoneMissedOrWrong(/*has_copies=*/false); }
+TEST(OwnEpochsTest, DerivesWhatDisksAndBackupsKnewOfEachOther) { ExpectNoneMissedOrWrong(/*has_copies=*/false); }
 
-TEST(OwnEpochsTest, KnowsItOfUnmarkedCopiesToo) { ExpectNoneMissedOrWrong(/*has_copies=*/true); }
+TEST(OwnEpochsTest, DerivesWhatUnmarkedCopiesKnewOfEachOther) { ExpectNoneMissedOrWrong(/*has_copies=*/true); }
 
 }  // namespace
 }  // namespace moondb

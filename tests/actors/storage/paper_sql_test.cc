@@ -36,7 +36,7 @@ void ExpectComesBack(const proto::Record& record) {
   EXPECT_EQ(back->SerializeAsString(), stored.SerializeAsString());
 }
 
-// Every field of the message, two of each repeated one.
+// Sets every field of the message to random values, with two entries in each repeated field.
 void Fill(Message& message, std::mt19937_64& rng, int depth = 0) {
   const auto& all = *message.GetReflection();
   for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
@@ -82,7 +82,7 @@ void Fill(Message& message, std::mt19937_64& rng, int depth = 0) {
   }
 }
 
-TEST(PaperSqlTest, IsOnePopulatedInsert) {
+TEST(PaperSqlTest, WritesARecordAsOneInsert) {
   proto::Record record = TemperatureRecord(-40.5);
   record.set_timestamp_ns(1700);
   EXPECT_EQ(SqlOf(Store(record)),
@@ -91,7 +91,7 @@ TEST(PaperSqlTest, IsOnePopulatedInsert) {
             "-40.5)");
 }
 
-TEST(PaperSqlTest, GivesRecordsOfEveryTypeBack) {
+TEST(PaperSqlTest, RestoresRecordsOfEveryType) {
   const unsigned seed = 5;
   std::mt19937_64 rng(seed);
   const auto* body = proto::Record::descriptor()->FindOneofByName("body");
@@ -109,7 +109,7 @@ TEST(PaperSqlTest, GivesRecordsOfEveryTypeBack) {
   }
 }
 
-TEST(PaperSqlTest, GivesMapsBackWithAByteACell) {
+TEST(PaperSqlTest, RestoresMapsWithOneBytePerCell) {
   const proto::Record record = MapRecord({3, 1});
   ExpectComesBack(record);
   std::size_t cells = 0;
@@ -120,7 +120,7 @@ TEST(PaperSqlTest, GivesMapsBackWithAByteACell) {
   EXPECT_GT(SqlOf(Store(record))->size(), 2 * cells);
 }
 
-TEST(PaperSqlTest, GivesEmptyMessagesAndFarNumbersBack) {
+TEST(PaperSqlTest, RestoresEmptyMessagesAndExtremeNumbers) {
   proto::Record record;
   record.mutable_pose_graph_node()->mutable_map_from_node()->mutable_position_m();
   ExpectComesBack(record);
@@ -134,7 +134,7 @@ TEST(PaperSqlTest, GivesEmptyMessagesAndFarNumbersBack) {
   ExpectComesBack(record);
 }
 
-TEST(PaperSqlTest, GivesNumbersBackThatSqliteReadsWrongAtFirst) {
+TEST(PaperSqlTest, RestoresNumbersThatSqliteFirstParsesInexactly) {
   const unsigned seed = 7;
   SCOPED_TRACE(seed);
   std::mt19937_64 rng(seed);
@@ -147,7 +147,7 @@ TEST(PaperSqlTest, GivesNumbersBackThatSqliteReadsWrongAtFirst) {
   }
 }
 
-TEST(PaperSqlTest, LeavesWhatWouldNotComeBackToOtherCodecs) {
+TEST(PaperSqlTest, RefusesToEncodeRecordsThatItCouldNotRestore) {
   proto::Record record = TemperatureRecord(std::nan(""));
   EXPECT_FALSE(SqlOf(Store(record)));
   record = TemperatureRecord(1);
@@ -163,7 +163,7 @@ TEST(PaperSqlTest, LeavesWhatWouldNotComeBackToOtherCodecs) {
   EXPECT_FALSE(SqlOf(stored));
 }
 
-TEST(PaperSqlTest, TakesNothingButOneInsertOfTheAnnouncedRow) {
+TEST(PaperSqlTest, AcceptsOnlyOneInsertOfTheAnnouncedRow) {
   const std::string columns = "INSERT INTO temperature (record_id, agent_id, celsius) ";
   const std::string row = "('" + ToString(kKey) + "', 3, 1.0)";
   ASSERT_TRUE(RecordOf(columns + "VALUES " + row, kKey));
@@ -212,7 +212,7 @@ TEST(PaperSqlTest, TakesNothingButOneInsertOfTheAnnouncedRow) {
   }
 }
 
-TEST(PaperSqlTest, BoundsWhatAStatementTakes) {
+TEST(PaperSqlTest, BoundsTheCostOfAStatement) {
   const std::string begin =
       "INSERT INTO temperature (record_id, agent_id, celsius) VALUES ('" + ToString(kKey) + "', 3, ";
   std::string deep = "1";
@@ -226,7 +226,7 @@ TEST(PaperSqlTest, BoundsWhatAStatementTakes) {
                         map_key));
 }
 
-// SQLite would take a gigabyte for some of these, and many seconds for others.
+// For some of these statements SQLite would allocate a gigabyte, for others it would run for many seconds.
 TEST(PaperSqlTest, RefusesLongStatementsBeforeSqliteReadsThem) {
   const auto long_one = [](std::string sql, const std::string& again) {
     while (sql.size() + again.size() < kPaperSqlBytesMax) sql += again;
@@ -243,7 +243,7 @@ TEST(PaperSqlTest, RefusesLongStatementsBeforeSqliteReadsThem) {
       long_one(begin + "(1, 1, 1) RETURNING 1", ",1"),
       long_one("INSERT INTO temperature (celsius", ",celsius"),
       long_one("INSERT INTO temperature (celsius) SELECT 1", " UNION SELECT 1"),
-      // What is not SQLite's quote hides nothing.
+      // These contexts look like quotes, but SQLite does not treat them as such. They must not hide the commas.
       long_one(begin + "(\"'\"", ",1"),
       long_one(begin + "([']", ",1"),
       long_one(begin + "(`'`", ",1"),

@@ -11,8 +11,8 @@
 namespace moondb {
 namespace {
 
-// The store of agent 1, which leads by the team file; 2 survives, 9 is the base station, 3 is a plain rover. In place
-// of a signature an assignment says "signed".
+// Options of agent 1's store. By the team file agent 1 leads, 2 is the survivor, 9 is the base station and 3 is a rover
+// without a role. The text "signed" stands for an assignment's signature.
 RecordStore::Options OptionsWithKeys(AgentId self = 1) {
   RecordStore::Options options = StoreOptionsOf(self);
   options.policies[proto::ROLE_ASSIGNMENT] = proto::POLICY_ALL;
@@ -66,7 +66,7 @@ std::map<std::pair<AgentId, proto::RefusalCause>, double> RefusedBy(const Record
   return refused;
 }
 
-TEST(PeerAuthorityTest, TakesRecordsFromTheirOriginTheBaseStationAndWhoHasARole) {
+TEST(PeerAuthorityTest, AcceptsRecordsFromTheirOriginTheBaseStationAndAgentsWithARole) {
   auto store = OpenStore(OptionsWithKeys());
   EXPECT_EQ(StoreFrom(*store, 3, {Node(3, 1)}).stored_count(), 1u);
   EXPECT_EQ(StoreFrom(*store, 9, {Node(3, 2)}).stored_count(), 1u);
@@ -78,7 +78,7 @@ TEST(PeerAuthorityTest, TakesRecordsFromTheirOriginTheBaseStationAndWhoHasARole)
   EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_ORIGIN}]), 1);
 }
 
-TEST(PeerAuthorityTest, TakesDropsFromThemAlone) {
+TEST(PeerAuthorityTest, AcceptsDropsOnlyFromTheOriginTheBaseStationAndAgentsWithARole) {
   auto store = OpenStore(OptionsWithKeys());
   const auto power = [](std::uint64_t seq) {
     proto::Record record;
@@ -100,15 +100,15 @@ TEST(PeerAuthorityTest, TakesDropsFromThemAlone) {
   EXPECT_EQ(store->Store(request).reply.rejected_count(), 0u);
 }
 
-TEST(PeerAuthorityTest, TakesAssignmentsFromAnybodyButOnlySignedOnes) {
+TEST(PeerAuthorityTest, AcceptsSignedAssignmentsFromAnyAgent) {
   auto store = OpenStore(OptionsWithKeys());
   const RecordKey key{{2, 7, proto::ROLE_ASSIGNMENT}, 1};
   EXPECT_EQ(StoreFrom(*store, 3, {Packed(key, RecordOf(AssignmentOf(2, 3, 2, "forged")))}).stored_count(), 0u);
   EXPECT_EQ(StoreFrom(*store, 3, {Packed(key, RecordOf(AssignmentOf(2, 3, 2, "signed")))}).stored_count(), 1u);
 }
 
-// Rover 3 led in an assignment that agent 1 has not heard of but from rover 3 itself.
-TEST(PeerAuthorityTest, TakesRecordsFromWhoLedOnceItsAssignmentIsHere) {
+// Rover 3 led under an assignment that only rover 3 itself has sent to agent 1.
+TEST(PeerAuthorityTest, AcceptsRecordsFromAFormerLeaderOnceItsAssignmentArrived) {
   auto store = OpenStore(OptionsWithKeys());
   const proto::StoredRecord assignment =
       Packed({{3, 7, proto::ROLE_ASSIGNMENT}, 1}, RecordOf(AssignmentOf(2, 3, 2, "signed")));
@@ -117,7 +117,7 @@ TEST(PeerAuthorityTest, TakesRecordsFromWhoLedOnceItsAssignmentIsHere) {
   EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 2)}).stored_count(), 1u);
 }
 
-TEST(PeerAuthorityTest, BelievesNoAssignmentOfItsOwnThatAPlainRoverSigns) {
+TEST(PeerAuthorityTest, RejectsAnAssignmentThatARoverWithoutARoleSignsForItself) {
   auto store = OpenStore(OptionsWithKeys());
   const proto::StoredRecord assignment =
       Packed({{3, 7, proto::ROLE_ASSIGNMENT}, 1}, RecordOf(AssignmentOf(3, 3, 2, "signed")));
@@ -125,7 +125,7 @@ TEST(PeerAuthorityTest, BelievesNoAssignmentOfItsOwnThatAPlainRoverSigns) {
   EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 1)}).stored_count(), 0u);
 }
 
-TEST(PeerAuthorityTest, KnowsWhoHadARoleAfterARestart) {
+TEST(PeerAuthorityTest, KnowsFormerRolesAfterARestart) {
   TemporaryFolder folder;
   RecordStore::Options options = OptionsWithKeys();
   options.path = folder.File("store.db");
@@ -138,7 +138,7 @@ TEST(PeerAuthorityTest, KnowsWhoHadARoleAfterARestart) {
   EXPECT_EQ(StoreFrom(*OpenStore(options), 3, {Node(2, 1)}).stored_count(), 1u);
 }
 
-TEST(PeerAuthorityTest, MakesARecordOfWhatGivesThisAgentARoleOnceAndOfItsForerunners) {
+TEST(PeerAuthorityTest, RecordsItsOwnRoleAssignmentAndItsPredecessorsOnce) {
   auto store = OpenStore(OptionsWithKeys());
   proto::SaveRolesRequest request;
   *request.add_chain() = AssignmentOf(2, 3, 2, "signed a");
@@ -158,7 +158,7 @@ TEST(PeerAuthorityTest, MakesARecordOfWhatGivesThisAgentARoleOnceAndOfItsForerun
   EXPECT_EQ(Contents(*store).size(), 2u) << "this agent has no role there";
 }
 
-TEST(PeerAuthorityTest, OffersOtherAgentsRecordsOnlyWhereTheyAreTakenFromIt) {
+TEST(PeerAuthorityTest, OffersOtherAgentsRecordsOnlyToPeersThatAcceptThem) {
   proto::MissingRequest request;
   auto plain = OpenStore(OptionsWithKeys(3));
   StoreFrom(*plain, 1,
@@ -170,7 +170,7 @@ TEST(PeerAuthorityTest, OffersOtherAgentsRecordsOnlyWhereTheyAreTakenFromIt) {
   EXPECT_EQ(leader->GetMissing(request)->records_size(), 1);
 }
 
-TEST(PeerAuthorityTest, TakesWordOfOwnEpochsFromThoseAloneAndSaysWhoGaveIt) {
+TEST(PeerAuthorityTest, BelievesClaimsAboutItsOwnEpochsOnlyFromAgentsWithARoleAndReportsOthers) {
   auto store = OpenStore(OptionsWithKeys());
   InsertOne(*store, NodeRecord(1, 1));
   const std::uint64_t present = store->GetHave().epoch();
@@ -185,7 +185,7 @@ TEST(PeerAuthorityTest, TakesWordOfOwnEpochsFromThoseAloneAndSaysWhoGaveIt) {
   EXPECT_GT(store->GetHave().epoch(), present);
 }
 
-TEST(PeerAuthorityTest, LetsNobodyUseUpOwnEpochsByClaimsUponClaims) {
+TEST(PeerAuthorityTest, RepeatedClaimsCannotUseUpItsOwnEpochs) {
   auto store = OpenStore(OptionsWithKeys());
   InsertOne(*store, NodeRecord(1, 1));
   std::uint64_t claimed = store->GetHave().epoch();
@@ -200,7 +200,7 @@ TEST(PeerAuthorityTest, LetsNobodyUseUpOwnEpochsByClaimsUponClaims) {
   EXPECT_LT(store->GetHave().epoch(), 2 * kOwnEpochJumpMax);
 }
 
-TEST(PeerAuthorityTest, SaysWhereAPeerHasMoreOfThisAgentThanItsDiskEverHad) {
+TEST(PeerAuthorityTest, ReportsAPeerThatClaimsRecordsThatThisAgentNeverStored) {
   auto store = OpenStore(OptionsWithKeys());
   InsertOne(*store, NodeRecord(1, 1));
   proto::MissingRequest request;
@@ -220,7 +220,7 @@ TEST(PeerAuthorityTest, SaysWhereAPeerHasMoreOfThisAgentThanItsDiskEverHad) {
   EXPECT_TRUE(RefusedBy(*store).empty()) << "this disk has it by now";
 }
 
-TEST(PeerAuthorityTest, NamesNobodyForWhatCameBeforeItsAssignment) {
+TEST(PeerAuthorityTest, WithdrawsARefusalOnceTheSendersAssignmentArrives) {
   auto store = OpenStore(OptionsWithKeys());
   EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 1)}).stored_count(), 0u);
   EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_ORIGIN}]), 1);
@@ -230,7 +230,7 @@ TEST(PeerAuthorityTest, NamesNobodyForWhatCameBeforeItsAssignment) {
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
-TEST(PeerAuthorityTest, SaysSoUntilWhatAPeerNamedHasComeHome) {
+TEST(PeerAuthorityTest, ReportsAClaimedOwnEpochUntilItsRecordsArrive) {
   auto store = OpenStore(OptionsWithKeys());
   proto::EpochReport report;
   report.add_epochs(7);
@@ -242,7 +242,7 @@ TEST(PeerAuthorityTest, SaysSoUntilWhatAPeerNamedHasComeHome) {
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
-// What agent 2 has of agent 1's nodes: those from 1 to `last` in that epoch.
+// The note that agent 2 holds agent 1's nodes 1 to `last` of `epoch`.
 proto::PeerHave NoteOfNodes(std::uint64_t epoch, std::uint64_t last) {
   proto::PeerHave note;
   note.set_peer(2);
@@ -256,7 +256,7 @@ proto::PeerHave NoteOfNodes(std::uint64_t epoch, std::uint64_t last) {
   return note;
 }
 
-TEST(PeerAuthorityTest, SaysSoThoughThePeerAcknowledgesNewRecordsOrReportsAnotherEpoch) {
+TEST(PeerAuthorityTest, ReportsAClaimedOwnEpochThoughThePeerAcknowledgesNewRecordsOrReportsAnotherEpoch) {
   auto store = OpenStore(OptionsWithKeys());
   const auto is_said = [&store] { return RefusedBy(*store).contains({2, proto::REFUSAL_CAUSE_OWN_EPOCH}); };
   proto::EpochReport report;
@@ -287,7 +287,7 @@ TEST(PeerAuthorityTest, SaysSoThoughThePeerAcknowledgesNewRecordsOrReportsAnothe
   EXPECT_FALSE(is_said());
 }
 
-TEST(PeerAuthorityTest, SaysNothingMoreOfWhatAPeerHasNoMore) {
+TEST(PeerAuthorityTest, StopsReportingAClaimThatThePeerWithdraws) {
   auto store = OpenStore(OptionsWithKeys());
   ASSERT_TRUE(store->NotePeerHave(NoteOfNodes(7, 2)));
   EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1);
@@ -311,7 +311,7 @@ proto::Record QuarantineRecord(AgentId agent = 2) {
   return record;
 }
 
-TEST(PeerAuthorityTest, TakesAQuarantineFromAnybodyIfItsOriginSignedIt) {
+TEST(PeerAuthorityTest, AcceptsAQuarantineFromAnyAgentIfItsOriginSignedIt) {
   auto store = OpenStore(OptionsWithKeys());
   const RecordKey key{{2, 7, proto::MAP_QUARANTINE}, 1};
   proto::Record record = QuarantineRecord();
@@ -324,7 +324,7 @@ TEST(PeerAuthorityTest, TakesAQuarantineFromAnybodyIfItsOriginSignedIt) {
   EXPECT_EQ(StoreFrom(*store, 3, {Packed(key, record)}).stored_count(), 1u);
 }
 
-TEST(PeerAuthorityTest, SignsItsOwnQuarantinesAndOffersThoseOfOthers) {
+TEST(PeerAuthorityTest, SignsItsOwnQuarantinesAndForwardsThoseOfOthers) {
   RecordStore::Options options = OptionsWithKeys(3);
   options.policies[proto::MAP_QUARANTINE] = proto::POLICY_ALL;
   auto store = OpenStore(options);
@@ -377,7 +377,7 @@ TEST(PeerAuthorityTest, GivesItsOwnQuarantinesTheNewestTerm) {
   EXPECT_EQ(store->Insert(dated).reply.error().field(), "records[0].map_quarantine.term");
 }
 
-TEST(PeerAuthorityTest, APlainRoverRefusesQuarantinesOfOthersMaps) {
+TEST(PeerAuthorityTest, ARoverWithoutARoleRefusesQuarantinesOfOtherAgentsMaps) {
   auto store = OpenStore(OptionsWithKeys(3));
   proto::InsertRequest request;
   *request.add_records() = QuarantineRecord(2);
@@ -393,8 +393,8 @@ TEST(PeerAuthorityTest, APlainRoverRefusesQuarantinesOfOthersMaps) {
   EXPECT_FALSE(IsError(store->Insert(request).reply.error()));
 }
 
-// It can never be valid: the sender need not send it again, and nobody is to believe that it is held.
-TEST(PeerAuthorityTest, SettlesARecordThatItsOriginMayNotStateAndDoesNotStoreIt) {
+// The record can never be valid. The sender need not send it again, and the store does not claim to hold it.
+TEST(PeerAuthorityTest, AcknowledgesButDoesNotStoreARecordThatItsOriginMayNotMake) {
   auto store = OpenStore(OptionsWithKeys());
   const RecordKey key{{3, 7, proto::POSE_GRAPH_EDGE}, 5};
   const proto::StoreReply reply = StoreFrom(*store, 3, {Packed(key, RangeRecord(NodeKey{1, 1}, NodeKey{2, 1}, 3))});
@@ -411,7 +411,7 @@ TEST(PeerAuthorityTest, SettlesARecordThatItsOriginMayNotStateAndDoesNotStoreIt)
   EXPECT_EQ(StoreFrom(*store, 3, {Packed(own, RangeRecord(NodeKey{3, 1}, NodeKey{2, 1}, 3))}).stored_count(), 1u);
 }
 
-TEST(PeerAuthorityTest, NamesOriginsWhoseRecordsReadersLeaveOut) {
+TEST(PeerAuthorityTest, ReportsOriginsWhoseRecordsReadersLeaveOut) {
   auto store = OpenStore(OptionsWithKeys());
   proto::LeftOutReport report;
   (*report.mutable_without_role())[3] = 4;
@@ -427,7 +427,7 @@ TEST(PeerAuthorityTest, NamesOriginsWhoseRecordsReadersLeaveOut) {
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
-// A ledger of so many streams of each origin.
+// A ledger with `streams` as the number of streams of each origin.
 HaveLedger LedgerOf(const std::map<AgentId, std::uint64_t>& streams) {
   HaveLedger ledger;
   for (const auto& [origin, count] : streams) {
@@ -436,7 +436,7 @@ HaveLedger LedgerOf(const std::map<AgentId, std::uint64_t>& streams) {
   return ledger;
 }
 
-TEST(PeerAuthorityTest, KeepsHalfOfTheStreamsInEqualPartsAndGivesTheRestToWhoComes) {
+TEST(PeerAuthorityTest, ReservesHalfOfTheStreamsInEqualPartsAndGivesTheRestFirstComeFirstServed) {
   PeerAuthority::Options options;
   options.team = {1, 2, 3, 9};
   PeerAuthority authority(options);
@@ -451,12 +451,12 @@ TEST(PeerAuthorityTest, KeepsHalfOfTheStreamsInEqualPartsAndGivesTheRestToWhoCom
   EXPECT_FALSE(authority.CheckRoom(3, {3, 1'000'000, proto::POWER}, other));
 }
 
-TEST(PeerAuthorityTest, KeepsHalfOfTheDiskInEqualPartsForOtherAgents) {
+TEST(PeerAuthorityTest, ReservesHalfOfTheDiskInEqualPartsForOtherAgents) {
   PeerAuthority::Options options;
   options.self = 1;
   options.team = {1, 2, 3, 9};
   PeerAuthority authority(options);
-  constexpr std::uint64_t kRoom = 8000;  // An equal part is 1,000, and 4,000 are shared.
+  constexpr std::uint64_t kRoom = 8000;  // Reserves 1,000 for each agent and shares 4,000.
   EXPECT_TRUE(authority.CheckDiskRoom(2, {{2, 4999}}, kRoom));
   EXPECT_FALSE(authority.CheckDiskRoom(2, {{2, 5000}}, kRoom));
   EXPECT_TRUE(authority.CheckDiskRoom(3, {{2, 5000}, {3, 999}}, kRoom)) << "another's part is kept for it";
@@ -465,7 +465,7 @@ TEST(PeerAuthorityTest, KeepsHalfOfTheDiskInEqualPartsForOtherAgents) {
   EXPECT_TRUE(authority.CheckDiskRoom(2, {{1, 7000}, {2, 4999}}, kRoom)) << "and take no shared room";
 }
 
-// The store of agent 1 on a budget of 2 MB, filled by rover 3 until the store refuses its records.
+// The store of agent 1 with a budget of 2 MB. Rover 3 fills it until the store refuses its records.
 class DiskRoomTest : public testing::Test {
  protected:
   void SetUp() override { Open(); }
@@ -493,7 +493,7 @@ class DiskRoomTest : public testing::Test {
   std::uint64_t last_seq_ = 0;
 };
 
-TEST_F(DiskRoomTest, RefusesAnOriginThatTakesMoreThanItsShareAndNamesIt) {
+TEST_F(DiskRoomTest, RefusesAndReportsAnOriginThatUsesMoreThanItsShare) {
   const proto::StoreReply refused = Fill();
   EXPECT_GT(refused.rejected_count(), 0u);
   EXPECT_EQ((RefusedBy(*store_)[{3, proto::REFUSAL_CAUSE_DISK_ROOM}]), refused.rejected_count());
@@ -512,7 +512,7 @@ TEST_F(DiskRoomTest, RefusesAnOriginThatTakesMoreThanItsShareAndNamesIt) {
                            .reply.error()));
 }
 
-TEST_F(DiskRoomTest, TakesRecordsAgainOnceSomeWerePruned) {
+TEST_F(DiskRoomTest, AcceptsRecordsAgainOnceSomeWerePruned) {
   Fill();
   proto::PruneRequest request;
   const Result<HaveSet> have = FromProto(store_->GetHave().have());
@@ -527,7 +527,7 @@ TEST_F(DiskRoomTest, TakesRecordsAgainOnceSomeWerePruned) {
   EXPECT_EQ(StoreFrom(*store_, 3, {Node(3, last_seq_)}).stored_count(), 1u);
 }
 
-TEST_F(DiskRoomTest, CountsAfterARestartWhatIsHeld) {
+TEST_F(DiskRoomTest, CountsHeldRecordsAfterARestart) {
   Fill();
   Open();
   EXPECT_EQ(StoreFrom(*store_, 3, {Node(3, last_seq_)}).rejected_count(), 1u);
@@ -544,7 +544,7 @@ TEST_F(DiskRoomTest, ReplacesAStateByOneThatIsNoLarger) {
   EXPECT_EQ(StoreFrom(*store_, 3, {state(3, "123456")}).rejected_count(), 1u);
 }
 
-TEST(PeerAuthorityTest, BelievesEverybodyInATeamWithoutKeys) {
+TEST(PeerAuthorityTest, AcceptsRecordsFromAnyAgentInATeamWithoutKeys) {
   auto store = OpenStore(StoreOptionsOf(1));
   EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 1)}).stored_count(), 1u);
 }

@@ -1,4 +1,4 @@
-// What peers are known to have, as people read it: the rows behind the view replication_log, against a have-set.
+// Rows of the view replication_log, which shows the records that peers hold, for comparison with a have-set.
 #pragma once
 
 #include <map>
@@ -23,7 +23,7 @@ inline Covered ShownIn(Database& database, AgentId peer) {
   return shown;
 }
 
-// Streams of which nothing is had are left out.
+// Covered records by stream. Leaves out streams without any.
 inline Covered HadOf(const HaveSet& have) {
   Covered covered;
   for (const auto& [stream, of_stream] : have.streams()) {

@@ -54,7 +54,7 @@ class PeerLogTest : public testing::Test {
   std::unique_ptr<RecordStore> store_ = OpenStore(StoreOptionsOf(kSelf, folder_.File("a.db")));
 };
 
-TEST_F(PeerLogTest, ADifferenceAddsToWhatThePeerHas) {
+TEST_F(PeerLogTest, ADifferenceAddsToThePeersRecords) {
   HaveSet have = Held(kStream, 3, 9);
   have[kOther].dropped.Add({1, 2});
   ASSERT_TRUE(*Note(All(10, have)));
@@ -68,7 +68,7 @@ TEST_F(PeerLogTest, ADifferenceAddsToWhatThePeerHas) {
   EXPECT_EQ(Shown()[kStream].intervals().size(), 1u);
 }
 
-TEST_F(PeerLogTest, ADifferenceThatDoesNotFollowTheLastNoteAsksForAllAndChangesNothing) {
+TEST_F(PeerLogTest, ADifferenceThatDoesNotFollowTheLastNoteChangesNothingAndRequestsAFullNote) {
   EXPECT_FALSE(*Note(Difference(10, Held(kStream, 1, 5)))) << "nothing was noted before";
   EXPECT_THAT(Shown(), IsEmpty());
   ASSERT_TRUE(*Note(All(10, Held(kStream, 1, 5))));
@@ -81,7 +81,7 @@ TEST_F(PeerLogTest, ADifferenceThatDoesNotFollowTheLastNoteAsksForAllAndChangesN
   EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 9)));
 }
 
-TEST_F(PeerLogTest, NumbersAreThoseOfOnePeerAndOneKindOfSession) {
+TEST_F(PeerLogTest, NumbersNotesPerPeerAndKindOfSession) {
   ASSERT_TRUE(*Note(All(10, Held(kStream, 1, 5))));
   EXPECT_FALSE(*Note(Difference(11, Held(kStream, 6, 6), /*peer=*/3)));
   proto::PeerHave of_replication = Difference(11, Held(kStream, 6, 6));
@@ -93,7 +93,7 @@ TEST_F(PeerLogTest, NumbersAreThoseOfOnePeerAndOneKindOfSession) {
   EXPECT_TRUE(*Note(Difference(11, Held(kStream, 7, 7))));
 }
 
-TEST_F(PeerLogTest, AfterARestartItShowsWhatItKnewAndAsksForAll) {
+TEST_F(PeerLogTest, AfterARestartItShowsItsLastStateAndRequestsAFullNote) {
   ASSERT_TRUE(*Note(All(10, Held(kStream, 1, 5))));
   store_.reset();
   store_ = OpenStore(StoreOptionsOf(kSelf, folder_.File("a.db")));
@@ -102,7 +102,7 @@ TEST_F(PeerLogTest, AfterARestartItShowsWhatItKnewAndAsksForAll) {
   EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 5)));
 }
 
-TEST_F(PeerLogTest, ANoteThatCouldNotBeWrittenIsMissedByTheNext) {
+TEST_F(PeerLogTest, AfterANoteThatCouldNotBeWrittenTheNextDifferenceIsRefused) {
   ASSERT_TRUE(*Note(All(10, Held(kStream, 1, 5))));
   ASSERT_TRUE(store_->database().Execute("PRAGMA query_only = ON"));
   EXPECT_FALSE(Note(Difference(11, Held(kStream, 6, 6))).has_value());
@@ -113,7 +113,7 @@ TEST_F(PeerLogTest, ANoteThatCouldNotBeWrittenIsMissedByTheNext) {
   EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 7)));
 }
 
-TEST_F(PeerLogTest, AMalformedNoteIsRefusedAndMissedByTheNext) {
+TEST_F(PeerLogTest, AfterAMalformedNoteTheNextDifferenceIsRefused) {
   ASSERT_TRUE(*Note(All(10, Held(kStream, 1, 5))));
   proto::PeerHave malformed = Difference(11, Held(kStream, 6, 6));
   malformed.mutable_acknowledged()->mutable_streams(0)->mutable_held(0)->set_first(9);
@@ -124,7 +124,7 @@ TEST_F(PeerLogTest, AMalformedNoteIsRefusedAndMissedByTheNext) {
   EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 5)));
 }
 
-TEST_F(PeerLogTest, ANoteOfAllTakesBackWhatThePeerLost) {
+TEST_F(PeerLogTest, AFullNoteRemovesRecordsThatThePeerLost) {
   HaveSet have = Held(kStream, 1, 5);
   have.Merge(Held(kOther, 1, 3));
   ASSERT_TRUE(*Note(All(10, have)));
@@ -136,7 +136,7 @@ TEST_F(PeerLogTest, ANoteOfAllTakesBackWhatThePeerLost) {
   EXPECT_THAT(Shown(), IsEmpty());
 }
 
-TEST_F(PeerLogTest, TakesWhatWasHandedOverWhateverElseANoteSays) {
+TEST_F(PeerLogTest, StoresHandedOverRecordsEvenOfARefusedNote) {
   proto::PeerHave note;
   note.set_peer(kPeer);
   *note.add_handed_over() = ToProto(RecordKey{kStream, 4});

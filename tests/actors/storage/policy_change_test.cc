@@ -1,4 +1,4 @@
-// Agents whose team files differ, because an operator changes a policy agent by agent.
+// Tests agents whose team files differ because an operator changes a policy agent by agent.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -24,7 +24,7 @@ constexpr AgentId kSurvivor = 2;
 
 class PolicyChangeTest : public testing::Test {
  protected:
-  // Opens the agent's store as a start with this policy for temperatures does.
+  // Opens the agent's store as a start with this policy for temperatures would.
   std::unique_ptr<RecordStore> Start(AgentId agent, proto::Policy policy) {
     RecordStore::Options options =
         StoreOptionsOf(agent, folder_.File(std::to_string(agent) + ".sqlite"), /*seed=*/++starts_);
@@ -41,7 +41,7 @@ class PolicyChangeTest : public testing::Test {
     for (const double value : celsius) InsertOne(store, TemperatureRecord(value));
   }
 
-  // Brings all records that `to` lacks, and the drops of `from`, which an agent under `all` leaves out of account.
+  // Sends all records that `to` lacks, and the drops of `from`. An agent under policy `all` ignores drops.
   static void BringAll(RecordStore& from, RecordStore& to) {
     proto::MissingRequest request;
     *request.mutable_destination_have() = to.GetHave().have();
@@ -70,7 +70,7 @@ class PolicyChangeTest : public testing::Test {
   std::uint64_t starts_ = 0;
 };
 
-TEST_F(PolicyChangeTest, NothingOfARoverThatKeepsAllIsLostAtAgentsThatDoNotYet) {
+TEST_F(PolicyChangeTest, AgentsThatStillKeepOnlyTheLatestLoseNoRecordOfARoverThatKeepsAll) {
   auto rover = Start(kRover, proto::POLICY_LATEST);
   Insert(*rover, {-20, -21});
   Restart(rover, kRover, proto::POLICY_ALL);
@@ -89,7 +89,7 @@ TEST_F(PolicyChangeTest, NothingOfARoverThatKeepsAllIsLostAtAgentsThatDoNotYet) 
   EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-21, -22, -23, -24, -25));
 }
 
-TEST_F(PolicyChangeTest, TheLastStateBeforeTheChangeStaysHoweverLateItComes) {
+TEST_F(PolicyChangeTest, TheLastStateBeforeThePolicyChangeStaysHoweverLateItArrives) {
   auto rover = Start(kRover, proto::POLICY_LATEST);
   Insert(*rover, {-20});
   const std::vector<proto::StoredRecord> state = Contents(*rover);
@@ -103,7 +103,7 @@ TEST_F(PolicyChangeTest, TheLastStateBeforeTheChangeStaysHoweverLateItComes) {
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-21, -20));
 }
 
-TEST_F(PolicyChangeTest, AnAgentThatKeepsAllKeepsStatesThatTheirOriginDropped) {
+TEST_F(PolicyChangeTest, AnAgentThatKeepsAllKeepsStatesThatTheOriginDropped) {
   auto rover = Start(kRover, proto::POLICY_LATEST);
   auto leader = Start(kLeader, proto::POLICY_ALL);
   for (const double celsius : {-20.0, -21.0}) {
@@ -114,7 +114,7 @@ TEST_F(PolicyChangeTest, AnAgentThatKeepsAllKeepsStatesThatTheirOriginDropped) {
   EXPECT_THAT(TemperaturesOf(*rover), ElementsAre(-21));
 }
 
-TEST_F(PolicyChangeTest, AStateSupersedesNoRecordThatItsOriginStoredUnderAll) {
+TEST_F(PolicyChangeTest, AStateSupersedesNoRecordThatItsOriginStoredUnderPolicyAll) {
   auto rover = Start(kRover, proto::POLICY_ALL);
   Insert(*rover, {-20, -21});
   const std::vector<proto::StoredRecord> all = Contents(*rover);
@@ -130,7 +130,7 @@ TEST_F(PolicyChangeTest, AStateSupersedesNoRecordThatItsOriginStoredUnderAll) {
   EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-23, -20, -21)) << "those that come late stay too";
 }
 
-// An agent whose disk was lost stores what comes next in an epoch that may be lower than an earlier one.
+// An agent whose disk was lost stores its next records in an epoch that may be lower than an earlier one.
 TEST_F(PolicyChangeTest, ARecordOfALowerEpochThanAStateStaysWhateverAPeerDropped) {
   constexpr std::uint64_t kStatesEpoch = 5;
   const StreamKey before{kRover, kStatesEpoch, proto::TEMPERATURE};
@@ -149,7 +149,7 @@ TEST_F(PolicyChangeTest, ARecordOfALowerEpochThanAStateStaysWhateverAPeerDropped
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21));
 }
 
-TEST_F(PolicyChangeTest, AClientDoesNotDecideWhetherARecordIsAState) {
+TEST_F(PolicyChangeTest, AClientCannotMarkARecordAsAState) {
   auto rover = Start(kRover, proto::POLICY_ALL);
   Insert(*rover, {-20});
   proto::Record state = TemperatureRecord(-21);
@@ -160,7 +160,7 @@ TEST_F(PolicyChangeTest, AClientDoesNotDecideWhetherARecordIsAState) {
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21));
 }
 
-TEST_F(PolicyChangeTest, ARobotMayRepeatARecordUnderAnotherPolicy) {
+TEST_F(PolicyChangeTest, ARobotMayInsertARecordAgainUnderAnotherPolicy) {
   auto options = StoreOptionsOf(kRover, folder_.File("repeat.sqlite"));
   const proto::RecordKey first = InsertOne(*OpenStore(options), NodeRecord(kRover, 7));
   options.policies[proto::POSE_GRAPH_NODE] = proto::POLICY_LATEST;

@@ -25,7 +25,7 @@ proto::Record SoilOf(std::int64_t days, const std::string& payload = "dust") {
   return Aged(CustomRecordOf(1000, payload), days);
 }
 
-// A rover's store (1); leader (2) and survivor (3) have what they are brought.
+// A rover's store (agent 1), and the stores of its leader (2) and survivor (3), to which BringAll sends its records.
 class PruneTest : public testing::Test {
  protected:
   void BringAll() {
@@ -86,7 +86,7 @@ class PruneTest : public testing::Test {
   std::unique_ptr<RecordStore> survivor_ = OpenStore(StoreOptionsOf(3));
 };
 
-TEST_F(PruneTest, RemovesForGoodWhatLeaderAndSurvivorHave) {
+TEST_F(PruneTest, RemovesRecordsThatLeaderAndSurvivorHavePermanently) {
   InsertOne(*store_, SoilOf(3, "a"));
   InsertOne(*store_, Aged(MapRecord({1, 1}), 2));
   BringAll();
@@ -105,7 +105,7 @@ TEST_F(PruneTest, RemovesForGoodWhatLeaderAndSurvivorHave) {
   ExpectSound();
 }
 
-TEST_F(PruneTest, KeepsForTheGroundWhatIsInNoBundleYet) {
+TEST_F(PruneTest, KeepsRecordsForTheGroundStationThatAreInNoBundleYet) {
   RecordStore::Options options = StoreOptionsOf(1);
   options.for_ground = {1000, proto::AGENT_EVENT};
   store_ = OpenStore(options);
@@ -120,7 +120,7 @@ TEST_F(PruneTest, KeepsForTheGroundWhatIsInNoBundleYet) {
   event.mutable_agent_event()->set_kind(proto::EVENT_KIND_STARTED);
   event.mutable_agent_event()->set_text("of a type that no bundle has held yet");
   InsertOne(*store_, Aged(event, 3));
-  InsertOne(*store_, Aged(MapRecord({1, 1}), 3));  // For which the ground does not ask.
+  InsertOne(*store_, Aged(MapRecord({1, 1}), 3));  // A type that the ground station does not request.
   BringAll();
   const proto::PruneReply reply = Prune(Acknowledged());
   EXPECT_EQ(CountOf(reply), 2);
@@ -128,7 +128,7 @@ TEST_F(PruneTest, KeepsForTheGroundWhatIsInNoBundleYet) {
   EXPECT_EQ(PayloadsIn(*store_), std::set<std::string>{"in none"});
 }
 
-TEST_F(PruneTest, KeepsWhatOneOfThemLacks) {
+TEST_F(PruneTest, KeepsRecordsThatLeaderOrSurvivorLacks) {
   InsertOne(*store_, SoilOf(3, "both"));
   BringAll();
   InsertOne(*store_, SoilOf(2, "leader only"));
@@ -141,7 +141,7 @@ TEST_F(PruneTest, KeepsWhatOneOfThemLacks) {
   EXPECT_EQ(PayloadsIn(*store_), (std::set<std::string>{"leader only", "nobody"}));
 }
 
-TEST_F(PruneTest, CountsWhatAnotherPrunedAsHad) {
+TEST_F(PruneTest, CountsRecordsThatAPeerPrunedAsCovered) {
   InsertOne(*store_, SoilOf(3));
   BringAll();
   proto::PruneRequest request;
@@ -151,7 +151,7 @@ TEST_F(PruneTest, CountsWhatAnotherPrunedAsHad) {
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
 }
 
-TEST_F(PruneTest, TellsNobodyToDropWhatItPruned) {
+TEST_F(PruneTest, PeersKeepRecordsThatItPruned) {
   InsertOne(*store_, SoilOf(3, "a"));
   InsertOne(*store_, SoilOf(1, "b"));
   BringAll();
@@ -164,8 +164,8 @@ TEST_F(PruneTest, TellsNobodyToDropWhatItPruned) {
   EXPECT_EQ(PayloadsIn(*survivor_), (std::set<std::string>{"a", "b", "c"}));
 }
 
-// A carrier does not know the type's policy, and takes drops of it from whoever sends some.
-TEST_F(PruneTest, DropsNothingWhereTheTypeIsOnlyCarried) {
+// A carrier does not know the type's policy and accepts drops of the type from any sender.
+TEST_F(PruneTest, ACarrierKeepsRecordsThatAPeerPruned) {
   RecordStore::Options options = StoreOptionsOf(9);
   options.custom_types.Clear();
   const auto carrier = OpenStore(options);
@@ -183,7 +183,7 @@ TEST_F(PruneTest, DropsNothingWhereTheTypeIsOnlyCarried) {
   EXPECT_EQ(PayloadsIn(*carrier), (std::set<std::string>{"a", "b", "c"}));
 }
 
-TEST_F(PruneTest, IgnoresAPrunedRecordThatComesAgain) {
+TEST_F(PruneTest, IgnoresAPrunedRecordThatArrivesAgain) {
   const RecordKey key = FromProto(InsertOne(*store_, SoilOf(3)));
   BringAll();
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
@@ -194,7 +194,7 @@ TEST_F(PruneTest, IgnoresAPrunedRecordThatComesAgain) {
   EXPECT_TRUE(Contents(*store_).empty());
 }
 
-TEST_F(PruneTest, GetsBackWhatOthersHoldOntoAnEmptyDisk) {
+TEST_F(PruneTest, RestoresRecordsThatPeersHoldToAnEmptyDisk) {
   InsertOne(*store_, SoilOf(3, "a"));
   BringAll();
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
@@ -204,7 +204,7 @@ TEST_F(PruneTest, GetsBackWhatOthersHoldOntoAnEmptyDisk) {
   EXPECT_EQ(PayloadsIn(*store_), std::set<std::string>{"a"});
 }
 
-TEST_F(PruneTest, GoesByAge) {
+TEST_F(PruneTest, PrunesRecordsOlderThanTheGivenAge) {
   for (const int days : {40, 31, 29, 1}) InsertOne(*store_, SoilOf(days, std::to_string(days)));
   BringAll();
   proto::PruneRequest request = Acknowledged();
@@ -223,7 +223,7 @@ TEST_F(PruneTest, CountsOnlyOldRecordsAsKept) {
   EXPECT_EQ(Prune(request).unacknowledged_count(), 1);
 }
 
-TEST_F(PruneTest, TakesNoAgeFromASuspectClock) {
+TEST_F(PruneTest, KeepsRecordsTimestampedByASuspectClock) {
   proto::Record suspect = SoilOf(40, "suspect");
   suspect.set_is_clock_suspect(true);
   InsertOne(*store_, suspect);
@@ -235,7 +235,7 @@ TEST_F(PruneTest, TakesNoAgeFromASuspectClock) {
   EXPECT_EQ(PayloadsIn(*store_), std::set<std::string>{"suspect"});
 }
 
-TEST_F(PruneTest, TakesTheOldestFirstUntilSoMuchIsGone) {
+TEST_F(PruneTest, PrunesTheOldestFirstUntilTheGivenSizeIsReached) {
   for (const int days : {1, 4, 2, 3}) InsertOne(*store_, SoilOf(days, std::to_string(days)));
   BringAll();
   proto::PruneRequest request = Acknowledged();
@@ -258,7 +258,7 @@ TEST_F(PruneTest, CountsWithoutRemovingInADryRun) {
   EXPECT_EQ(store_->GetStatus()->pruned_count(), 0);
 }
 
-TEST_F(PruneTest, GoesOnWhereABoundedRequestEnded) {
+TEST_F(PruneTest, ContinuesWhereABoundedRequestEnded) {
   std::vector<proto::Record> records;
   for (std::size_t i = 0; i < kPruneRowsMax + 10; ++i) records.push_back(SoilOf(1, std::to_string(i)));
   EXPECT_FALSE(IsError(InsertAll(*store_, records).error()));
@@ -274,7 +274,7 @@ TEST_F(PruneTest, GoesOnWhereABoundedRequestEnded) {
   EXPECT_TRUE(second.is_complete());
 }
 
-TEST_F(PruneTest, LeavesStatesLocalRecordsAndTheGraphAlone) {
+TEST_F(PruneTest, KeepsStatesLocalRecordsAndThePoseGraph) {
   InsertOne(*store_, Aged(TemperatureRecord(20), 50));
   InsertOne(*store_, SoilOf(50, "local"), /*is_local=*/true);
   InsertOne(*store_, Aged(NodeRecord(1, 1), 50));
@@ -290,7 +290,7 @@ TEST_F(PruneTest, LeavesStatesLocalRecordsAndTheGraphAlone) {
   EXPECT_EQ(reply.pruned(0).data_type(), proto::POSE_GRAPH_EDGE);
 }
 
-TEST_F(PruneTest, TakesOnlyNamedRecordsWhereSomeAreNamed) {
+TEST_F(PruneTest, PrunesOnlyNamedRecordsIfSomeAreNamed) {
   const proto::RecordKey first = InsertOne(*store_, SoilOf(3, "first"));
   InsertOne(*store_, SoilOf(3, "second"));
   BringAll();
@@ -305,7 +305,7 @@ TEST_F(PruneTest, TakesOnlyNamedRecordsWhereSomeAreNamed) {
   EXPECT_EQ(PayloadsIn(*store_), std::set<std::string>{"second"});
 }
 
-TEST_F(PruneTest, RefusesARequestThatCannotBe) {
+TEST_F(PruneTest, RefusesAnInvalidRequest) {
   const auto field_of = [&](const proto::PruneRequest& request) {
     const Result<proto::PruneReply> reply = store_->Prune(request, kNow_ns);
     EXPECT_FALSE(reply);
@@ -326,7 +326,7 @@ TEST_F(PruneTest, RefusesARequestThatCannotBe) {
   EXPECT_FALSE(store_->Prune(request, kNow_ns));
 }
 
-TEST_F(PruneTest, NumbersNewRecordsBehindPrunedOnes) {
+TEST_F(PruneTest, NumbersNewRecordsAfterPrunedOnes) {
   const proto::RecordKey pruned = InsertOne(*store_, SoilOf(3));
   BringAll();
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
@@ -335,7 +335,7 @@ TEST_F(PruneTest, NumbersNewRecordsBehindPrunedOnes) {
   EXPECT_EQ(next.seq(), pruned.seq() + 1);
 }
 
-TEST_F(PruneTest, TakesAPrunedNodeAsANewRecord) {
+TEST_F(PruneTest, StoresAPrunedNodeThatIsInsertedAgainAsANewRecord) {
   const proto::RecordKey pruned = InsertOne(*store_, NodeRecord(1, 7));
   BringAll();
   proto::PruneRequest request = Acknowledged();
@@ -346,8 +346,8 @@ TEST_F(PruneTest, TakesAPrunedNodeAsANewRecord) {
   BringAll();
 }
 
-// However many holes pruning makes, on the radio a stream is one interval.
-TEST_F(PruneTest, TellsPeersOfAStreamWithHolesInOneInterval) {
+// Pruning leaves holes in a stream. In messages to peers the stream is still one interval.
+TEST_F(PruneTest, ReportsAStreamWithHolesToPeersAsOneInterval) {
   proto::PruneRequest named;
   for (int i = 0; i < 20; ++i) {
     const proto::RecordKey key = InsertOne(*store_, SoilOf(3));
@@ -361,7 +361,7 @@ TEST_F(PruneTest, TellsPeersOfAStreamWithHolesInOneInterval) {
   EXPECT_EQ(FromProto(store_->GetHave(question).have())->IntervalCount(), 1u);
 }
 
-TEST_F(PruneTest, RemembersWhatWasPrunedWhenAnotherRowIsDamaged) {
+TEST_F(PruneTest, RemembersPrunedRecordsWhenAnotherRowIsDamaged) {
   InsertOne(*store_, SoilOf(3, "pruned"));
   BringAll();
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
@@ -376,7 +376,7 @@ TEST_F(PruneTest, RemembersWhatWasPrunedWhenAnotherRowIsDamaged) {
   EXPECT_EQ(PayloadsIn(*store_), std::set<std::string>{"damaged"});
 }
 
-TEST_F(PruneTest, KeepsCountOfTheBytesOfMaps) {
+TEST_F(PruneTest, CountsTheBytesOfMaps) {
   const double bytes = static_cast<double>(SerializeRecord(MapRecord({1, 1})).size());
   const proto::RecordKey first = InsertOne(*store_, MapRecord({1, 1}));
   InsertOne(*store_, MapRecord({1, 1}), /*is_local=*/true);
@@ -391,7 +391,7 @@ TEST_F(PruneTest, KeepsCountOfTheBytesOfMaps) {
   EXPECT_EQ(store_->GetStatus()->map_bytes(), bytes);
 }
 
-TEST_F(PruneTest, FreesSpaceThatIsUsedAgain) {
+TEST_F(PruneTest, FreesSpaceThatNewRecordsReuse) {
   const std::string payload(60, 'x');
   std::vector<proto::Record> records(3000, SoilOf(3, payload));
   EXPECT_FALSE(IsError(InsertAll(*store_, records).error()));
@@ -405,8 +405,8 @@ TEST_F(PruneTest, FreesSpaceThatIsUsedAgain) {
   EXPECT_LT(used(), before / 2);
 }
 
-// Maps never starve states.
-TEST_F(PruneTest, TakesNoMoreOwnMapsBeyondTheBudgetButStates) {
+// States are stored even if maps have used up the budget.
+TEST_F(PruneTest, BeyondTheBudgetRefusesOwnMapsButStoresStates) {
   RecordStore::Options options = StoreOptionsOf(1);
   options.path = folder_.File("budget.db");
   options.map_store_bytes_max = 1;

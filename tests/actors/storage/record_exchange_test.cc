@@ -1,4 +1,4 @@
-// Stores that exchange what the other lacks, in any order, with lost, repeated and late batches and lost disks.
+// Stores exchange missing records in any order, with lost, repeated and late batches and lost disks.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace moondb {
 namespace {
 
-// What stores must agree on: contents by key.
+// The contents by key that all stores must agree on.
 std::map<std::string, std::string> Shared(RecordStore& store) {
   std::map<std::string, std::string> shared;
   for (const proto::StoredRecord& record : Contents(store)) {
@@ -21,7 +21,7 @@ std::map<std::string, std::string> Shared(RecordStore& store) {
   return shared;
 }
 
-// Three agents insert at random; batches between them travel through a bag that repeats, loses and reorders.
+// Three agents insert at random. The batches between them wait in a bag that repeats, loses and reorders them.
 class Exchange {
  public:
   explicit Exchange(std::uint64_t seed) : random_(seed), seed_(seed) {
@@ -38,13 +38,13 @@ class Exchange {
     } else if (action < 98) {
       Deliver();
     } else {
-      // The disk is lost; what peers hold of it comes back.
+      // The disk is lost. Peers return the records that they hold.
       stores_[agent].reset();
       stores_[agent] = OpenStore(StoreOptionsOf(agent, ":memory:", seed_ + Draw(1'000'000)));
     }
   }
 
-  // Until nothing is missing anywhere; false if that does not come.
+  // Exchanges records until no store lacks any. Returns false if that state is not reached.
   bool Quieten() {
     bag_.clear();
     for (int round = 0; round < 1000; ++round) {
@@ -115,7 +115,7 @@ class Exchange {
   std::deque<std::pair<AgentId, proto::StoreRequest>> bag_;
 };
 
-TEST(RecordExchangeTest, ConvergesUnderLossRepetitionReorderAndLostDisks) {
+TEST(RecordExchangeTest, ConvergesUnderLossRepetitionReorderingAndLostDisks) {
   const std::uint64_t first_seed = std::random_device()();
   std::cout << "first seed " << first_seed << "\n";
   for (std::uint64_t seed = first_seed; seed < first_seed + 25; ++seed) {
@@ -133,8 +133,8 @@ TEST(RecordExchangeTest, ConvergesUnderLossRepetitionReorderAndLostDisks) {
   }
 }
 
-// Of three, one was told that a state is superseded; what superseded it was lost with the only disk that had it.
-TEST(RecordExchangeTest, AStateIsNotSupersededByOneThatIsLost) {
+// One of three stores heard that a state is superseded. The superseding state was lost with the only disk that held it.
+TEST(RecordExchangeTest, AStateIsNotSupersededByALostState) {
   auto origin = OpenStore(StoreOptionsOf(1));
   auto first = OpenStore(StoreOptionsOf(2));
   auto second = OpenStore(StoreOptionsOf(3));
@@ -152,13 +152,13 @@ TEST(RecordExchangeTest, AStateIsNotSupersededByOneThatIsLost) {
   EXPECT_EQ(*second->database().Number("SELECT celsius FROM temperature"), 1);
 }
 
-TEST(RecordExchangeTest, KeepsTheNewestStateOfEachAgentInSight) {
+TEST(RecordExchangeTest, TheLeaderAlwaysHasAStateOfAnAgentOnceItReceivedOne) {
   auto origin = OpenStore(StoreOptionsOf(2));
   auto leader = OpenStore(StoreOptionsOf(1));
   for (int i = 1; i <= 20; ++i) {
     InsertOne(*origin, TemperatureRecord(i));
     if (i % 3 == 0) Bring(*origin, *leader, 1);
-    // From the first time on, the leader is never without one.
+    // Once the leader has a state, it never lacks one.
     EXPECT_EQ(*leader->database().Number("SELECT count(*) FROM temperature"), i < 3 ? 0 : 1);
   }
   while (Bring(*origin, *leader)) {

@@ -24,7 +24,7 @@ RecordKey Key(AgentId origin, DataType type, std::uint64_t seq, std::uint64_t ep
 
 std::int64_t Number(RecordStore& store, const std::string& sql) { return *store.database().Number(sql); }
 
-// What `store` would send to one that has nothing.
+// The records and drops that `store` would send to a destination that has nothing.
 proto::MissingReply AllOf(RecordStore& store, const proto::RecordFilter& filter = {}) {
   proto::MissingRequest request;
   *request.mutable_filter() = filter;
@@ -71,7 +71,7 @@ TEST(RecordStoreTest, HasNoEpochBeforeTheFirstSharedInsert) {
   EXPECT_EQ(Contents(*store).size(), 1u);
 }
 
-TEST(RecordStoreTest, FindsEverythingAfterARestartAndBeginsAHigherEpoch) {
+TEST(RecordStoreTest, KeepsEverythingAcrossARestartAndBeginsAHigherEpoch) {
   TemporaryFolder folder;
   const std::string path = folder.File("store.db");
   std::vector<proto::StoredRecord> before;
@@ -88,7 +88,7 @@ TEST(RecordStoreTest, FindsEverythingAfterARestartAndBeginsAHigherEpoch) {
     have = store->GetHave().have();
     epoch = store->GetHave().epoch();
   }
-  // The same seed, as after a restored disk image: the counter alone must make the difference.
+  // Opens with the same seed, as after restoring a disk image. Only the counter can make the epochs differ.
   auto store = OpenStore(StoreOptionsOf(2, path, 1));
   EXPECT_EQ(store->GetHave().have().SerializeAsString(), have.SerializeAsString());
   const std::vector<proto::StoredRecord> after = Contents(*store);
@@ -131,7 +131,7 @@ proto::Record OdometryRecord(AgentId agent, std::uint64_t from, std::uint64_t to
   return record;
 }
 
-TEST(RecordStoreTest, AFailedInsertLeavesNoNodeBetween) {
+TEST(RecordStoreTest, AFailedInsertLeavesNoNode) {
   auto store = OpenStore(StoreOptionsOf(2));
   proto::InsertRequest request;
   *request.add_records() = NodeRecord(2, 5);
@@ -140,7 +140,7 @@ TEST(RecordStoreTest, AFailedInsertLeavesNoNodeBetween) {
   InsertOne(*store, OdometryRecord(2, 1, 9));
 }
 
-TEST(RecordStoreTest, RefusesOwnOdometryOverANodeThatLiesBetween) {
+TEST(RecordStoreTest, RefusesOwnOdometryThatSkipsANode) {
   auto store = OpenStore(StoreOptionsOf(2));
   const auto insert = [&store](const std::vector<proto::Record>& records) {
     proto::InsertRequest request;
@@ -160,16 +160,16 @@ TEST(RecordStoreTest, RefusesOwnOdometryOverANodeThatLiesBetween) {
       << "a peer's is kept";
 }
 
-TEST(RecordStoreTest, BeginsAboveAnEpochThatAPeerStillKnows) {
+TEST(RecordStoreTest, BeginsAnEpochAboveThoseThatPeersKnow) {
   auto store = OpenStore(StoreOptionsOf(2));
   const std::uint64_t first = InsertOne(*store, TemperatureRecord(1)).epoch();
-  // This disk was lost once: a peer has records of its ninth start.
+  // The disk was lost before: a peer still has records of its ninth epoch.
   const std::uint64_t forgotten = (9ull << 48) | 5;
   StoreOne(*store, Packed(Key(2, proto::TEMPERATURE, 3, forgotten), TemperatureRecord(30)));
   const proto::RecordKey next = InsertOne(*store, TemperatureRecord(2));
   EXPECT_GT(next.epoch(), forgotten);
   EXPECT_GT(forgotten, first);
-  // Else the newest record would count as older than the forgotten one.
+  // In a lower epoch the newest record would count as older than the forgotten one.
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 2);
 
   const std::uint64_t known = 9000ull << 48;
@@ -179,8 +179,8 @@ TEST(RecordStoreTest, BeginsAboveAnEpochThatAPeerStillKnows) {
   EXPECT_GT(InsertOne(*store, TemperatureRecord(3)).epoch(), known);
 }
 
-// Else one forged epoch would leave this agent none for its own records.
-TEST(RecordStoreTest, DoesNotBeginAboveAnEpochThatCannotBe) {
+// Following one forged epoch would leave this agent no epoch for its own records.
+TEST(RecordStoreTest, IgnoresAnImpossibleEpochWhenItBeginsOne) {
   auto store = OpenStore(StoreOptionsOf(2));
   const std::uint64_t own = InsertOne(*store, TemperatureRecord(1)).epoch();
   const StreamKey forged{2, UINT64_MAX, proto::TEMPERATURE};
@@ -197,14 +197,14 @@ TEST(RecordStoreTest, DoesNotBeginAboveAnEpochThatCannotBe) {
   EXPECT_EQ(store->GetStatus()->rejected_count(), 4);
 }
 
-TEST(RecordStoreTest, InsertsAllOrNothing) {
+TEST(RecordStoreTest, InsertsAllRecordsOrNone) {
   auto store = OpenStore(StoreOptionsOf(2));
   const proto::InsertReply bad =
       InsertAll(*store, {NodeRecord(2, 1), TemperatureRecord(std::nan("")), NodeRecord(2, 2)});
   EXPECT_EQ(bad.error().code(), proto::ERROR_CODE_INVALID);
   EXPECT_EQ(bad.error().field(), "records[1].temperature.celsius");
   EXPECT_EQ(bad.keys_size(), 0);
-  // Refused inside the transaction, after a row was already written.
+  // The store refuses the second node inside the transaction, after it wrote a row.
   const proto::InsertReply twice = InsertAll(*store, {NodeRecord(2, 1, 0), NodeRecord(2, 1, 5)});
   EXPECT_EQ(twice.error().field(), "records[1].pose_graph_node");
   EXPECT_TRUE(Contents(*store).empty());
@@ -213,7 +213,7 @@ TEST(RecordStoreTest, InsertsAllOrNothing) {
   EXPECT_EQ(InsertOne(*store, NodeRecord(2, 1)).seq(), 1u);
 }
 
-TEST(RecordStoreTest, RefusesNodesOfOthersAndAgentsOutsideTheTeam) {
+TEST(RecordStoreTest, RefusesNodesOfOtherAgentsAndAgentsOutsideTheTeam) {
   auto store = OpenStore(StoreOptionsOf(2));
   EXPECT_EQ(InsertAll(*store, {NodeRecord(3, 1)}).error().field(), "records[0].pose_graph_node.node.agent_id");
   EXPECT_EQ(InsertAll(*store, {MapRecord({3, 1})}).error().field(),
@@ -225,7 +225,7 @@ TEST(RecordStoreTest, RefusesNodesOfOthersAndAgentsOutsideTheTeam) {
   EXPECT_EQ(InsertAll(*store, {proto::Record()}).error().code(), proto::ERROR_CODE_INVALID);
 }
 
-TEST(RecordStoreTest, GivesTheSameKeyWhenARobotRepeatsANode) {
+TEST(RecordStoreTest, ReturnsTheSameKeyWhenARobotRepeatsANode) {
   auto store = OpenStore(StoreOptionsOf(2));
   const proto::RecordKey first = InsertOne(*store, NodeRecord(2, 7, 1.0));
   EXPECT_EQ(InsertOne(*store, NodeRecord(2, 7, 1.0)).SerializeAsString(), first.SerializeAsString());
@@ -240,7 +240,7 @@ TEST(RecordStoreTest, GivesTheSameKeyWhenARobotRepeatsANode) {
   EXPECT_EQ(store->Insert(local).reply.error().text(), "2:7 already exists and is shared");
 }
 
-TEST(RecordStoreTest, KeepsUnknownFieldsAsTheyCame) {
+TEST(RecordStoreTest, PreservesUnknownFields) {
   auto origin = OpenStore(StoreOptionsOf(2));
   auto peer = OpenStore(StoreOptionsOf(1));
   proto::Record record = TemperatureRecord(20);
@@ -270,7 +270,7 @@ TEST(RecordStoreTest, KeepsOnlyTheNewestOfALatestType) {
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM optimized_pose"), 2);
 }
 
-TEST(RecordStoreTest, LetsALocalRecordSupersedeOnlyLocalOnes) {
+TEST(RecordStoreTest, ALocalRecordSupersedesOnlyLocalRecords) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, TemperatureRecord(1));
   InsertOne(*store, TemperatureRecord(2), /*is_local=*/true);
@@ -295,12 +295,12 @@ TEST(RecordStoreTest, OrdersAForeignLatestTypeByEpochAndSeqNotByArrival) {
   StoreOne(*store, Packed(Key(2, proto::TEMPERATURE, 2, 5), TemperatureRecord(52)));
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 52);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 1);
-  // Another origin's state is another key.
+  // Another origin's state is stored under a key of its own.
   StoreOne(*store, Packed(Key(3, proto::TEMPERATURE, 1, 1), TemperatureRecord(10)));
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 2);
 }
 
-TEST(RecordStoreTest, TakesADuplicateOnceAndRejectsAnotherContentUnderOneKey) {
+TEST(RecordStoreTest, StoresADuplicateOnceAndRejectsOtherContentUnderTheSameKey) {
   auto store = OpenStore(StoreOptionsOf(1));
   const RecordKey key = Key(2, proto::POSE_GRAPH_NODE, 1);
   EXPECT_EQ(StoreOne(*store, Packed(key, NodeRecord(2, 1, 1))).stored_count(), 1u);
@@ -314,17 +314,17 @@ TEST(RecordStoreTest, TakesADuplicateOnceAndRejectsAnotherContentUnderOneKey) {
   EXPECT_EQ(store->GetStatus()->rejected_count(), 1);
 }
 
-TEST(RecordStoreTest, RejectsWhatAPeerCannotHaveMadeRightly) {
+TEST(RecordStoreTest, RejectsInvalidRecordsOfPeers) {
   auto store = OpenStore(StoreOptionsOf(1));
   const RecordKey key = Key(2, proto::TEMPERATURE, 1);
   std::vector<proto::StoredRecord> bad;
   bad.push_back(Packed(key, TemperatureRecord(std::numeric_limits<double>::infinity())));
-  bad.push_back(Packed(Key(4, proto::TEMPERATURE, 1), TemperatureRecord(1)));  // Not in the team.
-  bad.push_back(Packed(Key(2, proto::POWER, 1), TemperatureRecord(1)));        // Another type.
-  bad.push_back(Packed(Key(2, 1500, 1), TemperatureRecord(1)));                // No such table.
-  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 0), TemperatureRecord(1)));  // No seq.
+  bad.push_back(Packed(Key(4, proto::TEMPERATURE, 1), TemperatureRecord(1)));  // Its origin is not in the team.
+  bad.push_back(Packed(Key(2, proto::POWER, 1), TemperatureRecord(1)));        // The content is of another type.
+  bad.push_back(Packed(Key(2, 1500, 1), TemperatureRecord(1)));                // No table exists for the type.
+  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 0), TemperatureRecord(1)));  // The seq is 0.
   bad.push_back(Packed(Key(2, proto::TEMPERATURE, UINT64_MAX), TemperatureRecord(1)));
-  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 1, 0), TemperatureRecord(1)));  // No epoch.
+  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 1, 0), TemperatureRecord(1)));  // The epoch is 0.
   bad.push_back(Packed(Key(2, proto::POSE_GRAPH_NODE, 1), NodeRecord(3, 1)));     // Another agent's node.
   bad.push_back(Packed(Key(2, proto::POSE_GRAPH_EDGE, 1), RangeRecord({2, 1}, {7, 1}, 1)));
   bad.push_back(Packed(key, TemperatureRecord(1)));
@@ -343,7 +343,7 @@ TEST(RecordStoreTest, RejectsWhatAPeerCannotHaveMadeRightly) {
   EXPECT_EQ(HaveOf(*store).streams().size(), 1u);
 }
 
-TEST(RecordStoreTest, TakesItsOwnRecordsBackButNoneThatItNeverGave) {
+TEST(RecordStoreTest, AcceptsItsOwnEarlierRecordsButNoForgedOnes) {
   auto store = OpenStore(StoreOptionsOf(2));
   const proto::RecordKey own = InsertOne(*store, NodeRecord(2, 1));
   const proto::StoreReply forged =
@@ -355,7 +355,7 @@ TEST(RecordStoreTest, TakesItsOwnRecordsBackButNoneThatItNeverGave) {
   EXPECT_EQ(refill.stored_count(), 1u);
 }
 
-TEST(RecordStoreTest, NeverDropsWhatThePolicyKeeps) {
+TEST(RecordStoreTest, NeverDropsRecordsThatThePolicyKeeps) {
   auto store = OpenStore(StoreOptionsOf(1));
   const RecordKey key = Key(2, proto::POSE_GRAPH_NODE, 1);
   StoreOne(*store, Packed(key, NodeRecord(2, 1)));
@@ -365,19 +365,19 @@ TEST(RecordStoreTest, NeverDropsWhatThePolicyKeeps) {
   EXPECT_EQ(StoreDropped(*store, reversed).rejected_count(), 1u);
 }
 
-TEST(RecordStoreTest, KeepsTheNewestRowUntilItsSupersederComes) {
+TEST(RecordStoreTest, KeepsTheNewestRowUntilItsSupersederArrives) {
   auto store = OpenStore(StoreOptionsOf(1));
   const StreamKey stream{2, kEpoch, proto::TEMPERATURE};
   StoreOne(*store, Packed({stream, 2}, TemperatureRecord(2)));
-  // Its batch overtook the one that carries the superseder, seq 4.
+  // The batch with this drop overtook the batch with the superseder, seq 4.
   const proto::StoreReply early = StoreDropped(*store, Dropped(stream, 1, 3));
   EXPECT_EQ(early.rejected_count(), 0u);
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 2);
   EXPECT_TRUE(HaveOf(*store).Get(stream).dropped.Contains(1));
   EXPECT_TRUE(HaveOf(*store).Get(stream).held.Contains(2));
-  // What was dropped before it came is had.
+  // A record that was dropped before it arrived counts as covered.
   EXPECT_EQ(StoreOne(*store, Packed({stream, 1}, TemperatureRecord(1))).stored_count(), 0u);
-  // Nothing here is newer than the third: its superseder may be lost, and it is the newest then.
+  // The store holds nothing newer than seq 3. If its superseder is lost, seq 3 is the newest state.
   EXPECT_FALSE(HaveOf(*store).Get(stream).Covered().Contains(3));
   EXPECT_EQ(StoreOne(*store, Packed({stream, 3}, TemperatureRecord(3))).stored_count(), 1u);
   StoreOne(*store, Packed({stream, 4}, TemperatureRecord(4)));
@@ -385,7 +385,7 @@ TEST(RecordStoreTest, KeepsTheNewestRowUntilItsSupersederComes) {
   EXPECT_TRUE(HaveOf(*store).Get(stream).dropped.Contains(2));
 }
 
-TEST(RecordStoreTest, DropsASupersededRowThatAnotherPolicyHadLeft) {
+TEST(RecordStoreTest, DropsASupersededRowThatAnEarlierPolicyKept) {
   TemporaryFolder folder;
   auto options = StoreOptionsOf(1, folder.File("store.db"));
   options.policies[proto::TEMPERATURE] = proto::POLICY_ALL;
@@ -426,7 +426,7 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheDiskIsFull) {
   large.mutable_local_traversability_map()->mutable_node()->set_agent_id(1);
   EXPECT_EQ(InsertAll(*store, {NodeRecord(1, 2), large}).error().code(), proto::ERROR_CODE_FULL);
   EXPECT_EQ(store->GetHave().SerializeAsString(), have);
-  // It goes on.
+  // The store accepts records again.
   EXPECT_EQ(InsertOne(*store, NodeRecord(1, 2)).seq(), 2u);
   store.reset();
   EXPECT_EQ(Contents(*OpenStore(options)).size(), 2u);
@@ -436,7 +436,7 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheCommitItselfFails) {
   auto store = OpenStore(StoreOptionsOf(1));
   InsertOne(*store, NodeRecord(1, 1));
   const std::string have = store->GetHave().SerializeAsString();
-  // A constraint that SQLite looks at only when it commits.
+  // SQLite checks a deferred constraint only at commit.
   ASSERT_TRUE(store->database().Execute(
       "PRAGMA foreign_keys=ON; CREATE TABLE parent(id INTEGER PRIMARY KEY);"
       "CREATE TABLE child(id INTEGER REFERENCES parent(id) DEFERRABLE INITIALLY DEFERRED);"
@@ -450,7 +450,7 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheCommitItselfFails) {
   EXPECT_EQ(StoreOne(*store, packed).stored_count(), 1u);
 }
 
-// Somebody who may write the file writes a program into it.
+// An attacker who can write the file might add a trigger to it.
 TEST(RecordStoreTest, RunsNoTriggersOfItsFile) {
   TemporaryFolder folder;
   const RecordStore::Options options = StoreOptionsOf(1, folder.File("store.db"));
@@ -479,7 +479,7 @@ TEST(RecordStoreTest, SetsADamagedFileAsideAndRefusesAnotherAgentsFile) {
   EXPECT_EQ(other.error().code, ErrorCode::kRefused);
   EXPECT_NE(other.error().text.find("belongs to agent 2"), std::string::npos);
 
-  // The root of the first table that holds many rows.
+  // The root page of the first table with many rows.
   std::int64_t page = 0;
   {
     auto store = OpenStore(StoreOptionsOf(2, path));
@@ -502,8 +502,8 @@ TEST(RecordStoreTest, SetsADamagedFileAsideAndRefusesAnotherAgentsFile) {
   EXPECT_EQ(OpenStore(StoreOptionsOf(2, path))->set_aside(), "");
 }
 
-// One changed byte in a record's content, and one row that is gone.
-TEST(RecordStoreTest, HasNoMoreWhatIsDamagedInItsFile) {
+// Damages the file by one changed byte in a record's content and one missing row.
+TEST(RecordStoreTest, DoesNotClaimDamagedOrMissingRows) {
   TemporaryFolder folder;
   const std::string path = folder.File("store.db");
   {
@@ -528,8 +528,8 @@ TEST(RecordStoreTest, HasNoMoreWhatIsDamagedInItsFile) {
   }
 }
 
-// A peer may still have the one before it, which is then the newest that is left.
-TEST(RecordStoreTest, TakesBackWhatADamagedStateHadReplaced) {
+// A peer may still hold the replaced state, which then is the newest one left.
+TEST(RecordStoreTest, AcceptsThePreviousStateAgainIfTheNewestIsDamaged) {
   TemporaryFolder folder;
   const RecordStore::Options options = StoreOptionsOf(2, folder.File("store.db"));
   auto other = OpenStore(StoreOptionsOf(3));
@@ -549,8 +549,8 @@ TEST(RecordStoreTest, TakesBackWhatADamagedStateHadReplaced) {
   EXPECT_EQ(Contents(*store)[0].key().seq(), 1u);
 }
 
-// Whatever becomes of the have-set on disk: what its rows hold is had, and nothing else for sure.
-TEST(RecordStoreTest, BelievesItsRowsMoreThanADamagedHaveSet) {
+// However the have-set on disk is damaged, the store claims the records in its rows and no others.
+TEST(RecordStoreTest, RebuildsADamagedHaveSetFromItsRows) {
   for (const char* damage : {
            "UPDATE have_interval SET last = last + 1 WHERE data_type = 20",
            "UPDATE have_interval SET last = 4 WHERE data_type = 20",
@@ -596,8 +596,8 @@ TEST(RecordStoreTest, BelievesItsRowsMoreThanADamagedHaveSet) {
   }
 }
 
-// However many poses stand and however often they were replaced.
-TEST(RecordStoreTest, TellsPeersOneIntervalOfATypeOfWhichTheNewestStand) {
+// One interval is enough, however many poses are stored and however often they were replaced.
+TEST(RecordStoreTest, ReportsALatestTypeToPeersAsOneInterval) {
   auto store = OpenStore(StoreOptionsOf(2));
   for (std::uint64_t run = 1; run <= 3; ++run) {
     for (std::uint64_t node = run; node <= 60; node += run) {
@@ -613,14 +613,14 @@ TEST(RecordStoreTest, TellsPeersOneIntervalOfATypeOfWhichTheNewestStand) {
   ASSERT_EQ(reported.have().streams(0).dropped_size(), 1);
   EXPECT_EQ(reported.have().streams(0).dropped(0).last(), 60u + 30 + 20);
 
-  // Another that knows this much is sent nothing, and is told of no drops.
+  // A peer that knows the interval is sent no records and no drops.
   proto::MissingRequest missing;
   *missing.mutable_destination_have() = reported.have();
   const proto::MissingReply reply = *store->GetMissing(missing);
   EXPECT_EQ(reply.records_size() + reply.dropped_size(), 0);
 }
 
-TEST(RecordStoreTest, SpeaksOfTheStreamsThatAreAskedFor) {
+TEST(RecordStoreTest, ReturnsOnlyTheRequestedStreams) {
   auto store = OpenStore(StoreOptionsOf(2));
   auto other = OpenStore(StoreOptionsOf(3));
   InsertOne(*store, NodeRecord(2, 1));
@@ -636,8 +636,8 @@ TEST(RecordStoreTest, SpeaksOfTheStreamsThatAreAskedFor) {
   EXPECT_EQ(store->GetHave(request).have().streams_size(), 2);
 }
 
-// So a session to a destination ends although the robot goes on inserting.
-TEST(RecordStoreTest, WhatCameAfterAMarkIsNotMissing) {
+// Because of the mark a session to a destination can end while the robot goes on inserting.
+TEST(RecordStoreTest, RecordsInsertedAfterAMarkAreNotMissing) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, NodeRecord(2, 1));
   InsertOne(*store, TemperatureRecord(1));
@@ -661,7 +661,7 @@ TEST(RecordStoreTest, WhatCameAfterAMarkIsNotMissing) {
   EXPECT_EQ(store->GetMissing(request)->records_size(), 4) << "no mark";
 }
 
-// The state that was marked is gone: without the newer one the destination would have none of that key.
+// The marked state was superseded. Without the newer state the destination would have none of that key.
 TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, TemperatureRecord(1));
@@ -676,8 +676,8 @@ TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   EXPECT_EQ(reply.dropped_size(), 1);
 }
 
-// Where all is kept and a destination is sent the newest alone, the one that was marked may be the newest no longer.
-TEST(RecordStoreTest, TheNewestRecordIsMissingWhateverWasMarked) {
+// Under policy `all`, with only the newest sent to a destination, a marked record may no longer be the newest one.
+TEST(RecordStoreTest, ANewerRecordThanTheMarkedOneIsMissingUnderPolicyAll) {
   RecordStore::Options options = StoreOptionsOf(2);
   options.policies[proto::TEMPERATURE] = proto::POLICY_ALL;
   auto store = OpenStore(options);
@@ -693,7 +693,7 @@ TEST(RecordStoreTest, TheNewestRecordIsMissingWhateverWasMarked) {
   EXPECT_EQ(reply.records(0).key().seq(), 2u);
 }
 
-TEST(RecordStoreTest, SpeaksInPagesOfWhatItHas) {
+TEST(RecordStoreTest, ReturnsItsHaveSetInPages) {
   auto store = OpenStore(StoreOptionsOf(2));
   for (std::uint64_t epoch = 1; epoch <= 20; ++epoch) {
     (void)StoreOne(*store, Packed(Key(3, proto::TEMPERATURE, 1, epoch), TemperatureRecord(20)));
@@ -716,8 +716,8 @@ TEST(RecordStoreTest, SpeaksInPagesOfWhatItHas) {
   EXPECT_GT(pages, 4);
 }
 
-// A stream with very many gaps: what an acknowledgment says of it does not grow with them.
-TEST(RecordStoreTest, AcknowledgesWithTheIntervalsOfTheBatchWhereStreamsAreLarge) {
+// A stream with very many gaps. The size of an acknowledgment does not grow with their number.
+TEST(RecordStoreTest, AcknowledgesOnlyTheBatchsIntervalsOfALargeStream) {
   auto store = OpenStore(StoreOptionsOf(2));
   const auto store_each_second = [&](std::uint64_t first, std::uint64_t last) {
     proto::StoreRequest request;
@@ -734,7 +734,7 @@ TEST(RecordStoreTest, AcknowledgesWithTheIntervalsOfTheBatchWhereStreamsAreLarge
   EXPECT_EQ(last.covered().streams(0).held(0).first(), 8001u);
 }
 
-TEST(RecordStoreTest, LeavesADamagedHaveSetToANewProcess) {
+TEST(RecordStoreTest, ReportsADamagedHaveSetAndLeavesItToANewProcess) {
   TemporaryFolder folder;
   RecordStore::Options options = StoreOptionsOf(2, folder.File("store.db"));
   {
@@ -749,7 +749,7 @@ TEST(RecordStoreTest, LeavesADamagedHaveSetToANewProcess) {
   EXPECT_FALSE(std::filesystem::exists(options.path + ".damaged-1"));
 }
 
-TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsWhatRemains) {
+TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsTheRest) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, MapRecord({2, 1}));
   InsertOne(*store, RangeRecord({2, 1}, {3, 1}, 5));
@@ -758,7 +758,7 @@ TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsWhatRemains) {
   InsertOne(*store, TemperatureRecord(1));
   proto::Record mode;
   mode.mutable_mode()->set_activity(proto::ACTIVITY_EXPLORING);
-  InsertOne(*store, mode);  // Policy none.
+  InsertOne(*store, mode);  // Mode has policy none and is not sent.
 
   proto::MissingRequest request;
   request.set_records_max(2);
@@ -775,7 +775,7 @@ TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsWhatRemains) {
   }
   EXPECT_EQ(types, (std::vector<DataType>{proto::TEMPERATURE, proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_NODE,
                                           proto::POSE_GRAPH_EDGE, proto::LOCAL_TRAVERSABILITY_MAP}));
-  // At least one record, however small the limit.
+  // A page holds at least one record, however small the limit is.
   proto::MissingRequest tiny;
   tiny.set_content_bytes_max(1);
   const proto::MissingReply one = *store->GetMissing(tiny);
@@ -788,7 +788,7 @@ TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsWhatRemains) {
   EXPECT_EQ(backlog, expected);
 }
 
-TEST(RecordStoreTest, TellsOfDropsOnlyWhenNothingRemains) {
+TEST(RecordStoreTest, ReportsDropsOnlyWhenNothingRemains) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, TemperatureRecord(1));
   InsertOne(*store, TemperatureRecord(2));
@@ -832,7 +832,7 @@ TEST(RecordStoreTest, FiltersByOriginTypeAndAgentOfPoses) {
   poses.add_data_types(proto::OPTIMIZED_POSE);
   poses.set_optimized_poses_of_agent(2);
   EXPECT_EQ(AllOf(*store, poses).records_size(), 2);
-  // A superseder of these drops might be filtered out.
+  // The filter might exclude the superseder of a dropped pose, so no drops are sent.
   EXPECT_EQ(AllOf(*store, poses).dropped_size(), 0);
   proto::MissingRequest first;
   *first.mutable_filter() = poses;
@@ -840,7 +840,7 @@ TEST(RecordStoreTest, FiltersByOriginTypeAndAgentOfPoses) {
   EXPECT_EQ(store->GetMissing(first)->remaining(), 1u);
 }
 
-TEST(RecordStoreTest, PagesInTheOrderOfStoring) {
+TEST(RecordStoreTest, ReturnsPagesInTheOrderOfStoring) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, NodeRecord(2, 1));
   InsertOne(*store, MapRecord({2, 1}));
@@ -867,7 +867,7 @@ TEST(RecordStoreTest, PagesInTheOrderOfStoring) {
   EXPECT_TRUE(reply.is_complete());
 }
 
-TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperHasThem) {
+TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperDefinesThem) {
   auto store = OpenStore(StoreOptionsOf(2));
   const proto::RecordKey first = InsertOne(*store, NodeRecord(2, 1));
   const proto::RecordKey second = InsertOne(*store, NodeRecord(2, 2));
@@ -897,7 +897,8 @@ TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperHasThem) {
   };
   EXPECT_EQ(in_log(first, 0, 1), 1);
   EXPECT_EQ(in_log(second, 1, 0), 1);
-  // The third was neither sent nor acknowledged; the foreign one is logged with this agent as its destination.
+  // The third record was neither sent nor acknowledged. The record of agent 3 is logged with this agent as its
+  // destination.
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM replication_log"), 3);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM replication_log WHERE destination_id = 2 AND ack"), 1);
 
@@ -910,7 +911,7 @@ TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperHasThem) {
   EXPECT_EQ(in_log(second, 0, 1), 1);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM peer_have"), 1);
 
-  // A have-set that speaks of others' streams leaves these as they are.
+  // A have-set that covers only streams of other origins leaves these rows unchanged.
   acknowledged = HaveSet();
   acknowledged[Key(3, proto::POSE_GRAPH_NODE, 1).stream].held.Add(1);
   *note.mutable_acknowledged() = ToProto(acknowledged);
@@ -924,14 +925,14 @@ TEST(RecordStoreTest, ShowsANodeAtItsNewestOptimizedPose) {
   auto store = OpenStore(StoreOptionsOf(1));
   InsertOne(*store, NodeRecord(1, 1, 1.0));
   InsertOne(*store, NodeRecord(1, 2, 2.0));
-  // A leader of the lower term was heard last, from another origin.
+  // The pose of the lower term arrives last, from another origin.
   InsertOne(*store, OptimizedPoseRecord({1, 1}, 5, 1, 10.0));
   StoreOne(*store, Packed(Key(3, proto::OPTIMIZED_POSE, 1), OptimizedPoseRecord({1, 1}, 4, 9, 20.0)));
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM v_node_pose"), 2);
   EXPECT_EQ(Number(*store, "SELECT x FROM v_node_pose WHERE node_index = 1"), 10);
   EXPECT_EQ(Number(*store, "SELECT x FROM v_node_pose WHERE node_index = 2"), 2);
   EXPECT_EQ(Number(*store, "SELECT is_optimized FROM v_node_pose WHERE node_index = 2"), 0);
-  // Two records of one node: the smaller record key stands.
+  // If two records describe one node, the view shows the one with the smaller record key.
   StoreOne(*store, Packed(Key(2, proto::POSE_GRAPH_NODE, 2, 9), NodeRecord(2, 1, 7.0)));
   StoreOne(*store, Packed(Key(2, proto::POSE_GRAPH_NODE, 1, 8), NodeRecord(2, 1, 8.0)));
   EXPECT_EQ(Number(*store, "SELECT x FROM v_node_pose WHERE node_agent = 2"), 8);

@@ -20,7 +20,7 @@ std::string Golden(const std::string& name) {
   return text ? *text : "";
 }
 
-// All that the database declares, one statement after the other.
+// All SQL statements in the database's schema, one per line, sorted by name.
 std::string SchemaOf(Database& database) {
   std::string schema;
   Query query = database.Prepare("SELECT name || ': ' || sql FROM sqlite_master WHERE sql IS NOT NULL ORDER BY name");
@@ -34,13 +34,13 @@ std::unique_ptr<Database> NewStore() {
   return database;
 }
 
-TEST(SchemaTest, DeclaresWhatStoreVersion2Declares) {
+TEST(SchemaTest, DeclaresTheSchemaOfStoreVersion2) {
   EXPECT_EQ(SchemaOf(*NewStore()), Golden("schema_v2.txt"))
       << "stores of version 2 lie on robots' disks: another schema is another version (docs/COMPATIBILITY.md)";
   EXPECT_EQ(kStoreVersion, 2) << "each version has its golden file here";
 }
 
-TEST(SchemaTest, MakesANewFileAStoreAndThenLeavesItAlone) {
+TEST(SchemaTest, InitialisesANewFileOnce) {
   auto database = *Database::Open(":memory:");
   EXPECT_TRUE(CheckSchema(*database)) << "a new file";
   ASSERT_TRUE(MakeSchema(*database));
@@ -51,7 +51,7 @@ TEST(SchemaTest, MakesANewFileAStoreAndThenLeavesItAlone) {
   EXPECT_TRUE(CheckSchema(*database));
 }
 
-TEST(SchemaTest, NoticesADamagedStatement) {
+TEST(SchemaTest, DetectsADamagedStatement) {
   TemporaryFolder folder;
   const std::string path = folder.File("store.db");
   auto database = *Database::Open(path);
@@ -67,11 +67,11 @@ TEST(SchemaTest, NoticesADamagedStatement) {
   ASSERT_EQ(sqlite3_open(path.c_str(), &other), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(other, damage.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
   sqlite3_close(other);
-  const auto damaged = Database::Open(path);  // SQLite may notice it by itself.
+  const auto damaged = Database::Open(path);  // SQLite itself may notice the damage.
   EXPECT_EQ(damaged ? CheckSchema(**damaged).error().code : damaged.error().code, ErrorCode::kCorrupt);
 }
 
-TEST(SchemaTest, NoticesADamagedHeader) {
+TEST(SchemaTest, DetectsADamagedHeader) {
   for (const char* damage : {"PRAGMA user_version=-7", "PRAGMA user_version=0", "PRAGMA user_version=10001",
                              "PRAGMA application_id=0", "PRAGMA application_id=1836019567"}) {
     auto database = NewStore();
@@ -102,7 +102,7 @@ TEST(SchemaTest, RefusesAnotherProgramsFile) {
   EXPECT_EQ(*database->Number("PRAGMA user_version"), 7);
 }
 
-// A file that a store's agent finds at its path, byte for byte before and after.
+// Files at the store's path that the store must refuse. Compares their bytes before and after.
 class RefusedFileTest : public testing::Test {
  protected:
   void ExpectRefusedAndNotTouched() {
@@ -126,7 +126,7 @@ class RefusedFileTest : public testing::Test {
   const std::string path_ = folder_.File("store.sqlite");
 };
 
-TEST_F(RefusedFileTest, AStoreOfANewerVersion) {
+TEST_F(RefusedFileTest, IsAStoreOfANewerVersion) {
   {
     auto store = OpenStore(StoreOptionsOf(2, path_));
     InsertOne(*store, TemperatureRecord(1));
@@ -137,7 +137,7 @@ TEST_F(RefusedFileTest, AStoreOfANewerVersion) {
   ExpectRefusedAndNotTouched();
 }
 
-TEST_F(RefusedFileTest, AnotherProgramsFile) {
+TEST_F(RefusedFileTest, IsAnotherProgramsFile) {
   auto database = *Database::Open(path_);
   ASSERT_TRUE(database->Execute("PRAGMA journal_mode=DELETE; CREATE TABLE notes(text TEXT)"));
   database.reset();

@@ -27,7 +27,7 @@ TEST(SqliteDatabaseTest, KeepsUnsignedNumbersTextAndBytesBitForBit) {
   EXPECT_EQ(query.Integer(4), 1);
 }
 
-TEST(SqliteDatabaseTest, RollsBackWhatIsNotCommitted) {
+TEST(SqliteDatabaseTest, RollsBackAnUncommittedTransaction) {
   auto database = *Database::Open(":memory:");
   ASSERT_TRUE(database->Execute("CREATE TABLE t(a INTEGER)"));
   {
@@ -38,7 +38,7 @@ TEST(SqliteDatabaseTest, RollsBackWhatIsNotCommitted) {
   EXPECT_EQ(*database->Number("SELECT count(*) FROM t"), 0);
 }
 
-TEST(SqliteDatabaseTest, RefusesAFileThatAnotherHolds) {
+TEST(SqliteDatabaseTest, RefusesAFileThatIsAlreadyOpen) {
   TemporaryFolder folder;
   auto first = *Database::Open(folder.File("a.db"));
   const auto second = Database::Open(folder.File("a.db"));
@@ -48,7 +48,7 @@ TEST(SqliteDatabaseTest, RefusesAFileThatAnotherHolds) {
   EXPECT_TRUE(Database::Open(folder.File("a.db")));
 }
 
-TEST(SqliteDatabaseTest, SaysThatAFileIsNoDatabase) {
+TEST(SqliteDatabaseTest, ReportsAFileThatIsNoDatabase) {
   TemporaryFolder folder;
   std::ofstream(folder.File("a.db")) << std::string(5000, 'x');
   const auto database = Database::Open(folder.File("a.db"));
@@ -56,7 +56,7 @@ TEST(SqliteDatabaseTest, SaysThatAFileIsNoDatabase) {
   EXPECT_EQ(database.error().code, ErrorCode::kCorrupt);
 }
 
-TEST(SqliteDatabaseTest, EndsAStatementThatNeverWould) {
+TEST(SqliteDatabaseTest, AbortsAStatementThatDoesNotEnd) {
   auto database = Database::Open(":memory:").value();
   ASSERT_TRUE(
       database->Execute("CREATE VIEW record AS WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) "
@@ -69,7 +69,7 @@ TEST(SqliteDatabaseTest, EndsAStatementThatNeverWould) {
   EXPECT_EQ(database->Number("SELECT 7").value(), 7) << "each step has its own";
 }
 
-TEST(SqliteDatabaseTest, SetsDamagedFilesAsideAndBeyondALimitRemovesTheSmallest) {
+TEST(SqliteDatabaseTest, SetsDamagedFilesAsideAndRemovesTheSmallestBeyondALimit) {
   TemporaryFolder folder;
   const std::string path = folder.File("a.db");
   for (int number = 1; number <= Database::kDamagedMax; ++number) {
@@ -96,7 +96,7 @@ TEST(SqliteDatabaseTest, SetsDamagedFilesAsideAndBeyondALimitRemovesTheSmallest)
   EXPECT_FALSE(std::filesystem::exists(path));
 }
 
-TEST(SqliteDatabaseTest, SaysWhereAFolderIsMissing) {
+TEST(SqliteDatabaseTest, ReportsAMissingFolder) {
   const auto database = Database::Open("/nonexistent/folder/a.db");
   ASSERT_FALSE(database);
   EXPECT_NE(database.error().text.find("/nonexistent/folder/a.db"), std::string::npos);
@@ -130,12 +130,12 @@ class DatabaseInPlaceTest : public testing::Test {
   std::unique_ptr<Database> database_ = *Database::Open(path_);
 };
 
-TEST_F(DatabaseInPlaceTest, NoticesAFileThatWasRemoved) {
+TEST_F(DatabaseInPlaceTest, DetectsARemovedFile) {
   std::filesystem::remove(path_);
   ExpectNoticed("was removed or moved");
 }
 
-TEST_F(DatabaseInPlaceTest, NoticesAFileThatWasReplacedAndLeavesItsLogAlone) {
+TEST_F(DatabaseInPlaceTest, DetectsAReplacedFileAndKeepsItsLog) {
   std::filesystem::rename(path_, folder_.File("elsewhere"));
   std::ofstream(path_) << "another";
   std::ofstream(path_.string() + "-wal.other") << "its log";
@@ -145,17 +145,17 @@ TEST_F(DatabaseInPlaceTest, NoticesAFileThatWasReplacedAndLeavesItsLogAlone) {
   EXPECT_EQ(std::filesystem::file_size(path_.string() + "-wal"), 7u);
 }
 
-TEST_F(DatabaseInPlaceTest, NoticesAFileThatWasCut) {
+TEST_F(DatabaseInPlaceTest, DetectsATruncatedFile) {
   std::filesystem::resize_file(path_, 3 * 4096);
   ExpectNoticed("was cut");
 }
 
-TEST_F(DatabaseInPlaceTest, NoticesALogThatWasRemoved) {
+TEST_F(DatabaseInPlaceTest, DetectsARemovedLog) {
   std::filesystem::remove(path_.string() + "-wal");
   ExpectNoticed("-wal, was removed");
 }
 
-TEST_F(DatabaseInPlaceTest, TakesAFileThatAnotherProgramVacuumed) {
+TEST_F(DatabaseInPlaceTest, AcceptsAVacuumedFile) {
   ASSERT_TRUE(database_->Execute("DELETE FROM t"));
   ASSERT_TRUE(database_->Execute("VACUUM"));
   ASSERT_TRUE(database_->Checkpoint());

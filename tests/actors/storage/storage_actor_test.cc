@@ -73,18 +73,18 @@ class StorageActorTest : public testing::Test {
   TemporaryFolder folder_;
   StorageActor::Options options_;
   std::uint64_t request_id_ = 0;
-  std::vector<proto::Message> started_;  // What was published as it started.
+  std::vector<proto::Message> started_;  // Messages that were published at the start.
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
 
-TEST_F(StorageActorTest, PublishesAtItsStartThatAnEarlierLifeMayHavePruned) {
+TEST_F(StorageActorTest, PublishesAtItsStartThatAnEarlierProcessMayHavePruned) {
   Start();
   ASSERT_EQ(started_.size(), 1u);
   EXPECT_TRUE(started_[0].records_stored().is_pruned());
   EXPECT_EQ(started_[0].records_stored().last_row_id(), 0u);
 }
 
-TEST_F(StorageActorTest, AnswersInsertsAndTellsTheOthersOfNewRows) {
+TEST_F(StorageActorTest, AnswersInsertsAndNotifiesOtherActorsOfNewRows) {
   Start();
   const proto::InsertReply reply = Insert(NodeRecord(2, 1));
   ASSERT_EQ(reply.keys_size(), 1);
@@ -95,13 +95,13 @@ TEST_F(StorageActorTest, AnswersInsertsAndTellsTheOthersOfNewRows) {
     ASSERT_EQ(reported[0].records_stored().data_types_size(), 1);
     EXPECT_EQ(reported[0].records_stored().data_types(0), static_cast<DataType>(proto::POSE_GRAPH_NODE));
   }
-  // No new row, no news.
+  // An insert that adds no row publishes nothing.
   Insert(NodeRecord(2, 1));
   EXPECT_TRUE(IsError(Insert(NodeRecord(1, 1)).error()));
   EXPECT_TRUE(team_.Take({2, "merge"}).empty());
 }
 
-TEST_F(StorageActorTest, FindsItsRecordsAndRolesAfterAKill) {
+TEST_F(StorageActorTest, KeepsItsRecordsAndRolesAcrossAKill) {
   Start();
   const proto::RecordKey before = Insert(NodeRecord(2, 1)).keys(0);
   proto::Message save;
@@ -119,7 +119,7 @@ TEST_F(StorageActorTest, FindsItsRecordsAndRolesAfterAKill) {
   EXPECT_GT(after.epoch(), before.epoch());
 }
 
-TEST_F(StorageActorTest, AnswersAPeersRecordsWithWhatItNowHas) {
+TEST_F(StorageActorTest, AcknowledgesAPeersRecordsWithItsNewHaveSet) {
   Start();
   proto::Message question;
   *question.mutable_store_request()->add_records() =
@@ -142,7 +142,7 @@ class EpochReportTest : public StorageActorTest {
  protected:
   EpochReportTest() {
     team_.AddAgent(1);
-    team_.AddAgent(7);  // Not in the team.
+    team_.AddAgent(7);  // Agent 7 is not in the team.
     Start();
     team_.RunUntilIdle();
   }
@@ -153,7 +153,7 @@ class EpochReportTest : public StorageActorTest {
     (void)team_.Post({from, "storage"}, {2, "storage"}, std::move(report));
     team_.AdvanceTime(std::chrono::seconds(1));
   }
-  // Five lives later.
+  // An epoch of another disk, with a counter that is higher by 5.
   static std::uint64_t OfAnotherDisk(std::uint64_t epoch) {
     const EpochParts parts = PartsOf(epoch);
     return EpochOf({parts.counter + 5, parts.tag ^ 1, 0, 0}, epoch);
@@ -166,7 +166,7 @@ class EpochReportTest : public StorageActorTest {
   }
 };
 
-TEST_F(EpochReportTest, TellsAPeerItsEpochsWhenALinkComesUp) {
+TEST_F(EpochReportTest, ReportsEpochsToAPeerWhenALinkComesUp) {
   proto::Message question;
   for (const std::uint64_t epoch : {9, 4}) {
     *question.mutable_store_request()->add_records() =
@@ -189,7 +189,7 @@ TEST_F(EpochReportTest, TellsAPeerItsEpochsWhenALinkComesUp) {
   EXPECT_TRUE(team_.Take({7, "storage"}).empty()) << "of which it knows none";
 }
 
-TEST_F(EpochReportTest, TellsAPeerItsEpochsAgainBeforeRecordsOfItsOwnGoHome) {
+TEST_F(EpochReportTest, ReportsEpochsAgainBeforeItReturnsAPeersOwnRecords) {
   proto::Message question;
   for (const std::uint64_t epoch : {9, 4}) {
     *question.mutable_store_request()->add_records() =
@@ -210,7 +210,7 @@ TEST_F(EpochReportTest, TellsAPeerItsEpochsAgainBeforeRecordsOfItsOwnGoHome) {
   }
 }
 
-TEST_F(EpochReportTest, RestatesWhatAReportEndangersAndNotifiesItsReaders) {
+TEST_F(EpochReportTest, ReissuesEndangeredStatesAndNotifiesReaders) {
   const std::uint64_t epoch = Insert(TemperatureRecord(20)).keys(0).epoch();
   (void)team_.Take({2, "merge"});
   const std::uint64_t later = OfAnotherDisk(epoch);
@@ -221,7 +221,7 @@ TEST_F(EpochReportTest, RestatesWhatAReportEndangersAndNotifiesItsReaders) {
   EXPECT_EQ(reported[0].records_stored().data_types(0), static_cast<DataType>(proto::TEMPERATURE));
 }
 
-TEST_F(EpochReportTest, HearsNothingElseFromPeersAndNothingFromStrangers) {
+TEST_F(EpochReportTest, AcceptsOnlyEpochReportsFromPeersAndNothingFromOutsideTheTeam) {
   const std::uint64_t epoch = Insert(TemperatureRecord(20)).keys(0).epoch();
   Report(7, OfAnotherDisk(epoch));
   EXPECT_EQ(EpochOfTheState(), epoch);
@@ -242,7 +242,7 @@ TEST_F(EpochReportTest, HearsNothingElseFromPeersAndNothingFromStrangers) {
   EXPECT_EQ(Ask(load).load_roles_reply().history_size(), 0);
 }
 
-TEST_F(StorageActorTest, AnswersWhetherItIsSound) {
+TEST_F(StorageActorTest, AnswersVerifyAndFingerprintRequests) {
   Start();
   const proto::RecordKey key = Insert(NodeRecord(2, 1)).keys(0);
   proto::Message verify;
@@ -261,7 +261,7 @@ TEST_F(StorageActorTest, AnswersWhetherItIsSound) {
   EXPECT_EQ(Ask(fingerprint).fingerprint_reply().record_count(), 1);
 }
 
-TEST_F(StorageActorTest, ReportsAFullDiskAndGoesOn) {
+TEST_F(StorageActorTest, ReportsAFullDiskAndContinues) {
   options_.bytes_max = 300'000;
   Start();
   proto::Message question;
@@ -275,7 +275,7 @@ TEST_F(StorageActorTest, ReportsAFullDiskAndGoesOn) {
   EXPECT_EQ(team_.restarts(2), 0u);
 }
 
-TEST_F(StorageActorTest, NotesWhatPeersHaveWithoutAnAnswer) {
+TEST_F(StorageActorTest, StoresPeersHaveSetsWithoutAReply) {
   Start();
   const proto::RecordKey key = Insert(NodeRecord(2, 1)).keys(0);
   proto::Message note;
@@ -286,7 +286,7 @@ TEST_F(StorageActorTest, NotesWhatPeersHaveWithoutAnAnswer) {
   EXPECT_TRUE(team_.Take({2, "test"}).empty());
 }
 
-// A page in the middle of what is only read: a restart would find the same.
+// The damaged page lies in a table that this test only reads. A restart would find the same damage.
 TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
   {
     auto store = OpenStore(StorageActor::StoreOptions(options_));
@@ -316,8 +316,8 @@ TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
   EXPECT_TRUE(std::filesystem::exists(options_.path + ".damaged-1"));
 }
 
-TEST_F(StorageActorTest, ReadsThroughItsStoreEachDayAndEndsTheProcessWhereARowIsDamaged) {
-  options_.tend_period = std::chrono::hours(1);  // Days go by.
+TEST_F(StorageActorTest, ScrubsItsStoreEachDayAndEndsTheProcessIfARowIsDamaged) {
+  options_.tend_period = std::chrono::hours(1);  // Hours are fast enough, because the test runs for days.
   options_.scrub_pause = std::chrono::minutes(1);
   Start();
   for (int i = 0; i < 3 * static_cast<int>(kVerifyRecordsMax) / 2; ++i) Insert(NodeRecord(2, i));
@@ -330,7 +330,7 @@ TEST_F(StorageActorTest, ReadsThroughItsStoreEachDayAndEndsTheProcessWhereARowIs
     ASSERT_TRUE(
         (*database)->Execute("UPDATE pose_graph_node SET content = CAST(content || x'00' AS BLOB) WHERE seq = 2500"));
   }
-  options_.is_checked = true;  // As if it were damaged from now on.
+  options_.is_checked = true;  // Skips the check at the start, as if the damage came later.
   team_.Restart(2);
   team_.AdvanceTime(std::chrono::hours(24));
   EXPECT_TRUE(team_.is_running(2)) << "the damaged row is not in the first part";
@@ -346,8 +346,8 @@ TEST_F(StorageActorTest, ReadsThroughItsStoreEachDayAndEndsTheProcessWhereARowIs
   EXPECT_FALSE(have.streams().begin()->second.held.Contains(2500)) << "who has it sends it again";
 }
 
-TEST_F(StorageActorTest, GoesOnWithADamagedLocalRecordThatNobodyElseHas) {
-  options_.tend_period = std::chrono::hours(1);  // Days go by.
+TEST_F(StorageActorTest, ContinuesDespiteADamagedLocalRecord) {
+  options_.tend_period = std::chrono::hours(1);  // Hours are fast enough, because the test runs for days.
   Start();
   proto::Message question;
   *question.mutable_insert_request()->add_records() = NodeRecord(2, 1);
@@ -361,14 +361,14 @@ TEST_F(StorageActorTest, GoesOnWithADamagedLocalRecordThatNobodyElseHas) {
   EXPECT_TRUE(team_.is_running(2));
 }
 
-TEST_F(StorageActorTest, FailsWhereTheFileCannotBeOpened) {
+TEST_F(StorageActorTest, FailsIfTheFileCannotBeOpened) {
   options_.path = "/nonexistent/folder/agent.db";
   EXPECT_FALSE(RecordStore::Open(StorageActor::StoreOptions(options_)));
   Start();
   EXPECT_GE(team_.restarts(2), 1u);
 }
 
-TEST_F(StorageActorTest, AcknowledgesNothingIntoAFileThatIsGoneAndEndsTheProcess) {
+TEST_F(StorageActorTest, AcknowledgesNothingAndEndsTheProcessIfItsFileWasRemoved) {
   Start();
   Insert(NodeRecord(2, 1));
   std::filesystem::remove(options_.path);
@@ -377,7 +377,7 @@ TEST_F(StorageActorTest, AcknowledgesNothingIntoAFileThatIsGoneAndEndsTheProcess
   EXPECT_FALSE(team_.is_running(2));
 }
 
-TEST_F(StorageActorTest, NoticesInTimeThatAnIdleStoresFileIsGone) {
+TEST_F(StorageActorTest, DetectsARemovedFileWhileIdle) {
   Start();
   Insert(NodeRecord(2, 1));
   std::filesystem::remove(options_.path);
@@ -385,7 +385,7 @@ TEST_F(StorageActorTest, NoticesInTimeThatAnIdleStoresFileIsGone) {
   EXPECT_FALSE(team_.is_running(2));
 }
 
-TEST_F(StorageActorTest, AStartWritesNothingWhereNothingDiffers) {
+TEST_F(StorageActorTest, AStartWritesNothingIfNothingChanged) {
   Start();
   Insert(NodeRecord(2, 1));
   team_.CrashActor({2, "storage"});

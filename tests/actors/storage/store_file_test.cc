@@ -25,10 +25,10 @@ class StoreFileTest : public testing::Test {
 
   const TemporaryFolder folder_;
   const std::filesystem::path file_ = folder_.path() / "a.sqlite";
-  std::unique_ptr<Database> database_;  // The agent's, open all the while.
+  std::unique_ptr<Database> database_;  // The agent's own connection, open throughout the test.
 };
 
-TEST_F(StoreFileTest, AnswersWhatIsAskedBesideTheAgentThatWrites) {
+TEST_F(StoreFileTest, AnswersQueriesWhileTheAgentWrites) {
   const auto answer = QueryStore(file_, "SELECT * FROM t ORDER BY a;", 10);
   ASSERT_TRUE(answer.has_value()) << ToString(answer.error());
   EXPECT_THAT(answer->columns, ElementsAre("a", "b", "c", "d"));
@@ -46,7 +46,7 @@ TEST_F(StoreFileTest, AnswersWhatIsAskedBesideTheAgentThatWrites) {
   EXPECT_EQ(QueryStore(file_, "SELECT count(*) FROM t", 1)->rows[0][0].text, "3");
 }
 
-TEST_F(StoreFileTest, RunsNothingThatChangesAnything) {
+TEST_F(StoreFileTest, RefusesStatementsThatAreNotReadOnlyQueries) {
   for (const char* sql : {"DELETE FROM t", "SELECT 1; DELETE FROM t", "PRAGMA user_version = 9", "", "SELEC 1",
                           "ATTACH 'x.sqlite' AS x", "VACUUM", "CREATE TABLE u(a)", "BEGIN EXCLUSIVE"}) {
     const auto answer = QueryStore(file_, sql, 10);
@@ -56,7 +56,7 @@ TEST_F(StoreFileTest, RunsNothingThatChangesAnything) {
   EXPECT_EQ(QueryStore(file_, "SELECT count(*) FROM t", 1)->rows[0][0].text, "2");
 }
 
-TEST_F(StoreFileTest, GivesUpAQueryWithoutEnd) {
+TEST_F(StoreFileTest, AbortsAQueryThatDoesNotEnd) {
   const auto endless =
       QueryStore(file_, "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT max(x) FROM c", 1,
                  [] { return true; });
@@ -64,7 +64,7 @@ TEST_F(StoreFileTest, GivesUpAQueryWithoutEnd) {
   EXPECT_EQ(endless.error().code, ErrorCode::kTimedOut);
 }
 
-TEST_F(StoreFileTest, SaysWhatIsNoStore) {
+TEST_F(StoreFileTest, ReportsAFileThatIsNoStore) {
   EXPECT_EQ(QueryStore(folder_.path() / "none", "SELECT 1", 1).error().code, ErrorCode::kNotFound);
   std::ofstream(folder_.path() / "text") << std::string(5000, 'x');
   EXPECT_EQ(QueryStore(folder_.path() / "text", "SELECT * FROM t", 1).error().code, ErrorCode::kCorrupt);
@@ -72,7 +72,7 @@ TEST_F(StoreFileTest, SaysWhatIsNoStore) {
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "copy"));
 }
 
-TEST_F(StoreFileTest, CopiesTheWholeStoreAndWritesOverNothing) {
+TEST_F(StoreFileTest, CopiesTheWholeStoreAndOverwritesNoFile) {
   const std::filesystem::path copy = folder_.path() / "copy.sqlite";
   const Result<void> done = BackUpStore(file_, copy);
   ASSERT_TRUE(done) << ToString(done.error());

@@ -1,4 +1,4 @@
-// What each built-in data type needs in the database, asked of each row of model/data_types.h.
+// Checks for each built-in type in model/data_types.h that the database has the tables that it needs.
 #include "actors/storage/type_tables.h"
 
 #include <gmock/gmock.h>
@@ -16,7 +16,7 @@ namespace {
 using testing::ElementsAreArray;
 using testing::SizeIs;
 
-// What follows the columns that all tables have, as "celsius REAL".
+// Columns of the table after those that all tables have, for example "celsius REAL".
 std::vector<std::string> ColumnsIn(Database& database, const std::string& table) {
   std::vector<std::string> columns;
   Query query = database.Prepare("SELECT name || ' ' || type FROM pragma_table_info('" + table +
@@ -26,7 +26,7 @@ std::vector<std::string> ColumnsIn(Database& database, const std::string& table)
   return columns;
 }
 
-// "celsius REAL" of "celsius REAL NOT NULL".
+// The declared columns with their SQL type only: "celsius REAL" for "celsius REAL NOT NULL".
 std::vector<std::string> DeclaredColumns(const TypeTable& table) {
   std::vector<std::string> columns;
   for (const std::string_view column : Split(table.columns, ',')) {
@@ -36,13 +36,13 @@ std::vector<std::string> DeclaredColumns(const TypeTable& table) {
   return columns;
 }
 
-TEST(TypeTablesTest, HaveARowForEachType) {
+TEST(TypeTablesTest, HaveARowForEachDataType) {
   std::vector<DataType> types;
   for (const TypeTable& table : TypeTables()) types.push_back(table.type);
   EXPECT_EQ(types, BuiltInDataTypes()) << "actors/storage/type_tables.cc and model/data_types.cc differ";
 }
 
-TEST(TypeTablesTest, StandInTheDatabaseAsTheirRowsSay) {
+TEST(TypeTablesTest, ExistInTheDatabaseAsTheirRowsDeclare) {
   auto database = *Database::Open(":memory:");
   ASSERT_TRUE(MakeSchema(*database));
   for (const TypeTable& table : TypeTables()) {
@@ -51,7 +51,7 @@ TEST(TypeTablesTest, StandInTheDatabaseAsTheirRowsSay) {
   }
 }
 
-TEST(TypeTablesTest, StandInTheViewsOverAllTypes) {
+TEST(TypeTablesTest, ArePartOfTheViewsOverAllTypes) {
   auto database = *Database::Open(":memory:");
   ASSERT_TRUE(MakeSchema(*database));
   for (const TypeTable& table : TypeTables()) {
@@ -63,8 +63,8 @@ TEST(TypeTablesTest, StandInTheViewsOverAllTypes) {
   }
 }
 
-// Its own robot's record of each type is stored, read, brought to another store and read there, byte for byte.
-TEST(TypeTablesTest, KeepARecordOfEachTypeOnItsWayToAnotherStore) {
+// A record of each type from an agent's own robot is stored, read, sent to another store and read there, byte for byte.
+TEST(TypeTablesTest, PreserveARecordOfEachTypeSentToAnotherStore) {
   TemporaryFolder folder;
   for (const DataTypeRow& row : DataTypeRows()) {
     const std::string name = DataTypeName(row.type);

@@ -14,7 +14,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-// What all parts find, asked until they are complete.
+// Sums of the replies for all parts, requested until each part is complete.
 struct Found {
   double rows = 0, held = 0, damaged = 0, missing = 0, orphaned = 0;
   int slices = 0;
@@ -47,7 +47,8 @@ Found VerifyAll(RecordStore& store) {
   return found;
 }
 
-// The fingerprint of seqs `first` to `last` of a stream, asked until it is complete; `answers` counts.
+// The fingerprint of seqs `first` to `last` of a stream, requested until it is complete. Adds the number of replies to
+// `answers`.
 proto::FingerprintReply FingerprintOf(RecordStore& store, const StreamKey& stream, std::uint64_t first,
                                       std::uint64_t last, int* answers = nullptr) {
   proto::FingerprintReply whole;
@@ -74,7 +75,7 @@ proto::FingerprintReply FingerprintOf(RecordStore& store, const StreamKey& strea
 
 class VerifyTest : public testing::Test {
  protected:
-  // Behind the store's back, as a disk would.
+  // Runs `sql` without the store's knowledge, to simulate a damaged disk.
   void Execute(const std::string& sql) {
     const Result<void> done = store_->database().Execute(sql);
     ASSERT_TRUE(done) << ToString(done.error());
@@ -93,7 +94,7 @@ class VerifyTest : public testing::Test {
 TEST_F(VerifyTest, FindsNothingInASoundStore) {
   EXPECT_EQ(VerifyAll(*store_).rows, 0);
   for (int i = 0; i < 5; ++i) InsertOne(*store_, NodeRecord(2, i));
-  for (int i = 0; i < 3; ++i) InsertOne(*store_, TemperatureRecord(i));  // Two are superseded.
+  for (int i = 0; i < 3; ++i) InsertOne(*store_, TemperatureRecord(i));  // Supersedes two of them.
   InsertOne(*store_, CustomRecordOf(1000, "wet"));
   InsertOne(*store_, NodeRecord(2, 9), /*is_local=*/true);
   StoreOne(*store_, Packed({{3, 7, proto::POSE_GRAPH_NODE}, 4}, NodeRecord(3, 4)));
@@ -103,7 +104,7 @@ TEST_F(VerifyTest, FindsNothingInASoundStore) {
   EXPECT_THAT(found.findings, IsEmpty());
 }
 
-TEST_F(VerifyTest, FindsAChangedByteSharedOrNot) {
+TEST_F(VerifyTest, FindsAChangedByteInSharedAndLocalRecords) {
   for (int i = 0; i < 5; ++i) InsertOne(*store_, NodeRecord(2, i));
   InsertOne(*store_, NodeRecord(2, 9), /*is_local=*/true);
   ChangeAByte("pose_graph_node", 3);
@@ -116,13 +117,13 @@ TEST_F(VerifyTest, FindsAChangedByteSharedOrNot) {
                                           "2.0000000000000000.20.0: its content is not what its hash says"));
 }
 
-TEST_F(VerifyTest, FindsRowsThatAreGoneAndRowsThatShouldBe) {
+TEST_F(VerifyTest, FindsMissingRowsAndOrphanedRows) {
   for (int i = 0; i < 5; ++i) InsertOne(*store_, NodeRecord(2, i));
   InsertOne(*store_, TemperatureRecord(1));
   InsertOne(*store_, TemperatureRecord(2));
   const StreamKey nodes{2, store_->GetHave().epoch(), proto::POSE_GRAPH_NODE};
   Execute("DELETE FROM pose_graph_node WHERE seq IN (2, 5)");
-  // Superseded, yet there: the have-set says that it was dropped.
+  // Adds a row of a superseded record that the have-set counts as dropped.
   Execute(
       "INSERT INTO temperature(row_id, origin, epoch, seq, timestamp_ns, latest_key, natural_key, hash, content, "
       "celsius) "
@@ -130,12 +131,12 @@ TEST_F(VerifyTest, FindsRowsThatAreGoneAndRowsThatShouldBe) {
   const Found found = VerifyAll(*store_);
   EXPECT_EQ(found.missing, 2);
   EXPECT_EQ(found.orphaned, 1);
-  EXPECT_EQ(found.damaged, 1);  // The hash is over the key too.
+  EXPECT_EQ(found.damaged, 1);  // The hash covers the key too.
   EXPECT_THAT(found.findings, testing::IsSupersetOf({ToString({nodes, 2}) + ": it is held, but there is no row",
                                                      ToString({nodes, 5}) + ": it is held, but there is no row"}));
 }
 
-TEST_F(VerifyTest, CountsMoreThanItNames) {
+TEST_F(VerifyTest, CountsMoreFindingsThanItNames) {
   constexpr int kCount = 2 * static_cast<int>(kVerifyRecordsMax) + 7;
   std::vector<proto::Record> records;
   for (int i = 0; i < kCount; ++i) records.push_back(NodeRecord(2, i));
@@ -149,7 +150,7 @@ TEST_F(VerifyTest, CountsMoreThanItNames) {
   EXPECT_EQ(found.findings.size(), static_cast<std::size_t>(kVerifyFindingsMax));
 }
 
-TEST_F(VerifyTest, AsksAgainWhereASliceIsFull) {
+TEST_F(VerifyTest, ContinuesAfterAFullSlice) {
   constexpr int kCount = 2 * static_cast<int>(kVerifyRecordsMax) + 7;
   std::vector<proto::Record> records;
   for (int i = 0; i < kCount; ++i) records.push_back(NodeRecord(2, i));
@@ -162,7 +163,7 @@ TEST_F(VerifyTest, AsksAgainWhereASliceIsFull) {
   EXPECT_EQ(found.slices, 1 + 3 + 3);
 }
 
-TEST_F(VerifyTest, ComesToAnEndWhateverTheHaveSetClaims) {
+TEST_F(VerifyTest, EndsWhateverTheHaveSetClaims) {
   InsertOne(*store_, NodeRecord(2, 1));
   HaveSet have;
   for (AgentId origin = 1; origin <= kVerifyRecordsMax + 1; ++origin) {
@@ -210,9 +211,9 @@ TEST_F(VerifyTest, FindsADamagedHaveSet) {
   EXPECT_THAT(store_->Verify(request)->findings(0).text(), HasSubstr("its have-set"));
 }
 
-TEST_F(VerifyTest, NeedsAPart) { EXPECT_EQ(store_->Verify({}).error().field, "part"); }
+TEST_F(VerifyTest, RefusesARequestWithoutAPart) { EXPECT_EQ(store_->Verify({}).error().field, "part"); }
 
-TEST_F(VerifyTest, GivesTwoAgentsWithTheSameRecordsOneFingerprint) {
+TEST_F(VerifyTest, TwoAgentsWithTheSameRecordsHaveTheSameFingerprint) {
   auto other = OpenStore(StoreOptionsOf(3));
   for (int i = 0; i < 5; ++i) InsertOne(*store_, NodeRecord(2, i));
   const StreamKey stream{2, store_->GetHave().epoch(), proto::POSE_GRAPH_NODE};
@@ -224,7 +225,7 @@ TEST_F(VerifyTest, GivesTwoAgentsWithTheSameRecordsOneFingerprint) {
   EXPECT_EQ(FingerprintOf(*store_, stream, 1, 3).fingerprint() ^ FingerprintOf(*store_, stream, 4, 5).fingerprint(),
             ours.fingerprint());
 
-  // A byte that the disk changed, below a hash that still says what was.
+  // Changes a byte as a faulty disk would. The stored hash still matches the old content.
   ChangeAByte("pose_graph_node", 4);
   EXPECT_NE(FingerprintOf(*store_, stream, 1, 5).fingerprint(), ours.fingerprint());
   EXPECT_EQ(FingerprintOf(*store_, stream, 1, 3).fingerprint(), FingerprintOf(*other, stream, 1, 3).fingerprint());
@@ -232,7 +233,7 @@ TEST_F(VerifyTest, GivesTwoAgentsWithTheSameRecordsOneFingerprint) {
   EXPECT_EQ(FingerprintOf(*store_, stream, 1, 3).record_count(), 2);
 }
 
-TEST_F(VerifyTest, TakesAFingerprintInSlices) {
+TEST_F(VerifyTest, ComputesAFingerprintInSlices) {
   constexpr int kCount = 2 * static_cast<int>(kVerifyRecordsMax) + 7;
   std::vector<proto::Record> records;
   for (int i = 0; i < kCount; ++i) records.push_back(NodeRecord(2, i));
@@ -246,7 +247,7 @@ TEST_F(VerifyTest, TakesAFingerprintInSlices) {
   EXPECT_EQ(half ^ FingerprintOf(*store_, stream, kCount / 2 + 1, kCount).fingerprint(), whole.fingerprint());
 }
 
-TEST_F(VerifyTest, RefusesAFingerprintOfWhatIsNoStream) {
+TEST_F(VerifyTest, RefusesAFingerprintOfAnInvalidStream) {
   proto::FingerprintRequest request;
   EXPECT_EQ(store_->TakeFingerprint(request).error().field, "stream.data_type");
   request.mutable_stream()->set_data_type(proto::TEMPERATURE);
@@ -256,7 +257,7 @@ TEST_F(VerifyTest, RefusesAFingerprintOfWhatIsNoStream) {
   EXPECT_EQ(store_->TakeFingerprint(request).error().code, ErrorCode::kInvalid);
 }
 
-TEST_F(VerifyTest, StandsAnImpossibleKey) {
+TEST_F(VerifyTest, AcceptsAnImpossibleKeyAsAStart) {
   InsertOne(*store_, NodeRecord(2, 1));
   proto::VerifyRequest request;
   request.set_part(proto::VERIFY_PART_HELD);

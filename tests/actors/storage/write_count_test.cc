@@ -28,31 +28,31 @@ class WriteCountTest : public testing::Test {
   std::unique_ptr<RecordStore> store_ = OpenStore(StoreOptionsOf(1, folder_.File("1.db")));
 };
 
-TEST_F(WriteCountTest, ShowsWhatIsNotWrittenDownYetToo) {
+TEST_F(WriteCountTest, ShowsBytesThatAreNotSavedYet) {
   const double before = Days(100)[100];
   InsertOne(*store_, TemperatureRecord(1));
   EXPECT_GT(Days(100)[100], before);
 }
 
-TEST_F(WriteCountTest, KeepsDaysOverARestart) {
+TEST_F(WriteCountTest, KeepsDaysAcrossARestart) {
   InsertOne(*store_, TemperatureRecord(1));
   ASSERT_TRUE(store_->SaveWritten(100));
   const double first = Days(100)[100];
   InsertOne(*store_, TemperatureRecord(2));
   ASSERT_TRUE(store_->SaveWritten(101));
   Reopen();
-  EXPECT_NEAR(Days(101)[100], first, 10'000);  // The saving itself counts for the next one.
+  EXPECT_NEAR(Days(101)[100], first, 10'000);  // Saving itself writes bytes, which count towards the next save.
   EXPECT_GT(Days(101)[101], 0);
 }
 
-TEST_F(WriteCountTest, WritesNothingWhereNothingWasWritten) {
+TEST_F(WriteCountTest, SavesNothingIfNothingWasWritten) {
   ASSERT_TRUE(store_->SaveWritten(100));
   const std::uint64_t written = store_->database().WrittenBytes();
   for (int i = 0; i < 10; ++i) ASSERT_TRUE(store_->SaveWritten(100));
   EXPECT_EQ(store_->database().WrittenBytes(), written);
 }
 
-TEST_F(WriteCountTest, ForgetsAllButTheLastDays) {
+TEST_F(WriteCountTest, KeepsOnlyTheLastDays) {
   for (std::uint32_t day = 0; day < 2 * kWrittenDaysKept; ++day) {
     InsertOne(*store_, TemperatureRecord(day));
     ASSERT_TRUE(store_->SaveWritten(day));

@@ -1,4 +1,4 @@
-// Any actor crashed, or any agent killed, at any message: nothing acknowledged is lost, and the team goes on.
+// Any actor fails, or any agent is killed, at any message. No acknowledged record is lost, and the team recovers.
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 
@@ -21,13 +21,13 @@ constexpr std::uint64_t kSeed = 1;
 constexpr std::uint64_t kShards = 8;
 constexpr Fault kFaults[] = {Fault::kBeforeHandler, Fault::kAtFirstSend, Fault::kAfterFirstSend, Fault::kAfterHandler};
 
-// How often each fault strikes messages of each kind. MOONDB_FAULTS=1000 tries all.
+// Number of times that each fault strikes messages of each kind. MOONDB_FAULTS=1000 tries all messages.
 std::size_t FaultsOfAKind() {
   const char* text = std::getenv("MOONDB_FAULTS");
   return text == nullptr ? 2 : static_cast<std::size_t>(std::max(1, std::atoi(text)));
 }
-
-using Kinds = std::map<std::string, std::vector<std::uint64_t>>;  // "storage insert_request" -> which messages.
+// From "storage insert_request" to the numbers of these messages.
+using Kinds = std::map<std::string, std::vector<std::uint64_t>>;
 
 Kinds KindsOf(const std::vector<std::string>& handled) {
   Kinds kinds;
@@ -35,7 +35,7 @@ Kinds KindsOf(const std::vector<std::string>& handled) {
   return kinds;
 }
 
-// Evenly spread over each kind's messages, others for each fault: a kind that is rare is not left out.
+// Chooses messages spread evenly over each kind, different ones for each fault. Rare kinds are included.
 std::vector<Strike> ChooseStrikes(const Kinds& kinds, bool kills_agent) {
   std::vector<Strike> strikes;
   for (const auto& [kind, messages] : kinds) {
@@ -51,10 +51,10 @@ std::vector<Strike> ChooseStrikes(const Kinds& kinds, bool kills_agent) {
   return strikes;
 }
 
-// With the link of a rover cut in the middle of an order, and then the leader lost: early, half-way and at the end.
+// Cuts a rover's link in the middle of an order, then loses the leader: early, half-way and at the end.
 class LossesTest : public testing::TestWithParam<int> {};
 
-TEST_P(LossesTest, ASurvivorSolvesAndMergesAllThatItAcknowledged) {
+TEST_P(LossesTest, TheSurvivorSolvesAndMergesAllRecordsThatItAcknowledged) {
   const MissionReport report = RunLosses(kSeed, GetParam());
   for (const std::string& fault : report.faults) ADD_FAILURE() << fault;
   std::cout << report.kept_count << " records of others\n";
@@ -63,7 +63,7 @@ TEST_P(LossesTest, ASurvivorSolvesAndMergesAllThatItAcknowledged) {
 
 INSTANTIATE_TEST_SUITE_P(Batches, LossesTest, testing::Values(2, 4, 8, 16, 100));
 
-TEST(MissionTest, EndsWellWithoutFaults) {
+TEST(MissionTest, SucceedsWithoutFaults) {
   const MissionReport report = RunMission(kSeed, {});
   for (const std::string& fault : report.faults) ADD_FAILURE() << fault;
   for (const auto& [kind, messages] : KindsOf(report.handled)) std::cout << kind << ": " << messages.size() << "\n";
@@ -73,10 +73,10 @@ TEST(MissionTest, EndsWellWithoutFaults) {
 
 class CrashTest : public testing::TestWithParam<std::uint64_t> {
  protected:
-  // Each failure on purpose is a warning otherwise.
+  // Without this, each deliberate failure would log a warning.
   static void SetUpTestSuite() { spdlog::set_level(spdlog::level::critical); }
 
-  // One mission; false when enough have failed.
+  // Runs one mission. Returns false once enough missions have failed.
   bool Try(std::uint64_t seed, const std::vector<Strike>& strikes) {
     const MissionReport report = RunMission(seed, strikes);
     tried_ += report.struck.size();
@@ -88,7 +88,7 @@ class CrashTest : public testing::TestWithParam<std::uint64_t> {
     return ++failed_ < 5;
   }
 
-  // Strikes this shard's share of all messages, one a mission.
+  // Strikes this shard's share of all messages, one message per mission.
   void StrikeEach(bool kills_agent) {
     const std::vector<Strike> strikes = ChooseStrikes(KindsOf(RunMission(kSeed, {}).handled), kills_agent);
     for (std::size_t i = GetParam(); i < strikes.size(); i += kShards) {
@@ -110,7 +110,7 @@ class CrashTest : public testing::TestWithParam<std::uint64_t> {
 TEST_P(CrashTest, ActorsFailAtAnyMessage) { StrikeEach(/*kills_agent=*/false); }
 TEST_P(CrashTest, AgentsAreKilledAtAnyMessage) { StrikeEach(/*kills_agent=*/true); }
 
-// Faults in what other faults left behind. MOONDB_SEEDS sets how many missions.
+// Faults that strike states left by earlier faults. MOONDB_SEEDS sets the number of missions.
 TEST_P(CrashTest, SeveralFaultsStrikeOneMission) {
   const char* text = std::getenv("MOONDB_SEEDS");
   const std::uint64_t seeds = text == nullptr ? 6 : static_cast<std::uint64_t>(std::max(1, std::atoi(text)));

@@ -35,17 +35,17 @@ constexpr AgentId kBase = 4;
 constexpr int kNodesOfARover = 6;
 constexpr int kTriesMax = 30;  // An agent may be killed at each of several starts.
 constexpr Duration kClientPatience = seconds(6);
-constexpr Duration kDownTime = seconds(3);  // Of an agent that was killed.
+constexpr Duration kDownTime = seconds(3);  // Time until a killed agent restarts.
 
-// Commits wait for the disk; in memory they do not, and survive a crash of the simulated agent just as well.
+// Commits to a real disk are slow. In memory they are fast, and survive a crash of the simulated agent equally.
 std::filesystem::path FolderOfFolders() {
   const std::filesystem::path memory("/dev/shm");
   std::error_code ignored;
   return std::filesystem::is_directory(memory, ignored) ? memory : std::filesystem::temp_directory_path();
 }
 
-// In EventActor's place for what the gateway asks of it: events come whenever something happens, and would differ
-// between agents that are compared.
+// Answers the gateway's requests in place of EventActor. EventActor would store events at different times on the agents
+// that the test compares.
 class NoFindings final : public Actor {
  public:
   void OnMessage(Context& context, const proto::Message& message) override {
@@ -56,7 +56,7 @@ class NoFindings final : public Actor {
   }
 };
 
-// An actor in whose handlers its agent's process can end: `after_handler` is called as each returns or throws.
+// An actor in whose handlers the agent's process can end. Calls `after_handler` as each handler returns or throws.
 class MortalActor final : public Actor {
  public:
   MortalActor(std::unique_ptr<Actor> actor, std::function<void()> after_handler)
@@ -152,7 +152,7 @@ class Mission {
     Insert(kBase, {{Power(0.9)}, {Power(0.8)}});
     Share(proto::SHARING_KIND_SYNC);
     Advance(milliseconds(3));
-    InsertDrive(2, kNodesOfARover / 2, kNodesOfARover);  // While the leader collects.
+    InsertDrive(2, kNodesOfARover / 2, kNodesOfARover);  // Inserts while the leader collects.
     Advance(seconds(2));
     Share(proto::SHARING_KIND_REPLICATION);
     Advance(milliseconds(3));
@@ -182,7 +182,7 @@ class Mission {
     options.role.storage_timeout = seconds(1);
     options.sharing.session.resend_after = seconds(1);
     options.sharing.session.resend_after_max = seconds(4);
-    options.sharing.session.batch_bytes_max = 256;  // Small, for many batches.
+    options.sharing.session.batch_bytes_max = 256;  // Small, so that there are many batches.
     options.sharing.session.unacked_bytes_max = 512;
     options.pgo.solver.thread_count = 1;
     options.pgo.storage_timeout = seconds(2);
@@ -228,7 +228,8 @@ class Mission {
     restart_at_[agent] = team_.now() + kDownTime;
   }
 
-  // Half of the agents' restarts are noticed by the others, as the transport tells them; else their timers have to do.
+  // For half of the restarts the other agents are notified as the transport would do. Otherwise they rely on their
+  // timers.
   void Restart(AgentId agent) {
     restart_at_.erase(agent);
     team_.Restart(agent);
@@ -241,7 +242,8 @@ class Mission {
 
   // --- Time ---
 
-  // Until `condition`; false if `limit` passes first. Starts killed agents again when their time has come.
+  // Runs until `condition` holds. Returns false if `limit` passes first. Restarts killed agents when their time has
+  // come.
   bool RunUntil(const std::function<bool()>& condition, Duration limit) {
     const MonotonicTime end = team_.now() + limit;
     while (true) {
@@ -274,13 +276,14 @@ class Mission {
     return reply ? *reply : proto::ControlReply();
   }
 
-  // Calls of as many clients at once: an answer each, or nothing where none comes in time.
+  // Sends each request from a client of its own, all at once. Returns the answers, with nothing for requests without an
+  // answer in time.
   std::vector<std::optional<proto::ControlReply>> Call(AgentId agent,
                                                        const std::vector<proto::ControlRequest>& requests) {
     std::vector<std::optional<proto::ControlReply>> replies(requests.size());
     std::map<std::size_t, Address> waiting;
     for (std::size_t i = 0; i < requests.size(); ++i) {
-      // A connection of its own each, as an answer that comes too late reaches nobody.
+      // Each request has its own connection, because a late answer must not reach another request.
       const Address client{kClients, std::to_string(++call_count_)};
       proto::Message message = MessageOf(requests[i]);
       message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
@@ -300,7 +303,7 @@ class Mission {
     return replies;
   }
 
-  // Calls until no answer is an error.
+  // Repeats the requests until no answer is an error.
   std::vector<std::optional<proto::ControlReply>> AskAll(AgentId agent,
                                                          const std::vector<proto::ControlRequest>& requests) {
     std::vector<std::optional<proto::ControlReply>> replies(requests.size());
@@ -331,7 +334,7 @@ class Mission {
     return AskAll(agent, {request}).front();
   }
 
-  // Each batch by a client of its own, all at once, while another looks at the status.
+  // Inserts each batch from a client of its own, all at once, while another client requests the status.
   void Insert(AgentId agent, const std::vector<std::vector<proto::Record>>& batches) {
     std::vector<proto::ControlRequest> requests;
     for (const std::vector<proto::Record>& batch : batches) {
@@ -378,7 +381,7 @@ class Mission {
     return record;
   }
 
-  // What a rover's robot inserts while it drives from its first-th node to before its end-th.
+  // Inserts the records of a rover that drives from node `first` to before node `end`.
   void InsertDrive(AgentId rover, std::uint64_t first, std::uint64_t end) {
     std::vector<proto::Record> graph;
     std::vector<proto::Record> maps;
@@ -412,7 +415,7 @@ class Mission {
     (void)Ask(Leader(), request);
   }
 
-  // As many poses of the newest run are stored as were said to be.
+  // Solves. Storage must then hold as many poses of the newest run as the reply counts.
   void Optimize() {
     const AgentId leader = Leader();
     proto::ControlRequest request;
@@ -433,7 +436,7 @@ class Mission {
     if (reply->optimize().updated_pose_count() > newest_count) Complain("optimized poses are not stored");
   }
 
-  // The merged map shows at least what robots of `agent` were told is stored.
+  // Merges. The map must include at least the maps whose insert at `agent` was acknowledged to robots.
   proto::MergeReply Merge(AgentId agent) {
     std::set<NodeKey> nodes;
     for (const auto& [key, content] : acknowledged_) {
@@ -449,7 +452,7 @@ class Mission {
     return std::move(*reply->mutable_merge());
   }
 
-  // The operator looks whether it is done before asking again: a second swap would undo the first.
+  // The operator checks the roles before repeating the swap, because a second swap would undo the first.
   void SwapRoles() {
     proto::ControlRequest request;
     request.mutable_role_set()->set_is_swap(true);
@@ -462,15 +465,15 @@ class Mission {
   void TakeTheLead(AgentId agent) {
     proto::ControlRequest request;
     request.mutable_role_set()->set_leader(agent);
-    request.mutable_role_set()->set_survivor(1);  // Perhaps it comes back.
+    request.mutable_role_set()->set_survivor(1);  // Agent 1 may return.
     (void)Ask(agent, request);
     Advance(seconds(5));
     if (RolesAt(agent).leader() != agent) Complain("the survivor does not lead");
   }
 
-  // --- What must hold ---
+  // --- Invariants ---
 
-  // What `agent` ever said that it has is there, is solved and is merged.
+  // All records that `agent` ever claimed to hold must be stored, solved and merged.
   void CheckKept(AgentId agent) {
     const HaveSet have = HaveOf(agent);
     for (const auto& [stream, claimed] : claimed_[agent].streams()) {
@@ -488,7 +491,7 @@ class Mission {
     proto::ControlRequest request;
     request.mutable_optimize();
     const auto solved = Ask(agent, request);
-    if (!solved || solved->optimize().node_count() != nodes + 1) {  // And the base station.
+    if (!solved || solved->optimize().node_count() != nodes + 1) {  // One more for the base station.
       Complain("of " + std::to_string(nodes) + " nodes are solved: " + (solved ? solved->ShortDebugString() : "none"));
     }
     request.mutable_merge();
@@ -582,7 +585,7 @@ class Mission {
     }
   }
 
-  // What was checked was on the disks.
+  // The records that were checked before must be on the disks.
   void CheckPowerCut(const std::map<AgentId, Records>& records) {
     for (AgentId agent = 1; agent <= kAgents; ++agent) team_.Crash(agent);
     for (AgentId agent = 1; agent <= kAgents; ++agent) team_.Restart(agent);
@@ -603,7 +606,8 @@ class Mission {
     }
   }
 
-  // `agent` has, or had until a newer one replaced it, all that robots were told is stored.
+  // `agent` must hold all records whose insert a robot saw acknowledged, or have held them until newer ones replaced
+  // them.
   void CheckAcknowledged(AgentId agent, const std::map<AgentId, Records>& records,
                          const std::map<AgentId, HaveSet>& have) {
     for (const auto& [key, content] : acknowledged_) CheckHas(agent, key, records, have);
@@ -622,7 +626,8 @@ class Mission {
       if (key.stream.origin == origin) CheckHas(origin, key, records, have);
     }
     for (const auto& [key, content] : records.at(origin)) {
-      if (key.stream.origin == origin) CheckHas(2, key, records, have);  // Not only what was acknowledged.
+      // This also covers records that were not acknowledged.
+      if (key.stream.origin == origin) CheckHas(2, key, records, have);
     }
     for (const auto& [key, stream] : claimed_[origin].streams()) {
       if (!stream.Covered().Minus(have.at(origin).Get(key).Covered()).is_empty()) {
@@ -631,7 +636,7 @@ class Mission {
     }
   }
 
-  // Nothing stays open or goes on for ever, and no crash made a peer send what is wrong.
+  // No session stays open, no message is repeated permanently, and no crash made a peer send invalid messages.
   void CheckQuiet() {
     const std::uint64_t bytes = team_.radio_bytes();
     Advance(seconds(120));
@@ -649,7 +654,7 @@ class Mission {
     }
   }
 
-  // All that is held at the leader and at the survivor makes one map.
+  // Leader and survivor must merge all their records into the same map.
   void CheckServices(const proto::RoleAssignment& roles) {
     Optimize();
     for (const auto kind : {proto::SHARING_KIND_SYNC, proto::SHARING_KIND_REPLICATION}) {
@@ -668,13 +673,13 @@ class Mission {
   const TemporaryFolder folder_;
   MissionReport report_;
   bool is_quiet_ = false;
-  AgentId dying_ = 0;                            // As soon as its handler that runs is left.
-  std::map<AgentId, MonotonicTime> restart_at_;  // Of killed agents.
+  AgentId dying_ = 0;                            // The agent to kill as soon as its present handler ends.
+  std::map<AgentId, MonotonicTime> restart_at_;  // Restart times of killed agents.
   std::uint64_t call_count_ = 0;
-  Records acknowledged_;                // To robots.
-  std::map<AgentId, HaveSet> claimed_;  // By all have-sets that each agent ever sent.
-  std::map<AgentId, int> batches_;      // That each sent.
-  std::map<AgentId, int> answers_;      // Have-sets that each sent.
+  Records acknowledged_;                // Records acknowledged to robots.
+  std::map<AgentId, HaveSet> claimed_;  // All records in the have-sets that each agent ever sent.
+  std::map<AgentId, int> batches_;      // Batches that each agent sent.
+  std::map<AgentId, int> answers_;      // Have-sets that each agent sent.
   SimulatedTeam team_;
   const MonotonicTime start_ = team_.now();
 };

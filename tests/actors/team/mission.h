@@ -1,9 +1,10 @@
-// A small mission of three rovers and a base station with all standard actors, in which faults strike; and what must
-// hold of it afterwards.
+// A small mission of three rovers and a base station with all standard actors, in which faults strike, and the
+// invariants that must hold afterwards.
 //
-// Robots insert states, nodes, edges and maps at their gateways; an operator collects them at the leader, replicates,
-// optimizes, merges, and swaps the roles of leader and survivor half-way. Robots and operator behave as Client's users
-// do: who gets no answer in time asks again. Then it is quiet, the operator shares once more, and all is checked.
+// Robots insert states, nodes, edges and maps at their gateways. An operator collects them at the leader, replicates,
+// optimizes and merges, and swaps the roles of leader and survivor half-way. Robots and operator repeat requests that
+// get no answer in time, as users of Client do. Then the faults stop, the operator shares once more, and everything is
+// checked.
 #pragma once
 
 #include <cstdint>
@@ -15,24 +16,24 @@
 namespace moondb {
 
 struct Strike {
-  std::uint64_t message = 0;  // Which of all that actors handle, from 1.
+  std::uint64_t message = 0;  // Number of the message among all that actors handle, from 1.
   simulation::Fault fault = simulation::Fault::kNone;
-  bool kills_agent = false;  // The agent's process ends, to start again 3 s later; else the actor alone fails.
+  bool kills_agent = false;  // Ends the agent's process, which restarts 3 s later. Otherwise only the actor fails.
 };
 
 struct MissionReport {
-  std::vector<std::string> handled;  // Each message before it was quiet: "storage insert_request".
-  std::vector<std::string> struck;   // Who, at which message, when.
-  std::vector<std::string> faults;   // What does not hold; empty: all is well.
-  std::size_t kept_count = 0;        // Of RunLosses: records of others that the survivor has.
+  std::vector<std::string> handled;  // Each message before the faults stopped, for example "storage insert_request".
+  std::vector<std::string> struck;   // For each strike, the actor, the message and the time.
+  std::vector<std::string> faults;   // Violated invariants. Empty if all hold.
+  std::size_t kept_count = 0;        // For RunLosses: records of other agents that the survivor holds.
 };
 
-// Runs it to the end, in a folder of its own. Equal arguments give equal runs.
+// Runs a mission to its end in a temporary folder. Equal arguments give equal runs.
 MissionReport RunMission(std::uint64_t seed, const std::vector<Strike>& strikes);
 
-// One mission more: rover 3's link is cut for good as its `batches`-th batch is on its way to the leader, which
-// collects; and the leader is lost for good once the survivor has answered as many of what is replicated. The survivor
-// takes the lead, solves and merges; what it had acknowledged must be there, and be used.
+// Runs a mission in which rover 3's link is cut permanently once its `batches`-th batch is in flight to the collecting
+// leader. The leader is lost permanently once the survivor has acknowledged that many replicated batches. Then the
+// survivor takes the lead, solves and merges. All records that it acknowledged must be there and be used.
 MissionReport RunLosses(std::uint64_t seed, int batches);
 
 std::string ToString(const Strike& strike);

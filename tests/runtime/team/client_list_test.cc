@@ -34,7 +34,7 @@ TEST(ClientListTest, ReadsAndWritesClients) {
   EXPECT_TRUE(ParseClientList(ClientListText({}, "# nobody\n"), "c").has_value());
 }
 
-TEST(ClientListTest, SaysAllThatIsWrongAndWhere) {
+TEST(ClientListTest, ReportsAllErrorsAndTheirPlaces) {
   const std::string text = "clients:\n" + Entry("Anna", "short", "all") + Entry("bob", kKeyA, "none") +
                            Entry("bob", kKeyA, "share") + "  - {nmae: eve}\n";
   const auto list = ParseClientList(text, "c");
@@ -67,7 +67,7 @@ class ClientKeysTest : public testing::Test {
   const std::filesystem::path path_ = temporary_.path() / "clients.yaml";
 };
 
-TEST_F(ClientKeysTest, SeesChangesOfTheFileASecondLaterAtMost) {
+TEST_F(ClientKeysTest, ReadsFileChangesWithinASecond) {
   auto keys = ClientKeys::Open(path_, kStart);
   EXPECT_FALSE(keys.Find(kKeyA, kStart)) << "a list that is not there";
   Write(Entry("anna", kKeyA, "view"));
@@ -82,7 +82,7 @@ TEST_F(ClientKeysTest, SeesChangesOfTheFileASecondLaterAtMost) {
   EXPECT_FALSE(keys.Find(kKeyB, kStart + seconds(3)));
 }
 
-TEST_F(ClientKeysTest, KeepsTheListWhereTheFileBecomesWrong) {
+TEST_F(ClientKeysTest, KeepsTheListIfTheFileBecomesInvalid) {
   Write(Entry("anna", kKeyA, "view"));
   auto keys = ClientKeys::Open(path_, kStart);
   testing::internal::CaptureStdout();
@@ -98,7 +98,7 @@ TEST_F(ClientKeysTest, KeepsTheListWhereTheFileBecomesWrong) {
   EXPECT_TRUE(keys.Find(kKeyB, kStart + seconds(6)));
 }
 
-TEST_F(ClientKeysTest, BeginsWithNobodyWhereTheListIsWrongAndTakesTheMendedOne) {
+TEST_F(ClientKeysTest, StartsWithoutClientsIfTheListIsInvalidAndReadsTheRepairedOne) {
   Write(Entry("anna", "no key", "view"));
   testing::internal::CaptureStdout();
   auto keys = ClientKeys::Open(path_, kStart);

@@ -22,7 +22,7 @@ SigningKey KeyOf(std::uint8_t number) {
   return SigningKey::FromSeed(seed);
 }
 
-TEST(SigningKeyTest, SignsWhatItsPublicHalfAloneConfirms) {
+TEST(SigningKeyTest, OnlyItsPublicKeyVerifiesItsSignatures) {
   const SigningKey key = SigningKey::Make();
   const std::string signature = key.Sign("what was decided");
   EXPECT_EQ(signature.size(), kSignatureBytes);
@@ -36,7 +36,7 @@ TEST(SigningKeyTest, SignsWhatItsPublicHalfAloneConfirms) {
   EXPECT_FALSE(IsSignatureOf("no key", "what was decided", signature));
 }
 
-// RFC 8032, 7.1, the second one: a message of one byte.
+// The second test vector of RFC 8032, section 7.1: a message of one byte.
 TEST(SigningKeyTest, IsEd25519) {
   const auto bytes = [](const std::string& hex) {
     std::string text;
@@ -51,7 +51,7 @@ TEST(SigningKeyTest, IsEd25519) {
                   "085ac1e43e15996e458f3613d0f11d8c387b2eaeb4302aeeb00d291612bb0c00"));
 }
 
-TEST(SigningKeyTest, ComesBackFromItsFileThatNobodyElseMayRead) {
+TEST(SigningKeyTest, IsRestoredFromItsFileThatOtherUsersCannotRead) {
   TemporaryFolder folder;
   const std::filesystem::path path = folder.File("rover1.sign");
   const SigningKey key = SigningKey::Make();
@@ -66,13 +66,13 @@ TEST(SigningKeyTest, ComesBackFromItsFileThatNobodyElseMayRead) {
   EXPECT_EQ(SigningSecretPath("team/rover1.sec"), "team/rover1.sign");
 }
 
-TEST(SigningKeyTest, KnowsWhatIsNoKey) {
+TEST(SigningKeyTest, RejectsInvalidKeys) {
   EXPECT_TRUE(IsSigningKey(KeyOf(1).public_key()));
   EXPECT_FALSE(IsSigningKey(""));
   EXPECT_FALSE(IsSigningKey(std::string(40, '0'))) << "no point of the curve that has the right order";
 }
 
-TEST(KeyFingerprintTest, IsTheBeginningOfTheSha256OfTheCharacters) {
+TEST(KeyFingerprintTest, IsThePrefixOfTheSha256OfTheText) {
   const std::string key = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7";
   EXPECT_EQ(FingerprintOf(key), "84112785d1092a7effc25904531ada76");
   EXPECT_NE(FingerprintOf(KeyOf(1).public_key()), FingerprintOf(KeyOf(2).public_key()));
@@ -100,7 +100,7 @@ class RoleSignatureTest : public testing::Test {
   proto::RoleAssignment roles_;
 };
 
-TEST_F(RoleSignatureTest, IsItsIssuersAndOfAllThatItSays) {
+TEST_F(RoleSignatureTest, CoversItsIssuerAndEveryField) {
   EXPECT_TRUE(HasSigningKeys(team_));
   EXPECT_TRUE(IsSigned(team_, roles_));
   const auto spoilt = [this](auto spoil) {
@@ -120,12 +120,12 @@ TEST_F(RoleSignatureTest, IsItsIssuersAndOfAllThatItSays) {
   EXPECT_FALSE(spoilt([](auto& roles) { roles.clear_signature(); }));
 }
 
-TEST_F(RoleSignatureTest, HoldsForOneTeamAlone) {
+TEST_F(RoleSignatureTest, IsValidInOneTeamOnly) {
   team_.set_team_id("ffeeddccbbaa99887766554433221100");
   EXPECT_FALSE(IsSigned(team_, roles_));
 }
 
-TEST_F(RoleSignatureTest, IsAskedForWhereEveryAgentHasAKey) {
+TEST_F(RoleSignatureTest, IsRequiredIfEveryAgentHasAKey) {
   team_.mutable_agents(1)->clear_signing_key();
   EXPECT_FALSE(HasSigningKeys(team_));
   team_.mutable_agents(1)->set_signing_key(KeyOf(2).public_key());
@@ -133,7 +133,7 @@ TEST_F(RoleSignatureTest, IsAskedForWhereEveryAgentHasAKey) {
   EXPECT_FALSE(HasSigningKeys(team_));
 }
 
-TEST(RecordSignatureTest, IsOfOneRecordUnderOneKeyInOneTeam) {
+TEST(RecordSignatureTest, IsValidForOneRecordOneKeyAndOneTeam) {
   proto::TeamConfig team;
   team.set_team_id(std::string(16, 't'));
   for (AgentId id = 1; id <= 2; ++id) {

@@ -27,7 +27,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-// Three agents, one a line, so that errors have places to point to.
+// Three agents, one per line, so that errors refer to known lines.
 constexpr char kGood[] = R"(team: test
 insecure: true
 agents:
@@ -235,7 +235,7 @@ const BadFile kBadFiles[] = {
 
 class TeamConfigBadFileTest : public ::testing::TestWithParam<BadFile> {};
 
-TEST_P(TeamConfigBadFileTest, IsToldWithPlaceAndField) {
+TEST_P(TeamConfigBadFileTest, IsReportedWithPlaceAndField) {
   const Result<TeamFile> team = ParseTeamFile(GetParam().yaml, "t");
   ASSERT_FALSE(team);
   EXPECT_EQ(team.error().code, ErrorCode::kInvalid);
@@ -245,7 +245,7 @@ TEST_P(TeamConfigBadFileTest, IsToldWithPlaceAndField) {
 INSTANTIATE_TEST_SUITE_P(All, TeamConfigBadFileTest, ::testing::ValuesIn(kBadFiles),
                          [](const auto& file) { return std::string(file.param.name); });
 
-TEST(TeamConfigTest, TellsAllErrorsInTheOrderOfTheirPlaces) {
+TEST(TeamConfigTest, ReportsAllErrorsInTheOrderOfTheirPlaces) {
   std::string yaml = Replaced(kGood, "id: 2", "id: two");
   yaml = Replaced(yaml, "team: test", "taem: test");
   yaml += "share: {power: all, power: none}\n";
@@ -264,7 +264,7 @@ TEST(TeamConfigTest, BoundsAgentsAndErrors) {
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 100);
 }
 
-TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
+TEST(TeamConfigTest, FillsInDefaults) {
   const Result<TeamFile> team = ParseTeamFile(kGood, "t");
   ASSERT_TRUE(team) << team.error().text;
   const proto::TeamConfig& config = team->config;
@@ -299,7 +299,7 @@ TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
   EXPECT_EQ(SharePolicyOf(config, 0xFFFF'FFFF), proto::POLICY_NONE);
 }
 
-TEST(TeamConfigTest, ReadsWhatRobotsKeepOfSupersededStates) {
+TEST(TeamConfigTest, ReadsHowLongRobotsKeepSupersededStates) {
   const Result<TeamFile> team = ParseTeamFile(
       GoodAnd(
           "keep: {temperature: 36h, power: latest}\n"
@@ -345,7 +345,7 @@ TEST(TeamConfigTest, BoundsTheNumberOfCustomTypes) {
   EXPECT_EQ(ParseTeamFile(yaml, "t").error().text, "t:9:3: custom_types: at most 64 are allowed, got 65");
 }
 
-TEST(TeamConfigTest, NeedsNeitherBaseStationNorSurvivor) {
+TEST(TeamConfigTest, RequiresNeitherBaseStationNorSurvivor) {
   const Result<TeamFile> team = ParseTeamFile(
       "team: t\nteam_id: \"00112233445566778899aabbccddeeff\"\ninsecure: true\n"
       "agents: [{id: 7, name: a, address: \"ipc:///tmp/a\"}]\n",
@@ -369,7 +369,7 @@ TEST(TeamConfigTest, HashesTheMeaningNotTheText) {
   EXPECT_NE(hash(GoodAnd("keep: {power: 7d}")), hash(kGood));
 }
 
-TEST(TeamConfigTest, RefusesRolesThatCannotBe) {
+TEST(TeamConfigTest, RefusesInvalidRoles) {
   const proto::TeamConfig team = ParseTeamFile(kGood, "t").value().config;
   const auto why = [&](AgentId leader, AgentId survivor) {
     proto::RoleAssignment roles;
@@ -396,7 +396,7 @@ TEST(TeamConfigTest, NamesTheRoleOfEachAgent) {
   EXPECT_EQ(RoleOf(team, roles, 4), proto::ROLE_UNSPECIFIED);
 }
 
-TEST(TeamConfigTest, KeepsWhoHasLeftWithoutAnyRole) {
+TEST(TeamConfigTest, KeepsAgentsThatHaveLeftWithoutAnyRole) {
   const proto::TeamConfig team = ParseTeamFile(Good("name: rover1", "name: rover1, left: true"), "t").value().config;
   EXPECT_TRUE(HasLeft(team, 1));
   EXPECT_FALSE(HasLeft(team, 2));
@@ -410,7 +410,7 @@ TEST(TeamConfigTest, KeepsWhoHasLeftWithoutAnyRole) {
   EXPECT_TRUE(CheckRoles(team, earlier)) << "what was stays history";
 }
 
-TEST(TeamConfigTest, ObeysNobodyWhoHasLeft) {
+TEST(TeamConfigTest, AcceptsNoCommandsThroughAnAgentThatHasLeft) {
   const std::string everybody = GoodAnd("command_from: all");
   const proto::TeamConfig team =
       ParseTeamFile(Replaced(everybody, "name: rover1", "name: rover1, left: true"), "t").value().config;
@@ -418,7 +418,7 @@ TEST(TeamConfigTest, ObeysNobodyWhoHasLeft) {
   EXPECT_TRUE(MayCommand(team, 2));
 }
 
-TEST(TeamConfigTest, MayHaveAnotherBaseStationWhereOneHasLeft) {
+TEST(TeamConfigTest, MayHaveAnotherBaseStationIfOneHasLeft) {
   const std::string base =
       "  - {id: 3, name: base, address: \"tcp://127.0.0.1:7402\", kind: base_station, position_m: [1, 2, 3]";
   const std::string second =
@@ -472,11 +472,11 @@ TEST_F(TeamFileTest, InitialTeamIsReadBack) {
     EXPECT_EQ(PublicKeyOf(ReadSecretKey(SecretKeyPath(public_path)).value()).value(),
               ReadPublicKey(public_path).value());
   }
-  // The team, twelve keys and nothing left aside.
+  // The team file, twelve key files and no other file.
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(team->folder), {}), 13);
 }
 
-TEST_F(TeamFileTest, WrittenTeamKeepsWhatItWasGiven) {
+TEST_F(TeamFileTest, AWrittenTeamKeepsItsFields) {
   proto::TeamConfig config = ParseTeamFile(GoodAnd("roles: {failover: automatic}\n"
                                                    "share: {power: none}\n"
                                                    "keep: {temperature: 7d, mode: latest}\n"
@@ -497,7 +497,7 @@ TEST_F(TeamFileTest, WrittenTeamKeepsWhatItWasGiven) {
   const Result<TeamFile> team = ReadTeamFile(folder_ / "team.yaml");
   ASSERT_TRUE(team) << team.error().text;
   config.mutable_agents(0)->mutable_start()->set_sigma_rad(0.01);  // The default.
-  config.mutable_custom_types(0)->set_share(proto::POLICY_ALL);    // Likewise.
+  config.mutable_custom_types(0)->set_share(proto::POLICY_ALL);    // The default.
   config.mutable_custom_types(0)->set_ground(proto::POLICY_NONE);
   config.mutable_custom_types(0)->set_priority(5);
   config.mutable_custom_types(0)->set_bytes_max(4096);
@@ -516,7 +516,7 @@ TEST_F(TeamFileTest, GivesEachTeamAnIdOfItsOwn) {
   EXPECT_NE(a.team_id(), b.team_id());
 }
 
-TEST(TeamNameTest, IsWhatCanBeKeptOfAText) {
+TEST(TeamNameTest, KeepsTheAllowedCharactersOfAText) {
   EXPECT_EQ(PlainNameOf("my-team_2"), "my-team_2");
   EXPECT_EQ(PlainNameOf("My Team"), "my-team");
   EXPECT_EQ(PlainNameOf("M\u00f6nd / \x1b[2J"), "m-nd-2j");
@@ -525,7 +525,7 @@ TEST(TeamNameTest, IsWhatCanBeKeptOfAText) {
   EXPECT_EQ(PlainNameOf(std::string(31, 'a') + " b"), std::string(31, 'a'));
 }
 
-TEST(TeamIdLineTest, IsAddedAndAllElseKept) {
+TEST(TeamIdLineTest, IsAddedAndTheRestIsKept) {
   const std::string id = "0123456789abcdef0123456789abcdef";
   const std::string line = "team_id: \"" + id + "\"   # Tells this team from any other, for ever.";
   const std::string without = Good("team_id: \"00112233445566778899aabbccddeeff\"\n", "");
@@ -540,7 +540,7 @@ TEST(TeamIdLineTest, IsAddedAndAllElseKept) {
   EXPECT_FALSE(WithTeamId("insecure: true\n", id));
 }
 
-TEST(SigningKeyLinesTest, AreAddedToEachAgentAndAllElseKept) {
+TEST(SigningKeyLinesTest, AreAddedToEachAgentAndTheRestIsKept) {
   const std::string a = SigningKey::FromSeed({1}).public_key();
   const std::string b = SigningKey::FromSeed({2}).public_key();
   const std::string yaml =
@@ -565,7 +565,7 @@ TEST(SigningKeyLinesTest, AreAddedToEachAgentAndAllElseKept) {
   EXPECT_EQ(*third, Replaced(yaml, "three.pub\n", "three.pub\n    signing_key: \"" + a + "\"\n"));
 }
 
-TEST(SigningKeyLinesTest, AreForAgentsWhoseKeyIsFound) {
+TEST(SigningKeyLinesTest, AreAddedForAgentsWhoseKeyIsFound) {
   const std::string key = SigningKey::FromSeed({1}).public_key();
   EXPECT_THAT(WithSigningKeys("team: test\nagents: [{id: 1, name: one}]\n", {{"one", key}}).error().text,
               HasSubstr("no place for the signing_key of \"one\" is found"));
@@ -584,7 +584,7 @@ TEST_F(TeamFileTest, OverwritesNothing) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
 }
 
-TEST_F(TeamFileTest, KeepsAddressesForClientsAndTellsThoseThatAreTaken) {
+TEST_F(TeamFileTest, KeepsAddressesForClientsAndReportsThoseInUse) {
   proto::TeamConfig config = ParseTeamFile(kGood, "t").value().config;
   config.set_insecure(false);
   config.mutable_agents(0)->set_client_address("tcp://10.0.0.1:7500");
@@ -598,7 +598,7 @@ TEST_F(TeamFileTest, KeepsAddressesForClientsAndTellsThoseThatAreTaken) {
   EXPECT_THAT(WriteTeam(folder_ / "t", config).error().text, HasSubstr("is already that of agents[1]"));
 }
 
-TEST_F(TeamFileTest, RefusesToWriteATeamThatCannotBe) {
+TEST_F(TeamFileTest, RefusesToWriteAnInvalidTeam) {
   EXPECT_EQ(WriteInitialTeam(folder_ / "t", 0, 7400).error().field, "agent_count");
   EXPECT_EQ(WriteInitialTeam(folder_ / "t", 4, 65533).error().field, "first_port");
   proto::TeamConfig config = ParseTeamFile(kGood, "t").value().config;
@@ -607,7 +607,7 @@ TEST_F(TeamFileTest, RefusesToWriteATeamThatCannotBe) {
   EXPECT_TRUE(std::filesystem::is_empty(folder_));
 }
 
-TEST_F(TeamFileTest, TellsWhatIsWrongWithKeyFiles) {
+TEST_F(TeamFileTest, ReportsErrorsInKeyFiles) {
   const std::filesystem::path path = folder_ / "team.yaml";
   ASSERT_TRUE(WriteInitialTeam(path, 4, 7400));
   std::filesystem::remove(folder_ / "rover1.pub");
@@ -655,17 +655,17 @@ TEST_F(TeamFileTest, SecretsThatOthersCanReadAreRefused) {
   EXPECT_THAT(ReadSecretKey(folder_ / "rover1.sec").error().text, HasSubstr("others can read this secret"));
 }
 
-TEST_F(TeamFileTest, FilesThatAreNotThereOrTooLargeAreErrors) {
+TEST_F(TeamFileTest, MissingAndTooLargeFilesAreErrors) {
   EXPECT_EQ(ReadTeamFile(folder_ / "none.yaml").error().code, ErrorCode::kNotFound);
   EXPECT_THAT(ReadTeamFile(folder_).error().text, HasSubstr("not a regular file"));
-  // Nobody can tell whether it is there.
+  // Whether the file exists cannot be determined.
   std::filesystem::create_symlink("loop.yaml", folder_ / "loop.yaml");
   EXPECT_THAT(ReadTeamFile(folder_ / "loop.yaml").error().text, HasSubstr("symbolic links"));
   Write(folder_ / "large.yaml", kGood + std::string(1'000'000, '#'));
   EXPECT_THAT(ReadTeamFile(folder_ / "large.yaml").error().text, HasSubstr("larger than 1 MB"));
 }
 
-TEST_F(TeamFileTest, ExampleOfTheRepositoryIsRight) {
+TEST_F(TeamFileTest, TheExampleOfTheRepositoryIsValid) {
   const std::filesystem::path example = std::filesystem::path(MOONDB_SOURCE_DIR) / "configs" / "cadre.yaml";
   std::filesystem::copy(example, folder_ / "cadre.yaml");
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) {
@@ -676,7 +676,7 @@ TEST_F(TeamFileTest, ExampleOfTheRepositoryIsRight) {
   EXPECT_EQ(team->config.agents_size(), 4);
 }
 
-TEST_F(TeamFileTest, ClientEndpointLiesInAFolderOfThisUserAlone) {
+TEST_F(TeamFileTest, TheClientEndpointLiesInAPrivateFolderOfTheUser) {
   TeamFile team = ParseTeamFile(kGood, "t").value();
   setenv("MOONDB_RUN_DIR", folder_.c_str(), 1);
   EXPECT_EQ(ClientEndpoint(team, "rover1").value(), "ipc://" + (folder_ / "test-00112233" / "rover1.sock").string());

@@ -1,4 +1,4 @@
-// What each key of the team file needs, asked of each field of proto/team.proto.
+// Checks for each field of proto/team.proto that its key in the team file has everything that it needs.
 #include <gtest/gtest.h>
 
 #include <regex>
@@ -28,7 +28,7 @@ std::vector<const FieldDescriptor*> Keys() {
   return keys;
 }
 
-TEST(TeamFieldsTest, HaveATextAndNumbersARange) {
+TEST(TeamFieldsTest, HaveADescriptionAndNumbersHaveARange) {
   for (const FieldDescriptor* key : Keys()) {
     const proto::FieldRule& rule = RuleOf(*key);
     EXPECT_NE(rule.text(), "") << key->full_name() << " in proto/team.proto";
@@ -39,7 +39,7 @@ TEST(TeamFieldsTest, HaveATextAndNumbersARange) {
   }
 }
 
-TEST(TeamFieldsTest, StandInTheCommentedTeamFile) {
+TEST(TeamFieldsTest, AppearInTheCommentedTeamFile) {
   const Result<std::string> yaml = ReadTextFile(std::string(MOONDB_SOURCE_DIR) + "/configs/cadre.yaml");
   ASSERT_TRUE(yaml);
   for (const FieldDescriptor* key : Keys()) {
@@ -69,7 +69,7 @@ TEST(TeamFieldsTest, HaveDefaultsWithinTheirRanges) {
   EXPECT_FALSE(team.has_site()) << "a section without defaults is left out";
 }
 
-TEST(TeamFieldsTest, HaveTheLimitsOfTheCode) {
+TEST(TeamFieldsTest, HaveTheSameLimitsAsTheCode) {
   EXPECT_EQ(RuleOf(FieldNamed("AgentConfig.id")).high(), kAgentIdMax);
   EXPECT_EQ(RuleOf(FieldNamed("TeamConfig.agents")).count_max(), static_cast<unsigned>(kAgentCountMax));
   EXPECT_EQ(RuleOf(FieldNamed("CustomType.id")).low(), kCustomDataTypeMin);

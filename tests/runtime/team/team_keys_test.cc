@@ -16,7 +16,7 @@ using ::testing::HasSubstr;
 constexpr AgentId kRover1 = 1;
 constexpr AgentId kRover2 = 2;
 
-// A team of three, as `moonctl config init` writes it, with all of its secrets.
+// A team of three agents as `moonctl config init` writes it, with all of its secrets.
 class TeamKeysTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -36,11 +36,11 @@ class TeamKeysTest : public ::testing::Test {
 
   const TemporaryFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
-  std::filesystem::path secret_key_file_;  // Empty: beside the public key.
+  std::filesystem::path secret_key_file_;  // If empty, it lies beside the public key.
   proto::TeamConfig team_;
 };
 
-TEST_F(TeamKeysTest, AreAllPublicOnesAndTheAgentsOwnSecrets) {
+TEST_F(TeamKeysTest, AreAllPublicKeysAndTheAgentsOwnSecrets) {
   const Result<TeamKeys> keys = Read(kRover2);
   ASSERT_TRUE(keys) << ToString(keys.error());
   EXPECT_EQ(keys->public_keys.size(), 3u);
@@ -52,7 +52,7 @@ TEST_F(TeamKeysTest, AreAllPublicOnesAndTheAgentsOwnSecrets) {
   EXPECT_EQ((*signing)->public_key(), team_.agents(1).signing_key());
 }
 
-TEST_F(TeamKeysTest, SecretsLieWhereTheyAreSaidToLie) {
+TEST_F(TeamKeysTest, SecretsAreReadFromTheGivenPath) {
   Move("rover1.sec", "secrets/own.sec");
   Move("rover1.sign", "secrets/own.sign");
   EXPECT_FALSE(Read(kRover1));

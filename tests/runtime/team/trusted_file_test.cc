@@ -29,7 +29,7 @@ class TrustedFileTest : public testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(TrustedFileTest, IsWrittenByItsUserAlone) {
+TEST_F(TrustedFileTest, MayOnlyBeWritableByItsUser) {
   EXPECT_TRUE(CheckTrusted(Make("a", 0644)));
   EXPECT_TRUE(CheckTrusted(Make("b", 0664))) << "this process's own group";
   EXPECT_TRUE(CheckTrusted(folder_.File("missing")));
@@ -39,22 +39,22 @@ TEST_F(TrustedFileTest, IsWrittenByItsUserAlone) {
   EXPECT_THAT(ToString(refused.error()), HasSubstr("chmod go-w"));
 }
 
-TEST_F(TrustedFileTest, IsNotWrittenByAnotherGroup) {
+TEST_F(TrustedFileTest, MayNotBeWritableByAnotherGroup) {
   const std::string path = Make("a", 0664);
   if (::geteuid() != 0) GTEST_SKIP() << "only root gives files away";
   ASSERT_EQ(::chown(path.c_str(), ::geteuid(), ::getegid() + 1), 0);
   EXPECT_FALSE(CheckTrusted(path));
 }
 
-TEST_F(TrustedFileTest, AFolderLikeTmpIsNobodys) {
+TEST_F(TrustedFileTest, MayLieInASharedFolderOnlyIfItIsSticky) {
   EXPECT_EQ(::chmod(folder_.path().c_str(), 0777), 0);
   EXPECT_FALSE(CheckTrusted(folder_.path()));
   EXPECT_EQ(::chmod(folder_.path().c_str(), 01777), 0);
   EXPECT_TRUE(CheckTrusted(folder_.path())) << "others remove nothing there";
 }
 
-// Each would be taken for what whoever runs the team says.
-TEST_F(TrustedFileTest, IsAskedForTeamFilesClientListsAndPublicKeys) {
+// A file that other users can write could contain anything in the name of the team's operator.
+TEST_F(TrustedFileTest, IsRequiredForTeamFilesClientListsAndPublicKeys) {
   const std::string path = Make("a", 0666);
   EXPECT_THAT(ToString(ReadTeamFile(path).error()), HasSubstr("other users may write it"));
   EXPECT_THAT(ToString(ReadClientList(path).error()), HasSubstr("other users may write it"));

@@ -5,7 +5,7 @@
 namespace moondb {
 namespace {
 
-TEST(ClientTableTest, GivesAConnectionOneNameAsLongAsItIsKept) {
+TEST(ClientTableTest, KeepsOneNamePerConnectionUntilItIsForgotten) {
   ClientTable table(4, 4, "k");
   EXPECT_EQ(table.NameOf("a", "anna"), "k1");
   EXPECT_EQ(table.NameOf("b", "anna"), "k2");
@@ -17,7 +17,7 @@ TEST(ClientTableTest, GivesAConnectionOneNameAsLongAsItIsKept) {
   EXPECT_EQ(table.NameOf("b", "anna"), "k3");
 }
 
-TEST(ClientTableTest, ForgetsWhoWasSilentLongest) {
+TEST(ClientTableTest, ForgetsTheConnectionThatWasSilentLongest) {
   ClientTable table(2, 2);
   table.NameOf("a", "");
   table.NameOf("b", "");
@@ -28,7 +28,7 @@ TEST(ClientTableTest, ForgetsWhoWasSilentLongest) {
   EXPECT_EQ(table.RoutingIdOf("3"), "c");
 }
 
-TEST(ClientTableTest, NobodyLosesAnswersByWhatAnotherKeyOpens) {
+TEST(ClientTableTest, ConnectionsOfOneKeyDoNotEvictThoseOfAnother) {
   ClientTable table(8, 3);
   const std::string carl = table.NameOf("carl", "carl's key");
   for (int i = 0; i < 300; ++i) table.NameOf("mallory" + std::to_string(i), "mallory's key");
@@ -37,7 +37,7 @@ TEST(ClientTableTest, NobodyLosesAnswersByWhatAnotherKeyOpens) {
   EXPECT_EQ(table.RoutingIdOf("298"), std::nullopt) << "its own ones gave way";
 }
 
-TEST(ClientTableTest, InAFullTableTheOwnerWithTheMostGivesWay) {
+TEST(ClientTableTest, AFullTableEvictsAConnectionOfTheOwnerWithTheMost) {
   ClientTable table(4, 3);
   for (int i = 1; i <= 3; ++i) table.NameOf("m" + std::to_string(i), "mallory");
   table.NameOf("carl", "carl");

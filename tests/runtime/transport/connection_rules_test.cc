@@ -14,8 +14,8 @@ constexpr std::uint16_t kPort = 7400;
 constexpr std::uint16_t kClientPort = 7500;
 constexpr std::uint64_t kSharedBytes = 32 * 1024 * 1024;
 
-// Two agents at 10.0.0.2 and one at 10.0.0.3, four places each; five others; three clients. Four of a key, two of a
-// client's.
+// Port of agents: 8 places for two agents at 10.0.0.2, 4 for one at 10.0.0.3 and 5 for other addresses, with at most 4
+// per key. Port of clients: 3 places, with at most 2 per key.
 class ConnectionRulesTest : public testing::Test {
  protected:
   void Open(int file, const std::string& peer, std::uint16_t port = kPort) {
@@ -24,7 +24,7 @@ class ConnectionRulesTest : public testing::Test {
   void Receive(int file, std::uint64_t bytes) { open_.at(file).bytes_received += bytes; }
   void Deliver(int file, const std::string& key = {}) { rules_.OnMessage(file, key); }
 
-  // The files that are to be cut; they are gone then.
+  // The files of the connections to cut, which are then closed.
   std::vector<int> Judge(Cause cause) {
     std::vector<TcpConnection> now;
     for (const auto& [file, connection] : open_) now.push_back(connection);
@@ -47,7 +47,7 @@ class ConnectionRulesTest : public testing::Test {
   bool frees_ = true;
 };
 
-TEST_F(ConnectionRulesTest, LetsInAsManyAsThereArePlaces) {
+TEST_F(ConnectionRulesTest, AdmitsAsManyConnectionsAsThereArePlaces) {
   for (int i = 0; i < 8; ++i) Open(10 + i, "10.0.0.2");
   for (int i = 0; i < 4; ++i) Open(20 + i, "10.0.0.3");
   for (int i = 0; i < 5; ++i) Open(30 + i, "192.168.1." + std::to_string(i));
@@ -55,7 +55,7 @@ TEST_F(ConnectionRulesTest, LetsInAsManyAsThereArePlaces) {
   EXPECT_THAT(TooMany(), IsEmpty());
 }
 
-TEST_F(ConnectionRulesTest, StrangersDoNotTakeThePlacesOfAgents) {
+TEST_F(ConnectionRulesTest, UnknownAddressesDoNotUseThePlacesOfAgents) {
   for (int i = 0; i < 3; ++i) Open(100 + i, "192.168.1.66");
   EXPECT_THAT(TooMany(), IsEmpty());
   for (int i = 3; i < 50; ++i) Open(100 + i, "192.168.1.66");
@@ -66,7 +66,7 @@ TEST_F(ConnectionRulesTest, StrangersDoNotTakeThePlacesOfAgents) {
   EXPECT_FALSE(open_.contains(100));
 }
 
-TEST_F(ConnectionRulesTest, WhoEverBroughtAMessageStaysLongest) {
+TEST_F(ConnectionRulesTest, ConnectionsThatDeliveredAMessageStayLongest) {
   for (int i = 0; i < 5; ++i) Open(10 + i, "192.168." + std::to_string(i) + ".1");
   Deliver(10);
   EXPECT_THAT(TooMany(), IsEmpty());
@@ -79,7 +79,7 @@ TEST_F(ConnectionRulesTest, WhoEverBroughtAMessageStaysLongest) {
   EXPECT_TRUE(open_.contains(10));
 }
 
-TEST_F(ConnectionRulesTest, ANetworkWithManyAddressesTakesTheSilentPlacesOfNoOther) {
+TEST_F(ConnectionRulesTest, ANetworkWithManyAddressesDoesNotEvictSilentConnectionsOfOthers) {
   Open(10, "10.9.8.7");
   Open(11, "2001:db8:1:2::1");
   for (int i = 0; i < 40; ++i) Open(100 + i, "192.168.1." + std::to_string(i));
@@ -88,14 +88,14 @@ TEST_F(ConnectionRulesTest, ANetworkWithManyAddressesTakesTheSilentPlacesOfNoOth
   EXPECT_TRUE(open_.contains(10) && open_.contains(11));
 }
 
-TEST_F(ConnectionRulesTest, AnAddressWithManyConnectionsTakesTheSilentPlacesOfNoOtherInItsNetwork) {
+TEST_F(ConnectionRulesTest, AnAddressWithManyConnectionsDoesNotEvictSilentOnesOfOthersInItsNetwork) {
   Open(10, "192.168.1.7");
   for (int i = 0; i < 40; ++i) Open(100 + i, "192.168.1.66");
   EXPECT_EQ(TooMany().size(), 36u);
   EXPECT_TRUE(open_.contains(10));
 }
 
-TEST_F(ConnectionRulesTest, AnAddressThatBroughtAMessageWithinTheHourIsLetInAgain) {
+TEST_F(ConnectionRulesTest, AnAddressThatDeliveredAMessageWithinTheHourIsAdmittedAgain) {
   const auto judge = [this](std::chrono::minutes at) {
     std::vector<TcpConnection> now;
     for (const auto& [file, connection] : open_) now.push_back(connection);
@@ -116,7 +116,7 @@ TEST_F(ConnectionRulesTest, AnAddressThatBroughtAMessageWithinTheHourIsLetInAgai
   }
 }
 
-TEST_F(ConnectionRulesTest, WhoBroughtAMessageStaysThoughNewerOnesOfItsAddressBringNothing) {
+TEST_F(ConnectionRulesTest, AConnectionThatDeliveredAMessageStaysThoughNewerOnesOfItsAddressAreSilent) {
   for (int i = 0; i < 3; ++i) Open(10 + i, "10.9.8.7", kClientPort);
   Deliver(10);
   EXPECT_THAT(TooMany(), IsEmpty());
@@ -125,7 +125,7 @@ TEST_F(ConnectionRulesTest, WhoBroughtAMessageStaysThoughNewerOnesOfItsAddressBr
   EXPECT_TRUE(open_.contains(10));
 }
 
-TEST_F(ConnectionRulesTest, OfAKeyWithTooManyTheOneThatWasSilentForLongestGoes) {
+TEST_F(ConnectionRulesTest, CutsTheLongestSilentConnectionOfAKeyWithTooMany) {
   Open(10, "10.0.0.9", kClientPort);
   Open(11, "10.0.0.9", kClientPort);
   Open(12, "10.0.0.9", kClientPort);
@@ -142,18 +142,19 @@ TEST_F(ConnectionRulesTest, OfAKeyWithTooManyTheOneThatWasSilentForLongestGoes) 
   EXPECT_THAT(TooManyOfKey(), IsEmpty());
 }
 
-TEST_F(ConnectionRulesTest, WhatALaterConnectionWithTheSameFileDidNotBringIsNotItsOwn) {
+TEST_F(ConnectionRulesTest, AMessageOfAnEarlierConnectionWithTheSameFileDoesNotCount) {
   for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.9", kClientPort);
   for (int i = 0; i < 2; ++i) Deliver(10 + i, "sharer");
   EXPECT_THAT(TooManyOfKey(), IsEmpty());
-  rules_.OnMessage(12, "sharer", /*peer_port=*/999);  // It came, was answered and left between two looks.
+  // This connection was opened, answered and closed between two calls of Judge.
+  rules_.OnMessage(12, "sharer", /*peer_port=*/999);
   Open(12, "10.0.0.9", kClientPort);
   EXPECT_THAT(TooManyOfKey(), IsEmpty());
   rules_.OnMessage(12, "sharer", open_.at(12).peer_port);
   EXPECT_THAT(TooManyOfKey(), ElementsAre(10));
 }
 
-TEST_F(ConnectionRulesTest, AKeyIsAdmittedAsOftenAsItHasPlacesAlsoWhereNothingIsSent) {
+TEST_F(ConnectionRulesTest, AKeyIsAdmittedAsOftenAsItHasPlacesEvenIfItsConnectionsAreSilent) {
   for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.9", kClientPort);
   EXPECT_TRUE(rules_.Admit(kClientPort, "watcher", "10.0.0.9"));
   EXPECT_TRUE(rules_.Admit(kClientPort, "watcher", "10.0.0.9"));
@@ -188,7 +189,7 @@ TEST_F(ConnectionRulesTest, AConnectionThatChoseItsRoutingIdIsCut) {
   EXPECT_THAT(Judge(Cause::kClaimedId), ElementsAre(10));
 }
 
-TEST_F(ConnectionRulesTest, AMemberTakesNoOtherMembersPlaces) {
+TEST_F(ConnectionRulesTest, AMemberDoesNotUseAnotherMembersPlaces) {
   for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.2");
   Deliver(10, "1");
   Deliver(11, "2");
@@ -200,7 +201,7 @@ TEST_F(ConnectionRulesTest, AMemberTakesNoOtherMembersPlaces) {
   EXPECT_THAT(TooManyOfKey(), ElementsAre(11, 20, 21));
 }
 
-TEST_F(ConnectionRulesTest, ConnectionsWithoutKeysAreOfNobody) {
+TEST_F(ConnectionRulesTest, ConnectionsWithoutKeysBelongToNoKey) {
   for (int i = 0; i < 8; ++i) {
     Open(10 + i, "10.0.0.2");
     Deliver(10 + i);
@@ -208,18 +209,18 @@ TEST_F(ConnectionRulesTest, ConnectionsWithoutKeysAreOfNobody) {
   EXPECT_THAT(TooManyOfKey(), IsEmpty());
 }
 
-TEST_F(ConnectionRulesTest, AFileThatIsUsedAgainIsAnotherConnection) {
+TEST_F(ConnectionRulesTest, AReusedFileIsAnotherConnection) {
   for (int i = 0; i < 5; ++i) Open(10 + i, "192.168.1." + std::to_string(i));
   Deliver(10);
   Receive(10, 1000);
   EXPECT_THAT(TooMany(), IsEmpty());
-  Open(10, "192.168.1.66");  // The one before is closed.
+  Open(10, "192.168.1.66");  // The connection before it was closed.
   for (const int file : {11, 12, 13, 14}) Deliver(file);
   Open(20, "192.168.1.66");
   EXPECT_THAT(TooMany(), ElementsAre(10));
 }
 
-TEST_F(ConnectionRulesTest, OneLargeMessageIsLetThrough) {
+TEST_F(ConnectionRulesTest, OneLargeMessageIsAdmitted) {
   Open(10, "10.0.0.2");
   Receive(10, 5000);
   Deliver(10);
@@ -233,7 +234,7 @@ TEST_F(ConnectionRulesTest, OneLargeMessageIsLetThrough) {
   EXPECT_THAT(TooMuch(), IsEmpty()) << "what came with whole messages does not count";
 }
 
-TEST_F(ConnectionRulesTest, MessagesWithoutEndAreCutTheLargestFirst) {
+TEST_F(ConnectionRulesTest, ConnectionsWithEndlessMessagesAreCutLargestFirst) {
   Open(10, "10.0.0.2");
   Open(11, "10.0.0.3");
   Receive(10, 30'000'000);
@@ -246,7 +247,7 @@ TEST_F(ConnectionRulesTest, MessagesWithoutEndAreCutTheLargestFirst) {
   EXPECT_THAT(TooMuch(), ElementsAre(12));
 }
 
-TEST_F(ConnectionRulesTest, SmallMessagesInManyConnectionsAreFree) {
+TEST_F(ConnectionRulesTest, SmallMessagesInManyConnectionsDoNotCount) {
   for (int i = 0; i < 8; ++i) {
     Open(10 + i, "10.0.0.2");
     Receive(10 + i, ConnectionRules::kFreeBytes);
@@ -256,7 +257,7 @@ TEST_F(ConnectionRulesTest, SmallMessagesInManyConnectionsAreFree) {
   EXPECT_THAT(TooMuch(), IsEmpty());
 }
 
-TEST_F(ConnectionRulesTest, DoorsDoNotCountForEachOther) {
+TEST_F(ConnectionRulesTest, ListenersAreCountedSeparately) {
   Open(10, "10.0.0.2");
   Receive(10, kSharedBytes);
   Open(40, "10.0.0.2", kClientPort);
@@ -264,8 +265,8 @@ TEST_F(ConnectionRulesTest, DoorsDoNotCountForEachOther) {
   EXPECT_THAT(TooMuch(), IsEmpty());
 }
 
-// libzmq takes a moment to close it.
-TEST_F(ConnectionRulesTest, WhatIsCutIsNamedOnce) {
+// libzmq takes a moment to close the connection.
+TEST_F(ConnectionRulesTest, ReportsACutConnectionOnce) {
   frees_ = false;
   Open(10, "10.0.0.2");
   Receive(10, kSharedBytes + ConnectionRules::kFreeBytes + 1);

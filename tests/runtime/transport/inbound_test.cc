@@ -22,7 +22,7 @@ proto::Message From(AgentId agent) {
   return message;
 }
 
-TEST(InboundTest, LetsTheWordsOfUsersActorsThrough) {
+TEST(InboundTest, AcceptsMessagesOfUsersActors) {
   proto::Message message = From(2);
   message.mutable_custom()->set_value("question");
   const auto parsed = ParsePeerFrame(ToPeerFrame(message), 2);
@@ -32,8 +32,8 @@ TEST(InboundTest, LetsTheWordsOfUsersActorsThrough) {
   EXPECT_EQ(parsed->front()->destination_actor(), "soil");
 }
 
-// A later version's fields.
-TEST(InboundTest, LeavesOutWhatItDoesNotKnow) {
+// Unknown fields are fields of a later version.
+TEST(InboundTest, DropsUnknownFields) {
   proto::Message message = From(2);
   message.GetReflection()->MutableUnknownFields(&message)->AddVarint(900, 1);
   const auto parsed = ParsePeerFrame(ToPeerFrame(message), 2);
@@ -42,7 +42,7 @@ TEST(InboundTest, LeavesOutWhatItDoesNotKnow) {
   EXPECT_EQ(parsed->front()->SpaceUsedLong(), From(2).SpaceUsedLong());
 }
 
-TEST(InboundTest, TakesTheMessagesOfAFrameInTheirOrderOrNone) {
+TEST(InboundTest, AcceptsTheMessagesOfAFrameInOrderOrNone) {
   std::string frame;
   std::set<std::size_t> ends;
   for (int i = 0; i < 3; ++i) {
@@ -64,7 +64,7 @@ TEST(InboundTest, TakesTheMessagesOfAFrameInTheirOrderOrNone) {
   }
 }
 
-TEST(InboundTest, RefusesFramesThatNoTransportMakes) {
+TEST(InboundTest, RefusesInvalidFrames) {
   const std::string small = ToPeerFrame(From(2));
   std::string many;
   while (many.size() <= kSharedFrameBytesMax) many += small;
@@ -78,8 +78,8 @@ TEST(InboundTest, RefusesFramesThatNoTransportMakes) {
   EXPECT_EQ(ParsePeerFrame("", 2).error().code, ErrorCode::kCorrupt);
 }
 
-// Every body but those that are listed here, so that a new one is refused until somebody lists it.
-TEST(InboundTest, RefusesWhatMustNotLeaveItsAgent) {
+// All bodies except the listed ones are refused, so a new body is refused until it is listed.
+TEST(InboundTest, RefusesMessagesThatMustNotLeaveTheirAgent) {
   const std::set<std::string> may_leave = {"hello",           "have",          "batch",         "refusal",
                                            "share_request",   "share_reply",   "role_announce", "lease_announce",
                                            "link_report",     "clock_report",  "epoch_report",  "leader_check",
@@ -109,7 +109,7 @@ TEST(InboundTest, RefusesAnAgentThatClaimsToBeAnother) {
   EXPECT_TRUE(ParsePeerFrame(frame, 3).has_value());
 }
 
-TEST(InboundTest, GivesWhateverAClientWritesToTheGatewayInTheClientsName) {
+TEST(InboundTest, SendsEveryClientMessageToTheGatewayInTheClientsName) {
   proto::Message message = From(2);
   message.mutable_custom()->set_value("question");
   message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
@@ -124,7 +124,7 @@ TEST(InboundTest, GivesWhateverAClientWritesToTheGatewayInTheClientsName) {
   EXPECT_EQ((*parsed)->client_name(), "anna");
 }
 
-TEST(InboundTest, HearsNoPeersWordForAClientsRights) {
+TEST(InboundTest, IgnoresClientRightsInAPeersMessage) {
   proto::Message message = From(2);
   message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
   message.set_client_name("operator");

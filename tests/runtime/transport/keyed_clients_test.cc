@@ -1,4 +1,4 @@
-// Clients over TCP, under CURVE, with keys that are listed: real transports and raw sockets in one process.
+// Clients over TCP with CURVE and listed keys: real transports and raw sockets in one process.
 #include <gmock/gmock.h>
 
 #include <memory>
@@ -51,7 +51,7 @@ class KeyedClientsTest : public TransportFixture {
     return {ReadPublicKey(team_.folder / team_.config.agents(0).key()).value(), own};
   }
 
-  // What the agent hears of a request in which the client claims to be an operator with all rights.
+  // The message that the agent receives for a request in which the client claims to be an operator with all rights.
   OwnedMessage HeardOf(RawDealer& client) {
     proto::ControlRequest status;
     status.mutable_status();
@@ -67,7 +67,7 @@ class KeyedClientsTest : public TransportFixture {
   std::string address_;
 };
 
-TEST_F(KeyedClientsTest, AListedKeyComesInUnderItsNameWithItsRightsAndIsAnswered) {
+TEST_F(KeyedClientsTest, AListedKeyIsAdmittedWithItsNameAndRights) {
   ZeroMqTransport& transport = StartWithClients();
   const RawDealer::Keys keys = With(anna_);
   RawDealer client(address_, &keys);
@@ -102,7 +102,7 @@ TEST_F(KeyedClientsTest, AnUnknownKeyAnAgentsKeyAndNoKeyAreRefused) {
   EXPECT_EQ(agent.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
   RawDealer without(address_);
   EXPECT_NE(without.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
-  // Nor does a client's key open the door of agents.
+  // A client's key is not accepted at the port of agents either.
   const RawDealer::Keys keys = With(anna_);
   RawDealer client(AddressOf(1), &keys);
   EXPECT_EQ(client.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
@@ -110,14 +110,14 @@ TEST_F(KeyedClientsTest, AnUnknownKeyAnAgentsKeyAndNoKeyAreRefused) {
   EXPECT_EQ(transport.Listener().unknown_client_keys(), 2) << "no key is not a key";
 }
 
-TEST_F(KeyedClientsTest, ARevokedKeyHasNoRightsAtItsNextRequestAndAReplacedOneComesIn) {
+TEST_F(KeyedClientsTest, ARevokedKeyLosesItsRightsAndItsReplacementIsAdmitted) {
   StartWithClients();
   const RawDealer::Keys keys = With(anna_);
   RawDealer client(address_, &keys);
   ASSERT_NE(HeardOf(client), nullptr);
   const CurveKeys next = MakeCurveKeys().value();
   ListClients({{"anna", next, proto::CLIENT_RIGHTS_COMMAND}});
-  // The agent looks at the file once a second at most.
+  // The agent reads the file at most once per second.
   proto::ClientRights rights = proto::CLIENT_RIGHTS_VIEW;
   for (int i = 0; i < 600 && rights != proto::CLIENT_RIGHTS_NONE; ++i) {
     const OwnedMessage heard = HeardOf(client);
@@ -128,7 +128,7 @@ TEST_F(KeyedClientsTest, ARevokedKeyHasNoRightsAtItsNextRequestAndAReplacedOneCo
   EXPECT_EQ(rights, proto::CLIENT_RIGHTS_NONE);
   proto::Message large;
   large.set_control_request(std::string(100'000, 'x'));
-  client.Send(large.SerializeAsString());  // Not even read.
+  client.Send(large.SerializeAsString());  // This request is not even parsed.
   const OwnedMessage short_one = HeardOf(client);
   ASSERT_NE(short_one, nullptr);
   EXPECT_LT(short_one->control_request().size(), 100u);
@@ -142,11 +142,11 @@ TEST_F(KeyedClientsTest, ARevokedKeyHasNoRightsAtItsNextRequestAndAReplacedOneCo
   EXPECT_EQ(heard->client_rights(), proto::CLIENT_RIGHTS_COMMAND);
 }
 
-TEST_F(KeyedClientsTest, AConnectionThatChoseItsRoutingIdIsNotHeardAndIsCut) {
+TEST_F(KeyedClientsTest, AConnectionThatChoseItsRoutingIdIsIgnoredAndCut) {
   ZeroMqTransport& transport = StartWithClients();
   const RawDealer::Keys keys = With(anna_);
   int cut = 0;
-  // The last one has the form of those that the agent assigns.
+  // The last one has the form of the ids that the agent assigns.
   for (const std::string& claimed : {std::string("anna"), std::string("\0abc", 4), std::string("\0abcd", 5)}) {
     SCOPED_TRACE(++cut);
     RawDealer client(address_, &keys, claimed);
@@ -167,7 +167,7 @@ TEST_F(KeyedClientsTest, AKeyHasFifteenConnectionsAndTheNextWaitsUntilOneEnds) {
   for (int i = 0; i < 15; ++i) {
     standing.push_back(std::make_unique<RawDealer>(address_, &keys));
     ASSERT_EQ(standing.back()->NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
-    if (i % 2 != 0) continue;  // It stays silent.
+    if (i % 2 != 0) continue;  // This connection stays silent.
     ASSERT_NE(HeardOf(*standing.back()), nullptr);
   }
   RawDealer next(address_, &keys);
@@ -175,12 +175,12 @@ TEST_F(KeyedClientsTest, AKeyHasFifteenConnectionsAndTheNextWaitsUntilOneEnds) {
   EXPECT_GE(transport.Listener().deferred_client_handshakes(), 1);
   standing.pop_back();
   while (next.NextEvent() != ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
-    // libzmq tries again by itself.
+    // libzmq retries the handshake by itself.
   }
   for (const auto& client : standing) EXPECT_NE(HeardOf(*client), nullptr) << "an idle client is not cut";
 }
 
-TEST_F(KeyedClientsTest, StartsWithNobodyWhereTheListIsWrong) {
+TEST_F(KeyedClientsTest, StartsWithoutClientsIfTheListIsInvalid) {
   ASSERT_TRUE(WriteTextFile(clients_file_, "clients: 5\n").has_value());
   StartWithClients();
   const RawDealer::Keys keys = With(anna_);

@@ -10,7 +10,7 @@ using std::chrono::milliseconds;
 constexpr LinkCredit::Options kFixed{.bytes_min = 100, .bytes_max = 100};
 constexpr MonotonicTime kNow{std::chrono::seconds(1000)};
 
-TEST(LinkCreditTest, LetsNoMoreOutThanTheCreditBeyondWhatIsReported) {
+TEST(LinkCreditTest, SendsNoMoreThanTheCreditBeyondReportedBytes) {
   LinkCredit credit(kFixed);
   credit.Open(7);
   EXPECT_TRUE(credit.HasRoomFor(100));
@@ -24,7 +24,7 @@ TEST(LinkCreditTest, LetsNoMoreOutThanTheCreditBeyondWhatIsReported) {
   EXPECT_TRUE(credit.HasRoomFor(60));
 }
 
-TEST(LinkCreditTest, LetsOneLargerFrameGoAlone) {
+TEST(LinkCreditTest, SendsOneLargerFrameByItself) {
   LinkCredit credit(kFixed);
   credit.Open(7);
   EXPECT_TRUE(credit.HasRoomFor(1000));
@@ -35,7 +35,7 @@ TEST(LinkCreditTest, LetsOneLargerFrameGoAlone) {
   EXPECT_FALSE(credit.HasRoomFor(1000));
 }
 
-TEST(LinkCreditTest, RefusesReportsThatCannotBe) {
+TEST(LinkCreditTest, RefusesInvalidReports) {
   LinkCredit credit(kFixed);
   credit.Open(7);
   credit.OnSent(kNow, 50);
@@ -47,7 +47,7 @@ TEST(LinkCreditTest, RefusesReportsThatCannotBe) {
   EXPECT_EQ(credit.unreported_bytes(), 20u);
 }
 
-TEST(LinkCreditTest, BeginsAnewWithEachConnection) {
+TEST(LinkCreditTest, RestartsWithEachConnection) {
   LinkCredit credit(kFixed);
   credit.Open(7);
   credit.OnSent(kNow, 100);
@@ -60,7 +60,7 @@ TEST(LinkCreditTest, BeginsAnewWithEachConnection) {
   EXPECT_TRUE(credit.HasRoomFor(100));
 }
 
-// Uses the whole credit again and again, each time reported after `round`.
+// Uses the whole credit `rounds` times. Each use is reported after `round`. Returns the final credit.
 std::size_t CreditAfterRounds(LinkCredit& credit, int rounds, Duration round, bool is_blocked = true) {
   MonotonicTime now = kNow;
   std::uint64_t sent = 0;
@@ -71,12 +71,12 @@ std::size_t CreditAfterRounds(LinkCredit& credit, int rounds, Duration round, bo
     if (is_blocked) credit.OnBlocked();
     now += round;
     EXPECT_TRUE(credit.OnReport(now, credit.link(), sent));
-    now += std::chrono::seconds(10);  // Idle time counts for nothing.
+    now += std::chrono::seconds(10);  // Idle time does not count.
   }
   return credit.credit_bytes();
 }
 
-TEST(LinkCreditTest, GrowsOnAFastLinkUpToItsBound) {
+TEST(LinkCreditTest, GrowsOnAFastLinkUpToItsLimit) {
   LinkCredit credit({.bytes_min = 100, .bytes_max = 500, .round_fast = milliseconds(10)});
   credit.Open(7);
   EXPECT_EQ(CreditAfterRounds(credit, 2, milliseconds(10)), 400u);
@@ -85,7 +85,7 @@ TEST(LinkCreditTest, GrowsOnAFastLinkUpToItsBound) {
   EXPECT_EQ(CreditAfterRounds(credit, 5, milliseconds(10)), 500u);
 }
 
-TEST(LinkCreditTest, StaysSmallOnASlowLinkAndWhereItIsNotUsedUp) {
+TEST(LinkCreditTest, StaysSmallOnASlowLinkOrIfItIsNotUsedUp) {
   LinkCredit credit({.bytes_min = 100, .bytes_max = 500, .round_fast = milliseconds(10)});
   credit.Open(7);
   EXPECT_EQ(CreditAfterRounds(credit, 5, milliseconds(11)), 100u);
@@ -93,7 +93,7 @@ TEST(LinkCreditTest, StaysSmallOnASlowLinkAndWhereItIsNotUsedUp) {
   EXPECT_EQ(CreditAfterRounds(credit, 5, milliseconds(1), /*is_blocked=*/false), 100u);
 }
 
-TEST(LinkCreditTest, ShrinksWhenTheLinkGetsSlow) {
+TEST(LinkCreditTest, ShrinksWhenTheLinkSlowsDown) {
   LinkCredit credit({.bytes_min = 100, .bytes_max = 500, .round_fast = milliseconds(10)});
   credit.Open(7);
   EXPECT_EQ(CreditAfterRounds(credit, 2, milliseconds(1)), 400u);
@@ -102,7 +102,7 @@ TEST(LinkCreditTest, ShrinksWhenTheLinkGetsSlow) {
   EXPECT_EQ(credit.credit_bytes(), 200u);
 }
 
-TEST(ReceivedCountTest, ReportsAfterSoManyBytes) {
+TEST(ReceivedCountTest, ReportsAfterAGivenNumberOfBytes) {
   ReceivedCount received;
   received.OnReceived(1000);
   EXPECT_FALSE(received.is_report_due()) << "nobody to tell";
@@ -122,13 +122,13 @@ TEST(ReceivedCountTest, ReportsAfterSoManyBytes) {
   EXPECT_EQ(received.received_bytes(), 0u);
 }
 
-TEST(LargeFrameNoticeTest, SpeaksOfTheNextFrameAlone) {
+TEST(LargeFrameNoticeTest, CoversOnlyTheNextFrame) {
   LargeFrameNotice notice;
   EXPECT_FALSE(notice.Covers(50'000));
   notice.OnReportSent(50'000);
   EXPECT_TRUE(notice.Covers(50'000));
   EXPECT_FALSE(notice.Covers(60'000)) << "another frame has become the next one";
-  notice.OnFrameSent();  // A control message, while the socket had no room for the large frame.
+  notice.OnFrameSent();  // A control message leaves while the socket has no room for the large frame.
   EXPECT_FALSE(notice.Covers(50'000));
   notice.OnReportSent(50'000);
   notice.OnReportSent(0);

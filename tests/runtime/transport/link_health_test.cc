@@ -16,7 +16,7 @@ class LinkHealthTest : public ::testing::Test {
     health_.OnHeard(now_);
   }
 
-  // The next step that is not kNone, and lets the time pass until then.
+  // Advances the time to the next deadline. Returns the step that is due then.
   Step Next(Duration patience = Duration::zero()) {
     if (health_.deadline(patience) > now_) {
       now_ = health_.deadline(patience);
@@ -33,7 +33,7 @@ class LinkHealthTest : public ::testing::Test {
   MonotonicTime now_ = start_;
 };
 
-TEST_F(LinkHealthTest, AsksAnIdlePeerOnceInALongWhile) {
+TEST_F(LinkHealthTest, AsksAnIdlePeerRarely) {
   EXPECT_EQ(Next(), Step::kAsk);
   EXPECT_EQ(SinceStart(), seconds(30));
   health_.OnHeard(now_);
@@ -74,7 +74,7 @@ TEST_F(LinkHealthTest, WaitsLongerForTheFirstAnswerThanForTheNextOnes) {
   EXPECT_EQ(SinceStart(), seconds(17 + 15));
 }
 
-TEST_F(LinkHealthTest, SendingOnAndOnDoesNotPutItOff) {
+TEST_F(LinkHealthTest, ContinuousSendingDoesNotDelayTheCheck) {
   for (int i = 0; i < 29; ++i, now_ += milliseconds(100)) {
     Expect(/*has_unreported=*/true);
     EXPECT_EQ(health_.Check(now_, Duration::zero()), i == 10 ? Step::kAsk : Step::kNone) << i;
@@ -83,7 +83,7 @@ TEST_F(LinkHealthTest, SendingOnAndOnDoesNotPutItOff) {
   EXPECT_EQ(SinceStart(), seconds(3));
 }
 
-TEST_F(LinkHealthTest, HearingAnythingBeginsTheWaitAnew) {
+TEST_F(LinkHealthTest, AnyMessageRestartsTheWait) {
   Expect(/*has_unreported=*/true);
   EXPECT_EQ(Next(), Step::kAsk);
   now_ += milliseconds(500);
@@ -94,7 +94,7 @@ TEST_F(LinkHealthTest, HearingAnythingBeginsTheWaitAnew) {
   EXPECT_EQ(SinceStart(), milliseconds(4500));
 }
 
-TEST_F(LinkHealthTest, ExpectsNothingMoreOnceAllIsReported) {
+TEST_F(LinkHealthTest, ExpectsNoReportOnceAllBytesAreReported) {
   Expect(/*has_unreported=*/true);
   EXPECT_EQ(Next(), Step::kAsk);
   health_.OnProgress(now_);
@@ -103,7 +103,7 @@ TEST_F(LinkHealthTest, ExpectsNothingMoreOnceAllIsReported) {
   EXPECT_EQ(SinceStart(), seconds(31));
 }
 
-TEST_F(LinkHealthTest, NoticesAPeerThatTalksButReportsNothing) {
+TEST_F(LinkHealthTest, DetectsAPeerThatSendsButReportsNothing) {
   Expect(/*has_unreported=*/true, /*is_blocked=*/true);
   std::vector<Step> steps;
   for (; steps.empty() || steps.back() != Step::kStalled; now_ += milliseconds(100)) {
@@ -115,7 +115,7 @@ TEST_F(LinkHealthTest, NoticesAPeerThatTalksButReportsNothing) {
   EXPECT_EQ(SinceStart(), milliseconds(3100));
 }
 
-TEST_F(LinkHealthTest, ProgressBeginsTheWaitForCreditAnew) {
+TEST_F(LinkHealthTest, ProgressRestartsTheWaitForCredit) {
   Expect(/*has_unreported=*/true, /*is_blocked=*/true);
   EXPECT_EQ(Next(), Step::kAsk);
   now_ += seconds(1);
@@ -129,16 +129,16 @@ TEST_F(LinkHealthTest, ProgressBeginsTheWaitForCreditAnew) {
   EXPECT_EQ(SinceStart(), seconds(5));
 }
 
-TEST_F(LinkHealthTest, IsPatientWhileALargeFrameIsUnderWay) {
+TEST_F(LinkHealthTest, WaitsLongerWhileALargeFrameIsInFlight) {
   Expect(/*has_unreported=*/true);
   EXPECT_EQ(Next(seconds(10)), Step::kAsk);
   EXPECT_EQ(Next(seconds(10)), Step::kLost);
   EXPECT_EQ(SinceStart(), seconds(13));
 }
 
-TEST_F(LinkHealthTest, GivesThePeerItsTimeToAnswerWhenItAskedLate) {
+TEST_F(LinkHealthTest, AllowsThePeerItsTimeToAnswerALateQuestion) {
   Expect(/*has_unreported=*/true);
-  now_ += seconds(20);  // As after the process was stopped and continued.
+  now_ += seconds(20);  // As if the process had been stopped and continued.
   EXPECT_EQ(Next(), Step::kAsk);
   EXPECT_EQ(Next(), Step::kLost);
   EXPECT_EQ(SinceStart(), seconds(22));

@@ -49,7 +49,7 @@ TEST(LinkOrderTest, NumbersWrapAround) {
   EXPECT_FALSE(order.IsNewest(2, UINT32_MAX - 1)) << "never seen, but opened before";
 }
 
-TEST(LinkOrderTest, AnAgentsNumbersSayNothingAboutAnotherAgents) {
+TEST(LinkOrderTest, NumbersOfOneAgentDoNotAffectAnother) {
   LinkOrder order;
   EXPECT_TRUE(order.IsNewest(2, 1000));
   EXPECT_TRUE(order.IsNewest(3, 1001));

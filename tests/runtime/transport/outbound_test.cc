@@ -35,7 +35,7 @@ TEST(OutboundTest, OrdersControlThenTheSharingClasses) {
   EXPECT_EQ(previous + 1, kOutboundClasses);
 }
 
-TEST(OutboundTest, ReplacesOnlyWhereTheNewestSaysAll) {
+TEST(OutboundTest, ReplacesOnlyMessagesWhoseNewestVersionIsComplete) {
   proto::Message announce;
   announce.set_destination_actor("role");
   announce.mutable_role_announce();

@@ -40,7 +40,7 @@ TEST(OutboxTest, BoundsBytesAndMessages) {
   EXPECT_EQ(outbox.Front(), nullptr);
 }
 
-TEST(OutboxTest, TakesOneThatIsTooLargeAlone) {
+TEST(OutboxTest, AcceptsAnOversizedMessageIfEmpty) {
   Outbox outbox(Bounds(/*bytes_max=*/2, /*messages_max=*/3));
   EXPECT_EQ(outbox.Push(Entry("large")), SendResult::kAccepted);
   EXPECT_EQ(outbox.Push(Entry("1")), SendResult::kFull);
@@ -48,7 +48,7 @@ TEST(OutboxTest, TakesOneThatIsTooLargeAlone) {
   EXPECT_EQ(outbox.Push(Entry("1")), SendResult::kAccepted);
 }
 
-TEST(OutboxTest, GivesControlFirstAndMapsLastAndKeepsTheOrderWithinAClass) {
+TEST(OutboxTest, ReturnsControlFirstAndMapsLastInOrderWithinAClass) {
   Outbox outbox(Bounds(/*bytes_max=*/100, /*messages_max=*/100));
   (void)outbox.Push(Entry("map 1", kMapClass));
   (void)outbox.Push(Entry("state 1", 1));
@@ -60,22 +60,22 @@ TEST(OutboxTest, GivesControlFirstAndMapsLastAndKeepsTheOrderWithinAClass) {
             (std::vector<std::string>{"control 1", "control 2", "state 1", "state 2", "map 1", "map 2"}));
 }
 
-TEST(OutboxTest, PutsANewerOneOfTheSameKeyInTheOldOnesPlace) {
+TEST(OutboxTest, ReplacesAMessageByANewerOneWithTheSameKey) {
   Outbox outbox(Bounds(/*bytes_max=*/10, /*messages_max=*/3));
   (void)outbox.Push(Entry("old", kControlClass, "roles"));
   (void)outbox.Push(Entry("other", kControlClass));
-  // Even when it is full, since it takes no more place.
+  // Accepted even into a full outbox, because the replacement uses no more space.
   EXPECT_EQ(outbox.Push(Entry("newer", kControlClass, "roles")), SendResult::kAccepted);
   EXPECT_EQ(outbox.replaced(), 1u);
   EXPECT_EQ(outbox.messages(), 2u);
   EXPECT_EQ(outbox.bytes(), 10u);
   EXPECT_EQ(TakeAll(outbox), (std::vector<std::string>{"newer", "other"}));
-  // One that has left is not waiting any more.
+  // A message that was taken is not waiting any more.
   (void)outbox.Push(Entry("next", kControlClass, "roles"));
   EXPECT_EQ(outbox.replaced(), 1u);
 }
 
-TEST(OutboxTest, LetsNeighboursOfAClassShareAFrame) {
+TEST(OutboxTest, PacksConsecutiveMessagesOfAClassIntoAFrame) {
   Outbox outbox({});
   outbox.ShareFrames(/*bytes_max=*/5);
   (void)outbox.Push(Entry("12"));
@@ -97,7 +97,7 @@ TEST(OutboxTest, LetsNeighboursOfAClassShareAFrame) {
   EXPECT_EQ(outbox.Clear(), 2u);
 }
 
-TEST(OutboxTest, KeepsAReserveForControlWhenBulkDataFillIt) {
+TEST(OutboxTest, KeepsAReserveForControlWhenFullOfBulkData) {
   Outbox outbox(Bounds(/*bytes_max=*/10, /*messages_max=*/2));
   (void)outbox.Push(Entry("far more than its bound"));
   EXPECT_EQ(outbox.Push(Entry("bulk")), SendResult::kFull);
@@ -109,7 +109,7 @@ TEST(OutboxTest, KeepsAReserveForControlWhenBulkDataFillIt) {
   EXPECT_EQ(outbox.Push(Entry("3", kControlClass)), SendResult::kFull) << "more messages than the reserve has";
 }
 
-TEST(OutboxTest, ForgetsWhatWaits) {
+TEST(OutboxTest, DropsWaitingMessages) {
   Outbox outbox(Bounds(/*bytes_max=*/10, /*messages_max=*/3));
   (void)outbox.Push(Entry("1"));
   (void)outbox.Push(Entry("2", kControlClass));

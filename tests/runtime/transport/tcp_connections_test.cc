@@ -1,4 +1,4 @@
-// Real sockets of this process; the system chooses their ports.
+// Real sockets within this process. The system chooses their ports.
 #include "runtime/transport/tcp_connections.h"
 
 #include <arpa/inet.h>
@@ -70,7 +70,7 @@ class TcpConnectionsTest : public testing::Test {
   }
   Socket Accept() const { return Socket(::accept(listener_.file(), nullptr, nullptr)); }
 
-  // Whether something came; waits for what is on its way within this machine.
+  // Returns true if data arrived within `timeout_ms`, which allows for its way within this machine.
   static bool IsReadable(const TcpConnections& connections, int timeout_ms) {
     pollfd file{connections.file(), POLLIN, 0};
     return ::poll(&file, 1, timeout_ms) == 1;
@@ -82,7 +82,7 @@ class TcpConnectionsTest : public testing::Test {
 
 constexpr int kPatience_ms = 60'000;
 
-TEST_F(TcpConnectionsTest, ListsThoseThatOthersOpenedAndWhatTheyReceived) {
+TEST_F(TcpConnectionsTest, ListsAcceptedConnectionsAndTheirReceivedBytes) {
   const std::unique_ptr<TcpConnections> connections = Make();
   connections->OnAccepted(listener_.file());
   EXPECT_THAT(connections->List(), IsEmpty()) << "the one that listens is none";
@@ -146,7 +146,7 @@ TEST_F(TcpConnectionsTest, ReadsAConnectionThatThisSideOpened) {
   EXPECT_EQ(connections->Read(ours.file())->bytes_received, 5u);
 }
 
-TEST_F(TcpConnectionsTest, SaysOnceThatSomethingCame) {
+TEST_F(TcpConnectionsTest, SignalsNewDataOnce) {
   const std::unique_ptr<TcpConnections> connections = Make();
   const Socket theirs = Connect();
   const Socket ours = Accept();
@@ -162,7 +162,7 @@ TEST_F(TcpConnectionsTest, SaysOnceThatSomethingCame) {
   EXPECT_TRUE(IsReadable(*connections, kPatience_ms)) << "what waits is news again";
 }
 
-TEST_F(TcpConnectionsTest, LooksWhereTheProcessMayOpenNoMoreFiles) {
+TEST_F(TcpConnectionsTest, ListsConnectionsThoughNoMoreFilesMayBeOpened) {
   const std::unique_ptr<TcpConnections> connections = Make();
   const Socket theirs = Connect();
   const Socket ours = Accept();
@@ -176,7 +176,7 @@ TEST_F(TcpConnectionsTest, LooksWhereTheProcessMayOpenNoMoreFiles) {
   EXPECT_EQ(count, 1u);
 }
 
-TEST_F(TcpConnectionsTest, ShutsOneDown) {
+TEST_F(TcpConnectionsTest, ShutsAConnectionDown) {
   const std::unique_ptr<TcpConnections> connections = Make();
   const Socket theirs = Connect();
   const Socket ours = Accept();
@@ -187,7 +187,7 @@ TEST_F(TcpConnectionsTest, ShutsOneDown) {
   TcpConnections::ShutDown({/*file=*/9999, 0, {}, 0, 0});
 }
 
-TEST(ListenAddressTest, KnowsPortsAndNumericAddresses) {
+TEST(ListenAddressTest, ParsesPortsAndNumericAddresses) {
   EXPECT_EQ(TcpPortOf("tcp://10.0.0.3:7400"), 7400);
   EXPECT_EQ(TcpPortOf("tcp://[::1]:7400"), 7400);
   EXPECT_EQ(TcpPortOf("ipc:///run/moondb/1.sock"), std::nullopt);

@@ -1,5 +1,5 @@
-// What libzmq does that the transport must absorb (ARCHITECTURE.md), one line after the other: absent, frozen, flooding
-// and restarted peers, connections that are replaced, and peers whose reports are wrong or missing.
+// Behaviour of libzmq that the transport must absorb, in the order of ARCHITECTURE.md: absent, frozen, flooding and
+// restarted peers, replaced connections, and peers with wrong or missing reports.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ using std::chrono::milliseconds;
 
 constexpr std::size_t kCreditBytes = 8 * 1024;
 
-// Agent 1 is a transport; agent 2 is what each test makes of it, with a DEALER that says what it likes.
+// Agent 1 is a transport. Each test plays agent 2, with a DEALER that sends arbitrary bytes.
 class TransportFaultsTest : public TransportFixture {
  protected:
   TransportFaultsTest() {
@@ -28,7 +28,7 @@ class TransportFaultsTest : public TransportFixture {
     options_.credit = {.bytes_min = kCreditBytes, .bytes_max = kCreditBytes};
   }
 
-  // Deadlines that a test can wait for.
+  // Sets deadlines short enough for a test.
   void UseShortDeadlines() {
     options_.health = {.ask_after = milliseconds(50),
                        .lost_after = milliseconds(200),
@@ -36,7 +36,7 @@ class TransportFaultsTest : public TransportFixture {
                        .first_answer_after = milliseconds(200)};
   }
 
-  // Sends until one is refused; how many were accepted.
+  // Sends until a message is refused. Returns the number of accepted messages.
   int Fill(const proto::Message& message) {
     int accepted = 0;
     while (transports_[1]->Send({2, "sync"}, message) == SendResult::kAccepted) {
@@ -45,7 +45,7 @@ class TransportFaultsTest : public TransportFixture {
     return accepted;
   }
 
-  // As agent 2's transport would say: `received_bytes` of `reported_link` have come in.
+  // The report of agent 2's transport that `received_bytes` of `reported_link` have arrived.
   static std::string Report(std::uint32_t link, std::uint32_t reported_link, std::uint64_t received_bytes) {
     proto::Message message = Message(2, 1);
     message.clear_record_id();
@@ -62,7 +62,7 @@ class TransportFaultsTest : public TransportFixture {
 
   SendResult SendToPeer(const proto::Message& message) { return transports_[1]->Send({2, "sync"}, message); }
 
-  // Agent 2 says one thing after the other, but reports nothing of what it is sent.
+  // Expects that agent 2 is given up although it keeps sending, because it reports none of the received bytes.
   void ExpectGivenUpAlthoughItTalks(RawDealer& dealer) {
     std::atomic<bool> is_over = false;
     std::thread talk([&] {
@@ -92,7 +92,7 @@ TEST_F(TransportFaultsTest, NothingIsQueuedForAnAbsentPeer) {
   EXPECT_EQ(ears_[2].Take()->sql(), "new");
 }
 
-TEST_F(TransportFaultsTest, AFrozenPeerGetsNoMoreThanTheCredit) {
+TEST_F(TransportFaultsTest, AFrozenPeerIsSentNoMoreThanTheCredit) {
   Start(1, options_);
   RawRouter frozen(AddressOf(2));
   ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
@@ -122,8 +122,8 @@ TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpUnderAFlood) {
   EXPECT_LE(status.sent_bytes(), kCreditBytes * status.connects());
 }
 
-// With the deadlines of the field: 3 s, and some more for a busy machine. The peer has never answered, which it may do
-// for longer.
+// Uses the deadline of the field, 3 s, and allows for a busy machine. A peer that has never answered normally gets more
+// time.
 TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpInTimeWhileAnotherFloods) {
   options_.health.first_answer_after = options_.health.lost_after;
   Start(1, options_);
@@ -177,7 +177,7 @@ TEST_F(TransportFaultsTest, APeerThatAnswersIsKept) {
   EXPECT_EQ(Peer(1, 2).connects(), 1);
 }
 
-TEST_F(TransportFaultsTest, WhatWasSentToALostConnectionDoesNotReachTheNext) {
+TEST_F(TransportFaultsTest, MessagesSentToALostConnectionDoNotReachTheNext) {
   UseShortDeadlines();
   Start(1, options_);
   RawRouter router(AddressOf(2));
@@ -194,7 +194,7 @@ TEST_F(TransportFaultsTest, WhatWasSentToALostConnectionDoesNotReachTheNext) {
   EXPECT_EQ(links_with_old.count(router.last_link()), 0u);
 }
 
-TEST_F(TransportFaultsTest, WhatWaitsWhenAConnectionBreaksDoesNotReachTheNext) {
+TEST_F(TransportFaultsTest, MessagesWaitingWhenAConnectionBreaksDoNotReachTheNext) {
   Start(1, options_);
   auto router = std::make_unique<RawRouter>(AddressOf(2));
   ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
@@ -246,20 +246,20 @@ TEST_F(TransportFaultsTest, APeerThatFloodsLeavesOthersTheirShare) {
   flood.join();
 }
 
-TEST_F(TransportFaultsTest, ARestartedPeerTakesTheOldOnesPlaceUnderTheSameIdentity) {
+TEST_F(TransportFaultsTest, ARestartedPeerReplacesItsOldConnectionUnderTheSameIdentity) {
   Start(1, options_);
   RawRouter router(AddressOf(2));
   RawDealer earlier(AddressOf(1), nullptr, "2");
   earlier.Send(Report(/*link=*/7, 0, 0));
   earlier.Send(OnLink(7, ToPeerFrame(Message(2, 1, 100))));
   ASSERT_NE(ears_[1].Take(), nullptr);
-  // Its earlier connection still stands.
+  // The peer's earlier connection still exists.
   RawDealer later(AddressOf(1), nullptr, "2");
   later.Send(Report(/*link=*/8, 0, 0));
   const std::string messages = ToPeerFrame(Message(2, 1, 200));
   later.Send(OnLink(8, messages));
   ASSERT_NE(ears_[1].Take(), nullptr);
-  // What comes over another connection is heard, but counts for nothing.
+  // A message over another connection is delivered, but its reports do not count.
   RawDealer nameless(AddressOf(1));
   nameless.Send(Report(/*link=*/9, 0, 0));
   nameless.Send(OnLink(9, ToPeerFrame(Message(2, 1, 300))));
@@ -274,7 +274,7 @@ TEST_F(TransportFaultsTest, ARestartedPeerTakesTheOldOnesPlaceUnderTheSameIdenti
   EXPECT_EQ(Peer(1, 2).refused_reports(), 1);
 }
 
-TEST_F(TransportFaultsTest, SendsOnAsThePeerReportsAndNotBefore) {
+TEST_F(TransportFaultsTest, SendsMoreOnlyAsThePeerReports) {
   Start(1, options_);
   RawRouter router(AddressOf(2));
   RawDealer dealer(AddressOf(1), nullptr, "2");
@@ -289,7 +289,7 @@ TEST_F(TransportFaultsTest, SendsOnAsThePeerReportsAndNotBefore) {
     for (; count < status.sent_messages(); ++count) bytes += ToPeerFrame(router.ReceiveMessage()).size();
     dealer.Send(Report(/*link=*/7, router.last_link(), bytes));
     if (count < 50) {
-      // The next one comes because of the report.
+      // The next message was sent because of the report.
       bytes += ToPeerFrame(router.ReceiveMessage()).size();
       ++count;
     }
@@ -297,7 +297,7 @@ TEST_F(TransportFaultsTest, SendsOnAsThePeerReportsAndNotBefore) {
   EXPECT_EQ(Peer(1, 2).refused_reports(), 0);
 }
 
-TEST_F(TransportFaultsTest, ControlOvertakesBulkThatWaitsAndTheNewestRolesReplaceOlderOnes) {
+TEST_F(TransportFaultsTest, ControlOvertakesWaitingBulkDataAndTheNewestRolesReplaceOlderOnes) {
   Start(1, options_);
   RawRouter router(AddressOf(2));
   RawDealer dealer(AddressOf(1), nullptr, "2");
@@ -307,7 +307,7 @@ TEST_F(TransportFaultsTest, ControlOvertakesBulkThatWaitsAndTheNewestRolesReplac
   map.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
   const int accepted = Fill(map);
   for (const char* reason : {"first", "second", "third"}) {
-    proto::Message roles = Marked("roles", 1100);  // More than what is left of the credit.
+    proto::Message roles = Marked("roles", 1100);  // Larger than the remaining credit.
     roles.set_ms_type(proto::CONTROL);
     roles.mutable_role_announce()->mutable_roles()->set_reason(reason);
     EXPECT_EQ(SendToPeer(roles), SendResult::kAccepted) << "although the outbox is full of maps";
@@ -333,7 +333,7 @@ TEST_F(TransportFaultsTest, SmallMessagesInABurstShareFramesAndKeepTheirOrder) {
   EXPECT_LT(router.frames(), kMessages);
 }
 
-TEST_F(TransportFaultsTest, ALargerMessageGoesAloneAndIsAnnounced) {
+TEST_F(TransportFaultsTest, ALargerMessageIsSentByItselfAndAnnounced) {
   Start(1, options_);
   RawRouter router(AddressOf(2));
   ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
@@ -345,7 +345,7 @@ TEST_F(TransportFaultsTest, ALargerMessageGoesAloneAndIsAnnounced) {
   EXPECT_EQ(Peer(1, 2).queued_messages(), 1);
 }
 
-TEST_F(TransportFaultsTest, RefusesReportsThatCannotBe) {
+TEST_F(TransportFaultsTest, RefusesInvalidReports) {
   Start(1, options_);
   RawRouter router(AddressOf(2));
   RawDealer dealer(AddressOf(1), nullptr, "2");
@@ -354,16 +354,16 @@ TEST_F(TransportFaultsTest, RefusesReportsThatCannotBe) {
   const std::uint64_t bytes = ToPeerFrame(router.ReceiveMessage()).size();
   const std::uint32_t link = router.last_link();
   dealer.Send(Report(/*link=*/7, link, bytes + 1));  // More than was sent.
-  dealer.Send(Report(/*link=*/7, link - 1, bytes));  // Of an earlier connection.
+  dealer.Send(Report(/*link=*/7, link - 1, bytes));  // Names an earlier connection.
   dealer.Send(Report(/*link=*/7, link, bytes));
-  dealer.Send(Report(/*link=*/7, link, bytes - 1));  // Backwards.
+  dealer.Send(Report(/*link=*/7, link, bytes - 1));  // Fewer bytes than before.
   dealer.Send(OnLink(7, ToPeerFrame(Message(2, 1))));
   ASSERT_FALSE(ears_[1].Take()->has_link_report()) << "actors do not hear of reports";
   EXPECT_EQ(Peer(1, 2).refused_reports(), 3);
   EXPECT_EQ(Peer(1, 2).unreported_bytes(), 0);
 }
 
-TEST_F(TransportFaultsTest, APeerThatStopsReportingIsGivenUpAlthoughItTalks) {
+TEST_F(TransportFaultsTest, APeerThatStopsReportingIsGivenUpAlthoughItSends) {
   UseShortDeadlines();
   Start(1, options_);
   RawRouter router(AddressOf(2));
@@ -374,7 +374,7 @@ TEST_F(TransportFaultsTest, APeerThatStopsReportingIsGivenUpAlthoughItTalks) {
   ExpectGivenUpAlthoughItTalks(dealer);
 }
 
-TEST_F(TransportFaultsTest, APeerThatNeverReportsIsGivenUpAlthoughItTalks) {
+TEST_F(TransportFaultsTest, APeerThatNeverReportsIsGivenUpAlthoughItSends) {
   UseShortDeadlines();
   Start(1, options_);
   RawRouter router(AddressOf(2));

@@ -1,5 +1,5 @@
-// Real transports in one process, over ipc:// in a temporary folder, and raw sockets that do not keep to the rules:
-// what the transport's tests share.
+// Shared parts of the transport's tests: real transports in one process over ipc:// in a temporary folder, and raw
+// sockets that break the protocol.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -28,10 +28,10 @@
 
 namespace moondb {
 
-// Long, for a loaded machine; a test that passes never waits for it.
+// Long enough for a loaded machine. A passing test never waits that long.
 inline constexpr std::chrono::seconds kPatience(60);
 
-// What a transport told, waited for with patience. Thread-safe.
+// Collects the messages and peer changes of a transport, and waits for them up to kPatience. Thread-safe.
 class Ear {
  public:
   ZeroMqTransport::Deliver deliver() {
@@ -51,7 +51,7 @@ class Ear {
     };
   }
 
-  // Null if none comes.
+  // Returns the next message. Null if none arrives.
   OwnedMessage Take() {
     std::unique_lock lock(mutex_);
     if (!changed_.wait_for(lock, kPatience, [&] { return !messages_.empty(); })) return nullptr;
@@ -73,7 +73,7 @@ class Ear {
     return changed_.wait_for(lock, kPatience, [&] { return times_connected_[peer] >= times; });
   }
 
-  // Also where it is connected again by now.
+  // Returns true if the peer was ever lost, even if it is connected again.
   bool WaitUntilLost(AgentId peer) {
     std::unique_lock lock(mutex_);
     return changed_.wait_for(lock, kPatience, [&] { return times_lost_[peer] > 0; });
@@ -93,7 +93,7 @@ class Ear {
   std::map<AgentId, int> times_lost_;
 };
 
-// One part; none if none comes in the socket's patience.
+// Receives one message part. Nothing if none arrives within the socket's timeout.
 inline std::optional<std::string> ReceiveFrom(void* socket, int flags = 0) {
   zmq_msg_t part;
   zmq_msg_init(&part);
@@ -105,14 +105,14 @@ inline std::optional<std::string> ReceiveFrom(void* socket, int flags = 0) {
   return text;
 }
 
-// A proto::PeerFrame over the connection with this link number, of messages as ToPeerFrame gives them.
+// A proto::PeerFrame with this link number. Requires: `messages` is a result of ToPeerFrame.
 inline std::string OnLink(std::uint32_t link_number, const std::string& messages) {
   std::string frame(kLinkNumberBytes, '\0');
   WriteLinkNumber(link_number, frame.data());
   return frame + messages;
 }
 
-// A DEALER without moondb: a client, or a peer that does not keep to the rules.
+// A DEALER socket without moondb: a client, or a peer that breaks the protocol.
 class RawDealer {
  public:
   struct Keys {
@@ -128,7 +128,7 @@ class RawDealer {
     zmq_setsockopt(socket_, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
     zmq_setsockopt(socket_, ZMQ_SNDTIMEO, &patience_ms, sizeof patience_ms);
     if (!routing_id.empty()) {
-      // One connection only: it must not take its name back from another that took it.
+      // The socket connects only once, so it cannot take its routing id back from another connection.
       const int never = -1;
       zmq_setsockopt(socket_, ZMQ_RECONNECT_IVL, &never, sizeof never);
       zmq_setsockopt(socket_, ZMQ_ROUTING_ID, routing_id.data(), routing_id.size());
@@ -160,7 +160,7 @@ class RawDealer {
 
   std::string Receive() { return ReceiveFrom(socket_).value_or(""); }
 
-  // A ZMQ_EVENT_*; 0 if none comes.
+  // The next ZMQ_EVENT_*. 0 if none arrives.
   int NextEvent() {
     const std::optional<std::string> event = ReceiveFrom(monitor_);
     if (!event || event->size() < 2) return 0;
@@ -176,7 +176,7 @@ class RawDealer {
   void* monitor_ = nullptr;
 };
 
-// A ROUTER without moondb: a peer that reads only when it is told to. Without CURVE.
+// A ROUTER socket without moondb and CURVE: a peer that reads only when the test calls it.
 class RawRouter {
  public:
   struct Frame {
@@ -200,13 +200,13 @@ class RawRouter {
     zmq_ctx_term(context_);
   }
 
-  // Over the connection of a frame that it received.
+  // Sends over the connection of a received frame.
   void Send(const std::string& route, const std::string& bytes) {
     EXPECT_EQ(zmq_send(socket_, route.data(), route.size(), ZMQ_SNDMORE), static_cast<int>(route.size()));
     EXPECT_EQ(zmq_send(socket_, bytes.data(), bytes.size(), 0), static_cast<int>(bytes.size()));
   }
 
-  // The next message; an empty one if none comes.
+  // The next message. Empty if none arrives.
   Frame Receive(int flags = 0) {
     if (waiting_.empty()) {
       const std::string route = ReceiveFrom(socket_, flags).value_or("");
@@ -222,7 +222,7 @@ class RawRouter {
     return next;
   }
 
-  // The next one that is not a report of the transport's.
+  // The next message that is not a report of the transport.
   proto::Message ReceiveMessage() {
     for (Frame frame = Receive(); !frame.route.empty(); frame = Receive()) {
       if (!frame.message.has_link_report()) return frame.message;
@@ -232,7 +232,7 @@ class RawRouter {
     return {};
   }
 
-  // The next report that `is_wanted`; other frames are passed over.
+  // The next report for which `is_wanted` returns true. Skips other frames.
   proto::LinkReport ReceiveReport(const std::function<bool(const proto::LinkReport&)>& is_wanted) {
     for (Frame frame = Receive(); !frame.route.empty(); frame = Receive()) {
       if (!frame.message.has_link_report()) continue;
@@ -243,15 +243,15 @@ class RawRouter {
     return {};
   }
 
-  int frames() const { return frames_; }  // Received so far.
+  int frames() const { return frames_; }  // Number of frames received so far.
   const proto::LinkReport& last_report() const { return last_report_; }
-  std::uint32_t last_link() const { return last_link_; }  // The link number of the last frame.
+  std::uint32_t last_link() const { return last_link_; }  // Link number of the last frame.
 
  private:
   void* context_;
   void* socket_;
   int frames_ = 0;
-  std::deque<Frame> waiting_;  // Of the last frame.
+  std::deque<Frame> waiting_;  // Remaining messages of the last frame.
   proto::LinkReport last_report_;
   std::uint32_t last_link_ = 0;
 };
@@ -314,7 +314,7 @@ class TransportFixture : public ::testing::Test {
   std::string AddressOf(AgentId agent) { return FindAgent(team_.config, agent)->address(); }
   std::string ClientEndpointHere() { return "ipc://" + (folder_ / "run" / "rover1.sock").string(); }
 
-  const TemporaryFolder temporary_;  // Outlives the transports below.
+  const TemporaryFolder temporary_;  // Declared before the transports, so that it outlives them.
   const std::filesystem::path folder_ = temporary_.path();
   TeamFile team_;
   std::map<AgentId, Ear> ears_;

@@ -9,21 +9,21 @@ constexpr std::uint64_t kMiB = 1024 * 1024;
 
 class UnreadRepliesTest : public testing::Test {
  protected:
-  // Whether libzmq was given it.
+  // Counts a reply if it has room. Returns true if so, which means that libzmq gets the reply.
   bool Give(const std::string& route, std::uint64_t bytes) {
     if (!replies_.HasRoom(route, bytes)) return false;
     replies_.Count(route, bytes);
     return true;
   }
 
-  std::map<int, std::uint64_t> acked_;  // By file.
+  std::map<int, std::uint64_t> acked_;  // Acknowledged bytes by file.
   UnreadReplies replies_{[this](int file) -> std::optional<std::uint64_t> {
     const auto found = acked_.find(file);
     return found == acked_.end() ? std::nullopt : std::optional(found->second);
   }};
 };
 
-TEST_F(UnreadRepliesTest, LimitsWhatWaitsForAllConnectionsOfAKey) {
+TEST_F(UnreadRepliesTest, LimitsUnreadRepliesOfAllConnectionsOfAKey) {
   for (const int file : {1, 2}) {
     acked_[file] = 1000;
     replies_.OnRequest("route" + std::to_string(file), "anna", file);
@@ -35,7 +35,7 @@ TEST_F(UnreadRepliesTest, LimitsWhatWaitsForAllConnectionsOfAKey) {
   EXPECT_TRUE(Give("route2", 5 * kMiB)) << "the first one was read";
 }
 
-TEST_F(UnreadRepliesTest, AReplyLargerThanTheLimitHasRoomWhileNoneWaits) {
+TEST_F(UnreadRepliesTest, AReplyLargerThanTheLimitHasRoomIfNoneIsUnread) {
   acked_[1] = 0;
   replies_.OnRequest("route", "anna", 1);
   EXPECT_TRUE(Give("route", 30 * kMiB));
@@ -44,7 +44,7 @@ TEST_F(UnreadRepliesTest, AReplyLargerThanTheLimitHasRoomWhileNoneWaits) {
   EXPECT_TRUE(Give("route", kMiB));
 }
 
-TEST_F(UnreadRepliesTest, LimitsWhatWaitsForAllKeys) {
+TEST_F(UnreadRepliesTest, LimitsUnreadRepliesOfAllKeys) {
   for (int file = 1; file <= 5; ++file) {
     acked_[file] = 0;
     const std::string name = std::to_string(file);
@@ -53,7 +53,7 @@ TEST_F(UnreadRepliesTest, LimitsWhatWaitsForAllKeys) {
   }
 }
 
-TEST_F(UnreadRepliesTest, AConnectionThatClosedOrWhoseFileIsAnothersCountsNoMore) {
+TEST_F(UnreadRepliesTest, AClosedConnectionDoesNotCountEvenIfItsFileIsReused) {
   acked_[1] = 1000;
   replies_.OnRequest("gone", "anna", 1);
   EXPECT_TRUE(Give("gone", 8 * kMiB));
@@ -67,7 +67,7 @@ TEST_F(UnreadRepliesTest, AConnectionThatClosedOrWhoseFileIsAnothersCountsNoMore
   EXPECT_TRUE(Give("third", 8 * kMiB));
 }
 
-TEST_F(UnreadRepliesTest, ForgetsAConnectionWhoseFileAnotherOneHas) {
+TEST_F(UnreadRepliesTest, ForgetsAConnectionWhoseFileIsReused) {
   acked_[1] = 0;
   replies_.OnRequest("gone", "anna", 1);
   replies_.OnRequest("next", "bert", 1);
@@ -75,7 +75,7 @@ TEST_F(UnreadRepliesTest, ForgetsAConnectionWhoseFileAnotherOneHas) {
   EXPECT_EQ(replies_.KeyOf("next"), "bert");
 }
 
-TEST_F(UnreadRepliesTest, ARoutingIdThatNeverAskedHasRoom) { EXPECT_TRUE(Give("unknown", 100 * kMiB)); }
+TEST_F(UnreadRepliesTest, AnUnknownRoutingIdHasRoom) { EXPECT_TRUE(Give("unknown", 100 * kMiB)); }
 
 }  // namespace
 }  // namespace moondb

@@ -22,7 +22,7 @@ class WakeUpTest : public testing::Test {
   WakeUp wake_up_;
 };
 
-TEST_F(WakeUpTest, RingsWhoSleepsLongerThanThat) {
+TEST_F(WakeUpTest, RingsIfTheThreadWouldSleepLonger) {
   wake_up_.IsLooking();
   wake_up_.SleepsUntil(At(100));
   wake_up_.RingFor(At(100));
@@ -34,12 +34,12 @@ TEST_F(WakeUpTest, RingsWhoSleepsLongerThanThat) {
   EXPECT_FALSE(is_rung());
 }
 
-TEST_F(WakeUpTest, DoesNotRingWhoIsAwakeAndWillLook) {
+TEST_F(WakeUpTest, DoesNotRingWhileTheThreadIsAwake) {
   wake_up_.RingFor();
   EXPECT_FALSE(is_rung());
 }
 
-TEST_F(WakeUpTest, RingsWhoBeganToLookAndMayHaveMissedIt) {
+TEST_F(WakeUpTest, RingsIfTheThreadIsLookingAndMayHaveMissedIt) {
   wake_up_.IsLooking();
   wake_up_.RingFor(At(1'000'000));
   EXPECT_TRUE(is_rung());
@@ -47,7 +47,7 @@ TEST_F(WakeUpTest, RingsWhoBeganToLookAndMayHaveMissedIt) {
   EXPECT_TRUE(is_rung());
 }
 
-TEST_F(WakeUpTest, RingsOnceForManyAndAgainAfterwards) {
+TEST_F(WakeUpTest, RingsOnceForManyEventsAndAgainAfterwards) {
   wake_up_.IsLooking();
   wake_up_.SleepsUntil(MonotonicTime::max());
   for (int i = 0; i < 10; ++i) wake_up_.RingFor();

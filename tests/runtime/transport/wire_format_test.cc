@@ -1,4 +1,5 @@
-// The fields of all that agents and clients send each other, against those of the wire version (docs/COMPATIBILITY.md).
+// The fields of all messages between agents and clients, compared with the fields of the wire version
+// (docs/COMPATIBILITY.md).
 #include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>
 #include <gtest/gtest.h>
@@ -24,7 +25,7 @@ using google::protobuf::EnumDescriptor;
 using google::protobuf::FieldDescriptor;
 using testing::IsEmpty;
 
-// The transport takes it from another agent.
+// Returns true if the transport accepts the body from another agent.
 bool MayTravel(const FieldDescriptor& body) {
   proto::Message message;
   message.set_hop_sender(2);
@@ -36,12 +37,12 @@ bool MayTravel(const FieldDescriptor& body) {
   return ParsePeerFrame(ToPeerFrame(message), 2).has_value();
 }
 
-// "Batch.codec = 3 Codec", and "Codec.CODEC_PLAIN = 1".
+// Lines such as "Batch.codec = 3 Codec" and "Codec.CODEC_PLAIN = 1".
 class WireLines {
  public:
   WireLines() {
     AddMessage(*proto::PeerFrame::descriptor());
-    AddMessage(*proto::RecordBatch::descriptor());  // Within Batch.coded.
+    AddMessage(*proto::RecordBatch::descriptor());  // The content of Batch.coded.
     AddMessage(*proto::ClientMessage::descriptor());
   }
   const std::set<std::string>& lines() const { return lines_; }
@@ -97,7 +98,7 @@ std::string GoldenFile() {
          ".txt";
 }
 
-// What is new is free to change until a release holds it still.
+// New fields may change until a release freezes them.
 TEST(WireFormatTest, HasTheFieldsOfItsVersion) {
   const auto text = ReadTextFile(GoldenFile());
   ASSERT_TRUE(text) << ToString(text.error());

@@ -57,7 +57,7 @@ TEST_F(ZeroMqTransportTest, CarriesMessagesBothWays) {
   EXPECT_LT(Peer(1, 3).seconds_since_heard(), 0);
 }
 
-// The longest that a frame has room for, and not a byte more: the link is not cut by either.
+// The longest message fits exactly into a frame. A message of that size or one byte more does not cut the link.
 TEST_F(ZeroMqTransportTest, CarriesMessagesInOrderAndTheLongest) {
   Start(1);
   Start(2);
@@ -82,7 +82,7 @@ TEST_F(ZeroMqTransportTest, CarriesMessagesInOrderAndTheLongest) {
   for (std::size_t i = 1; i <= 100; ++i) ASSERT_EQ(ears_[2].Take()->record_id().size(), i);
 }
 
-TEST_F(ZeroMqTransportTest, TellsThatAPeerIsAbsentOrUnknown) {
+TEST_F(ZeroMqTransportTest, ReportsThatAPeerIsAbsentOrUnknown) {
   Start(1);
   EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kUnreachable);
   EXPECT_EQ(transports_[1]->Send({9, "sync"}, Message(1, 9)), SendResult::kNoPeer);
@@ -110,8 +110,9 @@ TEST_F(ZeroMqTransportTest, ReachesAPeerAgainAfterItsRestart) {
   }
 }
 
-// A robot's disk was copied: two processes with one key number their connections from different starts.
-TEST_F(ZeroMqTransportTest, NoticesTwoProcessesWithOneKey) {
+// After a robot's disk was copied, two processes have the same key. They number their connections from different
+// starts.
+TEST_F(ZeroMqTransportTest, DetectsTwoProcessesWithOneKey) {
   Start(1);
   const RawDealer::Keys keys = KeysOf(2, 1);
   const auto connect = [&](std::uint32_t link_number) {
@@ -127,7 +128,7 @@ TEST_F(ZeroMqTransportTest, NoticesTwoProcessesWithOneKey) {
   EXPECT_TRUE(Peer(1, 2).has_two_processes());
 }
 
-TEST_F(ZeroMqTransportTest, RefusesAKeyThatIsNotTheTeams) {
+TEST_F(ZeroMqTransportTest, RefusesAKeyFromOutsideTheTeam) {
   Start(1);
   RawDealer::Keys keys = KeysOf(2, 1);
   keys.own = MakeCurveKeys().value();
@@ -136,9 +137,9 @@ TEST_F(ZeroMqTransportTest, RefusesAKeyThatIsNotTheTeams) {
   EXPECT_EQ(ears_[1].waiting(), 0u);
 }
 
-TEST_F(ZeroMqTransportTest, RefusesAnAgentThatHasLeftAndConnectsToItNoMore) {
+TEST_F(ZeroMqTransportTest, RefusesAnAgentThatHasLeftAndDoesNotConnectToIt) {
   Start(2);
-  team_.config.mutable_agents(1)->set_left(true);  // Rover2's own file is the old one.
+  team_.config.mutable_agents(1)->set_left(true);  // Rover2's own team file is still the old one.
   Start(1);
   Start(3);
   ASSERT_TRUE(ears_[1].WaitForPeer(3, true));
@@ -152,7 +153,7 @@ TEST_F(ZeroMqTransportTest, RefusesAnAgentThatHasLeftAndConnectsToItNoMore) {
 
 TEST_F(ZeroMqTransportTest, DoesNotTrustAPeerWithTheWrongKey) {
   Start(1);
-  // Somebody else listens at rover2's address, with a key of their own.
+  // An attacker listens at rover2's address with a key of its own.
   std::filesystem::remove(team_.folder / "rover2.pub");
   std::filesystem::remove(team_.folder / "rover2.sec");
   const CurveKeys other = MakeCurveKeys().value();
@@ -160,7 +161,7 @@ TEST_F(ZeroMqTransportTest, DoesNotTrustAPeerWithTheWrongKey) {
   std::ofstream(team_.folder / "rover2.sec") << other.secret_key;
   std::filesystem::permissions(team_.folder / "rover2.sec", std::filesystem::perms(0600));
   Start(2);
-  Start(3);  // Reads the new key, so that it can tell when rover2 has had its chance.
+  Start(3);  // Rover3 reads the new key. Its connection shows when rover2 could have connected.
   ASSERT_TRUE(ears_[3].WaitForPeer(2, true));
   ASSERT_TRUE(ears_[3].WaitForPeer(1, true));
   EXPECT_FALSE(Peer(1, 2).is_connected());
@@ -168,7 +169,7 @@ TEST_F(ZeroMqTransportTest, DoesNotTrustAPeerWithTheWrongKey) {
   EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kUnreachable);
 }
 
-TEST_F(ZeroMqTransportTest, DropsAndCountsWhatClaimsToBeAnother) {
+TEST_F(ZeroMqTransportTest, DropsAndCountsMessagesThatClaimAnotherSender) {
   Start(1);
   Start(2);
   ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
@@ -180,7 +181,7 @@ TEST_F(ZeroMqTransportTest, DropsAndCountsWhatClaimsToBeAnother) {
   EXPECT_EQ(Peer(1, 3).received_messages(), 0);
 }
 
-TEST_F(ZeroMqTransportTest, HearsPeersThatClaimTheSameRoutingId) {
+TEST_F(ZeroMqTransportTest, AcceptsPeersThatClaimTheSameRoutingId) {
   Start(1);
   const RawDealer::Keys keys_of_2 = KeysOf(2, 1);
   const RawDealer::Keys keys_of_3 = KeysOf(3, 1);
@@ -196,8 +197,8 @@ TEST_F(ZeroMqTransportTest, HearsPeersThatClaimTheSameRoutingId) {
   EXPECT_NE(ears_[1].Take(), nullptr);
 }
 
-// The kernel gives the second connection the descriptor of the first one; the link number tells them apart.
-TEST_F(ZeroMqTransportTest, CountsBytesPerConnectionWhereADescriptorIsReused) {
+// The kernel gives the second connection the file descriptor of the first one. Only their link numbers differ.
+TEST_F(ZeroMqTransportTest, CountsBytesPerConnectionThoughADescriptorIsReused) {
   Start(1);
   const RawDealer::Keys keys = KeysOf(2, 1);
   auto first = std::make_unique<RawDealer>(AddressOf(1), &keys);
@@ -214,7 +215,7 @@ TEST_F(ZeroMqTransportTest, CountsBytesPerConnectionWhereADescriptorIsReused) {
   EXPECT_EQ(Peer(1, 2).received_messages(), 2);
 }
 
-TEST_F(ZeroMqTransportTest, ClosesALinkOverWhichItsPeerSends) {
+TEST_F(ZeroMqTransportTest, ClosesAnOutgoingLinkOverWhichThePeerSends) {
   MakeTeam(/*is_insecure=*/true);
   for (int i = 0; i < 2; ++i) {
     team_.config.mutable_agents(i)->set_address("tcp://127.0.0.1:" + std::to_string(FreePort()));
@@ -239,14 +240,14 @@ TEST_F(ZeroMqTransportTest, DropsAndCountsDamagedFrames) {
   peer.Send("one", /*has_more=*/true);
   peer.Send("two");
   peer.Send("");
-  peer.Send(OnLink(7, ToPeerFrame({})));  // An empty Message, whose hop_sender is nobody.
+  peer.Send(OnLink(7, ToPeerFrame({})));  // An empty Message, whose hop_sender is no agent.
   peer.Send(OnLink(7, ToPeerFrame(Message(2, 1))));
   ASSERT_NE(ears_[1].Take(), nullptr);
   EXPECT_EQ(Peer(1, 2).rejected_messages(), 4);
   EXPECT_EQ(Peer(1, 2).received_messages(), 1);
 }
 
-TEST_F(ZeroMqTransportTest, DropsWhatOnlyActorsOfOneAgentMaySay) {
+TEST_F(ZeroMqTransportTest, DropsMessagesThatAreOnlyAllowedWithinAnAgent) {
   Start(1);
   const RawDealer::Keys keys = KeysOf(2, 1);
   RawDealer peer(AddressOf(1), &keys);
@@ -278,11 +279,11 @@ TEST_F(ZeroMqTransportTest, BoundsTheSizeOfMessagesAtBothEnds) {
   EXPECT_EQ(ears_[1].waiting(), 0u);
 }
 
-TEST_F(ZeroMqTransportTest, SaysWhenThePeerIsTooSlow) {
+TEST_F(ZeroMqTransportTest, ReportsThatThePeerIsTooSlow) {
   ZeroMqTransport::Options options;
   options.outbox.bytes_max = 100'000;
   Start(1, options);
-  // A peer that does not read: its transport's thread is held in a delivery.
+  // A peer that does not read, because its transport's thread is blocked in a delivery.
   std::mutex gate;
   std::unique_lock closed(gate);
   ZeroMqTransport::Options slow_options;
@@ -311,7 +312,7 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
   RawDealer first(options.client_endpoint);
   RawDealer second(options.client_endpoint);
 
-  // Whatever a client claims, it is a client that speaks to the gateway.
+  // The message is treated as a client's message to the gateway, whatever it claims.
   proto::Message request = Message(/*hop_sender=*/2, /*to=*/3);
   request.set_agent_id(2);
   request.set_source_actor("storage");
@@ -347,7 +348,7 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
   EXPECT_EQ(heard.request_id(), 2u);
 }
 
-TEST_F(ZeroMqTransportTest, TellsAClientThatItsReplyIsTooLarge) {
+TEST_F(ZeroMqTransportTest, ReportsToAClientThatItsReplyIsTooLarge) {
   ZeroMqTransport::Options options;
   options.client_endpoint = ClientEndpointHere();
   options.client_message_bytes_max = 1000;
@@ -368,7 +369,7 @@ TEST_F(ZeroMqTransportTest, TellsAClientThatItsReplyIsTooLarge) {
   EXPECT_THAT(answered.error().text, HasSubstr("more than the 1000 of a message"));
 }
 
-TEST_F(ZeroMqTransportTest, DoesNotHearAClientThatSpeaksAsATransport) {
+TEST_F(ZeroMqTransportTest, IgnoresAClientThatSendsAsATransport) {
   ZeroMqTransport::Options options;
   options.client_endpoint = ClientEndpointHere();
   Start(1, options);
@@ -380,7 +381,7 @@ TEST_F(ZeroMqTransportTest, DoesNotHearAClientThatSpeaksAsATransport) {
   EXPECT_FALSE(ears_[1].Take()->has_link_report());
 }
 
-TEST_F(ZeroMqTransportTest, AClientThatLeftHoldsUpNobody) {
+TEST_F(ZeroMqTransportTest, AClientThatLeftDelaysNoOther) {
   ZeroMqTransport::Options options;
   options.client_endpoint = ClientEndpointHere();
   Start(1, options);
@@ -398,7 +399,7 @@ TEST_F(ZeroMqTransportTest, AClientThatLeftHoldsUpNobody) {
   EXPECT_EQ(client.Receive(), Message(1, 1).SerializeAsString());
 }
 
-TEST_F(ZeroMqTransportTest, TellsThatAnAddressIsInUse) {
+TEST_F(ZeroMqTransportTest, ReportsThatAnAddressIsInUse) {
   ZeroMqTransport::Options options;
   options.client_endpoint = ClientEndpointHere();
   Start(1, options);
@@ -413,13 +414,13 @@ TEST_F(ZeroMqTransportTest, TellsThatAnAddressIsInUse) {
   EXPECT_EQ(other.error().text, "cannot listen on " + options.client_endpoint + ": Address already in use");
 }
 
-TEST_F(ZeroMqTransportTest, TakesThePlaceOfASocketThatWasLeftBehind) {
+TEST_F(ZeroMqTransportTest, ReplacesASocketThatWasLeftBehind) {
   ZeroMqTransport::Options options;
   options.client_endpoint = ClientEndpointHere();
   ASSERT_TRUE(MakePrivateFolder(folder_ / "run"));
   const std::string path = options.client_endpoint.substr(6);
   {
-    // As kill -9 leaves it: bound, with nobody there.
+    // The state after kill -9: the socket file exists, but no process listens.
     void* context = zmq_ctx_new();
     void* socket = zmq_socket(context, ZMQ_ROUTER);
     ASSERT_EQ(zmq_bind(socket, options.client_endpoint.c_str()), 0);
@@ -442,7 +443,7 @@ TEST_F(ZeroMqTransportTest, RefusesAFolderOfClientsThatOthersCanReach) {
   EXPECT_EQ(transport.error().code, ErrorCode::kInvalid);
 }
 
-TEST_F(ZeroMqTransportTest, TellsWhatIsWrongWithItsOwnKeys) {
+TEST_F(ZeroMqTransportTest, ReportsErrorsInItsOwnKeys) {
   ZeroMqTransport::Options options;
   options.secret_key_file = (team_.folder / "rover2.sec").string();
   EXPECT_THAT(Create(1, options).error().text, HasSubstr("rover2.sec: does not fit the public key"));
@@ -453,7 +454,7 @@ TEST_F(ZeroMqTransportTest, TellsWhatIsWrongWithItsOwnKeys) {
   EXPECT_EQ(Create(1).error().code, ErrorCode::kInvalid);
 }
 
-TEST_F(ZeroMqTransportTest, WithoutKeysStillKnowsItsTeam) {
+TEST_F(ZeroMqTransportTest, KnowsItsTeamWithoutKeys) {
   MakeTeam(/*is_insecure=*/true);
   Start(1);
   Start(2);
@@ -481,17 +482,17 @@ TEST_F(ZeroMqTransportTest, SendsFromManyThreads) {
   for (int i = 0; i < kThreads * kMessages; ++i) ASSERT_NE(ears_[2].Take(), nullptr);
 }
 
-TEST(ListenAddressTest, MakesNumbersOfNames) {
+TEST(ListenAddressTest, ResolvesNamesToNumericAddresses) {
   if (gethostbyname("localhost") == nullptr) GTEST_SKIP() << "this machine does not know the name localhost";
   EXPECT_EQ(NumericEndpoint("tcp://localhost:7400").value(), "tcp://127.0.0.1:7400");
 }
 
-TEST(ListenAddressTest, LeavesNumbersAndPathsAsTheyAre) {
+TEST(ListenAddressTest, KeepsNumericAddressesAndPaths) {
   EXPECT_EQ(NumericEndpoint("tcp://[::1]:7400").value(), "tcp://[::1]:7400");
   EXPECT_EQ(NumericEndpoint("ipc:///tmp/x").value(), "ipc:///tmp/x");
 }
 
-TEST(ListenAddressTest, LeavesAFileThatIsNoSocket) {
+TEST(ListenAddressTest, KeepsAFileThatIsNoSocket) {
   const TemporaryFolder folder;
   const std::string path = folder.File("file");
   std::ofstream(path) << "precious";

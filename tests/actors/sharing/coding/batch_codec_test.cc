@@ -34,14 +34,14 @@ void ExpectDecodes(BatchDecoder& decoder, const std::string& coded, const proto:
   EXPECT_EQ(decoded->SerializeAsString(), batch.SerializeAsString());
 }
 
-TEST(BatchCodecTest, GivesEveryByteBack) {
+TEST(BatchCodecTest, RestoresEveryByte) {
   for (const auto& batch : {proto::RecordBatch(), RowBatch(1), RowBatch(500), MapBatch(0, 5), MixedBatch()}) {
     BatchDecoder decoder;
     ExpectDecodes(decoder, Encode(batch), batch);
   }
 }
 
-TEST(BatchCodecTest, GivesBackAHashThatIsNotTheRecords) {
+TEST(BatchCodecTest, RestoresAHashThatDoesNotMatchItsRecord) {
   proto::RecordBatch batch = MixedBatch();
   batch.mutable_records(1)->set_hash(1);
   batch.mutable_records(4)->set_hash(0);
@@ -49,23 +49,23 @@ TEST(BatchCodecTest, GivesBackAHashThatIsNotTheRecords) {
   ExpectDecodes(decoder, Encode(batch), batch);
 }
 
-TEST(BatchCodecTest, GivesMapsBackThatItCannotTakeApart) {
+TEST(BatchCodecTest, RestoresMapsThatItCannotSplit) {
   proto::RecordBatch batch;
   *batch.add_records() =
       MapOf(DrawLayers(1, 1100, 1000, [](int, int column, int) { return static_cast<Cell>(column % 3); }), 0);
-  for (int i = 1; i < 7; ++i) {  // More cells than are coded at once.
+  for (int i = 1; i < 7; ++i) {  // Together more cells than the encoder codes at once.
     *batch.add_records() = MapOf(DrawLayers(1, 1000, 1000, [](int, int, int) { return Cell::kFree; }), i);
   }
   BatchDecoder decoder;
   ExpectDecodes(decoder, Encode(batch), batch);
 }
 
-TEST(BatchCodecTest, TakesATenthOfPlainRows) {
+TEST(BatchCodecTest, NeedsLessThanATenthOfTheBytesOfPlainRows) {
   const proto::RecordBatch batch = RowBatch(1000);
   EXPECT_LT(Encode(batch).size(), batch.ByteSizeLong() / 10);
 }
 
-TEST(BatchCodecTest, GoesOnLearningFromBatchToBatch) {
+TEST(BatchCodecTest, KeepsLearningFromBatchToBatch) {
   BatchEncoder encoder(Previous::kWhereItPays);
   BatchDecoder decoder;
   std::size_t first = 0, last = 0;
@@ -127,7 +127,7 @@ TEST(BatchCodecTest, RefersToAMapThatBothEndsHold) {
   EXPECT_FALSE(*ReferenceOf(Encode(batch)));
 }
 
-TEST(BatchCodecTest, GoesOnFromACopyAsFromTheOriginal) {
+TEST(BatchCodecTest, ACopyContinuesLikeTheOriginal) {
   BatchEncoder encoder(Previous::kWhereItPays);
   encoder.Encode(MapBatch(0, 3));
   BatchEncoder copy = encoder;
@@ -136,12 +136,12 @@ TEST(BatchCodecTest, GoesOnFromACopyAsFromTheOriginal) {
   EXPECT_EQ(encoder.Encode(MapBatch(3, 2)), other.Encode(MapBatch(3, 2)));
 }
 
-TEST(BatchCodecTest, RefusesAnotherNumberOfRecordsAndAnUnknownHead) {
+TEST(BatchCodecTest, RefusesAWrongNumberOfRecordsAndAnUnknownHeader) {
   std::string coded = Encode(MixedBatch());
   const std::uint32_t count = static_cast<std::uint32_t>(MixedBatch().records_size());
   EXPECT_EQ(CodeOf(BatchDecoder().Decode(coded, count + 1)), ErrorCode::kCorrupt);
   EXPECT_EQ(CodeOf(BatchDecoder().Decode(coded, kRowsMax + 1)), ErrorCode::kCorrupt);
-  coded[0] = 3;  // After no maps, a run's and those with a reference.
+  coded[0] = 3;  // The valid values are 0 (no maps), 1 (maps of a run) and 2 (maps with a reference).
   EXPECT_EQ(CodeOf(BatchDecoder().Decode(coded, count)), ErrorCode::kCorrupt);
 }
 
@@ -158,7 +158,7 @@ TEST(BatchCodecTest, RefusesEveryTruncation) {
   }
 }
 
-TEST(BatchCodecTest, NeverGivesOtherRecordsForDamagedBytes) {
+TEST(BatchCodecTest, NeverDecodesDamagedBytesToOtherRecords) {
   const unsigned seed = 51;
   SCOPED_TRACE(seed);
   Mutator mutator(seed);
@@ -174,8 +174,8 @@ TEST(BatchCodecTest, NeverGivesOtherRecordsForDamagedBytes) {
   }
 }
 
-TEST(BatchCodecTest, RefusesAFrameThatWouldFillTheMemory) {
-  // No maps, a zstd frame whose head states 2 GiB.
+TEST(BatchCodecTest, RefusesAFrameThatWouldExhaustTheMemory) {
+  // No maps, and a zstd frame whose header states 2 GiB.
   std::string coded(1, '\0');
   const std::string frame("\x28\xB5\x2F\xFD\xA0\x00\x00\x00\x80\x01\x00\x00", 12);
   coded.push_back(static_cast<char>(frame.size() * 2 + 1));

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Contexts of which only the first model's differ.
+// Contexts that differ only in the context of the first model.
 BitContexts ContextsOf(std::uint32_t first, bool has_previous = false) {
   BitContexts contexts;
   contexts.has_previous = has_previous;
@@ -23,12 +23,12 @@ void Show(const BitContexts& contexts, int bit, int times, BitModel& model) {
   }
 }
 
-TEST(BitModelTest, ExpectsNothingAtFirst) {
+TEST(BitModelTest, PredictsNearlyEvenOddsAtFirst) {
   BitModel model;
   EXPECT_NEAR(model.Predict(ContextsOf(0)).probability, kProbabilityOne / 2, kProbabilityOne / 5);
 }
 
-TEST(BitModelTest, LearnsWhatItSees) {
+TEST(BitModelTest, LearnsTheBitsThatItSees) {
   for (const bool has_previous : {false, true}) {
     for (const int bit : {0, 1}) {
       BitModel model;
@@ -39,7 +39,7 @@ TEST(BitModelTest, LearnsWhatItSees) {
   }
 }
 
-TEST(BitModelTest, TrustsTheModelThatKnows) {
+TEST(BitModelTest, TrustsTheModelThatPredictsWell) {
   BitModel model;
   std::mt19937 rng(61);
   for (int i = 0; i < 4000; ++i) {
@@ -50,7 +50,7 @@ TEST(BitModelTest, TrustsTheModelThatKnows) {
   EXPECT_LT(model.Predict(ContextsOf(0)).probability, kProbabilityOne / 20);
 }
 
-TEST(BitModelTest, NeverRulesABitOut) {
+TEST(BitModelTest, NeverPredictsABitWithCertainty) {
   BitModel model;
   Show(ContextsOf(0), 1, 100'000, model);
   EXPECT_LT(model.Predict(ContextsOf(0)).probability, kProbabilityOne);
@@ -58,7 +58,7 @@ TEST(BitModelTest, NeverRulesABitOut) {
   EXPECT_GT(model.PredictRare(Decision::kIsKnown), 0);
 }
 
-TEST(BitModelTest, ComesOutOfItsTextNearlyAsItWas) {
+TEST(BitModelTest, RestoresNearlyTheSameModelFromItsText) {
   BitModel model;
   std::mt19937 rng(62);
   for (int i = 0; i < 5000; ++i) Show(ContextsOf(rng() % 50, i % 3 == 0), rng() % 4 == 0 ? 1 : 0, 1, model);
@@ -71,7 +71,7 @@ TEST(BitModelTest, ComesOutOfItsTextNearlyAsItWas) {
   }
 }
 
-TEST(BitModelTest, HasLearntTables) { EXPECT_FALSE(kTrainedTables.empty()); }
+TEST(BitModelTest, HasAnInitialModel) { EXPECT_FALSE(kTrainedTables.empty()); }
 
 }  // namespace
 }  // namespace moondb

@@ -25,18 +25,18 @@ TEST(CellMemoryTest, KnowsTheLastCell) {
   }
 }
 
-TEST(CellMemoryTest, GrowsSurerWithEachConfirmation) {
+TEST(CellMemoryTest, GainsConfidenceWithEachOfThreeConfirmations) {
   EXPECT_EQ(std::set<int>({StateAfter({1}), StateAfter({1, 1}), StateAfter({1, 1, 1})}).size(), 3u);
   EXPECT_EQ(StateAfter({1, 1, 1}), StateAfter({1, 1, 1, 1, 1, 1}));
 }
 
-TEST(CellMemoryTest, KeepsItsBeliefAgainstOneMapThatSaysOtherwise) {
+TEST(CellMemoryTest, KeepsItsBeliefDespiteOneContradictingMap) {
   EXPECT_EQ(StateAfter({1, 1, 1, 2, 1}), StateAfter({1, 1, 1}));
   EXPECT_NE(StateAfter({1, 1, 1, 2}), StateAfter({2})) << "the belief shows";
   EXPECT_NE(StateAfter({1, 1, 1, 2}), StateAfter({0, 0, 0, 2})) << "and which one it is";
 }
 
-TEST(CellMemoryTest, ChangesItsBeliefInTheEnd) {
+TEST(CellMemoryTest, ChangesItsBeliefAfterRepeatedContradiction) {
   EXPECT_EQ(StateAfter({1, 2}), StateAfter({2}));
   EXPECT_EQ(StateAfter({1, 1, 1, 1, 2, 2, 2, 2}), StateAfter({2}));
   EXPECT_NE(StateAfter({1, 1, 1, 1, 2, 2, 2}), StateAfter({2}));

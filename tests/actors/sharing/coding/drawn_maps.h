@@ -1,4 +1,4 @@
-// Maps for the codec's tests: adversarial ones, random ones and some that look like a robot's.
+// Maps for the codec's tests: adversarial ones, random ones, and some that resemble a robot's maps.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,8 @@ namespace moondb {
 
 using Layers = std::vector<MapLayer>;
 
-// Layers that double their resolution from 5 cm; `draw` gives each cell by layer, column and row.
+// Layers whose resolutions double from one to the next, beginning at 5 cm. `draw` returns each cell by layer, column
+// and row.
 template <typename Draw>
 Layers DrawLayers(int layer_count, int width, int height, Draw draw) {
   Layers layers;
@@ -25,14 +26,15 @@ Layers DrawLayers(int layer_count, int width, int height, Draw draw) {
   return layers;
 }
 
-// Named in the order of the cases: all unknown, all free, all hazards, a checkerboard, one cell, one row, one column,
-// odd sides, one layer, eight layers, layers of other sizes and resolutions.
+// Maps in this order: all unknown, all free, all hazards, a checkerboard, one cell, one row, one column, odd side
+// lengths, one layer, eight layers, layers of different sizes and resolutions.
 std::vector<Layers> AdversarialMaps();
 
-// Of any form: sizes, layers, resolutions, and cells from noise to large blots.
+// A map with random sizes, layers and resolutions. Its cells range from noise to large blobs.
 Layers RandomMap(std::mt19937_64& rng);
 
-// What a robot might see from (x, y) in metres at that heading in a room with posts, whatever `seed` makes of it.
+// The map that a robot at (x, y) in metres with this heading might see of a room with posts. `seed` determines the
+// room.
 Layers RoomMap(std::uint64_t seed, double x_m, double y_m, double yaw_rad, int layer_count = 4, int cells = 64);
 
 }  // namespace moondb

@@ -14,7 +14,7 @@ TEST(LogisticTest, SquashFollowsTheLogisticFunction) {
   }
 }
 
-TEST(LogisticTest, SquashNeverSaysNeverNorAlways) {
+TEST(LogisticTest, SquashNeverReturnsZeroOrOne) {
   for (const int logit : {-1'000'000, -kLogitMax - 1, -kLogitMax, kLogitMax, kLogitMax + 1, 1'000'000}) {
     EXPECT_GT(Squash(logit), 0) << logit;
     EXPECT_LT(Squash(logit), kProbabilityOne) << logit;
@@ -23,12 +23,12 @@ TEST(LogisticTest, SquashNeverSaysNeverNorAlways) {
 
 TEST(LogisticTest, StretchUndoesSquash) {
   for (int logit = -1500; logit <= 1500; ++logit) {
-    const double step = 16.0 / (Squash(logit) * (1 - Squash(logit) / 65536.0)) * 256;  // Of the table, in logits.
+    const double step = 16.0 / (Squash(logit) * (1 - Squash(logit) / 65536.0)) * 256;  // Step of the table, in logits.
     ASSERT_NEAR(Stretch(Squash(logit)), logit, step + 1) << logit;
   }
 }
 
-TEST(LogisticTest, StretchNeverFalls) {
+TEST(LogisticTest, StretchNeverDecreases) {
   for (int p = 1; p < kProbabilityOne; ++p) ASSERT_GE(Stretch(p), Stretch(p - 1)) << p;
 }
 

@@ -56,17 +56,17 @@ std::vector<Layers> Drive(int count, double step_m = 0.4, double turn_rad = 0.4)
   return maps;
 }
 
-TEST(MapCodecTest, GivesAdversarialMapsBack) {
+TEST(MapCodecTest, RestoresAdversarialMaps) {
   for (const Layers& map : AdversarialMaps()) ExpectRoundTrip({map}, Previous::kNever);
   ExpectRoundTrip(AdversarialMaps(), Previous::kNever);
   ExpectRoundTrip(AdversarialMaps(), Previous::kWherePlaced);
 }
 
-TEST(MapCodecTest, GivesTenThousandRandomMapsBack) {
+TEST(MapCodecTest, RestoresTenThousandRandomMaps) {
   const unsigned seed = 31;
   SCOPED_TRACE(seed);
   std::mt19937_64 rng(seed);
-  constexpr int kMapsPerString = 40;  // More than a run has.
+  constexpr int kMapsPerString = 40;  // More maps than one run has.
   for (int string = 0; string < 250; ++string) {
     std::vector<Layers> maps;
     for (int i = 0; i < kMapsPerString; ++i) maps.push_back(RandomMap(rng));
@@ -75,7 +75,7 @@ TEST(MapCodecTest, GivesTenThousandRandomMapsBack) {
   }
 }
 
-TEST(MapCodecTest, GoesOnFromStringToString) {
+TEST(MapCodecTest, ContinuesARunFromStringToString) {
   const std::vector<Layers> maps = Drive(40);
   MapRunEncoder encoder(Previous::kWhereItPays);
   MapRunDecoder decoder;
@@ -97,17 +97,17 @@ TEST(MapCodecTest, LearnsThroughARun) {
   EXPECT_LT(Encode(maps, Previous::kNever).size(), alone * 19 / 20);
 }
 
-TEST(MapCodecTest, GainsFromThePreviousMapWhateverTheTurn) {
+TEST(MapCodecTest, GainsFromThePreviousMapThoughTheRobotTurns) {
   const std::vector<Layers> maps = Drive(8);
   EXPECT_LT(Encode(maps, Previous::kWhereItPays).size(), Encode(maps, Previous::kNever).size() * 9 / 10);
 }
 
-TEST(MapCodecTest, LeavesThePreviousMapWhereItDoesNotPay) {
+TEST(MapCodecTest, IgnoresThePreviousMapIfItDoesNotPay) {
   const std::vector<Layers> maps = {RoomMap(1, 0, 0, 0), RoomMap(2, 1, 1, 0)};
   EXPECT_LE(Encode(maps, Previous::kWhereItPays).size(), Encode(maps, Previous::kNever).size());
 }
 
-TEST(MapCodecTest, TakesTheNewestMapOfTheSameSourceForThePrevious) {
+TEST(MapCodecTest, UsesTheNewestMapOfTheSameSourceAsThePreviousMap) {
   const std::vector<Layers> mine = Drive(6);
   const auto size_with = [&](bool are_sources_stated) {
     MapRunEncoder encoder(Previous::kWhereItPays);
@@ -135,7 +135,7 @@ TEST(MapCodecTest, RefusesAReferenceThatIsNotHeld) {
   EXPECT_FALSE(Decode(decoder, coded, decoded));
 }
 
-TEST(MapCodecTest, RefusesAStringOutOfItsTurn) {
+TEST(MapCodecTest, RefusesAStringOutOfOrder) {
   const std::vector<Layers> maps = Drive(3);
   MapRunEncoder encoder(Previous::kNever);
   encoder.Add(maps[0]);
@@ -210,7 +210,7 @@ TEST(MapCodecTest, SurvivesRandomBytes) {
   }
 }
 
-// Drawn in whole numbers, so that it is the same everywhere: a world of blocks that rolls by, with noise.
+// Blocks that move past with some noise. Drawn in integers, so the maps are the same on every machine.
 std::vector<Layers> RollingBlocks() {
   std::vector<Layers> maps;
   for (int i = 0; i < 8; ++i) {
@@ -224,7 +224,7 @@ std::vector<Layers> RollingBlocks() {
   return maps;
 }
 
-// Of more cells in a row than are made ready at once.
+// Maps with more cells in a row than the encoder prepares at once.
 std::vector<Layers> WideMaps() {
   std::vector<Layers> maps;
   for (int i = 0; i < 3; ++i) {
@@ -238,7 +238,7 @@ std::vector<Layers> WideMaps() {
   return maps;
 }
 
-// What it writes is the wire format: a change here is a new wire version (docs/COMPATIBILITY.md).
+// The bytes are the wire format. A change here requires a new wire version (docs/COMPATIBILITY.md).
 TEST(MapCodecTest, WritesTheGoldenBytes) {
   const auto hash_of = [](const std::string& bytes) { return XXH64(bytes.data(), bytes.size(), 0); };
   std::string adversarial;

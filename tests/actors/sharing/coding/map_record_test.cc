@@ -16,7 +16,7 @@ proto::Record MapRecord(const Layers& layers) {
   return record;
 }
 
-TEST(MapRecordTest, TakesAMapApartAndJoinsItAgain) {
+TEST(MapRecordTest, SplitsAMapAndJoinsItAgain) {
   for (const Layers& layers : AdversarialMaps()) {
     const std::string content = MapRecord(layers).SerializeAsString();
     const std::optional<SplitMap> split = SplitMapRecord(content);
@@ -35,7 +35,7 @@ TEST(MapRecordTest, TakesAMapApartAndJoinsItAgain) {
   }
 }
 
-TEST(MapRecordTest, LeavesOthersWhole) {
+TEST(MapRecordTest, DoesNotSplitOtherOrInvalidRecords) {
   const proto::Record good = MapRecord(RoomMap(1, 0, 0, 0));
   ASSERT_TRUE(SplitMapRecord(good.SerializeAsString()));
   EXPECT_FALSE(SplitMapRecord(TemperatureRecord(1).SerializeAsString()));
@@ -55,7 +55,7 @@ TEST(MapRecordTest, LeavesOthersWhole) {
   EXPECT_FALSE(LayersOfFrame(huge.SerializeAsString()));
 }
 
-TEST(MapRecordTest, LeavesWhatAnotherVersionWouldSerialiseOtherwise) {
+TEST(MapRecordTest, DoesNotSplitRecordsWithUnknownFields) {
   const std::string good = MapRecord(RoomMap(1, 0, 0, 0)).SerializeAsString();
   const std::string unknown("\xF8\x07\x2A", 3);
   EXPECT_FALSE(SplitMapRecord(good + unknown));
@@ -65,7 +65,7 @@ TEST(MapRecordTest, LeavesWhatAnotherVersionWouldSerialiseOtherwise) {
   EXPECT_FALSE(SplitMapRecord(nested.SerializeAsString()));
 }
 
-TEST(MapRecordTest, LeavesWhatIsNotInCanonicalOrder) {
+TEST(MapRecordTest, DoesNotSplitRecordsOutOfCanonicalOrder) {
   const proto::Record record = MapRecord(RoomMap(1, 0, 0, 0));
   proto::Record timestamp, rest = record;
   timestamp.set_timestamp_ns(record.timestamp_ns());

@@ -26,7 +26,7 @@ void ExpectColumnRoundTrip(const Numbers& numbers) {
   EXPECT_TRUE(reader.IsAtEnd());
 }
 
-TEST(NumberColumnTest, GivesEveryNumberBack) {
+TEST(NumberColumnTest, RestoresEveryNumber) {
   const unsigned seed = 21;
   SCOPED_TRACE(seed);
   std::mt19937_64 rng(seed);
@@ -43,12 +43,12 @@ TEST(NumberColumnTest, GivesEveryNumberBack) {
   }
 }
 
-TEST(NumberColumnTest, GivesTheExtremesBack) {
+TEST(NumberColumnTest, RestoresTheExtremes) {
   const std::uint64_t most = std::numeric_limits<std::uint64_t>::max();
   ExpectColumnRoundTrip({0, most, 0, most, most / 2, most / 2 + 1, 0, 1});
 }
 
-TEST(NumberColumnTest, GivesDoublesBackToTheBit) {
+TEST(NumberColumnTest, RestoresDoublesBitForBit) {
   Numbers numbers;
   for (const double value : {0.0, -0.0, 1.5, std::numeric_limits<double>::infinity(), -1e-310, 3.25}) {
     numbers.push_back(std::bit_cast<std::uint64_t>(value));
@@ -58,7 +58,7 @@ TEST(NumberColumnTest, GivesDoublesBackToTheBit) {
   ExpectColumnRoundTrip(numbers);
 }
 
-TEST(NumberColumnTest, TakesNoPlanesForWhatGrowsEvenly) {
+TEST(NumberColumnTest, NeedsFewBytesForConstantOrEvenlyGrowingNumbers) {
   Numbers even, same;
   for (std::uint64_t i = 0; i < 1000; ++i) {
     even.push_back(1'700'000'000'000'000'000u + i * 100'000'000);
@@ -79,7 +79,7 @@ TEST(NumberColumnTest, RefusesEveryTruncation) {
   }
 }
 
-TEST(NumberColumnTest, RefusesAnUnknownWayAndWidth) {
+TEST(NumberColumnTest, RefusesAnUnknownMethodAndWidth) {
   for (const std::string& bytes : {std::string("\x03\x00\x00", 3), std::string("\x00\x00\x09\0\0\0\0\0\0\0\0\0", 12)}) {
     ByteReader reader(bytes);
     TakeColumn(2, reader);

@@ -21,12 +21,12 @@ CodedLayers ToCoded(const Layers& layers) {
         *added.cells.At(column, row) = static_cast<std::uint8_t>(layer.grid.At(column, row));
       }
     }
-    added.memory = added.cells;  // Nothing is believed.
+    added.memory = added.cells;  // Nothing is remembered except the cells themselves.
   }
   return coded;
 }
 
-TEST(PlacementTest, RotatesByTheRightAngle) {
+TEST(PlacementTest, RotatesByTheGivenAngle) {
   for (std::int32_t yaw = 0; yaw < kTurn; ++yaw) {
     const double angle = 2 * std::numbers::pi * yaw / kTurn;
     const Rotation rotation = RotationOf(yaw);
@@ -35,7 +35,7 @@ TEST(PlacementTest, RotatesByTheRightAngle) {
   }
 }
 
-TEST(PlacementTest, LeavesAMapWhereItIsWithoutMoving) {
+TEST(PlacementTest, DoesNotMoveAMapIfTheRobotDidNotMove) {
   const CodedLayers map = ToCoded(RoomMap(4, 0, 0, 0.3));
   for (const CodedLayer& layer : map) {
     const CellPlane placed = Place(map, layer, map.front().resolution_um, {});
@@ -49,19 +49,21 @@ TEST(PlacementTest, LeavesAMapWhereItIsWithoutMoving) {
 
 TEST(PlacementTest, ShiftsByHalfCellsAndTurns) {
   CodedLayers earlier = ToCoded(DrawLayers(1, 9, 9, [](int, int, int) { return Cell::kFree; }));
-  *earlier[0].memory.At(7, 4) = 2;  // 3 cells ahead of the middle.
+  *earlier[0].memory.At(7, 4) = 2;  // 3 cells ahead of the centre.
   CodedLayers later = ToCoded(DrawLayers(1, 9, 9, [](int, int, int) { return Cell::kUnknown; }));
   const std::uint32_t unit = later[0].resolution_um;
-  EXPECT_EQ(*Place(earlier, later[0], unit, {2, 0, 0}).At(6, 4), 2);          // One cell nearer now.
-  EXPECT_EQ(*Place(earlier, later[0], unit, {0, 0, kTurn / 4}).At(4, 1), 2);  // To the right after a turn to the left.
+  // A move by two half cells brings the marked cell one cell nearer.
+  EXPECT_EQ(*Place(earlier, later[0], unit, {2, 0, 0}).At(6, 4), 2);
+  // A turn to the left moves the marked cell to the right.
+  EXPECT_EQ(*Place(earlier, later[0], unit, {0, 0, kTurn / 4}).At(4, 1), 2);
   EXPECT_EQ(*Place(earlier, later[0], unit, {2, 0, 0}).At(8, 4), kNoMemory);
   EXPECT_EQ(*Place(earlier, later[0], unit, {0, 0, kTurn / 2}).At(1, 4), 2);
 }
 
-TEST(PlacementTest, TakesACoarserLayerWhereTheFinerEnds) {
+TEST(PlacementTest, UsesACoarserLayerBeyondTheFinerOne) {
   CodedLayers earlier = ToCoded(DrawLayers(2, 8, 8, [](int layer, int, int) { return static_cast<Cell>(layer + 1); }));
   const CodedLayers later = earlier;
-  const CellPlane placed = Place(earlier, later[0], later[0].resolution_um, {6, 0, 0});  // 3 cells ahead.
+  const CellPlane placed = Place(earlier, later[0], later[0].resolution_um, {6, 0, 0});  // Moves by 3 cells.
   EXPECT_EQ(*placed.At(4, 4), 1);
   EXPECT_EQ(*placed.At(5, 4), 2);
 }
@@ -78,7 +80,7 @@ TEST(PlacementTest, FindsHowTheRobotMoved) {
   }
 }
 
-TEST(PlacementTest, FindsNothingWhereThereIsNothingToGoBy) {
+TEST(PlacementTest, FindsNoPlacementWithoutHazardsInBothMaps) {
   const CodedLayers room = ToCoded(RoomMap(6, 0, 0, 0));
   const CodedLayers blank = ToCoded(DrawLayers(4, 64, 64, [](int, int, int) { return Cell::kFree; }));
   EXPECT_FALSE(FindPlacement(room, blank));

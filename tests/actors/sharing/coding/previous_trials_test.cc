@@ -7,16 +7,16 @@ namespace {
 
 using Way = PreviousTrials::Way;
 
-// How many maps are coded that way before another one is due.
+// Number of maps that are coded in `way` before another way is due.
 int CountOf(Way way, PreviousTrials& trials) {
   int count = 0;
   for (; trials.next() == way && count < 1000; ++count) trials.Coded(way, /*is_placed=*/true);
   return count;
 }
 
-TEST(PreviousTrialsTest, BeginsWithATrial) { EXPECT_EQ(PreviousTrials().next(), Way::kBoth); }
+TEST(PreviousTrialsTest, StartsWithATrial) { EXPECT_EQ(PreviousTrials().next(), Way::kBoth); }
 
-TEST(PreviousTrialsTest, RestsAfterTwoTrialsThatBroughtLittle) {
+TEST(PreviousTrialsTest, PausesAfterTwoTrialsWithLittleGain) {
   PreviousTrials trials;
   trials.Compared(100, 90);
   EXPECT_EQ(trials.next(), Way::kBoth);
@@ -27,20 +27,20 @@ TEST(PreviousTrialsTest, RestsAfterTwoTrialsThatBroughtLittle) {
   EXPECT_EQ(CountOf(Way::kAlone, trials), PreviousTrials::kRestMaps);
 }
 
-TEST(PreviousTrialsTest, DoesWithoutComparingWhereItBroughtMuch) {
+TEST(PreviousTrialsTest, SkipsComparingAfterALargeGain) {
   PreviousTrials trials;
   trials.Compared(100, 50);
   EXPECT_EQ(CountOf(Way::kWithPrevious, trials), PreviousTrials::kTrustMaps);
   EXPECT_EQ(trials.next(), Way::kBoth);
 }
 
-TEST(PreviousTrialsTest, GoesOnComparingWhereItBroughtSome) {
+TEST(PreviousTrialsTest, KeepsComparingAfterAModerateGain) {
   PreviousTrials trials;
   for (int i = 0; i < 10; ++i) trials.Compared(100, 80);
   EXPECT_EQ(trials.next(), Way::kBoth);
 }
 
-TEST(PreviousTrialsTest, TakesAMapThatFindsNoPlaceForAFailure) {
+TEST(PreviousTrialsTest, CountsAMapThatCannotBePlacedAsAFailure) {
   PreviousTrials trials;
   trials.Compared(100, 50);
   trials.Coded(Way::kWithPrevious, /*is_placed=*/false);

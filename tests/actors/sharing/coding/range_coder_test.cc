@@ -21,7 +21,7 @@ std::string Encode(const std::vector<Bit>& bits) {
   return encoder.Finish();
 }
 
-TEST(RangeCoderTest, GivesEveryBitBack) {
+TEST(RangeCoderTest, RestoresEveryBit) {
   const unsigned seed = 11;
   SCOPED_TRACE(seed);
   std::mt19937 rng(seed);
@@ -39,7 +39,7 @@ TEST(RangeCoderTest, GivesEveryBitBack) {
   }
 }
 
-TEST(RangeCoderTest, ComesWithinAPercentOfTheEntropy) {
+TEST(RangeCoderTest, CodesWithinAPercentOfTheEntropy) {
   const unsigned seed = 12;
   SCOPED_TRACE(seed);
   std::mt19937 rng(seed);
@@ -54,12 +54,12 @@ TEST(RangeCoderTest, ComesWithinAPercentOfTheEntropy) {
   EXPECT_LT(static_cast<double>(Encode(bits).size()), entropy_bits / 8 * 1.01);
 }
 
-TEST(RangeCoderTest, WritesNothingForWhatIsExpected) {
+TEST(RangeCoderTest, WritesNoBytesForExpectedBits) {
   EXPECT_EQ(Encode(std::vector<Bit>(1000, Bit{1, 65535})).size(), 0u);
   EXPECT_LE(Encode(std::vector<Bit>(1000, Bit{0, 1})).size(), 1u);
 }
 
-TEST(RangeCoderTest, BeginsAnewAfterFinish) {
+TEST(RangeCoderTest, RestartsAfterFinish) {
   RangeEncoder encoder;
   const auto code = [&encoder] {
     for (int i = 0; i < 50; ++i) encoder.Code(i % 3 == 0 ? 1 : 0, 20000);
@@ -69,7 +69,7 @@ TEST(RangeCoderTest, BeginsAnewAfterFinish) {
   EXPECT_EQ(code(), first);
 }
 
-TEST(RangeCoderTest, NoticesBytesBehindTheEnd) {
+TEST(RangeCoderTest, DetectsBytesAfterTheEnd) {
   std::vector<Bit> bits(400, Bit{0, 30000});
   const std::string bytes = Encode(bits) + "more";
   RangeDecoder decoder(bytes);
@@ -77,7 +77,7 @@ TEST(RangeCoderTest, NoticesBytesBehindTheEnd) {
   EXPECT_FALSE(decoder.IsAtEnd());
 }
 
-TEST(RangeCoderTest, ReadsZerosBehindTheEnd) {
+TEST(RangeCoderTest, ReadsZerosAfterTheEnd) {
   RangeDecoder decoder("");
   for (int i = 0; i < 1000; ++i) EXPECT_EQ(decoder.Code(0, 30000), 1);
 }

@@ -7,7 +7,7 @@
 namespace moondb {
 namespace {
 
-TEST(RayTableTest, LeadsInwards) {
+TEST(RayTableTest, RaysLeadInwards) {
   const RayTable table(100, 100);
   const RayTable::Ray& diagonal = table.RowAt(30)[30];
   const RayTable::Ray& sideways = table.RowAt(0)[30];
@@ -17,7 +17,7 @@ TEST(RayTableTest, LeadsInwards) {
   }
 }
 
-TEST(RayTableTest, StaysWithinItsClassesWhateverTheSize) {
+TEST(RayTableTest, KeepsItsClassesWithinBoundsForAnySize) {
   for (const auto& [width, height] : {std::pair{1, 1}, {1, 57}, {57, 1}, {2, 3}, {100, 100}, {101, 33}, {400, 3}}) {
     const RayTable table(width, height);
     EXPECT_TRUE(table.IsFor(width, height));
@@ -34,7 +34,7 @@ TEST(RayTableTest, StaysWithinItsClassesWhateverTheSize) {
   }
 }
 
-TEST(RayTableTest, TellsBearingsAndDistancesApart) {
+TEST(RayTableTest, DistinguishesBearingsAndDistances) {
   const RayTable table(100, 100);
   EXPECT_NE(table.RowAt(2)[40].bearing, table.RowAt(40)[2].bearing);
   EXPECT_LT(table.RowAt(1)[1].distance, table.RowAt(1)[20].distance);

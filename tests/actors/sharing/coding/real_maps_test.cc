@@ -1,4 +1,4 @@
-// The map codec on recorded missions (MOONDB_DATA): what it makes of 2 bits a cell with zstd.
+// Compares the map codec on recorded missions (MOONDB_DATA) with zstd on cells packed into 2 bits each.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -75,7 +75,7 @@ void Measure(const std::vector<Layers>& maps, Sizes& sizes) {
   }
 }
 
-TEST(RealMapsTest, TakesLessThanAThirdOfPackedCells) {
+TEST(RealMapsTest, NeedLessThanAThirdOfTheBytesOfPackedCells) {
   const char* data = std::getenv("MOONDB_DATA");
   if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set";
   Sizes sizes;

@@ -39,7 +39,7 @@ std::vector<std::string> Rows(int count, const std::function<proto::Record(int)>
 
 std::size_t PartCount(const std::string& row) { return FindShape(row, *proto::Record::descriptor()).size(); }
 
-TEST(RowCodecTest, GivesRecordsBack) {
+TEST(RowCodecTest, RestoresRecords) {
   std::mt19937_64 rng(41);
   ExpectRoundTrip({});
   ExpectRoundTrip(Rows(300, TemperatureRecord));
@@ -47,7 +47,7 @@ TEST(RowCodecTest, GivesRecordsBack) {
   ExpectRoundTrip(Rows(100, [&](int i) { return i % 3 == 0 ? TemperatureRecord(i) : NodeRecord(i, rng); }));
 }
 
-TEST(RowCodecTest, GivesEdgesWithTheirCovariancesBack) {
+TEST(RowCodecTest, RestoresEdgesWithTheirCovariances) {
   ExpectRoundTrip(Rows(50, [](int i) {
     proto::Record record;
     record.mutable_pose_graph_edge()->mutable_from()->set_index(static_cast<std::uint64_t>(i));
@@ -57,7 +57,7 @@ TEST(RowCodecTest, GivesEdgesWithTheirCovariancesBack) {
   }));
 }
 
-TEST(RowCodecTest, GivesEveryDoubleBackToTheBit) {
+TEST(RowCodecTest, RestoresEveryDoubleBitForBit) {
   std::vector<std::string> rows;
   for (const std::uint64_t bits : {std::uint64_t{0x7FF8000000000001}, 0xFFF8DEADBEEF0001u, 0x7FF0000000000001u,
                                    0x8000000000000000u, std::uint64_t{1}, 0x7FF0000000000000u}) {
@@ -68,17 +68,18 @@ TEST(RowCodecTest, GivesEveryDoubleBackToTheBit) {
   ExpectRoundTrip(rows);
 }
 
-TEST(RowCodecTest, GivesUnknownFieldsBackWhereTheyStood) {
+TEST(RowCodecTest, RestoresUnknownFieldsInTheirPlaces) {
   const std::string known = TemperatureRecord(1).SerializeAsString();
   const std::string unknown(
       "\xF8\x07\x2A\xF2\x3F\x03"
       "abc",
-      9);  // Field 127: 42; field 1022: "abc".
+      9);  // Field 127 is 42, and field 1022 is "abc".
   ExpectRoundTrip({unknown + known, known + unknown, known, unknown});
 }
 
-TEST(RowCodecTest, GivesBackWhatIsNotCanonical) {
-  const std::string overlong("\x09\x01\x02\x03\x04\x05\x06\x07\x08\x10\x81\x00", 12);  // A bool of two bytes.
+TEST(RowCodecTest, RestoresBytesThatAreNotCanonical) {
+  // The varint of a bool in two bytes.
+  const std::string overlong("\x09\x01\x02\x03\x04\x05\x06\x07\x08\x10\x81\x00", 12);
   const std::string cut = NodeRecord(1, *std::make_unique<std::mt19937_64>(1)).SerializeAsString().substr(0, 30);
   const std::string group("\x0B\x0C", 2);
   EXPECT_EQ(PartCount(overlong), 1u);
@@ -86,13 +87,13 @@ TEST(RowCodecTest, GivesBackWhatIsNotCanonical) {
                    TemperatureRecord(2).SerializeAsString()});
 }
 
-TEST(RowCodecTest, GivesBackRowsThatDifferInTheirNestingAlone) {
-  const std::string outside("\x62\x02\x08\x01\x10\x01", 6);  // A message of one field, and one behind it;
-  const std::string inside("\x62\x04\x08\x01\x10\x01", 6);   // a message of both.
+TEST(RowCodecTest, RestoresRowsThatDifferOnlyInTheirNesting) {
+  const std::string outside("\x62\x02\x08\x01\x10\x01", 6);  // A message with one field, followed by another field.
+  const std::string inside("\x62\x04\x08\x01\x10\x01", 6);   // A message with both fields.
   ExpectRoundTrip({outside, inside, outside});
 }
 
-TEST(RowCodecTest, GivesBackMoreShapesThanItTakes) {
+TEST(RowCodecTest, RestoresMoreShapesThanItMayStore) {
   std::vector<std::string> rows;
   for (int i = 0; i < 100; ++i) {
     std::string row;
@@ -103,7 +104,7 @@ TEST(RowCodecTest, GivesBackMoreShapesThanItTakes) {
   ExpectRoundTrip(rows);
 }
 
-TEST(RowCodecTest, GivesBackWhatIsNestedTooDeepOrHasTooManyParts) {
+TEST(RowCodecTest, RestoresRowsThatAreNestedTooDeepOrHaveTooManyParts) {
   proto::Record record;
   for (int i = 0; i < 400; ++i) record.mutable_local_traversability_map()->add_layers()->set_width_cells(9);
   const std::string wide = record.SerializeAsString();
@@ -111,7 +112,7 @@ TEST(RowCodecTest, GivesBackWhatIsNestedTooDeepOrHasTooManyParts) {
   ExpectRoundTrip({wide, TemperatureRecord(1).SerializeAsString()});
 }
 
-TEST(RowCodecTest, GivesTenThousandMutatedRowsBack) {
+TEST(RowCodecTest, RestoresTenThousandMutatedRows) {
   const unsigned seed = 42;
   SCOPED_TRACE(seed);
   Mutator mutator(seed);
@@ -128,7 +129,7 @@ TEST(RowCodecTest, GivesTenThousandMutatedRowsBack) {
   }
 }
 
-TEST(RowCodecTest, SetsLikeFieldsSideBySide) {
+TEST(RowCodecTest, StoresTheSameFieldOfAllRowsTogether) {
   const std::vector<std::string> rows = Rows(1000, TemperatureRecord);
   const std::string bytes = Encode(rows);
   EXPECT_LT(bytes.size(), rows.size() * 14) << "five bytes of a stamp, eight of a double";
@@ -144,14 +145,14 @@ TEST(RowCodecTest, RefusesEveryTruncation) {
   }
 }
 
-TEST(RowCodecTest, RefusesMoreThanItMayMake) {
+TEST(RowCodecTest, RefusesToDecodeMoreBytesThanItsLimit) {
   const std::string bytes = Encode(std::vector<std::string>(100, std::string(1000, 'a')));
   ByteReader reader(bytes);
   TakeRows(99'999, reader);
   EXPECT_FALSE(reader.is_good());
 }
 
-TEST(RowCodecTest, RefusesShapesThatAreNone) {
+TEST(RowCodecTest, RefusesInvalidShapes) {
   const auto refuses = [](const RowShape& shape) {
     std::string bytes;
     PutShape(shape, bytes);
@@ -173,15 +174,15 @@ TEST(RowCodecTest, RefusesShapesThatAreNone) {
   EXPECT_TRUE(refuses(deep));
 }
 
-// Some 34 bytes, that would take gigabytes.
-TEST(RowCodecTest, RefusesAShapeOfMoreDoublesThanThereMayBe) {
+// About 34 bytes that would allocate gigabytes.
+TEST(RowCodecTest, RefusesAShapeWithTooManyDoubles) {
   std::string bytes;
-  PutVarint(1, bytes);      // A row,
-  PutVarint(1, bytes);      // a shape,
-  PutVarint(1, bytes);      // a part of it:
-  bytes.push_back('\x05');  // doubles,
+  PutVarint(1, bytes);      // One row.
+  PutVarint(1, bytes);      // One shape.
+  PutVarint(1, bytes);      // One part of the shape.
+  bytes.push_back('\x05');  // The part's kind is doubles.
   PutVarint(1 << 3 | 2, bytes);
-  PutVarint(300'000'000, bytes);  // so many.
+  PutVarint(300'000'000, bytes);  // Number of doubles.
   ByteReader reader(bytes);
   EXPECT_TRUE(TakeRows(1000, reader).empty());
   EXPECT_FALSE(reader.is_good());
