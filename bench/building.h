@@ -1,7 +1,7 @@
-// Building: walls, doors and furniture of one floor, drawn at random, for lasers to look at.
+// Building: a random floor plan with walls, openings and furniture, as the environment of a simulated laser.
 //
-// A square floor is cut into rooms again and again, with or without a corridor between the halves; every wall gets
-// doors, and rooms get boxes and round posts. Immutable once made.
+// A square floor is cut into rooms recursively, with or without a corridor between the halves. Every wall gets
+// openings, and rooms get boxes and round posts. Immutable once made.
 #pragma once
 
 #include <cstddef>
@@ -18,9 +18,9 @@ class Building {
 
   static Building Make(Random& random);
 
-  // Coordinates about the middle, in metres; what is outside is wall.
+  // Coordinates are in metres from the middle. Everything outside the floor is wall.
   bool IsSolid(double x_m, double y_m) const;
-  // Nothing solid within a rover's radius.
+  // Returns true if nothing solid is within a rover's radius of this point.
   bool HasRoomAt(double x_m, double y_m) const;
 
  private:

@@ -44,7 +44,7 @@ struct RingState {
   caf::actor next;
 };
 
-// The ring is closed by a message that names the next actor.
+// A message that contains an actor sets the next actor of the ring, and so can close the ring.
 caf::behavior RingActor(caf::stateful_actor<RingState>* self, Tally* tally) {
   return {[=](const caf::actor& next) { self->state.next = next; },
           [=](std::uint64_t left) {

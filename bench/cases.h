@@ -1,4 +1,4 @@
-// All cases of runtime_bench, under the names that --only takes.
+// All cases of runtime_bench, under the names that --only accepts.
 #pragma once
 
 #include <functional>
@@ -16,19 +16,20 @@ struct BenchCase {
   std::function<Result<std::vector<Section>>(const BenchOptions& options)> run;
 };
 
-// A contest of one number.
+// Wraps a contest whose result is one number.
 BenchCase AsCase(Contest contest);
 
-// All of the following, in the order in which they are to be run.
+// Returns all cases below, in the order in which to run them.
 std::vector<BenchCase> AllCases();
 
-// How far the resident memory grows while messages flow. To be run first: later the heap holds what others freed.
+// Growth of the resident memory while messages flow. Run these cases first: later, the heap contains memory that other
+// cases freed.
 std::vector<BenchCase> MemoryCases();
-// Within one process: moondb, CAF (where this build has it) and the limit, in turn.
+// Cases within one process: moondb, CAF (if this build has it) and the limit, in turn.
 std::vector<BenchCase> InProcessCases();
-// Between two agents over loopback TCP: moondb and libzmq alone, in turn.
+// Cases between two agents over loopback TCP: moondb and libzmq alone, in turn.
 std::vector<BenchCase> RemoteCases();
-// What a system costs that has nothing to do.
+// Cost of a system that has nothing to do.
 std::vector<BenchCase> IdleCases();
 
 }  // namespace moondb

@@ -57,7 +57,7 @@ def fill_under_inserts(team):
 
 
 def takes(team):
-    """Whether it takes a node and a state; else why not."""
+    """Returns why the agent does not store a node and a state, or an empty text if it does."""
     state = team.moonctl("-a", team.name, "record", "insert", "temperature", '{"celsius": -20}', check=False)
     for done in (team.insert(check=False), state):
         if done.returncode != 0:
@@ -66,7 +66,7 @@ def takes(team):
 
 
 def trial(team, fill, end):
-    """Why the rover does not store again; empty: it does."""
+    """Runs one trial. Returns why the rover does not store again, or an empty text if it does."""
     team.begin()
     for _ in range(MAPS - 6):
         team.insert_map()

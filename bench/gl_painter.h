@@ -1,7 +1,9 @@
-// GlPainter: the paper's merger on OpenGL (Section 5.3): layers sorted by resolution and time, drawn over the whole map
-// one after the other, the best last; a texture a layer, unknown discarded, footprints on top.
+// GlPainter: the paper's merger on OpenGL (Section 5.3), a painter's algorithm. It sorts layers by resolution and time
+// and draws them over the whole map one after the other, the best last. Each layer is a texture, unknown cells are
+// discarded, and footprints are drawn on top.
 //
-// Placed by floats as graphics do it, so that cells at the borders may differ from the exact mergers'. Needs a driver.
+// Places layers with floats as graphics programs do. So cells at borders may differ from those of the exact mergers.
+// Needs an OpenGL driver.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +24,7 @@ class GlPainter {
   // Uploads the layers.
   Result<void> Load(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid);
 
-  // Draws everything and reads it back, row by row.
+  // Draws all layers and reads the picture back, row by row.
   Result<void> Merge(const CellBox& extent);
 
   const std::vector<Cell>& cells() const { return cells_; }

@@ -10,10 +10,10 @@
 namespace moondb {
 namespace {
 
-constexpr int kAgents = 4;  // So that each has three peers.
+constexpr int kAgents = 4;  // Each agent has three peers.
 constexpr int kPoolActors = 4;
 constexpr int kThreadActors = 3;
-// Until what happens after a start is over.
+// Time until the work after a start is over.
 constexpr std::chrono::seconds kSettling(5);
 
 class Idler final : public Actor {
@@ -29,7 +29,7 @@ void SpawnIdlers(ActorSystem& system, int count, Placement placement, const std:
   }
 }
 
-// Agents as an agent's program makes them, all in this process; the figures are of one of them.
+// Runs agents, set up as in an agent's program, all in this process. The figures are per agent.
 Result<std::vector<Section>> RunIdle(const BenchOptions& options) {
   if (!IsAskedFor("moondb", options)) return std::vector<Section>{};
   Tally tally(/*sender_count=*/1, /*per_sender=*/1);

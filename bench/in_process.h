@@ -1,5 +1,5 @@
-// What is measured within one process, of each contender in the same way. Everything has its library's defaults, but
-// where it says otherwise. Errors: a message that was lost or came out of order.
+// Measurements within one process, made in the same way for each contender. Every library has its default settings
+// unless a comment says otherwise. Errors: a message that was lost or arrived out of order.
 #pragma once
 
 #include <cstdint>
@@ -13,25 +13,27 @@ namespace moondb {
 inline constexpr std::uint64_t kBurstMessages = 1000;
 inline constexpr int kRingActors = 1000;
 
-// A function that is empty: not in this build.
+// Functions that measure one contender. A function is empty if this build does not have the contender.
 struct InProcess {
-  // Messages a second from so many outside threads to one actor; `count` is of all together.
+  // Messages per second from `sender_count` outside threads to one actor; `count` is the total of all threads.
   std::function<Result<double>(int sender_count, std::uint64_t count)> fan_in;
-  // Messages a second from one actor to another, in bursts of kBurstMessages of which the last is acknowledged.
+  // Messages per second from one actor to another, in bursts of kBurstMessages. The last message of a burst is
+  // acknowledged.
   Measure actor_to_actor;
-  // Hops a second of one message around kRingActors actors.
+  // Hops per second of one message around kRingActors actors.
   Measure ring;
-  // Microseconds a round trip between two actors, on one worker or on a thread each.
+  // Microseconds per round trip between two actors, which share one worker or have one thread each.
   Measure ping_pong_same_worker;
   Measure ping_pong_across_threads;
 };
 
-// A small message is one without a body, its number in request_id.
+// moondb. A small message has no body; its number is in request_id.
 InProcess MoondbInProcess();
-// The C++ Actor Framework, as its manual shows it. A small message is one uint64_t.
+// The C++ Actor Framework, used as in its manual. A small message is one uint64_t.
 InProcess CafInProcess();
-// No actor library: what the pattern itself costs on this machine. Numbers through a bounded deque under a mutex, whose
-// reader takes all that waits at once; virtual calls from object to object; two threads that wake each other.
+// No actor library: the cost of the pattern itself on this machine. Numbers pass through a bounded deque under a mutex,
+// whose reader takes all waiting numbers at once. A ring is virtual calls from object to object. A round trip is two
+// threads that wake each other.
 InProcess LimitInProcess();
 
 }  // namespace moondb

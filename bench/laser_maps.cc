@@ -11,9 +11,9 @@ namespace moondb {
 
 namespace {
 
-constexpr double kMarch_m = 0.0125;    // Along a beam, to what it hits.
-constexpr double kCross_m = 0.02;      // Along a beam, from cell to cell.
-constexpr double kStrayShare = 0.002;  // Of beams that end at something small in the air.
+constexpr double kMarch_m = 0.0125;    // Step along a beam when searching for the wall that it hits.
+constexpr double kCross_m = 0.02;      // Step along a beam when marking the cells that it crosses.
+constexpr double kStrayShare = 0.002;  // Share of beams that end at a small object in the air.
 constexpr double kDriveStep_m = 0.1;
 constexpr int kDriveTriesMax = 400;
 
@@ -24,8 +24,8 @@ struct Laser {
   double sigma_m = 0.01;
   int scan_count = 1;
   double scan_spacing_m = 0.1;
-  bool is_free_at_range = false;  // What a beam crosses counts even if it ends nowhere.
-  bool has_thin_lines = false;    // Of two cells that touch at a corner, a beam takes no third.
+  bool is_free_at_range = false;  // Crossed cells are free even if the beam hits nothing.
+  bool has_thin_lines = false;    // Between two cells that touch at a corner, no third cell is crossed.
   int layer_count = 4;
   int cells_per_side = 100;
   double resolution_m = 0.05;
@@ -128,7 +128,7 @@ class Scanner {
     }
   }
 
-  // From the layer's middle.
+  // Returns the column or row for a distance in metres from the layer's middle.
   static int Index(const MapLayer& layer, double metres) {
     return static_cast<int>(std::floor(metres * 1e6 / layer.resolution_um));
   }

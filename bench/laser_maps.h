@@ -1,8 +1,8 @@
 // Local traversability maps as a rover with a scanning laser makes them in a building.
 //
-// A map holds one scan or several from a short way back. A beam makes the cells that it crosses free and the cell in
-// which it ends a hazard, in each layer by itself: a hazard's coarser cell is always a hazard, while a thin line of
-// cells differs from layer to layer.
+// A map contains one scan, or several scans made a short distance apart. A beam marks the cells that it crosses as free
+// and the cell in which it ends as a hazard. This happens in each layer separately. The coarser cell above a hazard is
+// therefore always a hazard, while a thin line of cells differs between layers.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace moondb {
 
-// The maps of one drive through a building of its own, with a laser of its own, in order. The same seed gives the same.
+// Returns the maps of one drive, in order. The seed determines the building, the laser and the drive.
 std::vector<TraversabilityMap> MakeLaserMaps(std::uint64_t seed, int count);
 
 }  // namespace moondb

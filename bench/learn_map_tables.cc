@@ -1,11 +1,13 @@
-// learn_map_tables: makes actors/sharing/coding/trained_tables_data.cc, with which every run of coded maps begins.
+// learn_map_tables: generates actors/sharing/coding/trained_tables_data.cc, the initial model for every run of coded
+// maps.
 //
 //   learn_map_tables > actors/sharing/coding/trained_tables_data.cc
 //
-// It learns from generated maps alone: lasers in buildings, cameras on the Moon, and maps that roll over one grid. What
-// it makes is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a new wire version
+// It is trained only on generated maps: lasers in buildings, cameras on the Moon, and maps that roll over one grid. Its
+// output is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a new wire version
 // (docs/COMPATIBILITY.md).
-// Takes a minute. After a change to the model's own shape, leave the text in that file empty for the first time.
+//
+// Takes a minute. After changing the structure of the model, first build it with an empty text in that file.
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -23,7 +25,7 @@
 namespace moondb {
 namespace {
 
-// What is learnt stays right for longer than what one run sees.
+// Trained probabilities hold for longer than those seen in one run, so they adapt more slowly.
 constexpr std::uint32_t kCountLimit = BitModel::kCountMax;
 constexpr int kDrives = 150;
 constexpr int kMapsPerDrive = 16;
@@ -33,7 +35,7 @@ constexpr double kCamera_min = 3;
 
 using Drive = std::vector<TraversabilityMap>;
 
-// One drive each for the rovers of a generated mission.
+// Makes one drive for each rover of a generated mission.
 std::vector<Drive> MakeCameraDrives(std::uint64_t seed) {
   MissionOptions options;
   options.seed = seed;
@@ -48,7 +50,7 @@ std::vector<Drive> MakeCameraDrives(std::uint64_t seed) {
   return drives;
 }
 
-// Adds a drive in pieces.
+// Splits a drive into runs of kPieceMaps maps and adds them.
 void AddPieces(const Drive& drive, std::vector<Drive>& pieces) {
   for (std::size_t first = 0; first < drive.size(); first += kPieceMaps) {
     const auto begin = drive.begin() + static_cast<std::ptrdiff_t>(first);
@@ -56,7 +58,7 @@ void AddPieces(const Drive& drive, std::vector<Drive>& pieces) {
   }
 }
 
-// In no order, so that what is learnt last is of all kinds.
+// Shuffles the runs. The model adapts most to its last input, which must therefore contain all kinds of maps.
 std::vector<Drive> MakePieces() {
   std::vector<Drive> pieces;
   for (int i = 0; i < kDrives; ++i) {

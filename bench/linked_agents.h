@@ -18,23 +18,23 @@ namespace moondb {
 
 class LinkedAgents {
  public:
-  // With ids from 1. `is_curve`: with keys of their own, else insecure. A message that an actor has no room for makes
-  // `tally` fail; it outlives this.
+  // Makes agents with ids from 1. With `is_curve`, each has its own keys; otherwise the team is insecure. If a mailbox
+  // has no room for a message, `tally` fails. `tally` must outlive this object.
   LinkedAgents(int agent_count, bool is_curve, Tally& tally);
   ~LinkedAgents();
 
-  // To spawn actors in, before Start.
+  // The agent's actor system. Spawn actors in it before Start.
   ActorSystem& system(AgentId agent) { return *agents_.at(agent - 1)->system; }
-  // From Start on.
+  // Requires: Start was called.
   Transport& transport(AgentId agent) { return *agents_.at(agent - 1)->transport; }
 
-  // Until each agent has reached every other. Errors: what ZeroMqTransport::Create says; kUnavailable when they do not
-  // reach each other within a minute.
+  // Starts all agents and waits until each one has reached every other one. Errors: those of ZeroMqTransport::Create;
+  // kUnavailable if the agents do not reach each other within a minute.
   Result<void> Start();
 
  private:
   struct Agent {
-    std::latch is_up{1};  // Before it the transport has nobody to notify.
+    std::latch is_up{1};  // Counted down once `transport` is set; callbacks wait for it.
     std::unique_ptr<ActorSystem> system;
     std::unique_ptr<ZeroMqTransport> transport;
   };
@@ -50,7 +50,7 @@ class LinkedAgents {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  int connections_ = 0;  // Reached peers of all agents together.
+  int connections_ = 0;  // Number of reached peers, summed over all agents.
 };
 
 }  // namespace moondb

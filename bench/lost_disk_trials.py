@@ -40,7 +40,7 @@ class Team:
         self.processes = {}
         self.moonctl("config", "init", "--agents", len(NAMES), "--first-port", first_port, self.file)
         text = self.file.read_text(encoding="utf-8")
-        # Poses that the leader derives by itself would come between the last sync and the look at the files.
+        # Otherwise the leader could store solved poses between the last sync and the comparison of the files.
         self.file.write_text(text.replace("solve_by_itself: true", "solve_by_itself: false"), encoding="utf-8")
 
     def moonctl(self, *arguments, check=True):
@@ -73,7 +73,7 @@ class Team:
             process.wait(timeout=30)
 
     def share(self):
-        """Whether both said that everything is acknowledged."""
+        """Returns whether both commands reported that everything is acknowledged."""
         for kind in ("sync", "replicate"):
             for tries_left in reversed(range(8)):
                 done = self.moonctl("--timeout", "30s", kind, "now", "--wait", check=False)
@@ -96,7 +96,7 @@ class Team:
         self.moonctl("-a", NAMES[agent], "record", "insert", kind, json.dumps(body))
 
     def states(self, holder, origin):
-        """What `holder` has of `origin`: its temperatures, and its nodes' indexes."""
+        """Returns the temperatures and node indexes of `origin` that `holder` stores."""
         file = self.data(holder) / "moondb.sqlite"
         with contextlib.closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True, timeout=10)) as db:
             celsius = [c for (c,) in db.execute("SELECT celsius FROM temperature WHERE origin = ?", (origin + 1,))]
@@ -115,7 +115,7 @@ def backup(team, agent, path):
 
 
 def lose_disk(team, agent, copy):
-    """The agent is not running; `copy` takes its disk's place, None leaves it empty."""
+    """Replaces the agent's disk by `copy`, or by an empty one if None. Requires: the agent is not running."""
     for file in team.data(agent).glob("moondb.sqlite*"):
         file.unlink()
     if copy:
@@ -123,7 +123,7 @@ def lose_disk(team, agent, copy):
 
 
 def run_trial(team, number, case, draw):
-    """The error, or None."""
+    """Runs one trial and returns the error, or None."""
     agent = draw.choice([2, 2, LEADER, SURVIVOR])
     value, lives = number * 10.0, draw.choice([1, 2])
     copy = team.folder / "copy.sqlite" if case == "restored" else None

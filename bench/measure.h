@@ -1,5 +1,5 @@
-// Contenders measured in turn within one run (A B C, A B C, ...), so that whatever else the machine does meets all of
-// them alike; what counts is the median of each and the ratio of two.
+// Measures contenders in turn within one run (A B C, A B C, ...). Other load on the machine then affects all of them
+// equally. The result is the median of each contender and the ratio of two medians.
 #pragma once
 
 #include <chrono>
@@ -15,19 +15,19 @@ namespace moondb {
 
 using BenchClock = std::chrono::steady_clock;
 
-// Runs one repetition with so many messages (hops, round trips) and returns its figure in the contest's unit.
+// Runs one repetition with `count` messages (hops, round trips) and returns its figure in the contest's unit.
 using Measure = std::function<Result<double>(std::uint64_t count)>;
 
 struct Contender {
   std::string name;
-  Measure measure;  // Empty: not in this build.
+  Measure measure;  // Empty if this build does not have the contender.
 };
 
 struct Contest {
   std::string name;
   std::string unit;
   std::string target;
-  std::uint64_t share;  // One repetition has one in so many of BenchOptions::messages.
+  std::uint64_t share;  // Divisor: a repetition has BenchOptions::messages / share.
   std::vector<Contender> contenders;
 };
 
@@ -35,24 +35,24 @@ double Median(std::vector<double> samples);
 
 struct Figure {
   std::string name;
-  std::vector<double> samples;  // In the order in which they were measured; at least one.
-  // Nanoseconds of all threads together on a processor, for one message; with what it takes to start and stop. Empty
-  // where nothing is counted.
+  std::vector<double> samples;  // At least one, in the order of measurement.
+  // Processor time per message in nanoseconds, summed over all threads, with start and stop. Empty if this case does
+  // not measure processor time.
   std::vector<double> cpu_ns = {};
 
   double median() const { return Median(samples); }
 };
 
-// One number of the report, of each contender.
+// One number of the report, measured for each contender.
 struct Section {
   std::string name;  // Its key in the JSON report.
   std::string unit;
-  std::string target;           // What moondb is to reach; empty: nothing in particular.
-  std::vector<Figure> figures;  // moondb's first.
+  std::string target;           // Goal for moondb; empty if it has none.
+  std::vector<Figure> figures;  // The figure of moondb is first.
 };
 
-// The contenders that are in this build and that the options ask for, in turn, as often as the options say. The first
-// error ends it.
+// Measures in turn the contenders that are in this build and that the options select, as often as the options say.
+// Returns the first error.
 Result<Section> Measured(const Contest& contest, const BenchOptions& options);
 
 bool IsAskedFor(const std::string& contender, const BenchOptions& options);
@@ -60,7 +60,7 @@ bool IsAskedFor(const std::string& contender, const BenchOptions& options);
 double PerSecond(std::uint64_t count, BenchClock::duration took);
 double MicrosecondsEach(std::uint64_t count, BenchClock::duration took);
 
-// Runs `send(sender)` on a thread of its own for each sender, and waits for all to end.
+// Runs `send(sender)` on one thread for each sender, and waits for all of them.
 void RunSenders(int sender_count, const std::function<void(int sender)>& send);
 
 }  // namespace moondb

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kManySenders = 8;
 
-// Megabytes that the peak lay above what was resident before.
+// Returns the peak of the resident memory minus the resident memory before the run, in megabytes.
 Result<double> Growth(const InProcess& contender, int sender_count, std::uint64_t count) {
   const std::int64_t before = ResidentBytes();
   ResetPeakResident();
@@ -18,7 +18,7 @@ Result<double> Growth(const InProcess& contender, int sender_count, std::uint64_
   return static_cast<double>(PeakResidentBytes() - before) * 1e-6;
 }
 
-// Once, moondb first: a heap that was larger before does not grow.
+// Measures once, moondb first: a heap that has grown before does not grow again.
 BenchCase MemoryCase(std::string name, int sender_count) {
   return {name, [name, sender_count](BenchOptions options) {
             const auto of = [sender_count](const InProcess& contender) -> Measure {

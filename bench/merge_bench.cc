@@ -1,7 +1,7 @@
 // merge_bench: moondb's merger against a naive one, OpenCV and the paper's painter on OpenGL, in one run (the paper's
-// figure 7). What each is and how to read it: docs/benchmarks/merging.md.
+// figure 7). The contenders and the report are described in docs/benchmarks/merging.md.
 //
-// Exit code 0: all was measured and agreed; 1: it did not; other: wrong arguments.
+// Exit code 0: all contenders were measured and their maps agree; 1: not so; other: wrong arguments.
 #include <fmt/core.h>
 #include <spdlog/spdlog.h>
 

@@ -19,13 +19,13 @@
 namespace moondb {
 namespace {
 
-// Farther than any rounding, nearer than any eye: what was placed is placed anew.
+// A shift that exceeds every rounding error but that no viewer can see. It forces the merger to place maps again.
 constexpr double kNudge_m = 1e-7;
 
-// What rounding leaves; one wrong order or one layer out of its place is far below.
+// Share of equal cells that remains despite rounding. A wrong order or a displaced layer yields a far lower share.
 constexpr double kAgreesAtLeast = 0.999;
 
-// Of the cells that one of the two knows.
+// Returns the share of equal cells among those that are known in at least one of the grids.
 double ShareOfSame(const std::vector<Cell>& a, const std::vector<Cell>& b) {
   Check(a.size() == b.size(), "two grids of one extent");
   std::size_t known = 0;
@@ -111,7 +111,7 @@ class MergeContest {
     bool is_here = false;
   };
 
-  // The first error counts.
+  // Keeps the first error.
   template <typename T>
   void Keep(const Result<T>& result) {
     if (!result && kept_) kept_ = tl::unexpected(result.error());
@@ -119,7 +119,7 @@ class MergeContest {
 
   void Merge(Merger& merger) { Keep(merger.Merge({})); }
 
-  // Everything is placed anew and merged in full.
+  // Places all maps and footprints again and merges in full.
   void MergeFromScratch(Merger& merger, const std::vector<PlacedMap>& maps, const std::vector<Footprint>& footprints) {
     for (const PlacedMap& map : maps) Keep(merger.Put(map));
     for (const Footprint& footprint : footprints) Keep(merger.PutFootprint(footprint));
@@ -163,7 +163,7 @@ class MergeContest {
     }
   }
 
-  // Each once: everything anew, then one map less, one more, and one elsewhere.
+  // Runs each merger once: a full merge, then one map less, one more map, and one moved map.
   void RunMergers() {
     for (Entrant& entrant : entrants_) {
       entrant.is_here = !entrant.is_here;
@@ -220,7 +220,7 @@ class MergeContest {
     return {};
   }
 
-  // Those that place otherwise, with what naive found in integers.
+  // Compares the mergers that place layers differently with the naive merger's integer result.
   Result<void> CompareOthers() {
     const std::vector<Cell> expected = NaiveValues();
     if (opencv_ != nullptr) run_.opencv_agrees = ShareOfSame(expected, opencv_->cells());

@@ -1,4 +1,4 @@
-// One world of merge_bench, merged by all contenders in turn.
+// Merges one world of merge_bench with all contenders in turn.
 #pragma once
 
 #include <cstdint>
@@ -17,46 +17,47 @@ struct MergeContestOptions {
   int threads = 1;
 };
 
-// Medians, in milliseconds; none: not in this build or on this machine.
+// Times are medians in milliseconds. Null if this build or this machine does not have the contender.
 struct MergeRun {
   std::size_t maps = 0;
   std::int64_t side_cells = 0;
-  std::uint64_t extent_cells = 0;  // Of the bounding box of all maps.
-  double naive_ms = 0;             // In metres and doubles, as one writes it first.
-  double naive_integer_ms = 0;     // With the integers of moondb's own placement.
+  std::uint64_t extent_cells = 0;  // Cells in the bounding box of all maps.
+  double naive_ms = 0;             // The naive merger in metres and doubles.
+  double naive_integer_ms = 0;     // The naive merger with the integers of moondb's placement.
   std::optional<double> opencv_ms;
   std::optional<double> painter_ms;
   std::optional<double> gl_ms;
-  double cpu_ms = 0;  // With the best instructions and all threads.
+  double cpu_ms = 0;  // The best instruction set and all threads.
   double cpu_one_thread_ms = 0;
-  double cpu_first_ms = 0;              // All threads; the first merge, in fresh memory.
-  std::optional<double> cpu_avx512_ms;  // These with one thread.
+  double cpu_first_ms = 0;              // The first merge, in fresh memory; all threads.
+  std::optional<double> cpu_avx512_ms;  // One thread, as for the following three.
   std::optional<double> cpu_avx2_ms;
   std::optional<double> cpu_sse2_ms;
   double cpu_scalar_ms = 0;
-  double incremental_cpu_ms = 0;  // One more map, and its footprint; one thread.
+  double incremental_cpu_ms = 0;  // Time to add a map and its footprint; one thread.
   std::optional<double> incremental_gl_ms;
-  double withdraw_cpu_ms = 0;  // One map less.
-  double move_cpu_ms = 0;      // One map elsewhere.
-  // Of gl_ms.
+  double withdraw_cpu_ms = 0;  // Time to remove one map.
+  double move_cpu_ms = 0;      // Time to move one map.
+  // Parts of gl_ms.
   std::optional<double> gl_upload_ms;
   std::optional<double> gl_draw_ms;
   std::optional<double> gl_read_ms;
-  std::optional<double> gl_maps_upload_ms;  // Once, when all maps are new.
-  double local_map_ms = 0;                  // To pack one map when it arrives.
-  double read_cells_ms = 0;                 // The whole merged map as a grid.
-  // Of the cells that are known to the naive merger in integers or to these, the share with the same value. They place
-  // by floats or doubles, and differ in cells on borders.
+  std::optional<double> gl_maps_upload_ms;  // Time to upload all maps, once.
+  double local_map_ms = 0;                  // Time to pack one map on arrival.
+  double read_cells_ms = 0;                 // Time to read the whole merged map as a grid.
+  // Share of cells with the same value as in the naive merger with integers, among cells that one of the two knows.
+  // These mergers place layers with floats or doubles, so cells on borders differ.
   double naive_agrees = 0;
   std::optional<double> opencv_agrees;
   std::optional<double> painter_agrees;
-  double memory_ratio = 0;  // Of the maps at 2 bits a cell; without pages.
+  double memory_ratio = 0;  // Memory divided by that of the maps at 2 bits per cell; without pages.
   double pages_mb = 0;
   std::string gl_description;
   std::string cpu_description;
 };
 
-// kInternal if two that should agree in every cell do not, or others in fewer than they can; a driver's errors.
+// Errors: kInternal if exact mergers differ in any cell, or if others agree in too few cells; errors of the OpenGL
+// driver.
 Result<MergeRun> RunMergeContest(const MergeContestOptions& options);
 
 }  // namespace moondb

@@ -69,7 +69,7 @@ void DrawText(Image& image, int x, int y, std::string_view text, const Color& co
   }
 }
 
-// From values to pixels.
+// Maps values to pixels.
 class Axes {
  public:
   explicit Axes(const std::vector<MergeRun>& runs) {
@@ -123,7 +123,7 @@ class Axes {
   double ms_high_ = 1;
 };
 
-// Of each line its last point, pushed apart so that names do not overlap.
+// Draws the lines and writes each line's name at its last point. Names are pushed apart if they overlap.
 void DrawLines(Image& image, const std::vector<MergeRun>& runs, const Axes& axes) {
   std::vector<std::pair<double, Line>> ends;
   for (const Line& line : Lines()) {

@@ -1,4 +1,4 @@
-// The paper's figure 7, of merge_bench's runs: time over number of maps, both logarithmic.
+// Plots merge_bench's runs as in the paper's figure 7: time over number of maps, both axes logarithmic.
 #pragma once
 
 #include <vector>

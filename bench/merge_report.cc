@@ -41,7 +41,7 @@ const std::vector<Column>& Columns() {
   return columns;
 }
 
-// Shares of cells.
+// Columns with the share of cells that agree.
 const std::vector<Column>& Agreements() {
   static const std::vector<Column> columns = {
       {"naive_agrees", [](const MergeRun& run) { return run.naive_agrees; }},

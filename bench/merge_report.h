@@ -1,4 +1,4 @@
-// How merge_bench prints what it measured.
+// Prints the results of merge_bench.
 #pragma once
 
 #include <string>
@@ -8,10 +8,11 @@
 
 namespace moondb {
 
-// Times, and the ratio of the naive merger's to each.
+// Table of times and of the ratio of the naive merger's time to each contender's.
 std::string TableOf(const std::vector<MergeRun>& runs);
 
-// One object: `runs` by number of maps, `growth` by side of the square, each as MergeRun; null for what is not there.
+// One JSON object: `runs` by number of maps and `growth` by side of the square. Each entry has the fields of MergeRun,
+// null if not measured.
 std::string JsonOf(const std::vector<MergeRun>& runs, const std::vector<MergeRun>& growth);
 
 }  // namespace moondb

@@ -17,7 +17,7 @@ struct Wedge {
   float from_m = 0;
 };
 
-// Of each cell of a layer: its direction, and its distance in cells.
+// Polar coordinates of each cell of a layer: its direction, and its distance in cells.
 struct Polar {
   std::vector<float> angle_rad;
   std::vector<float> distance_cells;

@@ -1,8 +1,8 @@
-// The world of merge_bench: rovers drive about the middle of a square of so many cells of 5 cm, and make local maps of
-// four layers of 128 x 128 cells, each twice as coarse as the one before.
+// The world of merge_bench: rovers drive about the middle of a square with a side of `side_cells` cells of 5 cm. They
+// make local maps of four layers of 128 x 128 cells, each layer twice as coarse as the one before.
 //
-// A layer knows a disc around the rover, but for wedges in the shadow of rocks and a few cells here and there, about
-// three cells in four of the disc. Everything known lies within the square.
+// A layer knows about three quarters of the cells in a disc around the rover. Unknown are wedges in the shadow of rocks
+// and a few scattered cells. All known cells lie within the square.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace moondb {
 struct MergeWorld {
   MergeGrid grid;
   std::vector<MapAtPose> maps;
-  std::vector<Pose> footprints;  // One a map.
+  std::vector<Pose> footprints;  // One per map.
 };
 
 MergeWorld MakeMergeWorld(std::size_t map_count, std::int64_t side_cells, std::uint64_t seed);

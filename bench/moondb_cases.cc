@@ -39,7 +39,7 @@ class Sink final : public Actor {
   Tally& tally_;
 };
 
-// Acknowledges each burst's last message.
+// Acknowledges the last message of each burst.
 class BurstSink final : public Actor {
  public:
   explicit BurstSink(Tally& tally) : tally_(tally) {}
@@ -109,7 +109,7 @@ class RingActor final : public Actor {
   const Address next_;
 };
 
-// From the first message, which is to `actor`, to the end; zero if it failed.
+// Starts the measurement with a message to `actor` and returns the time until it finished. Returns zero if it failed.
 Result<BenchClock::duration> RunFrom(ActorSystem& system, const std::string& actor, std::uint64_t id, Tally& tally) {
   const auto start = BenchClock::now();
   if (system.Post(actor, Small(id)) != SendResult::kAccepted) tally.Fail("the first message was refused");

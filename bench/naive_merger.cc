@@ -9,8 +9,8 @@
 namespace moondb {
 namespace {
 
-// Maps come by rising record key, a map's layers from fine to coarse: of equals, the later map and the earlier layer or
-// block stand.
+// Keeps the better of the two states. Maps arrive in the order of their record keys, and the layers of a map from fine
+// to coarse. Between equal states, the later map and the earlier layer or block win.
 inline void Decide(const NaiveMerger::CellState& seen, NaiveMerger::CellState& state) {
   if (seen.resolution_um > state.resolution_um) return;
   if (seen.resolution_um == state.resolution_um) {
@@ -59,8 +59,8 @@ void NaiveMerger::Merge(Arithmetic arithmetic) {
   }
 }
 
-// Calls visit(state, column, row) for each cell of the merged map that lies in the rectangle, which has such a column
-// and row there.
+// Calls visit(state, column, row) for each cell of the merged map that lies in the rectangle. `column` and `row` are
+// that cell's coordinates within the rectangle.
 template <typename Visit>
 inline void NaiveMerger::ForEachCell(const PlacedRectangle& p, Visit visit) {
   for (std::int64_t y = p.box.first_y; y <= p.box.last_y; ++y) {

@@ -1,8 +1,10 @@
-// NaiveMerger: what one writes first, well. Each map, each layer, each cell of the merged map in the layer's bounding
-// box: the inverse transform, the layer's cell there, and a comparison of resolution and time with what the cell holds.
+// NaiveMerger: a straightforward merger, implemented with care. For each map, each layer and each cell in the layer's
+// bounding box, it applies the inverse transform, reads the layer's cell, and compares resolution and time with the
+// stored state.
 //
-// In metres and doubles it is the yardstick of merge_bench; with the integers of actors/merge/quantize.h, and none of
-// Merger's code, an oracle for tests, and a harder yardstick. One thread; the layers lie unpacked, a byte a cell.
+// In metres and doubles it is the baseline of merge_bench. With the integers of actors/merge/quantize.h, but none of
+// Merger's code, it is an oracle for tests and a stricter baseline. It uses one thread, and its layers are unpacked,
+// one byte per cell.
 #pragma once
 
 #include <cstdint>
@@ -15,26 +17,27 @@ namespace moondb {
 
 class NaiveMerger {
  public:
-  // What is known of a cell of the merged map.
+  // The best observation of a cell of the merged map.
   struct CellState {
     std::int64_t timestamp_ns = 0;
-    std::uint32_t resolution_um = UINT32_MAX;  // Unknown.
-    std::uint32_t map = UINT32_MAX;            // Index; UINT32_MAX with level 255: a footprint.
+    std::uint32_t resolution_um = UINT32_MAX;  // UINT32_MAX if unknown.
+    std::uint32_t map = UINT32_MAX;            // Index of the map; UINT32_MAX with level 255 for a footprint.
     std::uint8_t level = 0;
     Cell value = Cell::kUnknown;
   };
 
-  // Unpacks the maps, which are to have different keys.
+  // Unpacks the maps. Requires: their keys differ.
   NaiveMerger(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid);
 
   enum class Arithmetic { kDouble, kInteger };
 
-  // Places the maps and fills the grid of their extent. In doubles cells on borders may come out otherwise.
+  // Places the maps and fills the grid of their extent. With doubles, cells on borders may differ from the integer
+  // result.
   void Merge(Arithmetic arithmetic = Arithmetic::kInteger);
 
   const CellBox& extent() const { return extent_; }
-  const std::vector<CellState>& cells() const { return cells_; }  // Of the extent, row after row.
-  const std::vector<PlacedMap>& maps() const { return maps_; }    // By record key.
+  const std::vector<CellState>& cells() const { return cells_; }  // Cells of the extent, row by row.
+  const std::vector<PlacedMap>& maps() const { return maps_; }    // Sorted by record key.
 
  private:
   template <typename Visit>
@@ -46,7 +49,7 @@ class NaiveMerger {
   const MergeGrid grid_;
   std::vector<PlacedMap> maps_;
   std::vector<Footprint> footprints_;
-  std::vector<std::vector<std::vector<Cell>>> block_cells_;  // By map and block.
+  std::vector<std::vector<std::vector<Cell>>> block_cells_;  // Indexed by map and block.
   CellBox extent_;
   std::vector<CellState> cells_;
 };

@@ -1,5 +1,5 @@
-// OpencvMerger: what map mergers of the ROS world do: warp each layer into the merged map's frame by nearest sampling,
-// and copy what is known over what is there, the best layer last. Only where OpenCV is installed.
+// OpencvMerger: merges maps as usual with ROS. It warps each layer into the merged map's frame by nearest-neighbour
+// sampling, and copies known cells over earlier ones, the best layer last. Exists only if OpenCV is installed.
 #pragma once
 
 #include <memory>
@@ -14,10 +14,10 @@ class OpencvMerger {
  public:
   virtual ~OpencvMerger() = default;
   virtual void Merge(const CellBox& extent) = 0;
-  virtual std::vector<Cell> cells() const = 0;  // Of the extent, row after row.
+  virtual std::vector<Cell> cells() const = 0;  // Cells of the extent, row by row.
 };
 
-// Null without OpenCV. Unpacks the layers.
+// Returns null if this build does not have OpenCV. Unpacks the layers.
 std::unique_ptr<OpencvMerger> MakeOpencvMerger(std::span<const PlacedMap> maps, std::span<const Footprint> footprints,
                                                const MergeGrid& grid);
 

@@ -8,9 +8,9 @@
 namespace moondb {
 
 struct BenchOptions {
-  std::vector<std::string> only;     // Names of cases; empty: all.
-  std::string contender;             // Only this one, for a profiler; empty: all.
-  std::uint64_t messages = 5000000;  // Of one repetition of the cheapest cases; the others have a share of it.
+  std::vector<std::string> only;     // Names of cases; empty for all.
+  std::string contender;             // The only one to run, for a profiler; empty for all.
+  std::uint64_t messages = 5000000;  // Messages per repetition of the cheapest cases; others have a fraction.
   int repetitions = 5;
   int idle_seconds = 10;
   bool is_json = false;

@@ -1,4 +1,4 @@
-// What mergers that paint layer over layer, the best one last, have in common: the layers, unpacked and in that order.
+// Layers for mergers that use the painter's algorithm: unpacked, and sorted so that the best layer is painted last.
 #pragma once
 
 #include <cstdint>
@@ -9,19 +9,20 @@
 
 namespace moondb {
 
-// Row after row.
+// Returns the cells of a block, row by row.
 std::vector<Cell> UnpackCells(const PackedBlock& packed);
 
 struct PaintedLayer {
-  std::uint32_t resolution_um = 0;  // 0: a footprint.
+  std::uint32_t resolution_um = 0;  // 0 for a footprint.
   std::int64_t timestamp_ns = 0;
   PlacedRectangle placed;
   std::int32_t width = 0;
   std::int32_t height = 0;
-  std::vector<Cell> cells;  // None of a footprint.
+  std::vector<Cell> cells;  // Empty for a footprint.
 };
 
-// Coarse before fine, old before new, footprints at the end. Poses are to be such that all can be placed (Check).
+// Returns layers from coarse to fine, of equal resolution from old to new, and footprints at the end. Requires: all
+// poses can be placed (Check).
 std::vector<PaintedLayer> LayersToPaint(std::span<const PlacedMap> maps, std::span<const Footprint> footprints,
                                         const MergeGrid& grid);
 

@@ -1,4 +1,4 @@
-// pgo_bench's first part: graphs in a folder, solved as they are written, against plain least squares from odometry.
+// First part of pgo_bench: solves graph files of a folder, and compares the solver with least squares from odometry.
 #pragma once
 
 #include <filesystem>
@@ -12,27 +12,27 @@
 
 namespace moondb {
 
-// How one way to solve a graph ended.
+// Result of solving one graph with one method.
 struct GraphResult {
   bool has_converged = false;
-  double cost = 0;  // F of actors/pgo/standalone_graph.h; of a team the solver's own F over accepted ranges.
+  double cost = 0;  // F of actors/pgo/standalone_graph.h; for a team, the solver's F over accepted ranges.
   std::optional<double>
-      ate_m;  // Where the file has the truth: PyFG's vertices. Aligned rigidly for graphs without map.
+      ate_m;  // Null if the file has no ground truth (PyFG vertices). Rigidly aligned for graphs without map.
   double seconds = 0;
-  // Of a team: its maps merged at these poses, against those merged at the truth. None without maps, and where a map's
-  // node was not solved.
+  // For a team: intersection over union of hazards in the maps merged at these poses and at the true poses. Null
+  // without maps, or if the node of a map was not solved.
   std::optional<double> hazard_iou;
 };
 
 struct GraphRun {
-  std::string name;  // Of the file without its ending; of a team's folder its own.
+  std::string name;  // Name of the file without its extension, or of a team's folder.
   bool is_team = false;
   std::size_t node_count = 0;
   std::size_t edge_count = 0;
   std::size_t range_count = 0;
   GraphResult ours;
   std::string initialisation;
-  std::string text;                  // What could not be determined.
+  std::string text;                  // Description of quantities that could not be determined.
   std::optional<GraphResult> plain;  // Least squares with Ceres from odometry.
   std::vector<Track> odometry_tracks;
   std::vector<Track> tracks;
@@ -40,15 +40,15 @@ struct GraphRun {
 };
 
 struct GraphBenchOptions {
-  SolverOptions solver;   // Of teams; its threads are everybody's.
-  bool has_plain = true;  // Also solve plainly from odometry.
+  SolverOptions solver;   // Options for teams. Other methods use its thread count, too.
+  bool has_plain = true;  // Also solve by least squares from odometry.
 };
 
-// Files .g2o and .pyfg in `folder`, by name, and folders in it (or itself) that hold agents.csv: these as team
-// missions.
+// Returns the .g2o and .pyfg files in `folder`, sorted by name, and the team missions: folders in it (or itself) that
+// contain agents.csv.
 std::vector<std::filesystem::path> FindGraphs(const std::filesystem::path& folder);
 
-// The readers' errors.
+// Errors: those of the file readers.
 Result<GraphRun> RunGraph(const std::filesystem::path& path, const GraphBenchOptions& options);
 
 }  // namespace moondb

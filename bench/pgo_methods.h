@@ -1,5 +1,5 @@
-// Ways to solve a team's graph that pgo_bench compares. All but the staged one are one solve with Ceres from odometry,
-// with the same factors.
+// Methods to solve a team's graph that pgo_bench compares. All methods except the staged one run Ceres once from
+// odometry, with the same factors.
 #pragma once
 
 #include <chrono>
@@ -24,13 +24,13 @@ struct MethodResult {
   double cost = 0;
   double seconds = 0;
   std::map<NodeKey, Pose> poses;
-  std::vector<RangeVerdict> ranges;  // Of the staged one only.
+  std::vector<RangeVerdict> ranges;  // Filled only by the staged method.
 };
 
 MethodResult SolveWith(Method method, const PoseGraph& graph, const AgentFactsMap& agents,
                        const SolverOptions& options);
 
-// What many draws of one method come to.
+// Statistics of one method over many draws.
 struct MethodFigures {
   double median_ate_m = 0;
   double worst_ate_m = 0;
@@ -39,7 +39,7 @@ struct MethodFigures {
 
 MethodFigures ToFigures(std::vector<double> ates_m, std::vector<double> seconds);
 
-// 0 of nothing.
+// Returns 0 if there are no values.
 double Median(std::vector<double> values);
 
 template <typename Work>

@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-constexpr double kBurstMin_m = 0.5;  // Beyond white noise and the pair's bias.
+constexpr double kBurstMin_m = 0.5;  // Error of a burst beyond white noise and the pair's bias.
 
 std::vector<GraphNode> TrueNodes(const Mission& mission, AgentId agent) {
   std::vector<GraphNode> nodes;
@@ -54,7 +54,8 @@ Mission Redraw(const Mission& mission, std::uint64_t seed) {
   return drawn;
 }
 
-// The solver's least squares on the ranges that are not far too long; who solves does not know which they are.
+// Solves least squares without the ranges that are far too long. The compared solvers do not know which ranges these
+// are.
 MethodResult SolveWithoutBursts(const Mission& mission, const SolverOptions& options) {
   const auto antenna_at = [&](const NodeKey& key) {
     return Eigen::Vector3d(mission.truth.at(key) * FindAgent(mission, key.agent)->antenna_m);

@@ -1,6 +1,6 @@
-// pgo_bench's third part: a recorded mission with its odometry, ranges and start poses drawn anew from the truth, by
-// the noise model of apps/moondb_mission/measurement.h. One recording is one draw; this shows how much of a result is
-// luck.
+// Third part of pgo_bench: a recorded mission whose odometry, ranges and start poses are drawn again from the truth,
+// with the noise model of apps/moondb_mission/measurement.h. A recording is one draw. Many draws show how much of a
+// result is luck.
 #pragma once
 
 #include <map>
@@ -16,7 +16,7 @@ struct RedrawRun {
   std::string name;
   int draws = 0;
   std::map<Method, MethodFigures> methods;
-  MethodFigures without_bursts;  // The same model on the ranges that no burst made long: nobody can do much better.
+  MethodFigures without_bursts;  // Least squares without ranges lengthened by bursts: the practical optimum.
 };
 
 RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws, const SolverOptions& options);

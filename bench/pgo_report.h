@@ -1,4 +1,4 @@
-// How pgo_bench prints what it measured.
+// Prints the results of pgo_bench.
 #pragma once
 
 #include <string>
@@ -15,8 +15,9 @@ std::string TableOf(const std::vector<TeamRun>& teams);
 std::string TableOf(const std::vector<RedrawRun>& redraws);
 std::string TextOf(const UnknownStartsRun& run);
 
-// One object: `graphs`, each with name, cost, ate_m (null where no truth is known), seconds, initialisation and the
-// same of plain least squares from odometry; `redraws` and `teams`, each with its methods; `unknown_starts`.
+// One JSON object. `graphs`: for each graph its name, cost, ate_m (null if the truth is unknown), seconds and
+// initialisation, and the same for least squares from odometry. `redraws` and `teams`: for each its methods. Also
+// `unknown_starts`.
 std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<RedrawRun>& redraws,
                    const std::vector<TeamRun>& teams, const UnknownStartsRun& unknown);
 

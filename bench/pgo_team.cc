@@ -14,10 +14,10 @@ using simulation::ScenarioOptions;
 
 constexpr int kRovers = 3;
 constexpr int kNewNodes = 10;
-constexpr int kUnknownStartsNodes = 200;  // Per rover.
+constexpr int kUnknownStartsNodes = 200;  // Nodes per rover.
 constexpr double kRight_m = 1;
 constexpr std::size_t kWindowNodes = 100;
-constexpr std::int64_t kStep_ns = 10'000'000'000;  // Between nodes of a scenario.
+constexpr std::int64_t kStep_ns = 10'000'000'000;  // Time between two nodes of a scenario.
 
 ScenarioOptions OptionsOf(const TeamCase& team, std::uint64_t seed) {
   ScenarioOptions options;
@@ -42,7 +42,7 @@ ScenarioOptions OptionsOf(const TeamCase& team, std::uint64_t seed) {
   return options;
 }
 
-// Without the last nodes of each rover.
+// Returns the graph without the last `node_count` nodes of each rover.
 PoseGraph Earlier(const PoseGraph& graph, int node_count) {
   PoseGraph earlier = graph;
   const std::int64_t end_ns = (node_count - kNewNodes) * kStep_ns;

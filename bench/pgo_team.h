@@ -1,4 +1,4 @@
-// pgo_bench's second part: a simulated lunar team (tests/actors/pgo/scenario.h), over seeds and sizes.
+// Second part of pgo_bench: a simulated lunar team (tests/actors/pgo/scenario.h), over seeds and sizes.
 #pragma once
 
 #include <cstdint>
@@ -10,10 +10,10 @@
 
 namespace moondb {
 
-// What a team is drawn from.
+// Parameters from which a team is drawn.
 struct TeamCase {
   std::string name;
-  int node_count = 2001;  // Of the team.
+  int node_count = 2001;  // Nodes of the whole team.
   bool has_low_drift = false;
   double outlier_ratio = 0.05;
   double bias_sigma_m = 0;
@@ -25,26 +25,26 @@ struct TeamRun {
   TeamCase team;
   int seeds = 0;
   std::map<Method, MethodFigures> methods;
-  double precision = 0;  // Of the rejection of ranges by the staged solve, over all seeds.
+  double precision = 0;  // Precision of the staged solve's rejection of ranges, over all seeds.
   double recall = 0;
-  MethodFigures warm;    // The staged solve from the last solution, 10 new nodes per rover;
-  MethodFigures window;  // of these the last 100 nodes per rover only.
+  MethodFigures warm;    // The staged solve from the last solution, with 10 new nodes per rover.
+  MethodFigures window;  // The same, but only the last 100 nodes of each rover.
 };
 
 std::vector<TeamCase> StandardTeamCases();
 
-// Teams of three rovers and a base station, two of which do not know where they began.
+// Teams of three rovers and a base station. Two of the rovers do not know their start poses.
 struct UnknownStartsRun {
   int runs = 0;
-  int right = 0;            // Error of the whole team below 1 m.
-  int wrong_ambiguous = 0;  // Wrong, and reported as ambiguous.
-  int right_ambiguous = 0;  // Right, and reported as ambiguous nevertheless.
+  int right = 0;            // Runs with an error of the whole team below 1 m.
+  int wrong_ambiguous = 0;  // Wrong runs that the solver reported as ambiguous.
+  int right_ambiguous = 0;  // Right runs that the solver reported as ambiguous.
   double median_seconds = 0;
 };
 
 UnknownStartsRun RunUnknownStarts(int runs, const SolverOptions& options);
 
-// Seeds 1 to `seeds`.
+// Runs the team with seeds from 1 to `seeds`.
 TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options);
 
 }  // namespace moondb

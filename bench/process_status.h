@@ -1,19 +1,21 @@
-// What the kernel knows of this process.
+// Statistics of the kernel about this process.
 #pragma once
 
 #include <cstdint>
 
 namespace moondb {
 
-// In bytes: now (/proc/self/statm), and the most since ResetPeakResident (/proc/self/status, VmHWM).
+// Resident memory in bytes: the present value (/proc/self/statm), and the peak since ResetPeakResident
+// (/proc/self/status, VmHWM).
 std::int64_t ResidentBytes();
 std::int64_t PeakResidentBytes();
 void ResetPeakResident();
 
-// Times that a thread that still lives gave up its processor to wait (/proc/self/task/*/status).
+// Voluntary context switches of the present threads: how often they gave up their processor to wait
+// (/proc/self/task/*/status).
 std::int64_t VoluntarySwitches();
 
-// All threads' time on a processor.
+// Processor time of all threads in seconds.
 double CpuSeconds();
 
 }  // namespace moondb

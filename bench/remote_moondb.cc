@@ -16,10 +16,11 @@ namespace {
 
 constexpr AgentId kSender = 1;
 constexpr AgentId kReceiver = 2;
-// A sender that finds the way full looks again after so long; its outbox holds several times what goes out meanwhile.
+// Time after which a sender tries again if its queue is full. Its outbox holds several times the data sent in this
+// time.
 constexpr std::chrono::microseconds kRetryAfter(200);
 
-// A message that has `bytes` bytes once its addresses are written.
+// Makes messages that have `bytes` bytes including their addresses.
 class MessageMaker {
  public:
   MessageMaker(Address from, Address to, std::size_t bytes) : from_(std::move(from)), to_(std::move(to)) {
@@ -33,7 +34,7 @@ class MessageMaker {
     return message;
   }
 
-  // Without the addresses, which the system writes.
+  // Returns a message without addresses, which the actor system adds.
   OwnedMessage Body(std::uint64_t id) const {
     OwnedMessage message;
     message->set_request_id(id);

@@ -1,6 +1,8 @@
-// Two moondb agents in one process, each with its ZeroMqTransport, over loopback TCP: what a message costs from one
-// agent to an actor of the other. Everything has its defaults, but for the receiver's mailbox: a transport never waits
-// for an actor, and a bench that sends as fast as it can must not lose what an actor is too slow for.
+// Measures the cost of a message from one agent to an actor of another. Both agents run in this process, each with a
+// ZeroMqTransport, over loopback TCP.
+//
+// All settings are defaults except for the receiver's mailbox. A transport never waits for an actor, and this bench
+// sends as fast as possible. The mailbox must not drop messages that the actor has not handled yet.
 #pragma once
 
 #include <cstddef>
@@ -10,10 +12,10 @@
 
 namespace moondb {
 
-// Messages a second of so many bytes, as serialised, from an outside thread to an actor.
+// Messages per second, of `bytes` bytes when serialised, from an outside thread to an actor.
 Result<double> MoondbRemoteThroughput(bool is_curve, std::size_t bytes, std::uint64_t count);
 
-// Microseconds from an actor to the other agent's and back.
+// Microseconds per round trip between an actor and an actor of the other agent.
 Result<double> MoondbRemoteRoundTrip(bool is_curve, std::size_t bytes, std::uint64_t count);
 
 }  // namespace moondb

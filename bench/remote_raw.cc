@@ -57,7 +57,7 @@ class RawAgent {
     Check(zmq_connect(dealer_, endpoint.data()) == 0, "loopback is there");
   }
 
-  // False after kPatience_ms.
+  // Returns false if the frame could not be sent within kPatience_ms.
   bool Send(std::uint64_t id) {
     zmq_msg_t frame;
     zmq_msg_init_size(&frame, bytes_);
@@ -69,12 +69,12 @@ class RawAgent {
     return false;
   }
 
-  // None after kPatience_ms.
+  // Returns null if no frame arrives within kPatience_ms.
   std::optional<std::uint64_t> Receive() {
     zmq_msg_t frame;
     zmq_msg_init(&frame);
     std::optional<std::uint64_t> id;
-    // The first part from a ROUTER is the connection's.
+    // A ROUTER socket puts the id of the connection in the first part.
     const bool has_route = TypeOfListener(sockets_, keys_.has_value()) == ZMQ_ROUTER;
     if (has_route && zmq_msg_recv(&frame, listener_, 0) < 0) return id;
     if (zmq_msg_recv(&frame, listener_, 0) == static_cast<int>(bytes_)) {
@@ -97,7 +97,7 @@ class RawAgent {
     return socket;
   }
 
-  // What runtime/transport/peer_link.cc and runtime/transport/zeromq_transport.cc set.
+  // Sets the options that runtime/transport/peer_link.cc and runtime/transport/zeromq_transport.cc set.
   void SetUpAsMoondb() {
     for (void* socket : {dealer_, listener_}) {
       Set(socket, ZMQ_LINGER, 0);
@@ -134,7 +134,7 @@ class RawAgent {
 
 Error Lost() { return {ErrorCode::kUnavailable, "a frame was lost", {}}; }
 
-// Both ways, so that the handshakes are over.
+// Exchanges messages in both directions, which completes the handshakes.
 bool Meet(RawAgent& a, RawAgent& b) {
   a.Connect(b);
   b.Connect(a);

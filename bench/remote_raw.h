@@ -1,6 +1,6 @@
-// What libzmq alone does for the pattern of remote_moondb.h: each side a listener (a ROUTER, or as moondb a DEALER with
-// CURVE) that only receives and a DEALER that only sends, a context and one I/O thread, no actors, frames that are
-// copied and nothing more.
+// Measures libzmq alone with the pattern of remote_moondb.h, without actors. Each side has a listener that only
+// receives (a ROUTER, or with kAsMoondb and CURVE a DEALER) and a DEALER that only sends. Each has one context and one
+// I/O thread. Frames are copied and not parsed.
 #pragma once
 
 #include <cstddef>
@@ -12,7 +12,7 @@ namespace moondb {
 
 enum class RawSockets {
   kAsMoondb,  // The options that ZeroMqTransport sets.
-  kDefaults,  // libzmq's own.
+  kDefaults,  // The default options of libzmq.
 };
 
 // Errors: a frame that was lost or came out of order.

@@ -25,7 +25,7 @@ std::string TableOf(const Section& section) {
 
 namespace {
 
-// "NAME": VALUE of each figure, with commas between.
+// Returns "NAME": VALUE for each figure, separated by commas.
 std::string Members(const Section& section, const std::function<std::string(const Figure&)>& value) {
   std::vector<std::string> members;
   for (const Figure& figure : section.figures) members.push_back(fmt::format("\"{}\": {}", figure.name, value(figure)));

@@ -1,4 +1,4 @@
-// How runtime_bench prints what it measured.
+// Prints the results of runtime_bench.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 
 namespace moondb {
 
-// Medians, the least and the greatest, the processor's time, and moondb's ratio to each of the others.
+// Table of medians, minima, maxima, processor time, and the ratio of moondb to each other contender.
 std::string TableOf(const Section& section);
 
-// One object with an object for each section: its unit, each contender's median under its name,
-// all samples, and the medians of the processor's time where it was measured.
+// One JSON object with one object per section: its unit, each contender's median under its name, all samples, and the
+// median processor time if it was measured.
 std::string Json(const std::vector<Section>& sections);
 
 }  // namespace moondb

@@ -25,7 +25,8 @@ class WorldLayer {
     }
   }
 
-  // By columns and rows of the finest layer from the corner, and of this layer from there; the world's edge goes on.
+  // Returns the cell at `column` and `row` of this layer, counted from a corner that is given in cells of the finest
+  // layer. Beyond the edge of the world, its border cells continue.
   Cell At(int finest_column, int finest_row, int column, int row) const {
     return grid_.At(std::clamp((finest_column >> shift_) + column, 0, side_ - 1),
                     std::clamp((finest_row >> shift_) + row, 0, side_ - 1));

@@ -1,7 +1,8 @@
-// Maps that roll over one grid of the world by whole cells, as of a robot that keeps its map's heading.
+// Maps that roll over one grid of the world by whole cells, as those of a robot whose map keeps its orientation.
 //
-// Every cell is known: a hazard where any of the terrain below it is one. Noise makes a share of all cells something
-// else, each map and layer by itself. Layers double their resolution and lie about one middle.
+// Every cell is known, and is a hazard if any of the terrain below it is one. Noise changes a share of all cells to
+// another value, independently in each map and layer. The cell size doubles from layer to layer, and all layers have
+// the same middle.
 #pragma once
 
 #include <cstdint>

@@ -1,7 +1,8 @@
-// runtime_bench: moondb's actor runtime against the C++ Actor Framework, libzmq alone and what the machine itself can
-// do, in one run. What each case is and how to read it: docs/benchmarks/runtime.md.
+// runtime_bench: moondb's actor runtime against the C++ Actor Framework, libzmq alone and the limit of the machine
+// itself, in one run. The cases and the report are described in docs/benchmarks/runtime.md.
 //
-// Exit code 0: all was measured; 1: a case failed, as when a message was lost; other: wrong arguments.
+// Exit code 0: all cases were measured; 1: a case failed, for example because a message was lost; other: wrong
+// arguments.
 #include <fmt/core.h>
 #include <spdlog/spdlog.h>
 

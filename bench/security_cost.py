@@ -37,7 +37,7 @@ class Team:
                               capture_output=True, text=True).stdout
 
     def processor_s(self):
-        """Of all four agents, since they started."""
+        """Returns the processor time of all four agents since they started."""
         total = 0
         for name in NAMES:
             pid = (self.folder / "moondb-data" / name / "agent.pid").read_text().split()[0]
@@ -46,7 +46,7 @@ class Team:
         return total / TICKS_S
 
     def sent_bytes(self):
-        """{(from, to): bytes}."""
+        """Returns the bytes sent as {(from, to): bytes}."""
         sent = {}
         for shown in json.loads(self.moonctl("status", "--json"))["agents"]:
             for peer in shown["status"]["peers"]:

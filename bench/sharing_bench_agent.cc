@@ -1,7 +1,7 @@
 // sharing_bench_agent: the standard moondb agent with an actor that answers control messages and, with --ping, one that
-// sends them; both beside the real actors and over the same links. For bench/sharing_bench.
+// sends them. Both actors run beside the real ones and use the same links. Run by bench/sharing_bench.
 //
-// A line of the --ping-file for each answer: microseconds there, microseconds back. Both ends read one clock, so that
+// The --ping-file gets one line per answer: microseconds to the peer, microseconds back. Both ends read one clock, so
 // they must run on one machine.
 #include <cstdio>
 #include <fstream>
@@ -19,7 +19,7 @@ constexpr char kEcho[] = "bench-echo";
 
 std::uint64_t NanosecondsOf(MonotonicTime time) { return static_cast<std::uint64_t>(time.time_since_epoch().count()); }
 
-// Answers with its own time beside the sender's.
+// Answers a message with its own time and the sender's.
 class EchoActor final : public Actor {
  public:
   void OnMessage(Context& context, const proto::Message& message) override {
@@ -36,7 +36,8 @@ class PingActor final : public Actor {
   struct Options {
     AgentId to = 0;
     std::string file;
-    Duration period_min = std::chrono::milliseconds(50);  // Irregular, so that no rhythm of the batches is met.
+    Duration period_min =
+        std::chrono::milliseconds(50);  // Random between both limits, to avoid the rhythm of the batches.
     Duration period_max = std::chrono::milliseconds(150);
   };
 
@@ -49,7 +50,7 @@ class PingActor final : public Actor {
       proto::Message ping;
       ping.set_ms_type(proto::CONTROL);
       ping.set_request_id(NanosecondsOf(context.now()));
-      (void)context.Send({options_.to, kEcho}, std::move(ping));  // One that is lost is no figure.
+      (void)context.Send({options_.to, kEcho}, std::move(ping));  // A lost ping yields no sample.
       SetTimer(context);
     } else if (message.body_case() == proto::Message::BODY_NOT_SET && context.sender().agent == options_.to) {
       const std::uint64_t sent = message.request_id();

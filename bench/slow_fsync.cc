@@ -1,5 +1,5 @@
-// A library that goes before the system's (LD_PRELOAD): each fsync and fdatasync takes MOONDB_FSYNC_MS milliseconds
-// longer, as on the card of a small computer. For trials of real processes; wait_trials.py builds it.
+// A library for LD_PRELOAD that makes each fsync and fdatasync MOONDB_FSYNC_MS milliseconds slower, as on the memory
+// card of a small computer. For trials with real processes; wait_trials.py builds it.
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
 #endif

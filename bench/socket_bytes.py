@@ -25,7 +25,7 @@ import subprocess
 import sys
 import tempfile
 
-AGENT_COUNT = 7  # Four for records, the leader, the survivor, and the base station, which is sent nothing.
+AGENT_COUNT = 7  # Four rovers with records, the leader, the survivor, and the base station, which gets no records.
 LEADER, SURVIVOR = "rover5", "rover6"
 PATIENCE = "3h"
 
@@ -38,7 +38,7 @@ def in_own_network():
 
 
 def loopback():
-    """Bytes and packets sent over lo since the namespace began."""
+    """Returns the bytes and packets sent over lo since the namespace was created."""
     for line in pathlib.Path("/proc/self/net/dev").read_text().splitlines():
         if line.strip().startswith("lo:"):
             fields = line.split(":")[1].split()
@@ -47,7 +47,7 @@ def loopback():
 
 
 def team_text(text, codec):
-    """All states are shared, not the latest alone, and nothing that agents write by themselves."""
+    """Returns the team file with all states shared, and without records that agents write themselves."""
     head, share, ground = re.fullmatch(r"(.*\nshare:\n)(.*)(\nground:\n.*)", text, re.DOTALL).groups()
     share = re.sub(r"(temperature|power): latest", r"\1: all", share)
     share = share.replace("agent_event: all", "agent_event: none")
@@ -76,14 +76,14 @@ class Team:
         return done.stdout
 
     def sessions(self, kind):
-        """Records acknowledged and bytes coded, by sender and destination."""
+        """Returns acknowledged records and coded bytes by sender and destination."""
         return {(agent["name"], session["to"]): (int(session["session"]["acknowledged_records"]),
                                                   int(session["session"]["coded_bytes"]))
                 for agent in json.loads(self.run("moonctl", kind, "status", "--json"))["agents"]
                 for session in agent["sessions"]}
 
     def cross(self, kind):
-        """Shares all there is, once."""
+        """Syncs or replicates all records once and measures the bytes."""
         sessions_before, device_before = self.sessions(kind), loopback()
         self.run("moonctl", "--timeout", PATIENCE, kind, "now", "--wait")
         device_after = loopback()
@@ -136,7 +136,7 @@ def main():
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     in_own_network()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # The team is stopped then, too.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # Exit normally, which stops the team.
     measured = measure(arguments.programs, arguments.mission, arguments.codec)
     print(json.dumps(measured, indent=1) if arguments.json else table_of(measured))
 

@@ -1,7 +1,7 @@
-// Tally: what one measurement waits for: every message of every sender, each once and in its sender's order.
+// Tally: waits until every message of every sender has arrived, each once and in its sender's order.
 //
-// A message that was lost, doubled or overtaken makes the measurement fail, whoever was measured. Count is called on
-// one thread at a time, the rest on any.
+// A lost, duplicated or reordered message makes the measurement fail for every contender. Call Count on one thread at a
+// time. All other functions are thread-safe.
 #pragma once
 
 #include <condition_variable>
@@ -16,10 +16,10 @@ namespace moondb {
 
 class Tally {
  public:
-  // `per_sender` messages from each of so many senders.
+  // Expects `per_sender` messages from each of `sender_count` senders.
   Tally(int sender_count, std::uint64_t per_sender);
 
-  // What a message carries: whose it is and its number with that sender, from 0.
+  // The id that a message carries: its sender and its number from that sender, from 0.
   static std::uint64_t IdOf(int sender, std::uint64_t number) { return std::uint64_t(sender) << kNumberBits | number; }
 
   void Count(std::uint64_t id) {
@@ -29,18 +29,18 @@ class Tally {
     if (++counted_ == total_) Finish();
   }
 
-  // For cases whose last message says that all is done.
+  // Ends the wait; for cases whose last message reports that all is done.
   void Finish();
   void Fail(std::string reason);
 
-  // kUnavailable: Fail, or not finished within two minutes.
+  // Waits for the end. Errors: kUnavailable if Fail was called or two minutes passed.
   Result<void> Wait();
 
  private:
   static constexpr int kNumberBits = 48;
 
   const std::uint64_t total_;
-  std::vector<std::uint64_t> next_id_;  // Of each sender.
+  std::vector<std::uint64_t> next_id_;  // Next expected id of each sender.
   std::uint64_t counted_ = 0;
 
   std::mutex mutex_;

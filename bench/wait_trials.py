@@ -48,21 +48,21 @@ from python_example_test import MODULES, python_with  # noqa: E402
 
 SKIPPED = 77
 SCENARIOS = ("flap", "flap_slow", "flap_at_once", "mid", "wipe", "chase", "restart")
-ROVER = 2  # The one that is neither leader nor survivor.
+ROVER = 2  # The agent that is neither leader nor survivor.
 SLOWER_S = 0.020
-SLICE_S = {"flap": 30, "flap_slow": 30, "flap_at_once": 30, "mid": 60, "wipe": 30, "chase": 10, "restart": 60}  # Of the mission, inserted in each trial.
-TRIALS_A_LIFE = {"flap": 20, "flap_slow": 20, "flap_at_once": 20, "mid": 12, "wipe": 5, "chase": 10, "restart": 12}  # Then empty disks: each trial begins with little.
-# Of what is shared as `latest`, an agent's own rows are what must be there; of all else whatever it holds.
+SLICE_S = {"flap": 30, "flap_slow": 30, "flap_at_once": 30, "mid": 60, "wipe": 30, "chase": 10, "restart": 60}  # Seconds of the mission that each trial inserts.
+TRIALS_A_LIFE = {"flap": 20, "flap_slow": 20, "flap_at_once": 20, "mid": 12, "wipe": 5, "chase": 10, "restart": 12}  # Trials before the disks are emptied, to keep stores small.
+# For types shared as `latest`, only an agent's own rows must be present; for all other types, all rows that it holds.
 STATES = {"temperature", "power", "awake_status", "mode", "health", "exploration", "distributed_measurements",
           "optimized_pose", "edge_verdict"}
 COMMAND_LIMIT = "60s"
 FSYNC_MS = 50
 CLIENTS = 4
-TIMED_OUT = 5  # Exit code of moonctl.
+TIMED_OUT = 5  # Exit code of moonctl after a timeout.
 
 
 def rows(database):
-    """{(table, origin, epoch, seq): content} of all shared records."""
+    """Returns all shared records as {(table, origin, epoch, seq): content}."""
     found = {}
     tables = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
     for table in tables:
@@ -76,7 +76,7 @@ def rows(database):
 
 @contextlib.contextmanager
 def frozen(team, agents):
-    """Databases of these agents as they are now, all at once: reading begins in each before the first is read through."""
+    """Yields a consistent view of the agents' databases: a read transaction starts in each before any is read."""
     with contextlib.ExitStack() as stack:
         databases = {}
         for agent in agents:
@@ -103,7 +103,7 @@ def existing(team, agents):
 
 
 def lacking(team, before, agents):
-    """How many of these records each agent has not, or has with another content, and of which tables."""
+    """Returns by agent and table how many of these records are missing or have other content."""
     missing = {}
     with frozen(team, agents) as copies:
         for agent, copy in copies.items():
@@ -114,7 +114,7 @@ def lacking(team, before, agents):
 
 
 class SlowProxy:
-    """Stands on the socket of an agent for clients, and lets each frame wait on its way to the agent."""
+    """Proxy on an agent's client socket that delays each frame to the agent."""
 
     def __init__(self, folder):
         self.loop = asyncio.new_event_loop()
@@ -152,12 +152,12 @@ class SlowProxy:
 
 
 def insert_without_pause(team_file, built):
-    """Maps of noise, by several clients of the rover, until this process is ended."""
+    """Inserts maps of noise by several clients of the rover until this process is killed."""
     sys.path[:0] = [str(built), str(SOURCE / "examples/python")]
     from moondb_client import MoondbClient, endpoint_of, team_of  # pylint: disable=import-outside-toplevel
     from survey import map_at, node_at  # pylint: disable=import-outside-toplevel
     endpoint, team_id = endpoint_of(team_file, NAMES[ROVER]), team_of(team_file)[1]
-    index = 1_000_000 + MoondbClient(endpoint, team_id).next_node_index()  # The mission has lower ones.
+    index = 1_000_000 + MoondbClient(endpoint, team_id).next_node_index()  # The mission's nodes have lower ones.
     MoondbClient(endpoint, team_id).insert([node_at(ROVER + 1, index, 1.0, 1.0)])
 
     def insert(number):
@@ -177,7 +177,7 @@ class Trials:
         self.proxy = None
 
     def note_start(self):
-        """All agents, with empty disks."""
+        """Restarts all agents with empty disks."""
         self.team.stop()
         if self.proxy:
             self.proxy.close()
@@ -224,13 +224,13 @@ class Trials:
                 "shown": done.stderr.strip().splitlines()[-1:]}
 
     def swap(self):
-        """The new leader's link as the scenario has it."""
+        """Swaps the roles and switches the new leader's link as the scenario requires."""
         new = self.survivor
         link = None
         if self.scenario != "mid":
             delay = self.rng.uniform(0.020, 0.350)
             self.network.set_link(new, False)
-            # A little longer, since moonctl first starts and asks who leads.
+            # Allow time for moonctl to start and to ask for the leader.
             link = threading.Timer(delay + 0.04, lambda: self.network.set_link(new, True))
             link.start()
         how = ["--no-wait"] if self.scenario == "flap_at_once" else []
@@ -251,7 +251,7 @@ class Trials:
                 "is_late": count == 0 and TIMED_OUT in (sync["exit"], replicate["exit"])}
 
     def heal(self, before):
-        """Until all is there, whatever was said; how long that took."""
+        """Waits until all records are stored, whatever the commands reported. Returns the time that this took."""
         started = time.monotonic()
 
         def is_whole():
@@ -301,7 +301,7 @@ class Trials:
 
     @staticmethod
     def judge(sync, before, missing):
-        """Of `sync now --wait` alone."""
+        """Returns the result of a trial with only `sync now --wait`."""
         count = sum(each["count"] for each in missing.values())
         return {"existing": len(before), "sync": sync, "is_claimed": sync["claims"], "missing": missing,
                 "is_early": sync["claims"] and count > 0, "is_late": sync["exit"] == TIMED_OUT and count == 0}
@@ -361,7 +361,7 @@ class Trials:
 
 
 def work(options):
-    """One team; a line of JSON for each trial."""
+    """Runs trials with one team and prints one line of JSON per trial."""
     try:
         with network_lab.lab(options.programs) as (team, network):
             scenario = options.scenario
@@ -388,7 +388,7 @@ def work(options):
 def count(results):
     counted = {"trials": len(results), "both_exit_0": 0, "both_claim": 0, "early": 0, "late": 0}
     for result in results:
-        result.setdefault("replicate", {"exit": 0})  # Of the scenarios without one.
+        result.setdefault("replicate", {"exit": 0})  # Scenarios without a replication.
     for kind in ("sync", "replicate"):
         exits = {}
         for result in results:
@@ -421,7 +421,7 @@ def oversee(options):
 
 
 def oversee_teams(options, mission, built):
-    """Teams side by side, each a process of its own: namespaces and sockets go by the process's number."""
+    """Runs teams in parallel, each in its own process: namespaces and sockets are named by process id."""
     started, results, codes = time.monotonic(), [], []
     lock = threading.Lock()
 

@@ -2,8 +2,9 @@
 //
 //   wire_bench [--recorded FOLDER]... [--json]
 //
-// Without --recorded, the recorded missions in $MOONDB_DATA are measured beside the generated ones, where it is set.
-// Exit code 0: all was measured and came back as it was; 1: a mission could not be read or made; other: wrong
+// Without --recorded, it measures the recorded missions in $MOONDB_DATA, if that is set, beside the generated ones.
+//
+// Exit code 0: all was measured and decoded to the original; 1: a mission could not be read or made; other: wrong
 // arguments.
 #include <fmt/core.h>
 

@@ -1,10 +1,12 @@
-// wire_feed: gives each record of a whole mission to its origin's agent in a running team, for socket_bytes.py.
+// wire_feed: inserts each record of a whole mission at its origin's agent in a running team, for socket_bytes.py.
 //
 //   wire_feed [--team FILE] MISSION    MISSION: rolling, single_view, or the folder of a recorded one
 //
-// Contents are those that wire_bench counts, stamps included; epoch and hash are each agent's own, seqs as in the
-// mission. Prints one JSON object: {"mission", "records", "maps", "paper_sql_bytes" (as in WireSizes)}.
-// Exit code 0: all is stored; 1: no such mission, or an agent that is not there or refuses; other: wrong arguments.
+// The contents, timestamps included, are those that wire_bench counts. Epochs and hashes are each agent's own; seqs are
+// those of the mission. Prints one JSON object: {"mission", "records", "maps", "paper_sql_bytes" (as in WireSizes)}.
+//
+// Exit code 0: all records are stored; 1: no such mission, or an agent is unreachable or refuses a record; other: wrong
+// arguments.
 #include <fmt/core.h>
 
 #include <chrono>

@@ -20,10 +20,10 @@ namespace {
 using Previous = MapRunEncoder::Previous;
 using Layers = std::vector<MapLayer>;
 
-constexpr std::size_t kMessageBytesMax = 4 * 1024;  // Coded.
+constexpr std::size_t kMessageBytesMax = 4 * 1024;  // Bytes of coded records.
 constexpr std::size_t kRowsPerBatchMax = 1024;
 constexpr std::size_t kFrameBytes = 9 + 42;  // ZMTP's length and CURVE's box around a message.
-constexpr double kBytesPerSecond = 125'000;  // Of 1 Mbps.
+constexpr double kBytesPerSecond = 125'000;  // Capacity of a 1 Mbit/s link.
 
 double ProcessorMs() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
@@ -58,7 +58,7 @@ std::size_t AcknowledgmentBytes(const RecordKey& last) {
   return SentBytes(message);
 }
 
-// A message's and its acknowledgment's bytes.
+// Returns the bytes of a message and of its acknowledgment.
 std::size_t BatchBytes(const CodedRows& coded, const proto::RecordBatch& batch) {
   proto::Message message = Envelope(FromProto(batch.records(0).key()));
   proto::Batch& body = *message.mutable_batch();
@@ -71,7 +71,7 @@ std::size_t BatchBytes(const CodedRows& coded, const proto::RecordBatch& batch) 
   return SentBytes(message) + AcknowledgmentBytes(FromProto(batch.records(batch.records_size() - 1).key()));
 }
 
-// Sends streams in batches that just fit into messages.
+// Codes streams in batches that just fit into messages, and counts the bytes sent.
 class Sender {
  public:
   explicit Sender(Previous previous) : encoder_(previous) {}
@@ -98,7 +98,7 @@ class Sender {
     return BatchBytes(coded, batch);
   }
 
-  // No more than a session asks its storage for.
+  // Returns the next records, at most as many as a session requests from its storage.
   static proto::RecordBatch SomeOf(const WireStream& stream, std::size_t first) {
     constexpr std::size_t kContentBytesMax = 72 * 1024;
     proto::RecordBatch some;
@@ -125,7 +125,7 @@ class Sender {
 
 struct Cost {
   std::size_t bytes = 0;
-  double encode_ms = 0, decode_ms = 0;  // All of it.
+  double encode_ms = 0, decode_ms = 0;  // Total time of all records.
 };
 
 Cost MissionCost(const WireMission& mission, Previous previous) {
@@ -150,7 +150,7 @@ struct Times {
   double decode_ms = 0;
 };
 
-// Codes the maps as one run after the other and takes the time.
+// Codes the maps in successive runs and adds the time.
 std::size_t RunBytes(const std::vector<TraversabilityMap>& maps, Previous previous, Times& times) {
   std::size_t bytes = 0;
   for (std::size_t first = 0; first < maps.size(); first += kRunMapsMax) {
@@ -176,7 +176,7 @@ std::size_t RunBytes(const std::vector<TraversabilityMap>& maps, Previous previo
   return bytes;
 }
 
-// Codes one stream's records in batches and takes the time.
+// Codes one stream's records in batches and adds the time.
 void CodeRows(const WireStream& stream, Times& times) {
   for (std::size_t next = 0; next < stream.records.size();) {
     proto::RecordBatch batch;

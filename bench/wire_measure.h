@@ -1,4 +1,4 @@
-// What a mission takes on the wire in each encoding, for wire_bench.
+// Measures the bytes of a mission on the wire in each encoding, for wire_bench.
 #pragma once
 
 #include <cstddef>
@@ -13,35 +13,35 @@ struct WireSizes {
   std::string name;
   std::size_t record_count = 0;
   std::size_t map_count = 0;
-  // The whole mission, with framing, CURVE and acknowledgments.
-  std::size_t paper_sql_bytes = 0;  // One populated statement a record (actors/storage/paper_sql.h), each acknowledged.
-  std::size_t alone_bytes = 0;      // Rows in columns, maps in runs, each without its previous map.
-  std::size_t previous_bytes = 0;   // The same with it.
-  std::size_t sent_bytes = 0;       // As sessions send it: the previous map while it pays.
-  // The cells of all maps, without anything around them.
+  // Bytes of the whole mission, with framing, CURVE and acknowledgments.
+  std::size_t paper_sql_bytes = 0;  // One acknowledged statement per record (actors/storage/paper_sql.h).
+  std::size_t alone_bytes = 0;      // Rows in columns; maps in runs, coded without the previous map.
+  std::size_t previous_bytes = 0;   // The same, coded with the previous map.
+  std::size_t sent_bytes = 0;       // As sessions send it: with the previous map if that saves bytes.
+  // Bytes of the cells of all maps, without any headers.
   std::size_t map_2bit_zstd_bytes = 0;
-  std::size_t map_single_bytes = 0;    // One map a run,
-  std::size_t map_batch_bytes = 0;     // runs of 32,
-  std::size_t map_previous_bytes = 0;  // and with the previous map.
-  // Of one map, of the processor's time.
+  std::size_t map_single_bytes = 0;    // Runs of one map.
+  std::size_t map_batch_bytes = 0;     // Runs of 32 maps.
+  std::size_t map_previous_bytes = 0;  // Runs of 32, coded with the previous map.
+  // Processor time in milliseconds per map.
   double encode_ms = 0, decode_ms = 0, encode_previous_ms = 0, decode_previous_ms = 0;
-  double sent_encode_ms = 0, sent_decode_ms = 0;  // As sessions send it; all records of the mission, by its maps.
+  double sent_encode_ms = 0, sent_decode_ms = 0;  // As sessions send it: all records, per map.
 };
 
-// How long coding takes, of the processor's time.
+// Processor time that coding takes.
 struct CodingTimes {
-  // Of one map of 4 x 100 x 100 cells, all known, with 1 % noise, as RollingOptions has it.
+  // One map of 4 x 100 x 100 cells, all known, with 1 % noise, as in RollingOptions.
   double map_encode_ms = 0, map_decode_ms = 0, map_encode_previous_ms = 0, map_decode_previous_ms = 0;
-  // Of a mission's states and pose graph, in batches of one type that hold as many as a session asks for.
+  // States and pose graph of a mission, in batches of one type with as many rows as a session requests.
   double encoded_rows_per_s = 0, decoded_rows_per_s = 0;
 };
 
 std::size_t RecordCount(const WireMission& mission);
 
-// WireSizes::paper_sql_bytes. Check stops where a record has no statement.
+// Returns WireSizes::paper_sql_bytes. Requires: every record has a statement (Check).
 std::size_t PaperSqlBytes(const WireMission& mission);
 
-// Checks on the way that everything comes back; Check stops where it does not.
+// Also checks that everything decodes to the original (Check).
 WireSizes MeasureMission(const WireMission& mission);
 
 CodingTimes MeasureTimes(const WireMission& mission);

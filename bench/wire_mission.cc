@@ -18,10 +18,10 @@ constexpr std::int64_t kStart_ns = 1'760'000'000'000'000'000;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::uint64_t kEpoch = 0x5F3C9A1E0B7D4C21;
 
-// States come every second, temperatures, and every third, the others.
+// A temperature is recorded every second, the other states every third second.
 constexpr int kOtherStatesEvery = 3;
 
-// Records by data type and origin: states go first, maps last.
+// Collects records by data type and origin. States are sent first, maps last.
 class Recorder {
  public:
   void Add(AgentId origin, proto::Record record) {
@@ -54,7 +54,8 @@ void AddStates(AgentId origin, int seconds, Recorder& recorder) {
     celsius += 0.05 * random.Normal();
     proto::Record temperature;
     temperature.set_timestamp_ns(timestamp_ns);
-    temperature.mutable_temperature()->set_celsius(std::round(celsius * 16) / 16);  // As a sensor has it.
+    temperature.mutable_temperature()->set_celsius(std::round(celsius * 16) /
+                                                   16);  // Resolution of a sensor, 1/16 degree.
     recorder.Add(origin, temperature);
     if (second % kOtherStatesEvery != 0) continue;
     proto::Record power;
@@ -84,7 +85,7 @@ Matrix6d DiagonalCovariance() {
   return covariance;
 }
 
-// A straight drive with noise, for maps that have no world of poses.
+// Makes a straight drive with noise, for maps whose generator has no poses.
 PoseGraph MakeGraph(AgentId origin, int node_count, std::int64_t period_ns, Random& random) {
   PoseGraph graph;
   for (int i = 0; i < node_count; ++i) {

@@ -11,7 +11,7 @@
 
 namespace moondb {
 
-// One origin's records of one data type, in order.
+// Records of one data type from one origin, in order.
 struct WireStream {
   std::uint32_t data_type = 0;
   std::vector<proto::StoredRecord> records;
@@ -19,17 +19,18 @@ struct WireStream {
 
 struct WireMission {
   std::string name;
-  std::vector<WireStream> streams;                         // In the order in which they are sent.
-  std::vector<std::vector<TraversabilityMap>> rover_maps;  // The maps' cells again, by rover.
+  std::vector<WireStream> streams;                         // Streams in the order in which they are sent.
+  std::vector<std::vector<TraversabilityMap>> rover_maps;  // Maps whose cells the streams contain, by rover.
 };
 
-// Three rovers, 300 maps of 4 layers of 128 x 128 that roll over one grid with 1 % noise, and some 5,400 records.
+// Makes a mission with three rovers, some 5,400 records, and 300 maps of 4 layers of 128 x 128 cells. The maps roll
+// over one grid and have 1 % noise.
 WireMission MakeRollingMission();
 
-// Of moondb_mission's generator: camera maps that turn with the rover.
+// Makes a mission with moondb_mission's generator, whose camera maps turn with the rover.
 Result<WireMission> MakeSingleViewMission();
 
-// A recorded mission (model/mission.h), with the name of its folder.
+// Reads a recorded mission (model/mission.h). It gets the name of its folder.
 Result<WireMission> ReadRecordedMission(const std::filesystem::path& folder);
 
 }  // namespace moondb

@@ -1,13 +1,12 @@
-# How the tree is compiled in little time (docs/decisions/0012-compile-times.md): headers that most files include are
-# precompiled, and source files of a library are compiled a few at a time. Neither changes what a file may rely on: a
-# build with both off must pass.
+# Speeds up compilation (docs/decisions/0012-compile-times.md): precompiles headers that most files include, and
+# compiles several source files of a library as one unit. No file may rely on this: a build with both off must pass.
 option(MOONDB_PRECOMPILE "Precompile the headers that most files include" ON)
 set(MOONDB_FILES_AT_A_TIME 6 CACHE STRING "Source files of a target that are compiled as one; 1 compiles each alone")
 
 if(MOONDB_FILES_AT_A_TIME GREATER 1)
   set(CMAKE_UNITY_BUILD ON)
   set(CMAKE_UNITY_BUILD_BATCH_SIZE ${MOONDB_FILES_AT_A_TIME})
-  # GCC takes a source file that another one includes for a header, in which unnamed namespaces would be a mistake.
+  # GCC treats a source file that another one includes as a header, and would warn about its unnamed namespaces.
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     add_compile_options(-Wno-subobject-linkage)
   endif()

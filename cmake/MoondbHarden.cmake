@@ -1,12 +1,12 @@
-# Makes faults in memory end a program, in place of giving it to whoever sent the bytes: checked buffers of the C library,
-# guarded stacks, checked jumps, and tables of the linker that nobody writes after the start.
+# Hardening options that end a program on a memory fault before an attacker can use the fault: checked buffers of the C
+# library, guarded stacks, checked jumps, and linker tables that are read-only after the start.
 add_compile_options(-fstack-protector-strong -fstack-clash-protection)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(aarch64|arm64)$")
   add_compile_options(-mbranch-protection=standard)
 elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64|i.86)$")
   add_compile_options(-fcf-protection)
 endif()
-# The C library checks buffers only where the compiler optimises, and warns elsewhere.
+# The C library checks buffers only in optimised builds, and warns in others.
 string(TOUPPER "${CMAKE_BUILD_TYPE}" BUILD_TYPE)
 if("${CMAKE_CXX_FLAGS} ${CMAKE_CXX_FLAGS_${BUILD_TYPE}}" MATCHES "-O[123s]")
   add_compile_options(-U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=3)

@@ -1,4 +1,4 @@
-# What an install tree holds, and the package `find_package(moondb)` that goes with it (cmake/moondbConfig.cmake.in):
+# Install rules, and the package for `find_package(moondb)` (cmake/moondbConfig.cmake.in). The install tree contains:
 #
 #   bin/            the programs
 #   lib/            static libraries, each a target moondb::NAME
@@ -12,7 +12,7 @@ set(MOONDB_SHARE_DIR ${CMAKE_INSTALL_DATADIR}/moondb)
 set(MOONDB_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/moondb)
 
 # moondb_install_library(TARGET [NAME name] [HEADERS public headers of this folder...]): installs the library `TARGET`
-# (moondb_NAME, or with NAME) as moondb::NAME. Whatever a public header includes must be public too.
+# (moondb_NAME, or any library with NAME) as moondb::NAME. Headers that a public header includes must be public too.
 function(moondb_install_library target)
   cmake_parse_arguments(ARG "" "NAME" "HEADERS" ${ARGN})
   if(NOT ARG_NAME)
@@ -30,7 +30,7 @@ function(moondb_install_program target)
   install(TARGETS ${target} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 endfunction()
 
-# Called once, when all libraries are known.
+# Call once, after all libraries are declared.
 function(moondb_install_package)
   install(EXPORT moondb NAMESPACE moondb:: FILE moondbTargets.cmake DESTINATION ${MOONDB_PACKAGE_DIR}
           COMPONENT development)

@@ -1,7 +1,7 @@
-# Everything here, and in projects that use an install tree of this build, is compiled with -fsanitize=MOONDB_SANITIZE;
-# what it finds ends the program. suppressions.txt: see tools/sanitizers.supp.
+# Compiles this tree, and projects that use its install tree, with -fsanitize=MOONDB_SANITIZE. A finding ends the
+# program. For suppressions.txt see tools/sanitizers.supp.
 set(MOONDB_SANITIZE_OPTIONS -fsanitize=${MOONDB_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
-# With a sanitizer GCC 12 takes members of std::regex for uninitialised.
+# With a sanitizer, GCC 12 wrongly reports members of std::regex as uninitialised.
 add_compile_options(${MOONDB_SANITIZE_OPTIONS} -Wno-maybe-uninitialized)
 add_link_options(-fsanitize=${MOONDB_SANITIZE})
 if(MOONDB_SANITIZE STREQUAL thread)
@@ -10,7 +10,7 @@ endif()
 target_compile_options(moondb_options INTERFACE "$<INSTALL_INTERFACE:${MOONDB_SANITIZE_OPTIONS}>")
 target_link_options(moondb_options INTERFACE $<INSTALL_INTERFACE:-fsanitize=${MOONDB_SANITIZE}>)
 
-# Each sanitizer refuses a file with kinds of suppressions that it does not know.
+# Each sanitizer rejects a suppression file with kinds that it does not know.
 set(KINDS_thread "race|deadlock|mutex|thread|signal|called_from_lib")
 set(KINDS_address "leak")
 set(KINDS_undefined "undefined|alignment|vptr|null|bounds|shift|signed-integer-overflow|float-cast-overflow")

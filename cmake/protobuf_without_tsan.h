@@ -1,9 +1,8 @@
-// Included before all else in builds with the thread sanitizer: there protobuf's headers give map fields two more
-// members (MapFieldBase), which Debian's libprotobuf, built without the sanitizer, does not know; each map in a message
-// would be read at the wrong place.
+// Included first in builds with the thread sanitizer. There, protobuf's headers add two members to map fields
+// (MapFieldBase), but Debian's libprotobuf is built without them. Maps in messages would be read at wrong offsets.
 #pragma once
 
-#include <memory>  // What the standard library does for the sanitizer stays.
+#include <memory>  // Included first, so the standard library keeps its sanitizer support.
 
 #pragma push_macro("__SANITIZE_THREAD__")
 #undef __SANITIZE_THREAD__

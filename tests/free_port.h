@@ -1,4 +1,4 @@
-// A TCP port of this machine that was free a moment ago.
+// Finds a TCP port of this machine that is free at the time of the call.
 #pragma once
 
 #include <arpa/inet.h>

@@ -1,7 +1,7 @@
-// A record of any built-in type that a store accepts: by reflection, so that a type that is new has one too.
+// Returns a valid record of any built-in type. Uses reflection, so new types are covered automatically.
 //
-// Every number is 0.5 or 1, every enumeration its last value, every text "text", every agent the given one. A type to
-// which that is no record gets its own here.
+// Every number is 0.5 or 1, every enumeration its last value, every text "text", every agent the given one. Types for
+// which such a record is invalid are handled separately.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -71,7 +71,7 @@ inline proto::Record SampleRecord(DataType type, AgentId agent) {
   }
   if (record.has_map_quarantine()) {
     record.mutable_map_quarantine()->clear_lifts();
-    // The agent at which it is inserted gives these.
+    // The agent that stores the record sets these fields.
     record.mutable_map_quarantine()->clear_signature();
     record.mutable_map_quarantine()->clear_term();
   }

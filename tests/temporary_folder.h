@@ -1,4 +1,4 @@
-// A folder of a test's own, which goes with the object.
+// A temporary folder of a test. The destructor removes it.
 #pragma once
 
 #include <stdlib.h>
@@ -14,7 +14,7 @@ namespace moondb {
 class TemporaryFolder {
  public:
   explicit TemporaryFolder(const std::filesystem::path& parent = std::filesystem::temp_directory_path()) {
-    // Short: the paths of sockets below it may have 107 characters at most.
+    // Keep the path short: paths of sockets below it may have at most 107 characters.
     std::string pattern = (parent / "moondb-XXXXXX").string();
     Check(::mkdtemp(pattern.data()) != nullptr, "a test can make a temporary folder");
     path_ = pattern;

@@ -28,11 +28,11 @@ TYPE_NAMES = {int(number): name.lower()
 
 
 class DemoError(Exception):
-    """One line that says what went wrong."""
+    """An error described in one line."""
 
 
 def free_port_run(count):
-    """The first of `count` loopback ports in a row that are free now."""
+    """Returns the first of `count` consecutive loopback ports that are free now."""
     for first in range(17400, 60000, 50):
         with contextlib.ExitStack() as stack:
             try:
@@ -45,13 +45,13 @@ def free_port_run(count):
 
 
 class Team:
-    """The programs, and one team that they run."""
+    """The programs, and the team that they run."""
 
     def __init__(self, programs, team_file):
         self.programs, self.team_file = pathlib.Path(programs), pathlib.Path(team_file)
 
     def run(self, program, *arguments, check=True):
-        """Its standard output. moonctl's 3, "some agents unreachable", is a success: one is dead on purpose."""
+        """Runs a program and returns its output. Exit code 3 (agents unreachable) is a success: one is killed."""
         command = [str(self.programs / program), *map(str, arguments)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=STEP_LIMIT_S, check=False)
         if check and done.returncode not in (0, 3):
@@ -66,19 +66,19 @@ class Team:
         return self.run("moondb_replay", verb, "-t", self.team_file, *arguments)
 
     def replay_beside(self, verb, *arguments):
-        """The same as a process that runs on."""
+        """Starts moondb_replay and returns the running process."""
         command = [self.programs / "moondb_replay", verb, "-t", self.team_file, *arguments]
         return subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
                                 text=True)
 
     def status(self):
-        """Per agent name the status that it answers, None for one that does not."""
+        """Returns the status of each agent by name; None for an agent that does not answer."""
         answer = json.loads(self.moonctl("--json", "status"))
         return {row["name"]: row.get("status") for row in answer["agents"]}
 
 
 def records_of(status):
-    """Records that an agent holds, of all origins, by the type's name."""
+    """Returns the number of records that an agent holds, from all origins, by type name."""
     records = {}
     for count in status["storage"]["counts"]:
         kind = TYPE_NAMES.get(count["data_type"], str(count["data_type"]))
@@ -87,7 +87,7 @@ def records_of(status):
 
 
 class Story:
-    """The demo's steps, each of which says what it does and how long it took."""
+    """The steps of the demo. Each prints its action and its duration."""
 
     def __init__(self, team, started):
         self.team, self.started = team, started
@@ -104,7 +104,7 @@ class Story:
             print("           " + line, flush=True)
 
     def gather(self):
-        """Brings all that the agents know to the leader, solves there, and copies everything to the survivor."""
+        """Syncs all records to the leader, solves there, and replicates everything to the survivor."""
         with self.step("sync: every agent's records to the leader"):
             self.team.moonctl("--timeout", f"{STEP_LIMIT_S}s", "sync", "now", "--wait")
         with self.step("optimise: the leader solves the pose graph"):
@@ -114,7 +114,7 @@ class Story:
 
 
 def mission_seconds(folder):
-    """The stamp of the mission's last map."""
+    """Returns the timestamp of the mission's last map in seconds."""
     with open(folder / "maps.csv", encoding="utf-8") as file:
         header = file.readline().rstrip("\n").split(",")
         column = header.index("timestamp_s")
@@ -122,7 +122,7 @@ def mission_seconds(folder):
 
 
 def expected_records(folder):
-    """What a mission holds, by data type: all of it must reach leader and survivor."""
+    """Returns the number of a mission's records by data type. All must reach leader and survivor."""
     with open(folder / "maps.csv", encoding="utf-8") as file:
         maps = sum(1 for line in file if line.strip()) - 1
     tags = [line.split(" ", 1)[0] for line in open(folder / "graph.pyfg", encoding="utf-8")]
@@ -139,7 +139,7 @@ def check_complete(status, expected, who):
 
 
 def tell(story, mission):
-    """The whole mission. Returns the statuses just before the kill and at the end."""
+    """Runs the whole mission. Returns the statuses just before the kill and at the end."""
     team, middle, expected = story.team, mission_seconds(mission) / 2, expected_records(mission)
     with story.step("start four agents"):
         story.show(team.moonctl("up"))
@@ -171,7 +171,7 @@ def tell(story, mission):
 
 
 def summarise(mission, before_kill, at_end, score, seconds):
-    """What out/summary.json holds. A dead agent's records and bytes are the last that it reported."""
+    """Returns the contents of out/summary.json. For a dead agent, records and bytes are its last reported ones."""
     agents, wire_bytes = [], 0
     for name, status in at_end.items():
         last_known = status or before_kill[name]
@@ -219,7 +219,7 @@ def print_table(summary):
 def run_demo(options, out):
     started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="moondb-") as run_folder:
-        # Sockets' paths are short by law of the operating system; a folder under out/ may be too deep.
+        # The operating system limits the length of socket paths; a path under out/ may be too long.
         os.environ["MOONDB_RUN_DIR"] = run_folder
         team = Team(options.bin, out / "team" / "team.yaml")
         story = Story(team, started)
@@ -257,7 +257,7 @@ def parse_arguments():
 
 
 def make_empty(out):
-    """Empties a folder that an earlier run made; refuses one that holds other things."""
+    """Empties a folder that an earlier run made. Refuses a folder with other contents."""
     if out.exists() and any(out.iterdir()):
         if not (out / MARK).exists():
             raise DemoError(f"{out} is not empty and no earlier demo's; name another by --out")

@@ -23,12 +23,12 @@ import sharing_pb2
 import types_pb2
 
 REQUEST_BYTES_MAX = 32 * 1024 * 1024
-BEYOND_WAIT_S = 30.0  # How much longer than wait_s the answer may take.
-PAUSES_S = (0.1, 0.3, 1.0, 2.0, 3.0)  # Before a request to share is given again.
+BEYOND_WAIT_S = 30.0  # Time limit for an answer beyond wait_s.
+PAUSES_S = (0.1, 0.3, 1.0, 2.0, 3.0)  # Pauses before a sync or replication request is repeated.
 
 
 class AgentError(Exception):
-    """What the agent says is wrong: `code` is an ErrorCode of error.proto, `field` names the part of the request."""
+    """Error reported by the agent: `code` is an ErrorCode of error.proto, `field` names the part of the request."""
 
     def __init__(self, error):
         super().__init__(f"{error.field}: {error.text}" if error.field else error.text)
@@ -36,13 +36,13 @@ class AgentError(Exception):
 
 
 def team_of(team_file):
-    """The name and the id of the team of a team file, as `moonctl config init` writes it."""
+    """Returns the team's name and id from a team file as written by `moonctl config init`."""
     fields = dict(re.findall(r"^(team|team_id):\s*\"?([\w-]+)", pathlib.Path(team_file).read_text(), re.MULTILINE))
     return fields["team"], fields["team_id"]
 
 
 def endpoint_of(team_file, agent):
-    """Where an agent of this machine listens for its own user's clients."""
+    """Returns the endpoint on which an agent of this machine accepts clients of its own user."""
     folder = os.environ.get("MOONDB_RUN_DIR")
     if not folder and os.environ.get("XDG_RUNTIME_DIR"):
         folder = os.path.join(os.environ["XDG_RUNTIME_DIR"], "moondb")
@@ -53,7 +53,7 @@ def endpoint_of(team_file, agent):
 
 class MoondbClient:
     def __init__(self, endpoint, team_id, timeout_s=3.0):
-        """`team_id` as in the team file: an agent of another team refuses."""
+        """`team_id` is that of the team file. An agent of another team refuses requests."""
         self._dealer = zmq.Context.instance().socket(zmq.DEALER)
         self._dealer.linger = 0
         self._dealer.connect(endpoint)
@@ -65,7 +65,7 @@ class MoondbClient:
         self._dealer.close()
 
     def call(self, request, timeout_s=None):
-        """Sends a ControlRequest, gives the ControlReply."""
+        """Sends a ControlRequest and returns the ControlReply."""
         self._request_id += 1
         request.by, request.team_id = self._by, self._team_id
         message = control_pb2.ClientMessage(request_id=self._request_id, control_request=request)
@@ -76,7 +76,7 @@ class MoondbClient:
         while self._dealer.poll(1000 * (timeout_s or self._timeout_s)):
             answer = control_pb2.ClientMessage.FromString(self._dealer.recv())
             if answer.request_id != self._request_id:
-                continue  # Of a call that had timed out.
+                continue  # The reply to a call that has timed out.
             if answer.control_reply.team_id != self._team_id:
                 raise ValueError(f"{self._endpoint} is of another team")
             if answer.control_reply.error.code:
@@ -88,11 +88,11 @@ class MoondbClient:
         return self.call(control_pb2.ControlRequest(status={})).status
 
     def insert(self, records):
-        """Stores records as this agent's own, whole or none of them; gives their keys."""
+        """Stores records as this agent's own, all or none of them. Returns their keys."""
         return self.call(control_pb2.ControlRequest(insert={"records": records})).insert.keys
 
     def follow(self, data_types, wait_s=10.0):
-        """Yields the key and the bytes of each record that is there, and that comes; ends after wait_s without any."""
+        """Yields key and bytes of each stored and each new record. Ends after wait_s without new records."""
         read = {"data_types": data_types, "wait_s": wait_s, "records_max": 100}
         while True:
             page = self.call(control_pb2.ControlRequest(read=read), timeout_s=wait_s + self._timeout_s).read
@@ -110,16 +110,16 @@ class MoondbClient:
         return self._share(sharing_pb2.SHARING_KIND_SYNC, limit_s, on_progress, order)
 
     def replicate(self, limit_s=600.0, on_progress=None, **order):
-        """As sync: at the leader, all that it holds to the designated survivor."""
+        """Replicates all records of the leader to the designated survivor. Requires: the leader."""
         return self._share(sharing_pb2.SHARING_KIND_REPLICATION, limit_s, on_progress, order)
 
     def swap_roles(self, limit_s=10.0):
-        """Exchanges leader and survivor; gives a RoleShowReply whose not_confirmed_by names who does not act on it yet.
-        Where no answer comes (TimeoutError), ask for the roles: they may have changed."""
+        """Swaps leader and survivor. Returns a RoleShowReply; not_confirmed_by names agents that do not act on it yet.
+        After a TimeoutError ask for the roles: they may have changed."""
         return self.set_roles(limit_s, is_swap=True)
 
     def set_roles(self, limit_s=10.0, **change):
-        """Changes the roles that stand; `change`: fields of RoleSetRequest."""
+        """Changes the current roles. `change` has fields of RoleSetRequest."""
         standing = self.call(control_pb2.ControlRequest(role_show={})).roles.roles
         expected = {"term": standing.term, "leader": standing.leader, "survivor": standing.survivor}
         request = {"expected": expected, "wait_s": limit_s, **change}
@@ -171,7 +171,7 @@ class MoondbClient:
             read["after_row_id"] = page.row_ids[-1]
 
     def merged_map(self):
-        """The merged map: a MergeReply and its cells, row by row from the smallest y; 0 unknown, 1 free, 2 hazard."""
+        """Returns a MergeReply and the map's cells, row by row from the smallest y: 0 unknown, 1 free, 2 hazard."""
         reply = self.call(control_pb2.ControlRequest(merge={}), timeout_s=600).merge
         size = reply.width_cells * reply.height_cells
         if size == 0:
@@ -184,5 +184,5 @@ def key_text(key):
 
 
 def occupancy(cells):
-    """As nav_msgs/OccupancyGrid has it: -1 unknown, 0 free, 100 occupied; the same order of cells."""
+    """Returns the cells as in nav_msgs/OccupancyGrid: -1 unknown, 0 free, 100 occupied, in the same order."""
     return [(-1, 0, 100)[cell] for cell in cells]

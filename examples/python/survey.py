@@ -12,7 +12,7 @@ from moondb_client import MoondbClient, endpoint_of, key_text, occupancy, team_o
 
 
 def node_at(agent_id, index, x, y):
-    """A pose-graph node: the body in the frame `map`, metres, quaternion x y z w, as odometry has it."""
+    """Returns a pose-graph node: odometry's pose of the body in the frame `map`, in metres, quaternion x y z w."""
     record = record_pb2.Record(timestamp_ns=time.time_ns())
     node = record.pose_graph_node
     node.node.agent_id, node.node.index = agent_id, index
@@ -22,7 +22,7 @@ def node_at(agent_id, index, x, y):
 
 
 def packed(cells):
-    """Four cells a byte, the first in the lowest bits (proto/record.proto)."""
+    """Packs four cells per byte, the first one in the lowest bits (proto/record.proto)."""
     packed_cells = bytearray((len(cells) + 3) // 4)
     for i, cell in enumerate(cells):
         packed_cells[i // 4] |= cell << 2 * (i % 4)
@@ -30,7 +30,7 @@ def packed(cells):
 
 
 def map_at(agent_id, index, cells, side, resolution_m):
-    """A local traversability map around a node; its origin is the middle of the grid, rows grow with y."""
+    """Returns a traversability map around a node. Its origin is the middle of the grid; rows are in order of y."""
     record = record_pb2.Record(timestamp_ns=time.time_ns())
     local_map = record.local_traversability_map
     local_map.node.agent_id, local_map.node.index = agent_id, index
@@ -47,7 +47,7 @@ def main():
     status = client.status()
     print(f"{status.name} of team {status.team}, moondb {status.version}")
 
-    index = client.next_node_index()  # Of an earlier run there are nodes already.
+    index = client.next_node_index()  # Nodes of an earlier run have lower indexes.
     side = 40
     hazard_ahead = [2 if column > 35 else 1 for row in range(side) for column in range(side)]
     keys = client.insert([

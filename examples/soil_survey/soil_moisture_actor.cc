@@ -44,7 +44,7 @@ void SoilMoistureActor::OnMessage(Context& context, const Message& message) {
     case Message::kCustom:
       return OnCustom(context, message.custom());
     default:
-      return;  // What later versions may say.
+      return;  // A message of a later version.
   }
 }
 
@@ -66,7 +66,7 @@ void SoilMoistureActor::Measure(Context& context) {
   }
 }
 
-// Other agents' records: whatever their payload holds must not harm. What is no measurement is passed over.
+// Payloads come from other agents and may contain anything. Skips those that are not measurements.
 moondb::Result<void> SoilMoistureActor::Add(const moondb::proto::StoredRecord& stored) {
   moondb::proto::Record record;
   SoilMoisture moisture;
@@ -89,7 +89,7 @@ void SoilMoistureActor::OnCustom(Context& context, const google::protobuf::Any& 
   }
   Message message;
   message.mutable_custom()->PackFrom(reply);
-  (void)context.Reply(std::move(message));  // Who has gone needs no answer; who misses it asks again.
+  (void)context.Reply(std::move(message));  // A lost reply does no harm: the requester asks again.
 }
 
 }  // namespace soil_survey

@@ -1,11 +1,11 @@
-// SoilMoistureActor ("soil"): measures the soil's moisture at a fixed pace, stores it, and knows each agent's average.
+// SoilMoistureActor ("soil"): measures the soil's moisture periodically, stores it, and computes each agent's average.
 //
-// Every `period` it reads the sensor and hands StorageActor a record of the team's custom type `soil_moisture`. What
-// other agents measured comes by moondb's sharing: the actor reads whatever its own storage gets, wherever it is from,
-// and answers AverageRequest, from an actor or a client, with the averages over all of it.
+// Every `period` it reads the sensor and sends StorageActor a record of the team's custom type `soil_moisture`.
+// Measurements of other agents arrive by moondb's sharing. The actor reads all measurements that its own storage
+// receives. It answers AverageRequest, from an actor or a client, with the averages over all of them.
 //
-// Its state is a sum of what is stored, so it is read anew after a restart. A measurement whose insert failed is
-// logged and lost; the next one comes soon.
+// Its state is a sum over stored records, which it reads again after a restart. A measurement whose insert failed is
+// logged and lost; the next one follows soon.
 #pragma once
 
 #include <chrono>
@@ -24,14 +24,14 @@ namespace soil_survey {
 inline constexpr char kActorName[] = "soil";
 inline constexpr char kDataTypeName[] = "soil_moisture";
 
-// The share of water, 0 to 1. Called inside a handler: it must return at once.
+// Returns the share of water, 0 to 1. Called inside a handler, so it must return at once.
 using Sensor = std::function<moondb::Result<double>()>;
 
 class SoilMoistureActor final : public moondb::Actor {
  public:
   struct Options {
     moondb::DataType data_type = 0;  // The id of `soil_moisture` in the team file.
-    Sensor sensor;                   // Empty: this agent measures nothing.
+    Sensor sensor;                   // Empty if this agent does not measure.
     moondb::Duration period = std::chrono::minutes(10);
   };
 
@@ -52,7 +52,7 @@ class SoilMoistureActor final : public moondb::Actor {
 
   const Options options_;
   std::map<moondb::AgentId, Sum> sums_;
-  moondb::RecordReader reader_;  // Into sums_.
+  moondb::RecordReader reader_;  // Reads stored measurements into sums_.
 };
 
 }  // namespace soil_survey

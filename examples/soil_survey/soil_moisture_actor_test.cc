@@ -1,4 +1,5 @@
-// The actor in a simulated team: real storage and sharing, a virtual clock, a radio, crashes; no sleep, no socket.
+// Tests the actor in a simulated team: real storage and sharing, a virtual clock, a radio, and crashes. It uses no
+// sleeps and no sockets.
 #include "soil_moisture_actor.h"
 
 #include <gtest/gtest.h>
@@ -32,7 +33,7 @@ constexpr AgentId kLeader = 1;
 constexpr AgentId kRover = 2;
 constexpr moondb::DataType kSoilMoisture = 1007;
 
-// Two agents; each measures 0.1 times its id.
+// A team of two agents. Each measures 0.1 times its id.
 class SoilMoistureActorTest : public testing::Test {
  protected:
   SoilMoistureActorTest() : file_(*moondb::ReadTeamFile(TEAM_FILE)) {
@@ -58,7 +59,7 @@ class SoilMoistureActorTest : public testing::Test {
     team_.Spawn(agent, "sync", [sync] { return std::make_unique<moondb::SyncActor>(sync); });
   }
 
-  // What the actor of `agent` answers, as measurements by agent.
+  // Asks the actor of `agent` and returns the number of measurements by agent.
   std::map<AgentId, std::uint64_t> MeasurementsKnownTo(AgentId agent) {
     Message question;
     question.mutable_custom()->PackFrom(AverageRequest());
@@ -75,7 +76,7 @@ class SoilMoistureActorTest : public testing::Test {
     return measurements;
   }
 
-  // Storage answers this to its own agent alone.
+  // Returns the number of records at `agent`. Sent as that agent, because storage answers no other.
   std::uint64_t RecordsStoredAt(AgentId agent) {
     const Address operator_at{agent, "operator"};  // No actor: a probe.
     moondb::proto::ControlRequest question;
@@ -110,7 +111,7 @@ TEST_F(SoilMoistureActorTest, KnowsWhatOthersMeasuredOnceItIsShared) {
   EXPECT_EQ(MeasurementsKnownTo(kLeader), (std::map<AgentId, std::uint64_t>{{kLeader, 2}, {kRover, 2}}));
 }
 
-TEST_F(SoilMoistureActorTest, IsOutOfReachWhileTheTeamIsParted) {
+TEST_F(SoilMoistureActorTest, IsUnreachableDuringAPartition) {
   Message question;
   question.mutable_custom()->PackFrom(AverageRequest());
   team_.Partition({{kLeader}, {kRover}});
@@ -129,7 +130,7 @@ TEST_F(SoilMoistureActorTest, KnowsItsAverageAgainAfterACrash) {
   EXPECT_EQ(MeasurementsKnownTo(kRover), (std::map<AgentId, std::uint64_t>{{kRover, 2}}));
 }
 
-TEST_F(SoilMoistureActorTest, CountsWhatIsStoredWhereverItCrashed) {
+TEST_F(SoilMoistureActorTest, CountsStoredMeasurementsAfterACrashAtAnyPoint) {
   constexpr std::uint64_t kSeed = 7;
   SCOPED_TRACE("seed " + std::to_string(kSeed));
   std::mt19937_64 rng(kSeed);
@@ -159,7 +160,7 @@ TEST_F(SoilMoistureActorTest, ReadsAgainWhenStorageFailsWithTheQuestionInHand) {
   EXPECT_EQ(MeasurementsKnownTo(kRover).count(kRover), 1u);
 }
 
-TEST_F(SoilMoistureActorTest, PassesOverPayloadsThatAreNoMeasurement) {
+TEST_F(SoilMoistureActorTest, SkipsInvalidPayloads) {
   Message insert;
   SoilMoisture impossible;
   impossible.set_water_ratio(7);

@@ -1,4 +1,4 @@
-// The actor in a real agent: threads, a database file, sockets, a client.
+// Tests the actor in a real agent: threads, a database file, sockets, a client.
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
@@ -37,7 +37,7 @@ class SoilSurveyAgentTest : public testing::Test {
     return options;
   }
 
-  // What the actor answers to a client; without averages after 30 s.
+  // Asks the actor as a client until its answer contains an average, for at most 30 s.
   static AverageReply AskUntilThereIsAnAverage(const moondb::Agent& agent) {
     AverageReply reply;
     const auto client = moondb::Client::Connect(agent.client_endpoint(), "rover1", {});
@@ -89,7 +89,7 @@ TEST_F(SoilSurveyAgentTest, TakesMeasurementsFromAThreadOfTheProgram) {
   EXPECT_NEAR(reply.averages(0).water_ratio(), 0.2, 1e-9);
 }
 
-TEST_F(SoilSurveyAgentTest, LetsClientsAskNoStandardActor) {
+TEST_F(SoilSurveyAgentTest, RefusesClientRequestsToStandardActors) {
   auto agent = moondb::Agent::Start(file_, OptionsWithTheActor());
   ASSERT_TRUE(agent.has_value()) << ToString(agent.error());
   const auto client = moondb::Client::Connect((*agent)->client_endpoint(), "rover1", {});

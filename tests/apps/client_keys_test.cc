@@ -1,4 +1,5 @@
-// Operators from elsewhere, with keys, and programs that follow records: real processes, TCP on this machine.
+// Tests with real processes over TCP on this machine: remote operators with client keys, and programs that follow
+// records.
 
 #include <gmock/gmock.h>
 #include <signal.h>
@@ -17,7 +18,7 @@ using testing::Not;
 
 class ClientKeysProcessTest : public ProcessTeam {
  protected:
-  // Rover1 lets clients in.
+  // Makes rover1 accept clients over TCP.
   void SetUp() override {
     ProcessTeam::SetUp();
     std::string text = *ReadTextFile(team_file_);
@@ -31,13 +32,13 @@ class ClientKeysProcessTest : public ProcessTeam {
     arguments.insert(arguments.begin(), {"--key", key.string()});
     return arguments;
   }
-  // Where a client's secret key goes unasked.
+  // Default file of a client's secret key.
   std::filesystem::path KeyOf(const std::string& client) const {
     return folder_ / "config" / "moondb" / (client + ".sec");
   }
 };
 
-TEST_F(ClientKeysProcessTest, AKeyOpensWhatItsRightsAllowUntilItIsRevoked) {
+TEST_F(ClientKeysProcessTest, AKeyGrantsItsRightsUntilItIsRevoked) {
   const auto added = MoonctlJson(0, {"clients", "add", "anna", "--rights", "view"});
   EXPECT_EQ(added.fields().at("secret_file").string_value(), KeyOf("anna").string());
   struct stat status {};
@@ -56,7 +57,7 @@ TEST_F(ClientKeysProcessTest, AKeyOpensWhatItsRightsAllowUntilItIsRevoked) {
   EXPECT_EQ(refused.exit_code, 4);
   EXPECT_THAT(refused.error, HasSubstr("this needs the right to share; the key of anna has the right to view"));
   MoonctlExpecting(4, With(KeyOf("anna"), {"role", "swap", "--via", "rover1"}));
-  // rover2 has no client_address: it is asked through an agent that has.
+  // rover2 has no client_address, so moonctl reaches it through an agent that has one.
   const Outcome through = Moonctl(With(KeyOf("anna"), {"status", "-a", "rover2"}));
   EXPECT_EQ(through.exit_code, 0) << through.out;
   EXPECT_EQ(through.error, "moonctl: through rover1, over the radio\n");
@@ -77,10 +78,10 @@ TEST_F(ClientKeysProcessTest, AKeyOpensWhatItsRightsAllowUntilItIsRevoked) {
   const auto shown = MoonctlJson(0, {"status", "-a", "rover1"});
   const auto& agent = shown.fields().at("agents").list_value().values(0).struct_value().fields().at("status");
   EXPECT_GE(agent.struct_value().fields().at("refused_clients").number_value(), 2);
-  MoonctlExpecting(0, With(folder_ / "new.sec", {"down"}));  // About processes of this machine.
+  MoonctlExpecting(0, With(folder_ / "new.sec", {"down"}));  // Needs no key: it stops processes of this machine.
 }
 
-TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
+TEST_F(ClientKeysProcessTest, ListsClientsAndReportsErrors) {
   MoonctlExpecting(0, {"clients", "list"});
   ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", "# our own words\nclients: []\n").has_value());
   MoonctlExpecting(0, {"clients", "add", "anna", "--rights", "command"});
@@ -110,7 +111,7 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
   EXPECT_THAT(error(2, {"role", "swap"}), AllOf(HasSubstr("MOONDB_CLIENT_KEY"), HasSubstr("no such file")));
   MoonctlExpecting(0, {"clients", "list"});  // It needs no key.
   environment_.erase("MOONDB_CLIENT_KEY");
-  // Neither a secret without a listed client nor a lost word of people.
+  // If the client list cannot be written, no secret key may remain and no listed client may be lost.
   const std::string list = *ReadTextFile(folder_ / "clients.yaml");
   std::filesystem::create_directory(folder_ / "clients.yaml.part");
   EXPECT_THAT(error(1, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("cannot be written"));
@@ -123,12 +124,12 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
   ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", "clients: [{nmae: x}]\n").has_value());
   EXPECT_THAT(error(2, {"clients", "list"}), HasSubstr("clients.yaml:1:"));
   EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("did you mean \"name\"?"));
-  MoonctlExpecting(0, {"up", "-a", "rover1"});  // Nobody is let in; its log says why.
+  MoonctlExpecting(0, {"up", "-a", "rover1"});  // It accepts no client over TCP; its log gives the reason.
   EXPECT_THAT(*ReadTextFile(folder_ / "moondb-data" / "rover1" / "agent.log"),
               AllOf(HasSubstr("clients.yaml:1:"), HasSubstr("nobody is let in")));
 }
 
-TEST_F(ClientKeysProcessTest, ManyAddClientsAtOnceAndNoneIsLost) {
+TEST_F(ClientKeysProcessTest, ConcurrentAdditionsLoseNoClient) {
   std::vector<std::unique_ptr<Child>> children;
   for (int i = 0; i < 8; ++i) {
     const std::string name = "c" + std::to_string(i);
@@ -142,7 +143,7 @@ TEST_F(ClientKeysProcessTest, ManyAddClientsAtOnceAndNoneIsLost) {
   for (int i = 0; i < 8; ++i) EXPECT_THAT(shown, HasSubstr("c" + std::to_string(i) + " "));
 }
 
-TEST_F(ClientKeysProcessTest, FollowsRecordsAsTheyComeUntilItIsEnded) {
+TEST_F(ClientKeysProcessTest, FollowsNewRecordsUntilInterrupted) {
   MoonctlExpecting(0, {"up", "-a", "rover1"});
   const std::vector<std::string> insert = {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover1"};
   const std::string before = MoonctlExpecting(0, insert);
@@ -152,7 +153,7 @@ TEST_F(ClientKeysProcessTest, FollowsRecordsAsTheyComeUntilItIsEnded) {
   Child text(
       {"/bin/bash", "-c", std::string("set -o pipefail; ") + MOONCTL_PROGRAM + " record list -f -a rover1 | head -n 1"},
       environment_, folder_ / "text");
-  // Each comes at once; only what was stored before it listened is not shown.
+  // Each new record is shown at once. Records stored before the command started to follow are not shown.
   std::string key;
   EXPECT_TRUE(Until([&] {
     key = MoonctlExpecting(0, insert);

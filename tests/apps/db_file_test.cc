@@ -1,4 +1,4 @@
-// A store's file in the hands of programs that are not moondb's: a spreadsheet's reader, SQLite's own sqldiff.
+// A store's file read by programs that are not part of moondb: a CSV reader and SQLite's sqldiff.
 
 #include <gmock/gmock.h>
 
@@ -24,7 +24,7 @@ class DbFileTest : public ProcessTeam {
  protected:
   bool HasProgram(const std::string& name) { return Run({"/bin/sh", "-c", "command -v " + name}).exit_code == 0; }
 
-  // What an independent program says of copies of both files.
+  // Compares copies of both stores with an independent program.
   Outcome DiffStores(const std::string& name) {
     const auto leader = folder_ / (name + "_leader.sqlite"), survivor = folder_ / (name + "_survivor.sqlite");
     MoonctlExpecting(0, {"-a", "rover1", "db", "backup", leader});
@@ -33,7 +33,7 @@ class DbFileTest : public ProcessTeam {
   }
 };
 
-TEST_F(DbFileTest, GivesCsvThatAnotherProgramReadsAsItIs) {
+TEST_F(DbFileTest, WritesCsvThatAnotherProgramReads) {
   MoonctlExpecting(0, {"up"});
   const std::string sql =
       "SELECT 'a,b' AS \"x,y\", '\"hi\" said' AS said, 'two' || char(10) || 'lines' AS lines, NULL AS absent, '' AS "
@@ -51,7 +51,7 @@ TEST_F(DbFileTest, GivesCsvThatAnotherProgramReadsAsItIs) {
             "['1', '2', '3', '4', '5', '6', '7', '8', '9']]\n")
       << read.error;
 
-  // What has no value differs from what is empty; stdout holds nothing else.
+  // NULL and the empty text must differ, and stdout must contain only the table.
   EXPECT_EQ(MoonctlExpecting(0, {"-a", "rover1", "db", "query", "SELECT NULL AS a, '' AS b", "--csv"}), "a,b\n,\"\"\n");
   const Outcome cut = Moonctl({"-a", "rover1", "db", "query", "SELECT 1 AS a UNION SELECT 2", "--csv", "--limit", "1"});
   EXPECT_EQ(cut.out, "a\n1\n");
@@ -67,7 +67,7 @@ TEST_F(DbFileTest, GivesCsvThatAnotherProgramReadsAsItIs) {
 TEST_F(DbFileTest, LeaderAndSurvivorAreTheSameToSqldiff) {
   if (!HasProgram("sqldiff") || !HasProgram("sqlite3")) GTEST_SKIP() << "sqlite3 or sqldiff is not installed";
   MoonctlExpecting(0, {"up"});
-  // Each has rows of its own before it gets the others', so that both store them in another order.
+  // Each agent inserts rows before it receives those of others, so both stores contain them in different orders.
   for (int rover = 1; rover <= 3; ++rover) {
     const std::string name = "rover" + std::to_string(rover);
     for (int index = 0; index < 3; ++index) {

@@ -1,5 +1,5 @@
-// Every command of the real moonctl against a real team: all well, one agent killed, one agent frozen. What it prints
-// as text and as JSON, and its exit code.
+// Runs every command of the real moonctl against a real team: with all agents well, with one killed, and with one
+// frozen. Checks its text, its JSON and its exit code.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <signal.h>
@@ -18,14 +18,14 @@ namespace {
 
 using Words = std::vector<std::string>;
 
-// rover1 leads, rover2 survives; it is rover3 that is killed or frozen.
+// rover1 leads, rover2 is the designated survivor, and rover3 is killed or frozen.
 struct Case {
   Words words;    // The command's own words first; % is the number of the pass, @ the test's folder, KEY a record of
                   // rover3.
-  int when_well;  // Exit codes.
+  int when_well;  // Exit code if all agents are well.
   int when_killed;
   int when_frozen;
-  std::string says;  // Among what it prints as text where all is well.
+  std::string says;  // Part of its text output if all agents are well.
 };
 
 constexpr int kDone = 0, kFailed = 1, kUnreachable = 3;
@@ -74,7 +74,7 @@ const std::vector<Case>& Cases() {
       {{"db", "diff", "rover1", "rover3"}, kFailed, kUnreachable, kUnreachable, "ORIGIN"},
       {{"db", "prune", "--older-than", "30d", "-a", "rover1", "--dry-run"}, kDone, kDone, kDone, "all"},
       {{"db", "prune", "--history", "-a", "rover1"}, kDone, kDone, kDone, "all"},
-      // The file itself, which needs no agent.
+      // Commands on the file itself, which need no agent.
       {{"db", "query", "select count(*) as n from temperature", "-a", "rover3"}, kDone, kDone, kDone, "n"},
       {{"db", "backup", "@/rover3-%.sqlite", "-a", "rover3"}, kDone, kDone, kDone, "wrote"},
       {{"downlink", "--budget-kb", "64", "--out", "@/new%.bundle"}, kDone, kDone, kDone, "bundle 1"},
@@ -104,10 +104,10 @@ const std::vector<Case>& Cases() {
   return cases;
 }
 
-// Tested by the tests themselves: they change who runs.
+// Commands that start or stop agents; other tests cover them.
 const std::set<std::string> kUpAndDown = {"up", "down"};
 
-// A document, whole; whether it is {"error": ...}.
+// Returns whether a complete JSON document is {"error": ...}.
 bool IsErrorJson(const std::string& text) {
   google::protobuf::Value value;
   EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(text, &value).ok()) << text.substr(0, 300);
@@ -116,7 +116,7 @@ bool IsErrorJson(const std::string& text) {
 
 class EveryCommandTest : public ProcessTeam {
  protected:
-  // A team with a mission's records, all of which were shared.
+  // Starts a team with a mission's records, all of which are shared.
   void SetUp() override {
     environment_ = {
         {"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}, {"XDG_CONFIG_HOME", folder_ / "config"}};
@@ -146,7 +146,7 @@ class EveryCommandTest : public ProcessTeam {
     return Moonctl(words);
   }
 
-  // Each command as text, then each as JSON.
+  // Runs each command for text output, then for JSON.
   void RunAll(int Case::*expected) {
     std::vector<bool> are_errors;
     for (const bool is_json : {false, true}) {
@@ -161,7 +161,7 @@ class EveryCommandTest : public ProcessTeam {
         if (is_json) {
           EXPECT_EQ(IsErrorJson(outcome.out), are_errors[i]) << outcome.out;
         } else {
-          // What fails as a whole says so in one line; what shows something shows what it can.
+          // A command that fails completely prints one line. Otherwise it shows the agents that answered.
           are_errors.push_back(outcome.out.empty());
           if (outcome.out.empty()) {
             EXPECT_TRUE(outcome.error.starts_with("moonctl: ")) << outcome.error;
@@ -179,7 +179,7 @@ class EveryCommandTest : public ProcessTeam {
   int pass_ = 0;
 };
 
-TEST_F(EveryCommandTest, SaysWhatItDidWhetherAllAgentsAreThereOrNot) {
+TEST_F(EveryCommandTest, ReportsItsResultWithAllWithDeadAndWithFrozenAgents) {
   RunAll(&Case::when_well);
 
   Kill("rover3");
@@ -188,14 +188,14 @@ TEST_F(EveryCommandTest, SaysWhatItDidWhetherAllAgentsAreThereOrNot) {
 
   const pid_t frozen = PidOf("rover3");
   ASSERT_EQ(::kill(frozen, SIGSTOP), 0);
-  timeout_ = "600ms";  // Waited in vain for, many times.
+  timeout_ = "600ms";  // Short: many commands wait until this timeout.
   RunAll(&Case::when_frozen);
   ASSERT_EQ(::kill(frozen, SIGCONT), 0);
   MoonctlExpecting(kDone, {"down"});
   MoonctlExpecting(kUnreachable, {"status"});
 }
 
-// A new command has to be added above.
+// Fails if a new command is missing from the table above.
 TEST(EveryCommandListTest, KnowsEveryCommand) {
   CommandContext context("");
   Command app;

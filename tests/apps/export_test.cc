@@ -1,4 +1,4 @@
-// Maps as they leave the team: read by programs that are not ours, and whole or not there whatever comes between.
+// Exported maps: other programs can read them, and an interrupted export leaves either the whole map or none.
 
 #include <gmock/gmock.h>
 #include <signal.h>
@@ -20,7 +20,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
 
-// rover2 stood 100 m from the origin; its maps lie about the origin.
+// rover2 stood 100 m from the origin; its maps are centred on the origin.
 constexpr char kNode[] =
     R"({"node": {"agent_id": 2}, "map_from_node": {"position_m": {"x": 100}, "orientation": {"w": 1}}})";
 
@@ -42,7 +42,8 @@ proto::Record MapOf(const Grid& grid, std::uint64_t node) {
 
 class ExportTest : public ProcessTeam {
  protected:
-  // A team whose rover2 has a map of noise about the origin, far from its own footprint, and one that waits.
+  // Starts a team whose rover2 has two maps: one of noise about the origin, far from its own footprint, and one that
+  // waits for its node.
   void StartWithMap() {
     std::string team = *ReadTextFile(team_file_);
     ASSERT_TRUE(WriteTextFile(team_file_, team + "\nsite: {lat_deg: 7.4, lon_deg: -59, north_yaw_rad: 0.5}\n"));
@@ -61,7 +62,7 @@ class ExportTest : public ProcessTeam {
   bool HasProgram(const std::string& name) { return Run({"/bin/sh", "-c", "command -v " + name}).exit_code == 0; }
 };
 
-TEST_F(ExportTest, SaysWhereEachMapCameFromAndWhatIsMissing) {
+TEST_F(ExportTest, WritesProvenanceAndMissingRecordsOfMaps) {
   StartWithMap();
   for (const char* format : {"nav2", "png", "geotiff"}) {
     const std::string out = MoonctlExpecting(0, {"-a", "rover2", "map", "export", folder_ / "map", "--format", format});
@@ -75,7 +76,7 @@ TEST_F(ExportTest, SaysWhereEachMapCameFromAndWhatIsMissing) {
   EXPECT_EQ(json.fields().at("files").list_value().values_size(), 2);
 }
 
-TEST_F(ExportTest, SaysWhereEachGraphCameFromWhereItsReadersAllowIt) {
+TEST_F(ExportTest, WritesProvenanceOfGraphsIfTheFormatAllowsComments) {
   StartWithMap();
   const auto text_of = [this](const char* name) { return *ReadTextFile(folder_ / name); };
   const auto check = [](const std::string& notes) {
@@ -87,12 +88,12 @@ TEST_F(ExportTest, SaysWhereEachGraphCameFromWhereItsReadersAllowIt) {
   };
   check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "g.pyfg"}));
   check(text_of("g.pyfg.origin.txt"));
-  EXPECT_THAT(text_of("g.pyfg"), StartsWith("VERTEX_SE3:QUAT "));  // The format's own reader takes no comment.
+  EXPECT_THAT(text_of("g.pyfg"), StartsWith("VERTEX_SE3:QUAT "));  // GTSAM's PyFG reader accepts no comments.
   EXPECT_TRUE(ReadPyfg(folder_ / "g.pyfg"));
 
   check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "g.g2o", "--format", "g2o"}));
   check(text_of("g.g2o.origin.txt"));
-  EXPECT_EQ(text_of("g.g2o").find('#'), std::string::npos);  // Nor do some of g2o's.
+  EXPECT_EQ(text_of("g.g2o").find('#'), std::string::npos);  // Some g2o readers accept no comments either.
   EXPECT_TRUE(ReadG2o(folder_ / "g.g2o"));
 
   check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "t", "--format", "tum"}));
@@ -111,7 +112,7 @@ TEST_F(ExportTest, WritesTheBaseStationAsTheFormatsOwnReaderTakesIt) {
       R"({"node": {"agent_id": 4}, "map_from_node": {"position_m": {"x": 1, "y": 2, "z": 3}, "orientation": {"w": 1}}})";
   MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kBase, "-a", "base"});
   MoonctlExpecting(0, {"-a", "base", "graph", "export", folder_ / "g.pyfg"});
-  EXPECT_EQ(*ReadTextFile(folder_ / "g.pyfg"), "VERTEX_XYZ L0 1 2 3\n");  // Without a stamp.
+  EXPECT_EQ(*ReadTextFile(folder_ / "g.pyfg"), "VERTEX_XYZ L0 1 2 3\n");  // A landmark has no timestamp.
 }
 
 TEST_F(ExportTest, AllFormatsHoldTheSameCells) {
@@ -132,20 +133,20 @@ TEST_F(ExportTest, AllFormatsHoldTheSameCells) {
   EXPECT_THAT(info, HasSubstr("NoData Value=0"));
   EXPECT_THAT(run("gdalinfo map.png"), HasSubstr("Pixel Size = (0.05"));
 
-  // A place 1 km east and 5 km north of the site, by PROJ's arithmetic; the numbers are those of a great circle.
+  // A place 1 km east and 5 km north of the site, computed by PROJ; the expected numbers are those of a great circle.
   const std::string at =
       run("echo 1000 5000 | gdaltransform -s_srs \"$(gdalsrsinfo -o proj4 map.tif | tr -d '\\n')\" -t_srs "
           "'+proj=longlat +R=1737400 +no_defs' | awk '{printf \"%.9f %.9f\", $1, $2}'");
   EXPECT_EQ(at, "-58.966732613 7.564888189");
 
-  // Pixel for pixel: the TIFF's classes are the PNG's colours.
+  // Pixel by pixel, the TIFF's classes match the PNG's colours.
   run("gdal_translate -q -of ENVI map.tif tif.raw && gdal_translate -q -of ENVI map.png png.raw");
   const std::string tif = *ReadTextFile(folder_ / "map" / "tif.raw"), png = *ReadTextFile(folder_ / "map" / "png.raw");
   EXPECT_EQ(tif, png);
   EXPECT_GT(std::count(tif.begin(), tif.end(), '\2'), 500);
 }
 
-TEST_F(ExportTest, SaysInOneLineWhatIsWrong) {
+TEST_F(ExportTest, ReportsEachErrorInOneLine) {
   const auto check = [this](int exit_code, const std::string& text, const std::vector<std::string>& words) {
     const Outcome outcome = Moonctl(words);
     EXPECT_EQ(outcome.exit_code, exit_code) << outcome.error;
@@ -179,7 +180,7 @@ TEST_F(ExportTest, SaysInOneLineWhatIsWrong) {
   EXPECT_THAT(frozen.error, HasSubstr("rover2 does not answer"));
 }
 
-TEST_F(ExportTest, LeavesAWholeMapOrNoneWhenItIsInterrupted) {
+TEST_F(ExportTest, LeavesAWholeMapOrNoneIfInterrupted) {
   StartWithMap();
   constexpr std::uint64_t kSeed = 7;
   SCOPED_TRACE("seed " + std::to_string(kSeed));
@@ -199,7 +200,7 @@ TEST_F(ExportTest, LeavesAWholeMapOrNoneWhenItIsInterrupted) {
   std::printf("%d of 40 had ended before they were interrupted\n", finished);
 }
 
-TEST_F(ExportTest, AClosedPipeIsSaidAndTheMapIsThere) {
+TEST_F(ExportTest, ReportsAClosedPipeAndStillWritesTheMap) {
   StartWithMap();
   const Outcome outcome = Run({"/bin/bash", "-c",
                                "set -o pipefail; (sleep 0.1; exec " MOONCTL_PROGRAM " -a rover2 map export " +

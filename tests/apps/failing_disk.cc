@@ -1,5 +1,5 @@
-// A library that goes before the system's (LD_PRELOAD): while the file that MOONDB_FAILING_DISK names is there, what
-// writes to a store, its log, its index or its reserve is an I/O error. Reading works. For tests of real processes.
+// A library for LD_PRELOAD, for tests with real processes. While the file named by MOONDB_FAILING_DISK exists, each
+// write to a store, its log, its index or its reserve fails with an I/O error. Reads work.
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
 #endif

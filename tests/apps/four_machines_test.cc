@@ -1,4 +1,4 @@
-// A team as it is in the field: each agent on a machine of its own, an operator at one of them.
+// A team as in the field: each agent on its own machine, and an operator at one of them.
 
 #include <gmock/gmock.h>
 #include <signal.h>
@@ -20,12 +20,12 @@ using Words = std::vector<std::string>;
 constexpr char kThroughRover2[] = "moonctl: through rover2, over the radio\n";
 const std::vector<std::string> kNames = {"rover1", "rover2", "rover3", "base"};
 
-// Each agent's machine is a folder of the test's: the team file, that agent's own secret key, its data and its sockets.
+// Each machine is a folder of the test with the team file, that agent's secret key, its data and its sockets.
 class FourMachinesTest : public ProcessTeam {
  protected:
   void SetUp() override {
     ProcessTeam::SetUp();
-    environment_.clear();  // Of the operator's shell; an agent's has its own run folder.
+    environment_.clear();  // The operator's shell; each agent has its own run folder.
     LetCommandsComeThrough("base, rover2");
     for (const std::string& name : kNames) {
       std::filesystem::create_directories(MachineOf(name));
@@ -52,7 +52,7 @@ class FourMachinesTest : public ProcessTeam {
     for (auto& [name, agent] : agents_) (void)agent->Wait();
   }
 
-  // Names of the team file's command_from.
+  // Sets the agents of the team file's command_from.
   void LetCommandsComeThrough(const std::string& names) {
     std::string yaml = *ReadTextFile(team_file_);
     const std::string line = "command_from: [base]";
@@ -69,7 +69,7 @@ class FourMachinesTest : public ProcessTeam {
         command, std::map<std::string, std::string>{{"MOONDB_RUN_DIR", MachineOf(name) / "run"}}, MachineOf(name));
   }
 
-  // What the operator at that machine's terminal types.
+  // Runs a command of the operator at that machine.
   Outcome At(const std::string& name, Words words) {
     words.insert(words.begin(), {"-t", MachineOf(name) / "team.yaml"});
     return Moonctl(std::move(words));
@@ -95,7 +95,7 @@ class FourMachinesTest : public ProcessTeam {
   std::map<std::string, std::unique_ptr<Child>> agents_;
 };
 
-TEST_F(FourMachinesTest, TheFirstPagesCommandsWorkThroughOneAgentAndSayWhich) {
+TEST_F(FourMachinesTest, CommandsOfTheReadmeWorkThroughOneAgentAndNameIt) {
   const Outcome inserted = AtRover2(0, {"-a", "rover3", "record", "insert", "temperature", "{\"celsius\": -40.5}"});
   EXPECT_THAT(inserted.out, HasSubstr("3."));
   EXPECT_EQ(inserted.error, kThroughRover2);
@@ -137,8 +137,8 @@ TEST_F(FourMachinesTest, TheFirstPagesCommandsWorkThroughOneAgentAndSayWhich) {
   EXPECT_EQ(AtRover2(0, {"-a", "rover2", "status"}).error, "") << "its own agent is asked itself";
 }
 
-// rover3's operator asks what there is to know of all, and commands rover3 alone.
-TEST_F(FourMachinesTest, ThroughAnAgentThatTheTeamFileDoesNotNameQuestionsAloneGo) {
+// rover3's operator may ask for the status of all agents, but may command only rover3.
+TEST_F(FourMachinesTest, AnAgentOutsideCommandFromRelaysOnlyQueries) {
   EXPECT_EQ(At("rover3", {"status"}).exit_code, 0);
   const Outcome refused = At("rover3", {"-a", "rover1", "record", "insert", "temperature", "{\"celsius\": 1}"});
   EXPECT_EQ(refused.exit_code, 4);
@@ -152,7 +152,7 @@ TEST_F(FourMachinesTest, ThroughAnAgentThatTheTeamFileDoesNotNameQuestionsAloneG
   EXPECT_THAT(At("rover3", {"log", "-a", "rover3"}).out, HasSubstr("refused role swap"));
 }
 
-TEST_F(FourMachinesTest, JsonStaysOneDocumentAndNamesTheAgentInBetween) {
+TEST_F(FourMachinesTest, JsonIsOneDocumentAndNamesTheRelay) {
   environment_["MOONDB_TEAM"] = MachineOf("rover2") / "team.yaml";
   const auto status = MoonctlJson(0, {"status"});
   EXPECT_EQ(status.fields().at("via").string_value(), "rover2");
@@ -164,14 +164,14 @@ TEST_F(FourMachinesTest, JsonStaysOneDocumentAndNamesTheAgentInBetween) {
   EXPECT_EQ(missing.fields().at("error").struct_value().fields().at("code").string_value(), "not_found");
 }
 
-TEST_F(FourMachinesTest, SaysWhoIsElsewhereAndWhoIsLost) {
+TEST_F(FourMachinesTest, ReportsWhichAgentsAreElsewhereAndWhichAreLost) {
   EndOn("rover3");
   const Outcome status = AtRover2(3, {"status"});
   EXPECT_THAT(status.out, HasSubstr("agent rover3 is not on this machine; rover2 has not heard it for "));
   EXPECT_THAT(status.out, Not(HasSubstr("is not running")));
   EXPECT_THAT(status.out, HasSubstr("leader"));
 
-  // A leader that others hear is not lost, though it does not answer.
+  // A leader that other agents still reach is not lost, even if it does not answer.
   agents_.at("rover1")->Signal(SIGSTOP);
   const Outcome silent = AtRover2(5, {"sync", "now", "--timeout", "1s"});
   EXPECT_THAT(silent.error, HasSubstr("agent rover1 is not on this machine, rover2 heard it "));
@@ -185,7 +185,7 @@ TEST_F(FourMachinesTest, SaysWhoIsElsewhereAndWhoIsLost) {
   const Outcome set = At("rover2", {"role", "set", "rover2", "leader", "rover3", "survivor"});
   EXPECT_THAT(set.out, HasSubstr("leader rover2")) << set.error;
 
-  // Where no agent answers the machine's own is what matters.
+  // If no agent answers, the machine's own agent is reported.
   EndOn("base");
   agents_.at("rover2")->Signal(SIGTERM);
   (void)agents_.at("rover2")->Wait();
@@ -196,7 +196,7 @@ TEST_F(FourMachinesTest, SaysWhoIsElsewhereAndWhoIsLost) {
               HasSubstr("agent rover1 is not on this machine, and no agent of team moon runs here: give --key"));
 }
 
-TEST_F(FourMachinesTest, UpAndDownAreAboutTheAgentsWhoseSecretKeysAreHere) {
+TEST_F(FourMachinesTest, UpAndDownAffectOnlyAgentsWhoseSecretKeysAreHere) {
   const Outcome up = At("rover3", {"up"});
   EXPECT_EQ(up.exit_code, 0) << up.out << up.error;
   EXPECT_THAT(up.out, AllOf(HasSubstr("was running"), Not(HasSubstr("rover1")), Not(HasSubstr("failed"))));
@@ -224,7 +224,7 @@ TEST_F(FourMachinesTest, TheBaseStationGivesRolesOnceLeaderAndSurvivorAreLost) {
   EXPECT_EQ(set.exit_code, 3) << "rover1 has not confirmed";
 }
 
-TEST_F(FourMachinesTest, TheEnvironmentNamesTheAgentInBetween) {
+TEST_F(FourMachinesTest, TheEnvironmentNamesTheRelay) {
   environment_["MOONDB_VIA"] = "rover2";
   EXPECT_EQ(AtRover2(0, {"-a", "rover3", "role", "history"}).error, kThroughRover2);
   environment_["MOONDB_VIA"] = "rover9";

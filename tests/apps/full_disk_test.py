@@ -40,7 +40,7 @@ def run(*command, check=True, env=None, timeout=90):
 
 
 class Disk:
-    """A small file system of one kind at a folder."""
+    """A small file system of the given kind, mounted on a folder."""
 
     def __init__(self, kind, folder, image):
         self.kind, self.folder, self.image = kind, folder, image
@@ -60,7 +60,7 @@ class Disk:
         return status.f_bavail * status.f_frsize
 
     def fill(self):
-        """Takes all that is free, in parts that become smaller."""
+        """Fills the disk completely with blocks of decreasing size."""
         with open(self.folder / "fill", "ab", buffering=0) as file:
             for size in (1 << 20, 1 << 16, 1 << 12, 1 << 9, 1):
                 for _ in range(1000):
@@ -78,7 +78,7 @@ class Disk:
         (self.folder / "fill").unlink()
 
     def remount(self, options):
-        # The threads of a process that has ended close its files a moment later.
+        # After a process has ended, its threads may close files a moment later.
         deadline = time.monotonic() + 10
         while run("mount", "-o", f"remount,{options}", self.folder, check=False).returncode != 0:
             if time.monotonic() > deadline:
@@ -97,7 +97,7 @@ class Disk:
 
 
 class Team:
-    """Four agents on this machine; the data folder of one of them is a disk of its own."""
+    """Four agents on this machine. The data folder of one of them is on a separate disk."""
 
     def __init__(self, programs, folder, name, kind, preload):
         self.programs, self.folder, self.name = programs, folder, name
@@ -183,7 +183,7 @@ class Team:
         self.moonctl("sync", "now", "--wait")
         self.moonctl("replicate", "now", "--wait")
         for _ in range(3):
-            self.insert()  # Not brought to anybody yet.
+            self.insert()  # Not shared with any agent yet.
         goal = min(16 << 20, os.statvfs(self.data).f_blocks * os.statvfs(self.data).f_frsize // 8)
         self.until("the reserve is made", lambda: self.storage().get("reserve_bytes", 0) >= goal)
 
@@ -257,7 +257,7 @@ def full(team, seen, number):
     team.end(signal.SIGKILL if number % 2 else signal.SIGTERM)
     team.disk.fill()
     starts_and_serves(team, seen, takes_roles=True)
-    if number % 2 == 0:  # Once more, with the reserve gone and its room taken.
+    if number % 2 == 0:  # Start again without the reserve, on a full disk.
         team.disk.fill()
         team.end(signal.SIGKILL)
         team.disk.fill()
@@ -290,7 +290,7 @@ def failing(team, seen, number):
     team.end(signal.SIGKILL if number % 2 else signal.SIGTERM)
     starts_and_serves(team, seen, takes_roles=False)
     refuses(team, ["error"])
-    # Deposed while its disk fails: at once, as far as it is concerned.
+    # Depose the agent while its disk fails; it must act on that at once.
     if team.name == "rover1":
         team.moonctl("role", "set", "rover3", "leader", "rover2", "survivor", "-a", "rover3")
     else:
@@ -360,7 +360,7 @@ CASES = {
     "read-only, rover": (read_only, "rover3"),
     "taken away": (taken_away, "rover3"),
 }
-# What does not hang on the file system is tried on one.
+# Cases that do not depend on the file system run on one file system only.
 ON_ONE = {"failing", "taken away"}
 
 

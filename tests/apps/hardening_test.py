@@ -12,8 +12,8 @@ import shutil
 import subprocess
 import sys
 
-# What a compiler puts where a checked jump may end. Whether the processor checks is the C library's to say, too: that of
-# Debian 12 has no checked jumps for x86.
+# Instruction that a compiler puts at permitted targets of indirect jumps. The C library also decides whether the
+# processor checks them: that of Debian 12 does not on x86.
 LANDINGS = {"x86_64": bytes.fromhex("f30f1efa"), "aarch64": bytes.fromhex("3f2303d5")}
 LANDINGS_MIN = 100
 NAMES = ["moondb_agent", "moonctl", "moondb_mission", "moondb_replay", "moondb_sim"]
@@ -24,7 +24,7 @@ def shown(path, *options):
 
 
 def lacking(path, is_fortified):
-    """What the program lacks, one line each."""
+    """Returns the protections that the program lacks, one per line."""
     header, segments = shown(path, "-h"), shown(path, "-l", "-d")
     symbols = shown(path, "--dyn-syms")
     if "DYN" not in header:

@@ -1,4 +1,4 @@
-// Keys of agents and clients, and agents that have left their team: real processes.
+// Tests with real processes: keys of agents and clients, and agents that were removed from the team.
 
 #include <gmock/gmock.h>
 #include <signal.h>
@@ -26,7 +26,7 @@ class KeysProcessTest : public ProcessTeam {
     return status.st_mode & 0777;
   }
 
-  // With `text` in the place of `what`, which is there.
+  // Replaces `what` by `text` in the team file. Requires: the file contains `what`.
   void Edit(const std::string& what, const std::string& text) {
     std::string yaml = *ReadTextFile(team_file_);
     const std::size_t at = yaml.find(what);
@@ -40,7 +40,7 @@ class KeysProcessTest : public ProcessTeam {
     return outcome.error;
   }
 
-  // A file whose agents have no signing keys, as one written by hand.
+  // Removes the agents' signing keys, as in a team file written by hand.
   void ForgetSigningKeys() {
     const std::string yaml = *ReadTextFile(team_file_);
     const std::string without = std::regex_replace(yaml, std::regex("    signing_key: [^\n]*\n"), "");
@@ -52,7 +52,7 @@ class KeysProcessTest : public ProcessTeam {
   }
 };
 
-TEST_F(KeysProcessTest, AnAgentsKeysFitTheLinesThatAreShown) {
+TEST_F(KeysProcessTest, ShowsTeamFileLinesThatMatchAnAgentsKeys) {
   const auto made = MoonctlJson(0, {"keys", "new", "rover4"});
   EXPECT_EQ(ModeOf(folder_ / "rover4.pub"), 0644u);
   EXPECT_EQ(ModeOf(folder_ / "rover4.sec"), 0600u);
@@ -72,7 +72,7 @@ TEST_F(KeysProcessTest, AnAgentsKeysFitTheLinesThatAreShown) {
   EXPECT_THAT(ErrorOf(2, {"keys", "new", "rover5"}), HasSubstr("--out FOLDER"));
 }
 
-TEST_F(KeysProcessTest, AClientsSecretIsItsUsersAlone) {
+TEST_F(KeysProcessTest, OnlyTheUserMayReadAClientsSecret) {
   EXPECT_THAT(MoonctlExpecting(0, {"keys", "new", "anna", "--client"}), HasSubstr("moonctl clients add anna"));
   const std::filesystem::path own = folder_ / "config" / "moondb";
   EXPECT_EQ(ModeOf(own), 0700u);
@@ -87,7 +87,7 @@ TEST_F(KeysProcessTest, AClientsSecretIsItsUsersAlone) {
   EXPECT_THAT(ErrorOf(2, {"keys", "new", "bob", "--client"}), HasSubstr("neither XDG_CONFIG_HOME nor HOME"));
 }
 
-TEST_F(KeysProcessTest, ShowsWhoseSecretsAreHereAndWhichDoNotFit) {
+TEST_F(KeysProcessTest, ShowsPresentSecretsAndThoseThatDoNotMatch) {
   std::filesystem::remove(folder_ / "rover2.sec");
   std::filesystem::remove(folder_ / "rover2.sign");
   const std::string shown = MoonctlExpecting(0, {"keys", "show"});
@@ -129,7 +129,7 @@ TEST_F(KeysProcessTest, SigningKeysAreNotAddedToAFileThatIsWrongOtherwise) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "rover1.sign"));
 }
 
-TEST_F(KeysProcessTest, AnAgentThatHasLeftIsNeitherStartedNorMissedNorObeyed) {
+TEST_F(KeysProcessTest, ARemovedAgentIsNotStartedNotMissedAndNotObeyed) {
   MoonctlExpecting(0, {"up"});
   MoonctlExpecting(0, {"role", "set", "rover1", "leader", "rover3", "survivor", "-a", "base"});
   MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -40}", "-a", "rover2"});

@@ -1,9 +1,9 @@
-"""Four real agents in four network namespaces, joined at 1 Mbit/s each: for tests and measurements of a whole team.
+"""Four real agents in four network namespaces, each with a 1 Mbit/s link: for tests and measurements of a whole team.
 
     with network_lab.lab(programs) as (team, network): ...
 
-Whatever happens inside, and while it is set up, processes and namespaces are gone afterwards; those that a killed run
-left behind go at the next one.
+Processes and namespaces are removed afterwards, even after an error in the body or during set-up. The next run removes
+those of a killed run.
 """
 import contextlib
 import json
@@ -25,11 +25,11 @@ STEP_LIMIT_S = 60
 
 
 class Failure(Exception):
-    """One line that says what went wrong."""
+    """An error described in one line."""
 
 
 class Unsupported(Failure):
-    """This machine cannot make the network."""
+    """This machine cannot create the network."""
 
 
 def run(*command, check=True):
@@ -46,7 +46,7 @@ def address(agent):
 
 
 class Network:
-    """A namespace for each agent and one with the bridge between them."""
+    """The network: one namespace per agent, and one with the bridge between them."""
 
     def __init__(self):
         self.hub = f"moondb{os.getpid()}hub"
@@ -72,7 +72,7 @@ class Network:
         run("ip", "-n", self.hub, "link", "set", f"p{agent + 1}", "up" if is_up else "down")
 
     def bytes_to(self, agent):
-        """Sent to that agent so far, with all headers but Ethernet's preamble and gap."""
+        """Returns the bytes sent to that agent so far, with all headers except Ethernet's preamble and gap."""
         return self._counted(agent)["tx"]["bytes"]
 
     def bytes_from(self, agent):
@@ -87,7 +87,7 @@ class Network:
 
 
 def remove_space(space):
-    """With the processes in it: a namespace outlives its name as long as they run."""
+    """Removes a namespace. Kills its processes first, because they keep it alive."""
     for pid in run("ip", "netns", "pids", space, check=False).stdout.split():
         with contextlib.suppress(ProcessLookupError):
             os.kill(int(pid), signal.SIGKILL)
@@ -95,7 +95,7 @@ def remove_space(space):
 
 
 def remove_left_behind():
-    """Namespaces of runs whose process is gone."""
+    """Removes namespaces of runs whose process has ended."""
     for line in run("ip", "netns", "list", check=False).stdout.splitlines():
         found = re.match(r"(moondb(\d+)(?:hub|n\d+))\b", line)
         if found and not pathlib.Path(f"/proc/{found.group(2)}").exists():
@@ -104,14 +104,14 @@ def remove_left_behind():
 
 class Team:
     def __init__(self, programs, folder, network, agent_program="moondb_agent"):
-        self.environment = None  # Of the agents; None: this program's.
+        self.environment = None  # Environment of the agents; None for this program's.
         self.programs, self.folder, self.network = pathlib.Path(programs), folder, network
         self.agent_program = self.programs / agent_program
         self.file = folder / "team.yaml"
         self.agents = {}
         run(self.programs / "moonctl", "config", "init", "--agents", len(NAMES), self.file)
         text = self.file.read_text(encoding="utf-8")
-        # What is derived by itself would come between the end of a transfer and the look at who holds what.
+        # Otherwise the leader could store solved poses between the end of a transfer and the comparison of stores.
         text = text.replace("solve_by_itself: true", "solve_by_itself: false")
         for i in range(len(NAMES)):
             text = text.replace(f"tcp://127.0.0.1:{7400 + i}", f"tcp://{address(i)}:7400")
@@ -127,7 +127,7 @@ class Team:
                    f"{NAMES[agent]} does not start")
 
     def until_joined(self):
-        """Until each agent has reached every other."""
+        """Waits until each agent has reached every other one."""
         self.until(lambda: all(peer["is_connected"] for agent in self.status() for peer in agent["status"]["peers"]),
                    "the agents do not reach each other")
 
@@ -150,7 +150,7 @@ class Team:
         return self.folder / f"{NAMES[agent]}.log"
 
     def last_words(self):
-        """The end of each agent's log, for whoever looks for the cause of a failure."""
+        """Returns the end of each agent's log, to find the cause of a failure."""
         text = ""
         for agent, name in enumerate(NAMES):
             if self.log(agent).exists():
@@ -162,14 +162,14 @@ class Team:
         return run(self.programs / "moonctl", "-t", self.file, *arguments, check=check)
 
     def status(self):
-        """Of each agent, as moonctl status --json has it."""
+        """Returns the status of each agent as printed by moonctl status --json."""
         return json.loads(self.moonctl("--json", "status").stdout)["agents"]
 
     def feed(self, mission, *arguments):
         run(self.programs / "moondb_replay", "feed", "-t", self.file, "--mission", mission, *arguments)
 
     def share(self, kind):
-        """Again where a change of roles or a lost link ended it."""
+        """Syncs or replicates everything. Retries if a change of roles or a lost link ended the command."""
         for tries_left in reversed(range(5)):
             done = self.moonctl("--timeout", f"{STEP_LIMIT_S}s", kind, "now", "--wait", check=tries_left == 0)
             if done.returncode == 0:
@@ -185,7 +185,7 @@ class Team:
             time.sleep(0.2)
 
     def records(self, agent):
-        """(origin, epoch, type, seq) and hash of each shared record; events apart, which come whenever they happen."""
+        """Returns {(origin, epoch, type, seq): hash} of shared records, without events: these appear at any time."""
         found = {}
         file = self.folder / NAMES[agent] / "moondb.sqlite"
         with contextlib.closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as db:
@@ -208,11 +208,11 @@ def scratch_folder():
 
 @contextlib.contextmanager
 def lab(programs, agent_program="moondb_agent"):
-    """A team whose agents are not started yet, and its network. Raises Unsupported before anything else happens."""
+    """Yields a team with agents not yet started, and its network. Raises Unsupported before it changes anything."""
     if os.geteuid() != 0 or not shutil.which("ip") or not shutil.which("tc"):
         raise Unsupported("needs root, ip and tc (package iproute2)")
     with contextlib.ExitStack() as stack:
-        # A polite end runs what is registered below, as an exception does.
+        # On SIGTERM, run the clean-up registered below, as after an exception.
         before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
         stack.callback(signal.signal, signal.SIGTERM, before)
         remove_left_behind()

@@ -13,8 +13,8 @@
 
 namespace moondb {
 
-// The loopback addresses that `config init` writes become sockets in `folder`, and nobody writes a record unasked: a
-// test that compares what agents hold would meet it by chance.
+// Replaces the loopback addresses that `config init` writes by sockets in `folder`, and turns off records that agents
+// write periodically. Such a record could disturb a test that compares what agents hold.
 void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::path& folder) {
   std::string text = *ReadTextFile(team_file);
   const std::string address = "tcp://127.0.0.1:";

@@ -1,5 +1,5 @@
-// ProcessTeam: a folder with a team file for real processes: three rovers and a base station, with CURVE, on ipc
-// sockets of that folder: no port is taken. Everything that still runs at the end is killed.
+// ProcessTeam: a folder with a team file for real processes: three rovers and a base station, with CURVE. It uses ipc
+// sockets in that folder and therefore no ports. At the end it kills all processes that still run.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@
 
 namespace moondb {
 
-// Loopback addresses, as `config init` writes them, become ipc sockets in `folder`.
+// Replaces the loopback addresses that `config init` writes by ipc sockets in `folder`.
 void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::path& folder);
 
 class ProcessTeam : public testing::Test {
@@ -26,23 +26,23 @@ class ProcessTeam : public testing::Test {
   void SetUp() override;
   void TearDown() override;
 
-  // Runs `moonctl` with the team file; `MOONDB_RUN_DIR` lies in the folder.
+  // Runs `moonctl` with the team file. `MOONDB_RUN_DIR` is in the folder.
   Outcome Moonctl(std::vector<std::string> arguments);
-  // The same, must end with `exit_code`; gives stdout.
+  // Runs `moonctl`, expects `exit_code`, and returns stdout.
   std::string MoonctlExpecting(int exit_code, std::vector<std::string> arguments);
-  // The same with --json: parsed.
+  // Runs `moonctl` with --json, expects `exit_code`, and returns the parsed output.
   google::protobuf::Struct MoonctlJson(int exit_code, std::vector<std::string> arguments);
 
-  // A moondb_agent started by hand.
+  // Starts a moondb_agent directly, without `moonctl up`.
   std::unique_ptr<Child> StartAgent(const std::string& name, std::vector<std::string> more = {});
   Outcome Run(std::vector<std::string> command);
 
   std::unique_ptr<Client> Connect(const std::string& name);
-  // Of a running agent, by its lock file.
+  // Returns the process id of a running agent, from its lock file.
   pid_t PidOf(const std::string& name);
-  void Kill(const std::string& name);  // kill -9, and waits until it is gone.
+  void Kill(const std::string& name);  // Sends SIGKILL and waits for the end.
 
-  // Polls until it holds, at most `limit`.
+  // Polls until `condition` holds, for at most `limit`.
   static bool Until(const std::function<bool()>& condition, std::chrono::seconds limit = std::chrono::seconds(30));
 
   std::set<RecordKey> KeysHeldBy(const std::string& name);

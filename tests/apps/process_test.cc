@@ -1,4 +1,4 @@
-// The programs as an operator runs them: real processes, real sockets, a real disk, kill -9.
+// Runs the programs as an operator does: real processes, real sockets, a real disk, kill -9.
 
 #include <gmock/gmock.h>
 #include <google/protobuf/util/json_util.h>
@@ -46,7 +46,7 @@ constexpr char kNodeJson[] = R"({
 
 std::string KeyOf(const std::string& out) { return out.substr(0, out.find('\n')); }
 
-// Maps of noise, so that they are not coded to nothing.
+// Returns maps of noise, which the codec cannot compress well.
 std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed, AgentId agent = 2) {
   std::mt19937_64 random(seed);
   std::vector<proto::Record> records;
@@ -68,10 +68,10 @@ std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed, AgentId agen
   return records;
 }
 
-TEST_F(ProcessTest, BringsAMapFromARoverToTheLeaderAndOnToTheSurvivor) {
+TEST_F(ProcessTest, AMapReachesTheLeaderAndThenTheSurvivor) {
   MoonctlExpecting(0, {"up"});
   EXPECT_THAT(MoonctlExpecting(0, {"status"}), HasSubstr("designated_survivor"));
-  // The survivor replicates rover3's records too, so let rover3 have one.
+  // The survivor also receives rover3's records, so insert one there.
   const std::string state =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"}));
   EXPECT_EQ(MoonctlExpecting(0, {"record", "next-node", "-a", "rover2"}), "0\n");
@@ -95,10 +95,10 @@ TEST_F(ProcessTest, BringsAMapFromARoverToTheLeaderAndOnToTheSurvivor) {
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
 }
 
-TEST_F(ProcessTest, SaysWhyACellIsWhatItIsAndLeavesDistrustedMapsOutEverywhere) {
+TEST_F(ProcessTest, ExplainsACellAndExcludesQuarantinedMapsEverywhere) {
   MoonctlExpecting(0, {"up"});
   MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2"});
-  std::string map = kMapJson;  // Beside the rover's own footprint.
+  std::string map = kMapJson;  // A map that does not overlap the rover's own footprint.
   map.replace(map.find("\"position_m\": {}"), 16, "\"position_m\": {\"x\": 3}");
   MoonctlExpecting(0, {"record", "insert", "local_traversability_map", map, "-a", "rover2"});
   MoonctlExpecting(0, {"sync", "now", "--wait"});
@@ -137,7 +137,7 @@ TEST_F(ProcessTest, SaysWhyACellIsWhatItIsAndLeavesDistrustedMapsOutEverywhere) 
   EXPECT_EQ(Moonctl({"map", "why", "nan", "2"}).exit_code, 2);
 }
 
-TEST_F(ProcessTest, TellsScriptsWhetherAllIsWell) {
+TEST_F(ProcessTest, HealthReportsToScriptsByItsExitCode) {
   MoonctlExpecting(0, {"up"});
   ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; }));
   EXPECT_THAT(MoonctlExpecting(0, {"health"}), HasSubstr("rover1  good"));
@@ -150,7 +150,7 @@ TEST_F(ProcessTest, TellsScriptsWhetherAllIsWell) {
   EXPECT_FALSE(MoonctlJson(1, {"health"}).fields().at("is_healthy").bool_value());
 }
 
-// Eight kilobytes of noise in the middle of a stopped agent's file.
+// Overwrites eight kilobytes in the middle of a stopped agent's file with noise.
 void DamageStore(const std::filesystem::path& file, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::string noise(8192, '\0');
@@ -161,7 +161,7 @@ void DamageStore(const std::filesystem::path& file, std::uint64_t seed) {
   ASSERT_TRUE(store.good());
 }
 
-TEST_F(ProcessTest, DamageAndAnEndWithoutStoppingAreNewsUntilTheyAreAcknowledged) {
+TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
   MoonctlExpecting(0, {"up"});
   ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; }));
   MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"});
@@ -181,7 +181,7 @@ TEST_F(ProcessTest, DamageAndAnEndWithoutStoppingAreNewsUntilTheyAreAcknowledged
   EXPECT_THAT(text, HasSubstr("set aside as " + store.string() + ".damaged-1"));
   EXPECT_THAT(text, HasSubstr("not acknowledged"));
   EXPECT_EQ(Moonctl({"health", "-a", "rover3"}).exit_code, 1);
-  // Events of the lost store may have come home by now, but none was stored before it.
+  // By now the agent may have received back events of its lost store. None of them was stored before the damage event.
   const std::string first = "SELECT kind, text FROM v_event WHERE agent_id = 3 ORDER BY row_id LIMIT 1";
   EXPECT_THAT(MoonctlExpecting(0, {"db", "query", first, "-a", "rover3"}), HasSubstr("damage"));
   EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover3", "--origin", "rover3"}), HasSubstr("set aside as"));
@@ -260,18 +260,18 @@ TEST_F(ProcessTest, LosesNothingAcknowledgedWhenTheLeaderIsKilledDuringASync) {
   update();
   std::cout << "acknowledged when the leader died: " << acknowledged << " of 600\n";
 
-  // The acknowledged ones are there as soon as it is back, whatever was in flight.
+  // Acknowledged records are available as soon as the leader is back, whatever was in flight.
   const auto leader = StartAgent("rover1");
   ASSERT_TRUE(Until([&] { return Moonctl({"status", "-a", "rover1"}).exit_code == 0; }));
   EXPECT_GE(static_cast<double>(KeysHeldBy("rover1").size()), acknowledged);
-  // Once all have reached it again.
+  // All records arrive once all agents have reached the leader again.
   ASSERT_TRUE(Until([&] { return Moonctl({"sync", "now", "--wait"}).exit_code == 0; }));
   EXPECT_THAT(KeysHeldBy("rover1"), IsSupersetOf(*inserted));
   leader->Signal(SIGTERM);
   EXPECT_EQ(leader->Wait().exit_code, 0);
 }
 
-TEST_F(ProcessTest, LetsTheSurvivorLeadWhenTheLeaderIsDead) {
+TEST_F(ProcessTest, TheSurvivorCanLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(0, {"up"});
   Kill("rover1");
   const auto status = MoonctlJson(3, {"status"});
@@ -286,14 +286,14 @@ TEST_F(ProcessTest, LetsTheSurvivorLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(0, {"role", "set", "rover2", "leader", "rover3", "survivor"});
   const std::string key =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "power", "{\"battery_ratio\": 0.5}", "-a", "rover3"}));
-  // rover1 is dead: what could be shared is, and the exit code says that something is missing.
+  // rover1 is dead. Everything else is shared, and the exit code reports that records are missing.
   MoonctlExpecting(3, {"sync", "now", "--wait"});
   MoonctlExpecting(0, {"record", "get", key, "-a", "rover2"});
-  // All that can be reached is replicated; what rover1 alone held may come yet.
+  // All reachable records are replicated; records held only by rover1 may follow later.
   EXPECT_THAT(MoonctlExpecting(3, {"replicate", "now", "--wait"}),
               HasSubstr("everything is acknowledged; not there yet is what is held only by rover1 (is out of reach)"));
 
-  // The deposed leader learns of it when it comes back.
+  // The deposed leader learns of the new roles when it restarts.
   const auto former = StartAgent("rover1");
   EXPECT_TRUE(Until([&] {
     return Moonctl({"role", "show", "-a", "rover1"}).out.find("rover1  rover ") == 0 ||
@@ -302,8 +302,8 @@ TEST_F(ProcessTest, LetsTheSurvivorLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(4, {"graph", "optimize", "-a", "rover1"});
 }
 
-// A leader in a new term asks everybody for everything; that takes longer than what it was asked for.
-TEST_F(ProcessTest, WaitsForWhatALeaderGathersThatLostItsDisk) {
+// A leader in a new term requests all records from all agents, which outlasts the command that started it.
+TEST_F(ProcessTest, WaitsUntilALeaderThatLostItsDiskHasCollectedAllRecords) {
   MoonctlExpecting(0, {"up"});
   constexpr std::uint64_t kSeed = 20261122;
   SCOPED_TRACE("seed " + std::to_string(kSeed));
@@ -315,7 +315,7 @@ TEST_F(ProcessTest, WaitsForWhatALeaderGathersThatLostItsDisk) {
   }
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   MoonctlExpecting(0, {"replicate", "now", "--wait"});
-  Kill("rover3");  // Its records are at leader and survivor.
+  Kill("rover3");  // Leader and survivor hold its records.
   Kill("rover1");
   std::filesystem::remove_all(folder_ / "moondb-data" / "rover1");
   const auto leader = StartAgent("rover1");
@@ -342,7 +342,7 @@ TEST_F(ProcessTest, ARoleSwapReturnsWhenTheNewLeaderActsOnIt) {
   EXPECT_THAT(MoonctlExpecting(0, {"role", "swap", "--no-wait"}), HasSubstr("leader rover2, survivor rover1"));
 }
 
-TEST_F(ProcessTest, SaysWhoDidNotConfirmAChangeOfRoles) {
+TEST_F(ProcessTest, ReportsAgentsThatDidNotConfirmAChangeOfRoles) {
   MoonctlExpecting(0, {"up"});
   Kill("rover3");
   const std::vector<std::string> set = {"role", "set", "rover3", "survivor", "--timeout", "1s"};
@@ -369,7 +369,7 @@ TEST_F(ProcessTest, OperatesTheWholeTeamThroughTheBaseStation) {
   EXPECT_THAT(MoonctlExpecting(0, {"--via", "base", "-a", "rover3", "status"}), HasSubstr("rover3"));
 }
 
-TEST_F(ProcessTest, TellsTheTeamsStoryAndReadsTheFileOfARunningAgent) {
+TEST_F(ProcessTest, ShowsTheTeamsEventLogAndReadsTheFileOfARunningAgent) {
   MoonctlExpecting(0, {"up"});
   MoonctlExpecting(0, {"role", "set", "rover2", "leader", "rover1", "survivor", "--reason", "sun is low"});
   MoonctlExpecting(0, {"sync", "now", "--wait"});
@@ -398,11 +398,11 @@ TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
   agent->Signal(SIGTERM);
   const Outcome outcome = agent->Wait();
   EXPECT_EQ(outcome.exit_code, 0) << outcome.error;
-  // One second is the promise; a machine under load gets three.
+  // The documented limit is one second; a loaded machine gets three.
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
 }
 
-TEST_F(ProcessTest, AgentsLogJsonWhereToldTo) {
+TEST_F(ProcessTest, AgentsLogJsonIfConfigured) {
   MoonctlExpecting(0, {"up", "--log-format", "json"});
   MoonctlExpecting(0, {"down"});
   const std::string log = *ReadTextFile(folder_ / "moondb-data" / "rover1" / "agent.log");
@@ -429,15 +429,15 @@ TEST_F(ProcessTest, RefusesASecondAgentOnTheSameDataOrAddress) {
   const Outcome same_address = StartAgent("rover1", {"--data-dir", folder_ / "other"})->Wait();
   EXPECT_EQ(same_address.exit_code, 1) << same_address.error;
   EXPECT_EQ(std::count(same_address.error.begin(), same_address.error.end(), '\n'), 1) << same_address.error;
-  // The first one is none the worse.
+  // The first agent is not affected.
   EXPECT_EQ(Moonctl({"status", "-a", "rover1"}).exit_code, 0);
 }
 
-// As after `kill -9`, whose process holds its files for a moment longer.
+// Simulates an agent after `kill -9`, whose process holds its files for a moment longer.
 TEST_F(ProcessTest, StartsAnAgentWhoseProcessIsStillEnding) {
   std::optional<DataFolderLock> ending = *DataFolderLock::Take(folder_ / "moondb-data" / "rover1");
   auto up = std::async(std::launch::async, [this] { return Moonctl({"up", "-a", "rover1"}); });
-  (void)up.wait_for(std::chrono::milliseconds(500));  // It has looked by then who runs, or finds nobody anyway.
+  (void)up.wait_for(std::chrono::milliseconds(500));  // By then moonctl has probably looked for running agents.
   ending.reset();
   const Outcome outcome = up.get();
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
@@ -461,7 +461,8 @@ TEST_F(ProcessTest, StartsNothingOnABadTeamFile) {
 }
 
 TEST_F(ProcessTest, StopsTheOthersWhenOneCannotStart) {
-  std::filesystem::create_directories(folder_ / "moondb-data" / "rover3" / "moondb.sqlite");  // No file.
+  std::filesystem::create_directories(folder_ / "moondb-data" / "rover3" /
+                                      "moondb.sqlite");  // A folder in place of the database file.
   const auto up = MoonctlJson(1, {"up"});
   const auto& rows = up.fields().at("agents").list_value();
   ASSERT_EQ(rows.values_size(), 4);
@@ -470,7 +471,7 @@ TEST_F(ProcessTest, StopsTheOthersWhenOneCannotStart) {
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
 }
 
-// What the team holds of it comes back.
+// The agent gets back those of its records that the team holds.
 TEST_F(ProcessTest, SetsADamagedDatabaseAsideAndIsFilledAgain) {
   MoonctlExpecting(0, {"up"});
   std::string key = MoonctlExpecting(0, {"-a", "rover3", "record", "insert", "temperature", R"({"celsius": -40.5})"});
@@ -482,7 +483,7 @@ TEST_F(ProcessTest, SetsADamagedDatabaseAsideAndIsFilledAgain) {
   std::ofstream(database) << std::string(8192, 'x');
   MoonctlExpecting(0, {"up"});
   EXPECT_TRUE(std::filesystem::exists(database.string() + ".damaged-1"));
-  // The leader comes to know that it leads again first.
+  // The leader must first learn that it leads again.
   EXPECT_TRUE(Until([&] {
     (void)Moonctl({"sync", "now", "--wait"});
     return MoonctlExpecting(0, {"-a", "rover3", "record", "list", "temperature"}).find(key) != std::string::npos;
@@ -490,7 +491,7 @@ TEST_F(ProcessTest, SetsADamagedDatabaseAsideAndIsFilledAgain) {
   MoonctlExpecting(0, {"down"});
 }
 
-TEST_F(ProcessTest, LeavesATeamAloneThatRunsFromAnotherDataFolder) {
+TEST_F(ProcessTest, DoesNotStopATeamOfAnotherDataFolder) {
   MoonctlExpecting(0, {"up"});
   const pid_t leader = PidOf("rover1");
   const std::string elsewhere = folder_ / "elsewhere";
@@ -504,7 +505,7 @@ TEST_F(ProcessTest, LeavesATeamAloneThatRunsFromAnotherDataFolder) {
   MoonctlExpecting(0, {"down"});
 }
 
-TEST_F(ProcessTest, CarriesADataTypeOfTheTeamsOwn) {
+TEST_F(ProcessTest, SharesACustomDataType) {
   std::ofstream(team_file_, std::ios::app)
       << "custom_types:\n  - {id: 1000, name: soil_moisture, share: all, ground: latest, bytes_max: 64}\n";
   MoonctlExpecting(0, {"up"});
@@ -613,7 +614,7 @@ TEST_F(ProcessTest, AnOperatorPausesTheTeamAndOneAgentAndResumes) {
   MoonctlExpecting(2, {"sync", "pause", "-a", "rover9"});
 }
 
-TEST_F(ProcessTest, SaysWhatIsWrongWithALease) {
+TEST_F(ProcessTest, ReportsErrorsOfALease) {
   const auto error = [this](std::vector<std::string> command) {
     const Outcome outcome = Moonctl(std::move(command));
     EXPECT_EQ(outcome.exit_code, 2) << outcome.error;
@@ -649,7 +650,7 @@ TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfAKilledLeader) {
   }));
 }
 
-// A process that is stopped keeps its connections: only what is asked of it shows that nobody is there.
+// A stopped process keeps its connections; only unanswered requests reveal the failure.
 TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfALeaderThatHangs) {
   ASSERT_NO_FATAL_FAILURE(UpWithAutomaticFailover());
   const pid_t leader = PidOf("rover1");
@@ -657,12 +658,12 @@ TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfALeaderThatHangs) {
   const auto is_replaced = [this] {
     return MoonctlExpecting(0, {"role", "show", "-a", "rover2"}).find("rover2  leader ") != std::string::npos;
   };
-  // 4/3 of the timeout and 3 s; a link on which nothing is asked is given up after 33 s.
+  // Failover takes 4/3 of the timeout plus 3 s. An idle link would be closed only after 33 s.
   EXPECT_TRUE(Until(is_replaced, std::chrono::seconds(15)));
   ASSERT_EQ(kill(leader, SIGCONT), 0);
 }
 
-TEST_F(ProcessTest, SaysWhatIsWrongWithWhatWasTyped) {
+TEST_F(ProcessTest, ReportsErrorsInCommands) {
   EXPECT_THAT(Moonctl({"statsu"}).error, HasSubstr("did you mean \"status\"?"));
   EXPECT_EQ(Moonctl({"statsu"}).exit_code, 2);
   EXPECT_THAT(Moonctl({"role", "set", "rovr2", "leader"}).error, HasSubstr("did you mean \"rover2\"?"));

@@ -1,4 +1,4 @@
-// Runs real programs for tests: their exit code, what they printed, and an end in any case.
+// Runs real programs for tests: returns their exit code and output, and kills them after a time limit.
 #pragma once
 
 #include <sys/types.h>
@@ -12,15 +12,15 @@
 namespace moondb {
 
 struct Outcome {
-  int exit_code = -1;  // -1: it had to be killed, or ended by a signal.
+  int exit_code = -1;  // -1 if it was killed or ended by a signal.
   std::string out;
   std::string error;
 };
 
-// A child process; killed when this goes away.
+// A child process. The destructor kills it.
 class Child {
  public:
-  // `environment` is added to the test's own. Output goes to out.txt and error.txt in `folder`.
+  // Adds `environment` to the test's own. Writes output to out.txt and error.txt in `folder`.
   Child(std::vector<std::string> command, const std::map<std::string, std::string>& environment,
         std::filesystem::path folder);
   ~Child();
@@ -29,7 +29,7 @@ class Child {
 
   pid_t pid() const { return pid_; }
   void Signal(int signal) const;
-  // Waits until it ends, or kills it after `limit`.
+  // Waits until the process ends, or kills it after `limit`.
   Outcome Wait(std::chrono::seconds limit = std::chrono::seconds(60));
   std::string Out() const;
 

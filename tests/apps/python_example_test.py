@@ -23,7 +23,7 @@ merged map of 1: 80 x 80 cells of 0\.05 m, lower left corner at \(3\.00, 0\.00\)
 """)
 
 
-# One robot drives, one is off.
+# Output while one robot drives and another is off.
 MISSING = re.compile(r"""not complete
 2 to 1: rover2 drives for \d+ s more
 1 to 2: rover2 drives for \d+ s more
@@ -33,7 +33,7 @@ MISSING = re.compile(r"""not complete
 
 
 def python_with(modules):
-    """The first interpreter that has the packages: an own one in front of Debian's may lack them."""
+    """Returns the first interpreter that has the packages. The first one in PATH may lack Debian's packages."""
     for python in (sys.executable, "/usr/bin/python3"):
         if subprocess.run([python, "-c", "import " + ", ".join(modules)], capture_output=True).returncode == 0:
             return python
@@ -67,7 +67,7 @@ def survey(python, programs, source, folder):
 
 
 def sync_while_not_all_can(python, source, folder, environment):
-    """What the two programs print that sync, wait and say what is missing."""
+    """Checks the output of the two programs that sync, wait and report missing records."""
     run(["moonctl", "-a", "rover2", "drive", "on", "--for", "300"], environment, folder)
     run(["moonctl", "-a", "rover3", "down"], environment, folder)
     endpoint = next(pathlib.Path(folder, "run").glob("moon-*/rover1.sock"))
@@ -75,7 +75,7 @@ def sync_while_not_all_can(python, source, folder, environment):
                 ["sync_example", f"ipc://{endpoint}", "rover1"]]
     deadline = time.monotonic() + 60
     while "out of reach" not in run(programs[0], environment, folder) and time.monotonic() < deadline:
-        pass  # The leader has yet to notice.
+        pass  # The leader has not noticed it yet.
     return [run(program, environment, folder) for program in programs]
 
 

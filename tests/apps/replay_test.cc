@@ -1,4 +1,4 @@
-// A recorded mission through real processes, where the data are at hand (MOONDB_DATA).
+// Replays a recorded mission through real processes, if the data are available (MOONDB_DATA).
 
 #include <gmock/gmock.h>
 #include <google/protobuf/util/json_util.h>
@@ -24,7 +24,7 @@ class ReplayTest : public ProcessTeam {
     ProcessTeam::SetUp();
   }
 
-  // In place of the usual one: the mission's own agents.
+  // Replaces the usual team by the mission's agents.
   void MakeTeam() {
     std::filesystem::create_directories(folder_ / "m");
     const std::string before = team_file_;
@@ -49,7 +49,7 @@ double Figure(const google::protobuf::Struct& figures, const std::string& part, 
 TEST_F(ReplayTest, MakesAMissionsTrajectoriesAndMapBetterOnTwoAgentsAlike) {
   MakeTeam();
   MoonctlExpecting(0, {"up", "--merge-backend", "cpu"});
-  // In two halves, and the second twice: nothing is stored twice.
+  // Feeds two halves, and the second one twice: no record may be stored twice.
   for (const auto& span : {std::pair("--to", "200"), {"--from", "200"}, {"--from", "200"}}) {
     const Outcome fed = Replay({"feed", "--mission", mission_, span.first, span.second});
     ASSERT_EQ(fed.exit_code, 0) << fed.error;
@@ -77,7 +77,7 @@ TEST_F(ReplayTest, MakesAMissionsTrajectoriesAndMapBetterOnTwoAgentsAlike) {
   }
 }
 
-TEST_F(ReplayTest, TakesAGraphInAndGivesItBack) {
+TEST_F(ReplayTest, ImportsAGraphAndExportsIt) {
   MakeTeam();
   MoonctlExpecting(0, {"up", "--merge-backend", "cpu"});
   const auto imported = MoonctlJson(0, {"graph", "import", mission_ / "graph.pyfg"});

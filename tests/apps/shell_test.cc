@@ -1,4 +1,4 @@
-// The completion scripts in their shells, and the manual page in groff; each where it is installed.
+// Tests the completion scripts in their shells and the manual page in groff, each if it is installed.
 
 #include <gmock/gmock.h>
 

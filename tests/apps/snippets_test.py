@@ -19,15 +19,15 @@ import sys
 import tempfile
 
 SKIPPED = 77
-PORTS = range(7400, 7404)  # Of `moonctl config init`.
-HOME = "/home/anna"  # What the guides call the folder in which the snippets run.
+PORTS = range(7400, 7404)  # Default ports of `moonctl config init`.
+HOME = "/home/anna"  # Path that the guides show for the folder of the snippets.
 FENCE = re.compile(r"^```(sh|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 EXITS = re.compile(r"# exits with (\d+)\s*$")
 NUMBER = re.compile(r"(?<![A-Za-z_\d])-?\d[\da-fx.:]*( ?(?:[kMG]?B|[kM]?bit/s|[kMG]?B/s|ms|s|min|h|m|rad)\b)?")
 
 
 USER = re.compile(r"\w+@[\w.-]+")
-# A team's id, whole and in a socket's path; the hash of a team file.
+# Matches a team's id, in full or in a socket's path, and the hash of a team file.
 TEAM_ID = re.compile(r"\b[0-9a-f]{32}\b|(?<=-)[0-9a-f]{8}(?=/\w+\.sock)|(?<=hash )[0-9a-f]{16}|(?<=here )[0-9a-f]{16}")
 
 
@@ -36,7 +36,7 @@ class Failure(Exception):
 
 
 def commands_of(kind, block):
-    """Pairs of a command and the lines that it is said to print (None: nothing is said)."""
+    """Returns pairs of a command and its expected output lines (None if the guide shows no output)."""
     commands = []
     for line in block.splitlines():
         if kind == "sh" and line.strip() and not line.startswith("#"):
@@ -53,7 +53,7 @@ def shape(line):
 
 
 def missing_line(said, printed):
-    """The first line that was not printed where it should be; None: all were."""
+    """Returns the first expected line that is missing in the output or out of order, or None."""
     shapes, at = [shape(line) for line in printed], 0
     for line in said:
         if line.strip() in ("", "..."):
@@ -70,7 +70,7 @@ class Shell:
                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
     def run(self, command):
-        """Exit code and lines."""
+        """Runs a command and returns its exit code and output lines."""
         limited = f"{{ {command}\n}} < /dev/null; echo \"@@ended $?\"\n"
         self.process.stdin.write(limited)
         self.process.stdin.flush()
@@ -133,7 +133,7 @@ def taken_port():
 
 
 def in_own_network():
-    """Runs this again where nobody else has ports, if this machine lets it."""
+    """Runs this program again in a new network namespace, if this machine allows it."""
     if os.geteuid() != 0 or os.environ.get("MOONDB_OWN_NETWORK") or not shutil.which("unshare"):
         return
     if subprocess.run(["unshare", "-n", "ip", "link", "set", "lo", "up"], capture_output=True).returncode != 0:

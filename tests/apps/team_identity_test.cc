@@ -1,4 +1,5 @@
-// The right team and the right agent: two teams of one name on one machine, files that differ, agents with new names.
+// Commands must reach the right team and the right agent: two teams with one name on one machine, differing team files,
+// and renamed agents.
 
 #include <gmock/gmock.h>
 
@@ -21,7 +22,7 @@ class TeamIdentityTest : public ProcessTeam {
     ProcessTeam::TearDown();
   }
 
-  // Another team of the same name with agents of the same names.
+  // Makes another team with the same name and the same agent names.
   void MakeOtherTeam() {
     MoonctlExpecting(0, {"config", "init", "--name", "moon", other_});
     AdaptToTest(other_, other_.parent_path());
@@ -58,9 +59,9 @@ TEST_F(TeamIdentityTest, TwoTeamsOfOneNameOnOneMachineDoNotMeet) {
   EXPECT_EQ(TemperaturesOf(other_, "rover1"), 1) << "it runs on";
 }
 
-TEST_F(TeamIdentityTest, AnAgentOfAnotherTeamIsNeitherAskedNorToldAnything) {
+TEST_F(TeamIdentityTest, AnAgentOfAnotherTeamReceivesNoRequests) {
   MoonctlExpecting(0, {"-a", "rover1", "up"});
-  // Their ids begin alike, so that their sockets have one place.
+  // Both team ids have the same prefix, so their sockets have the same path.
   const std::string id = ReadTeamFile(team_file_)->config.team_id();
   std::filesystem::create_directories(other_.parent_path());
   std::filesystem::copy(team_file_, other_);
@@ -104,7 +105,7 @@ TEST_F(TeamIdentityTest, ARenamedAgentKeepsItsProcessAndItsData) {
   MoonctlExpecting(0, {"down"});
 }
 
-TEST_F(TeamIdentityTest, SaysWhoRunsWithAnotherTeamFile) {
+TEST_F(TeamIdentityTest, ReportsAgentsThatRunWithAnotherTeamFile) {
   MoonctlExpecting(0, {"up"});
   EXPECT_THAT(MoonctlExpecting(0, {"health"}), Not(HasSubstr("team file")));
   Edit(team_file_, "budget_kbps: 1000", "budget_kbps: 500");
@@ -122,7 +123,7 @@ TEST_F(TeamIdentityTest, SaysWhoRunsWithAnotherTeamFile) {
   MoonctlExpecting(0, {"down"});
 }
 
-TEST_F(TeamIdentityTest, GivesAFileAnIdAndKeepsAllElse) {
+TEST_F(TeamIdentityTest, AddsAnIdToAFileAndChangesNothingElse) {
   const std::string id = ReadTeamFile(team_file_)->config.team_id();
   const std::string with = *ReadTextFile(team_file_);
   const std::size_t at = with.find("team_id:");

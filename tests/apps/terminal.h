@@ -1,4 +1,4 @@
-// A program on a pseudo terminal, as a person sees it.
+// Runs a program on a pseudo terminal, as a person would see it.
 #pragma once
 
 #include <sys/types.h>
@@ -12,20 +12,20 @@ namespace moondb {
 
 class Terminal {
  public:
-  // `environment` is added to the test's own.
+  // Adds `environment` to the test's own.
   Terminal(std::vector<std::string> command, const std::map<std::string, std::string>& environment);
-  ~Terminal();  // Ends it, if it still runs.
+  ~Terminal();  // Ends the program if it still runs.
   Terminal(const Terminal&) = delete;
   Terminal& operator=(const Terminal&) = delete;
 
-  // All that was shown so far, once it holds `count` times `text`; what there is after 30 s.
+  // Waits until the output contains `text` `count` times, for at most 30 s. Returns all output so far.
   const std::string& ShownUntil(const std::string& text, int count = 1);
   void Type(const std::string& keys) const;  // "\x03" is Ctrl-C.
-  // Reads on until the program ends: its exit code, -1 if a signal ended it or it ran on for 30 s.
+  // Reads until the program ends and returns its exit code. Returns -1 if a signal ended it or 30 s passed.
   int Wait();
 
  private:
-  bool Read(std::chrono::steady_clock::time_point deadline);  // False: nothing more comes.
+  bool Read(std::chrono::steady_clock::time_point deadline);  // Returns false at the end of output.
 
   int master_ = -1;
   pid_t pid_ = -1;

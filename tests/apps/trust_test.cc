@@ -1,4 +1,5 @@
-// What an operator asks to know whether a team's records can be trusted: who holds what, and whether it is sound.
+// Checks the commands that show whether a team's records can be trusted: which agent holds which records, and whether
+// they are intact.
 
 #include <gmock/gmock.h>
 #include <sqlite3.h>
@@ -24,7 +25,7 @@ std::vector<Struct> List(const Struct& json, const std::string& name) {
   return structs;
 }
 
-// The row of pose graph nodes; a failure where there is not one.
+// Returns the row of pose graph nodes. Requires: exactly one such row.
 Struct OfNodes(const std::vector<Struct>& rows) {
   std::vector<Struct> found;
   for (const Struct& row : rows) {
@@ -39,7 +40,7 @@ std::string Text(const Struct& json, const std::string& name) { return Field(jso
 
 class TrustTest : public ProcessTeam {
  protected:
-  // More than one slice of a check.
+  // Number of nodes; more than one slice of a verification.
   static constexpr int kNodes = 2500;
 
   void Start() {
@@ -61,7 +62,7 @@ class TrustTest : public ProcessTeam {
     MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"});
   }
 
-  // A byte of a node's content at `agent`, behind the back of the agent that runs.
+  // Changes a byte of a node's content in the file of a running agent, without its knowledge.
   void ChangeAByte(const std::string& agent, const RecordKey& key) {
     const std::string path = DefaultDataRoot(team_file_.parent_path()) / agent / "moondb.sqlite";
     sqlite3* database = nullptr;
@@ -78,7 +79,7 @@ class TrustTest : public ProcessTeam {
   RecordKey node_;
 };
 
-TEST_F(TrustTest, ShowsPerPairWhatIsSentAndAcknowledged) {
+TEST_F(TrustTest, ShowsSentAndAcknowledgedRecordsPerPair) {
   Start();
   EXPECT_THAT(MoonctlExpecting(0, {"sync", "status", "-a", "base"}), HasSubstr("nothing sent since its start"));
   MoonctlExpecting(0, {"sync", "now", "--wait"});
@@ -101,9 +102,9 @@ TEST_F(TrustTest, ShowsPerPairWhatIsSentAndAcknowledged) {
   EXPECT_EQ(Moonctl({"sync", "status", "-a", "rovr2"}).exit_code, 2);
 }
 
-TEST_F(TrustTest, ShowsWhoLedWhenAndWhy) {
+TEST_F(TrustTest, ShowsTheHistoryOfRolesWithReasons) {
   MoonctlExpecting(0, {"up"});
-  // The leader takes a term of its own first.
+  // First wait until the leader has a new term.
   ASSERT_TRUE(Until([&] { return Moonctl({"role", "history"}).out.find("start of the leader") != std::string::npos; }));
   MoonctlExpecting(0, {"role", "swap", "--reason", "a full battery"});
   const auto history = List(MoonctlJson(0, {"role", "history", "-a", "rover2"}), "history");
@@ -116,7 +117,7 @@ TEST_F(TrustTest, ShowsWhoLedWhenAndWhy) {
   EXPECT_THAT(Moonctl({"role", "histroy"}).error, HasSubstr("did you mean \"history\"?"));
 }
 
-TEST_F(TrustTest, ShowsWhoHoldsWhatAndHowTwoDiffer) {
+TEST_F(TrustTest, ShowsHoldingsAndTheirDifferences) {
   Start();
   EXPECT_THAT(MoonctlExpecting(1, {"db", "diff", "rover3", "rover1"}), HasSubstr("rover3 and rover1 differ"));
   const Struct nodes = OfNodes(List(MoonctlJson(1, {"db", "diff", "rover1", "rover3"}), "series"));
@@ -133,7 +134,7 @@ TEST_F(TrustTest, ShowsWhoHoldsWhatAndHowTwoDiffer) {
   MoonctlExpecting(0, {"replicate", "now", "--wait"});
   EXPECT_THAT(MoonctlExpecting(0, {"db", "diff", "rover2", "rover1"}), HasSubstr("hold the same"));
 
-  // A record that changed on one side: sound by its count, not by its fingerprint.
+  // A record that changed at one agent: the counts are equal, but the fingerprints differ.
   ChangeAByte("rover1", node_);
   EXPECT_THAT(MoonctlExpecting(1, {"db", "diff", "rover2", "rover1"}), HasSubstr(ToString(node_) + " differs"));
   const auto series = List(MoonctlJson(1, {"db", "diff", "rover1", "rover2"}), "series");
@@ -160,18 +161,19 @@ TEST_F(TrustTest, FindsDamageInAStore) {
   ASSERT_EQ(agents.size(), 4u);
   EXPECT_FALSE(Field(agents[0], "is_sound").bool_value());
   EXPECT_EQ(Number(agents[0], "damaged"), 1);
-  EXPECT_GT(Number(agents[0], "held"), kNodes);  // Events, too.
+  EXPECT_GT(Number(agents[0], "held"), kNodes);  // Holds the nodes and also events.
   EXPECT_TRUE(Field(agents[2], "is_sound").bool_value());
   MoonctlExpecting(0, {"db", "verify", "-a", "rover3"});
 
   Kill("rover2");
-  EXPECT_THAT(MoonctlExpecting(1, {"db", "verify"}), HasSubstr("rover2  unreachable"));  // Damage counts more.
+  EXPECT_THAT(MoonctlExpecting(1, {"db", "verify"}),
+              HasSubstr("rover2  unreachable"));  // Exit code 1, because damage outranks an unreachable agent.
   MoonctlExpecting(3, {"db", "verify", "-a", "rover2"});
   EXPECT_EQ(Moonctl({"db", "verify", "-a", "nobody"}).exit_code, 2);
   EXPECT_THAT(Moonctl({"db", "verfy"}).error, HasSubstr("did you mean \"verify\"?"));
 }
 
-TEST_F(TrustTest, PrunesWhatLeaderAndSurvivorHaveAndNothingElse) {
+TEST_F(TrustTest, PrunesOnlyRecordsThatLeaderAndSurvivorHold) {
   Start();
   const std::vector<std::string> prune = {"-a", "rover3", "db", "prune", "--type", "pose_graph_node"};
   EXPECT_THAT(MoonctlExpecting(0, prune), testing::ContainsRegex("all +0 +0 B\n.*2,?500 more stay until"));
@@ -198,7 +200,7 @@ TEST_F(TrustTest, PrunesWhatLeaderAndSurvivorHaveAndNothingElse) {
   EXPECT_THAT(Text(MoonctlJson(4, prune), "text"), HasSubstr("rover2, the designated survivor,"));
 }
 
-TEST_F(TrustTest, SaysWhatIsWrongWithAPrune) {
+TEST_F(TrustTest, ReportsErrorsOfAPrune) {
   EXPECT_THAT(Moonctl({"db", "prune", "--max-mb", "1"}).error, HasSubstr("Give its agent with -a"));
   const auto error_of = [this](const std::vector<std::string>& more) {
     std::vector<std::string> arguments = {"-a", "rover3", "db", "prune"};

@@ -27,7 +27,7 @@ class WatchTest : public ProcessTeam {
   }
 };
 
-TEST_F(WatchTest, DrawsATerminalAnewAndEndsOnControlCWithTheLastPassCode) {
+TEST_F(WatchTest, RedrawsATerminalAndExitsOnControlCWithTheLastPassCode) {
   MoonctlExpecting(0, {"up"});
   Terminal screen = OnTerminal({"status", "--watch=0.1"});
   EXPECT_THAT(screen.ShownUntil(kClear, 3), StartsWith(kClear));
@@ -40,7 +40,7 @@ TEST_F(WatchTest, DrawsATerminalAnewAndEndsOnControlCWithTheLastPassCode) {
   EXPECT_EQ(other.Wait(), 3);
 }
 
-TEST_F(WatchTest, PrintsOneBlockBehindTheOtherInAPipe) {
+TEST_F(WatchTest, PrintsBlocksOneAfterTheOtherIntoAPipe) {
   Child child({MOONCTL_PROGRAM, "role", "show", "--watch=0.1"}, environment_, folder_);
   ASSERT_TRUE(Until([&child] { return child.Out().find("\n\n") != std::string::npos; }));
   child.Signal(SIGINT);
@@ -51,7 +51,7 @@ TEST_F(WatchTest, PrintsOneBlockBehindTheOtherInAPipe) {
   EXPECT_TRUE(outcome.out.ends_with('\n'));
 }
 
-TEST_F(WatchTest, PrintsOneDocumentALineAsJson) {
+TEST_F(WatchTest, PrintsOneJsonDocumentPerLine) {
   Child child({MOONCTL_PROGRAM, "trace", "--watch=0.1", "--json"}, environment_, folder_);
   ASSERT_TRUE(Until([&child] { return child.Out().find('\n') + 1 < child.Out().size(); }));
   child.Signal(SIGTERM);
@@ -64,7 +64,7 @@ TEST_F(WatchTest, PrintsOneDocumentALineAsJson) {
   }
 }
 
-TEST_F(WatchTest, RefusesWhatChangesSomethingAndWhatIsNoPeriod) {
+TEST_F(WatchTest, RefusesCommandsThatChangeDataAndInvalidPeriods) {
   for (const std::vector<std::string>& words : {std::vector<std::string>{"role", "swap"},
                                                 {"sync", "now"},
                                                 {"map", "export", folder_ / "x"},
@@ -82,7 +82,7 @@ TEST_F(WatchTest, RefusesWhatChangesSomethingAndWhatIsNoPeriod) {
   EXPECT_EQ(Moonctl({"status", "--watch", "-t", "missing.yaml"}).exit_code, 2) << "ends at once";
 }
 
-TEST_F(WatchTest, EndsWhereNobodyReadsAnyMore) {
+TEST_F(WatchTest, EndsWhenItsPipeIsClosed) {
   const Outcome outcome =
       Run({"/bin/bash", "-c", "set -o pipefail; " MOONCTL_PROGRAM " role show --watch=0.1 | head -n 2"});
   EXPECT_EQ(outcome.exit_code, 1);
@@ -90,7 +90,7 @@ TEST_F(WatchTest, EndsWhereNobodyReadsAnyMore) {
   EXPECT_EQ(Run({"/bin/bash", "-c", MOONCTL_PROGRAM " version > /dev/full"}).exit_code, 1);
 }
 
-TEST_F(WatchTest, ShowsWhatIsBadInRedOnATerminalUnlessColoursAreUnwanted) {
+TEST_F(WatchTest, ShowsProblemsInRedOnATerminalUnlessColoursAreOff) {
   Terminal colored = OnTerminal({"status"});
   EXPECT_EQ(colored.Wait(), 3);
   EXPECT_THAT(colored.ShownUntil(""), HasSubstr(std::string(kRed) + "rover1   1  unreachable"));

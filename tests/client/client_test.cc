@@ -40,7 +40,7 @@ std::unique_ptr<Client> ConnectTo(const FakeAgent& agent, Client::Options option
   return std::move(*client);
 }
 
-TEST(ClientTest, SaysAtOnceThatAnAgentIsNotRunning) {
+TEST(ClientTest, ReportsAtOnceThatAnAgentIsNotRunning) {
   const auto start = std::chrono::steady_clock::now();
   const auto client = Client::Connect("ipc:///tmp/moondb-no-such-folder/rover1", "rover1", {});
   ASSERT_FALSE(client.has_value());
@@ -49,11 +49,11 @@ TEST(ClientTest, SaysAtOnceThatAnAgentIsNotRunning) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, milliseconds(500));
 }
 
-TEST(ClientTest, SaysSoWhenADeadAgentLeftItsSocketBehind) {
+TEST(ClientTest, ReportsADeadAgentThatLeftItsSocket) {
   FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>{}; });
   const std::string path = agent.endpoint().substr(6);
   agent.Stop();
-  // libzmq removes its file; a killed process does not.
+  // Recreate the socket file: libzmq removes it at the end, a killed process does not.
   const int left = ::socket(AF_UNIX, SOCK_STREAM, 0);
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -68,7 +68,7 @@ TEST(ClientTest, SaysSoWhenADeadAgentLeftItsSocketBehind) {
   EXPECT_THAT(client.error().text, HasSubstr("nobody listens"));
 }
 
-TEST(ClientTest, GivesTheAnswerOrTheAgentsError) {
+TEST(ClientTest, ReturnsTheReplyOrTheAgentsError) {
   FakeAgent agent([](const proto::ClientMessage& request) {
     proto::ControlReply reply;
     if (request.control_request().has_status()) {
@@ -89,7 +89,7 @@ TEST(ClientTest, GivesTheAnswerOrTheAgentsError) {
   EXPECT_EQ(optimized.error().text, "not the leader");
 }
 
-TEST(ClientTest, RefusesTheAnswerOfAnotherTeamAndNamesItsOwn) {
+TEST(ClientTest, RefusesAnAnswerOfAnotherTeamAndSendsItsOwnTeam) {
   std::string asked_for;
   std::string answers_for = TeamIdBytes("00112233445566778899aabbccddeeff");
   FakeAgent agent([&](const proto::ClientMessage& request) {
@@ -117,7 +117,7 @@ TEST(ClientTest, RefusesTheAnswerOfAnotherTeamAndNamesItsOwn) {
   EXPECT_TRUE(ConnectTo(agent)->Status().has_value()) << "a client that names no team";
 }
 
-// --- Requests that end when they are done ---
+// --- Requests that last until their work is done ---
 
 proto::ControlReply ErrorReply(proto::ErrorCode code, const std::string& text, const std::string& field = "") {
   proto::ControlReply reply;
@@ -127,7 +127,7 @@ proto::ControlReply ErrorReply(proto::ErrorCode code, const std::string& text, c
   return reply;
 }
 
-// An agent that leads, whose order takes `steps` answers with news.
+// A leader that reports progress in `steps` answers before an order is complete.
 class SharingAgent {
  public:
   explicit SharingAgent(int steps) : steps_(steps) {}
@@ -166,7 +166,7 @@ class SharingAgent {
   const int steps_;
 };
 
-TEST(OrdersTest, WaitsInOneCallWhereNobodyLooksOn) {
+TEST(OrdersTest, WaitsInOneCallWithoutAProgressCallback) {
   SharingAgent sharing(3);
   FakeAgent agent([&](const proto::ClientMessage& message) { return sharing.Answer(message); });
   auto client = ConnectTo(agent);
@@ -177,7 +177,7 @@ TEST(OrdersTest, WaitsInOneCallWhereNobodyLooksOn) {
   EXPECT_NEAR(sharing.last_wait_s, 40, 5);
 }
 
-TEST(OrdersTest, ShowsEachNews) {
+TEST(OrdersTest, ReportsEachProgress) {
   SharingAgent sharing(3);
   FakeAgent agent([&](const proto::ClientMessage& message) { return sharing.Answer(message); });
   auto client = ConnectTo(agent);
@@ -189,7 +189,7 @@ TEST(OrdersTest, ShowsEachNews) {
   EXPECT_THAT(versions, testing::ElementsAre(1, 2, 3));
 }
 
-TEST(OrdersTest, IsGivenAgainWhereTheRolesChanged) {
+TEST(OrdersTest, RepeatsAnOrderAfterAChangeOfRoles) {
   SharingAgent sharing(1);
   sharing.errors = 2;
   FakeAgent agent([&](const proto::ClientMessage& message) { return sharing.Answer(message); });
@@ -199,7 +199,7 @@ TEST(OrdersTest, IsGivenAgainWhereTheRolesChanged) {
   EXPECT_EQ(sharing.orders, 3);
 }
 
-TEST(OrdersTest, IsNotGivenAgainForEver) {
+TEST(OrdersTest, DoesNotRepeatAnOrderIndefinitely) {
   SharingAgent sharing(1);
   sharing.errors = 100;
   FakeAgent agent([&](const proto::ClientMessage& message) { return sharing.Answer(message); });
@@ -210,7 +210,7 @@ TEST(OrdersTest, IsNotGivenAgainForEver) {
   EXPECT_EQ(sharing.orders, 6);
 }
 
-// It would collect from nobody, and share its own records alone.
+// A deposed leader would collect no records and share only its own.
 TEST(OrdersTest, ADeposedLeaderIsNotAskedAgain) {
   SharingAgent sharing(1);
   FakeAgent agent([&](const proto::ClientMessage& message) {
@@ -226,7 +226,7 @@ TEST(OrdersTest, ADeposedLeaderIsNotAskedAgain) {
   EXPECT_EQ(sharing.orders, 1);
 }
 
-TEST(OrdersTest, AChangeOfRolesWhoseAnswerIsLostIsDoneOnce) {
+TEST(OrdersTest, AChangeOfRolesWithALostReplyHappensOnce) {
   proto::RoleAssignment roles;
   roles.set_leader(1);
   roles.set_survivor(2);
@@ -236,7 +236,7 @@ TEST(OrdersTest, AChangeOfRolesWhoseAnswerIsLostIsDoneOnce) {
     const proto::ControlRequest& request = message.control_request();
     proto::ControlReply reply;
     if (request.has_role_set()) {
-      if (++sets == 1) {  // Done, and not answered.
+      if (++sets == 1) {  // The change is made, but the reply is lost.
         roles.set_leader(2);
         roles.set_survivor(1);
         roles.mutable_term()->set_number(2);
@@ -253,7 +253,7 @@ TEST(OrdersTest, AChangeOfRolesWhoseAnswerIsLostIsDoneOnce) {
   Client::Options options;
   options.timeout = milliseconds(100);
   auto client = ConnectTo(agent, options);
-  // A request with a limit waits 30 s beyond it for the answer: this one has none.
+  // A request with a limit would wait 30 s longer for its answer, so this request has no limit.
   proto::RoleSetRequest swap;
   swap.set_is_swap(true);
   const auto standing = client->Roles();
@@ -265,7 +265,7 @@ TEST(OrdersTest, AChangeOfRolesWhoseAnswerIsLostIsDoneOnce) {
   EXPECT_EQ(roles.leader(), 2u) << "it was not undone";
 }
 
-// Rows 1 to 5, of which two are a page; a wait for more ends with nothing.
+// Answers with rows 1 to 5, two per page. A request that waits for more ends without rows.
 std::vector<std::string> AnswerRead(const proto::ClientMessage& request) {
   const proto::ReadRequest& read = request.control_request().read();
   proto::ControlReply reply;
@@ -278,7 +278,7 @@ std::vector<std::string> AnswerRead(const proto::ClientMessage& request) {
   return {Frame(request, reply)};
 }
 
-TEST(RecordFeedTest, GivesEachRecordOnceInPages) {
+TEST(RecordFeedTest, ReturnsEachRecordOnceInPages) {
   proto::ReadRequest last;
   FakeAgent agent([&last](const proto::ClientMessage& request) {
     last = request.control_request().read();
@@ -288,7 +288,7 @@ TEST(RecordFeedTest, GivesEachRecordOnceInPages) {
   proto::ReadRequest filter;
   filter.add_data_types(proto::POWER);
   filter.set_records_max(2);
-  filter.set_is_newest_first(true);  // Not heard.
+  filter.set_is_newest_first(true);  // Ignored by feeds.
   RecordFeed feed(*client, filter);
   std::vector<std::uint64_t> rows;
   while (true) {
@@ -305,7 +305,7 @@ TEST(RecordFeedTest, GivesEachRecordOnceInPages) {
   EXPECT_EQ(last.records_max(), 2u);
 }
 
-TEST(RecordFeedTest, SkipsToNowAndGoesOnWhereItIsTold) {
+TEST(RecordFeedTest, SkipsToNowAndContinuesAtAGivenRow) {
   FakeAgent agent(AnswerRead);
   auto client = ConnectTo(agent);
   RecordFeed from_now(*client, {});
@@ -318,7 +318,7 @@ TEST(RecordFeedTest, SkipsToNowAndGoesOnWhereItIsTold) {
   EXPECT_EQ(again.Next(std::chrono::seconds(5))->row_ids(0), 5u);
 }
 
-TEST(RecordFeedTest, AsksToWaitNoLongerThanItsTime) {
+TEST(RecordFeedTest, RequestsNoLongerWaitThanItsTimeout) {
   double wait_s = -1;
   FakeAgent agent([&wait_s](const proto::ClientMessage& request) {
     wait_s = request.control_request().read().wait_s();
@@ -333,7 +333,7 @@ TEST(RecordFeedTest, AsksToWaitNoLongerThanItsTime) {
   EXPECT_LE(wait_s, 60);
 }
 
-TEST(RecordFeedTest, GoesOnAfterAnAnswerThatDidNotComeInTime) {
+TEST(RecordFeedTest, ContinuesAfterALateAnswer) {
   std::atomic<bool> is_silent = true;
   FakeAgent agent([&is_silent](const proto::ClientMessage& request) {
     return is_silent ? std::vector<std::string>() : AnswerRead(request);
@@ -351,7 +351,7 @@ TEST(RecordFeedTest, GoesOnAfterAnAnswerThatDidNotComeInTime) {
   EXPECT_EQ(page->row_ids(0), 5u);
 }
 
-TEST(RecordFeedTest, TellsOfAnAnswerThatIsNone) {
+TEST(RecordFeedTest, ReportsAnInvalidAnswer) {
   FakeAgent agent([](const proto::ClientMessage& request) {
     proto::ControlReply reply;
     reply.mutable_read()->add_records();
@@ -362,7 +362,7 @@ TEST(RecordFeedTest, TellsOfAnAnswerThatIsNone) {
   EXPECT_EQ(feed.Next(std::chrono::seconds(1)).error().code, ErrorCode::kCorrupt);
 }
 
-TEST(ClientTest, RefusesKeysThatAreNone) {
+TEST(ClientTest, RefusesInvalidKeys) {
   FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>(); });
   Client::Options options;
   options.secret_key = "short";
@@ -399,7 +399,7 @@ TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
   EXPECT_EQ(received.custom().latest_key(), "hole 3");
   EXPECT_EQ(received.custom().metadata(), "percent");
 
-  // Names are looked up before anything is sent.
+  // The client looks up names before it sends anything.
   EXPECT_EQ(client->TypeNamed("soil"), DataType{1000});
   custom.type = "sol";
   EXPECT_EQ(client->InsertCustom(custom).error().text, "no data type \"sol\"");
@@ -407,7 +407,7 @@ TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
   EXPECT_EQ(client->InsertCustom(custom).error().text, "power is no custom type");
 }
 
-TEST(ClientTest, TimesOutAndDropsTheAnswerThatComesTooLate) {
+TEST(ClientTest, TimesOutAndDropsALateAnswer) {
   std::string late;
   FakeAgent agent([&late](const proto::ClientMessage& request) {
     proto::ControlReply reply;
@@ -482,7 +482,7 @@ TEST(ClientTest, ReportsAnAnswerThatDoesNotDecode) {
   EXPECT_EQ(status.error().code, ErrorCode::kCorrupt);
 }
 
-// Speaks ZMTP 3 itself, since libzmq sends a message only when all of its frames are there.
+// A server that implements ZMTP 3 itself: libzmq sends a message only after all of its frames are known.
 class EndlessMessageServer {
  public:
   EndlessMessageServer() {
@@ -507,15 +507,16 @@ class EndlessMessageServer {
   std::uint64_t sent_bytes() const { return sent_bytes_; }
 
  private:
-  // Until the client leaves.
+  // Sends frames until the client disconnects.
   void Run() {
     const int client = accept(listener_, nullptr, nullptr);
     std::string greeting("\xff\0\0\0\0\0\0\0\0\x7f\x03\0NULL", 16);
     greeting.resize(64, '\0');
     const std::string ready("\x04\x1c\x05READY\x0bSocket-Type\0\0\0\x06ROUTER", 30);
-    const std::string frame = std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(65'536, 'x');  // More will come.
+    const std::string frame =
+        std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(65'536, 'x');  // Flag: more frames follow.
     bool stands = Send(client, greeting) && Send(client, ready);
-    // The client sends its greeting and its READY, too, before it takes messages.
+    // The client sends its greeting and READY before it accepts messages.
     std::array<char, 256> block{};
     for (std::size_t received = 0; stands && received <= greeting.size();) {
       const ssize_t size = recv(client, block.data(), block.size(), 0);
@@ -538,7 +539,7 @@ class EndlessMessageServer {
   std::thread thread_;
 };
 
-TEST(ClientTest, LeavesAnAgentThatSendsAMessageWithoutAnEnd) {
+TEST(ClientTest, DisconnectsFromAnAgentThatSendsAnEndlessMessage) {
   EndlessMessageServer server;
   Client::Options options;
   options.message_bytes_max = 1024 * 1024;
@@ -550,7 +551,7 @@ TEST(ClientTest, LeavesAnAgentThatSendsAMessageWithoutAnEnd) {
 }
 
 TEST(ClientTest, ReadsAllPagesInOrder) {
-  // Five records, two a page.
+  // The agent has five records and returns two per page.
   FakeAgent agent([](const proto::ClientMessage& request) {
     proto::ControlReply reply;
     proto::ReadReply& page = *reply.mutable_read();

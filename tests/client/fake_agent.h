@@ -1,4 +1,4 @@
-// FakeAgent: a ROUTER on an ipc socket of a folder of its own, which answers as a test says. One thread.
+// FakeAgent: a ROUTER on an ipc socket in its own folder that answers as the test specifies. Runs one thread.
 #pragma once
 
 #include <sys/socket.h>
@@ -22,7 +22,7 @@ namespace moondb {
 
 class FakeAgent {
  public:
-  // Frames to send back for one request; none keeps silent.
+  // Returns the frames to send back for one request. If there are none, the agent does not answer.
   using Answer = std::function<std::vector<std::string>(const proto::ClientMessage& request)>;
 
   explicit FakeAgent(Answer answer) : answer_(std::move(answer)) {
@@ -35,7 +35,7 @@ class FakeAgent {
   std::string endpoint() const { return "ipc://" + temporary_.File("agent"); }
   int requests() const { return requests_; }
 
-  // Closes the socket; the file stays where it was, as after a kill.
+  // Closes the socket. Its file remains, as after a kill.
   void Stop() {
     is_stopping_ = true;
     if (thread_.joinable()) thread_.join();

@@ -44,13 +44,13 @@ TEST(MergedMapTest, DecodesCellsAndPlace) {
   EXPECT_EQ(map->grid.At(2, 1), Cell::kUnknown);
 }
 
-TEST(MergedMapTest, TakesAnEmptyMap) {
+TEST(MergedMapTest, AcceptsAnEmptyMap) {
   const auto map = DecodeMergedMap({});
   ASSERT_TRUE(map.has_value());
   EXPECT_TRUE(map->grid.cells.empty());
 }
 
-TEST(MergedMapTest, RefusesWhatDoesNotFit) {
+TEST(MergedMapTest, RefusesInconsistentReplies) {
   EXPECT_FALSE(DecodeMergedMap(Reply(3, 3, {0, 1, 2, 2, 1, 0})).has_value());
   EXPECT_FALSE(DecodeMergedMap(Reply(3, 2, {0, 1, 3, 2, 1, 0})).has_value());
   proto::MergeReply cut = Reply(3, 2, {0, 1, 2, 2, 1, 0});

@@ -20,14 +20,14 @@ void CheckCodesAgain(const proto::RecordBatch& batch) {
   Check(decoded && decoded->SerializeAsString() == batch.SerializeAsString(), "a batch comes back when coded again");
 }
 
-// Record count (2 bytes), coded bytes.
+// Input: record count (2 bytes), coded bytes.
 void RunBatch(std::string_view bytes) {
   const auto count = static_cast<std::uint32_t>(TakeNumber(2, bytes));
   const auto batch = DecodeBatch(proto::CODEC_COMPACT, bytes, count);
   if (batch) CheckCodesAgain(*batch);
 }
 
-// Batches of one run: record count (1 byte), size (2 bytes), coded bytes.
+// Input: batches of one run, each with record count (1 byte), size (2 bytes) and coded bytes.
 void RunRun(std::string_view bytes) {
   BatchDecoder decoder;
   while (!bytes.empty()) {
@@ -38,7 +38,7 @@ void RunRun(std::string_view bytes) {
   }
 }
 
-// Maps and layers (1 byte each), width and height of the finest layer (1 byte each), coded cells.
+// Input: number of maps and of layers (1 byte each), width and height of the finest layer (1 byte each), coded cells.
 void RunMap(std::string_view bytes) {
   std::vector<std::vector<MapLayer>> maps(1 + TakeNumber(1, bytes) % 8);
   const std::size_t layer_count = TakeNumber(1, bytes) % 9;
@@ -80,14 +80,14 @@ void RunRows(std::string_view bytes) {
   Check(TakeRows(kContentBytesMax, again) == rows && again.is_good(), "rows come back when coded again");
 }
 
-// Whether it is a frame (1 byte), record count (2 bytes), coded bytes.
+// Input: codec, plain or a zstd frame (1 byte), record count (2 bytes), coded bytes.
 void RunPlain(std::string_view bytes) {
   const proto::Codec codec = TakeNumber(1, bytes) % 2 == 0 ? proto::CODEC_PLAIN : proto::CODEC_ZSTD;
   const auto count = static_cast<std::uint32_t>(TakeNumber(2, bytes));
   (void)DecodeBatch(codec, bytes, count);
 }
 
-// A batch's head, or the record of a map.
+// Input: the head of a batch, or the record of a map.
 void RunReference(std::string_view bytes) {
   (void)ReferenceOf(bytes);
   const auto layers = LayersOfFrame(bytes);
@@ -102,7 +102,7 @@ void RunReference(std::string_view bytes) {
   Check(joined && *joined == bytes, "a map that was taken apart can be joined");
 }
 
-// Data type (2 bytes), the statement of a record that kFuzzedSqlKey names.
+// Input: data type (2 bytes), the statement of the record with kFuzzedSqlKey.
 void RunSql(std::string_view bytes) {
   RecordKey key = kFuzzedSqlKey;
   key.stream.type = static_cast<DataType>(TakeNumber(2, bytes));

@@ -1,5 +1,5 @@
-// What reads bytes of peers, and of clients, each behind one entry that takes any bytes: for libFuzzer (`cmake --preset
-// fuzz`) and for fuzz_smoke_test.cc, which runs them everywhere.
+// Decoders of bytes from peers and clients, each behind an entry that accepts any bytes. libFuzzer (`cmake --preset
+// fuzz`) and fuzz_smoke_test.cc run them.
 #pragma once
 
 #include <cstddef>
@@ -10,18 +10,18 @@
 
 namespace moondb {
 
-// Which record the statements in the corpus of "sql" are about, but for its data type.
+// Key of the record in the statements of the corpus "sql", except for its data type.
 inline const RecordKey kFuzzedSqlKey{{2, 0x5F3C9A1E0B7D4C21u, 0}, 1};
 
 struct FuzzedDecoder {
-  const char* name;  // Also of its folder in tests/fuzz/corpus.
-  // Stops by Check where what was read does not come back the same when it is coded again.
+  const char* name;  // Also the name of its folder in tests/fuzz/corpus.
+  // Fails a Check if a decoded value differs after it is coded and decoded again.
   void (*run)(std::string_view bytes);
 };
 
 const std::vector<FuzzedDecoder>& FuzzedDecoders();
 
-// Takes the next number of so many bytes off; 0 where there are none left.
+// Removes and returns the next number of `byte_count` bytes. Returns 0 at the end of the input.
 std::size_t TakeNumber(std::size_t byte_count, std::string_view& bytes);
 
 }  // namespace moondb

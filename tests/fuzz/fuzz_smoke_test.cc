@@ -1,5 +1,5 @@
-// Each decoder on its corpus and on what becomes of it by chance; MOONDB_FUZZ_RUNS and MOONDB_FUZZ_SEED as in
-// tests/actors/sharing/sharing_fuzz_test.cc.
+// Runs each decoder on its corpus and on random mutations of the corpus. MOONDB_FUZZ_RUNS and MOONDB_FUZZ_SEED work as
+// in tests/actors/sharing/sharing_fuzz_test.cc.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -37,7 +37,7 @@ std::vector<std::string> CorpusOf(const char* decoder) {
 
 class FuzzSmokeTest : public testing::TestWithParam<FuzzedDecoder> {};
 
-TEST_P(FuzzSmokeTest, StandsWhateverBecomesOfItsCorpus) {
+TEST_P(FuzzSmokeTest, SurvivesItsCorpusAndMutationsOfIt) {
   const std::uint64_t seed = Setting("MOONDB_FUZZ_SEED", std::random_device()());
   std::cout << "seed " << seed << std::endl;
   Mutator mutator(seed);

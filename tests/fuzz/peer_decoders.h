@@ -1,5 +1,5 @@
-// What reads bytes of peers and clients before and behind the door, and decides whom to believe
-// (tests/fuzz/decoders.h). Each stops by Check where bytes move what they must not.
+// Decoders of bytes from peers and clients that also decide whom to trust (tests/fuzz/decoders.h). Each fails a Check
+// if the bytes have a forbidden effect.
 #pragma once
 
 #include <string_view>
@@ -8,20 +8,20 @@
 
 namespace moondb {
 
-// Whether the connection's agent is known (1 byte), a frame of a peer.
+// Input: whether the connection's agent is known (1 byte), a frame of a peer.
 void RunPeerFrame(std::string_view bytes);
 
-// A frame of a client; with a request the rules of the gateway.
+// Input: a frame of a client. A request is also checked against the gateway's rules.
 void RunClientFrame(std::string_view bytes);
 
-// A record: no other than the two below has a signature of theirs.
+// Input: a record. Only the two records below may have a valid signature.
 void RunSigned(std::string_view bytes);
 
-// Messages between RoleActors, each with who sends it (1 byte), its kind (1 byte) and its length (2 bytes): nothing
-// that a rover that never led can sign moves an agent's roles.
+// Input: messages between RoleActors, each with sender, kind (1 byte each) and length (2 bytes). Messages that a rover
+// without a past lead can sign must not change an agent's roles.
 void RunChain(std::string_view bytes);
 
-// As agent 1 of the fuzzed team signed them.
+// Records signed by agent 1 of the fuzzed team.
 proto::Record FuzzedAssignment();
 proto::Record FuzzedQuarantine();
 

@@ -1,4 +1,4 @@
-// write_corpus FOLDER: writes the corpus of tests/fuzz anew, from maps and records that are drawn.
+// write_corpus FOLDER: rewrites the corpus of tests/fuzz from random maps and records.
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -163,7 +163,7 @@ bool WriteFrames(const std::filesystem::path& folder) {
          Write(folder, "client_frame", "roles", MessageOf(roles).SerializeAsString());
 }
 
-// A liar's words: roles of a high term that nobody decided before, and the chain that it says they follow.
+// Messages of an attacker: roles of a high term that no agent decided, and the chain that they claim to follow.
 bool WriteSigned(const std::filesystem::path& folder) {
   proto::RoleAnnounce announce;
   proto::RoleChainReply chain;

@@ -25,14 +25,14 @@ class KeyedClient(MoondbClient):
         self.close()
 
     def ask(self, timeout_s=None, **request):
-        """The ControlReply; Failure where none comes, or an error."""
+        """Returns the ControlReply. Raises Failure for an error or if no reply arrives."""
         try:
             return self.call(control.ControlRequest(**request), timeout_s)
         except (AgentError, TimeoutError) as error:
             raise Failure(f"{request}: {error}") from error
 
     def send(self, request_id=1, **request):
-        """Asks, and waits for nothing."""
+        """Sends a request and does not wait for the reply."""
         asked = control.ControlRequest(team_id=self._team_id, **{"by": self._by, **request})
         self.send_bytes(control.ClientMessage(request_id=request_id, control_request=asked).SerializeToString())
 
@@ -40,5 +40,5 @@ class KeyedClient(MoondbClient):
         self._dealer.send(data)
 
     def receive(self, timeout_s):
-        """The next ClientMessage; None where none comes."""
+        """Returns the next ClientMessage, or None if none arrives in time."""
         return control.ClientMessage.FromString(self._dealer.recv()) if self._dealer.poll(1000 * timeout_s) else None

@@ -1,4 +1,4 @@
-"""Attackers by what a client may ask: one that is let in with a key, and asks for more, or for too much."""
+"""Attackers with an accepted client key that request too much, or more than their rights allow."""
 import contextlib
 import random
 import time
@@ -44,7 +44,7 @@ def never_reads(team, scale):
 
 
 def above_its_right(team, scale):
-    """A client that may view asks for each thing that needs more, for rover1 and for each other agent, with forged rights."""
+    """A client with view rights sends each request that needs more rights, to each agent, with forged rights."""
     granted = []
     with KeyedClient(team, "watcher") as watcher:
         for field in control.ControlRequest.DESCRIPTOR.oneofs_by_name["request"].fields:
@@ -63,7 +63,7 @@ def above_its_right(team, scale):
 
 
 def bodies_of_agents(team, scale):
-    """A client sends what agents alone send each other, each body to each of rover1's actors, in their names."""
+    """A client sends messages that only agents may send: each body to each of rover1's actors, in the agents' names."""
     held = {agent: len(team.records(agent)) for agent in HONEST}
     fields = message.Message.DESCRIPTOR.oneofs_by_name["body"].fields
     with KeyedClient(team, "sharer") as sharer:
@@ -106,7 +106,7 @@ def absurd_requests(team, scale):
 
 
 def names_with_escapes(team, scale):
-    """A client that may share gives its name, a lease and a record's text as what a terminal obeys."""
+    """A client that may share sends terminal escape sequences as its name, in a lease and in a record's text."""
     with KeyedClient(team, "sharer") as sharer:
         sharer.send(1, by=ESCAPES, lease={"kind": 1, "seconds": 1})
         sharer.send(2, by=ESCAPES * 100, share={"kind": 1})
@@ -122,7 +122,7 @@ def names_with_escapes(team, scale):
 
 
 def questions_for_others(team, scale):
-    """A client that may view asks rover1 for what the others have, 5,000 times, and reads no answer."""
+    """A client with view rights asks rover1 5,000 times for records of other agents, and reads no answer."""
     with KeyedClient(team, "watcher") as watcher:
         for i in range(int(5000 * scale)):
             watcher.send(i + 1, for_agent=2 + i % 3, **({"status": {}} if i % 2 else {"have": {}}))

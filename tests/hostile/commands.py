@@ -1,4 +1,4 @@
-"""Attackers by commands: a member that orders what others are to do, or answers what nobody asked it."""
+"""Attackers with commands: a compromised member commands other agents, or sends answers that no agent requested."""
 import random
 import threading
 import time
@@ -23,7 +23,7 @@ def rights_of(field):
 
 
 def erases_what_the_team_holds(team, scale):
-    """rover3 orders that it survives, says that it holds everything, and orders each agent to prune all."""
+    """rover3 makes itself the survivor, claims to hold everything, and orders each agent to prune all records."""
     with Member(team, TAKEN) as member:
         member.vouch_for_everything()
         for agent in HONEST:
@@ -44,12 +44,12 @@ def stops_every_agent(team, scale):
     with Member(team, TAKEN) as member:
         for agent in HONEST:
             member.ask(agent, stop={})
-        time.sleep(1)  # An agent that is to stop answers first.
+        time.sleep(1)  # A stopping agent answers before it stops.
     expect_alive(team)
 
 
 def every_command(team, scale):
-    """rover3 relays each request that needs more than the right to view, as they are and in others' names."""
+    """rover3 relays each request that needs more than view rights, in its own name and in the names of others."""
     given = []
     with Member(team, TAKEN) as member:
         for field in control.ControlRequest.DESCRIPTOR.oneofs_by_name["request"].fields:
@@ -80,7 +80,7 @@ def commands_in_anothers_name(team, scale):
 
 
 def requests_for_others(team, scale):
-    """rover3 asks each agent to pass requests on to the others and to itself, round and round."""
+    """rover3 asks each agent to relay requests to other agents and to itself, in loops."""
     with Member(team, TAKEN) as member:
         for _ in range(int(1000 * scale)):
             for agent in HONEST:
@@ -110,7 +110,7 @@ def waiting_reads(team, scale):
 
 
 def bodies_to_every_actor(team, scale):
-    """rover3 sends each body that there is to each actor, under guessed request ids: answers to questions never asked."""
+    """rover3 sends each kind of body to each actor, with guessed request ids, as answers to no request."""
     before = {agent: len(team.records(agent)) for agent in HONEST}
     fields = message.Message.DESCRIPTOR.oneofs_by_name["body"].fields
     with Member(team, TAKEN) as member:
@@ -167,7 +167,7 @@ def huge_answers(team, scale):
             try:
                 team.call("rover1", for_agent=ROVER3, **({"status": {}} if i % 2 else {"trace": {}}))
             except Failure:
-                pass  # Whatever rover3 says of itself, or that it cannot be read.
+                pass  # The status that rover3 reports, or an error that it is unreadable.
 
 
 def traces_without_end(team, scale):

@@ -1,4 +1,4 @@
-"""Attackers by what they make an agent do: write its log, remember, decode, compare."""
+"""Attackers by resource use: they make an agent log, store, decode or compare too much."""
 import contextlib
 import random
 import socket
@@ -18,7 +18,7 @@ from team import TAKEN, Failure
 TAKES_ROVER3 = True
 ROVER3 = 3
 STREAMS = 60_000
-ELSEWHERE = "127.0.0.2"  # Whoever is at the same address as a flood shares its places.
+ELSEWHERE = "127.0.0.2"  # Clients at the address of a flood would share its connection limit.
 BOMB_BYTES = 17 << 20
 
 
@@ -78,7 +78,7 @@ def more_connections_than_places(team, scale):
 
 
 def giant_have_sets(team, scale):
-    """rover3 says that it has 60,000 streams that nobody ever heard of, and wants to be greeted anew after each batch."""
+    """rover3 claims 60,000 unknown streams, and asks for a new Hello after each batch."""
     epochs = random.getrandbits(60)
     giants = [have.HaveSet(streams=[
         {"origin_agent": 1 + i % 4, "epoch": epochs + STREAMS * giant + i, "data_type": types.POSE_GRAPH_NODE,
@@ -93,7 +93,7 @@ def giant_have_sets(team, scale):
 
 
 def zstd_bombs(team, scale):
-    """rover3 brings batches of a kilobyte that become 17 MiB each, in one session after the other."""
+    """rover3 sends batches of a kilobyte that decompress to 17 MiB each, in one session after the other."""
     bomb = zstandard.ZstdCompressor(level=19).compress(record.RecordBatch(records=[
         {"key": {"origin_agent": ROVER3, "epoch": 1 << 50, "data_type": types.AGENT_EVENT, "seq": 1},
          "content": bytes(BOMB_BYTES)}]).SerializeToString())
@@ -106,7 +106,7 @@ def zstd_bombs(team, scale):
 
 
 def statements_of_a_compact_team(team, scale):
-    """rover3 brings records as SQL, though its team sends none: one as they should be, others that would take long."""
+    """rover3 sends records as SQL though its team does not use SQL: a valid one, and others that would run long."""
     epoch, endless = 1 << 50, ("(WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT count(*) FROM c)")
     with Member(team, TAKEN) as member:
         session = member.session("rover1")

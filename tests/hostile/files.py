@@ -1,4 +1,4 @@
-"""Attackers by files: whoever may write where an agent, or a program beside it, reads."""
+"""Attackers with files: they can write files that an agent or another program of moondb reads."""
 import contextlib
 import os
 import pathlib
@@ -41,7 +41,7 @@ def stopped(team, agent="rover1"):
 
 
 def refuses_to_start(team, agent, why):
-    """The agent does not start as it is; else Failure."""
+    """Raises Failure if the agent starts in spite of the attack."""
     done = team.moonctl("-a", agent, "up", "--merge-backend", "cpu", check=False)
     if done.returncode == 0 and team.is_alive(agent):
         team.moonctl("-a", agent, "down")
@@ -65,7 +65,7 @@ def files_that_others_may_write(team, scale):
 
 
 def links_in_the_data_folder(team, scale):
-    """Who could write into the data folder once left links there, to files that are not the agent's."""
+    """An attacker left links in the data folder, to files that do not belong to the agent."""
     victim = team.folder / "victim"
     victim.write_text(VICTIM_TEXT)
     names = ("trace.txt", "agent.pid", "agent.endpoint", "agent.log", "moondb.reserve")
@@ -108,7 +108,7 @@ HOSTILE_SQL = {
 
 
 def hostile_stores(team, scale):
-    """Who could write rover1's store left triggers and views there, which empty tables or never end."""
+    """An attacker left triggers and views in rover1's store, which empty tables or never end."""
     store = team.data_folder("rover1") / "moondb.sqlite"
     copy = team.folder / "store.before"
     team.moonctl("-a", "rover1", "down")
@@ -121,7 +121,7 @@ def hostile_stores(team, scale):
                 maps = written.execute("SELECT count(*) FROM local_traversability_map").fetchone()[0]
                 written.executescript(sql)
             if team.moonctl("-a", "rover1", "up", "--merge-backend", "cpu", check=False).returncode != 0:
-                continue  # Refused: that is an answer, too.
+                continue  # A refusal is also a valid outcome.
             begin = time.monotonic()
             with contextlib.suppress(Failure):
                 team.insert_node("rover1")
@@ -135,7 +135,7 @@ def hostile_stores(team, scale):
     finally:
         team.moonctl("-a", "rover1", "down", check=False)
         for path in store.parent.glob("moondb.sqlite*"):
-            path.unlink()  # Those that were set aside, too.
+            path.unlink()  # Also removes stores that were set aside.
         shutil.copy(copy, store)
         copy.unlink()
         team.moonctl("-a", "rover1", "up", "--merge-backend", "cpu")
@@ -143,7 +143,7 @@ def hostile_stores(team, scale):
 
 
 def expect_refused(team, what, program, *words):
-    """The program that reads it ends soon with an error of its own, without much memory."""
+    """Checks that the program which reads the file soon exits with a regular error and uses little memory."""
     process = subprocess.Popen([sys.executable, "-c", MEASURED, str(team.programs / program), *map(str, words)],
                                env=team.environment, cwd=team.folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                stderr=subprocess.DEVNULL, text=True, start_new_session=True)
@@ -160,7 +160,7 @@ def expect_refused(team, what, program, *words):
 
 
 def png(width, height, data):
-    """A gray picture that says that it is so large."""
+    """Returns a gray picture whose header claims this size."""
     def chunk(kind, body):
         return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
     return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)) +
@@ -168,7 +168,7 @@ def png(width, height, data):
 
 
 class Mission:
-    """A mission folder that is right, but for the file that an attacker put there."""
+    """A mission folder that is valid except for an attacker's file."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -190,14 +190,14 @@ class Mission:
         path.write_bytes(data)
 
     def replace(self, name, make):
-        """`make` puts something there that is no such file."""
+        """Replaces the file `name` by the object that `make` creates."""
         path = self.folder / name
         path.unlink(missing_ok=True)
         make(path)
 
 
 def sparse(megabytes):
-    """A file of so many zeros, which takes no room."""
+    """Returns a maker of a sparse file with this many zeros."""
     def make(path):
         with open(path, "wb") as file:
             file.truncate(megabytes << 20)
@@ -237,7 +237,7 @@ def hostile_missions(team, scale):
 
 
 def yaml_files():
-    """What a team file may be, instead of one."""
+    """Returns invalid replacements for a team file."""
     levels = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" if i else "a0: &a0 [x, x, x, x, x]" for i in range(12)]
     return NO_FILES | {
         "aliases of aliases": written("\n".join(levels).encode()),
@@ -280,7 +280,7 @@ def hostile_bundles(team, scale):
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
 
 
-AT_REST = True  # They stop the agent that others would share with.
+AT_REST = True  # These attackers stop the agent with which others would share.
 def huge_files(team, scale):
     """300 MB of zeros, which take no room on the disk, stand in place of a team file, a mission's, a graph or a bundle."""
     with tempfile.TemporaryDirectory(prefix="moondb-hostile-huge-") as name:
@@ -299,7 +299,7 @@ def huge_files(team, scale):
 ATTACKERS = [files_that_others_may_write, links_in_the_data_folder, hostile_stores, hostile_missions, hostile_yaml,
              hostile_bundles, huge_files]
 
-# Hundreds of programs, one after the other.
+# These attackers run hundreds of programs one after the other.
 ONLY_AT_LENGTH = [hostile_missions, hostile_bundles]
 
 NOT_YET = {huge_files: "`graph import` and `moondb_replay feed` read a file whole before they look at it: 535 MB of memory"}

@@ -11,10 +11,10 @@ from team import HONEST, TAKEN, Failure
 
 TAKES_ROVER3 = True
 ROVER3 = 3
-HANDSHAKES, FRAMES = 4_000, 96_000  # At length.
+HANDSHAKES, FRAMES = 4_000, 96_000  # Numbers at full scale.
 HANDSHAKE_TIMEOUT_S = 0.2
 HANDSHAKES_AT_ONCE = 32
-ANSWER_EVERY = 5000  # Frames, so that what was sent is taken in.
+ANSWER_EVERY = 5000  # Frames between two answers, which show that earlier frames were processed.
 
 
 def changed(data, chance=random):
@@ -40,7 +40,7 @@ def changed(data, chance=random):
 
 
 class ChangedConnection(zmtp.Connection):
-    """Of what it sends in the handshake one step is changed."""
+    """A connection that changes one step of its handshake."""
 
     def __init__(self, address, timeout_s, chance):
         super().__init__(address, timeout_s)
@@ -54,7 +54,7 @@ class ChangedConnection(zmtp.Connection):
 
 
 def handshake(team, number, seed):
-    """One of which a step is changed; what the agent still waits for then is not sent."""
+    """Runs one handshake with one changed step, and sends nothing after it."""
     chance = random.Random(seed + number)
     keys = team.keys(TAKEN) if number % 2 else zmtp.key_pair()
     connections = []
@@ -76,7 +76,7 @@ def handshakes(team, scale):
 
 
 def right_messages(member, session):
-    """One of each kind that an agent may send."""
+    """Returns one valid message of each kind that an agent may send."""
     epoch = 1 << 50
     records = [messages.stored(ROVER3, epoch, seq, body) for seq, body in enumerate(
         (messages.node(ROVER3, 7000), messages.edge(ROVER3, 7000), messages.map_at(ROVER3, 1), messages.event("x"),
@@ -109,7 +109,7 @@ def right_messages(member, session):
 
 
 def changed_frame(right):
-    """A frame of changed messages; mostly one whose frame is right, so that it gets further."""
+    """Returns a frame of changed messages. Mostly the frame itself is valid, so decoding gets further."""
     one = random.choice(right)
     kind = random.randrange(4)
     if kind == 0:

@@ -1,4 +1,4 @@
-"""Attackers by have-sets: a member that says what it holds, or what others do, as it is not."""
+"""Attackers with have-sets: a compromised member lies about its own records or those of others."""
 import random
 import threading
 
@@ -14,7 +14,7 @@ SESSION_TIMEOUT_S = 10
 
 
 class Receiver:
-    """The receiving end of whatever session another agent begins with this member."""
+    """The receiving end of sessions that other agents start with this member."""
 
     def __init__(self, member, make_have, is_refusing=False):
         """`make_have` gives the fields of the Have with which a Hello is answered, and a batch, unless batches are refused
@@ -25,7 +25,7 @@ class Receiver:
         member.answers["batch"] = self._on_batch
 
     def ask(self, agent, kind=SYNC):
-        """An operator lets the agent bring what it has to this member, which answers its Hello."""
+        """Makes the agent share its records with this member, as an operator would, and waits for its Hello."""
         self.greeted.clear()
         self.member.team.call(agent, share={"kind": kind, "destination": self.member.number})
         if not self.greeted.wait(SESSION_TIMEOUT_S):
@@ -49,7 +49,7 @@ class Receiver:
 
 
 def everything(team):
-    """Every stream that the honest agents hold, without an end."""
+    """Returns a have-set with all possible seqs of every stream that honest agents hold."""
     streams = {key[:3] for agent in HONEST for key in team.records(agent)}
     return {"streams": [messages.have_stream(origin, epoch, types.DataType.Value(table.upper()), messages.SEQ_MAX)
                         for table, origin, epoch in streams]}
@@ -61,7 +61,7 @@ def acknowledges_what_it_never_got(team, scale):
         receiver = Receiver(member, lambda: {"have": everything(team)})
         for agent in HONEST:
             receiver.ask(agent)
-        for agent in ("rover1", "base"):  # Who survives is asked by both.
+        for agent in ("rover1", "base"):  # Both ask the survivor before pruning.
             team.prune_everything(agent)
 
 
@@ -81,7 +81,7 @@ def home_haves(team, scale):
 
 
 def malformed():
-    """HaveSets that are none."""
+    """Yields invalid have-sets."""
     def one(held, **fields):
         return {"streams": [{"origin_agent": 1, "epoch": 1, "data_type": 20, "held": held, **fields}]}
     yield one([{"first": 9, "last": 1}])
@@ -131,5 +131,5 @@ def refuses_for_ever(team, scale):
 ATTACKERS = [acknowledges_what_it_never_got, home_haves, malformed_haves, haves_never_asked, refuses_for_ever]
 PRUNING = [acknowledges_what_it_never_got]
 
-# Slow with anything to show.
+# These attackers are slow before they show anything.
 ONLY_AT_LENGTH = [malformed_haves]

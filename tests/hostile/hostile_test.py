@@ -29,10 +29,10 @@ from snippets_test import SKIPPED, in_own_network, taken_port  # noqa: E402
 PACKAGES = ["nacl", "zmq", "google.protobuf", "zstandard"]
 MODULES = ["listener", "records", "havesets", "sessions", "roles", "commands", "costs", "clients", "files", "fuzz"]
 RSS_MB_MAX = 64
-RSS_MB_LEFT_MAX = 4  # Of earlier attackers.
+RSS_MB_LEFT_MAX = 4  # Memory that earlier attackers may leave behind.
 LOG_BYTES_MAX = 64 * 1024
 DISK_BYTES_MAX = 64 * 1024 * 1024
-SHARE_S_MAX = 20  # While an attack runs.
+SHARE_S_MAX = 20  # Limit for sharing while an attack runs.
 STATUS_QUESTIONS, PAUSE_S = 5, 0.1  # Between two times of sharing, and after each question.
 
 
@@ -100,7 +100,7 @@ def beyond_bounds(result, rss_mb_max):
 
 
 def still_shares(team):
-    """How long status and sharing take now."""
+    """Returns the present durations of a status request and of sharing."""
     return {"status_s": round(team.answers("rover1"), 3), "share_s": round(team.share(), 3)}
 
 
@@ -147,7 +147,7 @@ def attack(team, attacker, scale, prunes, is_idle, rss_mb_max):
 
 
 def chosen(options):
-    """(module, attacker) of all that are to run, in their order."""
+    """Returns (module, attacker) of all attackers to run, in order."""
     for name in MODULES:
         module = importlib.import_module(name)
         for attacker in module.ATTACKERS:
@@ -159,7 +159,7 @@ def chosen(options):
 
 
 def report(module, attacker, result):
-    """Prints it; whether it counts as a failure."""
+    """Prints the result. Returns whether it counts as a failure."""
     reason = getattr(module, "NOT_YET", {}).get(attacker)
     if reason and result["broken"]:
         result["not_yet"] = reason
@@ -209,7 +209,7 @@ def main():
 
 
 def with_modules():
-    """Runs this again with an interpreter that has the packages, where this one has not."""
+    """Runs this program again with an interpreter that has the packages, if this one lacks them."""
     if shutil.which("protoc") is None:
         print("skipped: protoc is missing")
         sys.exit(SKIPPED)

@@ -1,4 +1,4 @@
-"""Attackers at the door: who they are is not known yet, or what they send never becomes a message."""
+"""Attackers before authentication, or whose bytes never form a complete message."""
 import contextlib
 import socket
 import struct
@@ -46,7 +46,7 @@ def announced_frames(team, scale):
 
 
 def any_bytes(team, scale):
-    """No key: handshakes that end anywhere, and what is no handshake."""
+    """No key: handshakes that stop at any byte, and bytes that are not a handshake."""
     for i in range(int(2000 * scale)):
         with contextlib.suppress(OSError):
             connection = zmtp.Connection(team.address("rover1"), timeout_s=1)
@@ -56,7 +56,7 @@ def any_bytes(team, scale):
 
 
 def endless(connect, part_bytes, total_bytes):
-    """A message whose parts never end, until it is cut or all is sent. How many bytes were taken."""
+    """Sends a message with endless parts until the connection is closed or all is sent. Returns the bytes accepted."""
     connection = connect()
     part = bytes(part_bytes)
     sent = 0
@@ -91,7 +91,7 @@ def tiny_parts_of_a_client(team, scale):
 
 
 class RecordedConnection(zmtp.Connection):
-    """Keeps what it sends."""
+    """A connection that records the bytes that it sends."""
 
     def __init__(self, address, timeout_s):
         super().__init__(address, timeout_s)
@@ -103,7 +103,7 @@ class RecordedConnection(zmtp.Connection):
 
 
 def replayed_connections(team, scale):
-    """A stranger who listened sends, byte by byte, what rover3 sent over a connection, over new ones and amid its own."""
+    """An eavesdropper replays rover3's bytes over new connections and inside rover3's own connection."""
     made = []
 
     def make(address, timeout_s):
@@ -121,7 +121,7 @@ def replayed_connections(team, scale):
                 stranger.send_raw(data)
             if not stranger.is_closed_within(3):
                 raise Failure("a connection that repeats another's bytes is let in")
-    true.send_raw(made[0].sent[-1])  # A message whose number was used.
+    true.send_raw(made[0].sent[-1])  # A message with a nonce that was already used.
     true.close()
     if team.connects("rover2", "rover1") != lost_before:
         raise Failure("rover2's link to rover1 was lost")
@@ -137,7 +137,7 @@ def endless_metadata(team, scale):
 
 
 def foreign_routing_ids(team, scale):
-    """rover3, with its key: connections that claim to be the others', while they share."""
+    """rover3, with its key: connections with the routing ids of other agents, while those share."""
     is_over = threading.Event()
 
     def connect():
@@ -162,7 +162,7 @@ def foreign_routing_ids(team, scale):
         raise Failure(f"the others' links came up {before} times before, and {after} times after")
 
 
-# The first numbers that a ROUTER or REP of libzmq takes for its connections if nobody seeds rand(), in their order.
+# First numbers, in order, that a ROUTER or REP of libzmq assigns to its connections if rand() is not seeded.
 UNSEEDED_NUMBERS = [0x6b8b4567, 0xe43c9869, 0xf4b0dc51, 0x2ae8944a]
 
 
@@ -203,5 +203,5 @@ ATTACKERS = [claimed_ids_of_a_client, claimed_ids_of_a_member, messages_under_cl
              endless_parts_of_a_client, tiny_parts_of_a_client,
              replayed_connections, endless_metadata, foreign_routing_ids]
 
-# With less than they send at length they show nothing.
+# These attackers show nothing with a smaller scale.
 ONLY_AT_LENGTH = [tiny_parts_of_a_member, tiny_parts_of_a_client]

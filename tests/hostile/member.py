@@ -24,9 +24,9 @@ from team import NAMES, Failure
 
 ANSWER_TIMEOUT_S = 10
 LINK_TIMEOUT_S = 20
-KEPT_MESSAGES = 20000  # Received and not looked at.
+KEPT_MESSAGES = 20000  # Limit of received messages that no call has consumed.
 REPORT_AFTER_BYTES = 8192
-LINK_NUMBER_TAG = 2 << 3 | 5  # Of PeerFrame.link_number, a fixed32.
+LINK_NUMBER_TAG = 2 << 3 | 5  # Tag of PeerFrame.link_number, a fixed32.
 LINK_NUMBER_BYTES = 5
 SYNC, REPLICATION = 1, 2
 ACTOR_OF_KIND = {SYNC: "sync", REPLICATION: "replica"}
@@ -34,7 +34,7 @@ CODEC_PLAIN, CODEC_ZSTD, CODEC_COMPACT, CODEC_PAPER_SQL = 1, 2, 3, 4
 
 
 class Link:
-    """To one agent: the connection over which this member sends, and what it got over that agent's own."""
+    """Link to one agent: the connection on which this member sends, and the counts received from that agent."""
 
     def __init__(self, socket):
         self.socket, self.lock = socket, threading.Lock()
@@ -79,7 +79,7 @@ class Member:
     # --- Sending ---
 
     def message(self, agent, actor, source=None, **fields):
-        """A Message as this agent would send it; `fields` may say otherwise."""
+        """Returns a Message as this agent would send it; `fields` override its fields."""
         envelope = {"destination_id": NAMES.index(agent) + 1, "hop_sender": self.number, "ms_type": message.CONTROL,
                     "agent_id": self.number, "destination_actor": actor.encode(),
                     "source_actor": (actor if source is None else source).encode()}
@@ -89,13 +89,13 @@ class Member:
         self.send_frame(agent, frame_of(self.message(agent, actor, source, **fields)))
 
     def send_frame(self, agent, frame):
-        """Any bytes, as one frame behind the link number."""
+        """Sends any bytes as one frame after the link number."""
         link = self.links[agent]
         with link.lock:
             link.socket.send(struct.pack("<BI", LINK_NUMBER_TAG, link.number) + frame)
 
     def ask(self, agent, timeout_s=ANSWER_TIMEOUT_S, source="gateway", **request):
-        """The ControlReply to a request that this agent says it relays."""
+        """Sends a request that this agent claims to relay, and returns the ControlReply."""
         asked = control.ControlRequest(for_agent=NAMES.index(agent) + 1, team_id=self.team.team_id,
                                        **{"by": "anna@hill", **request})
         self.last_request_id += 1
@@ -120,7 +120,7 @@ class Member:
     # --- Receiving ---
 
     def wait_for(self, agent, body, timeout_s=ANSWER_TIMEOUT_S, is_meant=lambda heard: True):
-        """The next message of that body from the agent; what comes before it is forgotten."""
+        """Returns the next message of that kind from the agent, and discards earlier messages."""
         number, end = NAMES.index(agent) + 1, time.monotonic() + timeout_s
         with self.received:
             while True:
@@ -136,11 +136,11 @@ class Member:
             self.messages.clear()
 
     def agent_of(self, heard):
-        """The name of the agent that sent this."""
+        """Returns the name of the sending agent."""
         return NAMES[heard.hop_sender - 1]
 
     def vouch_for_everything(self):
-        """From now on it answers who asks what it has, before pruning, with every stream of the asker, without an end."""
+        """Answers have-set requests before a prune with all possible seqs of the requester's streams."""
         def answer(asked):
             request = control.ControlRequest.FromString(asked.control_request)
             if request.WhichOneof("request") != "have":
@@ -234,7 +234,7 @@ class Session:
         return {**own, **fields}
 
     def batch(self, records=(), dropped=(), remaining=1, **fields):
-        """The Message of a batch, with the next number."""
+        """Returns a batch message with the next batch number."""
         self.batch_number += 1
         coded = record.RecordBatch(records=records).SerializeToString()
         batch = {"session_id": self.id, "batch_number": self.batch_number, "codec": CODEC_PLAIN, "coded": coded,
@@ -248,7 +248,7 @@ class Session:
         return self.wait_for(self.batch_number)
 
     def wait_for(self, number):
-        """The have-set by which the agent acknowledges the batch of that number."""
+        """Returns the have-set with which the agent acknowledges the batch of that number."""
         return self._answer(lambda have: have.batch_number == number).have.have
 
     def last_of(self, origin, name):

@@ -30,7 +30,7 @@ import types_pb2 as types  # noqa: E402
 
 SEQ_MAX = (1 << 63) - 1
 WIRE_VERSION = 1
-FREE_CELLS = b"\x55"  # Four of them a byte.
+FREE_CELLS = b"\x55"  # Four free cells in one byte.
 
 xxhash = ctypes.CDLL("libxxhash.so.0")
 xxhash.XXH64.restype = ctypes.c_uint64
@@ -41,7 +41,7 @@ def xxh64(data):
 
 
 def hash_of(key, content):
-    """HashRecord of model/record_key.h."""
+    """Returns the hash of a record as HashRecord of model/record_key.h."""
     return xxh64(struct.pack("<IQIQ", key.origin_agent, key.epoch, key.data_type, key.seq) + content)
 
 

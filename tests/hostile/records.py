@@ -1,4 +1,4 @@
-"""Attackers by records: a member that gives others what is not its own, or what nobody should keep."""
+"""Attackers with records: a compromised member sends records of other origins, or records that agents must not keep."""
 import random
 import time
 
@@ -16,7 +16,7 @@ EPOCH = 1 << 48  # Above each epoch that a new team has.
 
 
 def own_epoch(session):
-    """An epoch above all that rover3 ever had."""
+    """Returns an epoch above all earlier epochs of rover3."""
     return max([stream.epoch for stream in session.have.streams if stream.origin_agent == ROVER3], default=0) + EPOCH
 
 
@@ -36,7 +36,7 @@ def records_of_another(team, scale):
 
 
 def state_of_another(team, scale):
-    """rover3 gives the leader a temperature in rover2's name, above all that rover2 will ever give."""
+    """rover3 sends the leader a temperature in rover2's name, with a key above all later ones of rover2."""
     team.insert("rover2", [messages.temperature(20)])
     team.share()
     with Member(team, TAKEN) as member:
@@ -107,7 +107,7 @@ def streams_of_its_own(team, scale):
 
 
 def quarantine_in_anothers_name(team, scale):
-    """rover3 brings the base station's word that all maps of rover1 are left out."""
+    """rover3 sends a forged quarantine of the base station for all maps of rover1."""
     with Member(team, TAKEN) as member:
         session = member.session("rover1")
         quarantine = record.Record(timestamp_ns=messages.now_ns(), map_quarantine={
@@ -118,7 +118,7 @@ def quarantine_in_anothers_name(team, scale):
 
 
 def left_out_maps(team):
-    """How many maps of rover1 and rover2 the leader leaves out of the merged map."""
+    """Returns the number of maps of rover1 and rover2 that the leader excludes from the merged map."""
     stats = team.call("rover1", map_stats={}).map_stats
     return sum(agent.quarantined_map_count for agent in stats.agents if agent.agent_id in (ROVER1, ROVER2))
 
@@ -231,7 +231,7 @@ def many_maps(team, scale):
 
 
 def absurd_bodies():
-    """Records that no robot gives: not numbers, sizes beyond all bounds, agents that there are not."""
+    """Yields absurd records: values that are not numbers, sizes beyond all limits, unknown agents."""
     nan, huge = float("nan"), 1e300
     yield messages.node(ROVER3, 0, x=nan)
     yield messages.node(ROVER3, messages.SEQ_MAX * 2 + 1, x=huge)
@@ -299,5 +299,5 @@ ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_
              many_maps, absurd_records, undeclared_types]
 ONLY_AT_LENGTH = [streams_of_its_own, many_maps]
 RSS_MB_MAX_OF = {many_maps: 160}  # The merged map holds what it is merged from: 1.5 kB for each of 65,535 maps.
-# Of its own, on every disk: have-sets of the next attackers would be larger.
+# These attackers leave many own records on every disk, which would enlarge the have-sets of later attackers.
 LEAVES_MUCH = [streams_of_its_own, dense_graph, many_maps]

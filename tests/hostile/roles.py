@@ -1,4 +1,4 @@
-"""Attackers by roles: a member that decides who leads, or whose word on poses stands."""
+"""Attackers with roles: a compromised member decides who leads, or whose poses are accepted."""
 import random
 import time
 
@@ -31,7 +31,7 @@ def expect_roles(team, before):
 
 
 def assignment(team, follows, leader, survivor, issuer=ROVER3, number=None, era_begins=False):
-    """Signed by rover3's true key, whoever issues it; the next of what it follows unless another number is named."""
+    """Returns an assignment signed by rover3's key, regardless of its issuer, with the next number or the given one."""
     next_number = ((follows.term.number >> REIGN_SHIFT) + 1) << REIGN_SHIFT if era_begins else follows.term.number + 1
     roles = term.RoleAssignment(
         term={"number": next_number if number is None else number, "issuer": issuer,
@@ -133,7 +133,7 @@ def terms_to_the_end(team, scale):
             member.send("rover1", "role", role_announce={"roles": roles})
             shown = [member.ask("rover1", status={}).status.roles.term.number for _ in range(3)]
             if shown[-1] == number:
-                break  # It would refuse what lies further ahead, too.
+                break  # Later terms would be refused too.
             number = shown[-1]
     number = team.status("rover1").roles.term.number
     if number > first + TERM_GROWTH_MAX:
@@ -175,7 +175,7 @@ def endless_chain(team, scale):
         member.answers["role_chain_request"] = answer
         member.send("rover1", "role", role_announce={"roles": chain[-1]})
         count = -1
-        while count != len(asked):  # As long as it asks on.
+        while count != len(asked):  # Continue while the agent requests more pages.
             count = len(asked)
             time.sleep(1)
     expect_roles(team, before)
@@ -212,4 +212,4 @@ ATTACKERS = [roles_of_its_own, roles_in_anothers_name, roles_of_the_file, roles_
              terms_to_the_end, chains_never_asked, endless_chain, poses_of_a_high_term, vouches_as_survivor]
 PRUNING = [vouches_as_survivor]
 LEADS = [changes_as_records]  # rover3 is made the leader.
-LEAVES_MUCH = [changes_as_records]  # A rover3 that once led, which is believed more than one that never did.
+LEAVES_MUCH = [changes_as_records]  # rover3 has led, and former leaders have more authority.

@@ -1,4 +1,4 @@
-"""Attackers by what goes on between two agents beside records: frames, sessions, leases, clocks."""
+"""Attackers with other messages between two agents: frames, sessions, leases, clocks."""
 import contextlib
 import random
 
@@ -58,7 +58,7 @@ def replayed_session(team, scale):
 
 
 def unfinished_fragments(team, scale):
-    """rover3 brings records of 16 MiB in pieces, one after the other, and finishes none."""
+    """rover3 sends records of 16 MiB in fragments, one after the other, and finishes none."""
     with Member(team, TAKEN) as member:
         for kind in (SYNC, REPLICATION):
             session = member.session("rover1", kind)
@@ -105,7 +105,7 @@ def frames_of_many_parts(team, scale):
 def absurd_frames(team, scale):
     """rover3 sends frames whose lengths are wrong, groups 100,000 deep, megabytes of unknown fields, lists without end."""
     def within_message(body):
-        """In a Message that is well addressed up to here."""
+        """Appends the body to a Message with a valid address."""
         return frame_of(message.Message(hop_sender=ROVER3, destination_actor=b"sync"))[2:] + body
 
     def framed(body):

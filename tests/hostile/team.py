@@ -33,14 +33,14 @@ NAMES = ["rover1", "rover2", "rover3", "base"]
 HONEST = ["rover1", "rover2", "base"]
 TAKEN = "rover3"
 FIRST_PORT = 7400
-CLIENT_PORT = 7500  # Of rover1.
+CLIENT_PORT = 7500  # Client port of rover1.
 STEP_LIMIT_S = 60
-NODES = 10  # Of each rover, before any attack.
+NODES = 10  # Nodes of each rover before any attack.
 KEPT_TABLES = ["pose_graph_node", "pose_graph_edge", "local_traversability_map", "map_quarantine", "agent_event"]
 
 
 class Failure(Exception):
-    """One line that says what went wrong."""
+    """An error described in one line."""
 
 
 def with_usual_limits():
@@ -91,7 +91,7 @@ class Team:
         self.moonctl("replicate", "now", "--wait", "--timeout", "30s")
 
     def rebuild(self):
-        """A team as at the beginning, in place of one that an attacker broke."""
+        """Replaces a team that an attacker broke by a fresh one."""
         was_taken = self.is_taken
         self.down()
         for path in self.folder.iterdir():
@@ -112,7 +112,7 @@ class Team:
         self.moonctl("-a", agent, "up", "--merge-backend", "cpu")
 
     def take_over(self):
-        """From now on an attacker may have the place of rover3."""
+        """Stops rover3, so an attacker can take its place."""
         if not self.is_taken:
             self.moonctl("-a", TAKEN, "down")
             self.is_taken = True
@@ -176,7 +176,7 @@ class Team:
                      check=False)
 
     def status(self, agent):
-        """Its AgentStatus."""
+        """Returns the AgentStatus of an agent."""
         return self.call(agent, status={}).status
 
     # --- What an agent holds ---
@@ -185,11 +185,11 @@ class Team:
         return self.folder / "moondb-data" / agent
 
     def store(self, agent):
-        """Its file, to be read."""
+        """Opens the agent's database file for reading."""
         return contextlib.closing(sqlite3.connect(f"file:{self.data_folder(agent)}/moondb.sqlite?mode=ro", uri=True))
 
     def records(self, agent):
-        """What it holds under the policy `all`: {(table, origin, epoch, seq): hash}, as its file says."""
+        """Returns the records under the policy `all` in the agent's file: {(table, origin, epoch, seq): hash}."""
         held = {}
         with self.store(agent) as store:
             for table in KEPT_TABLES:
@@ -246,13 +246,13 @@ class Team:
         self.moonctl("-a", agent, "status")
         return time.monotonic() - begin
 
-    # --- Who may come in ---
+    # --- Keys and connections ---
 
     def address(self, agent):
         return ("127.0.0.1", FIRST_PORT + NAMES.index(agent))
 
     def z85_keys(self, name):
-        """(public, secret) of an agent."""
+        """Returns (public, secret) keys of an agent."""
         return tuple((self.folder / f"{name}.{kind}").read_text().split()[0].encode() for kind in ("pub", "sec"))
 
     def keys(self, name):
@@ -266,17 +266,17 @@ class Team:
         roles.signature = nacl.signing.SigningKey(seed).sign(signed).signature
 
     def client_keys(self, key_name):
-        """(public, secret) of a listed client."""
+        """Returns (public, secret) keys of a listed client."""
         secret = (self.folder / f"{key_name}.sec").read_text().split()[0].encode()
         return zmq.curve_public(secret), secret
 
     def connect(self, agent, as_agent, routing_id=None):
-        """As a member, with its true key."""
+        """Connects as a member with its true key."""
         number = str(NAMES.index(as_agent) + 1).encode() if routing_id is None else routing_id
         return zmtp.connect(self.address(agent), self.keys(agent)[0], self.keys(as_agent), number)
 
     def connect_client(self, key_name, routing_id=b"", timeout_s=zmtp.TIMEOUT_S):
-        """To rover1's client_address."""
+        """Connects to rover1's client_address."""
         _, secret = (zmtp.from_z85(key.decode()) for key in self.client_keys(key_name))
         return zmtp.connect(("127.0.0.1", CLIENT_PORT), self.keys("rover1")[0], (zmtp.public_of(secret), secret), routing_id,
                             timeout_s)

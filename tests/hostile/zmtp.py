@@ -32,7 +32,7 @@ def from_z85(text):
 
 
 def key_pair():
-    """(public, secret), of nobody."""
+    """Returns a new (public, secret) key pair of no agent or client."""
     return sodium.crypto_box_keypair()
 
 
@@ -70,7 +70,7 @@ class Connection:
         return flags, self.receive_raw(size)
 
     def is_closed_within(self, seconds):
-        """Whether the other side closes; what it sends is forgotten."""
+        """Returns whether the other side closes the connection. Discards received bytes."""
         self.socket.settimeout(seconds)
         try:
             while self.socket.recv(65536):
@@ -126,7 +126,7 @@ def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S, make
 
 
 def accept(accepted, secret):
-    """The server's side of the handshake over an accepted socket. Lets in any key, and keeps it as `peer_key`."""
+    """The server's side of the handshake over an accepted socket. Accepts any key, and stores it as `peer_key`."""
     connection = Connection(None, accepted=accepted)
     connection.send_raw(GREETING[:32] + b"\x01" + GREETING[33:])
     connection.receive_raw(64)

@@ -13,7 +13,7 @@ std::string Repeated(const std::string& bytes, std::size_t count) {
   return result;
 }
 
-// A record batch's field 1, of so many bytes.
+// Returns field 1 of a record batch with this record.
 std::string RecordField(const std::string& record) {
   std::string bytes = "\x0A";
   for (std::size_t size = record.size();; size >>= 7) {
@@ -23,7 +23,7 @@ std::string RecordField(const std::string& record) {
   }
 }
 
-TEST(BoundedParseTest, ParsesWhatIsLargeButOfFewParts) {
+TEST(BoundedParseTest, ParsesLargeMessagesWithFewElements) {
   proto::RecordBatch batch;
   for (int i = 0; i < 4096; ++i) batch.add_records()->set_content(std::string(1000, 'x'));
   proto::RecordBatch parsed;
@@ -73,7 +73,7 @@ TEST(BoundedParseTest, CountsElementsOfPackedLists) {
   EXPECT_TRUE(ParseBounded(report.SerializeAsString(), &parsed_report)) << "of 8 bytes each";
 }
 
-TEST(BoundedParseTest, TakesFewerPartsFromAPeer) {
+TEST(BoundedParseTest, AcceptsFewerElementsFromAPeer) {
   proto::Message have;
   proto::StreamHave& stream = *have.mutable_have()->mutable_have()->add_streams();
   stream.set_epoch(UINT64_MAX);

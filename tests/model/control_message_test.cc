@@ -14,7 +14,7 @@ proto::ControlRequest ReadFrom(std::uint64_t row) {
   return request;
 }
 
-TEST(ControlMessageTest, GivesBackWhatWasPutIn) {
+TEST(ControlMessageTest, UnpacksTheBodyThatWasPacked) {
   const proto::Message message = MessageOf(ReadFrom(7));
   EXPECT_EQ(message.ms_type(), proto::CONTROL);
   const auto request = ControlRequestOf(message);
@@ -27,7 +27,7 @@ TEST(ControlMessageTest, GivesBackWhatWasPutIn) {
   EXPECT_EQ(again->read().row_ids(0), 9u);
 }
 
-// A client writes the one, and its agent reads the other.
+// A client writes a ClientMessage, which its agent parses with the same field numbers.
 TEST(ControlMessageTest, AClientMessageHasTheSameBytes) {
   proto::ClientMessage sent;
   sent.set_request_id(42);
@@ -47,13 +47,13 @@ TEST(ControlMessageTest, AClientMessageHasTheSameBytes) {
   EXPECT_EQ(received.control_reply().error().text(), "later");
 }
 
-TEST(ControlMessageTest, SaysWhatIsWrongWithABody) {
+TEST(ControlMessageTest, ReportsErrorsOfABody) {
   EXPECT_EQ(ControlRequestOf(ErrorMessage({})).error().code, ErrorCode::kInvalid);
   EXPECT_EQ(ControlReplyOf(MessageOf(ReadFrom(7))).error().code, ErrorCode::kInvalid);
   proto::Message damaged;
   damaged.set_control_request("\xff\xff");
   EXPECT_EQ(ControlRequestOf(damaged).error().code, ErrorCode::kCorrupt);
-  proto::ControlRequest many;  // Two bytes each on the wire, and much more in memory.
+  proto::ControlRequest many;  // Elements of two bytes on the wire, but much more in memory.
   for (int i = 0; i < 300'000; ++i) many.mutable_insert()->add_records();
   EXPECT_EQ(ControlRequestOf(MessageOf(many)).error().code, ErrorCode::kCorrupt);
 }

@@ -34,7 +34,7 @@ TEST(CustomTypesTest, NamesDeclaredBuiltInAndUndeclaredTypes) {
   EXPECT_THAT(DataTypeNames(Declared()), testing::IsSupersetOf({"temperature", "soil", "core"}));
 }
 
-TEST(CustomTypesTest, TellsWhatIsDeclared) {
+TEST(CustomTypesTest, ListsDeclaredTypes) {
   proto::CustomRecord custom;
   custom.set_data_type(1000);
   custom.set_payload("1234");

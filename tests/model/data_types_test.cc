@@ -1,4 +1,5 @@
-// What a built-in data type needs in every place, asked of each value of the enumeration and each body of a record.
+// Checks that each built-in data type has all its required entries. Iterates over the enumeration and the bodies of a
+// record.
 #include "model/data_types.h"
 
 #include <gmock/gmock.h>
@@ -30,7 +31,7 @@ std::string PolicyName(proto::Policy policy) {
   return policy == proto::POLICY_ALL ? "all" : policy == proto::POLICY_LATEST ? "latest" : "none";
 }
 
-// The paths of all agents in a message that are set: "node.agent_id".
+// Returns the paths of all set agent fields in a message, such as "node.agent_id".
 std::vector<std::string> AgentFieldsIn(const Message& message, const std::string& path) {
   std::vector<std::string> fields;
   std::vector<const FieldDescriptor*> set;
@@ -39,7 +40,7 @@ std::vector<std::string> AgentFieldsIn(const Message& message, const std::string
     const std::string at = path + "." + field->name();
     const bool is_role = field->name() == "issuer" || field->name() == "leader" || field->name() == "survivor";
     const bool is_solves =
-        path.find("role_assignment") == std::string::npos;  // A solve's term names nobody that counts.
+        path.find("role_assignment") == std::string::npos;  // Agents in a solve's term need no check.
     if (field->name() == "agent_id" || (is_role && !is_solves)) fields.push_back(at);
     if (field->is_repeated() || field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
     const auto inner = AgentFieldsIn(message.GetReflection()->GetMessage(message, field), at);

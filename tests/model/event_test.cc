@@ -41,7 +41,7 @@ TEST(FindingsTest, AreDamageAndLossesUntilTheyAreAcknowledged) {
   EXPECT_THAT(TextsOf(acknowledged), ElementsAre("again"));
 }
 
-TEST(FindingsTest, WhatCameWhileTheOperatorReadStays) {
+TEST(FindingsTest, FindingsDuringAnAcknowledgmentStay) {
   EXPECT_THAT(TextsOf({Damage(2, "read"), Damage(7, "not read"), Acknowledged(8, 2)}), ElementsAre("not read"));
 }
 
@@ -49,7 +49,7 @@ TEST(FindingsTest, AnAcknowledgmentUnderAClockThatWasAheadHidesNothingLater) {
   EXPECT_THAT(TextsOf({Damage(9000, "ahead"), Acknowledged(9001, 9000), Damage(5, "later")}), ElementsAre("later"));
 }
 
-TEST(FindingsTest, APeersReturnTakesThePlaceOfItsLoss) {
+TEST(FindingsTest, APeersReturnReplacesItsLoss) {
   const std::string lost = LostPeerText("rover2");
   const std::string back = BackPeerText("rover2", 240);
   EXPECT_EQ(lost, "rover2 was lost");
@@ -73,7 +73,7 @@ TEST(FindingsTest, CountWhatHappensAgainAndAreBounded) {
   EXPECT_EQ(FindingsOf(events).back().text(), "99");
 }
 
-TEST(FindingsTest, AnAcknowledgmentThatCannotBeReadIsNone) {
+TEST(FindingsTest, AnUnreadableAcknowledgmentDoesNotCount) {
   EXPECT_EQ(AcknowledgedUntil(AcknowledgedText(123, 2)), 123);
   for (const char* text : {"", "up to stamp", "up to stamp x", "up to stamp 99999999999999999999"}) {
     EXPECT_FALSE(AcknowledgedUntil(text)) << text;

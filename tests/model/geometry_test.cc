@@ -27,7 +27,7 @@ TEST(PoseTest, IsUndoneByItsInverse) {
   EXPECT_NEAR(std::abs(nothing.orientation.w()), 1, 1e-12);
 }
 
-TEST(PoseTest, RefusesWhatIsNoPose) {
+TEST(PoseTest, RefusesInvalidPoses) {
   proto::Pose pose = ToProto(Pose());
   pose.mutable_position_m()->set_y(2e9);
   EXPECT_FALSE(FromProto(pose).has_value());

@@ -1,4 +1,4 @@
-// GeoTIFF: what is written is what libtiff and libgeotiff read.
+// Checks that libtiff and libgeotiff read the written GeoTIFF files.
 #include "model/geotiff.h"
 
 #include <geotiff/geo_normalize.h>
@@ -21,7 +21,7 @@ using testing::HasSubstr;
 constexpr MapSite kSite = {7.4, 301, 0.3};
 const FileNotes kNotes = {{"agent", "rover1"}, {"out of reach", "<rover3> & \"base\""}};
 
-// Higher than a strip of rows.
+// Returns a map with more rows than one strip.
 MergedMap TallMap() {
   MergedMap map{Grid(5, 150), 50'000, -7, 13};
   for (std::size_t i = 0; i < map.grid.cells.size(); ++i) map.grid.cells[i] = static_cast<Cell>(i * i % 3);
@@ -34,7 +34,7 @@ class GeoTiffTest : public testing::Test {
     const auto bytes = GeoTiffBytes(TallMap(), kSite, kNotes);
     ASSERT_TRUE(bytes) << ToString(bytes.error());
     std::ofstream(folder_.File("map.tif"), std::ios::binary) << *bytes;
-    TIFFSetWarningHandler(nullptr);  // GDAL's tags are not libtiff's.
+    TIFFSetWarningHandler(nullptr);  // libtiff does not know GDAL's tags.
     tiff_ = XTIFFOpen(folder_.File("map.tif").c_str(), "r");
     ASSERT_NE(tiff_, nullptr);
   }
@@ -82,7 +82,7 @@ TEST_F(GeoTiffTest, LiesOnTheMoonAboutTheSite) {
   EXPECT_NEAR(definition.ProjParm[0], 7.4, 1e-12);
   EXPECT_NEAR(definition.ProjParm[1], -59, 1e-12) << "east, within 180 degrees";
 
-  // Corners of the raster, by libgeotiff's own arithmetic.
+  // Coordinates of points of the raster, computed by libgeotiff.
   const MergedMap map = TallMap();
   for (const auto& [column, row] : {std::pair{0.0, 0.0}, {5.0, 0.0}, {5.0, 150.0}, {2.5, 75.0}}) {
     double x = column, y = row;
@@ -95,7 +95,7 @@ TEST_F(GeoTiffTest, LiesOnTheMoonAboutTheSite) {
   GTIFFree(keys);
 }
 
-TEST_F(GeoTiffTest, SaysWhereItCameFrom) {
+TEST_F(GeoTiffTest, ContainsItsProvenance) {
   const char* text = nullptr;
   ASSERT_EQ(TIFFGetField(tiff_, TIFFTAG_IMAGEDESCRIPTION, &text), 1);
   EXPECT_STREQ(text, "agent: rover1\nout of reach: <rover3> & \"base\"\n");

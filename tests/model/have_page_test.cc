@@ -11,7 +11,7 @@
 namespace moondb {
 namespace {
 
-// All pages of a have-set.
+// Returns all pages of a have-set.
 std::vector<proto::HaveSet> PagesOf(const HaveSet& have, std::size_t bytes_max) {
   std::vector<proto::HaveSet> pages;
   for (std::optional<RecordKey> from = RecordKey(); from;) {
@@ -46,7 +46,7 @@ HaveSet DrawHave(std::mt19937_64& rng) {
   return have;
 }
 
-TEST(HavePageTest, WhatFitsIsOnePageOfTheSameBytes) {
+TEST(HavePageTest, ASmallHaveSetIsOnePageWithTheSameBytes) {
   HaveSet have;
   for (AgentId origin = 1; origin <= 60; ++origin) have[{origin, 7, proto::POWER}].held.Add({1, 1000});
   const auto pages = PagesOf(have, kHavePageBytesMax);
@@ -88,8 +88,8 @@ TEST(HavePageTest, CutsAStreamThatFitsIntoNone) {
   EXPECT_EQ(Join(pages), have);
 }
 
-// Between two pages records may come.
-TEST(HavePageTest, BeginsWithinWhatHasBecomeOneInterval) {
+// Records may arrive between two pages.
+TEST(HavePageTest, ContinuesInsideIntervalsThatHaveMerged) {
   HavePageWriter writer({{1, 7, proto::POWER}, 50}, 1000);
   StreamHave have;
   have.held.Add({1, 100});
@@ -99,7 +99,8 @@ TEST(HavePageTest, BeginsWithinWhatHasBecomeOneInterval) {
   EXPECT_EQ(writer.page().streams(0).held(0).last(), 100u);
 }
 
-// Streams with one interval each, and then one stream with as many as there may be, of the longest numbers.
+// A have-set with streams of one interval each, and one stream with the maximum number of intervals, with the longest
+// numbers.
 TEST(HavePageTest, TheLargestHaveSetIsWithinTheLimits) {
   HaveSet have;
   const std::uint64_t epoch = UINT64_MAX - kHaveStreamsMax;

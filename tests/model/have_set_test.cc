@@ -129,7 +129,7 @@ TEST(HaveSetTest, SurvivesTheWire) {
 
 class HaveSetFromPeerTest : public ::testing::Test {
  protected:
-  // The field that is refused of one stream of agent 1 with these intervals held; empty if accepted.
+  // Checks one stream of agent 1 with these intervals. Returns the rejected field, or an empty text.
   std::string Refused(std::initializer_list<Interval> held, std::initializer_list<Interval> dropped = {},
                       AgentId origin = 1) {
     proto::HaveSet have;

@@ -21,7 +21,7 @@ proto::AgentLease Lease(AgentId agent, double driving_s, double sleeping_s, doub
   return lease;
 }
 
-TEST(LeasesTest, CountsDownAndLapses) {
+TEST(LeasesTest, CountsDownAndExpires) {
   Leases leases(/*is_quiet_while_driving=*/true);
   EXPECT_TRUE(leases.Left(kStart).leases().empty());
   EXPECT_FALSE(leases.NextExpiry(kStart));
@@ -86,7 +86,7 @@ TEST(LeasesTest, ChecksSeconds) {
   }
 }
 
-TEST(LeasesTest, SaysWhoDoesWhat) {
+TEST(LeasesTest, DescribesEachAgentsLease) {
   EXPECT_EQ(ToString(Lease(2, 39.2, 0)), "drives for 40 s more");
   EXPECT_EQ(ToString(Lease(2, 0, 3600)), "sleeps for 3600 s more");
   EXPECT_EQ(ToString(Lease(2, 5, 7)), "drives for 5 s and sleeps for 7 s more");

@@ -1,4 +1,4 @@
-// Pictures and ROS maps: what is written is what others read.
+// Checks that other programs read the written pictures and ROS maps.
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -52,7 +52,7 @@ TEST_F(MapFilesTest, PngKeepsEveryByteOfEachKind) {
   for (const int channels : {1, 3, 4}) {
     Image image(31, 17, channels);
     for (std::size_t i = 0; i < image.bytes.size(); ++i) image.bytes[i] = static_cast<std::uint8_t>(i * 7);
-    // Opaque: colour under full transparency need not survive.
+    // Avoid full transparency, under which colours may get lost.
     if (channels == 4) {
       for (std::size_t i = 3; i < image.bytes.size(); i += 4) image.bytes[i] = i % 8 == 3 ? 255 : 128;
     }
@@ -90,7 +90,7 @@ TEST_F(MapFilesTest, PngErrorsAreValues) {
 TEST_F(MapFilesTest, PngOfAHugePictureIsRefusedBeforeItIsRead) {
   ASSERT_TRUE(WritePng(Image(8, 8, 1), folder_ / "x.png"));
   std::string bytes = Slurp("x.png");
-  bytes[16] = 0x10;  // A width of 268 million; libpng or the limit stops it, never an allocation.
+  bytes[16] = 0x10;  // A width of 268 million, refused without an allocation.
   std::ofstream(folder_ / "x.png", std::ios::binary) << bytes;
   EXPECT_FALSE(ReadPng(folder_ / "x.png"));
 }
@@ -103,8 +103,8 @@ TEST_F(MapFilesTest, RosMapIsWrittenToTheByte) {
   EXPECT_EQ(RosMapPgm(SmallMap().grid), "P5\n3 2\n255\n\xfe\xfe\xcd" + std::string(1, '\0') + "\xfe\xfe");
 }
 
-// The map server's rule: p = (255 - pixel) / 255; occupied above occupied_thresh, free below free_thresh.
-TEST_F(MapFilesTest, RosMapLoadsAsWhatItWas) {
+// Rule of the ROS map server: p = (255 - pixel) / 255; occupied above occupied_thresh, free below free_thresh.
+TEST_F(MapFilesTest, RosMapLoadsWithTheSameCells) {
   const MergedMap map = SmallMap();
   const std::string yaml = RosMapYaml(map, "map.pgm");
   const std::string pgm = RosMapPgm(map.grid);

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// A map from its picture: '#' hazard, '.' free, ' ' unknown; the first string is the top row.
+// Makes a map from a picture: '#' hazard, '.' free, ' ' unknown. The first string is the top row.
 MergedMap MapOf(const std::vector<std::string>& picture, std::int64_t origin_x = 0, std::int64_t origin_y = 0) {
   MergedMap map{Grid(static_cast<std::int32_t>(picture[0].size()), static_cast<std::int32_t>(picture.size())), 50'000,
                 origin_x, origin_y};
@@ -55,8 +55,8 @@ TEST(MetricsTest, ForgivesTwoCellsInEachDirectionAndNoMore) {
 }
 
 TEST(MetricsTest, AgreesWithAHandComputedCase) {
-  // Map hazards at 0, 3, 9: the first two are within 2 of the true ones at 1 and 2. True hazards at 1, 2, 15, 16: the
-  // first two have one near. Precision 2/3, recall 1/2, F1 4/7, IoU (4/7) / (2 - 4/7) = 0.4.
+  // Map hazards are at 0, 3 and 9; the first two are within 2 of the true ones. True hazards are at 1, 2, 15 and 16;
+  // the first two have a map hazard nearby. Precision 2/3, recall 1/2, F1 4/7, IoU (4/7) / (2 - 4/7) = 0.4.
   const MergedMap map = MapOf({"#..#.....#......."});
   const MergedMap truth = MapOf({".##............##"});
   const Result<MapAgreement> agreement = CompareMaps(map, truth);
@@ -70,8 +70,8 @@ TEST(MetricsTest, AgreesWithAHandComputedCase) {
 }
 
 TEST(MetricsTest, CountsKappaOverCellsKnownInBoth) {
-  // Known in both: 10 cells. Both hazard 3, both free 4, map alone hazard 1, truth alone 2.
-  // Observed 0.7; by chance 0.4 * 0.5 + 0.6 * 0.5 = 0.5; kappa 0.4.
+  // Cells known in both: 10. Hazard in both: 3; free in both: 4; hazard only in the map: 1; only in the truth: 2.
+  // Observed agreement 0.7, by chance 0.4 * 0.5 + 0.6 * 0.5 = 0.5, so kappa is 0.4.
   const MergedMap map = MapOf({"####......  ##"});
   const MergedMap truth = MapOf({"###.##....##  "});
   const Result<MapAgreement> agreement = CompareMaps(map, truth, 0);
@@ -111,7 +111,7 @@ TEST(MetricsTest, RefusesMapsOfTwoResolutions) {
   EXPECT_EQ(CompareMaps(other, other, -1).error().field, "tolerance_cells");
 }
 
-TEST(MetricsTest, AlignsTrajectoriesThatStandInNoMap) {
+TEST(MetricsTest, AlignsTrajectoriesWithoutAMapFrame) {
   for (const bool is_planar : {false, true}) {
     Pose truth_from_estimate = Pose::FromPlanar(3, -2, 0.7);
     if (!is_planar)

@@ -41,7 +41,7 @@ TraversabilityMap MapOf(NodeKey node) {
   return map;
 }
 
-// Two rovers of two nodes each, a base station and two maps, on disk.
+// A mission on disk: two rovers with two nodes each, a base station and two maps.
 class MissionTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -71,7 +71,7 @@ class MissionTest : public testing::Test {
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
-  // "file:line: text" of the error, or "no error".
+  // Returns the error as "file:line: text", or "no error".
   std::string ErrorOfReading() {
     const Result<Mission> mission = ReadMission(folder_);
     return mission ? "no error" : ToString(mission.error());
@@ -122,7 +122,7 @@ TEST_F(MissionTest, ReadsBackAMapsGridsTheRightWayUp) {
   EXPECT_EQ(map->node_from_map.position_m.x(), 0.2);
   const Result<Image> image = ReadPng(folder_ / "maps/B0001.png");
   EXPECT_EQ(*image->At(0, 0), 0);    // Row 0 of the picture is the largest y.
-  EXPECT_EQ(*image->At(2, 2), 254);  // The finest layer stands on top.
+  EXPECT_EQ(*image->At(2, 2), 254);  // The finest layer is the topmost picture.
   EXPECT_EQ(*image->At(2, 4), 254);
   EXPECT_EQ(*image->At(1, 1), 205);
 }
@@ -153,7 +153,7 @@ TEST_F(MissionTest, RefusesNumbersThatAreNotFinite) {
   EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:2: start_x_m: 'nan' is no finite number"));
 }
 
-TEST_F(MissionTest, RefusesAMapOfANodeThatIsNowhere) {
+TEST_F(MissionTest, RefusesAMapOfAMissingNode) {
   Replace(folder_ / "maps.csv", ",B1,0.2", ",B9,0.2");
   EXPECT_THAT(ErrorOfReading(), HasSubstr("maps.csv:3: node: graph.pyfg has no node 'B9'"));
 }
@@ -163,7 +163,7 @@ TEST_F(MissionTest, RefusesAMapOutsideTheFolder) {
   EXPECT_THAT(ErrorOfReading(), HasSubstr("maps.csv:2: file: '../A0000.png' lies outside"));
 }
 
-TEST_F(MissionTest, RefusesAStrangersKey) {
+TEST_F(MissionTest, RefusesANodeKeyOfAnUnknownAgent) {
   Replace(folder_ / "graph.pyfg", "VERTEX_XYZ L0", "VERTEX_XYZ M0");
   Replace(folder_ / "graph.pyfg", "A0 L0", "A0 M0");
   EXPECT_THAT(ErrorOfReading(), EndsWith("graph.pyfg: M0 belongs to no agent of agents.csv"));

@@ -20,7 +20,7 @@ struct Weighed {
   std::uint64_t weight = 1;
 };
 
-// What has room after all of them came in this order.
+// Returns the records that are kept after all were added in this order.
 std::set<RecordKey> KeptOf(std::uint64_t limit, const std::vector<Weighed>& records) {
   OriginQuota<RecordKey> quota(limit);
   std::set<RecordKey> kept;
@@ -34,7 +34,7 @@ std::set<RecordKey> KeptOf(std::uint64_t limit, const std::vector<Weighed>& reco
   return kept;
 }
 
-// By the definition: the highest level at which all fit, tried one by one.
+// Returns the records to keep by the definition of the quota: tries each level and uses the highest at which all fit.
 std::set<RecordKey> ExpectedKept(std::uint64_t limit, const std::vector<Weighed>& records) {
   std::map<AgentId, std::uint64_t> weights;
   std::uint64_t heaviest = 0;

@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Rover 1 leads and rover 2 survives by the team file.
+// In the team file rover 1 leads and rover 2 is the designated survivor.
 RoleChain::Options Options() {
   RoleChain::Options options;
   options.initial.set_leader(1);
@@ -56,7 +56,7 @@ TEST(RecordAuthorityTest, PosesAndVerdictsCountIfTheirOriginLedInTheirTerm) {
   EXPECT_FALSE(authority.TakeOutdated());
 }
 
-TEST(RecordAuthorityTest, AllIsReadAgainOnceTheAssignmentOfALeftOutRecordComes) {
+TEST(RecordAuthorityTest, RecordsAreReadAgainWhenAMissingAssignmentArrives) {
   RecordAuthority authority(Options());
   EXPECT_FALSE(authority.Counts(KeyOf(2, proto::OPTIMIZED_POSE), PoseIn(Second().term())));
   proto::Record assignment;
@@ -152,7 +152,7 @@ TEST(RecordAuthorityTest, AnAgentQuarantinesItsOwnMapsAndLiftsItsOwnQuarantines)
   EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), LiftOf(1)));
 }
 
-TEST(RecordAuthorityTest, OthersMapsAreQuarantinedByWhoLedInTheTermOrMayCommand) {
+TEST(RecordAuthorityTest, OthersMapsCanBeQuarantinedByTheTermsLeaderOrACommandingAgent) {
   RoleChain::Options options = Options();
   options.may_command = [](AgentId agent) { return agent == 4; };
   RecordAuthority authority(options);

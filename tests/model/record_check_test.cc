@@ -51,7 +51,7 @@ proto::Record MapRecord() {
   return record;
 }
 
-// The field named when `spoil` has been at `record`; empty if it is accepted.
+// Applies `spoil` to `record` and checks it. Returns the rejected field, or an empty text.
 std::string Refused(proto::Record record, const std::function<void(proto::Record&)>& spoil) {
   spoil(record);
   const Result<void> result = CheckRecord(record);
@@ -166,7 +166,7 @@ TEST(RecordCheckTest, NamesTheFieldOfAQuarantineThatIsWrong) {
             "map_quarantine.lifts");
 }
 
-TEST(RecordCheckTest, TellsNodesAndEdgesApartByTheirNaturalKeys) {
+TEST(RecordCheckTest, NodesAndEdgesHaveDistinctNaturalKeys) {
   EXPECT_NE(NaturalKey(RangeRecord()), NaturalKey(OdometryRecord()));
   EXPECT_EQ(NaturalKey(RangeRecord()), NaturalKey(RangeRecord()));
   EXPECT_EQ(NaturalKey(MapRecord()), "");
@@ -190,7 +190,7 @@ TEST(RecordCheckTest, BoundsCustomRecords) {
   EXPECT_EQ(CheckRecord(record).error().field, "custom.payload");
   custom.set_latest_key(std::string(257, 'x'));
   EXPECT_EQ(ToString(CheckRecord(record).error()), "custom.latest_key: is longer than 256 bytes");
-  // No custom record passes for one of another kind.
+  // A custom record with a built-in or undeclared type number is rejected.
   for (const DataType type : {0u, static_cast<DataType>(proto::TEMPERATURE), 999u, 2000u}) {
     custom.set_data_type(type);
     EXPECT_EQ(ToString(CheckRecord(record).error()), "custom.data_type: must be 1000 to 1999");
@@ -198,7 +198,7 @@ TEST(RecordCheckTest, BoundsCustomRecords) {
   }
 }
 
-TEST(RecordCheckTest, RefusesEventsThatAreNoLineOfText) {
+TEST(RecordCheckTest, RefusesEventsThatAreNotOneLineOfText) {
   const proto::Record event = MakeEvent(proto::EVENT_KIND_COMMAND, "sync\nnow", "anna@hill", 5);
   EXPECT_EQ(event.agent_event().text(), "sync?now");
   const auto refused = [&event](const std::function<void(proto::AgentEvent&)>& spoil) {

@@ -30,8 +30,8 @@ TEST(RecordKeyTest, ComparesAsNumbersNotAsText) {
   EXPECT_LT(nine, ten);
 }
 
-// The hash stands on disk and on the wire: it must never change.
-TEST(RecordKeyTest, HashesAsItAlwaysDid) {
+// The hash is stored on disks and sent on the wire, so it must never change.
+TEST(RecordKeyTest, HashNeverChanges) {
   EXPECT_EQ(HashRecord(kKey, "moon"), HashRecord(kKey, "moon"));
   EXPECT_NE(HashRecord(kKey, "moon"), HashRecord(kKey, "noon"));
   RecordKey other = kKey;

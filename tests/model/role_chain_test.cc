@@ -11,7 +11,7 @@ using Standing = RoleChain::Standing;
 
 constexpr AgentId kBase = 4;
 
-// Rover 1 leads and rover 2 survives by the team file; the base station alone may command.
+// In the team file rover 1 leads and rover 2 is the designated survivor. Only the base station may command.
 RoleChain::Options ChainOptions() {
   RoleChain::Options options;
   options.initial.set_leader(1);
@@ -20,7 +20,7 @@ RoleChain::Options ChainOptions() {
   return options;
 }
 
-// Signatures are checked before: here a word that is unlike the others.
+// Other code verifies signatures. Here a signature is a text that distinguishes assignments.
 proto::RoleAssignment After(const proto::RoleAssignment& follows, AgentId issuer, AgentId leader, AgentId survivor,
                             const std::string& signature) {
   proto::RoleAssignment roles = RoleChain::Next(follows, /*is_command=*/issuer == kBase);
@@ -31,7 +31,7 @@ proto::RoleAssignment After(const proto::RoleAssignment& follows, AgentId issuer
   return roles;
 }
 
-TEST(TermTest, SaysReignAndChange) {
+TEST(TermTest, TextShowsEraAndRevision) {
   proto::Term term;
   term.set_number(7);
   EXPECT_EQ(TermText(term), "7");
@@ -41,7 +41,7 @@ TEST(TermTest, SaysReignAndChange) {
   EXPECT_EQ(RevisionOf(term), 7u);
 }
 
-TEST(RoleChainTest, CountsWhatLeaderOrSurvivorOfTheOneBeforeDecides) {
+TEST(RoleChainTest, AcceptsDecisionsOfThePreviousLeaderOrSurvivor) {
   RoleChain chain(ChainOptions());
   const proto::RoleAssignment first = After(ChainOptions().initial, 1, 3, 2, "a");
   const proto::RoleAssignment second = After(first, 2, 2, 3, "b");
@@ -55,7 +55,7 @@ TEST(RoleChainTest, CountsWhatLeaderOrSurvivorOfTheOneBeforeDecides) {
   EXPECT_TRUE(chain.HasLedIn(1, ChainOptions().initial.term()));
 }
 
-TEST(RoleChainTest, NeverCountsWhatSomebodyElseDecides) {
+TEST(RoleChainTest, RejectsDecisionsOfOtherAgents) {
   RoleChain chain(ChainOptions());
   EXPECT_EQ(chain.Add(After(ChainOptions().initial, 3, 3, 2, "a")), Standing::kNever);
   proto::RoleAssignment era = RoleChain::Next(ChainOptions().initial, /*is_command=*/true);
@@ -63,14 +63,14 @@ TEST(RoleChainTest, NeverCountsWhatSomebodyElseDecides) {
   era.set_leader(1);
   era.set_signature("b");
   EXPECT_EQ(chain.Add(era), Standing::kNever) << "only who may command begins a reign";
-  // Rover 1 was deposed in what it says that it follows.
+  // In the assignment that it claims to follow, rover 1 is already deposed.
   const proto::RoleAssignment deposed = After(ChainOptions().initial, 2, 2, 3, "c");
   EXPECT_EQ(chain.Add(deposed), Standing::kCounts);
   EXPECT_EQ(chain.Add(After(deposed, 1, 1, 3, "d")), Standing::kNever);
   EXPECT_FALSE(chain.HasLedIn(1, deposed.term()));
 }
 
-TEST(RoleChainTest, NeverCountsATermThatIsNotTheNext) {
+TEST(RoleChainTest, RejectsATermThatIsNotTheNext) {
   RoleChain chain(ChainOptions());
   proto::RoleAssignment far = After(ChainOptions().initial, 1, 1, 3, "a");
   far.mutable_term()->set_number(1000);
@@ -79,7 +79,7 @@ TEST(RoleChainTest, NeverCountsATermThatIsNotTheNext) {
   EXPECT_EQ(chain.Add(without), Standing::kNever);
 }
 
-TEST(RoleChainTest, LetsWhoMayCommandBeginAReignUponWhatIsNotKnown) {
+TEST(RoleChainTest, ACommandingAgentCanStartAnEraAfterAnUnknownAssignment) {
   RoleChain chain(ChainOptions());
   proto::RoleAssignment unknown = After(ChainOptions().initial, 1, 1, 3, "unknown");
   const proto::RoleAssignment era = After(unknown, kBase, 3, 2, "a");
@@ -91,7 +91,7 @@ TEST(RoleChainTest, LetsWhoMayCommandBeginAReignUponWhatIsNotKnown) {
   EXPECT_EQ(chain.Add(wrong), Standing::kNever) << "it says falsely which reign it follows";
 }
 
-TEST(RoleChainTest, KeepsTwoBranchesAndTheNewerTermStands) {
+TEST(RoleChainTest, KeepsTwoBranchesAndTheNewerTermWins) {
   RoleChain chain(ChainOptions());
   proto::RoleAssignment left = After(ChainOptions().initial, 1, 1, 3, "a0");
   const proto::RoleAssignment right = After(ChainOptions().initial, 2, 2, 3, "b0");
@@ -106,7 +106,7 @@ TEST(RoleChainTest, KeepsTwoBranchesAndTheNewerTermStands) {
   EXPECT_TRUE(chain.HasLedIn(2, right.term())) << "the other branch stays history";
 }
 
-TEST(RoleChainTest, WaitsForWhatIsFollowed) {
+TEST(RoleChainTest, KeepsAnAssignmentUntilItsPredecessorArrives) {
   RoleChain chain(ChainOptions());
   const proto::RoleAssignment first = After(ChainOptions().initial, 1, 3, 2, "a");
   const proto::RoleAssignment second = After(first, 3, 3, 1, "b");
@@ -119,7 +119,7 @@ TEST(RoleChainTest, WaitsForWhatIsFollowed) {
   EXPECT_EQ(chain.Add(third), Standing::kCounts);
 }
 
-TEST(RoleChainTest, GivesAChainInPagesBackToWhereAReignBegins) {
+TEST(RoleChainTest, ReturnsAChainInPagesBackToTheStartOfAnEra) {
   RoleChain chain(ChainOptions());
   proto::RoleAssignment last = After(ChainOptions().initial, kBase, 1, 2, "reign");
   chain.Add(last);
@@ -138,7 +138,7 @@ TEST(RoleChainTest, GivesAChainInPagesBackToWhereAReignBegins) {
   EXPECT_TRUE(chain.ChainOf("unknown", 1000).empty());
 }
 
-TEST(RoleChainTest, TakesNoMoreOfOneIssuerThanItsShare) {
+TEST(RoleChainTest, LimitsAssignmentsPerIssuer) {
   RoleChain chain(ChainOptions());
   proto::RoleAssignment last = ChainOptions().initial;
   for (std::size_t i = 0; i < kAssignmentsOfIssuerMax; ++i) {
@@ -159,7 +159,7 @@ TEST(RoleChainTest, CountsAllInATeamWithoutKeys) {
   EXPECT_EQ(chain.newest().leader(), 3u);
 }
 
-TEST(RoleChainTest, AnIssuerThatFillsTheRoomForWaitingAssignmentsTakesNoneOfTheOthers) {
+TEST(RoleChainTest, AnIssuerWithTooManyPendingAssignmentsDisplacesNoOthers) {
   RoleChain chain(ChainOptions());
   const proto::RoleAssignment first = After(ChainOptions().initial, 1, 2, 3, "a");
   const proto::RoleAssignment second = After(first, 2, 3, 2, "b");

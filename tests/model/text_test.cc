@@ -13,7 +13,7 @@ namespace {
 
 using testing::ElementsAre;
 
-TEST(TextTest, StampsPassWithoutADouble) {
+TEST(TextTest, TimestampsAreConvertedWithoutADouble) {
   EXPECT_EQ(ParseTimestampNs("1671300425.3106995"), 1671300425310699500);
   EXPECT_EQ(ParseTimestampNs("1248362857.900000095"), 1248362857900000095);
   EXPECT_EQ(ParseTimestampNs("-0.5"), -500000000);
@@ -30,7 +30,7 @@ TEST(TextTest, StampsPassWithoutADouble) {
   EXPECT_EQ(FormatTimestampNs(std::numeric_limits<std::int64_t>::min()), "-9223372036.854775808");
 }
 
-TEST(TextTest, NumbersPassExactly) {
+TEST(TextTest, NumbersRoundTripExactly) {
   for (const double value : {0.1, 1.0 / 3, 1e-300, -2.5e17, 0.1 + 0.2, std::numeric_limits<double>::denorm_min()}) {
     EXPECT_EQ(ParseDouble(FormatDouble(value)), value);
   }
@@ -67,7 +67,7 @@ TEST(TextTest, KnowsUtf8) {
   for (const char* text : {"\xFF", "a\xC3", "\xC0\xAF", "\xED\xA0\x80", "\xF4\x90\x80\x80"}) EXPECT_FALSE(IsUtf8(text));
 }
 
-TEST(TextTest, ShowsAStrangersWordsAsOneLineOfUtf8) {
+TEST(TextTest, ShowsUntrustedTextAsOneLineOfUtf8) {
   EXPECT_EQ(OneLine("disk is full"), "disk is full");
   EXPECT_EQ(OneLine("m\u00b3\n\x1b[2J\xFF"), "m\u00b3??[2J?");
   EXPECT_EQ(OneLine(std::string(1000, 'x'), 3), "xxx...");

@@ -32,7 +32,7 @@ TEST(TumTest, WritesWhatReadsBackTheSame) {
   EXPECT_EQ(FormatTum(*ParseTum(written, "rover1.tum")), written);
 }
 
-TEST(TumTest, SaysInCommentsWhereThePosesCameFrom) {
+TEST(TumTest, WritesProvenanceInComments) {
   const std::vector<TumPose> poses = *ParseTum(kText, "rover1.tum");
   const std::string written = FormatTum(poses, {{"agent", "rover1"}, {"poses", "raw"}});
   EXPECT_EQ(written, "# agent: rover1\n# poses: raw\n" + FormatTum(poses));

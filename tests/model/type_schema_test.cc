@@ -32,13 +32,13 @@ TEST(TypeSchemaTest, TwoNamesOfOneIdDiffer) {
   EXPECT_EQ(TypesNotFor(soil, rocks), std::set<DataType>{1000});
 }
 
-TEST(TypeSchemaTest, ACustomTypeThatOneDoesNotKnowIsCarriedABuiltInOneIsNot) {
+TEST(TypeSchemaTest, AgentsForwardUnknownCustomTypesButNotBuiltInOnes) {
   TypeSchemas none = SchemasOf(Types({}));
   EXPECT_EQ(none.size(), static_cast<int>(BuiltInDataTypes().size()));
   EXPECT_TRUE(TypesNotFor(none, SchemasOf(Types({{1000, "soil"}}))).empty());
   EXPECT_TRUE(TypesNotFor(SchemasOf(Types({{1000, "soil"}})), none).empty());
   const DataType last = none.rbegin()->data_type();
-  none.RemoveLast();  // As an agent has it that does not know the last type.
+  none.RemoveLast();  // The schema of an agent that lacks the last type.
   EXPECT_EQ(TypesNotFor(SchemasOf(Types({})), none), std::set<DataType>{last});
   EXPECT_TRUE(TypesNotFor(none, SchemasOf(Types({}))).empty());
   EXPECT_TRUE(TypesNotFor(SchemasOf(Types({})), {}).empty()) << "none told: the same";

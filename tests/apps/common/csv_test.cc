@@ -5,7 +5,7 @@
 namespace moondb {
 namespace {
 
-TEST(CsvTest, QuotesWhatWouldElseBeReadAsSomethingElse) {
+TEST(CsvTest, QuotesCellsWithSpecialCharacters) {
   EXPECT_EQ(CsvField("wheel slip"), "wheel slip");
   EXPECT_EQ(CsvField("a,b"), "\"a,b\"");
   EXPECT_EQ(CsvField("the \"hill\""), "\"the \"\"hill\"\"\"");

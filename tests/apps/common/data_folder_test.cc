@@ -16,12 +16,12 @@ class DataFolderTest : public testing::Test {
   const std::filesystem::path folder_ = temporary_.path() / "data";
 };
 
-TEST_F(DataFolderTest, LiesBesideTheTeamFile) {
+TEST_F(DataFolderTest, DefaultIsBesideTheTeamFile) {
   EXPECT_EQ(DefaultDataRoot("/etc/moon"), "/etc/moon/moondb-data");
   EXPECT_EQ(DefaultDataRoot("."), std::filesystem::current_path() / "moondb-data");
 }
 
-// Agents 1 (rover1) and 2 (rover2) of a team.
+// A team with agents 1 (rover1) and 2 (rover2).
 class DataOwnerTest : public testing::Test {
  protected:
   DataOwnerTest() {
@@ -44,12 +44,12 @@ class DataOwnerTest : public testing::Test {
   proto::TeamConfig team_;
 };
 
-TEST_F(DataOwnerTest, IsFoundByItsIdWhateverItsName) {
+TEST_F(DataOwnerTest, FindsAFolderByTheAgentsIdRegardlessOfItsName) {
   EXPECT_EQ(FindDataFolder(root_, team_, team_.agents(1)).value(), root_ / "rover2");
   Mark("rover2", 2);
   team_.mutable_agents(1)->set_name("scout");
   EXPECT_EQ(FindDataFolder(root_, team_, team_.agents(1)).value(), root_ / "rover2");
-  // Two that exchange their names keep their data.
+  // Two agents that swap names keep their data.
   Mark("rover1", 1);
   team_.mutable_agents(0)->set_name("rover2");
   team_.mutable_agents(1)->set_name("rover1");
@@ -57,7 +57,7 @@ TEST_F(DataOwnerTest, IsFoundByItsIdWhateverItsName) {
   EXPECT_EQ(FindDataFolder(root_, team_, team_.agents(1)).value(), root_ / "rover2");
 }
 
-TEST_F(DataOwnerTest, GivesANewAgentOfAnOldNameAFolderOfItsOwn) {
+TEST_F(DataOwnerTest, GivesANewAgentWithAnOldNameItsOwnFolder) {
   Mark("rover2", 1);
   EXPECT_EQ(FindDataFolder(root_, team_, team_.agents(1)).value(), root_ / "rover2-2");
 }
@@ -77,7 +77,7 @@ TEST_F(DataOwnerTest, LeavesAnotherTeamsDataAlone) {
 TEST_F(DataOwnerTest, DoesNotChooseBetweenCopies) {
   team_.mutable_agents(1)->set_name("scout");
   Mark("rover2", 2);
-  Mark("rover2.old", 2);  // Set aside: no plain name.
+  Mark("rover2.old", 2);  // A folder that was set aside: its name is not an agent's name.
   EXPECT_EQ(FindDataFolder(root_, team_, team_.agents(1)).value(), root_ / "rover2");
   Mark("copy", 2);
   EXPECT_EQ(FindDataFolder(root_, team_, team_.agents(1)).error().code, ErrorCode::kRefused);
@@ -85,7 +85,7 @@ TEST_F(DataOwnerTest, DoesNotChooseBetweenCopies) {
   EXPECT_EQ(FindDataFolder(root_, team_, team_.agents(1)).value(), root_ / "scout");
 }
 
-TEST_F(DataOwnerTest, IsNotReadFromRubbish) {
+TEST_F(DataOwnerTest, IgnoresInvalidOwnerFiles) {
   std::filesystem::create_directories(root_ / "rover1");
   for (const std::string text : {"", "agent_id: 0\n", "agent_id: 70000\n", "agent_id: x\nteam_id: y\n", "\x01\x02"}) {
     std::ofstream(root_ / "rover1" / "agent.identity") << text;
@@ -95,7 +95,7 @@ TEST_F(DataOwnerTest, IsNotReadFromRubbish) {
   EXPECT_EQ(ReadDataOwner(root_ / "rover1"), std::nullopt);
 }
 
-TEST_F(DataFolderTest, SaysWhereClientsAreLetIn) {
+TEST_F(DataFolderTest, StoresTheEndpointForClients) {
   std::filesystem::create_directories(folder_);
   EXPECT_EQ(ReadEndpoint(folder_), "");
   ASSERT_TRUE(WriteEndpoint(folder_, "ipc:///run/a.sock").has_value());
@@ -103,7 +103,7 @@ TEST_F(DataFolderTest, SaysWhereClientsAreLetIn) {
   EXPECT_EQ(ReadEndpoint(folder_), "ipc:///run/b.sock");
 }
 
-TEST_F(DataFolderTest, BelongsToOneAtATime) {
+TEST_F(DataFolderTest, OneProcessLocksItAtATime) {
   EXPECT_EQ(OwnerOf(folder_), 0);
   {
     const auto first = DataFolderLock::Take(folder_);
@@ -112,20 +112,20 @@ TEST_F(DataFolderTest, BelongsToOneAtATime) {
     const auto second = DataFolderLock::Take(folder_);
     ASSERT_FALSE(second.has_value());
     EXPECT_EQ(second.error().code, ErrorCode::kRefused);
-    EXPECT_EQ(OwnerOf(folder_), ::getpid());  // Asking frees nothing.
+    EXPECT_EQ(OwnerOf(folder_), ::getpid());  // Asking for the owner does not release the lock.
   }
   EXPECT_EQ(OwnerOf(folder_), 0);
   EXPECT_TRUE(DataFolderLock::Take(folder_).has_value());
 }
 
-TEST_F(DataFolderTest, TakesALeftOverPidFileForNothing) {
+TEST_F(DataFolderTest, IgnoresALeftoverPidFile) {
   std::filesystem::create_directories(folder_);
   std::ofstream(folder_ / "agent.pid") << "1\n";
   EXPECT_EQ(OwnerOf(folder_), 0);
   EXPECT_TRUE(DataFolderLock::Take(folder_).has_value());
 }
 
-// As on a read-only file system, where the file's lock cannot be taken.
+// Simulates a read-only file system, on which the pid file cannot be locked.
 TEST_F(DataFolderTest, KnowsTheOwnerByTheFoldersOwnLock) {
   {
     const auto lock = DataFolderLock::Take(folder_);
@@ -137,7 +137,7 @@ TEST_F(DataFolderTest, KnowsTheOwnerByTheFoldersOwnLock) {
   EXPECT_EQ(OwnerOf(folder_), 0);
 }
 
-TEST_F(DataFolderTest, BelongsToThisUserAlone) {
+TEST_F(DataFolderTest, OnlyThisUserHasAccess) {
   std::filesystem::create_directory(folder_);
   std::filesystem::permissions(folder_, std::filesystem::perms::all);
   const auto refused = DataFolderLock::Take(folder_);
@@ -147,7 +147,7 @@ TEST_F(DataFolderTest, BelongsToThisUserAlone) {
   EXPECT_TRUE(DataFolderLock::Take(folder_));
 }
 
-TEST_F(DataFolderTest, FollowsNoLinkToAnothersFile) {
+TEST_F(DataFolderTest, DoesNotFollowALinkToAnotherFile) {
   std::filesystem::create_directory(folder_);
   const std::filesystem::path victim = temporary_.path() / "victim";
   std::ofstream(victim) << "mine";
@@ -158,7 +158,7 @@ TEST_F(DataFolderTest, FollowsNoLinkToAnothersFile) {
   EXPECT_EQ(text, "mine");
 }
 
-TEST_F(DataFolderTest, SaysWhyAFolderCannotBeMade) {
+TEST_F(DataFolderTest, ReportsWhyAFolderCannotBeCreated) {
   std::filesystem::create_directories(folder_);
   std::ofstream(folder_ / "file") << "x";
   const auto lock = DataFolderLock::Take(folder_ / "file" / "data");

@@ -9,27 +9,27 @@
 namespace moondb {
 namespace {
 
-TEST(JsonWriterTest, PutsCommasWhereTheyBelong) {
+TEST(JsonWriterTest, SeparatesMembersByCommas) {
   JsonWriter json;
   json.BeginObject().Key("a").BeginArray().Number(1).Number(2.5).BeginObject().EndObject().EndArray();
   json.Key("b").Bool(true).Key("c").Null().Key("d").Raw("{\"x\":1}").EndObject();
   EXPECT_EQ(json.text(), R"({"a":[1,2.5,{}],"b":true,"c":null,"d":{"x":1}})");
 }
 
-TEST(JsonWriterTest, EscapesWhatJsonCannotHold) {
+TEST(JsonWriterTest, EscapesSpecialCharacters) {
   JsonWriter json;
   json.String("quote \" back \\ line \n bell \x07 moon \xF0\x9F\x8C\x99");
   EXPECT_EQ(json.text(), "\"quote \\\" back \\\\ line \\u000a bell \\u0007 moon \xF0\x9F\x8C\x99\"");
 }
 
-TEST(JsonWriterTest, ReplacesBytesThatAreNoUtf8) {
+TEST(JsonWriterTest, ReplacesInvalidUtf8) {
   JsonWriter json;
   json.String("a\xFF\xC3 b\xED\xA0\x80\xC0\xAF\xE2\x82");
   const std::string bad = "\xEF\xBF\xBD";
   EXPECT_EQ(json.text(), "\"a" + bad + bad + " b" + bad + bad + bad + bad + bad + bad + bad + "\"");
 }
 
-TEST(JsonWriterTest, HasNoWordForWhatIsNotFinite) {
+TEST(JsonWriterTest, WritesNullForNonFiniteNumbers) {
   JsonWriter json;
   json.Number(std::numeric_limits<double>::quiet_NaN());
   EXPECT_EQ(json.text(), "null");
@@ -56,7 +56,7 @@ TEST(ProtoJsonTest, NamesTheFieldThatIsWrong) {
   EXPECT_FALSE(RecordFromJson("temperature", "{").has_value());
 }
 
-TEST(ProtoJsonTest, TakesTheBodyAlone) {
+TEST(ProtoJsonTest, AcceptsOnlyABody) {
   EXPECT_FALSE(RecordFromJson("temperature", R"({"celsius": 1}, "timestamp_ns": "5")").has_value());
   EXPECT_FALSE(RecordFromJson("timestamp_ns", "5").has_value());
   EXPECT_FALSE(RecordFromJson("temperatur", "{}").has_value());

@@ -26,7 +26,7 @@ TEST(ProtoJsonTest, ReadsACustomRecordFromBase64OrText) {
   EXPECT_TRUE(CustomRecordFromJson("soil", 1000, "{}").has_value());
 }
 
-TEST(ProtoJsonTest, ReadsBackWhatItShows) {
+TEST(ProtoJsonTest, ReadsItsOwnOutput) {
   proto::CustomRecord custom;
   custom.set_data_type(1000);
   custom.set_payload(std::string("\0\xFE", 2));
@@ -36,7 +36,7 @@ TEST(ProtoJsonTest, ReadsBackWhatItShows) {
   EXPECT_EQ(read->custom().SerializeAsString(), custom.SerializeAsString());
 }
 
-TEST(ProtoJsonTest, SaysWhatIsWrongWithACustomRecord) {
+TEST(ProtoJsonTest, ReportsErrorsOfACustomRecord) {
   EXPECT_EQ(ErrorOf(""), "soil: expected a JSON object");
   EXPECT_THAT(ErrorOf("wet"), HasSubstr("soil: "));
   EXPECT_THAT(ErrorOf(R"({"paylod": "x"})"), HasSubstr("paylod"));

@@ -15,7 +15,7 @@ TEST(TableTest, AlignsWordsLeftAndNumbersRight) {
             "b          1200  rover\n");
 }
 
-TEST(TableTest, LetsTheLastCellOfARowRunOn) {
+TEST(TableTest, DoesNotPadTheLastCellOfARow) {
   Table table({"A", "B", "C"});
   table.Add({"x", "unreachable: it is not running"});
   table.Add({"y", "2", "z"});

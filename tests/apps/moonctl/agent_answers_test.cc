@@ -12,7 +12,7 @@ AgentAnswers<int> AnswersWith(const std::vector<ErrorCode>& errors) {
   return answers;
 }
 
-TEST(AgentAnswersTest, TellWhatFailedByTheExitCodeUnlessOneIsNotThere) {
+TEST(AgentAnswersTest, ExitCodeIsThatOfTheErrorUnlessAnAgentIsUnreachable) {
   EXPECT_EQ(ExitCodeOf(AnswersWith({})), ExitCode::kDone);
   EXPECT_EQ(ExitCodeOf(AnswersWith({ErrorCode::kRefused, ErrorCode::kFull})), ExitCode::kRefused);
   EXPECT_EQ(ExitCodeOf(AnswersWith({ErrorCode::kFull})), ExitCode::kFailed);

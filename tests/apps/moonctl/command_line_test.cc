@@ -1,4 +1,4 @@
-// What every command owes to whoever types it: a description, an example that is right, a place in the manual.
+// Checks that every command has a description, a valid example and an entry in the manual.
 
 #include "apps/moonctl/command_line.h"
 
@@ -28,7 +28,7 @@ class CommandLineTest : public testing::Test {
   Command app_{kProgramName, kProgramDescription};
 };
 
-TEST_F(CommandLineTest, DescribesEveryCommandAndAllThatItTakes) {
+TEST_F(CommandLineTest, DescribesEveryCommandAndItsArguments) {
   int count = 0;
   VisitCommands(app_, [&count](const Command& command) {
     ++count;
@@ -50,7 +50,7 @@ TEST_F(CommandLineTest, EndsEveryHelpWithAnExample) {
 }
 
 TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
-  std::vector<std::pair<std::string, std::string>> examples;  // With the command's path.
+  std::vector<std::pair<std::string, std::string>> examples;  // Pairs of the command's path and an example.
   VisitCommands(app_, [&examples](const Command& command) {
     if (command.subcommands().empty() || !command.requires_subcommand()) {
       examples.emplace_back(PathOf(command), NoteOf(command)->example);
@@ -62,7 +62,7 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
     CommandContext context{"."};
     Command app(kProgramName, kProgramDescription);
     AddCommandLine(app, context);
-    // What stands behind > is the shell's.
+    // The shell handles the part after >.
     const auto stop = app.Parse(example.substr(0, example.find(" > ")));
     ASSERT_FALSE(stop.has_value()) << stop->error;
     EXPECT_TRUE(context.action != nullptr);
@@ -70,7 +70,7 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
   }
 }
 
-// In the pages of docs/commands each is shown once at least, as it is typed.
+// The pages of docs/commands must show each command at least once as it is typed.
 TEST_F(CommandLineTest, ShowsEveryCommandInAPage) {
   std::string pages;
   for (const auto& entry : std::filesystem::directory_iterator(MOONDB_COMMAND_PAGES)) {

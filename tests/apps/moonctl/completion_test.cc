@@ -42,7 +42,7 @@ TEST_F(CompletionTest, KnowsOptionsOfACommandAndOfThoseAbove) {
   EXPECT_THAT(WordsFor({"role", "show", "--dr"}), IsEmpty());
 }
 
-TEST_F(CompletionTest, KnowsAgentsWhereOneIsNamed) {
+TEST_F(CompletionTest, CompletesAgentNames) {
   EXPECT_THAT(WordsFor({"-a", "ro"}), ElementsAre("rover1", "rover2"));
   EXPECT_THAT(WordsFor({"--agent=b"}), ElementsAre("--agent=base"));
   EXPECT_THAT(WordsFor({"status", "--agent", "=", "b"}), ElementsAre("base")) << "as bash cuts --agent=b";

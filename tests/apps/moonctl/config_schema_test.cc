@@ -16,7 +16,7 @@ using google::protobuf::Struct;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-// As much of JSON Schema as the team file's needs, on YAML.
+// Validates YAML by the subset of JSON Schema that the team file's schema uses.
 class Validator {
  public:
   Validator() { EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(TeamFileSchema(), &root_).ok()); }
@@ -111,7 +111,7 @@ TEST(ConfigSchemaTest, AcceptsTheCommentedTeamFile) {
               IsEmpty());
 }
 
-TEST(ConfigSchemaTest, RefusesWhatAnEditorShouldUnderline) {
+TEST(ConfigSchemaTest, RejectsInvalidTeamFiles) {
   Validator validator;
   EXPECT_THAT(validator.ErrorsIn("{team: Moon, team_id: 0x1, agents: []}"),
               ElementsAre(".team: pattern", ".team_id: pattern", ".agents: few"));

@@ -35,7 +35,7 @@ class ConfigShowTest : public testing::Test {
   }
 };
 
-TEST_F(ConfigShowTest, MeansTheSameWhenItIsReadAgain) {
+TEST_F(ConfigShowTest, OutputIsATeamFileWithTheSameMeaning) {
   for (const std::string& text : {std::string(kTeam), *ReadTextFile(MOONDB_CONFIGS "/cadre.yaml")}) {
     const auto team = ParseTeamFile(text, "team.yaml");
     const auto again = ParseTeamFile(YamlOf(text), "shown.yaml");
@@ -44,7 +44,7 @@ TEST_F(ConfigShowTest, MeansTheSameWhenItIsReadAgain) {
   }
 }
 
-TEST_F(ConfigShowTest, MarksWhatTheFileDoesNotGive) {
+TEST_F(ConfigShowTest, MarksDefaults) {
   const std::string yaml = YamlOf(kTeam);
   EXPECT_THAT(yaml, HasSubstr("  - id: 7\n    name: \"a\"\n"));
   EXPECT_THAT(yaml, HasSubstr("    kind: rover   # default\n"));
@@ -69,7 +69,7 @@ TEST_F(ConfigShowTest, KnowsWhichCustomTypeGaveAFieldThoughTheyAreSorted) {
                         "    priority: 2\n"));
 }
 
-TEST_F(ConfigShowTest, MarksNothingOfAFileThatGivesAll) {
+TEST_F(ConfigShowTest, MarksNothingIfTheFileSetsEveryField) {
   const std::string shown = YamlOf(kTeam);
   EXPECT_THAT(YamlOf(shown), Not(HasSubstr("# default")));
 }

@@ -14,7 +14,7 @@ using testing::ElementsAre;
 
 constexpr StreamKey kStream{2, 7, proto::POSE_GRAPH_NODE};
 
-// One agent's records of kStream: their hashes by seq.
+// Hashes of one agent's records of kStream, by seq.
 using Hashes = std::map<std::uint64_t, std::uint64_t>;
 
 Hashes SomeHashes(std::uint64_t count) {
@@ -41,7 +41,7 @@ std::vector<std::uint64_t> Differing(const Hashes& first, const Hashes& second, 
   HaveSet held;
   held[kStream].held.Add({1, 400});
   held[kStream].held.Add({500, 1000});
-  held[{3, 1, kStream.type}];  // Nothing.
+  held[{3, 1, kStream.type}];  // A stream without held records.
   const auto keys = FindDiffering(held, Asking(first, asked), Asking(second, asked), keys_max);
   EXPECT_TRUE(keys);
   std::vector<std::uint64_t> seqs;
@@ -52,14 +52,14 @@ std::vector<std::uint64_t> Differing(const Hashes& first, const Hashes& second, 
   return seqs;
 }
 
-TEST(FingerprintsTest, FindsWhatDiffersByHalves) {
+TEST(FingerprintsTest, FindsDifferencesByBisection) {
   const Hashes sound = SomeHashes(1000);
   int asked = 0;
   EXPECT_THAT(Differing(sound, sound, 10, asked), ElementsAre());
   EXPECT_EQ(asked, 2);
 
   Hashes damaged = sound;
-  damaged[450] ^= 1;  // Not asked for.
+  damaged[450] ^= 1;  // Not compared by the test.
   EXPECT_THAT(Differing(sound, damaged, 10, asked), ElementsAre());
   damaged[1] ^= 1 << 9;
   damaged[400] ^= 1;
@@ -71,7 +71,7 @@ TEST(FingerprintsTest, FindsWhatDiffersByHalves) {
   EXPECT_THAT(Differing(damaged, sound, 3, asked), ElementsAre(1, 400, 500));
 }
 
-TEST(FingerprintsTest, GivesAnErrorOnAtOnce) {
+TEST(FingerprintsTest, ReturnsAnErrorAtOnce) {
   HaveSet held;
   held[kStream].held.Add({1, 9});
   int asked = 0;
@@ -82,7 +82,7 @@ TEST(FingerprintsTest, GivesAnErrorOnAtOnce) {
   EXPECT_EQ(FindDiffering(held, Asking(sound, asked), failing, 10).error().code, ErrorCode::kTimedOut);
 }
 
-// An agent that answers for `per_answer` seqs at a time with the seqs themselves as hashes.
+// An agent that answers with hashes equal to the seqs, for `per_answer` seqs at a time.
 FakeAgent::Answer InParts(std::uint64_t per_answer) {
   return [per_answer](const proto::ClientMessage& request) {
     const proto::StreamHave& stream = request.control_request().fingerprint().stream();
@@ -121,7 +121,7 @@ TEST(FingerprintsTest, PutsTheFingerprintTogetherFromAnswersInParts) {
   }
 }
 
-TEST(FingerprintsTest, DoesNotAskForEver) { EXPECT_EQ(AskInParts(0).error().code, ErrorCode::kCorrupt); }
+TEST(FingerprintsTest, GivesUpIfAnswersMakeNoProgress) { EXPECT_EQ(AskInParts(0).error().code, ErrorCode::kCorrupt); }
 
 }  // namespace
 }  // namespace moondb

@@ -50,7 +50,7 @@ TEST(G2oGraphTest, GivesPlainIdsToTheRoverThatIsNamed) {
   EXPECT_TRUE(pyfg->is_planar);
 }
 
-TEST(G2oGraphTest, RefusesWhatCannotBeNamedOrInverted) {
+TEST(G2oGraphTest, RefusesUnnameableVerticesAndSingularMatrices) {
   Pyfg pyfg = TwoRovers();
   pyfg.graph.nodes[0].key.index = std::uint64_t{1} << 56;
   EXPECT_EQ(ToG2o(pyfg).error().code, ErrorCode::kInvalid);

@@ -19,7 +19,7 @@ proto::TeamConfig Team(int rovers, bool has_base) {
   return team;
 }
 
-// Two rovers a step apart each, a base station, a landmark that nobody knows, ranges among all.
+// Two rovers with one step each, a base station, an unknown landmark, and ranges between all of them.
 constexpr char kGraph[] =
     "VERTEX_SE2 0 A0 1 2 0\n"
     "VERTEX_SE2 10 A1 50 50 0\n"
@@ -41,7 +41,7 @@ TEST(TeamLettersTest, GivesRoversTheAlphabetWithoutTheBaseStationsLetter) {
   EXPECT_EQ(agents.at(AgentOfLetter('L')), 140u);
 }
 
-TEST(GraphImportTest, TellsStepsFromClosedLoopsAndLeavesOutSightsOfOthers) {
+TEST(GraphImportTest, SeparatesOdometryFromLoopClosuresAndSkipsObservationsOfOthers) {
   const auto pyfg = ParsePyfg(std::string(kGraph) +
                                   "VERTEX_SE2 20 A2 70 70 0\n"
                                   "EDGE_SE2 20 A1 A2 2 0 0 1 0 0 1 0 1\n"
@@ -53,7 +53,7 @@ TEST(GraphImportTest, TellsStepsFromClosedLoopsAndLeavesOutSightsOfOthers) {
   const auto import = PrepareImport(Team(2, true), *pyfg);
   ASSERT_TRUE(import.has_value()) << ToString(import.error());
   EXPECT_EQ(import->odometry_count, 3u);
-  EXPECT_EQ(import->left_out_count, 5u);  // M0, its range, what A1 saw of B1, two loops between A0 and A2.
+  EXPECT_EQ(import->left_out_count, 5u);  // M0, its range, A1's view of B1, two loops between A0 and A2.
   const auto& last = import->records.at(10)[2].pose_graph_node();
   EXPECT_EQ(last.node().index(), 2u);
   EXPECT_NEAR(last.map_from_node().position_m().x(), 5, 1e-12);
@@ -80,7 +80,7 @@ TEST(GraphImportTest, ComposesRawPosesFromOdometryAndNeverTakesLaterVertices) {
   EXPECT_EQ(import->records.at(30)[0].pose_graph_node().map_from_node().position_m().y(), -2);
 }
 
-TEST(GraphImportTest, RefusesLettersThatStandForNobody) {
+TEST(GraphImportTest, RefusesLettersWithoutAnAgent) {
   const auto pyfg = ParsePyfg(kGraph, "test");
   const auto import = PrepareImport(Team(1, true), *pyfg);
   ASSERT_FALSE(import.has_value());

@@ -38,9 +38,9 @@ class HealthTest : public testing::Test {
   std::map<std::uint32_t, AgentReport> reports_;
 };
 
-TEST_F(HealthTest, FindsNothingWhereAllIsWell) { EXPECT_THAT(FindingsOn(team_, reports_), IsEmpty()); }
+TEST_F(HealthTest, FindsNothingInAHealthyTeam) { EXPECT_THAT(FindingsOn(team_, reports_), IsEmpty()); }
 
-TEST_F(HealthTest, FindsWhoActsInAnOldTermAndWhoLeadsWithoutASurvivor) {
+TEST_F(HealthTest, FindsAgentsInAnOldTermAndLeadersWithoutASurvivor) {
   Status(2).mutable_roles()->mutable_term()->set_number(3);
   EXPECT_THAT(Of(2), ElementsAre("acts on the roles of term 3, where term 4 is known"));
   Status(1).mutable_roles()->clear_survivor();
@@ -51,14 +51,14 @@ TEST_F(HealthTest, FindsWhoCannotStoreItsRolesAndJudgesTheOthersByThem) {
   proto::AgentStatus& deposed = Status(2);
   deposed.mutable_roles()->mutable_term()->set_number(5);
   *deposed.mutable_unstored_roles() = deposed.roles();
-  deposed.mutable_roles()->clear_survivor();  // Its own role, which it may not take.
+  deposed.mutable_roles()->clear_survivor();  // An agent may not clear a role that it has itself.
   *Status(1).mutable_roles() = deposed.unstored_roles();
   EXPECT_THAT(Of(1), IsEmpty());
   EXPECT_THAT(Of(2), ElementsAre("cannot store term 5 (leader rover1, survivor rover2): until it can it neither leads "
                                  "nor survives"));
 }
 
-TEST_F(HealthTest, FindsADiskThatTakesNothingAndSaysItOnce) {
+TEST_F(HealthTest, ReportsAFullDiskOnce) {
   proto::StorageStatus& storage = *Status(1).mutable_storage();
   storage.set_space_low("3 MB of disk are free");
   EXPECT_THAT(Of(1), ElementsAre("space low: 3 MB of disk are free"));
@@ -73,7 +73,7 @@ TEST_F(HealthTest, FindsTwoProcessesWithOneKey) {
   EXPECT_THAT(Of(1), ElementsAre(HasSubstr("two processes use rover2's key")));
 }
 
-TEST_F(HealthTest, FindsPeersOutOfReachButForSleepers) {
+TEST_F(HealthTest, FindsUnreachablePeersThatDoNotSleep) {
   proto::PeerStatus& peer = *Status(1).mutable_peers(0);
   peer.set_is_connected(false);
   peer.set_seconds_since_heard(90);
@@ -86,7 +86,7 @@ TEST_F(HealthTest, FindsPeersOutOfReachButForSleepers) {
   EXPECT_THAT(Of(1), IsEmpty());
 }
 
-TEST_F(HealthTest, FindsWhatNobodyHasAcknowledged) {
+TEST_F(HealthTest, FindsUnacknowledgedRecords) {
   proto::HealthFinding& finding = *Status(1).add_findings();
   finding.set_text("rover2 was lost");
   finding.set_timestamp_ns(1'795'339'884'000'000'000);
@@ -163,7 +163,7 @@ TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {
   EXPECT_THAT(Of(2), ElementsAre("refused 3 records of peers", "rover1 has another team file"));
 }
 
-TEST_F(HealthTest, AsksForAnOperatorsWordAfterAThousandChanges) {
+TEST_F(HealthTest, AsksForAnOperatorsDecisionAfterAThousandChanges) {
   for (const std::uint64_t number : {TermNumber(3, 999), TermNumber(3, 1000)}) {
     for (const AgentId agent : {AgentId{1}, AgentId{2}}) {
       Status(agent).mutable_roles()->mutable_term()->set_number(number);
@@ -178,7 +178,7 @@ TEST_F(HealthTest, AsksForAnOperatorsWordAfterAThousandChanges) {
                           "give moonctl role set once"));
 }
 
-TEST_F(HealthTest, FindsThatWhoHasARoleHasLeft) {
+TEST_F(HealthTest, FindsARemovedAgentWithARole) {
   team_.mutable_agents(0)->set_left(true);
   reports_.erase(1);
   Status(2).clear_peers();

@@ -33,7 +33,7 @@ TEST(HoldingsTest, CountsWhatIsHeldAndWhatIsLackingOverAllEpochs) {
   EXPECT_EQ(row[2].lacking, 15u);
 }
 
-TEST(HoldingsTest, LacksNothingThatIsSuperseded) {
+TEST(HoldingsTest, SupersededRecordsAreNotLacking) {
   HaveSet newer = Held({2, 7, kState}, 5, 5);
   newer[{2, 7, kState}].dropped.Add({1, 4});
   const HaveSet older = Held({2, 7, kState}, 3, 3);
@@ -41,7 +41,7 @@ TEST(HoldingsTest, LacksNothingThatIsSuperseded) {
   EXPECT_EQ(row[0].held, 1u);
   EXPECT_EQ(row[0].lacking, 0u);
   EXPECT_EQ(row[1].held, 1u);
-  EXPECT_EQ(row[1].lacking, 1u);  // Not 1, 2 and 4.
+  EXPECT_EQ(row[1].lacking, 1u);  // Only seq 3: seqs 1, 2 and 4 are not lacking.
   HaveSet nothing;
   nothing[{3, 7, kState}].dropped.Add({1, 4});
   EXPECT_TRUE(HoldingsOf({nothing, HaveSet()}).empty());

@@ -33,7 +33,7 @@ class MapFilesTest : public testing::Test {
 TEST_F(MapFilesTest, APngLiesWhereItsWorldFileSays) {
   ASSERT_THAT(*WriteMapFiles(Export("png")), ElementsAre(File("map.pgw"), File("map.png")));
   const Image image = *ReadPng(File("map.png"));
-  ASSERT_EQ(image.width, 43);  // A margin of 20 cells about three.
+  ASSERT_EQ(image.width, 43);  // Three cells with a margin of 20 cells on each side.
   ASSERT_EQ(image.height, 41);
   EXPECT_EQ(WrittenMap(Export("png")).grid.width, image.width);
   EXPECT_EQ(WrittenMap(Export("png")).grid.height, image.height);
@@ -43,7 +43,7 @@ TEST_F(MapFilesTest, APngLiesWhereItsWorldFileSays) {
   for (const std::string_view line : Split(text, '\n')) {
     if (!line.empty()) world.push_back(*ParseDouble(line));
   }
-  // The centre of the hazard's pixel.
+  // World coordinates of the centre of the hazard's pixel.
   ASSERT_EQ(image.At(20, 20)[0], 139);
   EXPECT_NEAR(world[0] * 20 + world[2] * 20 + world[4], (-100 + 50.5) * 0.05, 1e-12);
   EXPECT_NEAR(world[1] * 20 + world[3] * 20 + world[5], (20 + 40.5) * 0.05, 1e-12);
@@ -57,7 +57,7 @@ TEST_F(MapFilesTest, EachFormatHoldsTheNotes) {
   }
 }
 
-// What an interrupted process would leave behind, as a handler sees it.
+// Files that exist when a signal handler runs, as an interrupted process would leave them.
 char picture_file[256];
 char text_file[256];
 std::atomic<int> half_count = 0;
@@ -103,7 +103,7 @@ TEST_F(MapFilesTest, SaysWhatToDoWhereNothingCanBeWritten) {
 TEST_F(MapFilesTest, LeavesTheFilesOfAnEarlierTimeWhereOneCannotBeWritten) {
   ASSERT_TRUE(WriteMapFiles(Export("nav2")));
   const std::string before = *ReadTextFile(File("map.pgm"));
-  std::filesystem::create_directories(File("map.yaml.new.part"));  // Where the second would be written.
+  std::filesystem::create_directories(File("map.yaml.new.part"));  // Blocks the path of the second file.
   MapExport other = Export("nav2");
   other.map.grid.At(10, 10) = Cell::kHazard;
   ASSERT_FALSE(WriteMapFiles(other));

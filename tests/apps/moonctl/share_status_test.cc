@@ -22,7 +22,7 @@ proto::ShareSession Sending() {
   session.set_destination(1);
   session.set_is_open(true);
   session.set_sent_records(1240);
-  session.set_acknowledged_records(1200);  // 1000 of them in earlier sessions.
+  session.set_acknowledged_records(1200);  // 1000 of them were acknowledged in earlier sessions.
   session.set_is_remaining_known(true);
   session.set_remaining(500);
   session.set_coded_bytes(3e6);
@@ -35,20 +35,20 @@ proto::ShareSession Sending() {
   return session;
 }
 
-TEST(ShareStatusTest, ReckonsWithWhatThisSessionHadAcknowledged) {
+TEST(ShareStatusTest, EstimatesFromRecordsAcknowledgedInThisSession) {
   const SharePace pace = PaceOf(Sending());
   EXPECT_EQ(pace.bytes_per_s, 120'000);
   EXPECT_EQ(pace.eta_s, 25);
 }
 
-TEST(ShareStatusTest, ReckonsNothingFromNothing) {
+TEST(ShareStatusTest, MakesNoEstimateWithoutData) {
   proto::ShareSession session = Sending();
   session.set_session_acknowledged_records(0);
   EXPECT_EQ(PaceOf(session).bytes_per_s, std::nullopt);
   EXPECT_EQ(PaceOf(session).eta_s, std::nullopt);
 
   session = Sending();
-  session.set_session_s(0);  // Closed, or not answered.
+  session.set_session_s(0);  // The session is closed or did not answer.
   EXPECT_EQ(PaceOf(session).bytes_per_s, std::nullopt);
   EXPECT_EQ(PaceOf(session).eta_s, std::nullopt);
 
@@ -65,7 +65,7 @@ TEST(ShareStatusTest, ShowsASessionInARow) {
                           "2", "4", ""));
 }
 
-TEST(ShareStatusTest, DoesNotGuessWhatIsNotKnown) {
+TEST(ShareStatusTest, ShowsUnknownValuesAsUnknown) {
   proto::ShareSession waiting;
   waiting.set_destination(1);
   waiting.set_is_open(true);

@@ -9,9 +9,9 @@ namespace {
 
 constexpr int kDraws = 200'000;
 
-TEST(RandomTest, DrawsTheSameNumbersForEver) {
+TEST(RandomTest, DrawsTheSameNumbersInEveryVersion) {
   Random random(1);
-  EXPECT_EQ(random.Uniform(), 0.13387664401253263);  // The first number of std::mt19937_64 of seed 1, over 2^64.
+  EXPECT_EQ(random.Uniform(), 0.13387664401253263);  // First number of std::mt19937_64 with seed 1, divided by 2^64.
   EXPECT_NE(Random::Stream(1, 1).Uniform(), Random::Stream(1, 2).Uniform());
   EXPECT_NE(Random::Stream(1, 1).Uniform(), Random::Stream(2, 1).Uniform());
 }

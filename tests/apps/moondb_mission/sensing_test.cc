@@ -12,7 +12,7 @@ TerrainOptions FlatOptions() {
   TerrainOptions options;
   options.side_m = 40;
   options.crater_share = 0;
-  options.rock_diameter_min_m = 2.49;  // No rock but by a rare chance, and none on the landing ground.
+  options.rock_diameter_min_m = 2.49;  // Rocks are very rare, and absent from the landing area.
   options.landing_radius_m = 25;
   return options;
 }
@@ -38,7 +38,7 @@ class SensingTest : public testing::Test {
 };
 
 TEST_F(SensingTest, SeesTheLanderAndNothingBehindIt) {
-  // The eye is 4 m from the lander's middle and looks at it; its near side is 3.2 m away.
+  // The camera looks at the lander from 4 m; the lander's near side is 3.2 m away.
   const TraversabilityMap map = Sense(terrain_, {1, 0}, Pose::FromPlanar(-4.2, 0, 0), 0, {}, PerfectCamera(), random_);
   ASSERT_EQ(map.layers.size(), 4u);
   EXPECT_EQ(map.node, (NodeKey{1, 0}));
@@ -47,7 +47,7 @@ TEST_F(SensingTest, SeesTheLanderAndNothingBehindIt) {
   EXPECT_EQ(CellAt(map, 1, 3.25, 0), Cell::kHazard);
   EXPECT_EQ(CellAt(map, 2, 6.0, 0), Cell::kUnknown);
   EXPECT_EQ(CellAt(map, 2, 6.0, 5.0), Cell::kFree);
-  EXPECT_EQ(CellAt(map, 1, -2.0, 0), Cell::kUnknown);  // Behind the camera.
+  EXPECT_EQ(CellAt(map, 1, -2.0, 0), Cell::kUnknown);  // A cell behind the camera.
 }
 
 TEST_F(SensingTest, TurningSweepsTheView) {
@@ -67,7 +67,7 @@ TEST_F(SensingTest, OtherRoversAreObstacles) {
 }
 
 TEST_F(SensingTest, ErrorGrowsWithDistance) {
-  // Spread of where the lander's near side seems to stand, from near and from far.
+  // Returns the spread of the measured distance to the lander's near side.
   const auto spread_m = [this](double distance_m) {
     CameraOptions options = PerfectCamera();
     options.depth_error_per_m = 0.004;

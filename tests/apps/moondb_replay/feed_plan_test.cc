@@ -11,7 +11,7 @@ namespace {
 
 using testing::ElementsAre;
 
-// One rover with three nodes 10 s apart and a map at each, a range to the base station from the second.
+// A mission with one rover: three nodes 10 s apart, a map at each, and a range to the base station from the second.
 class FeedPlanTest : public testing::Test {
  protected:
   FeedPlanTest() {
@@ -68,7 +68,7 @@ class FeedPlanTest : public testing::Test {
   const TimeSpan all_{INT64_MIN, INT64_MAX};
 };
 
-TEST_F(FeedPlanTest, OrdersByStampWithStatesAndNodesFirstAndMapsLast) {
+TEST_F(FeedPlanTest, OrdersByTimestampWithStatesAndNodesFirstAndMapsLast) {
   using R = proto::Record;
   EXPECT_THAT(Bodies(Plan(1, all_)),
               ElementsAre(R::kAwakeStatus, R::kMode, R::kPoseGraphNode, R::kLocalTraversabilityMap,  // 0 s
@@ -78,7 +78,7 @@ TEST_F(FeedPlanTest, OrdersByStampWithStatesAndNodesFirstAndMapsLast) {
 
 TEST_F(FeedPlanTest, GivesARangeToTheAgentOfItsFirstEnd) {
   const auto base = Plan(2, all_);
-  ASSERT_EQ(base.size(), 4u);  // Two states, its node, its range.
+  ASSERT_EQ(base.size(), 4u);  // Two states, one node and one range of the base station.
   EXPECT_EQ(base[3].pose_graph_edge().from().agent_id(), 2u);
   EXPECT_EQ(base[1].mode().activity(), proto::ACTIVITY_IDLE);
 }
@@ -87,10 +87,10 @@ TEST_F(FeedPlanTest, SplitsAMissionIntoHalvesThatMeet) {
   const std::size_t first = Plan(1, {INT64_MIN, Timestamp(1)}).size();
   const std::size_t second = Plan(1, {Timestamp(1), INT64_MAX}).size();
   EXPECT_EQ(first, 4u);
-  EXPECT_EQ(second, Plan(1, all_).size() - first + 2);  // Its state again.
+  EXPECT_EQ(second, Plan(1, all_).size() - first + 2);  // Both halves contain the two states at the split.
 }
 
-TEST_F(FeedPlanTest, NeverTellsTheTruth) {
+TEST_F(FeedPlanTest, NeverFeedsTheGroundTruth) {
   for (const AgentId agent : {1u, 2u}) {
     for (const proto::Record& record : Plan(agent, all_)) {
       EXPECT_NE(record.pose_graph_node().map_from_node().position_m().x(), 777);
@@ -98,7 +98,7 @@ TEST_F(FeedPlanTest, NeverTellsTheTruth) {
   }
 }
 
-TEST_F(FeedPlanTest, TellsRecordsApart) {
+TEST_F(FeedPlanTest, RecordsHaveDistinctIdentities) {
   std::set<std::string> keys;
   const auto records = Plan(1, all_);
   for (const proto::Record& record : records) keys.insert(FeedKey(record));

@@ -1,5 +1,4 @@
-// The rules hold in simulated missions with every standard actor, and these missions come into the states that are
-// seldom reached.
+// Simulated missions with every standard actor: the rules hold, and the missions reach all rare states.
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 
@@ -17,7 +16,7 @@ namespace {
 
 constexpr std::uint64_t kSeeds = 24;
 
-// A share of MOONDB_SIM_SEEDS, which says how many runs of sharing alone there are.
+// Returns the number of seeds: a fraction of MOONDB_SIM_SEEDS, which counts runs with sharing actors only.
 std::uint64_t SeedCount() {
   const char* text = std::getenv("MOONDB_SIM_SEEDS");
   return text == nullptr ? kSeeds : static_cast<std::uint64_t>(std::max(1, std::atoi(text) / 12));

@@ -9,7 +9,7 @@ namespace {
 
 constexpr StreamKey kPowers{1, 5, proto::POWER};
 
-// Agent 1 holds three states and leads in term 2, which is on its disk.
+// Agent 1 holds three states and leads in term 2, which is stored on its disk.
 AgentFacts Facts() {
   AgentFacts facts;
   facts.self = 1;
@@ -28,7 +28,7 @@ proto::ControlReply Inserted(const RecordKey& key) {
   return reply;
 }
 
-TEST(AnswerCheckTest, WhatIsInsertedIsThere) {
+TEST(AnswerCheckTest, AnInsertedRecordIsStored) {
   proto::ControlRequest request;
   request.mutable_insert()->add_records()->mutable_power();
   EXPECT_EQ(WhyUntrue(request, Inserted({kPowers, 3}), Facts()), std::nullopt);
@@ -37,7 +37,7 @@ TEST(AnswerCheckTest, WhatIsInsertedIsThere) {
   EXPECT_NE(WhyUntrue(request, {}, Facts()), std::nullopt);
 }
 
-TEST(AnswerCheckTest, ACompletePageIsWhatIsHeld) {
+TEST(AnswerCheckTest, ACompletePageContainsAllHeldRecords) {
   proto::ControlRequest request;
   request.mutable_read()->add_data_types(proto::POWER);
   proto::ControlReply reply;

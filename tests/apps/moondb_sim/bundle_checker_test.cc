@@ -21,7 +21,7 @@ proto::StoredRecord State(std::uint64_t seq) {
   return stored;
 }
 
-// A bundle of one state.
+// Returns a bundle file with one state.
 std::string FileOf(std::uint32_t number, std::uint64_t seq) {
   proto::BundleFile head;
   head.set_team("test");
@@ -42,7 +42,7 @@ proto::DownlinkRequest Acknowledge(std::uint32_t number) {
 
 class BundleCheckerTest : public testing::Test {
  protected:
-  // Bundle `number` holds state `seq`, and was fetched.
+  // Makes bundle `number` with state `seq` and fetches it.
   void Make(std::uint32_t number, std::uint64_t seq) {
     const std::string file = FileOf(number, seq);
     proto::DownlinkBundle& bundle = *waiting_.add_waiting();
@@ -71,7 +71,7 @@ TEST_F(BundleCheckerTest, ABundleWaitsUntilItIsAcknowledged) {
   EXPECT_EQ(checker_.OnNotFound(2), std::nullopt);
 }
 
-TEST_F(BundleCheckerTest, OneThatIsGoneOrIsMadeAgainIsNoticed) {
+TEST_F(BundleCheckerTest, ReportsABundleThatVanishesOrIsMadeTwice) {
   Make(1, 1);
   EXPECT_NE(checker_.OnReply({}, {}, true), std::nullopt);
   EXPECT_EQ(checker_.OnReply({}, {}, false), std::nullopt) << "an answer that comes late";
@@ -95,7 +95,7 @@ TEST_F(BundleCheckerTest, ARecordIsInOneBundle) {
   EXPECT_EQ(checker_.OnFile(1, file)->first, "bundle_kept") << "another file than was made";
 }
 
-TEST_F(BundleCheckerTest, WhatIsInNoBundleIsLostUnlessTheDiskWas) {
+TEST_F(BundleCheckerTest, RecordsInNoBundleAreLostUnlessTheDiskWasLost) {
   Make(1, 1);
   HaveSet wanted;
   wanted[kBundlePowers].held.Add(1);

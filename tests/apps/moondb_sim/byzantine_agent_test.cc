@@ -1,5 +1,5 @@
-// What a Byzantine agent sends reaches honest ones, breaks the rules where agents have no signing keys, and none where
-// they have.
+// Messages of a Byzantine agent reach honest agents. They break rules in teams without signing keys, and no rule in
+// teams with keys.
 #include "apps/moondb_sim/byzantine_agent.h"
 
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 
 namespace moondb::simulation {
 
-// For gtest.
+// Prints the parameter in gtest's messages.
 void PrintTo(const AttackKind& kind, std::ostream* out) { *out << kind.name; }
 
 namespace {
@@ -49,7 +49,7 @@ TEST_P(AttackTest, IsHeardAndBreaksNoRuleOfATeamWithKeys) {
   EXPECT_TRUE(report.violations.empty());
   for (const AttackKind& kind : AttackKinds()) {
     const bool is_heard = report.rare.contains(RareStateOf(kind));
-    // No gateway has a part in sharing.
+    // Orders concern sharing, in which gateways take no part.
     EXPECT_EQ(is_heard, kind.name == GetParam().name && kind.name != "order") << kind.name;
   }
 }

@@ -22,7 +22,7 @@ proto::Record State(double battery_ratio) {
 
 class ByzantineCheckerTest : public testing::Test {
  protected:
-  // Agent 2's storage is to store it, and answers that it stored so many.
+  // Asks agent 2's storage to store the record, and lets it answer with these counts.
   bool Store(AgentId sender, const RecordKey& key, const proto::Record& record, std::uint32_t stored_count,
              std::uint32_t rejected_count = 0) {
     proto::Message request;
@@ -64,7 +64,7 @@ TEST_F(ByzantineCheckerTest, StoresNoForgedRecord) {
   EXPECT_THAT(broken_, ElementsAre("only_own_lies"));
 }
 
-TEST_F(ByzantineCheckerTest, OnlyItsOwnWordsAreRefused) {
+TEST_F(ByzantineCheckerTest, OnlyRecordsOfTheByzantineAgentAreRefused) {
   EXPECT_TRUE(Store(kLiar, kOfAgent1, State(0.5), 0, /*rejected_count=*/1));
   EXPECT_TRUE(Store(/*sender=*/1, {{kLiar, 7, proto::POWER}, 1}, State(0.5), 0, 1));
   EXPECT_FALSE(Store(/*sender=*/1, kOfAgent1, State(0.5), 0, 1));
@@ -82,7 +82,7 @@ TEST_F(ByzantineCheckerTest, PassesNoForgedRecordOn) {
   EXPECT_THAT(broken_, ElementsAre("only_own_lies", "only_own_lies"));
 }
 
-TEST_F(ByzantineCheckerTest, HasNothingThatNeverWas) {
+TEST_F(ByzantineCheckerTest, HonestAgentsCoverNoRecordThatNeverExisted) {
   checker_.OnImpossible(kOfAgent1);
   HaveSet have;
   have[kOfAgent1.stream].held.Add(1);
@@ -105,7 +105,7 @@ TEST_F(ByzantineCheckerTest, ActsOnNoRolesOfTheLiars) {
   EXPECT_FALSE(checker_.is_trusted());
 }
 
-TEST_F(ByzantineCheckerTest, WhomAnHonestAgentGaveARoleIsTrusted) {
+TEST_F(ByzantineCheckerTest, AnAgentWithARoleFromAnHonestAgentIsTrusted) {
   proto::RoleAssignment roles = Roles(1, "step down");
   roles.set_survivor(kLiar);
   checker_.OnRoles(2, roles);
@@ -114,7 +114,7 @@ TEST_F(ByzantineCheckerTest, WhomAnHonestAgentGaveARoleIsTrusted) {
   EXPECT_THAT(broken_, IsEmpty());
 }
 
-TEST_F(ByzantineCheckerTest, AtRestTheLeaderHadWhatOthersHold) {
+TEST_F(ByzantineCheckerTest, InAnIdleTeamTheLeaderCoversRecordsThatOthersHold) {
   const std::string content = State(0.5).SerializeAsString();
   QuiescentTeam team{1, 2, 4, {}, {}, {}};
   team.records[1][kOfAgent1] = content;

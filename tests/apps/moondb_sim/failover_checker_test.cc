@@ -53,7 +53,7 @@ class FailoverCheckerTest : public testing::Test {
     roles.mutable_term()->set_number(++term_);
     (void)Handle(actor_name::kFailover, message, at_s);
   }
-  // What is wrong, or "" if it may take the lead.
+  // Lets the survivor take the lead at `at_s`. Returns the violation, or "" if the change is allowed.
   std::string TakeLead(int at_s) {
     proto::Message timer;
     timer.mutable_timer();
@@ -125,7 +125,7 @@ TEST_F(FailoverCheckerTest, LeaderThatSleepsIsNotMissed) {
   EXPECT_EQ(TakeLead(720), "");
 }
 
-TEST_F(FailoverCheckerTest, SurvivorThatSleepsMissesNobody) {
+TEST_F(FailoverCheckerTest, ASleepingSurvivorHasNoCause) {
   proto::Message message;
   message.set_hop_sender(kSurvivor);
   message.mutable_lease_request()->set_kind(proto::LEASE_KIND_SLEEPING);
@@ -148,7 +148,7 @@ TEST_F(FailoverCheckerTest, NobodyHasCauseWhereOperatorsDecide) {
   EXPECT_EQ(checker.OnHandle(actor_name::kRole, request, leases_, At(1000)), "nobody is to do so by itself");
 }
 
-TEST_F(FailoverCheckerTest, WhoReachesNobodyHasNoCause) {
+TEST_F(FailoverCheckerTest, AnAgentThatReachesNoPeerHasNoCause) {
   SetConnected(kLeader, false, 0);
   SetConnected(kThird, false, 10);
   EXPECT_EQ(TakeLead(500), "it reaches nobody");
@@ -157,7 +157,7 @@ TEST_F(FailoverCheckerTest, WhoReachesNobodyHasNoCause) {
   EXPECT_EQ(TakeLead(620), "");
 }
 
-TEST_F(FailoverCheckerTest, WhoForgotTheLeaderHasNoCause) {
+TEST_F(FailoverCheckerTest, AnAgentThatForgotTheLeaderHasNoCause) {
   SetConnected(kLeader, false, 0);
   checker_.OnFailure(actor_name::kFailover, At(10));
   SetConnected(kThird, true, 10);

@@ -1,4 +1,4 @@
-// A store on a simulated disk that is nearly full, full or failing: what is refused, and what goes on.
+// A store on a simulated disk that is nearly full, full or failing: which operations it refuses, and which still work.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
@@ -129,7 +129,7 @@ class FullDiskTest : public testing::Test {
   SimulatedTeam team_{/*seed=*/1};
 };
 
-TEST_F(FullDiskTest, MakesAReserveOfBytesThatNoFileSystemMakesLess) {
+TEST_F(FullDiskTest, MakesAReserveOfIncompressibleBytes) {
   EXPECT_GE(Status().reserve_bytes(), 512 * 1024);
   const std::string reserve = disk_.Save(kFolder).at("agent2/moondb.reserve");
   std::map<char, int> counts;
@@ -157,7 +157,7 @@ TEST_F(FullDiskTest, RefusesMapsBeforeTheLastMegabytesThenEveryRecord) {
   EXPECT_TRUE(Status().refused_inserts().empty());
 }
 
-TEST_F(FullDiskTest, OfAPeersBatchItStoresWhatIsNoMapAndAnswersWithAnError) {
+TEST_F(FullDiskTest, StoresAPeersBatchWithoutItsMapsAndAnswersWithAnError) {
   disk_.SetRoom(kFolder, 900 * 1024);
   const proto::StoreReply reply = Store({Node(1, 1), Map(1)});
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_FULL);
@@ -194,7 +194,7 @@ TEST_F(FullDiskTest, TakesInsertsAfterAPrune) {
   }
 }
 
-TEST_F(FullDiskTest, GivesTheReserveUpForRolesAndMakesItAnewWhenThereIsRoom) {
+TEST_F(FullDiskTest, UsesTheReserveForRolesAndRebuildsItWhenThereIsRoom) {
   disk_.SetRoom(kFolder, 0);
   for (std::uint64_t term = 1; Status().reserve_bytes() > 0; ++term) {
     ASSERT_FALSE(IsError(SaveRoles(term).error())) << "term " << term;
@@ -208,7 +208,7 @@ TEST_F(FullDiskTest, GivesTheReserveUpForRolesAndMakesItAnewWhenThereIsRoom) {
   EXPECT_GE(Status().reserve_bytes(), 512 * 1024);
 }
 
-TEST_F(FullDiskTest, ADiskThatFailsIsReadAndTakesInsertsWhenItWorksAgain) {
+TEST_F(FullDiskTest, AFailingDiskIsReadableAndAcceptsInsertsWhenItWorksAgain) {
   ASSERT_FALSE(IsError(Insert(Node(kSelf, 1)).error()));
   disk_.SetFailing(kFolder, true);
   EXPECT_TRUE(IsError(Insert(Node(kSelf, 2)).error()));

@@ -1,4 +1,4 @@
-// What the rules take for broken, and what not: cases that few seeds show.
+// Cases that the rules must accept or report, among them cases that few seeds reach.
 #include "apps/moondb_sim/invariants.h"
 
 #include <gmock/gmock.h>
@@ -47,7 +47,7 @@ class RulesTest : public testing::Test {
     rules_.SeeRecord(key, record.SerializeAsString(), agent);
   }
 
-  // Agent 1 leads, 2 survives, 3 is the base station; what they hold they hold as rows.
+  // Checks an idle team: agent 1 leads, 2 survives, and 3 is the base station. Each holds its have-set as rows.
   void Rest(const HaveSet& leaders, const HaveSet& survivors, const HaveSet& bases) {
     QuiescentTeam team{1, 2, 3, {{1, leaders}, {2, survivors}, {3, bases}}, {}};
     for (const auto& [agent, have] : team.have) {
@@ -119,7 +119,7 @@ TEST_F(RulesTest, LeaderNeedsTheLastStateThatAnyDiskHas) {
   EXPECT_THAT(broken_, IsEmpty()) << "it is lost with its disks";
 }
 
-TEST_F(RulesTest, AtRestEachHasWhatItIsToHave) {
+TEST_F(RulesTest, InAnIdleTeamEachAgentHoldsItsRequiredRecords) {
   const HaveSet node = Have({Key(3, 5, proto::POSE_GRAPH_NODE, 1)});
   Rest(node, node, node);
   EXPECT_THAT(broken_, IsEmpty());
@@ -148,7 +148,7 @@ TEST_F(RulesTest, AnEventShortBeforeTheEndNeedNotReachTheSurvivor) {
   EXPECT_THAT(broken_, ElementsAre("survivor_is_leader")) << "an earlier one has to";
 }
 
-TEST_F(RulesTest, HaveSetSpeaksOfRows) {
+TEST_F(RulesTest, AHaveSetMatchesTheStoredRows) {
   const HaveSet node = Have({Key(1, 5, proto::POSE_GRAPH_NODE, 1)});
   QuiescentTeam team{1, 2, 3, {{1, node}, {2, node}, {3, node}}, {{1, {}}, {2, {}}, {3, {}}}};
   rules_.CheckQuiescent(team);
@@ -161,7 +161,7 @@ TEST_F(RulesTest, WhatIsPrunedIsOwedToNobodyUnlessSomebodyHoldsIt) {
   Insert(2, key, {});
   Rest(Have({}, {key}), Have({key}), Have({}, {key}));
   Rest(Have({key}), Have({}, {key}), Have({}, {key}));
-  Rest(Have({}), Have({}, {key}), Have({}, {key}));  // The leader's disk was lost meanwhile, and nobody holds it.
+  Rest(Have({}), Have({}, {key}), Have({}, {key}));  // The leader's disk was lost, and no agent holds the record.
   EXPECT_THAT(broken_, IsEmpty());
   Rest(Have({}), Have({}, {key}), Have({key}));
   EXPECT_THAT(broken_, ElementsAre("nothing_lost"));
@@ -220,7 +220,7 @@ TEST_F(RulesTest, DamagedStateTakesThoseThatItReplacedWithIt) {
   const RecordKey first = Key(1, 5, proto::POWER, 1);
   const RecordKey second = Key(1, 5, proto::POWER, 2);
   Insert(1, first, State());
-  rules_.ForgetRecord(1, second);  // Which nobody heard of.
+  rules_.ForgetRecord(1, second);  // No other agent received this record.
   rules_.CheckHave(1, HaveSet());
   EXPECT_THAT(broken_, IsEmpty());
 }

@@ -73,7 +73,7 @@ class LeaseCheckerTest : public testing::Test {
   LeaseChecker checker_{kSelf};
 };
 
-TEST_F(LeaseCheckerTest, WhoSleepsSendsNothing) {
+TEST_F(LeaseCheckerTest, ASleepingAgentSendsNothing) {
   EXPECT_TRUE(MayBeSent(Hello(), 1));
   ReportLease(Lease(proto::LEASE_KIND_SLEEPING, 60));
   EXPECT_TRUE(MayBeSent(Hello(), 0)) << "in the same instant";
@@ -83,7 +83,7 @@ TEST_F(LeaseCheckerTest, WhoSleepsSendsNothing) {
   EXPECT_TRUE(MayBeSent(Hello(), 60));
 }
 
-TEST_F(LeaseCheckerTest, WhoDrivesSendsStatesAlone) {
+TEST_F(LeaseCheckerTest, ADrivingAgentSendsOnlyStates) {
   ReportLease(Lease(proto::LEASE_KIND_DRIVING, 60));
   EXPECT_TRUE(MayBeSent(Hello(), 1));
   EXPECT_TRUE(MayBeSent(Batch(proto::POWER, 1), 1));
@@ -92,7 +92,7 @@ TEST_F(LeaseCheckerTest, WhoDrivesSendsStatesAlone) {
   EXPECT_TRUE(MayBeSent(Batch(proto::POSE_GRAPH_NODE, 1), 60));
 }
 
-TEST_F(LeaseCheckerTest, WhoIsPausedSendsAndIsSentStatesAloneAndIsNotSilent) {
+TEST_F(LeaseCheckerTest, APausedAgentExchangesOnlyStatesAndIsNotSilent) {
   ReportLease(Lease(proto::LEASE_KIND_PAUSED, 60));
   ReportLease(Announcement(5, 0, 0, 100));
   EXPECT_TRUE(MayBeSent(Hello(), 1));
@@ -104,13 +104,13 @@ TEST_F(LeaseCheckerTest, WhoIsPausedSendsAndIsSentStatesAloneAndIsNotSilent) {
   EXPECT_EQ(checker_.LastQuiet(kOther, At(30)), MonotonicTime::min());
 }
 
-TEST_F(LeaseCheckerTest, WhoSleepsIsSentNothing) {
+TEST_F(LeaseCheckerTest, ASleepingAgentReceivesNothing) {
   ReportLease(Announcement(5, 0, 60));
   EXPECT_FALSE(MayBeSent(Hello(), 1));
   EXPECT_FALSE(checker_.WhyQuiet(actor_name::kSync, 3, Hello(), At(1)).has_value()) << "another agent";
 }
 
-TEST_F(LeaseCheckerTest, TheLastAnnouncementStands) {
+TEST_F(LeaseCheckerTest, TheLastAnnouncementIsValid) {
   ReportLease(Announcement(5, 0, 60));
   ReportLease(Announcement(5, 0, 60), 30);
   EXPECT_TRUE(MayBeSent(Hello(), 61)) << "told again, it is the same lease";
@@ -121,14 +121,14 @@ TEST_F(LeaseCheckerTest, TheLastAnnouncementStands) {
   EXPECT_FALSE(MayBeSent(Hello(), 81)) << "of another life";
 }
 
-TEST_F(LeaseCheckerTest, LeaseEndsByTheRobotsWord) {
+TEST_F(LeaseCheckerTest, TheRobotCanEndALease) {
   ReportLease(Lease(proto::LEASE_KIND_DRIVING, 60));
   ReportLease(Lease(proto::LEASE_KIND_DRIVING, 0), 10);
   EXPECT_TRUE(MayBeSent(Batch(proto::POSE_GRAPH_NODE, 1), 11));
   EXPECT_EQ(checker_.LastQuiet(kSelf, At(30)), At(10));
 }
 
-TEST_F(LeaseCheckerTest, ActorThatIsMadeAnewAsksFirst) {
+TEST_F(LeaseCheckerTest, ARestartedActorAsksFirst) {
   ReportLease(Lease(proto::LEASE_KIND_SLEEPING, 60));
   checker_.OnFailure(actor_name::kSync);
   EXPECT_TRUE(MayBeSent(Hello(), 10));

@@ -30,7 +30,7 @@ TEST(MapCheckerTest, EqualRecordsGiveEqualMaps) {
   EXPECT_NE(checker.OnMap(3, Maps(4), {}, Merged(10)), std::nullopt);
 }
 
-TEST(MapCheckerTest, OtherRecordsAndWhatWasDroppedMakeNoDifference) {
+TEST(MapCheckerTest, OtherRecordsAndDroppedRecordsMakeNoDifference) {
   MapChecker checker;
   ASSERT_EQ(checker.OnMap(1, Maps(3), {}, Merged(10)), std::nullopt);
   HaveSet have = Maps(3);
@@ -39,7 +39,7 @@ TEST(MapCheckerTest, OtherRecordsAndWhatWasDroppedMakeNoDifference) {
   EXPECT_NE(checker.OnMap(1, have, {}, Merged(11)), std::nullopt);
 }
 
-TEST(MapCheckerTest, AMapAtRawPosesIsAnotherQuestion) {
+TEST(MapCheckerTest, MapsAtRawPosesAreComparedSeparately) {
   MapChecker checker;
   proto::MergeRequest raw;
   raw.set_use_raw_poses(true);
@@ -47,7 +47,7 @@ TEST(MapCheckerTest, AMapAtRawPosesIsAnotherQuestion) {
   EXPECT_EQ(checker.OnMap(1, Maps(3), raw, Merged(11)), std::nullopt);
 }
 
-// Tiles of two cells a side, at places below zero too.
+// The tiles have two cells per side; some have negative coordinates.
 TEST(MapCheckerTest, TilesAreTheMap) {
   MergedMap merged;
   merged.grid = Grid(3, 1);

@@ -26,7 +26,7 @@
 namespace moondb::simulation {
 namespace {
 
-// Passes everything on; mutants override what they break.
+// Forwards every call; mutants override the calls that they break.
 class OtherContext : public Context {
  public:
   explicit OtherContext(Context& context) : context_(context) {}
@@ -69,7 +69,8 @@ class OtherActor : public Actor {
   const std::unique_ptr<Actor> actor_;
 };
 
-// Looks at each message that the actor hears and says, and may change it; what gives false is not heard, or not sent.
+// Hooks that inspect each message that an actor receives or sends, and may change it. A message is dropped if the hook
+// returns false.
 struct Hooks {
   std::function<bool(Context& context, proto::Message& message)> hears;
   std::function<bool(Context& context, const Address& to, proto::Message& message)> says;
@@ -112,7 +113,7 @@ class HookedActor final : public OtherActor {
   const Hooks hooks_;
 };
 
-// An epoch that a lost disk takes again.
+// Reuses an epoch after its disk was lost.
 class WithoutEpochs final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -130,7 +131,7 @@ class WithoutEpochs final : public OtherActor {
   }
 };
 
-// Trusts what a destination once acknowledged, as a log per destination does.
+// Trusts what a destination once acknowledged, as a log per destination would.
 class CachedAcknowledgments final : public OtherActor {
  public:
   using Cache = std::map<std::pair<Address, AgentId>, HaveSet>;
@@ -149,7 +150,7 @@ class CachedAcknowledgments final : public OtherActor {
   const std::shared_ptr<Cache> cache_;
 };
 
-// Acknowledges what a peer sent, and stores it a moment later.
+// Acknowledges a peer's records, and stores them a moment later.
 class AcknowledgesBeforeTheCommit final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -183,7 +184,7 @@ class AcknowledgesBeforeTheCommit final : public OtherActor {
   std::vector<proto::Message> waiting_;
 };
 
-// Takes whatever assignment it heard last, whatever its term.
+// Accepts the assignment that it received last, regardless of its term.
 class WithoutTerms final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -201,8 +202,8 @@ class WithoutTerms final : public OtherActor {
   std::uint64_t highest_ = 0;
 };
 
-// A leader that starts again takes the term that it already had: until it has one it reads and hears that the last one
-// was never given, and its epoch is always the same.
+// A restarted leader reuses its last term. Until it saves a term, the mutant lowers the number of its last term in
+// messages to the actor. Its random epoch is the same after each restart.
 class WithoutANewTerm final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -240,7 +241,7 @@ class WithoutANewTerm final : public OtherActor {
   bool has_term_ = false;
 };
 
-// Of a rover's states it keeps the one with the newest stamp.
+// Keeps the state of a rover with the newest timestamp.
 class NewestByClock final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -274,7 +275,7 @@ class NewestByClock final : public OtherActor {
   std::map<AgentId, std::int64_t> newest_ns_;
 };
 
-// A destination takes the last note of each origin and key in a batch, whether the notes are states or not.
+// A destination keeps only the last note of each origin and key in a batch, even of notes that are not states.
 bool TakeTheLastNotes(Context&, proto::Message& message) {
   if (!message.has_store_request()) return true;
   proto::StoreRequest& request = *message.mutable_store_request();
@@ -300,7 +301,7 @@ bool TakeTheLastNotes(Context&, proto::Message& message) {
   return true;
 }
 
-// Takes an optimized pose only where it holds the node, and says that it had it in any case.
+// Stores an optimized pose only if it holds the node, but always reports the pose as covered.
 class UpdateNeedsItsRow final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -344,7 +345,7 @@ class UpdateNeedsItsRow final : public OtherActor {
   std::set<std::string> nodes_;
 };
 
-// Keeps other optimized poses than its storage does: those that it has dropped count as dropped.
+// Keeps other optimized poses than its storage. The poses that it dropped count as dropped in its answers.
 class DropsPoses : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -377,14 +378,16 @@ class DropsPoses : public OtherActor {
           const RecordKey key = FromProto(records->Get(i).key());
           if (!mutant_.dropped_.Get(key.stream).dropped.Contains(key.seq)) continue;
           records->DeleteSubrange(i, 1);
-          if (i + 1 < row_ids->size()) row_ids->erase(row_ids->begin() + i);  // The last one says how far it was read.
+          if (i + 1 < row_ids->size())
+            row_ids->erase(row_ids->begin() + i);  // Keep the last row: it shows how far the rows were read.
         }
       }
       void AddTo(proto::HaveSet& reported) const {
         HaveSet have = *FromProto(reported);
         for (const auto& [stream, dropped] : mutant_.dropped_.streams()) {
           const IntervalSet covered = have.Get(stream).Covered();
-          have[stream].dropped.Add(covered.Minus(covered.Minus(dropped.dropped)));  // Only what is on the disk.
+          have[stream].dropped.Add(
+              covered.Minus(covered.Minus(dropped.dropped)));  // Only records that are on the disk.
           have[stream].held = have[stream].held.Minus(dropped.dropped);
         }
         reported = ToProto(have);
@@ -405,7 +408,7 @@ class DropsPoses : public OtherActor {
   HaveSet dropped_;
 };
 
-// Of optimized poses of one node it keeps the one that came last, whoever made it and in whichever term.
+// Keeps the optimized pose of a node that arrived last, regardless of its author and term.
 class LastPoseHeard final : public DropsPoses {
  public:
   using DropsPoses::DropsPoses;
@@ -417,10 +420,10 @@ class LastPoseHeard final : public DropsPoses {
     last->second = key;
   }
 
-  std::map<std::string, RecordKey> last_;  // By node.
+  std::map<std::string, RecordKey> last_;  // Key of the last pose, by node.
 };
 
-// Of one agent's optimized poses of one node it keeps that of the highest epoch, whatever its term.
+// Among one agent's optimized poses of a node, keeps the one with the highest epoch, regardless of its term.
 class PosesByEpoch final : public DropsPoses {
  public:
   using DropsPoses::DropsPoses;
@@ -437,7 +440,7 @@ class PosesByEpoch final : public DropsPoses {
   std::map<std::pair<AgentId, std::string>, RecordKey> highest_;
 };
 
-// A state that its storage stores once more, under another name, is sent to nobody: to the team it is not stored again.
+// Does not send states that its storage reissued under a new key. The team never receives the reissued state.
 class KeepsReissuedToItself final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -455,7 +458,7 @@ class KeepsReissuedToItself final : public OtherActor {
       }
 
      private:
-      // However the agent marked it.
+      // Identifies a record regardless of the marks that the agent added.
       static std::string Name(proto::Record record) {
         record.clear_is_clock_suspect();
         record.clear_is_state();
@@ -480,11 +483,11 @@ class KeepsReissuedToItself final : public OtherActor {
   }
 
  private:
-  std::map<std::string, RecordKey> first_keys_;  // By content.
+  std::map<std::string, RecordKey> first_keys_;  // First key of each content.
 };
 
-// With each epoch that a peer reports its storage hears of one right above it that knew nothing: states are stored once
-// more whatever those knew who wrote later ones.
+// For each epoch that a peer reports, its storage also receives a report of the next epoch, which covers nothing. So
+// states are reissued regardless of what the authors of later states knew.
 class ReissuesWhateverWasKnown final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -501,7 +504,7 @@ class ReissuesWhateverWasKnown final : public OtherActor {
   }
 };
 
-// When a newer state comes, the older one is dropped at once and the newer one stored a little later.
+// Drops the older state at once when a newer one arrives, and stores the newer one later.
 class DropsBeforeTheSuperseder final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -511,7 +514,7 @@ class DropsBeforeTheSuperseder final : public OtherActor {
       DroppingFirst(Context& context, const DropsBeforeTheSuperseder& mutant)
           : OtherContext(context), mutant_(mutant) {}
       SendResult Reply(OwnedMessage message) override {
-        if (sender() == self()) return SendResult::kAccepted;  // What came with the timer.
+        if (sender() == self()) return SendResult::kAccepted;  // The message that the timer delivered.
         if (message->has_have_reply()) mutant_.Drop(*message->mutable_have_reply()->mutable_have());
         if (message->has_store_reply()) mutant_.Drop(*message->mutable_store_reply()->mutable_covered());
         return OtherContext::Reply(std::move(message));
@@ -562,7 +565,7 @@ class DropsBeforeTheSuperseder final : public OtherActor {
   std::map<StreamKey, std::uint64_t> newest_;
 };
 
-// Answers an insert whose commit failed as if it were stored, under the name that comes next.
+// Answers an insert whose commit failed as if it was stored under the next key.
 class AcknowledgesFailedInserts final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -595,10 +598,10 @@ class AcknowledgesFailedInserts final : public OtherActor {
   }
 
  private:
-  std::optional<proto::RecordKey> last_;  // Of nodes.
+  std::optional<proto::RecordKey> last_;  // Key of the last stored node.
 };
 
-// Each timer comes twice.
+// Delivers each timer twice.
 class TimersMultiply final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -616,7 +619,7 @@ class TimersMultiply final : public OtherActor {
   }
 };
 
-// Waits for a small part of the time that it should.
+// Waits for only a small part of the required time.
 class WaitsTooShort final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -637,7 +640,7 @@ bool IsSharing(const std::string& name) { return name == actor_name::kSync || na
 
 using Applies = std::function<void(SimOptions& options)>;
 
-// The actors of that name, each in a wrapper.
+// Wraps each actor of that name in a mutant.
 template <typename MutantActor>
 Applies Wrapped(const char* actor_name) {
   return [actor_name](SimOptions& options) {
@@ -664,9 +667,9 @@ Applies Says(const char* actor_name, decltype(Hooks::says) says) {
   return Hooked(actor_name, {nullptr, std::move(says)});
 }
 
-// Each batch names the order that its destination gave last as ended.
+// Each batch reports the order that its destination gave last as ended.
 void ReportTheEndTooSoon(SimOptions& options) {
-  using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // By agent and who ordered.
+  using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // Order by agent and requester.
   const auto orders = std::make_shared<Ends>();
   Hooks hooks;
   hooks.hears = [orders](Context& context, proto::Message& message) {
@@ -684,7 +687,7 @@ void ReportTheEndTooSoon(SimOptions& options) {
   Hooked(actor_name::kSync, std::move(hooks))(options);
 }
 
-// What is not complete stands in no answer.
+// Removes incomplete pairs from every answer.
 bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
   if (!message.has_share_reply() || !message.share_reply().has_progress()) return true;
   proto::ShareProgress& progress = *message.mutable_share_reply()->mutable_progress();
@@ -695,10 +698,10 @@ bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
   return true;
 }
 
-// States that came after an order was taken up are not sent with it.
+// Does not send states that were stored after the order was accepted.
 void KeepNewStatesBack(SimOptions& options) {
   struct Storage {
-    std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // By destination and kind.
+    std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // Last row of each order, by destination and kind.
     std::map<std::pair<AgentId, int>, std::set<RecordKey>> came_after;
     std::pair<AgentId, int> asked;
   };
@@ -731,11 +734,11 @@ void KeepNewStatesBack(SimOptions& options) {
   Hooked(actor_name::kStorage, std::move(hooks))(options);
 }
 
-// An agent that could not store a record for want of room takes none for a while.
+// An agent that could not store a record for lack of space refuses all records for a while.
 void StoreNothingAfterAFullDisk(SimOptions& options) {
   for (const char* fault : {"full", "failing"}) options.faults_per_hour[fault] = 0;
   options.faults_per_hour["full_prune"] = 3;
-  // Less than the rules leave an agent when its disk has room again.
+  // Shorter than the time that the rules allow an agent after its disk has space again.
   static constexpr std::chrono::seconds kRefuses(55);
   const auto full = std::make_shared<std::map<AgentId, MonotonicTime>>();
   Hooks hooks;
@@ -765,7 +768,7 @@ void CacheAcknowledgments(SimOptions& options) {
   };
 }
 
-// Sync and replica actors know of leases what `keeps` leaves.
+// Passes to sync and replica actors only the leases that `keeps` leaves.
 void HearLeases(SimOptions& options, std::function<void(AgentId self, proto::LeasesChanged& changed)> keeps) {
   Hooks hooks;
   hooks.hears = [keeps = std::move(keeps)](Context& context, proto::Message& message) {
@@ -799,7 +802,7 @@ bool IsOrderToPeer(Context& context, const Address& to, const proto::Message& me
   return message.has_share_request() && to.agent != context.self().agent;
 }
 
-// All terms of one number are one.
+// Removes the issuer from terms, so terms with the same number are equal.
 bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   const auto strip = [](proto::RoleAssignment& roles) {
     if (roles.term().number() == 0) return;
@@ -812,7 +815,7 @@ bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   return true;
 }
 
-// Own actors are not told of roles that this agent gives up because it cannot store them.
+// Does not notify the agent's own actors of roles that it gives up because it cannot store them.
 bool KeepRoles(Context&, const Address&, proto::Message& message) {
   const proto::RoleAssignment& roles = message.roles_changed().roles();
   return !message.has_roles_changed() || (roles.leader() != 0 && roles.survivor() != 0);
@@ -828,7 +831,7 @@ bool AskForNoMaps(Context&, proto::Message& message) {
   return true;
 }
 
-// At agent 2.
+// Removes poses from read answers at agent 2.
 bool LeavePosesOut(Context& context, proto::Message& message) {
   if (context.self().agent != 2 || !message.has_read_reply()) return true;
   for (proto::StoredRecord& record : *message.mutable_read_reply()->mutable_records()) {
@@ -837,7 +840,7 @@ bool LeavePosesOut(Context& context, proto::Message& message) {
   return true;
 }
 
-// What another agent relays, its gateway takes for the base station's.
+// The gateway treats messages that another agent relays as the base station's.
 class RelaysForTheBase final : public OtherActor {
  public:
   RelaysForTheBase(std::unique_ptr<Actor> actor, AgentId base) : OtherActor(std::move(actor)), base_(base) {}
@@ -863,7 +866,7 @@ class RelaysForTheBase final : public OtherActor {
   const AgentId base_;
 };
 
-// Roles that a Byzantine agent announces are taken as if the base station had decided and signed them.
+// Accepts roles that a Byzantine agent announces as if the base station had decided and signed them.
 void TakeRolesOfAnybody(SimOptions& options) {
   options.attacks = {"announce"};
   const auto base = static_cast<AgentId>(options.RoverCount() + 1);
@@ -877,7 +880,7 @@ void TakeRolesOfAnybody(SimOptions& options) {
   })(options);
 }
 
-// A quarantine that a Byzantine agent forges is taken as if its origin had signed it.
+// Accepts a quarantine that a Byzantine agent forged as if its origin had signed it.
 bool SignQuarantines(const proto::TeamConfig& config, proto::Message& message) {
   if (!message.has_store_request() || !HasSigningKeys(config)) return true;
   for (proto::StoredRecord& stored : *message.mutable_store_request()->mutable_records()) {
@@ -892,7 +895,7 @@ bool SignQuarantines(const proto::TeamConfig& config, proto::Message& message) {
   return true;
 }
 
-// At agent 2, as if the leader of the newest assignment had solved what no leader did.
+// Agent 2 accepts forged poses as if the leader of the newest assignment had solved them.
 void TakePosesOfAnybody(SimOptions& options) {
   options.attacks = {"pose"};
   Hears(actor_name::kMerge, [newest = proto::RoleAssignment()](Context& context, proto::Message& message) mutable {
@@ -910,7 +913,7 @@ void TakePosesOfAnybody(SimOptions& options) {
   })(options);
 }
 
-// A record of a Byzantine agent about others' nodes is taken as if the agent of the first node had brought it.
+// Accepts a Byzantine agent's record about nodes of others as if the agent of the first node had sent it.
 bool TakeStatements(Context&, proto::Message& message) {
   if (!message.has_store_request()) return true;
   for (proto::StoredRecord& stored : *message.mutable_store_request()->mutable_records()) {
@@ -924,7 +927,7 @@ bool TakeStatements(Context&, proto::Message& message) {
   return true;
 }
 
-// At agent 2, as if the base station had given the quarantines of a Byzantine agent.
+// Agent 2 counts quarantines of a Byzantine agent as if the base station had given them.
 void CountQuarantinesOfAnybody(SimOptions& options) {
   options.byzantine = ByzantineSeeds::kAll;
   options.attacks = {"slander"};
@@ -939,7 +942,7 @@ void CountQuarantinesOfAnybody(SimOptions& options) {
   })(options);
 }
 
-// At agent 2, of more than there is room for.
+// Agent 2 merges the maps that arrived first when there are more maps than it has room for.
 void MergeTheMapsThatCameFirst(SimOptions& options) {
   Hears(actor_name::kMerge, [came = std::set<RecordKey>()](Context& context, proto::Message& message) mutable {
     if (context.self().agent != 2 || !message.has_read_reply()) return true;

@@ -1,5 +1,5 @@
-// Mutants: actors with one rule broken on purpose, nearly each a wrapper around the real actor, so that no
-// program holds the means to break it. The simulator must notice, by a rule that speaks of what was broken.
+// Mutants: actors that break one rule on purpose. Nearly all wrap the real actor, so no production program contains
+// code that breaks the rule. The simulator must report the violation by a rule about the broken behaviour.
 #pragma once
 
 #include <functional>
@@ -15,18 +15,18 @@ namespace moondb::simulation {
 struct Mutant {
   std::string name;
   std::string what;
-  std::vector<std::string> invariants;  // Whichever is broken first is one of these.
-  std::uint64_t seeds = 0;              // The rule is broken in one of the seeds 1 to this.
-  // For one run: what it keeps beyond its actors' lives begins anew.
+  std::vector<std::string> invariants;  // The first reported violation is of one of these rules.
+  std::uint64_t seeds = 0;              // At least one of the seeds from 1 to `seeds` breaks the rule.
+  // Installs the mutant for one run. State that must outlast its actors is created here, so each run starts without it.
   std::function<void(SimOptions& options)> apply;
   SimulatedActors actors = SimulatedActors::kSharing;
-  bool is_of_lies = false;        // Only seeds with a Byzantine agent notice. Other mutants run without one.
-  std::uint64_t likely_seed = 1;  // Tried first, to save time.
+  bool is_of_lies = false;        // Runs with a Byzantine agent; other mutants run without one.
+  std::uint64_t likely_seed = 1;  // The seed that is tried first, to save time.
 };
 
 const std::vector<Mutant>& Mutants();
 
-// For gtest.
+// Prints the parameter in gtest's messages.
 inline void PrintTo(const Mutant& mutant, std::ostream* out) { *out << mutant.what; }
 
 }  // namespace moondb::simulation

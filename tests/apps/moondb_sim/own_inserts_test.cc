@@ -21,7 +21,7 @@ proto::Message Reply(std::uint64_t request_id, std::uint64_t seq) {
   return message;
 }
 
-TEST(OwnInsertsTest, WhatIsAnsweredIsStoredOnce) {
+TEST(OwnInsertsTest, AnAnsweredInsertIsStoredOnce) {
   OwnInserts inserts;
   inserts.OnRequest(1, Request(7));
   inserts.OnRequest(2, Request(7));
@@ -33,7 +33,7 @@ TEST(OwnInsertsTest, WhatIsAnsweredIsStoredOnce) {
   EXPECT_EQ(inserts.OnReply(2, Reply(7, 3)).size(), 1u);
 }
 
-TEST(OwnInsertsTest, WhatIsRefusedOrWasAskedInAnotherLifeIsNotStored) {
+TEST(OwnInsertsTest, InsertsRefusedOrRequestedBeforeARestartAreNotStored) {
   OwnInserts inserts;
   inserts.OnRequest(1, Request(7));
   proto::Message refused = Reply(7, 3);

@@ -29,7 +29,7 @@ proto::RoleAssignment Roles() {
   return roles;
 }
 
-TEST(PruneCheckerTest, AllowsWhatLeaderAndSurvivorHad) {
+TEST(PruneCheckerTest, AllowsRecordsThatLeaderAndSurvivorHeld) {
   PruneChecker checker(3);
   checker.OnRoles(Roles());
   checker.OnAnswer(1, Held({1, 9}));
@@ -48,7 +48,7 @@ TEST(PruneCheckerTest, AsksNotTheAgentItself) {
   EXPECT_FALSE(checker.OnHave(Dropped({1, 9})));
 }
 
-TEST(PruneCheckerTest, AllowsNothingWhereOneDidNotAnswer) {
+TEST(PruneCheckerTest, AllowsNothingIfAnAgentDidNotAnswer) {
   PruneChecker checker(3);
   checker.OnRoles(Roles());
   checker.OnAnswer(1, Held({1, 9}));
@@ -56,7 +56,7 @@ TEST(PruneCheckerTest, AllowsNothingWhereOneDidNotAnswer) {
   EXPECT_TRUE(checker.OnHave(Dropped({1, 1})));
 }
 
-TEST(PruneCheckerTest, LooksAtNothingThatIsSuperseded) {
+TEST(PruneCheckerTest, IgnoresSupersededRecords) {
   const PruneChecker checker(3);
   HaveSet have;
   have[{3, 5, proto::POWER}].dropped.Add(7);

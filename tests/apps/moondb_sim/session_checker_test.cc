@@ -16,7 +16,7 @@ using testing::IsEmpty;
 
 constexpr StreamKey kStream{2, 7, proto::LOCAL_TRAVERSABILITY_MAP};
 
-// Batch `number` with one record, whose seq is the number too, and whose content is random bytes.
+// Batch `number` with one record of random bytes. The record's seq equals the batch number.
 proto::Message Batch(std::uint32_t number, std::size_t bytes, std::uint64_t remaining) {
   static std::mt19937_64 rng(1);
   std::string content(bytes, '\0');
@@ -35,7 +35,7 @@ proto::Message Batch(std::uint32_t number, std::size_t bytes, std::uint64_t rema
   return message;
 }
 
-// The acknowledgment of batch `number` from a receiver that has `seqs`.
+// The acknowledgment of batch `number` from a receiver that holds `seqs`.
 proto::Have Acknowledged(std::uint32_t number, IntervalSet::Interval seqs) {
   HaveSet have;
   have[kStream].held.Add(seqs);
@@ -63,7 +63,7 @@ class SessionCheckerTest : public testing::Test {
   SessionChecker checker_;
 };
 
-TEST_F(SessionCheckerTest, CountsWhatIsUnderWayUntilItIsAcknowledged) {
+TEST_F(SessionCheckerTest, CountsBytesInFlightUntilTheyAreAcknowledged) {
   EXPECT_THAT(BrokenBy(Batch(1, 3500, 9)), IsEmpty());
   EXPECT_THAT(BrokenBy(Batch(2, 3500, 9)), IsEmpty());
   EXPECT_THAT(BrokenBy(Batch(3, 3500, 9)), ElementsAre("unacked_bounded"));
@@ -72,14 +72,14 @@ TEST_F(SessionCheckerTest, CountsWhatIsUnderWayUntilItIsAcknowledged) {
   EXPECT_THAT(BrokenBy(Batch(4, 3500, 9)), IsEmpty());
 }
 
-TEST_F(SessionCheckerTest, HadRecordsCountAsAcknowledged) {
+TEST_F(SessionCheckerTest, CoveredRecordsCountAsAcknowledged) {
   EXPECT_THAT(BrokenBy(Batch(1, 3500, 9)), IsEmpty());
   EXPECT_THAT(BrokenBy(Batch(2, 3500, 9)), IsEmpty());
   checker_.OnHave(Acknowledged(2, {1, 2}));
   EXPECT_THAT(BrokenBy(Batch(3, 3500, 0)), IsEmpty());
 }
 
-TEST_F(SessionCheckerTest, LargeRecordTravelsInPieces) {
+TEST_F(SessionCheckerTest, ALargeRecordIsSentInFragments) {
   EXPECT_THAT(BrokenBy(Batch(1, 5'000, 9)), ElementsAre("unacked_bounded"));
   proto::Message whole = Batch(2, 5'000, 9);
   whole.set_record_id(ToString(RecordKey{kStream, 2}));
@@ -101,7 +101,7 @@ TEST_F(SessionCheckerTest, LargeRecordTravelsInPieces) {
   EXPECT_THAT(BrokenBy(Batch(5, 100, 0)), IsEmpty());
 }
 
-TEST_F(SessionCheckerTest, EndComesAfterAllElse) {
+TEST_F(SessionCheckerTest, TheEndIsSentLast) {
   EXPECT_THAT(BrokenBy(Batch(1, 100, 9)), IsEmpty());
   EXPECT_THAT(BrokenBy(Batch(2, 100, 0)), ElementsAre("end_is_last"));
 }

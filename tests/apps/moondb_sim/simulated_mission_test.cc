@@ -1,4 +1,4 @@
-// The rules of sharing hold in simulated missions with all faults, and the simulator notices where they do not.
+// Simulated missions with all faults: the rules of sharing hold, and the simulator reports when a mutant breaks them.
 #include "apps/moondb_sim/simulated_mission.h"
 
 #include <gmock/gmock.h>
@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint64_t kShards = 10;
 
-// MOONDB_SIM_SEEDS sets how many in all.
+// Returns the total number of seeds, which MOONDB_SIM_SEEDS sets.
 std::uint64_t SeedCount() {
   const char* text = std::getenv("MOONDB_SIM_SEEDS");
   return text == nullptr ? 280 : static_cast<std::uint64_t>(std::max(1, std::atoi(text)));
@@ -95,7 +95,7 @@ TEST(SimulatedMissionTest, SurvivorsTakeTheLeadInOneSeedOfThree) {
   EXPECT_GT(failovers, 0);
 }
 
-// Each of these seeds broke a rule once.
+// Regression test: each of these seeds once broke a rule.
 TEST(SimulatedMissionTest, KeepsAllRulesInSeedsThatBrokeOne) {
   struct Seed {
     std::uint64_t number;

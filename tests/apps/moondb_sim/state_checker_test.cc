@@ -25,7 +25,7 @@ RecordKey Key(std::uint64_t epoch, DataType type, std::uint64_t seq = 1) { retur
 
 class StateCheckerTest : public testing::Test {
  protected:
-  // Agent 1's robot gives it, and its disk has it under that name.
+  // Agent 1's robot inserts the record, and the disk stores it under this key.
   void Give(const RecordKey& key, const proto::Record& record) {
     checker_.OnGiven(1, record);
     Hold(1, key, record);
@@ -41,7 +41,7 @@ class StateCheckerTest : public testing::Test {
   StateChecker checker_;
 };
 
-TEST_F(StateCheckerTest, MissesTheStateGivenLastWhateverItsName) {
+TEST_F(StateCheckerTest, ReportsALostLatestStateRegardlessOfItsKey) {
   Give(Key(9, proto::POWER), Power(0.1));
   Give(Key(1, proto::POWER), Power(0.2));
   EXPECT_TRUE(IsOld(Key(9, proto::POWER), Power(0.1)));
@@ -49,12 +49,12 @@ TEST_F(StateCheckerTest, MissesTheStateGivenLastWhateverItsName) {
   EXPECT_FALSE(IsOld(Key(10, proto::POWER), Power(0.2))) << "stored once more";
   EXPECT_TRUE(checker_.WhyOld(2, 0, {}).has_value());
   EXPECT_FALSE(checker_.WhyOld(3, 3, {}).has_value()) << "of the third's own states";
-  checker_.OnGiven(1, Power(0.3));  // Nobody says that it is stored; it may be.
+  checker_.OnGiven(1, Power(0.3));  // Not reported as stored, but it may be.
   EXPECT_FALSE(IsOld(Key(1, proto::POWER), Power(0.2)));
   EXPECT_FALSE(IsOld(Key(1, proto::POWER, 2), Power(0.3)));
 }
 
-TEST_F(StateCheckerTest, AsksForNothingThatWentWithItsDisks) {
+TEST_F(StateCheckerTest, IgnoresStatesThatWereLostWithAllDisks) {
   Give(Key(1, proto::POWER, 1), Power(0.1));
   Hold(2, Key(1, proto::POWER, 1), Power(0.1));
   Give(Key(1, proto::POWER, 2), Power(0.2));
