@@ -138,7 +138,7 @@ int main(int argc, char** argv) {
   moondb::Options options;
   moondb::Command app("history_bench", "Measures inserting states whose predecessors are kept.");
   app.AddOption("--inserts", options.inserts, "States, of one key (100000)").Within(1u, 100'000'000u);
-  app.AddOption("--folder", options.folder, "Where the stores are made, on the disk to measure").ExistingFolder();
+  app.AddOption("--folder", options.folder, "Folder for the stores, on the disk to measure").ExistingFolder();
   app.AddOption("--history-mb", options.history_mb, "retention.history_mb_max (64)").Within(0.0, 1e6);
   if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
   return moondb::RunBench(options);

@@ -6,12 +6,12 @@ Usage: lost_disk_trials.py PROGRAMS [--trials N] [--case wiped|restored|both] [-
 
 A team of four on this machine. In each trial one agent, a rover, the leader or the survivor in turn, inserts a state, it
 is synced and replicated, and the agent is killed. Its disk is then wiped (case `wiped`), or a `moonctl db backup` of
-before that state is put back (case `restored`), which lives through one or two processes. The agent inserts a newer state
-at a random moment of its first seconds; when that was acknowledged, everything is synced and replicated again. Lost is a
-state that is not what the agent, the leader and the survivor hold in the end, read from their files by SQLite alone, and
-a node that was acknowledged and is not held by all three.
+before that state is put back (case `restored`), which runs for one or two processes. The agent inserts a newer state
+at a random moment of its first seconds; when that was acknowledged, everything is synced and replicated again. A state is lost
+if the agent, the leader and the survivor hold another one in the end, as SQLite reads their files. A node is lost if it
+was acknowledged and one of the three lacks it.
 
-Prints one JSON object; ends with 1 where anything was lost.
+Prints one JSON object; exit code 1 if anything was lost.
 """
 import argparse
 import contextlib

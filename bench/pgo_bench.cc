@@ -91,12 +91,11 @@ int main(int argc, char** argv) {
       .ExistingFolder();
   app.AddOption("--threads", options.threads, "Threads of each solve").Within(1, 64);
   app.AddOption("--seeds", options.seeds, "Also simulated teams with the seeds 1 to this").Within(0, 1000);
-  app.AddOption("--redraws", options.redraws, "Also each mission with its noise drawn anew, so many times")
-      .Within(0, 1000);
+  app.AddOption("--redraws", options.redraws, "Also each mission with this many redraws of its noise").Within(0, 1000);
   app.AddOption("--unknown-starts", options.unknown_starts,
                 "Also so many simulated teams in which two rovers do not know where they began")
       .Within(0, 1000);
-  app.AddOption("--only", options.only, "Of the simulated teams those whose name holds this");
+  app.AddOption("--only", options.only, "Run only simulated teams whose name contains this text");
   app.AddFlag("--json", options.is_json, "One JSON object instead of a table");
   app.AddFlag("--ours-only", options.is_ours_only, "Without plain least squares from odometry beside each graph");
   app.AddOption("--plots", options.plots, "Writes a PNG picture of each graph's trajectories into this folder")

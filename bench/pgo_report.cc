@@ -61,7 +61,7 @@ void Write(const RedrawRun& run, JsonWriter& json) {
   json.BeginObject().Key("name").String(run.name).Key("draws").Number(run.draws);
   Write(run.methods, json);
   json.Key("others").BeginArray();
-  Write("told which ranges are long", run.without_bursts, json);
+  Write("long ranges known", run.without_bursts, json);
   json.EndArray().EndObject();
 }
 
@@ -125,7 +125,7 @@ std::string TableOf(const std::vector<RedrawRun>& redraws) {
   std::string text;
   for (const RedrawRun& run : redraws) {
     Table table = MethodTable(run.methods);
-    Add("told which ranges are long", run.without_bursts, table);
+    Add("long ranges known", run.without_bursts, table);
     text += fmt::format("{}, {} redraws of its noise\n{}\n", run.name, run.draws, table.Text());
   }
   return text;

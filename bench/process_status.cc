@@ -27,7 +27,7 @@ std::int64_t ResidentBytes() {
   std::ifstream file("/proc/self/statm");
   std::int64_t size_pages = 0;
   std::int64_t resident_pages = 0;
-  Check(static_cast<bool>(file >> size_pages >> resident_pages), "the kernel tells a process's size");
+  Check(static_cast<bool>(file >> size_pages >> resident_pages), "the kernel reports a process's size");
   return resident_pages * ::sysconf(_SC_PAGESIZE);
 }
 

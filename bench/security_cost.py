@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
-"""What it costs a team to believe nobody: real teams of four agents on loopback, one with keys and one without
-(`insecure`), at rest and while their roles are swapped again and again.
+"""Measures the cost of authentication: real teams of four agents on loopback, one with keys and one without
+(`insecure`), while idle and while their roles are swapped again and again.
 
 Usage: security_cost.py PROGRAMS [--seconds S] [--swaps N] [--pairs N] [--json FILE]
     PROGRAMS   folder of moonctl and moondb_agent
-    --seconds  how long the teams are watched at rest (30)
+    --seconds  how long the teams are watched idle (30)
     --swaps    how many swaps there are, one a second (15; an agent takes 20 changes of one issuer at once)
     --pairs    how often both teams are watched, in turn (3)
 
-Prints, and writes as JSON: the processor time of all four agents as a share of one processor, with keys and without, and
-what each agent sent to each other one for a swap, frames as handed to the socket. Medians of the pairs.
+Prints, and writes as JSON: the processor time of all four agents as a share of one processor, with keys and without. Also prints
+the frames that each agent handed to the socket of each other agent for a swap. Medians of the pairs.
 """
 import argparse
 import contextlib
@@ -106,7 +106,7 @@ def main():
               for name in ("with_keys", "without")}
     result["pairs"] = pairs
     for name, figures in list(result.items())[:2]:
-        print(f"{name:9}  at rest {100 * figures['idle']:.2f} % of a processor, a swap a second "
+        print(f"{name:9}  idle {100 * figures['idle']:.2f} % of a processor, a swap a second "
               f"{100 * figures['swapping']:.2f} %; a swap takes {figures['bytes_a_swap_median']:.0f} bytes on a link, "
               f"{figures['bytes_a_swap_max']:.0f} at most")
     if options.json:

@@ -89,7 +89,7 @@ int main(int argc, char** argv) {
   program.name = "sharing_bench_agent";
   program.add_options = [&ping](moondb::Command& app) {
     app.AddOption("--ping", ping.to, "Agent to send control messages to");
-    app.AddOption("--ping-file", ping.file, "Where to write how long they took");
+    app.AddOption("--ping-file", ping.file, "File for the round-trip times");
   };
   program.make_actors = [&ping](moondb::AgentId, const moondb::proto::TeamConfig&) {
     return moondb::Result<std::vector<moondb::OwnActor>>(moondb::MakeActors(ping));

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Counts what crosses the sockets when a real team shares a whole mission, as wire_bench counts it: moondb_agent processes
-under CURVE, over TCP on a loopback device that nobody else uses (a network namespace of its own; needs root).
+"""Counts the bytes that cross the sockets when a real team shares a whole mission. The agents are moondb_agent processes
+under CURVE, over TCP on the loopback device of a network namespace of their own (needs root).
 
 Each rover's agent is given its records. Two more agents have none: the leader, to which all is synced, and the
 designated survivor, to which the leader replicates all. So every record crosses twice, and each of the two is what one
@@ -11,9 +11,9 @@ Usage: socket_bytes.py PROGRAMS MISSION [CODEC] [--json]
     MISSION   rolling, single_view, or the folder of a recorded mission
     CODEC     compact, the default; zstd, plain; or paper_sql, whose statements are then sent in earnest
 
-Of each crossing: records acknowledged and coded bytes as the sessions count them; bytes and packets on the device
-(payload, ZeroMQ, CURVE, acknowledgments, TCP and IP in packets of at most 1,500 bytes, both ways); paper_sql, which
-wire_bench computes; and how many times smaller than that the device's bytes are.
+For each crossing: records acknowledged and coded bytes as the sessions count them. Also bytes and packets on the device
+in both directions: payload, ZeroMQ, CURVE, acknowledgments, TCP and IP, in packets of at most 1,500 bytes. Then the size
+under paper_sql, which wire_bench computes, and how many times smaller the device's bytes are.
 """
 import argparse
 import json

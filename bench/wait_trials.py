@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Counts how often `sync now --wait` and `replicate now --wait` say that all is there while it is not: real teams of four
-agents in network namespaces at 1 Mbit/s each (tests/apps/network_lab.py), with roles that change and disks that are lost.
+"""Counts how often `sync now --wait` and `replicate now --wait` report success although records are missing. Runs real teams
+of four agents in network namespaces at 1 Mbit/s each (tests/apps/network_lab.py); roles change and disks are lost.
 
 Usage: wait_trials.py PROGRAMS SCENARIO [--trials N] [--teams N] [--seed N] [--json FILE]
     PROGRAMS   folder of moonctl, moondb_agent, moondb_mission and moondb_replay
@@ -15,9 +15,9 @@ Usage: wait_trials.py PROGRAMS SCENARIO [--trials N] [--teams N] [--seed N] [--j
     --trials   in all (40); --teams of them side by side (1)
     --json     the trials one by one, and the counts
 
-Each trial inserts records, notes what the running agents' database files hold, changes what the scenario says, runs the
-two commands, and at once looks into the database files of leader and survivor with sqlite3: nothing that existed before
-`sync now` may be missing there, with its content. A command claims that all is there when it exits with 0, or with 3 and
+Each trial inserts records, reads the running agents' database files, makes the change of the scenario and runs the two
+commands. Then it reads the database files of leader and survivor with sqlite3: no record that existed before `sync now`
+may be missing there. A command claims that all is there when it exits with 0, or with 3 and
 "is_acknowledged": then of all agents that run. A trial is early when both claim so and anything is missing. It is late
 when a command ran to its limit although everything that existed at the request was there; `restart` counts each run to
 the limit as late.

@@ -7,6 +7,7 @@
 #include "apps/moondb_mission/mission_maker.h"
 #include "apps/moondb_mission/random.h"
 #include "bench/rolling_maps.h"
+#include "model/data_types.h"
 #include "model/record_check.h"
 #include "model/record_key.h"
 

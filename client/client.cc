@@ -291,7 +291,7 @@ Result<MergedTiles> Client::NextMapTiles(proto::MapTilesRequest& request) {
     if (!tiles) return tl::unexpected(tiles.error());
     if (first && part.merger_id() != first->merger_id()) {
       request.clear_merger_id();
-      return Fail(ErrorCode::kUnavailable, "the agent began to merge anew; ask again");
+      return Fail(ErrorCode::kUnavailable, "the agent restarted its merging; ask again");
     }
     all.tiles.insert(all.tiles.end(), std::make_move_iterator(tiles->begin()), std::make_move_iterator(tiles->end()));
     if (!first) first = part;

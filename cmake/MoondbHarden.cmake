@@ -1,5 +1,5 @@
-# Hardening options that end a program on a memory fault before an attacker can use the fault: checked buffers of the C
-# library, guarded stacks, checked jumps, and linker tables that are read-only after the start.
+# Hardening options that end a program on a memory fault before an attacker can use the fault. They check buffers of the
+# C library, stacks and jumps, and make linker tables read-only after the start.
 add_compile_options(-fstack-protector-strong -fstack-clash-protection)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(aarch64|arm64)$")
   add_compile_options(-mbranch-protection=standard)

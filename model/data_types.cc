@@ -301,4 +301,12 @@ const DataTypeRow* FindDataType(DataType type) {
   return found == kRows.end() || found->type != type ? nullptr : &*found;
 }
 
+int SharingRank(DataType type) {
+  if (type == proto::DATA_TYPE_UNSPECIFIED) return static_cast<int>(ShareRank::kStates);
+  const DataTypeRow* row = FindDataType(type);
+  return static_cast<int>(row == nullptr ? ShareRank::kOthers : row->rank);
+}
+
+bool IsState(DataType type) { return SharingRank(type) == static_cast<int>(ShareRank::kStates); }
+
 }  // namespace moondb

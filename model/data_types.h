@@ -85,4 +85,9 @@ std::span<const DataTypeRow> DataTypeRows();
 // Returns null for a type without a row (unknown or custom).
 const DataTypeRow* FindDataType(DataType type);
 
+// Returns the ShareRank of a type; lower ranks are shared first. Messages without a type rank like
+// robot states; types without a row rank like custom types.
+int SharingRank(DataType type);
+bool IsState(DataType type);  // Returns whether the type has the rank of robot states.
+
 }  // namespace moondb

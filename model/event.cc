@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view kWasLost = " was lost";
 constexpr std::string_view kIsBack = ", and is back";
-constexpr std::string_view kUpToTimestamp = "up to stamp ";
+constexpr std::string_view kUpToTimestamp = "up to timestamp ";
 
 // Returns the subject of a finding. All losses and returns of a peer have one subject; other findings have the same
 // subject if their texts are equal.

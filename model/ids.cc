@@ -48,14 +48,6 @@ const std::vector<DataType>& BuiltInDataTypes() {
   return kTypes;
 }
 
-int SharingRank(DataType type) {
-  if (type == proto::DATA_TYPE_UNSPECIFIED) return static_cast<int>(ShareRank::kStates);
-  const DataTypeRow* row = FindDataType(type);
-  return static_cast<int>(row == nullptr ? ShareRank::kOthers : row->rank);
-}
-
-bool IsState(DataType type) { return SharingRank(type) == static_cast<int>(ShareRank::kStates); }
-
 std::string RoleName(proto::Role role) {
   return role == proto::ROLE_UNSPECIFIED ? "none" : ToCase(proto::Role_Name(role).substr(5), std::tolower);
 }

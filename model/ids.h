@@ -45,11 +45,6 @@ std::optional<DataType> DataTypeFromName(std::string_view name);
 // Returns the built-in types in the order of their numbers.
 const std::vector<DataType>& BuiltInDataTypes();
 
-// Returns the ShareRank of a type (model/data_types.h); lower ranks are shared first. Messages without a type rank like
-// robot states; types without a row rank like custom types.
-int SharingRank(DataType type);
-bool IsState(DataType type);  // Returns whether the type has the rank of robot states.
-
 // Returns "rover", "leader", "designated_survivor" or "base_station"; "none" for ROLE_UNSPECIFIED.
 std::string RoleName(proto::Role role);
 

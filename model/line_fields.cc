@@ -47,7 +47,7 @@ std::uint64_t LineFields::Index() {
 std::int64_t LineFields::Timestamp() {
   const std::string_view text = Take();
   const std::optional<std::int64_t> timestamp_ns = ParseTimestampNs(text);
-  if (!timestamp_ns) Stop("'" + std::string(text) + "' is no stamp in seconds");
+  if (!timestamp_ns) Stop("'" + std::string(text) + "' is not a timestamp in seconds");
   return timestamp_ns.value_or(0);
 }
 

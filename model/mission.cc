@@ -20,7 +20,7 @@ constexpr std::string_view kAgentsHeading =
     "agent_id,name,kind,key,start_x_m,start_y_m,start_z_m,start_yaw_rad,start_sigma_m,start_sigma_rad,antenna_x_m,"
     "antenna_y_m,antenna_z_m";
 constexpr std::string_view kMapsHeading =
-    "map_id,agent_id,timestamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,layers,cells_per_side,"
+    "map_id,agent_id,stamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,layers,cells_per_side,"
     "finest_resolution_m,file";
 constexpr double kMicrometresPerMetre = 1e6;
 constexpr std::size_t kAgentsMax = 52;  // Number of letters, capital and small.
@@ -64,7 +64,7 @@ class CsvRow {
   std::int64_t Timestamp(std::string_view column) {
     const std::string_view text = fields_[next_++];
     const std::optional<std::int64_t> timestamp_ns = ParseTimestampNs(text);
-    if (!timestamp_ns) Stop(std::string(column) + ": '" + std::string(text) + "' is no stamp in seconds");
+    if (!timestamp_ns) Stop(std::string(column) + ": '" + std::string(text) + "' is not a timestamp in seconds");
     return timestamp_ns.value_or(0);
   }
 
@@ -276,7 +276,7 @@ MissionMap ReadMap(CsvRow& row, const Mission& mission) {
   map.id = row.Text("map_id");
   map.agent = static_cast<AgentId>(row.Count("agent_id", 1, kAgentIdMax));
   if (!FindAgent(mission, map.agent)) row.Stop("agent_id: agents.csv has no agent " + std::to_string(map.agent));
-  map.timestamp_ns = row.Timestamp("timestamp_s");
+  map.timestamp_ns = row.Timestamp("stamp_s");
   map.node = ReadNodeKey(row, mission);
   if (map.node.agent != map.agent) row.Stop("node: is not agent " + std::to_string(map.agent) + "'s");
   const double x_m = row.Number("node_from_map_x_m", -1000, 1000);

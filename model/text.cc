@@ -52,7 +52,8 @@ Result<void> CheckRegularFile(const std::filesystem::path& file) {
   std::error_code failure;
   const std::filesystem::file_status status = std::filesystem::status(file, failure);
   if (!std::filesystem::exists(status)) return Fail(ErrorCode::kNotFound, "no such file", file.string());
-  if (!std::filesystem::is_regular_file(status)) return Fail(ErrorCode::kInvalid, "is no regular file", file.string());
+  if (!std::filesystem::is_regular_file(status))
+    return Fail(ErrorCode::kInvalid, "is not a regular file", file.string());
   return {};
 }
 

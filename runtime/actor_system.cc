@@ -330,7 +330,7 @@ void ActorSystem::Impl::OnStepDown(const Address& actor, const Error& error) {
 
 void ActorSystem::Impl::OnBeyondHelp(const Address& actor, const Error& error) {
   if (is_fatal_.exchange(true)) return;
-  const Error fatal{error.code, "actor " + ToString(actor) + " is beyond help: " + ToString(error), {}};
+  const Error fatal{error.code, "actor " + ToString(actor) + " has failed permanently: " + ToString(error), {}};
   spdlog::critical("{}", ToString(fatal));
   if (!options_.on_fatal) std::abort();
   options_.on_fatal(fatal);

@@ -88,7 +88,7 @@ const char* TraceWord(proto::TraceKind kind) {
     case proto::TRACE_STEPPED_DOWN:
       return "made the agent give up its role";
     case proto::TRACE_BEYOND_HELP:
-      return "is beyond help";
+      return "has failed permanently";
     default:
       return "?";
   }

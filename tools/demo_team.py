@@ -1,8 +1,8 @@
 """Runs a mission through a team of real processes and reports what came of it (see tools/demo).
 
-The story, in mission order: feed the first half; sync, replicate, optimise; while the second half is fed, swap leader and
-designated survivor; sync, replicate and optimise again; kill the new leader with SIGKILL; let the survivor take over by
-command, name a new survivor, and carry on with everything. All that is reported is read back from the agents.
+It feeds the first half of the mission, syncs, replicates and optimises. While it feeds the second half, it swaps leader
+and designated survivor; then it syncs, replicates and optimises again. It kills the new leader with SIGKILL. The survivor
+takes over by command, and a new survivor is named. All figures of the report are read back from the agents.
 """
 import argparse
 import contextlib
@@ -117,7 +117,7 @@ def mission_seconds(folder):
     """Returns the timestamp of the mission's last map in seconds."""
     with open(folder / "maps.csv", encoding="utf-8") as file:
         header = file.readline().rstrip("\n").split(",")
-        column = header.index("timestamp_s")
+        column = header.index("stamp_s")
         return max(float(line.split(",")[column]) for line in file if line.strip())
 
 

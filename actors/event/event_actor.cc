@@ -35,7 +35,7 @@ void EventActor::OnStart(Context& context) {
   if (restarts == 0) {
     Log(context, proto::EVENT_KIND_STARTED, "started, moondb " + options_.version);
   } else {
-    Log(context, proto::EVENT_KIND_RESTART, "the actor event failed, and was made anew (moonctl trace)");
+    Log(context, proto::EVENT_KIND_RESTART, "the actor event failed and was restarted (moonctl trace)");
   }
   // The ids start at a random number, so that a reply to a request from before a restart matches no current request.
   next_request_id_ = context.rng()() | 1;
@@ -100,7 +100,7 @@ void EventActor::OnPeriod(Context& context) {
   (void)context.AfterTimer(options_.period, kPeriod);
   for (const proto::ActorStatus& actor : context.GetSystemStatus().actors) {
     LogRise(context, proto::EVENT_KIND_RESTART, "system", actor.name(), actor.restarts(),
-            "failures of the actor " + actor.name() + ", which was made anew (moonctl trace)");
+            "failures of the actor " + actor.name() + ", which was restarted (moonctl trace)");
   }
   heard_.insert("system");
   proto::ControlRequest request;

@@ -47,7 +47,7 @@ std::string LeaseText(const proto::LeaseRequest& lease) {
 std::string PruneText(const proto::PruneOrder& prune) {
   if (prune.is_dry_run()) return "";
   std::string text = prune.is_history()      ? "db prune history"
-                     : prune.occluded_maps() ? "db prune beaten maps"
+                     : prune.occluded_maps() ? "db prune occluded maps"
                                              : "db prune";
   for (const DataType type : prune.data_types()) text += " " + DataTypeName(type);
   char limit[64];

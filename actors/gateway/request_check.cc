@@ -218,7 +218,7 @@ Result<void> CheckPrune(const proto::PruneOrder& prune) {
     return Fail(ErrorCode::kInvalid, "too many data types", "prune.data_types");
   }
   if (prune.occluded_maps() && !prune.data_types().empty()) {
-    return Fail(ErrorCode::kInvalid, "beaten maps are maps: no types beside them", "prune.data_types");
+    return Fail(ErrorCode::kInvalid, "fully occluded maps are maps: name no data types with them", "prune.data_types");
   }
   if (prune.occluded_maps() && prune.is_history()) {
     return Fail(ErrorCode::kInvalid, "maps are never superseded: no history of them is kept", "prune.is_history");
@@ -253,7 +253,7 @@ Result<void> CheckMapWhy(const proto::MapWhyRequest& why) {
 
 Result<void> CheckAcknowledge(const proto::AcknowledgeRequest& acknowledge) {
   if (acknowledge.until_ns() >= 0) return {};
-  return Fail(ErrorCode::kInvalid, "must be the stamp of a finding, or 0", "acknowledge.until_ns");
+  return Fail(ErrorCode::kInvalid, "must be the timestamp of a finding, or 0", "acknowledge.until_ns");
 }
 
 Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRequest& request) {

@@ -68,7 +68,7 @@ Result<void> CheckBox(const CellBox& box, const MergeGrid& grid) {
   return Fail(ErrorCode::kFull, "the maps span " + std::to_string(box.width()) + " x " + std::to_string(box.height()) +
                                     " cells of " + std::to_string(grid.resolution_um) +
                                     " um; a merged map holds at most " + std::to_string(grid.side_cells_max) +
-                                    " a side: merge fewer agents or coarser");
+                                    " a side: merge fewer agents, or quarantine maps that lie far away");
 }
 
 // Copies one row of a tile within `part`, eight cells at a time.

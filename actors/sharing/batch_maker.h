@@ -1,7 +1,7 @@
 // BatchMaker: makes the batches of one session from the records that storage reports as missing at the destination.
 //
 // One batch is ready at a time. It holds as many records as fit into one message, or the next fragment of a record that
-// does not fit (pieces.h). BatchMaker estimates how many records fit from the ratio of coded bytes to content bytes.
+// does not fit (fragments.h). BatchMaker estimates how many records fit from the ratio of coded bytes to content bytes.
 // Batch numbers count from 1 and restart with the session. Each batch says how many records remain after it. The last
 // batch says 0, carries the dropped intervals, and holds no record if none was missing.
 //

@@ -83,7 +83,7 @@ std::string BundleWriter::Finish() {
 
 Result<proto::BundleFile> ReadBundle(std::string_view file, const VisitBundled& visit) {
   const std::size_t version_at = kMagic.size() - 2;
-  if (!file.starts_with(kMagic.substr(0, version_at))) return Corrupt("is no bundle of moondb");
+  if (!file.starts_with(kMagic.substr(0, version_at))) return Corrupt("is not a moondb bundle");
   if (!file.starts_with(kMagic))
     return Corrupt("is a bundle of another version than 1, which is what this moondb reads");
   if (file.size() > kBundleBytesMax) return Corrupt("is larger than a bundle may be (16 MiB)");

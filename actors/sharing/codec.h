@@ -64,7 +64,7 @@ class SharingEncoder {
   // with these exceptions. CODEC_COMPACT without maps falls back to a zstd frame or the uncompressed form if that is
   // smaller; CODEC_ZSTD falls back to the uncompressed form. CODEC_PAPER_SQL encodes the first record as a statement,
   // or the batch in one of the other two forms if that record has no statement. Encoding the first batch of a run is
-  // deterministic, which fragments rely on (pieces.h).
+  // deterministic, which fragments rely on (fragments.h).
   CodedBatch Encode(proto::Codec codec, const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:

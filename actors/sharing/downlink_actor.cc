@@ -90,10 +90,10 @@ void DownlinkActor::OnLoaded(Context& context, const proto::LoadBundlesReply& re
   const std::uint64_t bytes_max = orders_.front().request.bytes_max();
   if (bytes_max == 0) return AskForRecords(context);
   if (reply.waiting_size() >= kBundlesWaitingMax) {
-    return EndWithError(context,
-                        {ErrorCode::kRefused,
-                         std::to_string(reply.waiting_size()) + " bundles wait for the ground's acknowledgment already",
-                         {}});
+    return EndWithError(context, {ErrorCode::kRefused,
+                                  std::to_string(reply.waiting_size()) +
+                                      " bundles already wait for the ground station's acknowledgment",
+                                  {}});
   }
   bundle_.set_number(reply.last_number() + 1);
   bundle_.set_made_ns(context.utc_now_ns());

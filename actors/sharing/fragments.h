@@ -38,7 +38,7 @@ class FragmentCutter {
   // Starts behind the bytes that the receiver already holds (`had`), if these belong to `whole`.
   FragmentCutter(CodedBatch whole, std::uint32_t record_count, const PartOfWhole& covered);
 
-  // Returns the next batch, with codec, coded, record_count and piece filled in. It has at most `bytes_max` bytes of
+  // Returns the next batch, with codec, coded, record_count and fragment filled in. It has at most `bytes_max` bytes of
   // the whole. Requires: `bytes_max` is not 0.
   proto::Batch Next(std::size_t bytes_max);
   bool is_done() const { return next_ == whole_.bytes.size(); }

@@ -13,8 +13,8 @@
 //
 // A batch of an unknown session is refused with kNotFound, so its sender starts over at once. A damaged batch is
 // counted and dropped. If a batch depends on missing batches of its run, the receiver asks the sender for a new run
-// (run_decoders.h). Batches are accepted from any agent of the team, whatever its role or term, since records are
-// immutable and have unique keys.
+// (run_decoders.h). A batch may come from any agent of the team, whatever its role or term, since records are immutable
+// and have unique keys. Storage decides which of its records to accept (actors/storage/peer_authority.h).
 //
 // A plain state machine like SharingSession. Requires: the caller checked that the sender belongs to the team.
 #pragma once

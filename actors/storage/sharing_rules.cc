@@ -1,5 +1,7 @@
 #include "actors/storage/sharing_rules.h"
 
+#include "model/data_types.h"
+
 namespace moondb {
 
 namespace {

@@ -473,9 +473,9 @@ tl::unexpected<Error> Database::NotInPlace(const char* ending, const std::string
   LeaveAsItIs();  // A file that is now at this path may have its own log.
   return Fail(ErrorCode::kCorrupt, (*ending == 0 ? "database " : "the log of a database, ") + path_ + ending + ", " +
                                        what +
-                                       " while this agent had it open: what it stored now would be found by "
-                                       "nobody; put the file back and start the agent again, or start it "
-                                       "without it: peers fill an empty store again with what they have");
+                                       " while this agent had it open, so new records would be lost. Put the file "
+                                       "back and restart the agent, or start it without the file: peers send "
+                                       "their records to an empty store");
 }
 
 Result<std::uint64_t> Database::UsedPageBytes() {

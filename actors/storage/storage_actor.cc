@@ -440,7 +440,7 @@ std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {
   const double free_min = retention.disk_free_mb_min() * kMegabyte;
   const bool has_disk = options_.vfs.empty() && store_->database().GetDiskSpace().has_value();
   if (has_disk && status.disk_free_bytes() < free_min) {
-    return Megabytes(status.disk_free_bytes()) + " of disk are free, fewer than the " + Megabytes(free_min) +
+    return Megabytes(status.disk_free_bytes()) + " of disk are free, less than the " + Megabytes(free_min) +
            " of retention.disk_free_mb_min";
   }
   const double budget = retention.store_mb_max() * kMegabyte;
@@ -498,7 +498,7 @@ void StorageActor::Tend(Context& context) {
 
 // Reopens the store. The rows are the same, so actors that have read from it continue.
 void StorageActor::Reopen(Context& context) {
-  spdlog::info("storage: the disk can be written again; opens {} anew", options_.path);
+  spdlog::info("storage: the disk can be written again; reopens {}", options_.path);
   store_.reset();
   disk_.NoteSuccess();
   if (OpenStore(context)) (void)context.AfterTimer(options_.tend_period, kTend);

@@ -92,7 +92,7 @@ Result<Statement> Prepare(sqlite3* connection, const std::string& sql, const std
   if (prepared == nullptr) return Fail(ErrorCode::kInvalid, "holds no statement", "query");
   if (!IsBlank(tail)) return Fail(ErrorCode::kInvalid, "holds more than one statement", "query");
   if (sqlite3_stmt_readonly(prepared) == 0 || sqlite3_column_count(prepared) == 0) {
-    return Fail(ErrorCode::kInvalid, "asks for nothing: only what reads is run", "query");
+    return Fail(ErrorCode::kInvalid, "is not a query: only SELECT statements are run", "query");
   }
   return statement;
 }

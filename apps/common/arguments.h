@@ -5,11 +5,11 @@
 //   app.AddOption("-t,--team", team, "Team file").EnvName("MOONDB_TEAM").Required();
 //   if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
 //
-// The root has the options -h and --help, and so has every command below it. An option without a dash in its name is an
-// argument, found by its place. Bound variables must outlive the command. A mistake in a definition, such as a name
-// that is used twice, throws. Not thread-safe.
+// The root command and every subcommand have the options -h and --help. An option whose name has no dash is a
+// positional argument. Bound variables must outlive the command. A mistake in a definition, such as a name that is used
+// twice, throws. Not thread-safe.
 //
-// CLI11 does the work. Only arguments.cc includes its headers, because they take several seconds to compile.
+// CLI11 parses. Only arguments.cc includes its headers, because they take several seconds to compile.
 #pragma once
 
 #include <concepts>
@@ -38,37 +38,37 @@ concept OptionValue = std::same_as<T, std::string> || std::same_as<T, int> || st
     std::same_as<T, std::optional<double>> || std::same_as<T, std::vector<std::string>> ||
     std::same_as<T, std::vector<std::int64_t>> || std::same_as<T, std::vector<std::uint64_t>>;
 
-// The types of bounds. `--help` and error messages name the type.
+// The types that can bound an option's value. `--help` and error messages name the type.
 template <typename T>
 concept OptionBound =
     std::same_as<T, int> || std::same_as<T, std::uint32_t> || std::same_as<T, std::uint64_t> || std::same_as<T, double>;
 
-// An option, a flag or an argument of a command, which owns it. Setters return the option itself.
+// An option, a flag or an argument. The command owns it. Setters return the option itself.
 class Option {
  public:
   Option(const Option&) = delete;
   Option& operator=(const Option&) = delete;
 
   Option& Required();
-  Option& TypeName(const std::string& name);  // In --help, in place of TEXT, INT and so on.
-  Option& DefaultShown();                     // --help shows the variable's value as it is now.
+  Option& TypeName(const std::string& name);  // Name of the value in --help, in place of TEXT, INT and so on.
+  Option& DefaultShown();                     // --help shows the variable's current value as the default.
   Option& DefaultShown(const std::string& text);
-  Option& EnvName(const std::string& name);        // The environment variable with the value, if no word gives one.
+  Option& EnvName(const std::string& name);        // Environment variable used if the option is not given.
   Option& Expected(int count_min, int count_max);  // Number of values.
   Option& Excludes(Option& other);                 // Parsing fails if both are given.
-  Option& Needs(Option& other);                    // Parsing fails if the other one is missing.
+  Option& Needs(Option& other);                    // Parsing fails if `other` is missing.
 
-  // Checks of each value.
+  // Each of these checks applies to every value of the option.
   template <OptionBound T>
-  Option& Within(T low, T high);  // Both included.
+  Option& Within(T low, T high);  // Both bounds are allowed values.
   Option& Positive();
   Option& OneOf(const std::vector<std::string>& values);
   Option& ExistingFolder();
 
-  std::string name() const;                             // "--agent"; of an argument its name.
-  const std::vector<std::string>& long_names() const;   // "agent".
-  const std::vector<std::string>& short_names() const;  // "a".
-  std::string type_name() const;                        // With the checks: "TEXT:{ros,png}".
+  std::string name() const;                             // "--agent"; the plain name of an argument.
+  const std::vector<std::string>& long_names() const;   // Without dashes: "agent".
+  const std::vector<std::string>& short_names() const;  // Without dashes: "a".
+  std::string type_name() const;                        // Type and checks: "TEXT:{ros,png}".
   const std::string& description() const;
   bool is_required() const;
   bool is_argument() const;
@@ -82,70 +82,70 @@ class Option {
   CLI::Option* option_;
 };
 
-// An example of a command, and whether it can be repeated.
+// An example of a command, and whether --watch may repeat the command.
 struct CommandNote {
   std::string example;      // As typed: "moonctl role set rover2 leader".
-  bool is_showing = false;  // Changes nothing, so that it can be repeated: --watch.
+  bool is_showing = false;  // The command changes nothing. --watch may repeat it.
 };
 
-// The end of a program whose command line asks for help or is wrong.
+// The reason why parsing ends the program: the command line asks for help or is wrong.
 struct ParseStop {
-  int exit_code = 0;  // 0: --help or --version, which has been printed. Else CLI11's number of the error.
+  int exit_code = 0;  // 0: --help or --version, already printed. Otherwise CLI11's error number.
   std::string error;  // One line; empty if exit_code is 0.
 };
 
-// A command with its options and the commands below it, which it owns; the root stands for the program. Setters return
-// the command itself.
+// A command. It owns its options and its subcommands. The root command stands for the program. Setters return the
+// command itself.
 class Command {
  public:
-  explicit Command(const std::string& name = "", const std::string& description = "");  // A root.
+  explicit Command(const std::string& name = "", const std::string& description = "");  // Makes a root command.
   ~Command();
   Command(const Command&) = delete;
   Command& operator=(const Command&) = delete;
 
-  // `names`: "-t,--team", or "file" for an argument.
+  // `names` is "-t,--team", or "file" for a positional argument.
   template <OptionValue T>
   Option& AddOption(const std::string& names, T& variable, const std::string& description = "");
-  // Takes the names of `choices` and their numbers.
+  // The option accepts the names in `choices` and stores the enumerator of the given name.
   template <typename Enum>
   Option& AddChoice(const std::string& names, Enum& variable, const std::map<std::string, Enum>& choices,
                     const std::string& description);
   Option& AddFlag(const std::string& names, bool& variable, const std::string& description = "");
-  // "--watch{2}" sets the variable to "2", and --watch=5 to "5".
+  // A flag with an optional value: with "--watch{2}", --watch sets the variable to "2" and --watch=5 sets it to "5".
   Option& AddFlag(const std::string& names, std::string& variable, const std::string& description = "");
   Option& AddVersionFlag(const std::string& names, const std::string& version);
   Command& AddSubcommand(const std::string& name, const std::string& description);
 
-  Command& RequireSubcommand();              // Parsing fails unless exactly one of the commands below is given.
-  Command& AllowSubcommand();                // At most one of the commands below can be given.
-  Command& Fallthrough();                    // Options of this command may stand behind commands added from now on.
-  Command& ShowDefaults();                   // --help shows the default of each option added from now on.
-  Command& Footer(const std::string& text);  // Ends --help.
-  Command& Callback(std::function<void()> callback);  // Called by Parse if the command was given.
+  Command& RequireSubcommand();  // Parsing fails unless exactly one subcommand is given.
+  Command& AllowSubcommand();    // At most one subcommand can be given.
+  Command& Fallthrough();        // Options of this command may follow subcommands that are added after this call.
+  Command& ShowDefaults();       // --help shows the default of each option that is added after this call.
+  Command& Footer(const std::string& text);           // Text at the end of --help.
+  Command& Callback(std::function<void()> callback);  // Parse calls `callback` if the command was given.
   Command& SetNote(CommandNote note);
 
-  // Reads a command line into the variables, then calls the callbacks. Returns nothing if the program is to go on.
-  // Prints help or the version if one of them is asked for. Does not print errors.
+  // Reads a command line into the variables, then calls the callbacks. Returns nothing if the program is to continue.
+  // Prints the help or the version if the command line asks for it. Does not print errors.
   std::optional<ParseStop> Parse(int argc, const char* const* argv);
-  // As above, for a line that begins with the program's name. Words with blanks stand in quotation marks.
+  // As above, for one string that begins with the program's name. Words that contain blanks must be quoted.
   std::optional<ParseStop> Parse(const std::string& line);
-  // As above, but also prints errors to stderr. Returns the exit code.
+  // As above, but also prints errors to stderr. Returns the exit code if the program is to end.
   std::optional<int> ParseOrReport(int argc, const char* const* argv);
 
   std::string Help() const;
   const std::string& name() const;
   std::string description() const;
-  const CommandNote* note() const { return note_ ? &*note_ : nullptr; }  // Null: it has none.
+  const CommandNote* note() const { return note_ ? &*note_ : nullptr; }  // Null: the command has no note.
   const Command* parent() const { return parent_; }                      // Null for the root.
   bool requires_subcommand() const;
-  bool is_given() const;                   // On the command line that was parsed last.
-  const Command* GivenSubcommand() const;  // The first one that was given. Null: none.
+  bool is_given() const;                   // The last parsed command line gave this command.
+  const Command* GivenSubcommand() const;  // The first given subcommand. Null: none was given.
 
-  // In the order in which they were added.
+  // Subcommands and options in the order in which they were added.
   std::vector<const Command*> subcommands() const;
   std::vector<Command*> subcommands();
-  std::vector<const Option*> options() const;  // The arguments and --help included.
-  // The command's own option that "--json" or "-a" names. Null: none.
+  std::vector<const Option*> options() const;  // Includes the arguments and --help.
+  // Returns the command's own option that `word` ("--json" or "-a") names. Null: it has no such option.
   const Option* FindOwnOption(const std::string& word) const;
 
  private:
@@ -154,7 +154,7 @@ class Command {
   Option& AddChoice(const std::string& names, std::function<void(int)> set,
                     const std::vector<std::pair<std::string, int>>& choices, const std::string& description);
 
-  std::unique_ptr<CLI::App> root_;  // Null below the root.
+  std::unique_ptr<CLI::App> root_;  // Null in subcommands.
   CLI::App* app_;
   const Command* parent_ = nullptr;
   std::optional<CommandNote> note_;

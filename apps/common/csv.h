@@ -1,4 +1,4 @@
-// CSV for spreadsheets and scripts, quoted as RFC 4180 has it. Pure.
+// CSV for spreadsheets and scripts, quoted by the rules of RFC 4180. Pure functions.
 #pragma once
 
 #include <string>
@@ -6,8 +6,8 @@
 
 namespace moondb {
 
-// One field that holds `text`: in quotes where it has a comma, a quote or a line's end, and where it is empty, so that
-// an empty text differs from a field without anything, which has no value.
+// Returns `text` as one field. Quotes it if it has a comma, a quote or a line break, or if it is empty: an empty text
+// then differs from a field without a value.
 std::string CsvField(std::string_view text);
 
 }  // namespace moondb

@@ -28,8 +28,8 @@ constexpr std::string_view kTeamIdKey = "team_id: ";
 constexpr std::string_view kAgentIdKey = "agent_id: ";
 constexpr std::size_t kSmallFileBytesMax = 4096;
 
-// Over the whole file; unlike flock it can be asked about without being taken for a moment, in which an agent that
-// starts would find it taken. The kernel's answer is in the type.
+// Describes a lock of the whole file. The kernel reports the state of such a lock in `l_type` without taking the lock.
+// flock cannot: a test with flock would hold the lock for a moment and could make a starting agent fail.
 struct flock LockOf(short type) {
   struct flock lock {};
   lock.l_type = type;
@@ -48,7 +48,7 @@ pid_t ReadPid(int descriptor) {
   return pid && *pid <= 0x7FFF'FFFF ? static_cast<pid_t>(*pid) : 0;
 }
 
-// The process that has locked the folder itself, by the kernel's list; 0: nobody, or it cannot be seen.
+// Returns the process that holds the flock of the folder, as /proc/locks lists it. 0: no process, or it is not visible.
 pid_t HolderOf(const std::filesystem::path& folder) {
   struct stat status {};
   if (::stat(folder.c_str(), &status) != 0) return 0;
@@ -56,10 +56,10 @@ pid_t HolderOf(const std::filesystem::path& folder) {
   std::snprintf(wanted, sizeof wanted, "%02x:%02x:%llu", major(status.st_dev), minor(status.st_dev),
                 static_cast<unsigned long long>(status.st_ino));
   std::ifstream locks("/proc/locks");
-  // "1: FLOCK  ADVISORY  WRITE 2443 00:1f:1234 0 EOF"
+  // Example of a line: "1: FLOCK  ADVISORY  WRITE 2443 00:1f:1234 0 EOF".
   std::string number, kind, advisory, write, pid, place, rest;
   while (locks >> number >> kind) {
-    if (kind == "->") locks >> kind;  // It waits for one.
+    if (kind == "->") locks >> kind;  // This process waits for a lock.
     locks >> advisory >> write >> pid >> place;
     std::getline(locks, rest);
     if (kind != "FLOCK" || write != "WRITE" || place != wanted) continue;
@@ -68,8 +68,8 @@ pid_t HolderOf(const std::filesystem::path& folder) {
   return 0;
 }
 
-// Whether the file holds this process' id now. Over what stands there, as a full disk has no room for another block; an
-// older id must not stay.
+// Returns false if an old process id may remain in the file. Overwrites the old content in place, because a full disk
+// has no space for another block. If that fails, empties the file.
 bool WritePid(int descriptor) {
   const std::string pid = std::to_string(::getpid()) + "\n";
   const auto size = static_cast<off_t>(pid.size());
@@ -187,7 +187,7 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
 
   const std::string file = folder / kPidFile;
   const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-  // Some network file systems lock no folder; on any other one that lock is enough.
+  // Some network file systems cannot lock a folder. Otherwise the lock of the folder suffices.
   if (descriptor < 0 && is_folder_locked && (errno == EROFS || errno == ENOSPC || errno == EIO)) return lock;
   if (descriptor < 0) return Fail(ErrorCode::kInternal, ErrnoText(), file);
   lock.descriptor_ = descriptor;
@@ -198,7 +198,7 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
   }
   if (WritePid(descriptor)) return lock;
   if (!is_folder_locked) return Fail(ErrorCode::kInternal, ErrnoText(), file);
-  // What stands there is another's id: nobody may take it for this one's.
+  // The file holds another process's id. Release its lock: readers must not take that process for the owner.
   ::close(std::exchange(lock.descriptor_, -1));
   return lock;
 }

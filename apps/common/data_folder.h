@@ -1,13 +1,13 @@
-// Where an agent keeps its data on this machine, and the lock that lets only one process have them.
+// An agent's data folder on this machine, and the lock that lets only one process use it.
 //
-// The lock is one of an open file (F_OFD_SETLK) on `agent.pid` in the folder, which holds the owner's process id: the
-// kernel frees it when the process dies, however it dies, so a file that is left behind means nothing. Beside it stands
-// a lock of the folder itself (flock): where the file cannot be written, on a disk that is full, fails or is read-only,
-// that one is all there is, and the kernel's list of locks says whose it is.
+// The lock is an open file description lock (F_OFD_SETLK) on `agent.pid` in the folder, which holds the owner's process
+// id. The kernel releases the lock when the process dies, so a leftover file means nothing. The folder itself is locked
+// too (flock). If `agent.pid` cannot be written, because the disk is full, faulty or read-only, only the flock protects
+// the folder, and the kernel's list of locks names the owner.
 //
-// An agent is found by its id, which is for ever, and not by its name: `agent.identity` in the folder says whose the
-// data are, and `agent.endpoint` where the clients of the process that holds the lock are let in, whatever the
-// environment was in which it was started. Of a folder whose lock is free the latter means nothing.
+// An agent's folder is found by the agent's id, which is permanent, and not by its name. `agent.identity` in the folder
+// names the owner of the data. `agent.endpoint` holds the client endpoint of the process that holds the lock,
+// independent of the environment in which that process was started. If the lock is free, `agent.endpoint` is stale.
 #pragma once
 
 #include <sys/types.h>
@@ -22,55 +22,55 @@
 
 namespace moondb {
 
-inline constexpr char kDatabaseFile[] = "moondb.sqlite";  // In an agent's data folder.
+inline constexpr char kDatabaseFile[] = "moondb.sqlite";  // Name of the file in an agent's data folder.
 
-// `moondb-data` in the team file's folder, which holds the folders of the agents of this machine.
+// Returns `moondb-data` in the team file's folder. It holds the data folders of this machine's agents.
 std::filesystem::path DefaultDataRoot(const std::filesystem::path& team_folder);
 
-// Whose data a folder holds.
+// The agent whose data a folder holds.
 struct DataOwner {
-  std::string team_id;  // As team files have it.
+  std::string team_id;  // In the form that team files use.
   AgentId agent = 0;
   bool operator==(const DataOwner&) const = default;
 };
 DataOwner DataOwnerOf(const proto::TeamConfig& team, const proto::AgentConfig& agent);
 
-// As the folder says; nothing where it says nothing that can be read.
+// Returns the owner that the folder's `agent.identity` names. Nothing if that file is missing or unreadable.
 std::optional<DataOwner> ReadDataOwner(const std::filesystem::path& folder);
 
-// The agent's folder in `root`, whether it is there or not: the one that says that it holds the data of this agent,
-// whatever its name (a plain one: a "rover1.old" is set aside); else `root`/NAME, or NAME-ID where another agent of the
-// team has that. kRefused where several say so, and none has the agent's name; where the folder holds another team's
-// data.
+// Returns the agent's folder in `root`, which need not exist. A folder that names this agent as its owner is chosen,
+// whatever the folder's name. Folders without a plain name, such as "rover1.old", are ignored. If there is no such
+// folder, returns `root`/NAME. Returns `root`/NAME-ID if another agent of the team owns `root`/NAME. kRefused if
+// several folders name this agent and none has its name, or if `root`/NAME holds another team's data.
 Result<std::filesystem::path> FindDataFolder(const std::filesystem::path& root, const proto::TeamConfig& team,
                                              const proto::AgentConfig& agent);
 
-// Lets the folder say whose data it holds, unless it does. kRefused if it says that they are another's, kInternal if it
-// cannot be written.
+// Writes the owner into the folder unless it is there. kRefused if the folder names another owner, kInternal if the
+// file cannot be written.
 Result<void> MarkDataFolder(const std::filesystem::path& folder, const DataOwner& owner);
 
-// Where the clients of the process that holds `folder` are let in, as it wrote; empty: it wrote nothing.
+// Returns the client endpoint that the process holding `folder` wrote. Empty: it wrote none.
 std::string ReadEndpoint(const std::filesystem::path& folder);
-// Writes only what is not there. kInternal if it cannot be written.
+// Writes the endpoint if the folder does not hold it yet. kInternal if it cannot be written.
 Result<void> WriteEndpoint(const std::filesystem::path& folder, const std::string& endpoint);
 
-// The process that holds `folder` now; 0: nobody.
+// Returns the process that holds `folder` now. 0: no process.
 pid_t OwnerOf(const std::filesystem::path& folder);
 
 class DataFolderLock {
  public:
-  // Makes the folder (0700) where it is missing, takes the locks, writes this process' id where the disk takes it.
-  // kRefused if another process has them, kInternal if the folder cannot be made, or locked.
+  // Creates the folder (0700) if it is missing, takes the locks, and writes this process' id if the disk accepts it.
+  // Returns kRefused if another process holds the locks, and kInternal if the folder cannot be made or locked.
   static Result<DataFolderLock> Take(const std::filesystem::path& folder);
 
   DataFolderLock(DataFolderLock&& other) noexcept;
   DataFolderLock& operator=(DataFolderLock&& other) = delete;
-  ~DataFolderLock();  // Frees it.
+  ~DataFolderLock();  // Releases the locks.
 
  private:
   explicit DataFolderLock(int folder) : folder_(folder) {}
   int folder_ = -1;
-  int descriptor_ = -1;  // Of agent.pid; -1: it holds no lock.
+  int descriptor_ = -1;  // Descriptor of the locked agent.pid. -1: none.
 };
 
 }  // namespace moondb

@@ -24,7 +24,7 @@ Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team) {
     (void)authority.Counts(FromProto(stored.key()), record);
     return {};
   };
-  // Which poses count is known once all assignments are.
+  // Read all role assignments first: they decide which poses are valid.
   if (auto read = client.ReadAll(RequestOf({proto::ROLE_ASSIGNMENT}), take); !read) return tl::unexpected(read.error());
   KnownGraph graph;
   const auto add = [&](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {

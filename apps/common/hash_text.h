@@ -1,4 +1,4 @@
-// A hash as people see it. Plain function, any thread.
+// Text form of a hash, for people. Pure function, thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// 16 hexadecimal digits.
+// Returns 16 hexadecimal digits.
 inline std::string HashText(std::uint64_t hash) {
   char text[20];
   std::snprintf(text, sizeof(text), "%016llx", static_cast<unsigned long long>(hash));

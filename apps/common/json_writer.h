@@ -1,7 +1,7 @@
 // JsonWriter: one JSON document, written from left to right, for `--json`.
 //
-// Commas and escapes are its own work; the order of calls is the caller's (a value after each Key). Messages come in as
-// text through Raw (see ToJson). Plain value, not thread-safe.
+// JsonWriter inserts commas and escapes. The caller is responsible for the order of calls: a value after each Key. Raw
+// adds messages as text (see ToJson). Plain value, not thread-safe.
 #pragma once
 
 #include <string>
@@ -22,15 +22,15 @@ class JsonWriter {
   JsonWriter& Key(std::string_view key);
 
   JsonWriter& String(std::string_view text);  // Bytes that are not UTF-8 become U+FFFD.
-  JsonWriter& Number(double value);           // null for what is not finite.
+  JsonWriter& Number(double value);           // Writes null if `value` is not finite.
   JsonWriter& Bool(bool value);
   JsonWriter& Null();
-  JsonWriter& Raw(std::string_view json);  // A whole value.
+  JsonWriter& Raw(std::string_view json);  // `json` is one complete value.
 
-  // {"code":"refused","field":"...","text":"..."}
+  // Writes {"code":"refused","field":"...","text":"..."}.
   JsonWriter& WriteError(const Error& error);
 
-  // {"team":"mission","agent":"rover1"}
+  // Writes {"team":"mission","agent":"rover1"}.
   JsonWriter& WriteNotes(const FileNotes& notes);
 
   const std::string& text() const { return text_; }
@@ -38,13 +38,13 @@ class JsonWriter {
  private:
   JsonWriter& Open(char bracket);
   JsonWriter& Close(char bracket);
-  void Separate();  // A comma where one is due.
+  void Separate();  // Writes a comma if one is due.
 
   std::string text_;
   bool is_comma_due_ = false;
 };
 
-// "not_found": the error's name for scripts.
+// Name of an error code for scripts, such as "not_found".
 std::string ErrorCodeName(ErrorCode code);
 
 }  // namespace moondb

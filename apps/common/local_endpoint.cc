@@ -20,12 +20,12 @@ std::string WhyNot(const std::string& agent, const std::string& path, int error)
   return "agent " + agent + ": " + path + ": " + std::strerror(error);
 }
 
-// The process runs, and where it says that it listens nobody does.
+// Explains why no client can connect although the process runs: no listener at the endpoint that it reported.
 std::string WhyNot(const std::string& agent, pid_t pid, const std::string& endpoint) {
   const std::string runs = "agent " + agent + " runs as process " + std::to_string(pid);
   if (endpoint.empty()) return runs + ", but has not said where its socket is; is its disk full?";
   return runs + ", but its socket " + endpoint.substr(std::min(kIpc.size(), endpoint.size())) +
-         " is gone; it makes it anew in a moment where it can, else start it again";
+         " is gone; the agent recreates it within seconds if it can; otherwise restart the agent";
 }
 
 bool IsSafe(const std::string& endpoint) {
@@ -37,7 +37,7 @@ bool IsSafe(const std::string& endpoint) {
 
 Result<LocalEndpoint> FindLocalEndpoint(const TeamFile& team, const proto::AgentConfig& agent) {
   LocalEndpoint found;
-  std::string reported;  // By the process itself.
+  std::string reported;  // The endpoint that the process itself reported.
   if (const auto folder = FindDataFolder(DefaultDataRoot(team.folder), team.config, agent)) {
     std::error_code error;
     found.was_here = std::filesystem::exists(*folder / kDatabaseFile, error);
@@ -62,7 +62,7 @@ Result<LocalEndpoint> FindLocalEndpoint(const TeamFile& team, const proto::Agent
     }
     const int error = try_at(*endpoint);
     if (error == 0) return found;
-    if (worst != 0 && error == ENOENT) continue;  // A socket that is there says more than one that is not.
+    if (worst != 0 && error == ENOENT) continue;  // An error of an existing socket explains more than a missing socket.
     worst = error;
     found.why = WhyNot(agent.name(), endpoint->substr(kIpc.size()), error);
   }

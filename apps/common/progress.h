@@ -1,5 +1,5 @@
-// Progress: how far long work is, on stderr: a bar that is drawn anew on a terminal, plain lines elsewhere (at most one
-// a second and the last; one in ten seconds while nothing but the text changes). Not thread-safe.
+// Progress: shows the progress of long work on stderr. A terminal gets a bar that is redrawn. Other outputs get plain
+// lines: at most one per second, or one per 10 s if only the text changes, and always the last one. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -10,9 +10,9 @@ namespace moondb {
 class Progress {
  public:
   explicit Progress(std::string label);
-  ~Progress();  // Ends the line.
+  ~Progress();  // Ends the open line.
 
-  // `done` of `total` (0: nothing to do); `text` stands behind the bar.
+  // Shows `done` of `total` (0: no work), with `text` after the bar.
   void Show(double done, double total, const std::string& text);
 
  private:

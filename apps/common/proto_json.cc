@@ -18,7 +18,8 @@ std::string ToJson(const google::protobuf::Message& message) {
 
 namespace {
 
-// Errors are of `field`, in protobuf's own words: the first line says what, the others show where.
+// Parses `json` into `message`. Errors name `field` and carry protobuf's message, whose first line gives the reason and
+// whose other lines give the position.
 Result<void> ParseJson(const std::string& json, const std::string& field, google::protobuf::Message* message) {
   if (json.find_first_not_of(" \t\r\n") == std::string::npos) {
     return Fail(ErrorCode::kInvalid, "expected a JSON object", field);
@@ -29,7 +30,7 @@ Result<void> ParseJson(const std::string& json, const std::string& field, google
   return Fail(ErrorCode::kInvalid, text.substr(0, text.find('\n')), field);
 }
 
-// Takes `name`_text out of `object`; nothing where it is absent.
+// Removes the text field NAME_text from `object` and returns its value. Nothing if the field is absent.
 Result<std::optional<std::string>> TakeText(const std::string& name, google::protobuf::Struct& object) {
   const auto found = object.fields().find(name + "_text");
   if (found == object.fields().end()) return std::nullopt;

@@ -11,7 +11,7 @@ namespace {
 constexpr char kRed[] = "\x1b[31m";
 constexpr char kPlain[] = "\x1b[0m";
 
-// Characters, not bytes, so that names in UTF-8 stay aligned.
+// Counts characters, not bytes, to keep names in UTF-8 aligned.
 std::size_t Width(const std::string& text) {
   return static_cast<std::size_t>(
       std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
@@ -32,7 +32,7 @@ std::string Format(const char* format, double value, const char* unit) {
 std::string Table::Text(bool is_colored) const {
   std::vector<std::size_t> widths;
   for (const auto& [row, tone] : rows_) {
-    // What is last in its row runs on freely.
+    // The last cell of a row is not padded.
     for (std::size_t i = 0; i + 1 < row.size(); ++i) {
       if (i >= widths.size()) widths.resize(i + 1, 0);
       widths[i] = std::max(widths[i], Width(row[i]));

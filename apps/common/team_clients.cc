@@ -11,7 +11,8 @@ namespace {
 constexpr std::size_t kSentRecordsMax = 512;
 constexpr std::size_t kSentBytesMax = 2'000'000;
 
-// Where clients with keys are let in, and the key by which they know the agent.
+// Returns the endpoint for clients with keys, and stores the agent's public key in `options`, so that the client can
+// authenticate the agent.
 Result<std::string> KeyedEndpoint(const TeamFile& team, const proto::AgentConfig& agent, Client::Options* options) {
   if (agent.client_address().empty()) {
     return Fail(ErrorCode::kUnavailable, agent.name() +

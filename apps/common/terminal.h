@@ -1,11 +1,11 @@
-// What stdout is. Plain functions, any thread.
+// Properties of stdout. Plain functions, thread-safe.
 #pragma once
 
 namespace moondb {
 
 bool IsOnTerminal();  // stdout is a terminal.
 
-// On a terminal that knows colours, unless NO_COLOR (no-color.org) is set to anything.
+// Returns true on a terminal that supports colours, unless NO_COLOR (no-color.org) has a value.
 bool AreColorsWanted();
 
 }  // namespace moondb

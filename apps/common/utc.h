@@ -1,4 +1,4 @@
-// Time of day as people write it, in UTC. Plain functions, any thread.
+// UTC time in text form. Plain functions, thread-safe.
 #pragma once
 
 #include <chrono>
@@ -8,10 +8,10 @@
 
 namespace moondb {
 
-// "2026-11-22T06:00Z", "2026-11-22T06:00:30Z", from 1678 to 2261; nothing for anything else.
+// Parses "2026-11-22T06:00Z" or "2026-11-22T06:00:30Z", from 1678 to 2261. Returns nothing for any other text.
 std::optional<std::chrono::sys_seconds> ParseUtc(const std::string& text);
 
-// Nanoseconds since 1970, by this machine's clock.
+// Returns the nanoseconds since 1970 by this machine's clock.
 std::int64_t UtcNowNs();
 
 }  // namespace moondb

@@ -1,5 +1,5 @@
-// What several agents answered to one question, as commands show it: each that was asked stands there, if only with why
-// it gave none.
+// The answers of several agents to one question, as commands show them. Every agent that was asked has an entry. An
+// agent that did not answer has an error as its entry.
 #pragma once
 
 #include <string>
@@ -20,12 +20,12 @@ struct AgentAnswer {
 template <typename T>
 using AgentAnswers = std::vector<AgentAnswer<T>>;
 
-// One that answered with an error, or does not let this client in, is there.
+// Returns true if the agent did not answer. An agent that answered with an error, or refused this client, is reachable.
 inline bool IsUnreachable(const Error& error) {
   return error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kTimedOut;
 }
 
-// kUnreachable where one did not answer; else that of the first error.
+// Returns kUnreachable if any agent did not answer, otherwise the exit code of the first error.
 template <typename T>
 ExitCode ExitCodeOf(const AgentAnswers<T>& answers) {
   ExitCode code = ExitCode::kDone;
@@ -37,7 +37,7 @@ ExitCode ExitCodeOf(const AgentAnswers<T>& answers) {
   return code;
 }
 
-// Begins one agent's object: its name, whether it answered, and the error if that is what it answered, or why not.
+// Begins the JSON object of one agent: its name, whether it answered, and its error if there is one.
 template <typename T>
 void BeginAgent(const AgentAnswer<T>& asked, JsonWriter& json) {
   const bool is_reachable = asked.answer.has_value() || !IsUnreachable(asked.answer.error());
@@ -45,7 +45,7 @@ void BeginAgent(const AgentAnswer<T>& asked, JsonWriter& json) {
   if (!asked.answer) json.Key("error").WriteError(asked.answer.error());
 }
 
-// For people, in place of an answer.
+// Text that people see in place of a missing answer.
 inline std::string WhyNoAnswer(const Error& error) {
   if (IsUnreachable(error)) return "unreachable: " + ToString(error);
   return (error.code == ErrorCode::kRefused ? "refused: " : "failed: ") + ToString(error);

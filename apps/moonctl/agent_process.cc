@@ -21,7 +21,7 @@ class SpawnSettings {
     ::posix_spawn_file_actions_init(&actions);
     ::posix_spawn_file_actions_adddup2(&actions, log, STDOUT_FILENO);
     ::posix_spawn_file_actions_adddup2(&actions, log, STDERR_FILENO);
-    // Last: `log` itself may be 0, where nothing else was open there.
+    // Must be last: `log` itself may be descriptor 0 if no other file was open.
     ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
     ::posix_spawnattr_init(&attributes);
     sigset_t none;
@@ -47,7 +47,8 @@ class SpawnSettings {
 }  // namespace
 
 Result<pid_t> StartProcess(const std::vector<std::string>& command, const std::filesystem::path& log) {
-  // Opened here and not by the child: a log that cannot be opened is told apart from a program that cannot be started.
+  // The parent opens the log, so that it can distinguish a log that cannot be opened from a program that cannot be
+  // started.
   const int log_file = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (log_file < 0)
     return Fail(ErrorCode::kInternal, std::string("cannot open: ") + std::strerror(errno), log.string());

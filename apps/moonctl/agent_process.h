@@ -1,4 +1,4 @@
-// Starting and ending moondb_agent processes on this machine, for `up` and `down`.
+// Starts and ends moondb_agent processes on this machine, for `up` and `down`.
 #pragma once
 
 #include <sys/types.h>
@@ -12,14 +12,14 @@
 
 namespace moondb {
 
-// Starts `command` in a session of its own, so that it outlives the terminal; stdin is /dev/null, stdout and stderr are
-// appended to `log` (0600). kInternal if the log cannot be opened or the program cannot be started.
+// Starts `command` in its own session, so that the process outlives the terminal. Uses /dev/null as stdin, and appends
+// stdout and stderr to `log` (0600). kInternal if the log cannot be opened or the program cannot be started.
 Result<pid_t> StartProcess(const std::vector<std::string>& command, const std::filesystem::path& log);
 
-// Whether a child of this process has ended; reaps it.
+// Returns true if this child process has ended, and reaps it.
 bool HasEnded(pid_t child);
 
-// The last line of `file` that is not empty, of at most its last 4 kB; empty if there is none.
+// Returns the last non-empty line within the last 4 kB of `file`. Empty: there is none.
 std::string LastLine(const std::filesystem::path& file);
 
 }  // namespace moondb

@@ -24,15 +24,16 @@ namespace moondb {
 namespace {
 
 constexpr char kHead[] =
-    "# Whose keys agents let in at their client_address: view looks, share also inserts, shares and solves,\n"
+    "# Clients that agents admit at their client_address, and their rights: view reads, share also inserts, shares and "
+    "solves,\n"
     "# command may do everything. Agents read it again when it changes; `moonctl clients` edits it.\n";
 
 struct ClientsArguments {
   std::string file;  // Empty: clients.yaml beside the team file.
   std::string name;
   std::string rights;
-  std::string public_key_file;  // Empty: keys are made.
-  std::string out;              // Of the secret key made; empty: NAME.sec in the user's own folder.
+  std::string public_key_file;  // Empty: new keys are made.
+  std::string out;              // File for the new secret key. Empty: NAME.sec in the user's folder.
   bool is_replacing = false;
 };
 
@@ -46,14 +47,14 @@ Result<std::filesystem::path> ListFile(CommandContext& context, const ClientsArg
   return Fail(ErrorCode::kInvalid, "which team? Give -t team.yaml, set MOONDB_TEAM, or give --file clients.yaml");
 }
 
-// A list that is not there yet is empty.
+// Reads the client list. A missing file is an empty list.
 Result<proto::ClientList> Read(const std::filesystem::path& file) {
   auto list = ReadClientList(file);
   if (!list && list.error().code == ErrorCode::kNotFound) return proto::ClientList();
   return list;
 }
 
-// While it lives, others that change files of the folder by moonctl wait.
+// Blocks other moonctl processes that change files in this folder, while this object exists.
 class FolderLock {
  public:
   static Result<FolderLock> Take(const std::filesystem::path& folder) {
@@ -75,15 +76,16 @@ class FolderLock {
   int folder_;
 };
 
-// A list on its way from the file back into it.
+// A client list that is being changed, with the lock of its folder.
 struct ListEdit {
   FolderLock lock;
   std::filesystem::path file;
-  std::string head;  // The comments with which the file begins.
+  std::string head;  // The comments at the top of the file.
   proto::ClientList list;
 };
 
-// The head, which stays; kRefused for comments elsewhere, which would be lost.
+// Returns the comments at the top of the file, which an edit keeps. kRefused if there are comments elsewhere, because
+// an edit would lose them.
 Result<std::string> HeadOf(const std::filesystem::path& file) {
   const auto text = ReadTextFile(file);
   if (!text) return kHead;
@@ -93,7 +95,7 @@ Result<std::string> HeadOf(const std::filesystem::path& file) {
   for (; rest.starts_with("#"); ++number) head += std::string(TakeLine(rest)) + "\n";
   for (; !rest.empty(); ++number) {
     const std::string_view line = TakeLine(rest);
-    // A key may hold a '#', but no blank.
+    // A key may contain '#', but no blank before it.
     if (!line.starts_with("#") && line.find(" #") == line.npos && line.find("\t#") == line.npos) continue;
     return Fail(ErrorCode::kRefused, "this comment would be lost: bring it to the head of the file, or edit it by hand",
                 FileLine(file.string(), number));
@@ -113,14 +115,14 @@ Result<ListEdit> BeginEdit(CommandContext& context, const ClientsArguments& argu
   return ListEdit{*std::move(lock), *std::move(file), *std::move(head), *std::move(list)};
 }
 
-// As the file is to be. The agents' reader is the judge.
+// Returns the new content of the file. Parses it with the agents' parser, whose errors are returned.
 Result<std::string> TextOf(const ListEdit& edit) {
   std::string text = ClientListText(edit.list, edit.head);
   if (auto read = ParseClientList(text, edit.file.string()); !read) return tl::unexpected(read.error());
   return text;
 }
 
-// Of the client in the list; -1: it is not there.
+// Returns the index of the client in the list. -1: the client is not listed.
 int IndexOf(const proto::ClientList& list, const std::string& name) {
   for (int i = 0; i < list.clients_size(); ++i) {
     if (list.clients(i).name() == name) return i;
@@ -139,7 +141,8 @@ Result<proto::ClientRights> ParseRights(const std::string& name) {
               "--rights");
 }
 
-// The key that is to be listed. One that is made here waits in `files`, to be published when the list is written.
+// Returns the public key for the list. Adds a newly made secret key to `files`, which the caller publishes before it
+// writes the list.
 Result<std::string> PublicKey(const ClientsArguments& arguments, const std::filesystem::path& secret_file,
                               NewFiles& files) {
   if (!arguments.public_key_file.empty()) return ReadPublicKey(arguments.public_key_file);
@@ -149,8 +152,8 @@ Result<std::string> PublicKey(const ClientsArguments& arguments, const std::file
   return keys->public_key;
 }
 
-// Where the secret of a key made here goes: to the user, since what lies beside the team file is copied to robots.
-// Empty where none is made.
+// Returns the path for a newly made secret key. The default is the user's folder, because files beside the team file
+// are copied to robots. Returns `out`, which may be empty, if no key is made.
 Result<std::filesystem::path> SecretFile(const ClientsArguments& arguments) {
   if (!arguments.public_key_file.empty() || !arguments.out.empty()) return std::filesystem::path(arguments.out);
   auto folder = UserFolder();
@@ -185,7 +188,7 @@ ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
   const auto text = TextOf(*edit);
   if (!text) return context.Report(text.error());
   const bool is_made = arguments.public_key_file.empty();
-  // Before the list, so that nobody is listed whose secret nobody has.
+  // Publish the secret key before the list, so that the list never names a client whose secret key was lost.
   if (auto published = files.Publish(); !published) return context.Report(published.error());
   if (auto written = WriteTextFile(edit->file, *text); !written) {
     std::error_code ignored;
@@ -237,14 +240,14 @@ ExitCode RevokeClient(CommandContext& context, const ClientsArguments& arguments
   if (auto written = WriteTextFile(edit->file, *text); !written) return context.Report(written.error());
   JsonWriter json;
   json.BeginObject().Key("revoked").String(arguments.name).EndObject();
-  return context.Done(json.text(), arguments.name + " may nothing any more at agents that have " + edit->file.string());
+  return context.Done(json.text(), arguments.name + " is revoked at all agents that have " + edit->file.string());
 }
 
 }  // namespace
 
 void AddClientsCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<ClientsArguments>();
-  Command& clients = app.AddSubcommand("clients", "Whose keys agents let in at their client_address, and for what");
+  Command& clients = app.AddSubcommand("clients", "Client keys and their rights");
   clients.RequireSubcommand();
   const auto command = [&](const char* name, const char* description, const CommandNote& note,
                            auto action) -> Command& {
@@ -256,7 +259,7 @@ void AddClientsCommands(Command& app, CommandContext& context) {
     });
     return added;
   };
-  Command& add = command("add", "List a client, with a key made now or its own",
+  Command& add = command("add", "Add a client, with a new key pair or with its own public key",
                          {"moonctl clients add anna --rights command"}, AddClient);
   add.AddOption("name", arguments->name, "Its name in the team's event log").Required().TypeName("NAME");
   add.AddOption("--rights", arguments->rights, "view, share (also insert, share, solve) or command (everything)")
@@ -265,15 +268,14 @@ void AddClientsCommands(Command& app, CommandContext& context) {
   Option& public_key = add.AddOption("--public-key", arguments->public_key_file,
                                      "File of the client's own public key, in place of a new one")
                            .TypeName("FILE");
-  add.AddOption("--out", arguments->out, "Where the secret key made goes (default: ~/.config/moondb/NAME.sec)")
+  add.AddOption("--out", arguments->out, "File for the new secret key (default: ~/.config/moondb/NAME.sec)")
       .TypeName("FILE")
       .Excludes(public_key);
-  add.AddFlag("--replace", arguments->is_replacing, "Of a client that is listed: its old key is known no longer");
-  command("list", "Who is listed", {"moonctl clients list"}, ListClients);
-  Command& revoke =
-      command("revoke", "A key is known no longer, also where it is connected now: from its next request on",
-              {"moonctl clients revoke anna"}, RevokeClient);
-  revoke.AddOption("name", arguments->name, "Of the client").Required().TypeName("NAME");
+  add.AddFlag("--replace", arguments->is_replacing, "Replace the client's key; the old one stops working");
+  command("list", "List the clients", {"moonctl clients list"}, ListClients);
+  Command& revoke = command("revoke", "Revoke a client's key, also for a client that is connected now",
+                            {"moonctl clients revoke anna"}, RevokeClient);
+  revoke.AddOption("name", arguments->name, "Name of the client").Required().TypeName("NAME");
 }
 
 }  // namespace moondb

@@ -1,5 +1,5 @@
-// A command of moonctl: a Command with a note, whose callback sets the action to run. A group of commands ("role") that
-// does nothing by itself has no note.
+// A command of moonctl is a Command with a note; its callback sets the action to run. A group such as "role", which
+// only holds subcommands, has no note.
 #pragma once
 
 #include <string>
@@ -10,13 +10,13 @@ namespace moondb {
 
 inline constexpr bool kShows = true;
 
-// Its --help ends with the example.
+// Adds a command whose --help ends with the note's example.
 Command& AddCommand(Command& group, const std::string& name, const std::string& description, CommandNote note);
 
-// A group has the note of its first command. Null: the command has none.
+// Returns the command's note. A group returns the note of its first command. Null: there is no note.
 const CommandNote* NoteOf(const Command& command);
 
-// Ends the --help of each group below `root` with the example of its first command.
+// Ends the --help of every group below `root` with the example of the group's first command.
 void AddExamplesOfGroups(Command& root);
 
 }  // namespace moondb

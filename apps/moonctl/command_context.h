@@ -1,7 +1,7 @@
-// CommandContext: what every command of moonctl has at hand: the global options, the team, the agents, the output.
+// CommandContext: the state that all commands of moonctl share: global options, team, connections to agents, output.
 //
-// With --json stdout holds exactly one document, {"error": ...} where a command fails. For people results go to stdout,
-// errors and progress to stderr. One thread.
+// With --json, stdout gets exactly one document, which is {"error": ...} if the command fails. Without it, stdout gets
+// the results, and stderr gets errors and progress. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -26,10 +26,11 @@
 
 namespace moondb {
 
-// Of a lease's --for, at most 24 h: kInvalid, with that field and an example, where ParseDuration gives nothing.
+// Parses the value of a lease's --for, at most 24 h. If ParseDuration rejects it: kInvalid, with the field "--for" and
+// an example.
 Result<std::chrono::milliseconds> ParseLeaseDuration(const std::string& text);
 
-// The T of an `ask` that gives a Result<T>.
+// The T of a function `ask` that returns a Result<T>.
 template <typename Ask>
 using AnswerOf = typename std::invoke_result_t<Ask, Client&>::value_type;
 
@@ -37,85 +38,85 @@ class CommandContext {
  public:
   explicit CommandContext(std::filesystem::path program_folder) : program_folder_(std::move(program_folder)) {}
 
-  // Filled in by the command line.
+  // The command line fills in these members.
   std::string team_path;  // Empty: $MOONDB_TEAM.
-  std::string agent;      // Empty: the command's own choice.
-  std::string via;        // The agent through which all are asked; empty: $MOONDB_VIA, and without that each is asked
-                          // itself where that can be, else through one that can (apps/moonctl/team_reach.h).
+  std::string agent;      // Empty: each command chooses the agent itself.
+  std::string via;  // The agent that relays all requests. Empty: $MOONDB_VIA. If that is not set, moonctl connects to
+                    // each agent directly if possible, otherwise through a reachable agent (apps/moonctl/team_reach.h).
   bool is_json = false;
-  std::string key_file;              // The client's secret key; empty: $MOONDB_CLIENT_KEY, and without that none.
-  std::string timeout;               // "3s", "500ms", "2m"; empty: each command's default.
-  std::string watch;                 // Seconds between two passes; empty: one pass.
-  std::function<ExitCode()> action;  // Of the command that was chosen.
+  std::string key_file;              // The client's secret key. Empty: $MOONDB_CLIENT_KEY. If that is not set, no key.
+  std::string timeout;               // Examples: "3s", "500ms", "2m". Empty: each command's default.
+  std::string watch;                 // Seconds between two passes. Empty: one pass.
+  std::function<ExitCode()> action;  // Runs the chosen command.
 
-  // Stands above each result for people; a watch sets it anew for each pass.
+  // Printed above each result for people. --watch sets a new heading for each pass.
   std::string heading;
 
-  // Reads `timeout`; before any action.
+  // Parses `timeout`. Call it before any action.
   Result<void> ParseTimeout();
-  // What follows is about processes of this machine: it needs no key, and asks nobody through another agent.
+  // Restricts later calls to processes of this machine: no key is needed, and no request is relayed.
   void StayHere() {
     secret_key_ = "";
     is_here_ = true;
   }
 
-  // The team file, read once. Every error is kInvalid: nothing was started.
+  // Returns the team file, which is read once. Every error is kInvalid, because no command has started yet.
   Result<const TeamFile*> Team();
   std::filesystem::path TeamPath() const;
   const std::filesystem::path& program_folder() const { return program_folder_; }
 
-  // Timeouts: of short calls 3 s, of long ones and of waiting 600 s, unless --timeout says otherwise. The key is read
-  // here, once: kInvalid, with the option or the variable that named its file.
+  // The timeout is 3 s for short calls, and 600 s for long calls and for waiting, unless --timeout is given. Reads the
+  // key once. kInvalid if that fails, with the option or variable that named the key file.
   Result<Client::Options> ClientOptions();
   std::chrono::milliseconds WaitTimeout() const;
-  bool has_timeout() const { return timeout_.has_value(); }  // --timeout was given.
+  bool has_timeout() const { return timeout_.has_value(); }  // Returns true if --timeout was given.
 
-  // Where somebody is asked through another agent, one line on stderr says so, and `via` in what Print puts out as
-  // JSON.
+  // Connects to the agent of that name. If another agent relays the requests, prints one line on stderr; with --json,
+  // Print adds a field `via` to the document instead.
   Result<AgentClient> Connect(const std::string& name);
-  Result<AgentClient> ConnectHere(const std::string& name);  // Through nobody.
-  bool is_relayed() const { return !relays_.empty(); }  // Somebody was asked through another agent, over the radio.
-  // The assignment with the newest term among all agents that answer. kUnavailable if none does.
+  Result<AgentClient> ConnectHere(const std::string& name);  // Connects directly, without a relay.
+  bool is_relayed() const { return !relays_.empty(); }       // Returns true if another agent relayed a request.
+  // Returns the assignment with the newest term among all agents that answer. kUnavailable if none answers.
   Result<proto::RoleAssignment> Roles();
-  // Of the agent's team file, as it said last; 0: it did not. Where that is another one than this command's, one line
-  // on stderr says so, once.
+  // Returns the hash of the agent's team file, as the agent last reported it. 0: not reported. If this hash differs
+  // from the hash of this command's team file, one line on stderr reports it once.
   std::uint64_t ConfigHashOf(AgentId of) const;
-  // The agent of -a, without it all who have not left the team. kInvalid for one that the team does not have, kRefused
-  // for one that has left.
+  // Returns the agent given with -a, otherwise all agents that have not left the team. kInvalid if the team has no such
+  // agent, kRefused if that agent has left.
   Result<std::vector<const proto::AgentConfig*>> ChosenAgents();
-  // Asks each of them by `ask`, a Result<T>(Client&); one that cannot be reached stands in the answers too.
-  // kInvalid for a key that cannot be read.
+  // Calls `ask`, a Result<T>(Client&), for each chosen agent. Agents that cannot be reached have an entry in the
+  // answers too. kInvalid if the key cannot be read.
   template <typename Ask>
   auto AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>>;
 
-  // The agent of -a; without it the leader, as the newest term of all who answer has it.
+  // Connects to the agent given with -a, otherwise to the leader by the newest term that any agent reports.
   Result<AgentClient> ConnectToChosenOrLeader();
-  // kRefused where these name no leader.
+  // Connects to the leader that `roles` names. kRefused if it names none.
   Result<AgentClient> ConnectToLeaderOf(const proto::RoleAssignment& roles);
 
-  // Say what came out, and give the exit code back.
+  // Report, Done and Print write the outcome and return the exit code.
   ExitCode Report(const Error& error) const;
   ExitCode Done(std::string_view json, std::string_view text) const { return Print(ExitCode::kDone, json, text); }
-  // kFailed where stdout takes no more: a full disk, a closed pipe.
+  // Returns kFailed if stdout rejects the output (full disk, closed pipe).
   ExitCode Print(ExitCode code, std::string_view json, std::string_view text) const;
 
  private:
-  Result<std::string> SecretKey();          // Empty: none.
-  Result<const proto::AgentConfig*> Via();  // Null: each agent is asked itself.
+  Result<std::string> SecretKey();          // Empty: the client has no key.
+  Result<const proto::AgentConfig*> Via();  // Null: no agent is fixed as relay.
   Result<TeamReach*> Reach();
   void NoteConfigHash(const proto::AgentConfig& of, std::uint64_t hash);
   void NoteRelay(const proto::AgentConfig& by);
   void NoteRemark(const std::string& text);
-  std::string WithVia(std::string_view json) const;  // The document, with through whom others were asked.
+  std::string WithVia(std::string_view json) const;  // Adds the relays as `via` to the document.
 
   std::filesystem::path program_folder_;
   std::optional<std::chrono::milliseconds> timeout_;
-  std::optional<std::string> secret_key_;  // Once it was read.
+  std::optional<std::string> secret_key_;  // Set after it was read.
   bool is_here_ = false;
   std::optional<TeamFile> team_;
   std::map<AgentId, std::uint64_t> config_hashes_;
-  std::vector<std::string> relays_;  // Names of agents through which others were asked.
-  std::set<std::string> remarks_;    // What was written to stderr already.
+  std::vector<std::string> relays_;  // Names of agents that relayed requests.
+  std::set<std::string> remarks_;    // Lines already written to stderr.
   std::unique_ptr<TeamReach> reach_;
 };
 

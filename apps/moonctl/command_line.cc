@@ -33,7 +33,7 @@ void AddManCommand(Command& app, CommandContext& context) {
 
 void AddHelpCommand(Command& app, CommandContext& context) {
   auto words = std::make_shared<std::vector<std::string>>();
-  Command& help = AddCommand(app, "help", "Show what a command does and takes", {"moonctl help role set"});
+  Command& help = AddCommand(app, "help", "Show the help of a command", {"moonctl help role set"});
   help.AddOption("command", *words, "The command, or a group of commands").TypeName("COMMAND").Expected(0, 3);
   help.Callback([&app, &context, words] {
     context.action = [&app, &context, words] {
@@ -52,23 +52,22 @@ void AddHelpCommand(Command& app, CommandContext& context) {
 
 void AddCommandLine(Command& app, CommandContext& context) {
   app.RequireSubcommand();
-  app.Fallthrough();  // Global options may stand behind the command.
+  app.Fallthrough();  // Global options may follow the command.
   app.AddOption("-t,--team", context.team_path, "Team file (default: $MOONDB_TEAM)").TypeName("FILE");
   app.AddOption("-a,--agent", context.agent, "Ask this agent").TypeName("AGENT");
   app.AddFlag("--json", context.is_json, "One JSON document on stdout");
   app.AddOption(
          "--via", context.via,
-         "Ask all agents through this one, over the radio (default: $MOONDB_VIA; without one agents that are not on "
-         "this machine are asked through one that is)")
+         "Relay requests to all agents through this one, over the radio (default: $MOONDB_VIA; without it requests to "
+         "agents elsewhere are relayed by an agent on this machine)")
       .TypeName("AGENT");
-  app.AddOption(
-         "--key", context.key_file,
-         "Secret key to be let in by, at agents' client_address (default: $MOONDB_CLIENT_KEY; without one agents "
-         "are reached on this machine alone)")
+  app.AddOption("--key", context.key_file,
+                "Secret key for agents' client_address (default: $MOONDB_CLIENT_KEY; without a key only agents on "
+                "this machine are reached)")
       .TypeName("FILE");
-  app.AddOption("--timeout", context.timeout, "Longest wait for an answer: 3s, 500ms, 2m").TypeName("DURATION");
+  app.AddOption("--timeout", context.timeout, "Time limit for an answer: 3s, 500ms, 2m").TypeName("DURATION");
   app.AddFlag("--watch{2}", context.watch,
-              "Again every 2 s (--watch=10: every 10 s); for commands that show something");
+              "Repeat every 2 s (--watch=10: every 10 s); for commands that only show something");
   app.AddVersionFlag("--version", "moonctl " MOONDB_VERSION);
   AddUpCommands(app, context);
   AddStatusCommand(app, context);

@@ -1,4 +1,4 @@
-// The whole command line of moonctl.
+// Builds the whole command line of moonctl.
 #pragma once
 
 #include "apps/moonctl/command_context.h"
@@ -10,7 +10,7 @@ class Command;
 inline constexpr char kProgramName[] = "moonctl";
 inline constexpr char kProgramDescription[] = "Operates a team of moondb agents.";
 
-// Global options, all commands and their examples. `context` outlives the app.
+// Adds the global options, all commands and their examples. Requires: `context` outlives `app`.
 void AddCommandLine(Command& app, CommandContext& context);
 
 }  // namespace moondb

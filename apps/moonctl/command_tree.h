@@ -1,4 +1,4 @@
-// Walks over the tree of commands, for completion, the manual page and "did you mean". Plain functions.
+// Searches the tree of commands, for completion, the manual page and "did you mean". Plain functions.
 #pragma once
 
 #include <functional>
@@ -9,31 +9,32 @@
 
 namespace moondb {
 
-const Command* FindSubcommand(const Command& command, const std::string& name);  // Null: none of that name.
+const Command* FindSubcommand(const Command& command, const std::string& name);  // Null: no subcommand has that name.
 
-// The command that these words name one after the other: {"role", "set"}. The root for no words; null where one names
-// none.
+// Returns the command on the path `words`, such as {"role", "set"}. Returns the root if `words` is empty. Null: a word
+// names no subcommand.
 const Command* FindCommand(const Command& root, const std::vector<std::string>& words);
 
-// "role set"; empty for the root.
+// Returns the command's path, such as "role set". Empty for the root.
 std::string PathOf(const Command& command);
 
-// Visits the root and everything below, each command before its subcommands.
+// Visits the root and all commands below it, each command before its subcommands.
 void VisitCommands(const Command& root, const std::function<void(const Command&)>& visit);
 
-// The command that the parsed command line gives last: "set" of "role set". The root if it gives none.
+// Returns the innermost command of the parsed command line: "set" of "role set". Returns the root if none is given.
 const Command& GivenCommand(const Command& root);
 
-// The option that `word` ("--json", "-a", "--watch=5") names at `command`: its own, or one of those above it. Null:
-// none.
+// Returns the option that `word` ("--json", "-a", "--watch=5") names, among the options of `command` and its ancestors.
+// Null: there is none.
 const Option* FindOption(const Command& command, const std::string& word);
-// "--json" of "--json=1".
+// Returns the name without the value: "--json" of "--json=1".
 std::string OptionName(const std::string& word);
 
-// "--agent", of a command and those above it.
+// Returns the long option names ("--agent") of a command and its ancestors.
 std::vector<std::string> OptionNames(const Command& command);
 
-// The command's own, in the order in which they were added; arguments are those without a dash.
+// The options and the arguments of the command itself, in the order in which they were added. Arguments have no dash in
+// their name.
 std::vector<const Option*> OwnOptions(const Command& command);
 std::vector<const Option*> ArgumentsOf(const Command& command);
 

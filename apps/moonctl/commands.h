@@ -1,5 +1,5 @@
-// The command groups: each adds its subcommands to the command line. The chosen one puts itself into context.action,
-// which main runs after parsing. `context` outlives the app.
+// Functions that add the command groups to the command line. The chosen command stores its action in context.action,
+// and main runs that action after parsing. Requires: `context` outlives `app`.
 #pragma once
 
 #include "apps/moonctl/command_context.h"

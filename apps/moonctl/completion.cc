@@ -6,11 +6,11 @@
 namespace moondb {
 namespace {
 
-// Where on the command line the last word stands.
+// The position of the last word on the command line.
 struct Cursor {
   const Command* command = nullptr;
-  const Option* value_of = nullptr;  // The word is its value.
-  int argument = 0;                  // Else it may be the command's argument of this place.
+  const Option* value_of = nullptr;  // The last word is this option's value. Null: it is no value.
+  int argument = 0;                  // Otherwise, the index of the argument that the last word may be.
 };
 
 Cursor FindCursor(const Command& root, const std::vector<std::string>& words) {
@@ -33,7 +33,7 @@ Cursor FindCursor(const Command& root, const std::vector<std::string>& words) {
   return cursor;
 }
 
-// The last one takes what is too many.
+// Returns the argument at index `place`. An argument with several values takes as many words as it allows.
 const Option* ArgumentAt(const Command& command, int place) {
   for (const Option* argument : ArgumentsOf(command)) {
     place -= argument->values_max();
@@ -42,7 +42,7 @@ const Option* ArgumentAt(const Command& command, int place) {
   return nullptr;
 }
 
-// A type's name says what may stand there: "AGENT", "FILE", "TEXT:{ros,png}", "{AGENT,leader,survivor}".
+// Adds the values that a type name lists: "AGENT", "FILE", "TEXT:{ros,png}", "{AGENT,leader,survivor}".
 void AddValues(const Option& option, const TeamWords& team, Completion& completion) {
   const std::string type = option.type_name();
   const std::size_t open = type.find('{');
@@ -72,7 +72,7 @@ void AddOptions(const Command& command, Completion& completion) {
 Completion Complete(const Command& root, const std::vector<std::string>& words, const TeamWords& team) {
   const Cursor cursor = FindCursor(root, words);
   std::string typed = words.empty() || words.back() == "=" ? "" : words.back();
-  std::string before;  // "--agent=" of "--agent=ro".
+  std::string before;  // The prefix "--agent=" of "--agent=ro".
   Completion all;
   const Option* option = cursor.value_of;
   if (option == nullptr && typed.starts_with("--") && typed.find('=') != std::string::npos) {

@@ -1,6 +1,6 @@
-// What could stand at the end of a command line, for the completion of shells. The scripts that `moonctl completion`
-// prints ask `moonctl __complete WORD...` at each press of the key, so that they never lag behind the commands or the
-// team. Plain functions.
+// Suggests words for the end of a command line, for shell completion. The scripts printed by `moonctl completion` call
+// `moonctl __complete WORD...` at each press of the completion key, so the suggestions always match the commands and
+// the team. Plain functions.
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@ namespace moondb {
 
 class Command;
 
-// Words that only the team file knows; without one none.
+// Words from the team file. Empty if no team file can be read.
 struct TeamWords {
   std::vector<std::string> agents;
   std::vector<std::string> data_types;
@@ -22,12 +22,12 @@ struct Candidate {
 };
 
 struct Completion {
-  std::vector<Candidate> candidates;  // Those that begin as the last word does.
-  bool is_file = false;               // A path is expected; shells know better.
+  std::vector<Candidate> candidates;  // Candidates that begin with the last word.
+  bool is_file = false;               // A path is expected; the shell completes it.
 };
 
-// `words` are those behind "moonctl"; the last one, which may be empty, is being typed. "=" as a word of its own, as
-// bash cuts "--agent=rover1", counts for nothing.
+// `words` follow "moonctl" on the command line. The last word is being typed and may be empty. A separate word "=",
+// which bash makes of "--agent=rover1", is ignored.
 Completion Complete(const Command& root, const std::vector<std::string>& words, const TeamWords& team);
 
 }  // namespace moondb

@@ -14,8 +14,8 @@ namespace {
 
 constexpr char kFiles[] = ":files";
 
-// Each asks `moonctl __complete` with the words up to the cursor; it answers with lines of a word, a tab and what it
-// is, and with ":files" where a path is expected.
+// Each script calls `moonctl __complete` with the words up to the cursor. The answer has one line per candidate: the
+// word, a tab and its description. A line ":files" requests path completion.
 constexpr char kBash[] = R"(# bash completion for moonctl; put there by `moonctl completion bash`.
 _moonctl() {
   local line program=${COMP_WORDS[0]/#\~/$HOME}
@@ -70,7 +70,7 @@ complete -c moonctl -f -a '(__moonctl_complete)'
 
 const std::map<std::string, std::string> kScripts = {{"bash", kBash}, {"zsh", kZsh}, {"fish", kFish}};
 
-// The team file that the words name; else $MOONDB_TEAM.
+// Reads the team file that the words name, otherwise the one in $MOONDB_TEAM.
 TeamWords ReadTeamWords(const std::vector<std::string>& words, CommandContext& context) {
   for (std::size_t i = 0; i + 1 < words.size(); ++i) {
     if (words[i] != "-t" && OptionName(words[i]) != "--team") continue;
@@ -100,9 +100,9 @@ ExitCode PrintCompletions(const Command& root, const std::vector<std::string>& w
 
 void AddCompletionCommand(Command& app, CommandContext& context) {
   auto shell = std::make_shared<std::string>();
-  Command& command = AddCommand(app, "completion", "Print the completion of commands, options and agents for a shell",
+  Command& command = AddCommand(app, "completion", "Print the completion script for a shell",
                                 {"moonctl completion bash > ~/.local/share/bash-completion/completions/moonctl"});
-  command.AddOption("shell", *shell, "Whose").Required().OneOf({"bash", "fish", "zsh"});
+  command.AddOption("shell", *shell, "Name of the shell").Required().OneOf({"bash", "fish", "zsh"});
   command.Callback([&context, shell] {
     context.action = [&context, shell] {
       const std::string& script = kScripts.at(*shell);

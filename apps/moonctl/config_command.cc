@@ -25,8 +25,8 @@ struct ConfigArguments {
   bool is_fixing = false;
 };
 
-// Gives the file a team id, if that is what it lacks; empty where it lacks none. What else is wrong with it is told by
-// whoever reads it next.
+// Adds a team id to the file if it has none. Returns the new id, or an empty string if the file is unchanged. Leaves
+// other faults of the file to the next reader.
 Result<std::string> AddTeamId(const std::filesystem::path& file) {
   const auto yaml = ReadTextFile(file);
   if (!yaml) return tl::unexpected(yaml.error());
@@ -40,7 +40,7 @@ Result<std::string> AddTeamId(const std::filesystem::path& file) {
   return *id;
 }
 
-// The same file on every agent, the id included.
+// Adds a missing team id. Every agent needs the same file with the same id.
 ExitCode FixConfig(CommandContext& context) {
   if (context.TeamPath().empty()) return context.Report(context.Team().error());
   const auto id = AddTeamId(context.TeamPath());
@@ -52,7 +52,7 @@ ExitCode FixConfig(CommandContext& context) {
   json.BeginObject().Key("file").String(file).Key("team").String((*team)->config.team());
   json.Key("team_id").String((*team)->config.team_id()).Key("is_changed").Bool(!id->empty()).EndObject();
   const std::string text = id->empty()
-                               ? "has a team id; nothing to mend"
+                               ? "has a team id; nothing to fix"
                                : "has the team id " + *id + " now; copy it to every agent of the team and restart them";
   return context.Done(json.text(), file + ": " + text);
 }
@@ -93,7 +93,7 @@ ExitCode ShowConfig(CommandContext& context) {
                                        EffectiveYaml((*team)->config, given));
 }
 
-// The schema is the document, with --json and without.
+// Prints the schema as the whole document, with or without --json.
 ExitCode ShowSchema(CommandContext& context) {
   const std::string schema = TeamFileSchema();
   return context.Done(schema, schema);
@@ -130,7 +130,7 @@ Result<void> WriteTeamOfMission(const ConfigArguments& arguments) {
   for (const MissionAgent& agent : mission->agents) {
     *team.add_agents() = AgentOfMission(agent, port++);
     if (agent.is_base_station) continue;
-    // The first two rovers, as a beginning.
+    // The first two rovers are the initial leader and survivor.
     if (team.roles().leader().empty()) {
       team.mutable_roles()->set_leader(agent.name);
     } else if (team.roles().survivor().empty()) {
@@ -156,7 +156,7 @@ void AddConfigCommands(Command& app, CommandContext& context) {
   Command& group = app.AddSubcommand("config", "The team file");
   group.RequireSubcommand();
   auto arguments = std::make_shared<ConfigArguments>();
-  // `config check FILE` is the same as `-t FILE config check`.
+  // `config check FILE` means `-t FILE config check`.
   const auto add_reader = [&](const char* name, const char* description, const CommandNote& note,
                               const std::function<ExitCode(CommandContext&)>& run) -> Command& {
     Command& command = AddCommand(group, name, description, note);
@@ -168,22 +168,22 @@ void AddConfigCommands(Command& app, CommandContext& context) {
     return command;
   };
   add_reader(
-      "check", "Say all that is wrong with it", {"moonctl config check team.yaml"},
+      "check", "Check it and report all errors", {"moonctl config check team.yaml"},
       [arguments](CommandContext& asked) { return arguments->is_fixing ? FixConfig(asked) : CheckConfig(asked); })
-      .AddFlag("--fix", arguments->is_fixing, "Give it the team id that it lacks; all else stays as it is");
-  add_reader("show", "Show it in full; what it leaves to its default is marked", {"moonctl config show team.yaml"},
-             ShowConfig);
+      .AddFlag("--fix", arguments->is_fixing, "Add the missing team id; change nothing else");
+  add_reader("show", "Show all settings; defaults are marked", {"moonctl config show team.yaml"}, ShowConfig);
   AddCommand(group, "schema", "Print the JSON Schema of team files, for editors",
              {"moonctl config schema > team.schema.json"})
       .Callback([&context] { context.action = [&context] { return ShowSchema(context); }; });
 
-  Command& init = AddCommand(group, "init", "Write a team file to begin with, and its keys",
+  Command& init = AddCommand(group, "init", "Write a first team file, and its keys",
                              {"moonctl config init --agents 4 my-team/team.yaml"});
-  init.AddOption("file", arguments->file, "Where to").TypeName("FILE").Required();
+  init.AddOption("file", arguments->file, "Path of the new team file").TypeName("FILE").Required();
   init.AddOption("--name", arguments->name, "The team's name (the folder's)").TypeName("NAME");
-  init.AddOption("--agents", arguments->agent_count, "How many; the last is a base station").Within(1, 64);
+  init.AddOption("--agents", arguments->agent_count, "Number of agents; the last one is the base station")
+      .Within(1, 64);
   init.AddOption("--mission", arguments->mission, "Take the agents of this mission folder").TypeName("FOLDER");
-  init.AddOption("--first-port", arguments->first_port, "Loopback ports from here (7400)").Within(1, 65000);
+  init.AddOption("--first-port", arguments->first_port, "First loopback port (7400)").Within(1, 65000);
   init.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return InitConfig(context, *arguments); }; });
 }

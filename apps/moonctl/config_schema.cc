@@ -24,7 +24,7 @@ void WriteChoices(const EnumDescriptor& type, JsonWriter& json) {
 
 void WriteMap(const FieldDescriptor& field, JsonWriter& json);
 
-// The members of one value's schema.
+// Writes the members of the schema of one value.
 void WriteType(const FieldDescriptor& field, JsonWriter& json) {
   switch (field.cpp_type()) {
     case FieldDescriptor::CPPTYPE_MESSAGE:
@@ -48,14 +48,14 @@ void WriteType(const FieldDescriptor& field, JsonWriter& json) {
 
 void WriteRange(const proto::FieldRule& rule, JsonWriter& json) {
   if (!rule.has_low()) return;
-  // Draft 7 has no words for "0, or 1 to 86400".
+  // Draft 7 has no compact form for "0, or 1 to 86400".
   json.Key("minimum").Number(rule.zero().empty() ? rule.low() : 0).Key("maximum").Number(rule.high());
 }
 
 void WriteList(const FieldDescriptor& field, JsonWriter& json) {
   const proto::FieldRule& rule = RuleOf(field);
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_STRING) {
-    json.Key("type").BeginArray().String("array").String("string").EndArray();  // One word stands for a list of it.
+    json.Key("type").BeginArray().String("array").String("string").EndArray();  // A single string is a list of one.
   } else {
     json.Key("type").String("array");
   }
@@ -75,7 +75,7 @@ void WriteField(const FieldDescriptor& field, JsonWriter& json) {
   } else if (field.is_repeated()) {
     WriteList(field, json);
   } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-    // Draft 7 overlooks what stands beside a reference.
+    // Draft 7 ignores members beside a reference.
     json.Key("allOf").BeginArray().BeginObject();
     WriteType(field, json);
     json.EndObject().EndArray();
@@ -87,9 +87,9 @@ void WriteField(const FieldDescriptor& field, JsonWriter& json) {
   json.EndObject();
 }
 
-// What an object's schema begins with; its properties follow.
+// Begins the schema of an object. The caller adds the properties.
 void BeginProperties(JsonWriter& json) {
-  json.Key("type").BeginArray().String("object").String("null").EndArray();  // "radio:" with all commented out.
+  json.Key("type").BeginArray().String("object").String("null").EndArray();  // "radio:" without values.
   json.Key("additionalProperties").Bool(false).Key("properties").BeginObject();
 }
 

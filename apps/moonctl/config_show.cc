@@ -21,7 +21,7 @@ std::string Quoted(const std::string& text) {
   return quoted + "\"";
 }
 
-// A single value; empty where there is none to be shown.
+// Returns the text of a single value. Empty: there is no value to show.
 std::string ValueText(const Message& message, const FieldDescriptor& field) {
   const auto& reflection = *message.GetReflection();
   switch (field.cpp_type()) {
@@ -54,7 +54,7 @@ std::string ListText(const Message& message, const FieldDescriptor& field) {
   return count == 0 ? "" : "[" + text + "]";
 }
 
-// One walk over a configuration, in the order of its fields.
+// Writes a configuration as YAML, in the order of its fields, and collects the paths of defaulted values.
 class Writer {
  public:
   explicit Writer(const std::set<std::string>& given) : given_(given) {}
@@ -132,7 +132,7 @@ std::set<std::string> GivenFields(const std::string& yaml) {
   Places places;
   PlacedErrors errors("");
   ReadYaml(yaml, &raw, &places, &errors);
-  // Custom types are sorted by id once they are read (runtime/team/team_check.h).
+  // Parsing sorts the custom types by id (runtime/team/team_check.h), so their indices change.
   constexpr std::string_view kTypes = "custom_types[";
   std::vector<std::uint32_t> ids;
   for (const proto::CustomType& type : raw.custom_types()) ids.push_back(type.id());

@@ -1,5 +1,5 @@
-// A team's configuration in full, as its agents have it: what the team file says and what it leaves to its default.
-// Plain functions.
+// A team's complete configuration as its agents use it: the values of the team file and the defaults of all other
+// fields. Plain functions.
 #pragma once
 
 #include <set>
@@ -11,14 +11,14 @@
 
 namespace moondb {
 
-// The fields that the file gives, by path ("agents[0].id"), numbered as in the configuration made from it.
+// Returns the paths of the fields that the file sets ("agents[0].id"), with the indices of the parsed configuration.
 std::set<std::string> GivenFields(const std::string& yaml);
 
-// The configuration as YAML of the team file's own form; what is not `given` ends with "# default". Read again, it
-// means the same.
+// Returns the configuration as YAML in the form of a team file. Appends "# default" to values whose paths are not in
+// `given`. Parsing this YAML gives the same configuration.
 std::string EffectiveYaml(const proto::TeamConfig& team, const std::set<std::string>& given);
 
-// The paths of the values that are not given.
+// Returns the paths of the values that are not in `given`.
 std::vector<std::string> DefaultedFields(const proto::TeamConfig& team, const std::set<std::string>& given);
 
 }  // namespace moondb

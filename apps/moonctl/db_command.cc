@@ -17,7 +17,7 @@ struct DiffArguments {
   std::string second;
 };
 
-// A header of `first` and the agents' names.
+// Returns a table header: the columns in `first`, then the agents' names.
 template <typename T>
 std::vector<std::string> HeaderOf(std::vector<std::string> first, const AgentAnswers<T>& answers) {
   for (const auto& [agent, answer] : answers) first.push_back(agent->name());
@@ -32,7 +32,7 @@ double CountOf(const proto::StorageStatus& storage, std::optional<DataType> type
   return count;
 }
 
-// Rows by data type, shared or not; "?" of who does not answer.
+// Returns a table with one row per data type, shared or not. Agents that do not answer have "?".
 std::string RowsText(const CustomTypes& custom_types, const AgentAnswers<proto::AgentStatus>& answers) {
   std::set<DataType> types;
   for (const auto& [agent, status] : answers) {
@@ -52,11 +52,11 @@ std::string RowsText(const CustomTypes& custom_types, const AgentAnswers<proto::
   return table.Text();
 }
 
-// By the agent's own calendar: its last day is today.
+// Bytes written per day. The last day in the agent's report counts as today.
 struct WrittenBytes {
   double today = 0;
   double yesterday = 0;
-  double mean = 0;  // Of the days that it knows, today's part too.
+  double mean = 0;  // Mean of the reported days, including today so far.
 };
 
 WrittenBytes WrittenBytesOf(const proto::StorageStatus& storage) {
@@ -159,7 +159,7 @@ ExitCode ShowHoldings(CommandContext& context) {
 template <typename Arguments>
 using FileCommand = ExitCode (*)(CommandContext&, const Arguments&);
 
-// A command on the file of -a.
+// Adds a command that works on the database file of the agent given with -a.
 template <typename Arguments>
 std::pair<Command*, std::shared_ptr<Arguments>> AddFileCommand(Command& group, CommandContext& context,
                                                                const std::string& name, const std::string& description,
@@ -167,7 +167,7 @@ std::pair<Command*, std::shared_ptr<Arguments>> AddFileCommand(Command& group, C
                                                                FileCommand<Arguments> command) {
   auto arguments = std::make_shared<Arguments>();
   Command* added = &AddCommand(group, name, description, note);
-  added->AddOption("--data-dir", arguments->data_folder, "As given to up");
+  added->AddOption("--data-dir", arguments->data_folder, "The same folder as for moonctl up");
   added->Callback([&context, arguments, command] {
     context.action = [&context, arguments, command] { return command(context, *arguments); };
   });
@@ -176,26 +176,26 @@ std::pair<Command*, std::shared_ptr<Arguments>> AddFileCommand(Command& group, C
 
 void AddQuery(Command& group, CommandContext& context) {
   const auto [query, arguments] = AddFileCommand<QueryArguments>(
-      group, context, "query", "Ask the file of -a, on this machine, in SQL; changes nothing",
+      group, context, "query", "Run an SQL query on the database file of -a, on this machine; read-only",
       {"moonctl -a rover1 db query \"select * from v_event\" --csv --out events.csv", kShows}, QueryFile);
   query->AddOption("sql", arguments->text, "One SELECT; views v_* are stable (docs/commands/records.md)").Required();
-  query->AddOption("--limit", arguments->rows_max, "At most so many rows (1000; as CSV 1000000)")
+  query->AddOption("--limit", arguments->rows_max, "Maximum number of rows (1000; as CSV 1000000)")
       .Within(std::size_t{1}, kQueryRowsMax);
-  Option& csv = query->AddFlag("--csv", arguments->is_csv, "As CSV: NULL is empty, a blob hexadecimal");
-  query->AddOption("--out", arguments->out, "A file for the CSV").TypeName("FILE").Needs(csv);
+  Option& csv = query->AddFlag("--csv", arguments->is_csv, "Print CSV: NULL is empty, a blob hexadecimal");
+  query->AddOption("--out", arguments->out, "Write the CSV to this file").TypeName("FILE").Needs(csv);
 }
 
 void AddBackUp(Command& group, CommandContext& context) {
   const auto [backup, arguments] = AddFileCommand<StoreFileArguments>(
-      group, context, "backup", "Copy the file of -a, on this machine, whole, while the agent runs",
+      group, context, "backup", "Copy the whole database of -a, on this machine, while the agent runs",
       {"moonctl -a rover1 db backup rover1.sqlite"}, BackUpFile);
-  backup->AddOption("file", arguments->text, "Where to; must not be there yet").Required();
+  backup->AddOption("file", arguments->text, "Path of the copy; must not exist yet").Required();
 }
 
 }  // namespace
 
 void AddDbCommands(Command& app, CommandContext& context) {
-  Command& group = app.AddSubcommand("db", "What agents hold, and whether it is sound");
+  Command& group = app.AddSubcommand("db", "Inspect, verify, prune and back up the agents' databases");
   group.RequireSubcommand();
   const auto add = [&](const std::string& name, const std::string& description, const CommandNote& note,
                        ExitCode (*command)(CommandContext&)) {
@@ -203,42 +203,43 @@ void AddDbCommands(Command& app, CommandContext& context) {
       context.action = [&context, command] { return command(context); };
     });
   };
-  add("info", "Sizes, and rows by data type, of each agent (or -a)", {"moonctl db info", kShows}, ShowInfo);
-  add("holdings", "Who holds what: shared records by origin and data type", {"moonctl db holdings", kShows},
-      ShowHoldings);
-  add("verify", "Read through the store of each agent (or -a) for damage; exit code 1 where there is any",
+  add("info", "Show sizes, and rows by data type, of each agent (or -a)", {"moonctl db info", kShows}, ShowInfo);
+  add("holdings", "Show which agent holds which shared records, by origin and data type",
+      {"moonctl db holdings", kShows}, ShowHoldings);
+  add("verify", "Check each record of each agent (or -a) for damage; exit code 1 if there is any",
       {"moonctl db verify -a rover2"}, VerifyStores);
 
   auto arguments = std::make_shared<DiffArguments>();
-  Command& diff = AddCommand(group, "diff", "Compare what two agents hold; exit code 1 where they differ",
+  Command& diff = AddCommand(group, "diff", "Compare the records of two agents; exit code 1 if they differ",
                              {"moonctl db diff rover1 rover2", kShows});
-  diff.AddOption("first", arguments->first, "An agent").TypeName("AGENT").Required();
-  diff.AddOption("second", arguments->second, "Another").TypeName("AGENT").Required();
+  diff.AddOption("first", arguments->first, "First agent").TypeName("AGENT").Required();
+  diff.AddOption("second", arguments->second, "Second agent").TypeName("AGENT").Required();
   diff.Callback([&context, arguments] {
     context.action = [&context, arguments] { return CompareStores(context, arguments->first, arguments->second); };
   });
 
   auto prune_arguments = std::make_shared<PruneArguments>();
-  Command& prune = AddCommand(
-      group, "prune",
-      "Remove from the store of -a what leader and designated survivor have too; exit code 4 where they cannot "
-      "be asked",
-      {"moonctl -a rover2 db prune --older-than 30d --dry-run"});
-  prune.AddOption("--older-than", prune_arguments->older_than, "By their stamps: 30d, 12h, 90m").TypeName("AGE");
+  Command& prune =
+      AddCommand(group, "prune",
+                 "Remove records of -a that leader and designated survivor have too; exit code 4 if they cannot "
+                 "be reached",
+                 {"moonctl -a rover2 db prune --older-than 30d --dry-run"});
+  prune.AddOption("--older-than", prune_arguments->older_than, "Remove records older than AGE (30d, 12h, 90m)")
+      .TypeName("AGE");
   prune
       .AddOption("--type", prune_arguments->types,
-                 "Of this data type; may be repeated. The pose graph and quarantines go only where named")
+                 "Remove records of this data type; may be repeated. The pose graph and quarantines must be named")
       .TypeName("DATATYPE");
   Option& occluded_maps = prune.AddFlag("--occluded-maps", prune_arguments->occluded_maps,
-                                        "Maps that win no cell of the merged map, only these");
+                                        "Remove only maps that win no cell of the merged map");
   prune
       .AddFlag("--history", prune_arguments->is_history,
-               "Superseded states that its own robot keeps, only these; nobody else has them")
+               "Remove only the robot's superseded states, of which no other agent has a copy")
       .Excludes(occluded_maps);
-  prune.AddOption("--max-mb", prune_arguments->megabytes_max, "Until so much is removed (MB), oldest first")
+  prune.AddOption("--max-mb", prune_arguments->megabytes_max, "Remove at most this much (MB), oldest first")
       .TypeName("MB")
       .Within(0.001, 1e9);
-  prune.AddFlag("--dry-run", prune_arguments->is_dry_run, "Only tell what would go");
+  prune.AddFlag("--dry-run", prune_arguments->is_dry_run, "List what would be removed, and remove nothing");
   prune.Callback([&context, prune_arguments] {
     context.action = [&context, prune_arguments] { return PruneStore(context, *prune_arguments); };
   });

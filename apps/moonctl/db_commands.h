@@ -1,4 +1,4 @@
-// The commands of `moonctl db` that are more than one question to each agent.
+// The commands of `moonctl db` that need more than one request to each agent.
 #pragma once
 
 #include <string>
@@ -8,16 +8,17 @@
 
 namespace moondb {
 
-// Lets each agent (or -a) hold its store against itself: kFailed where anything is damaged, else kUnreachable where an
-// agent does not answer.
+// Each agent, or the agent given with -a, verifies its own store. Returns kFailed if any store is damaged, otherwise
+// kUnreachable if an agent does not answer.
 ExitCode VerifyStores(CommandContext& context);
 
-// What two agents hold and the other lacks, and whether what both hold is the same: kFailed where not.
+// Compares two agents: counts the records that only one of them holds, and compares the contents of the records that
+// both hold. Returns kFailed if the agents differ.
 ExitCode CompareStores(CommandContext& context, const std::string& first, const std::string& second);
 
-// Of `db prune`, on one agent.
+// Arguments of `db prune`, which runs on one agent.
 struct PruneArguments {
-  std::string older_than;  // "30d", "12h"; empty: of any age.
+  std::string older_than;  // "30d", "12h". Empty: any age.
   std::vector<std::string> types;
   bool occluded_maps = false;
   bool is_history = false;
@@ -25,22 +26,22 @@ struct PruneArguments {
   bool is_dry_run = false;
 };
 
-// Lets the agent of -a remove what need not be kept, and shows what went: kRefused where nothing could, since leader or
-// survivor cannot be asked.
+// The agent given with -a removes records that need not be kept, and moonctl prints what was removed. Returns kRefused
+// if nothing can be removed because the leader or the survivor cannot be asked.
 ExitCode PruneStore(CommandContext& context, const PruneArguments& arguments);
 
-// Of `db query` and `db backup`, which work on an agent's file on this machine.
+// Arguments of `db query` and `db backup`, which work on an agent's database file on this machine.
 struct StoreFileArguments {
-  std::string text;         // The query, or where the backup goes.
-  std::string data_folder;  // As given to `moonctl up`; empty: its default.
+  std::string text;         // The query, or the path of the backup.
+  std::string data_folder;  // Folder as given to `moonctl up`. Empty: the default.
 };
 
 inline constexpr std::size_t kQueryRowsMax = 1'000'000;
 
 struct QueryArguments : StoreFileArguments {
-  std::size_t rows_max = 0;  // 0: as many as suit the form of the answer.
+  std::size_t rows_max = 0;  // 0: a default that depends on the output format.
   bool is_csv = false;
-  std::string out;  // A file for the CSV; empty: stdout.
+  std::string out;  // CSV file. Empty: stdout.
 };
 
 ExitCode QueryFile(CommandContext& context, const QueryArguments& arguments);

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kKeysMax = 10;  // Of each series.
+constexpr std::size_t kKeysMax = 10;  // Per series.
 
 struct Side {
   AgentClient agent;
@@ -20,9 +20,9 @@ struct Side {
 
 struct Difference {
   HoldingPair holdings;
-  std::vector<RecordKey> differing;  // Held by both, with different contents; the first kKeysMax.
+  std::vector<RecordKey> differing;  // Held by both agents with different contents; only the first kKeysMax.
 
-  // An agent lacks what only the other holds.
+  // `lacking` counts the records that only the other agent holds.
   bool is_equal() const { return holdings.first.lacking + holdings.second.lacking == 0 && differing.empty(); }
 };
 
@@ -42,7 +42,8 @@ std::uint64_t CountHeld(const HaveSet& have) {
   return count;
 }
 
-// What was superseded during the comparison is no difference.
+// Removes records from `differing` that an agent no longer holds. They were superseded during the comparison, so they
+// are no difference.
 Result<void> LeaveOutWhatIsGone(Side& first, Side& second, Differences& differences) {
   const auto first_now = first.agent.client->Have();
   if (!first_now) return tl::unexpected(first_now.error());
@@ -99,7 +100,7 @@ std::string DifferencesText(const proto::TeamConfig& team, const Side& first, co
     for (const RecordKey& key : difference.differing) keys += ToString(key) + " differs\n";
     is_equal = is_equal && difference.is_equal();
   }
-  if (!keys.empty()) keys += "moonctl db verify tells on which side a record is damaged\n";
+  if (!keys.empty()) keys += "moonctl db verify shows on which side a record is damaged\n";
   return table.Text() + keys + first.name() + " and " + second.name() + (is_equal ? " hold the same" : " differ");
 }
 

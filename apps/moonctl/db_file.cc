@@ -12,7 +12,7 @@
 namespace moondb {
 namespace {
 
-// The file of -a, which must lie on this machine.
+// Returns the database file of the agent given with -a. It must be on this machine.
 Result<std::filesystem::path> StoreOf(CommandContext& context, const std::string& data_folder) {
   if (context.agent.empty()) return Fail(ErrorCode::kInvalid, "which agent's file? Give -a rover1");
   if (!context.via.empty()) return Fail(ErrorCode::kInvalid, "reads a file on this machine; run it there", "--via");
@@ -65,7 +65,7 @@ std::string TableOf(const QueryAnswer& answer) {
   return table.Text() + (answer.is_cut ? "and more; see --limit\n" : "");
 }
 
-// What is NULL is left empty, a blob is its bytes in hexadecimal.
+// NULL becomes an empty field, and a blob its bytes in hexadecimal.
 std::string CsvOf(const QueryAnswer& answer) {
   std::string text;
   const char* separator = "";
@@ -85,7 +85,7 @@ std::string CsvOf(const QueryAnswer& answer) {
   return text;
 }
 
-// A table that ends too early looks like one that is whole, so that it is said where no table is.
+// A truncated CSV looks complete. Report the truncation on stderr.
 ExitCode PutOutCsv(CommandContext& context, const QueryAnswer& answer, const std::string& out) {
   if (answer.is_cut) std::fputs("moonctl: there are more rows; see --limit\n", stderr);
   const std::string csv = CsvOf(answer);

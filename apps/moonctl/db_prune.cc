@@ -37,7 +37,8 @@ Result<proto::PruneOrder> OrderOf(const PruneArguments& arguments, const CustomT
   const bool is_limited = order.older_than_s() > 0 || order.occluded_maps() || order.is_history() ||
                           !order.data_types().empty() || order.content_bytes_max() > 0;
   if (is_limited) return order;
-  return Fail(ErrorCode::kInvalid, "of what? Give --older-than, --type, --occluded-maps, --history or --max-mb");
+  return Fail(ErrorCode::kInvalid,
+              "nothing selected: give at least one of --older-than, --type, --occluded-maps, --history or --max-mb");
 }
 
 std::string PrunedText(const proto::PruneReply& reply, bool is_dry_run, const CustomTypes& custom_types) {

@@ -17,10 +17,10 @@ struct Verification {
   double damaged = 0;
   double missing = 0;
   double orphaned = 0;
-  double file_check_s = 0;  // Storage answered nobody else meanwhile.
+  double file_check_s = 0;  // Storage answers no other requests during this time.
   double total_s = 0;
-  std::size_t findings_count = 0;     // At most as many as there is damage: agents name the first of many.
-  std::vector<std::string> findings;  // The first of these.
+  std::size_t findings_count = 0;     // Agents report only the first findings, so damage may exceed this count.
+  std::vector<std::string> findings;  // The first kFindingsShown findings.
 
   bool is_sound() const { return findings.empty(); }
 
@@ -37,7 +37,7 @@ double SecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-// One part to its end. A damaged file may be unreadable: then that is what is found.
+// Verifies one part completely. If a damaged file is unreadable, that error becomes the finding.
 Result<void> VerifyOnePart(Client& client, proto::VerifyPart part, const std::function<void()>& progress,
                            Verification& found) {
   proto::VerifyRequest request;

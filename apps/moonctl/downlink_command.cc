@@ -16,8 +16,8 @@ namespace {
 struct DownlinkArguments {
   std::uint32_t budget_kb = 0;
   std::uint32_t number = 0;
-  std::string out;   // Where a bundle goes; empty: NAME-NUMBER.bundle here.
-  std::string file;  // A bundle.
+  std::string out;   // Path of a fetched bundle. Empty: NAME-NUMBER.bundle in the current folder.
+  std::string file;  // Path of a bundle.
 };
 
 std::string HashText(std::uint64_t hash) {
@@ -42,7 +42,7 @@ std::string LeftText(double left_count) {
   return left_count == 0 ? "nothing is left" : FormatCount(left_count) + " records are in no bundle yet";
 }
 
-// The agent of -a, without it the base station, else the leader.
+// Connects to the agent given with -a. Otherwise connects to the base station, or to the leader if the team has none.
 Result<AgentClient> ConnectToDownlinker(CommandContext& context) {
   auto team = context.Team();
   if (!team) return tl::unexpected(team.error());
@@ -51,12 +51,13 @@ Result<AgentClient> ConnectToDownlinker(CommandContext& context) {
   return context.Connect(AgentName((*team)->config, base));
 }
 
-// "moonctl downlink ack 7", with the -a of this command.
+// Returns a command to type, such as "moonctl downlink ack 7", with this command's -a.
 std::string Typed(const CommandContext& context, const std::string& words) {
   return "moonctl " + (context.agent.empty() ? "" : "-a " + context.agent + " ") + "downlink " + words;
 }
 
-// What is there already may be the only copy of a bundle of the same number, from before a store was lost.
+// kRefused if `path` holds another file. It may be the only copy of a bundle with the same number, made before a store
+// was lost.
 Result<void> KeepAnother(const std::string& path, const std::string& file) {
   if (!std::filesystem::exists(path)) return {};
   const auto present = ReadTextFile(path, kBundleBytesMax);
@@ -64,7 +65,7 @@ Result<void> KeepAnother(const std::string& path, const std::string& file) {
   return Fail(ErrorCode::kRefused, "is there already and is another file; give --out", path);
 }
 
-// Fetches a bundle, checks it and writes it; gives back where.
+// Fetches a bundle, checks it and writes it. Returns the path.
 Result<std::string> Fetch(const AgentClient& from, std::uint32_t number, const std::string& out) {
   Progress progress("bundle " + std::to_string(number));
   const auto file = from.client->FetchBundle(number, [&progress](double bytes, double all) {
@@ -91,7 +92,7 @@ ExitCode MakeBundle(CommandContext& context, const DownlinkArguments& arguments)
   json.BeginObject().Key("agent").String(target->agent->name()).Key("left").Number(reply->left_count());
   if (!reply->has_made()) {
     json.Key("bundle").Null().EndObject();
-    return context.Done(json.text(), "nothing to send: all that the ground asks for is in a bundle");
+    return context.Done(json.text(), "nothing to send: every record for the ground station is in a bundle");
   }
   const std::string number = std::to_string(reply->made().number());
   auto file = Fetch(*target, reply->made().number(), arguments.out);
@@ -102,9 +103,9 @@ ExitCode MakeBundle(CommandContext& context, const DownlinkArguments& arguments)
   json.Key("bundle");
   WriteBundle(reply->made(), json);
   json.Key("file").String(*file).EndObject();
-  return context.Done(json.text(),
-                      Describe(reply->made()) + "; " + LeftText(reply->left_count()) + "\nwrote " + *file +
-                          "; when the ground has it: " + Typed(context, "ack " + number + " --file " + *file));
+  return context.Done(json.text(), Describe(reply->made()) + "; " + LeftText(reply->left_count()) + "\nwrote " + *file +
+                                       "; after the ground station has received it: " +
+                                       Typed(context, "ack " + number + " --file " + *file));
 }
 
 ExitCode ListBundles(CommandContext& context) {
@@ -135,7 +136,7 @@ ExitCode GetBundle(CommandContext& context, const DownlinkArguments& arguments) 
   return context.Done(json.text(), "wrote " + *file);
 }
 
-// Checks that the bundle which waits under this number is the file's.
+// Checks that the waiting bundle of this number equals the file.
 Result<void> CheckSame(Client& client, const DownlinkArguments& arguments) {
   const auto file = ReadTextFile(arguments.file, kBundleBytesMax);
   if (!file) return tl::unexpected(InputError(file.error()));
@@ -163,7 +164,7 @@ ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arg
   JsonWriter json;
   json.BeginObject().Key("acknowledged").Number(arguments.number);
   json.Key("waiting").Number(reply->waiting_size()).Key("left").Number(reply->left_count()).EndObject();
-  return context.Done(json.text(), "the ground has bundle " + std::to_string(arguments.number) + "; " +
+  return context.Done(json.text(), "the ground station has bundle " + std::to_string(arguments.number) + "; " +
                                        std::to_string(reply->waiting_size()) + " wait, " +
                                        LeftText(reply->left_count()));
 }
@@ -171,7 +172,7 @@ ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arg
 ExitCode ShowBundle(CommandContext& context, const DownlinkArguments& arguments) {
   const auto file = ReadTextFile(arguments.file, kBundleBytesMax);
   if (!file) return context.Report(InputError(file.error()));
-  // The names of custom types stand in the team file; a bundle can be read without.
+  // The names of custom types come from the team file. A bundle can be read without them.
   CustomTypes custom_types;
   if (!context.TeamPath().empty()) {
     const auto team = context.Team();
@@ -204,14 +205,14 @@ ExitCode ShowBundle(CommandContext& context, const DownlinkArguments& arguments)
 }
 
 void AddNumber(Command& command, DownlinkArguments& arguments) {
-  command.AddOption("number", arguments.number, "The bundle's")
+  command.AddOption("number", arguments.number, "Number of the bundle")
       .TypeName("NUMBER")
       .Within(1u, std::numeric_limits<std::uint32_t>::max())
       .Required();
 }
 
 void AddOut(Command& command, DownlinkArguments& arguments) {
-  command.AddOption("--out", arguments.out, "Where it goes; else AGENT-NUMBER.bundle here").TypeName("FILE");
+  command.AddOption("--out", arguments.out, "Output file (default: AGENT-NUMBER.bundle here)").TypeName("FILE");
 }
 
 }  // namespace
@@ -225,29 +226,31 @@ void AddDownlinkCommands(Command& app, CommandContext& context) {
   };
 
   Command& group =
-      AddCommand(app, "downlink", "Make a bundle for the ground, of what it lacks (at the base station, or -a)",
+      AddCommand(app, "downlink", "Make a bundle of records that the ground station lacks (at the base station, or -a)",
                  {"moonctl downlink --budget-kb 64"});
   group.AllowSubcommand();
-  group.AddOption("--budget-kb", arguments->budget_kb, "Its file has at most so many kB (2 to 16000)")
+  group.AddOption("--budget-kb", arguments->budget_kb, "Maximum size of its file in kB (2 to 16000)")
       .TypeName("KB")
       .Within(2u, 16000u);
   AddOut(group, *arguments);
 
-  AddCommand(group, "list", "The bundles that wait for the ground's acknowledgment", {"moonctl downlink list", kShows})
+  AddCommand(group, "list", "List the bundles that the ground station has not acknowledged",
+             {"moonctl downlink list", kShows})
       .Callback([&context] { context.action = [&context] { return ListBundles(context); }; });
   Command& get =
-      AddCommand(group, "get", "Fetch a bundle that waits, once more", {"moonctl downlink get 7 --out pass-12.bundle"});
+      AddCommand(group, "get", "Fetch an unacknowledged bundle again", {"moonctl downlink get 7 --out pass-12.bundle"});
   AddNumber(get, *arguments);
   AddOut(get, *arguments);
   get.Callback(act(GetBundle));
-  Command& ack = AddCommand(group, "ack", "The ground has a bundle: it need not be kept",
-                            {"moonctl downlink ack 7 --file pass-12.bundle"});
+  Command& ack =
+      AddCommand(group, "ack", "Acknowledge a bundle that the ground station has received, so that it is deleted",
+                 {"moonctl downlink ack 7 --file pass-12.bundle"});
   AddNumber(ack, *arguments);
-  ack.AddOption("--file", arguments->file, "Only if it is this one").TypeName("FILE");
+  ack.AddOption("--file", arguments->file, "Acknowledge only if FILE is that bundle").TypeName("FILE");
   ack.Callback(act(AcknowledgeBundle));
-  Command& show = AddCommand(group, "show", "What is in a bundle's file; --json prints its records",
+  Command& show = AddCommand(group, "show", "Show the contents of a bundle file; --json prints its records",
                              {"moonctl downlink show pass-12.bundle --json"});
-  show.AddOption("file", arguments->file, "The bundle").TypeName("FILE").Required();
+  show.AddOption("file", arguments->file, "Bundle file").TypeName("FILE").Required();
   show.Callback(act(ShowBundle));
 
   group.Callback([&context, &group, arguments, act] {

@@ -1,4 +1,4 @@
-// What moonctl's exit status says to a script.
+// The exit codes of moonctl, for scripts.
 #pragma once
 
 #include "model/error.h"
@@ -8,9 +8,9 @@ namespace moondb {
 enum class ExitCode {
   kDone = 0,
   kFailed = 1,
-  kUsage = 2,        // The command line, the team file or an input of the operator's is wrong.
+  kUsage = 2,        // The command line, the team file or other input is wrong.
   kUnreachable = 3,  // Some agents do not answer.
-  kRefused = 4,      // A role conflict, too old a state, not the leader.
+  kRefused = 4,      // Examples: a role conflict, an outdated state, not the leader.
   kTimedOut = 5,     // Waiting for an acknowledgment or an answer took too long.
 };
 
@@ -29,7 +29,8 @@ constexpr ExitCode ExitCodeOf(ErrorCode code) {
   }
 }
 
-// Of a file that the operator named: missing or damaged, the command line asks for what cannot be.
+// Turns an error of a file that the operator named into kInvalid: the file is missing or damaged, so the command line
+// is wrong.
 inline Error InputError(Error error) {
   error.code = ErrorCode::kInvalid;
   return error;

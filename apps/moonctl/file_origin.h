@@ -1,5 +1,5 @@
-// Where an exported file came from, and who is out of reach of the agent that gave it, so that it may lack what they
-// know. Not thread-safe.
+// The origin of an exported file, with the agents that its source could not reach. The file may lack their data. Not
+// thread-safe.
 #pragma once
 
 #include <string>
@@ -13,12 +13,12 @@ struct FileOrigin {
   std::string team;
   std::string agent;
   std::string time;          // UTC.
-  std::string out_of_reach;  // Names, "nobody", or "unknown" where the agent does not say.
+  std::string out_of_reach;  // Names of unreachable agents, "nobody", or "unknown" if the source does not report them.
 };
 
 FileOrigin OriginOf(const proto::TeamConfig& team, const AgentClient& source);
 
-// The origin's notes, with what is said of the content in between: "maps" "183".
+// Returns the origin's notes with the notes on the content ("maps" "183") before the last one, out_of_reach.
 FileNotes NotesOf(const FileOrigin& origin, FileNotes content);
 
 }  // namespace moondb

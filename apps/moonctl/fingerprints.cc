@@ -12,10 +12,10 @@ IntervalSet Behind(const IntervalSet& seqs, std::uint64_t seq) {
   return seqs.Minus(before);
 }
 
-// The smaller and the larger ones; of at least two.
+// Returns the smaller and the larger half of `seqs`. Requires: at least two seqs.
 std::pair<IntervalSet, IntervalSet> Halves(const IntervalSet& seqs) {
   std::pair<IntervalSet, IntervalSet> halves;
-  std::uint64_t left = seqs.Count() / 2;  // To go into the first half.
+  std::uint64_t left = seqs.Count() / 2;  // Number of seqs still missing in the first half.
   for (const IntervalSet::Interval& interval : seqs.intervals()) {
     const std::uint64_t taken = std::min(left, interval.last - interval.first + 1);
     if (taken > 0) halves.first.Add({interval.first, interval.first + taken - 1});

@@ -1,4 +1,4 @@
-// What comes, as it comes: for commands that go on until somebody ends them.
+// Prints new records continuously, for commands that run until the user ends them.
 #pragma once
 
 #include <functional>
@@ -8,9 +8,9 @@
 
 namespace moondb {
 
-// Prints each record that the agent stores from now on (behind `filter`.after_row_id if that is not 0) as one line, by
-// `line_of`. Ends with the exit code 0 on SIGINT and SIGTERM, and quietly where whoever reads stdout has left; with an
-// error where the agent is lost (kUnreachable). An answer that is late does not end it: stderr says so once.
+// Prints each record that the agent stores from now on, or after `filter`.after_row_id if that is not 0, as one line
+// made by `line_of`. Ends with exit code 0 on SIGINT and SIGTERM, and silently if the reader of stdout has closed it.
+// Ends with kUnreachable if the agent is lost. A late answer only causes one line on stderr.
 ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadRequest filter,
                        const std::function<std::string(const proto::StoredRecord&, const proto::Record&)>& line_of);
 

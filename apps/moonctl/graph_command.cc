@@ -21,12 +21,12 @@ struct OptimizeArguments {
   bool is_from_scratch = false;
   std::uint32_t window_nodes = 0;
   bool has_covariance = false;
-  std::vector<std::string> covariance_of;  // "rover2:17".
+  std::vector<std::string> covariance_of;  // A node, such as "rover2:17".
 };
 
 std::string Count(std::size_t count) { return std::to_string(count); }
 
-// A file of either kind, as PyFG.
+// Reads a PyFG or g2o file as PyFG.
 Result<Pyfg> ReadImported(CommandContext& context, const proto::TeamConfig& team, const std::string& file) {
   if (std::filesystem::path(file).extension() != ".g2o") return ReadPyfg(file);
   AgentId plain_agent = 0;
@@ -48,7 +48,7 @@ ExitCode ImportGraph(CommandContext& context, const std::string& file) {
   auto import = PrepareImport((*team)->config, *pyfg);
   if (!import) return context.Report(import.error());
 
-  // All agents must be there before the first record goes anywhere.
+  // Connect to all agents before inserting the first record.
   std::map<AgentId, AgentClient> clients;
   std::size_t total = 0;
   for (const auto& [agent, records] : import->records) {
@@ -95,12 +95,12 @@ std::string AnchoringText(proto::Anchoring anchoring) {
   }
 }
 
-// "rover2:17", as ParseNode reads it.
+// Returns the name of a node, such as "rover2:17", in the form that ParseNode parses.
 std::string NodeName(const proto::TeamConfig& team, const NodeKey& node) {
   return AgentName(team, node.agent) + ":" + std::to_string(node.index);
 }
 
-// One sigma of a coordinate: 0 to 2 place, 3 to 5 turn.
+// Returns the standard deviation of one coordinate of a pose: 0 to 2 are the position, 3 to 5 the rotation.
 std::string SigmaText(const proto::NodeCovariance& node, int coordinate, const char* unit) {
   const auto covariance = FromUpperTriangle(node.covariance());
   if (!covariance) return "-";
@@ -131,7 +131,7 @@ std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply&
   return text + "one sigma:\n" + spreads.Text();
 }
 
-// "rover2:17".
+// Parses the name of a node, such as "rover2:17".
 Result<proto::NodeKey> ParseNode(const proto::TeamConfig& team, const std::string& text) {
   const std::size_t colon = text.find(':');
   const std::string name = text.substr(0, colon);
@@ -161,14 +161,14 @@ ExitCode OptimizeGraph(CommandContext& context, const OptimizeArguments& argumen
   return context.Done(ToJson(*solve), SolveText((*team)->config, *solve));
 }
 
-// The ranges of one pair of agents, as their newest verdicts have them.
+// Statistics of the ranges between two agents, by the newest verdicts.
 struct PairStats {
   std::size_t range_count = 0;
   std::size_t rejected_count = 0;
-  double worst_sigmas = 0;  // Of the rejected ones, signed.
+  double worst_sigmas = 0;  // Largest residual of the rejected ranges, with its sign.
 };
 
-using AgentPair = std::pair<AgentId, AgentId>;  // The smaller id first.
+using AgentPair = std::pair<AgentId, AgentId>;  // The smaller id comes first.
 
 struct RejectedRange {
   const RangeEdge* range = nullptr;
@@ -180,7 +180,7 @@ struct RangeStats {
   std::vector<RejectedRange> rejected;
 };
 
-// Points into `known`.
+// The result points into `known`.
 RangeStats FindRangeStats(const KnownGraph& known) {
   RangeStats stats;
   for (const RangeEdge& range : known.graph().ranges) {
@@ -271,22 +271,22 @@ void AddGraphCommands(Command& app, CommandContext& context) {
   AddGraphExport(group, context);
 
   auto optimize = std::make_shared<OptimizeArguments>();
-  Command& optimized = AddCommand(group, "optimize", "Solve it now, at the leader (or -a)",
+  Command& optimized = AddCommand(group, "optimize", "Solve the graph now, at the leader (or -a)",
                                   {"moonctl graph optimize --covariance-of rover2:17"});
-  Option& scratch = optimized.AddFlag("--from-scratch", optimize->is_from_scratch, "Not from the last solution");
-  optimized
-      .AddOption("--window", optimize->window_nodes, "Move only so many newest nodes of each rover: a quick answer")
+  Option& scratch =
+      optimized.AddFlag("--from-scratch", optimize->is_from_scratch, "Do not start from the last solution");
+  optimized.AddOption("--window", optimize->window_nodes, "Move only this many newest nodes of each rover (faster)")
       .Within(1u, 1000000u)
       .Excludes(scratch);
-  optimized.AddFlag("--covariance", optimize->has_covariance, "Also how well each rover's newest node is known");
-  optimized.AddOption("--covariance-of", optimize->covariance_of, "And of these nodes: rover2:17");
+  optimized.AddFlag("--covariance", optimize->has_covariance, "Show the covariance of each rover's newest node");
+  optimized.AddOption("--covariance-of", optimize->covariance_of, "Show the covariance of these nodes: rover2:17");
   optimized.Callback(
       [&context, optimize] { context.action = [&context, optimize] { return OptimizeGraph(context, *optimize); }; });
 
   auto has_edges = std::make_shared<bool>(false);
-  Command& stats = AddCommand(group, "stats", "The last solve, and what was judged of the ranges",
+  Command& stats = AddCommand(group, "stats", "Show the last solve and the verdicts on ranges",
                               {"moonctl graph stats --edges", kShows});
-  stats.AddFlag("--edges", *has_edges, "Also each rejected range");
+  stats.AddFlag("--edges", *has_edges, "List each rejected range");
   stats.Callback([&context, has_edges] {
     context.action = [&context, has_edges] { return ShowGraphStats(context, *has_edges); };
   });

@@ -1,4 +1,4 @@
-// The longer ones of `moonctl graph`: export, and the solver on a file by itself.
+// The longer commands of `moonctl graph`: export, and solving a graph file without a team.
 #pragma once
 
 #include "apps/moonctl/command_context.h"

@@ -22,12 +22,12 @@ struct ExportArguments {
   std::string format = "pyfg";
 };
 
-// What an agent holds, in the order of names, without edges whose nodes have not come yet.
+// The graph that an agent holds, sorted by node. Omits edges whose nodes have not arrived yet.
 struct HeldGraph {
-  PoseGraph graph;                                // At the chosen poses.
-  std::vector<const PublishedVerdict*> verdicts;  // Of graph.ranges; null where nobody spoke of it.
+  PoseGraph graph;                                // With raw or optimized poses, as chosen.
+  std::vector<const PublishedVerdict*> verdicts;  // Verdicts on graph.ranges. Null: no verdict.
   std::size_t rejected_count = 0;
-  std::size_t waiting_edge_count = 0;  // Edges that are left out.
+  std::size_t waiting_edge_count = 0;  // Edges that are omitted.
   std::set<NodeKey> optimized;         // Nodes that have an optimized pose.
 };
 
@@ -58,7 +58,8 @@ HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
   return held;
 }
 
-// Under the file's letters; the base station is a landmark, without a stamp: PyFactorGraph's reader takes none there.
+// Renames the agents to the letters of the file. The base station becomes a landmark without a timestamp, because
+// PyFactorGraph's reader rejects timestamps of landmarks.
 Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   std::map<AgentId, AgentId> letters;
   for (const auto& [letter, agent] : AgentsByLetter(team)) letters[agent] = letter;
@@ -89,7 +90,7 @@ Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   return pyfg;
 }
 
-// `named` has the ranges under the names that the other file uses.
+// `named` has the same ranges under the names of the graph file.
 std::string VerdictsText(const HeldGraph& held, const Pyfg& named) {
   std::string text = "from,to,timestamp_s,range_m,variance_m2,verdict,residual_sigmas\n";
   for (std::size_t i = 0; i < held.graph.ranges.size(); ++i) {
@@ -103,10 +104,10 @@ std::string VerdictsText(const HeldGraph& held, const Pyfg& named) {
   return text;
 }
 
-// What becomes of a graph: files, and what is said of them.
+// The files of an exported graph, and the command's output about them.
 struct GraphFiles {
   std::vector<FileBytes> files;
-  JsonWriter json;  // Begun; the notes and its end are to come.
+  JsonWriter json;  // An open document. The caller adds the notes and closes it.
   std::string text;
 };
 
@@ -126,8 +127,8 @@ FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {
   return notes;
 }
 
-// A comment would break usual readers (PyFactorGraph's; of g2o those of Ceres' examples and SE-Sync), so that the notes
-// lie beside.
+// Writes the notes to a file beside the graph. Comments in the graph file would break common readers: PyFactorGraph's,
+// and for g2o those of the Ceres examples and SE-Sync.
 FileBytes OriginFile(const std::string& file, const FileNotes& notes) {
   return {file + ".origin.txt", NotesText(notes)};
 }
@@ -161,7 +162,7 @@ Result<GraphFiles> G2oFiles(const HeldGraph& held, const Pyfg& named, const std:
   return made;
 }
 
-// One file an agent: DIR/NAME.tum. Each says of its own poses what the other formats say of all.
+// Makes one file per agent, DIR/NAME.tum. The notes in each file describe only that agent's poses.
 GraphFiles TumFiles(const proto::TeamConfig& team, const HeldGraph& held, const ExportArguments& arguments,
                     const FileOrigin& origin) {
   std::map<AgentId, std::vector<TumPose>> tracks;
@@ -219,18 +220,17 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
 void AddGraphExport(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<ExportArguments>();
   Command& command = AddCommand(group, "export",
-                                "Write the graph that the leader (or -a) holds; what was judged of ranges "
-                                "goes to FILE.verdicts.csv, where it came "
-                                "from to FILE.origin.txt or (TUM) into the file",
+                                "Write the graph of the leader (or -a); verdicts on ranges go to "
+                                "FILE.verdicts.csv, the origin of the data to "
+                                "FILE.origin.txt or (TUM) into the file",
                                 {"moonctl graph export graph.g2o --format g2o"});
   command.AddOption("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
       .TypeName("FILE")
       .Required();
   command
-      .AddOption("--format", arguments->format,
-                 "pyfg, g2o (poses and odometry: it has no ranges), or tum (the trajectories alone)")
+      .AddOption("--format", arguments->format, "pyfg, g2o (poses and odometry, no ranges), or tum (only trajectories)")
       .OneOf({"pyfg", "g2o", "tum"});
-  command.AddOption("--poses", arguments->poses, "optimized (where there are any) or raw").OneOf({"optimized", "raw"});
+  command.AddOption("--poses", arguments->poses, "optimized (if available) or raw").OneOf({"optimized", "raw"});
   command.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportGraph(context, *arguments); }; });
 }

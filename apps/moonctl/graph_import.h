@@ -1,7 +1,7 @@
-// Turns a PyFG file into the records that each agent would have made itself.
+// Turns a PyFG file into the records that each agent would have inserted itself.
 //
-// Vertices of such files are usually the truth, or somebody's solution. Of each rover only the first is taken; its
-// further raw poses are composed from odometry, as the robot would have known them. Plain functions.
+// Vertices in such files are usually ground truth or a solution. Only the first vertex of each rover is used. Its other
+// raw poses are composed from odometry, as the robot would have known them. Plain functions.
 #pragma once
 
 #include <map>
@@ -15,16 +15,17 @@
 namespace moondb {
 
 struct GraphImport {
-  std::map<AgentId, std::vector<proto::Record>> records;  // By the agent that is to insert them: nodes, then edges.
+  std::map<AgentId, std::vector<proto::Record>> records;  // By inserting agent. Nodes precede edges.
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
   std::size_t range_count = 0;
-  // Sightings, landmarks that are no base station, with their ranges, poses of one rover as another saw it, and loop
-  // closures: poses between two nodes of one rover that do not follow one another.
+  // Number of skipped items: sightings, landmarks that are no base station and ranges to them, poses of one rover
+  // measured by another, and loop closures (relative poses between non-consecutive nodes of one rover).
   std::size_t left_out_count = 0;
 };
 
-// kInvalid if a letter stands for no agent of the team, or a node cannot be reached from its rover's first one.
+// kInvalid if a letter stands for no agent of the team, or no odometry leads from a rover's first node to one of its
+// nodes.
 Result<GraphImport> PrepareImport(const proto::TeamConfig& team, const Pyfg& pyfg);
 
 }  // namespace moondb

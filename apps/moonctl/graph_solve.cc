@@ -21,7 +21,7 @@ struct SolveArguments {
 
 bool IsG2o(const std::string& file) { return std::filesystem::path(file).extension() == ".g2o"; }
 
-// A file of either kind; the other one is empty.
+// A g2o or PyFG file. The other member is empty.
 struct GraphFile {
   bool is_g2o = false;
   G2o g2o;
@@ -54,7 +54,7 @@ Result<NodeKey> G2oKey(const std::string& text) {
   return Fail(ErrorCode::kInvalid, "'" + text + "' is no id of a vertex", "--fix");
 }
 
-// With the nodes named by `fixed` standing at their vertices.
+// Converts the file to a graph in which the nodes named by `fixed` are held at their vertices.
 Result<StandaloneGraph> ToPlain(GraphFile& file, const std::vector<std::string>& fixed) {
   std::set<NodeKey> keys;
   for (const std::string& text : fixed) {
@@ -72,7 +72,7 @@ Result<StandaloneGraph> ToPlain(GraphFile& file, const std::vector<std::string>&
   return graph;
 }
 
-// The file again, at the solved poses.
+// Writes the graph file with the solved poses.
 Result<void> WriteSolved(GraphFile file, const StandaloneGraph& graph, const PlainSolution& solution,
                          const std::string& out) {
   std::map<NodeKey, Pose> poses;
@@ -130,16 +130,15 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
 
 void AddGraphSolve(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<SolveArguments>();
-  Command& command =
-      AddCommand(group, "solve", "Solve a graph file by itself, every factor as it is written; asks no agent",
-                 {"moonctl graph solve plaza.pyfg --fix L0 --out solved.pyfg"});
+  Command& command = AddCommand(group, "solve", "Solve a graph file with all its factors, without an agent",
+                                {"moonctl graph solve plaza.pyfg --fix L0 --out solved.pyfg"});
   command.AddOption("file", arguments->file, "A .g2o file; anything else is read as PyFG").TypeName("FILE").Required();
-  command.AddOption("--out", arguments->out, "Writes the same graph at the solved poses").TypeName("FILE");
-  command.AddOption("--fix", arguments->fixed, "A vertex that stands still where the file has it (L0, or a g2o id)");
+  command.AddOption("--out", arguments->out, "Write the graph with the solved poses").TypeName("FILE");
+  command.AddOption("--fix", arguments->fixed, "Vertex to hold fixed at its position in the file (L0, or a g2o id)");
   command.AddFlag("--vertices-as-start", arguments->starts_at_vertices,
-                  "Begin where the file has the vertices; else they are not looked at: often they are the truth");
+                  "Start from the file's vertices. By default they are ignored, since they are often the ground truth");
   command.AddFlag("--isotropic", arguments->is_isotropic,
-                  "Take a g2o file whose information matrices are not positive definite, each block by its trace");
+                  "Accept information matrices that are not positive definite: use the trace of each block");
   command.AddOption("--threads", arguments->threads, "Threads of the solver").Within(1, 64);
   command.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return SolveFile(context, *arguments); }; });

@@ -21,12 +21,12 @@ constexpr std::uint64_t kRevisionsOfAnEraMax = 1000;
 
 using Findings = std::vector<std::string>;
 
-// The newest assignment that any agent reports.
+// Returns the newest assignment that any agent reports.
 proto::RoleAssignment NewestOf(const std::map<std::uint32_t, AgentReport>& reports) {
   proto::RoleAssignment newest;
   for (const auto& [agent, report] : reports) {
     if (!report.status) continue;
-    // What cannot be stored is acted on without that agent's own role; another may have it whole.
+    // An agent that cannot store an assignment acts on it, except for its own role. Another agent may have stored it.
     const proto::RoleAssignment& roles =
         report.status->has_unstored_roles() ? report.status->unstored_roles() : report.status->roles();
     if (!IsNewer(newest.term(), roles.term())) newest = roles;
@@ -104,7 +104,7 @@ void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
   }
   for (const proto::ActorStatus& actor : status.actors()) {
     if (actor.restarts() > 0) {
-      findings.push_back(actor.name() + " failed and was made anew " + FormatCount(actor.restarts()) + " times");
+      findings.push_back(actor.name() + " failed and was restarted " + FormatCount(actor.restarts()) + " times");
     }
     if (actor.dropped() > 0) {
       findings.push_back(actor.name() + " had no room for " + FormatCount(actor.dropped()) + " messages");
@@ -114,7 +114,7 @@ void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
 
 bool IsFarOff(const proto::PeerClockOffset& clock) { return std::abs(clock.offset_s()) > kClockOffsetMax_s; }
 
-// The agents whose clocks differ from those of most others.
+// Returns the agents whose clocks differ from most other agents' clocks.
 std::set<std::uint32_t> WrongClocksIn(const std::map<std::uint32_t, AgentReport>& reports) {
   std::set<std::uint32_t> wrong;
   for (const auto& [agent, report] : reports) {
@@ -134,23 +134,23 @@ void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status
     if (is_of_the_other) continue;
     findings.push_back("its clock is " + FormatSeconds(std::abs(clock.offset_s())) +
                        (clock.offset_s() > 0 ? " behind " : " ahead of ") + AgentName(team, clock.agent_id()) +
-                       "'s, as that one said " + FormatSeconds(clock.age_s()) + " ago");
+                       "'s (reported " + FormatSeconds(clock.age_s()) + " ago)");
   }
 }
 
-// What only a member that lies, or is broken, sends.
+// Describes messages that only a lying or faulty member sends.
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom& refused) {
   const std::string sender = AgentName(team, refused.agent_id());
   const std::string count = FormatCount(refused.count());
   const std::string of = refused.origin_agent() == 0 ? "" : " of " + AgentName(team, refused.origin_agent());
   switch (refused.cause()) {
     case proto::REFUSAL_CAUSE_COMMAND:
-      return "refused " + count + " commands through " + sender + ", which command_from of its team file does not name";
+      return "refused " + count + " commands relayed by " + sender + ", which is not in command_from of the team file";
     case proto::REFUSAL_CAUSE_ORIGIN:
       return "refused " + count + " records" + of + " that " + sender + " brought, which never led nor survived";
     case proto::REFUSAL_CAUSE_OWN_EPOCH:
       return sender +
-             " tells of records of this agent that its disk never had: the disk is older than it was, and 'moonctl "
+             " reports records of this agent that its disk never had: the disk is older than it was, and 'moonctl "
              "sync " +
              "now' brings them home, or " + sender + " is wrong";
     case proto::REFUSAL_CAUSE_STREAMS:
@@ -196,7 +196,7 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
   }
 }
 
-// The findings are about the rovers, not about the leader that solved.
+// Adds the findings to the rovers, not to the leader that solved.
 void JudgeSolve(const proto::OptimizeReply& solve, std::map<std::uint32_t, Findings>& all) {
   for (const proto::RoverSolution& rover : solve.rovers()) {
     if (IsPlausibleOdometryScale(rover.odometry_scale())) continue;

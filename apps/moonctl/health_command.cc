@@ -65,11 +65,11 @@ ExitCode ShowHealth(CommandContext& context) {
 }
 
 struct Acknowledged {
-  std::vector<proto::HealthFinding> findings;  // As they were shown to it.
-  double refused_commands = 0;                 // Through other agents, since the agent started or since the last time.
+  std::vector<proto::HealthFinding> findings;  // As shown to the operator.
+  double refused_commands = 0;  // Relayed by other agents, since the agent's start or the last acknowledgment.
 };
 
-// What the agent shows now: what comes in between is not acknowledged unseen.
+// Acknowledges what the agent reports now. Findings that arrive in between stay unacknowledged.
 Result<Acknowledged> AcknowledgeAt(Client& client) {
   const Result<proto::AgentStatus> status = client.Status();
   if (!status) return tl::unexpected(status.error());
@@ -122,12 +122,11 @@ ExitCode AcknowledgeHealth(CommandContext& context) {
 }  // namespace
 
 void AddHealthCommand(Command& app, CommandContext& context) {
-  Command& health =
-      AddCommand(app, "health", "What is wrong, for people and scripts: ends with 0 only where all agents are well",
-                 {"moonctl health --json", kShows});
+  Command& health = AddCommand(app, "health", "Report problems; exit code 0 only if all agents are healthy",
+                               {"moonctl health --json", kShows});
   health.AllowSubcommand();
   AddCommand(health, "acknowledge",
-             "You have read what was found: lost peers, damage, ends without stopping, refused commands (or -a)",
+             "Acknowledge findings (or those of -a): lost peers, damage, crashes, refused commands",
              {"moonctl health acknowledge -a rover2"})
       .Callback([&context] { context.action = [&context] { return AcknowledgeHealth(context); }; });
   health.Callback([&context, &health] {

@@ -1,4 +1,4 @@
-// Who holds what, from the have-sets that agents reported. Pure functions.
+// Compares agents' holdings by the have-sets that they reported. Pure functions.
 #pragma once
 
 #include <cstdint>
@@ -10,26 +10,27 @@
 
 namespace moondb {
 
-// An origin and a data type: the streams of all epochs together.
+// An origin and a data type. It combines the streams of all epochs.
 using Series = std::pair<AgentId, DataType>;
 
 struct Holding {
   std::uint64_t held = 0;
-  std::uint64_t lacking = 0;  // Held by another of the agents and never had by this one; superseded ones do not count.
+  std::uint64_t lacking = 0;  // Records that another agent holds and this agent's have-set does not cover. Excludes
+                              // superseded records.
 };
 
-// Of each series that anybody holds, what each agent holds, in the order of `haves`.
+// Returns what each agent holds of each series, in the order of `haves`. Omits series that no agent holds.
 std::map<Series, std::vector<Holding>> HoldingsOf(const std::vector<HaveSet>& haves);
 
 // Two agents' holdings of one series.
 struct HoldingPair {
   Holding first;
   Holding second;
-  HaveSet both;  // Held by both.
+  HaveSet both;  // The records that both agents hold.
 };
 std::map<Series, HoldingPair> CompareHoldings(const HaveSet& first, const HaveSet& second);
 
-// What both hold, stream by stream; nothing is dropped in it.
+// Returns the records that both agents hold, by stream. The result has no dropped records.
 HaveSet HeldByBoth(const HaveSet& first, const HaveSet& second);
 
 }  // namespace moondb

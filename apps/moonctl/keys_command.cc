@@ -21,15 +21,15 @@ namespace moondb {
 namespace {
 
 struct KeysArguments {
-  std::string file;  // Empty: -t or $MOONDB_TEAM.
+  std::string file;  // Empty: the file given with -t or in $MOONDB_TEAM.
   std::string name;
-  std::string out;  // Folder of what is made; empty: by whose keys they are.
+  std::string out;  // Folder for new keys. Empty: depends on the owner of the keys.
   bool is_client = false;
 };
 
 // --- keys new ---
 
-// Beside the team file, which need not name the agent yet.
+// Returns the folder of the team file by default. The team file need not name the agent yet.
 Result<std::filesystem::path> AgentKeyFolder(const CommandContext& context, const KeysArguments& arguments) {
   if (!arguments.out.empty()) return std::filesystem::path(arguments.out);
   if (!context.TeamPath().empty()) return context.TeamPath().parent_path();
@@ -89,13 +89,13 @@ ExitCode MakeKeys(CommandContext& context, const KeysArguments& arguments) {
 
 // --- keys show ---
 
-// Whether a secret is on this machine, as it is shown.
+// Whether a secret key is on this machine, and whether it is valid.
 struct SecretHere {
   bool is_here = false;
-  std::string wrong;  // Empty: it is not here, or fits.
+  std::string wrong;  // Why the key cannot be used. Empty: there is no key, or it is valid.
 };
 
-// `public_key_of` reads the secret's own.
+// Checks whether `file` exists and fits `public_key`. `public_key_of` reads the public key that belongs to the secret.
 template <typename PublicKeyOf>
 SecretHere LookFor(const std::filesystem::path& file, const std::string& public_key, PublicKeyOf public_key_of) {
   std::error_code error;
@@ -120,7 +120,7 @@ SecretHere SigningSecretHere(const std::filesystem::path& file, const std::strin
   });
 }
 
-// "rover1.sec, rover1.sign", with what is wrong behind it; "-" where none is here.
+// Returns the files present ("rover1.sec, rover1.sign"), followed by their faults. "-": none is present.
 std::string SecretsText(const std::vector<std::pair<std::filesystem::path, SecretHere>>& secrets) {
   std::string text;
   for (const auto& [file, secret] : secrets) {
@@ -136,12 +136,12 @@ void WriteSecret(const char* key, const SecretHere& secret, JsonWriter& json) {
   json.Key(key).BeginObject().Key("is_here").Bool(secret.is_here).Key("wrong").String(secret.wrong).EndObject();
 }
 
-// Whether all secrets that are here fit.
+// Adds one agent to the output. Returns true if all its secret keys on this machine fit.
 bool AddAgent(const TeamFile& team, const proto::AgentConfig& agent, Table& table, JsonWriter& json) {
   const std::filesystem::path public_file = team.folder / agent.key();
   const std::filesystem::path secret_file = SecretKeyPath(public_file);
   const std::filesystem::path signing_file = SigningSecretPath(secret_file);
-  const std::string key = ReadPublicKey(public_file).value_or("");  // The team file's reader has read it.
+  const std::string key = ReadPublicKey(public_file).value_or("");  // The reader of the team file has checked this key.
   const SecretHere secret = CurveSecretHere(secret_file, key);
   const SecretHere signing = SigningSecretHere(signing_file, agent.signing_key());
   const bool is_right = secret.wrong.empty() && signing.wrong.empty();
@@ -161,7 +161,7 @@ void AddClient(const proto::ListedClient& client, Table& table, JsonWriter& json
   const auto folder = UserFolder();
   const std::filesystem::path file = folder ? *folder / (client.name() + ".sec") : std::filesystem::path();
   const SecretHere secret = file.empty() ? SecretHere() : CurveSecretHere(file, client.key());
-  // Another team's client may have the name, too.
+  // A client of another team may have the same name.
   const bool is_here = secret.is_here && secret.wrong.empty();
   table.Add({client.name(), RightsName(client.rights()), FingerprintOf(client.key()), is_here ? file.string() : "-"});
   json.BeginObject().Key("name").String(client.name()).Key("rights").String(RightsName(client.rights()));
@@ -223,7 +223,7 @@ ExitCode CompleteTeamFile(CommandContext& context) {
   const auto added = AddSigningKeys(*yaml, file, &files);
   if (!added) return context.Report(added.error());
   if (added->agents.empty()) return ShowAdded(context, file, {});
-  // Before the team file, which never names a key whose secret nobody has.
+  // Publish the secret keys first, so that the team file never names a key whose secret was lost.
   if (const auto published = files.Publish(); !published) return context.Report(published.error());
   if (const auto replaced = ReplaceFile(file, added->yaml); !replaced) {
     files.TakeBack();
@@ -236,20 +236,20 @@ ExitCode CompleteTeamFile(CommandContext& context) {
 
 void AddKeysCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<KeysArguments>();
-  Command& keys = app.AddSubcommand("keys", "Keys of agents and clients: making them, and which are here");
+  Command& keys = app.AddSubcommand("keys", "Make and list keys of agents and clients");
   keys.RequireSubcommand();
-  Command& made = AddCommand(keys, "new", "Make the keys of an agent, or of a client", {"moonctl keys new rover4"});
-  made.AddOption("name", arguments->name, "Whose they are").Required().TypeName("NAME");
-  made.AddFlag("--client", arguments->is_client, "A client's: a public and a secret key, in your own folder");
+  Command& made = AddCommand(keys, "new", "Make the keys of an agent or of a client", {"moonctl keys new rover4"});
+  made.AddOption("name", arguments->name, "Name of the agent or client").Required().TypeName("NAME");
+  made.AddFlag("--client", arguments->is_client, "Make a client's public and secret key, in your own folder");
   made.AddOption("--out", arguments->out,
-                 "Folder of the keys (default: beside the team file; a client's: ~/.config/moondb)")
+                 "Folder for the keys (default: beside the team file; for clients ~/.config/moondb)")
       .TypeName("FOLDER");
   made.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return MakeKeys(context, *arguments); }; });
-  AddCommand(keys, "show", "Fingerprints of the team's keys, and whose secrets are on this machine",
+  AddCommand(keys, "show", "Show fingerprints of the team's keys, and which secret keys are on this machine",
              {"moonctl keys show"})
       .Callback([&context] { context.action = [&context] { return ShowKeys(context); }; });
-  Command& add = AddCommand(keys, "add-signing", "Give each agent of a team file the signing key that it lacks",
+  Command& add = AddCommand(keys, "add-signing", "Add missing signing keys to a team file",
                             {"moonctl keys add-signing team.yaml"});
   add.AddOption("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)").TypeName("FILE");
   add.Callback([&context, arguments] {

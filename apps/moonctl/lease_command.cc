@@ -13,8 +13,8 @@ namespace {
 using std::chrono::milliseconds;
 
 struct LeaseArguments {
-  std::string duration;  // "40", "10m".
-  std::string until;     // "2026-11-22T06:00Z".
+  std::string duration;  // Examples: "40", "10m".
+  std::string until;     // Example: "2026-11-22T06:00Z".
 };
 
 Result<milliseconds> DurationUntil(const std::string& time) {
@@ -63,24 +63,25 @@ void AddLeaseCommands(Command& app, CommandContext& context) {
     context.action = [&context, arguments, kind] { return SetLease(context, kind, DurationOf(*arguments)); };
   };
 
-  Command& drive = app.AddSubcommand("drive", "Tell an agent (-a) that its robot drives: nothing bulky is shared then");
+  Command& drive = app.AddSubcommand(
+      "drive", "Start or end a drive lease of agent -a: no bulk data (graph, maps) is shared while it drives");
   drive.RequireSubcommand();
-  Command& on = AddCommand(drive, "on", "From now on, for so long at most", {"moonctl -a rover2 drive on --for 40"});
-  on.AddOption("--for", arguments->duration, "Expires by itself then: 40 (seconds), 10m, 2h")
+  Command& on = AddCommand(drive, "on", "Start a drive lease", {"moonctl -a rover2 drive on --for 40"});
+  on.AddOption("--for", arguments->duration, "Time after which it expires: 40 (seconds), 10m, 2h")
       .TypeName("DURATION")
       .Required();
   on.Callback([act] { act(proto::LEASE_KIND_DRIVING); });
-  AddOff(drive, context, proto::LEASE_KIND_DRIVING, "It stands still");
+  AddOff(drive, context, proto::LEASE_KIND_DRIVING, "End the drive lease");
 
-  Command& sleep = AddCommand(app, "sleep", "Tell an agent (-a) that its robot sleeps: nothing is shared then",
+  Command& sleep = AddCommand(app, "sleep", "Start or end a sleep lease of agent -a: nothing is shared while it sleeps",
                               {"moonctl -a rover2 sleep --until 2026-11-22T06:00Z"});
   sleep.AllowSubcommand();
   Option& duration =
-      sleep.AddOption("--for", arguments->duration, "For so long: 40 (seconds), 10m, 8h").TypeName("DURATION");
-  sleep.AddOption("--until", arguments->until, "Until then, in UTC: 2026-11-22T06:00Z")
+      sleep.AddOption("--for", arguments->duration, "Length of the lease: 40 (seconds), 10m, 8h").TypeName("DURATION");
+  sleep.AddOption("--until", arguments->until, "End of the lease in UTC: 2026-11-22T06:00Z")
       .TypeName("TIME")
       .Excludes(duration);
-  AddOff(sleep, context, proto::LEASE_KIND_SLEEPING, "It is awake");
+  AddOff(sleep, context, proto::LEASE_KIND_SLEEPING, "End the sleep lease");
   sleep.Callback([&context, &sleep, arguments, act] {
     const bool is_on = !arguments->duration.empty() || !arguments->until.empty();
     const bool is_off = sleep.GivenSubcommand() != nullptr;

@@ -21,7 +21,7 @@ struct LogArguments {
 };
 
 struct LoggedEvent {
-  std::uint64_t row_id = 0;  // In the order in which the asked agent heard of them.
+  std::uint64_t row_id = 0;  // Increases in the order in which the connected agent stored the events.
   AgentId agent = 0;
   proto::Record record;
 };
@@ -60,7 +60,7 @@ std::string LineOf(const proto::TeamConfig& team, const LoggedEvent& event) {
   return line;
 }
 
-// What comes behind `after_row_id`.
+// Prints the events that the agent stores after `after_row_id`.
 ExitCode Follow(CommandContext& context, Client& client, proto::ReadRequest request, std::uint64_t after_row_id) {
   const proto::TeamConfig& team = (*context.Team())->config;
   request.set_after_row_id(after_row_id);
@@ -91,7 +91,7 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
   if (!events) return context.Report(events.error());
   std::uint64_t last_row_id = 0;
   for (const LoggedEvent& event : *events) last_row_id = std::max(last_row_id, event.row_id);
-  // An event that was heard of late stands where it happened.
+  // Sort by time: an event that arrived late is shown at its time of origin.
   std::stable_sort(events->begin(), events->end(), [](const LoggedEvent& a, const LoggedEvent& b) {
     return std::pair(a.record.timestamp_ns(), a.row_id) < std::pair(b.record.timestamp_ns(), b.row_id);
   });
@@ -106,7 +106,7 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
     return context.Done(json.EndArray().EndObject().text(),
                         table.Text() + (is_cut ? "older ones do not fit into one answer\n" : ""));
   }
-  std::string json;  // One document a line.
+  std::string json;  // One document per line.
   for (const LoggedEvent& event : *events) json += (json.empty() ? "" : "\n") + JsonOf((*team)->config, event);
   if (const ExitCode shown = context.Done(json, table.Text()); shown != ExitCode::kDone) return shown;
   return Follow(context, *target->client, std::move(request), last_row_id);
@@ -116,12 +116,11 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
 
 void AddLogCommand(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<LogArguments>();
-  Command& log =
-      AddCommand(app, "log", "The team's event log as the leader (or -a) knows it: commands, roles, failures",
-                 {"moonctl log --events 20", kShows});
-  log.AddOption("--events", arguments->events, "At most so many, the newest (50)").Within(1u, kEventsMax);
-  log.AddOption("--origin", arguments->origin, "Of this agent only").TypeName("AGENT");
-  log.AddFlag("-f,--follow", arguments->follows, "Go on with what comes; with --json one document a line");
+  Command& log = AddCommand(app, "log", "Show the team's event log at the leader (or -a): commands, roles, failures",
+                            {"moonctl log --events 20", kShows});
+  log.AddOption("--events", arguments->events, "Number of newest events to show (50)").Within(1u, kEventsMax);
+  log.AddOption("--origin", arguments->origin, "Show only this agent's").TypeName("AGENT");
+  log.AddFlag("-f,--follow", arguments->follows, "Keep printing new events; with --json one document per line");
   log.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ShowLog(context, *arguments); }; });
 }

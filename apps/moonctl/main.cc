@@ -1,4 +1,5 @@
-// moonctl: what an operator types. Verb after noun; exit codes in apps/moonctl/exit_code.h.
+// moonctl: the operator's command-line tool. Commands are a noun and a verb ("role set"). Exit codes:
+// apps/moonctl/exit_code.h.
 
 #include <sys/prctl.h>
 
@@ -29,14 +30,14 @@ ExitCode Run(int argc, char** argv) {
     return PrintCompletions(app, {words.begin() + 1, words.end()}, context);
   }
   if (const std::optional<ParseStop> stop = app.Parse(argc, argv)) {
-    if (stop->exit_code == 0) return ExitCode::kDone;  // --help
+    if (stop->exit_code == 0) return ExitCode::kDone;  // For --help and --version.
     const Command* group = FindCommand(app, words);
-    if (group != nullptr && group->requires_subcommand()) {  // "moonctl role", or nothing at all.
+    if (group != nullptr && group->requires_subcommand()) {  // Only "moonctl role", or no words at all.
       std::fputs(group->Help().c_str(), stdout);
       return ExitCode::kDone;
     }
     const auto mistyped = DescribeMistyped(app, words);
-    // The flag may stand behind what could not be parsed.
+    // --json may follow the word that could not be parsed.
     context.is_json = std::find(words.begin(), words.end(), "--json") != words.end();
     return context.Report({ErrorCode::kInvalid, mistyped.value_or(stop->error), {}});
   }
@@ -49,6 +50,6 @@ ExitCode Run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);
-  (void)::prctl(PR_SET_DUMPABLE, 0);  // Its memory may hold secret keys, which no core file is to hold.
+  (void)::prctl(PR_SET_DUMPABLE, 0);  // The memory may hold secret keys. Write no core file of it.
   return static_cast<int>(moondb::Run(argc, argv));
 }

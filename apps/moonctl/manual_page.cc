@@ -44,7 +44,7 @@ another one is found by its data folder.
 Set to anything: no colours.
 )";
 
-// Plain text for a line of roff.
+// Escapes plain text for a line of roff.
 std::string Escaped(const std::string& text) {
   std::string escaped = text.starts_with(".") || text.starts_with("'") ? "\\&" : "";
   for (const char c : text) {
@@ -61,7 +61,7 @@ std::string Escaped(const std::string& text) {
   return escaped;
 }
 
-// "-a, --agent AGENT"; of arguments the name alone.
+// Returns "-a, --agent AGENT"; for an argument only its name.
 std::string Heading(const Option& option) {
   std::string names;
   for (const std::string& name : option.short_names()) names += (names.empty() ? "-" : ", -") + name;
@@ -91,13 +91,13 @@ std::string Synopsis(const Command& command) {
   return text;
 }
 
-// A group without options of its own is no command.
+// A group without options of its own has no section as a command.
 bool IsCommand(const Command& command) { return command.subcommands().empty() || !command.requires_subcommand(); }
 
 std::string CommandText(const Command& command) {
   std::string text = ".SS " + Escaped(Synopsis(command)) + "\n";
   const Command& group = *command.parent();
-  if (group.parent() != nullptr) text += Escaped(group.description()) + ".\n";  // "off" alone says little.
+  if (group.parent() != nullptr) text += Escaped(group.description()) + ".\n";  // A name like "off" needs context.
   text += Escaped(command.description()) + ".\n";
   text += OptionsText(command);
   if (const CommandNote* note = NoteOf(command)) {

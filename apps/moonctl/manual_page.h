@@ -1,4 +1,4 @@
-// The manual page moonctl.1, made from the tree of commands. Pure function.
+// Generates the manual page moonctl.1 from the tree of commands. Pure function.
 #pragma once
 
 #include <string>
@@ -7,7 +7,7 @@ namespace moondb {
 
 class Command;
 
-// In roff, with the macros of man(7).
+// Returns the page in roff, with the macros of man(7).
 std::string ManualPage(const Command& root, const std::string& version);
 
 }  // namespace moondb

@@ -91,14 +91,14 @@ void AddMapCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<MapArguments>();
   Command& exported = AddCommand(group, "export", "Merge at the leader (or -a) and write the map",
                                  {"moonctl map export maps --format geotiff"});
-  exported.AddOption("folder", arguments->folder, "Made if it is missing").TypeName("FOLDER").Required();
+  exported.AddOption("folder", arguments->folder, "Output folder; created if missing").TypeName("FOLDER").Required();
   exported
       .AddOption(
           "--format", arguments->format,
           "nav2 (map.yaml and map.pgm), png (with a world file), or geotiff (on the Moon; see site in the team file)")
       .OneOf({"nav2", "png", "geotiff"});
   exported.AddFlag("--raw-poses", arguments->use_raw_poses, "Ignore optimized poses");
-  exported.AddOption("--agents", arguments->agents, "Maps of these agents only").TypeName("AGENT");
+  exported.AddOption("--agents", arguments->agents, "Merge only maps of these agents").TypeName("AGENT");
   exported.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportMap(context, *arguments); }; });
   AddMapQuestions(group, context);

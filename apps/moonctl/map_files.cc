@@ -13,7 +13,7 @@ Result<std::vector<FileBytes>> PngFiles(const MapExport& exported) {
   const MergedMap map = WrittenMap(exported);
   auto png = PngBytes(CellPicture(map), {{CellColors().begin(), CellColors().end()}, exported.notes});
   if (!png) return tl::unexpected(png.error());
-  // The picture last: whoever sees it finds where it lies.
+  // Write the picture last, so that a reader who sees it also finds its position file.
   return std::vector<FileBytes>{{exported.folder / "map.pgw", WorldFile(map)},
                                 {exported.folder / "map.png", *std::move(png)}};
 }

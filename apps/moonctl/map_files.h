@@ -1,4 +1,5 @@
-// A merged map as files for others: ROS and Nav2, pictures with a world file, GeoTIFF. Not thread-safe.
+// Exports a merged map to file formats of other programs: ROS and Nav2, PNG with a world file, GeoTIFF. Not
+// thread-safe.
 #pragma once
 
 #include <filesystem>
@@ -12,23 +13,25 @@
 
 namespace moondb {
 
-// "nav2": map.yaml and map.pgm. "png": map.png and map.pgw. "geotiff": map.tif. PNG and GeoTIFF leave out what is
-// unknown around the map, but for a margin. Each holds the notes. `site` is of use to GeoTIFF alone.
+// Formats: "nav2" writes map.yaml and map.pgm, "png" writes map.png and map.pgw, "geotiff" writes map.tif. PNG and
+// GeoTIFF crop the unknown area around the map, except for a margin. Every format includes the notes. Only GeoTIFF uses
+// `site`.
 struct MapExport {
-  std::filesystem::path folder;  // Made where it is missing.
+  std::filesystem::path folder;  // Created if missing.
   std::string format;
   MergedMap map;
   proto::SiteConfig site;
   FileNotes notes;
 };
 
-// The map as its files hold it.
+// Returns the map as the files store it, after cropping.
 MergedMap WrittenMap(const MapExport& exported);
 
-// The files written, together (see WriteTogether). kInternal, with the path and what to do, if one cannot be written.
+// Writes all files together (see WriteTogether) and returns their paths. kInternal, with the path and a remedy, if a
+// file cannot be written.
 Result<std::vector<std::filesystem::path>> WriteMapFiles(const MapExport& exported);
 
-// Six lines, as GIS programs read them: metres in the frame `map`.
+// Returns the six lines of a world file for GIS programs, in metres in the frame `map`.
 std::string WorldFile(const MergedMap& map);
 
 }  // namespace moondb

@@ -65,7 +65,7 @@ ExitCode AskWhy(CommandContext& context, const Place& place) {
   if (why->observations().empty()) return context.Print(ExitCode::kDone, ToJson(*why), text + ": no map knows it");
   Table table({"SAYS", "AGENT", "TIME", "LEVEL", "CELL M", "NODE", "AT", "MAP"});
   for (const proto::MapObservation& said : why->observations()) table.Add(ObservationRow(team, said));
-  text += "; who stands above stands first:\n" + table.Text();
+  text += "; in order of precedence, the winner first:\n" + table.Text();
   if (why->left_out_count() > 0) text += "and " + FormatCount(why->left_out_count()) + " more\n";
   return context.Print(ExitCode::kDone, ToJson(*why), text);
 }
@@ -147,7 +147,7 @@ Result<proto::Record> MakeQuarantine(CommandContext& context, const QuarantineAr
   return record;
 }
 
-// The one to be lifted has to be there: a mistyped ID would lift nothing, and say nothing.
+// Checks that the quarantine to lift exists. Otherwise a mistyped ID would silently lift nothing.
 Result<void> CheckStands(Client& client, const proto::MapQuarantine& quarantine) {
   if (!quarantine.has_lifts()) return {};
   const auto stats = client.MapStats();
@@ -183,13 +183,13 @@ ExitCode SetQuarantine(CommandContext& context, const QuarantineArguments& argum
 
 void AddMapQuestions(Command& group, CommandContext& context) {
   auto place = std::make_shared<Place>();
-  Command& why = AddCommand(group, "why", "Why is a cell what it is? At the leader, or at -a",
+  Command& why = AddCommand(group, "why", "Show which maps decide a cell, at the leader (or -a)",
                             {"moonctl map why 10 -5.25", kShows});
-  why.AddOption("x", place->x_m, "Metres in the frame map").Required();
-  why.AddOption("y", place->y_m, "And so").Required();
+  why.AddOption("x", place->x_m, "x in metres, in the frame map").Required();
+  why.AddOption("y", place->y_m, "y in metres, in the frame map").Required();
   why.Callback([&context, place] { context.action = [&context, place] { return AskWhy(context, *place); }; });
 
-  Command& stats = AddCommand(group, "stats", "Which maps still have a say, and quarantines; at the leader, or -a",
+  Command& stats = AddCommand(group, "stats", "Show which maps win cells, and quarantines, at the leader (or -a)",
                               {"moonctl map stats", kShows});
   stats.Callback([&context] { context.action = [&context] { return ShowStats(context); }; });
 
@@ -197,10 +197,10 @@ void AddMapQuestions(Command& group, CommandContext& context) {
   Command& quarantine =
       AddCommand(group, "quarantine", "Leave an agent's maps out of all merged maps",
                  {"moonctl map quarantine --agent rover2 --from 2026-11-21T10:00Z --reason \"wheel slip\""});
-  quarantine.AddOption("--agent", arguments->agent, "Whose maps").TypeName("AGENT");
-  quarantine.AddOption("--from", arguments->from, "Stamped from then on, in UTC: 2026-11-22T06:00Z").TypeName("TIME");
-  quarantine.AddOption("--to", arguments->to, "Stamped up to then").TypeName("TIME");
-  quarantine.AddOption("--reason", arguments->reason, "For people");
+  quarantine.AddOption("--agent", arguments->agent, "Agent whose maps to leave out").TypeName("AGENT");
+  quarantine.AddOption("--from", arguments->from, "Start of the time range in UTC: 2026-11-22T06:00Z").TypeName("TIME");
+  quarantine.AddOption("--to", arguments->to, "End of the time range in UTC").TypeName("TIME");
+  quarantine.AddOption("--reason", arguments->reason, "Reason, kept in the record");
   quarantine.AddOption("--lift", arguments->lift, "Undo the quarantine of that ID, which map stats shows")
       .TypeName("ID");
   quarantine.Callback(

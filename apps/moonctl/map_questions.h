@@ -1,4 +1,5 @@
-// `moonctl map why`, `map stats` and `map quarantine`: where the merged map's cells come from, and what to leave out.
+// `moonctl map why`, `map stats` and `map quarantine`: show which maps a cell of the merged map comes from, and exclude
+// maps.
 #pragma once
 
 #include "apps/moonctl/command_context.h"

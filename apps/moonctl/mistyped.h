@@ -1,4 +1,4 @@
-// Finds the word that a command line stumbles over.
+// Finds the unknown word in a command line that could not be parsed.
 #pragma once
 
 #include <optional>
@@ -9,8 +9,8 @@ namespace moondb {
 
 class Command;
 
-// `unknown command "statsu"; did you mean "status"?` for the first word that is no subcommand where one is expected,
-// or no option that exists; nothing if all words are known.
+// Returns `unknown command "statsu"; did you mean "status"?` for the first word that is an unknown subcommand or an
+// unknown option. Returns nothing if all words are known.
 std::optional<std::string> DescribeMistyped(const Command& app, const std::vector<std::string>& words);
 
 }  // namespace moondb

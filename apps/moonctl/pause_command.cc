@@ -14,7 +14,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Of `agent`, in the leases that it answered with; 0 for what it does not do.
+// Returns the lease of `agent` in its reply. Durations are 0 if it holds none.
 proto::AgentLease LeaseOf(const proto::AgentConfig& agent, const proto::LeaseReply& reply) {
   for (const proto::AgentLease& lease : reply.leases()) {
     if (lease.agent_id() == agent.id()) return lease;
@@ -24,7 +24,7 @@ proto::AgentLease LeaseOf(const proto::AgentConfig& agent, const proto::LeaseRep
   return none;
 }
 
-// One that cannot be reached does not keep the others from it.
+// Pauses or resumes each agent. An unreachable agent does not stop the others from being paused.
 ExitCode SetPause(CommandContext& context, milliseconds duration) {
   const auto answers =
       context.AskEach([duration](Client& client) { return client.SetLease(proto::LEASE_KIND_PAUSED, duration); });
@@ -54,9 +54,10 @@ ExitCode SetPause(CommandContext& context, milliseconds duration) {
 void AddPauseCommands(Command& sync, CommandContext& context) {
   auto length = std::make_shared<std::string>("600");
   Command& pause =
-      AddCommand(sync, "pause", "Nothing bulky is shared with any agent, or with -a, until it lapses or sync resume",
+      AddCommand(sync, "pause",
+                 "Pause bulk data (graph, maps) with all agents, or with -a, until the pause expires or sync resume",
                  {"moonctl sync pause --for 10m"});
-  pause.AddOption("--for", *length, "Expires by itself then: 40 (seconds), 10m, 2h; at most 24 h")
+  pause.AddOption("--for", *length, "Time after which it expires: 40 (seconds), 10m, 2h; at most 24 h")
       .TypeName("DURATION")
       .DefaultShown();
   pause.Callback([&context, length] {
@@ -65,7 +66,7 @@ void AddPauseCommands(Command& sync, CommandContext& context) {
       return duration ? SetPause(context, *duration) : context.Report(duration.error());
     };
   });
-  AddCommand(sync, "resume", "The pause is over", {"moonctl sync resume -a rover2"}).Callback([&context] {
+  AddCommand(sync, "resume", "Resume sharing", {"moonctl sync resume -a rover2"}).Callback([&context] {
     context.action = [&context] { return SetPause(context, milliseconds(0)); };
   });
 }

@@ -1,4 +1,4 @@
-// sync pause, sync resume: an operator's own window: nothing bulky is shared with an agent, or with any, for a while.
+// `sync pause` and `sync resume`: an operator stops bulk transfers with one agent or all agents for a limited time.
 #pragma once
 
 #include "apps/moonctl/command_context.h"
@@ -7,7 +7,7 @@ namespace moondb {
 
 class Command;
 
-// As in apps/moonctl/commands.h; `sync` is the group that they belong to.
+// See apps/moonctl/commands.h. `sync` is the group that gets the commands.
 void AddPauseCommands(Command& sync, CommandContext& context);
 
 }  // namespace moondb

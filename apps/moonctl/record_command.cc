@@ -38,13 +38,13 @@ Result<DataType> TypeNamed(const std::string& name, const CustomTypes& custom_ty
   return Fail(ErrorCode::kInvalid, "no data type \"" + name + "\"" + DidYouMean(name, DataTypeNames(custom_types)));
 }
 
-// The agent whose records these are; there is no natural choice of one.
+// Connects to the agent given with -a. There is no natural default for it.
 Result<AgentClient> ConnectToChosen(CommandContext& context) {
   if (!context.agent.empty()) return context.Connect(context.agent);
   return Fail(ErrorCode::kInvalid, "which agent? Give -a rover1");
 }
 
-// What stands behind "@", or the text itself.
+// Returns the content of FILE for "@FILE", otherwise the text itself.
 Result<std::string> TextOrFile(const std::string& text) {
   if (!text.starts_with("@")) return text;
   return ReadTextFile(text.substr(1), kJsonBytesMax);
@@ -116,14 +116,14 @@ ExitCode GetRecord(CommandContext& context, const RecordArguments& arguments) {
         JsonWriter json;
         WriteRecord(stored, record, custom_types, json);
         found = json.text();
-        return Fail(ErrorCode::kNotFound, "no further");  // Ends the reading.
+        return Fail(ErrorCode::kNotFound, "no further");  // Ends the reading. The record is found.
       });
   if (!found.empty()) return context.Done(found, found);
   if (!read) return context.Report(read.error());
   return context.Report({ErrorCode::kNotFound, target->agent->name() + " does not hold " + arguments.key, {}});
 }
 
-// One line a record, as it comes.
+// Prints new records as they arrive, one per line.
 ExitCode FollowList(CommandContext& context, Client& client, proto::ReadRequest request) {
   const proto::TeamConfig& team = (*context.Team())->config;
   request.set_is_newest_first(false);
@@ -191,20 +191,22 @@ void AddRecordCommands(Command& app, CommandContext& context) {
   group.RequireSubcommand();
   auto arguments = std::make_shared<RecordArguments>();
 
-  Command& insert = AddCommand(group, "insert", "Insert one record, as the agent's own",
+  Command& insert = AddCommand(group, "insert", "Insert one record as the agent's own",
                                {"moonctl -a rover2 record insert temperature '{\"celsius\": -40.5}'"});
   insert.AddOption("type", arguments->type, "Such as temperature, or a custom type of the team file")
       .TypeName("DATATYPE")
       .Required();
-  insert.AddOption("json", arguments->json,
-                   "Its body, such as {\"celsius\": -20}; @FILE reads it. Of a custom type {\"payload\": BASE64, "
-                   "\"latest_key\": BASE64, \"metadata\": TEXT}, or payload_text and latest_key_text");
-  insert.AddOption("--payload-file", arguments->payload_file, "A custom type's payload is this file").TypeName("FILE");
-  insert.AddFlag("--local", arguments->is_local, "Keep it on this agent");
+  insert.AddOption(
+      "json", arguments->json,
+      "Body of the record, such as {\"celsius\": -20}; @FILE reads it. For a custom type {\"payload\": BASE64, "
+      "\"latest_key\": BASE64, \"metadata\": TEXT}, or payload_text and latest_key_text");
+  insert.AddOption("--payload-file", arguments->payload_file, "File with the payload of a custom type")
+      .TypeName("FILE");
+  insert.AddFlag("--local", arguments->is_local, "Do not share the record");
   insert.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return InsertRecord(context, *arguments); }; });
 
-  AddCommand(group, "next-node", "The index of the next node of the agent's robot",
+  AddCommand(group, "next-node", "Show the index of the robot's next node",
              {"moonctl -a rover1 record next-node", kShows})
       .Callback([&context] { context.action = [&context] { return ShowNextNode(context); }; });
 
@@ -214,16 +216,16 @@ void AddRecordCommands(Command& app, CommandContext& context) {
   get.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return GetRecord(context, *arguments); }; });
 
-  Command& list =
-      AddCommand(group, "list", "The newest records", {"moonctl -a rover1 record list temperature --limit 5", kShows});
-  list.AddOption("type", arguments->type, "Of this data type only").TypeName("DATATYPE");
+  Command& list = AddCommand(group, "list", "List the newest records",
+                             {"moonctl -a rover1 record list temperature --limit 5", kShows});
+  list.AddOption("type", arguments->type, "Data type to list").TypeName("DATATYPE");
   Option& follow = list.AddFlag("-f,--follow", arguments->follows,
-                                "What is stored from now on, a line each (with --json a document each), until Ctrl-C");
-  list.AddOption("--origin", arguments->origin, "Of this agent only").TypeName("AGENT");
+                                "Print new records, one per line (with --json one document each), until Ctrl-C");
+  list.AddOption("--origin", arguments->origin, "Show only this agent's").TypeName("AGENT");
   list.AddFlag("--history", arguments->is_history,
-               "Instead what the agent's own robot superseded and its disk still keeps (`keep` in the team file)")
+               "List superseded states of the agent's own robot instead (`keep` in the team file)")
       .Excludes(follow);
-  list.AddOption("--limit", arguments->limit, "At most so many (20)").Within(1u, kListMax);
+  list.AddOption("--limit", arguments->limit, "Maximum number of records (20)").Within(1u, kListMax);
   list.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ListRecords(context, *arguments); }; });
 }

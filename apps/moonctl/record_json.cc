@@ -7,7 +7,7 @@
 namespace moondb {
 namespace {
 
-// Protobuf's JSON shows bytes as base64; people can read most keys and some payloads.
+// Protobuf's JSON shows bytes as base64. Adds them as text if they are UTF-8, as most keys and some payloads are.
 void WriteTextOf(const std::string& name, const std::string& bytes, JsonWriter& json) {
   if (!bytes.empty() && IsUtf8(bytes)) json.Key(name + "_text").String(bytes);
 }

@@ -1,4 +1,4 @@
-// A stored record as commands show it in JSON.
+// The JSON form of a stored record in the output of commands.
 #pragma once
 
 #include "apps/common/json_writer.h"
@@ -7,8 +7,8 @@
 
 namespace moondb {
 
-// Its key ("" for a local one), type, bytes, and `record`: protobuf's own JSON. Of a custom record the latest key and
-// the payload stand there as text too, where they are text. `record`: its content.
+// Writes the record's key ("" for a local record), type, bytes, and `record` as protobuf's JSON. For a custom record,
+// also writes the latest key and the payload as text if they are UTF-8. `record` is the decoded content of `stored`.
 void WriteRecord(const proto::StoredRecord& stored, const proto::Record& record, const CustomTypes& custom_types,
                  JsonWriter& json);
 

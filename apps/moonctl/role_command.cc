@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::chrono::seconds kLimit(10);
 
-// What `role set` and `role swap` were given.
+// Arguments of `role set` and `role swap`.
 struct RoleArguments {
   std::vector<std::string> words;
   bool is_dry_run = false;
@@ -27,7 +27,7 @@ struct RoleArguments {
   std::string reason;
 };
 
-// What each agent holds: a split team shows.
+// Shows the assignment that each agent holds. Differences reveal a split team.
 ExitCode ShowRoles(CommandContext& context) {
   const auto answers = context.AskEach([](Client& client) { return client.Roles(); });
   if (!answers) return context.Report(answers.error());
@@ -75,7 +75,7 @@ ExitCode ShowHistory(CommandContext& context) {
   return context.Done(ToJson(*shown), table.Text());
 }
 
-// "rover2 leader rover3 survivor" to a request.
+// Converts pairs such as "rover2 leader rover3 survivor" to a request.
 Result<proto::RoleSetRequest> ParsePairs(const proto::TeamConfig& team, const std::vector<std::string>& words) {
   if (words.empty() || words.size() % 2 != 0) {
     return Fail(ErrorCode::kInvalid, "expected pairs of an agent and a role, such as: role set rover2 leader");
@@ -97,7 +97,8 @@ Result<proto::RoleSetRequest> ParsePairs(const proto::TeamConfig& team, const st
   return request;
 }
 
-// "swap rover1 rover2": these two must be the leader and the survivor, or it is not what the operator thinks.
+// Converts "swap rover1 rover2" to a request. kRefused unless the two agents are the current leader and survivor,
+// because the operator then assumes outdated roles.
 Result<proto::RoleSetRequest> ParseSwap(const proto::TeamConfig& team, const std::vector<std::string>& words,
                                         const proto::RoleAssignment& standing) {
   proto::RoleSetRequest request;
@@ -114,7 +115,7 @@ Result<proto::RoleSetRequest> ParseSwap(const proto::TeamConfig& team, const std
   return request;
 }
 
-// What the request relies on: the roles that the agent of -a holds, without it the newest ones of the team.
+// Returns the roles on which the request relies: those that the agent given with -a holds, otherwise the team's newest.
 Result<proto::RoleAssignment> StandingRoles(CommandContext& context) {
   if (context.agent.empty()) return context.Roles();
   auto chosen = context.Connect(context.agent);
@@ -124,8 +125,8 @@ Result<proto::RoleAssignment> StandingRoles(CommandContext& context) {
   return held->roles();
 }
 
-// -a; else the first that answers of: those that may change the roles, the others. Of each the agent that is to lead
-// comes first, then the leader and the survivor.
+// Connects to the agent given with -a. Otherwise tries the agents that may change the roles first, then all others.
+// Within each group the future leader comes first, then the current leader and survivor.
 Result<AgentClient> ConnectToChange(CommandContext& context, const proto::RoleAssignment& standing,
                                     AgentId new_leader) {
   if (!context.agent.empty()) return context.Connect(context.agent);
@@ -166,7 +167,7 @@ ExitCode ChangeRoles(CommandContext& context, const ParseWords& parse, const Rol
   auto team_file = context.Team();
   if (!team_file) return context.Report(team_file.error());
   const proto::TeamConfig& team = (*team_file)->config;
-  // What is typed wrong is said before anybody is asked.
+  // Report mistyped words before sending any request.
   if (auto parsed = parse(team, {}); !parsed && parsed.error().code == ErrorCode::kInvalid) {
     return context.Report(parsed.error());
   }
@@ -196,22 +197,22 @@ ExitCode ChangeRoles(CommandContext& context, const ParseWords& parse, const Rol
 }  // namespace
 
 void AddRoleCommands(Command& app, CommandContext& context) {
-  Command& role = app.AddSubcommand("role", "Who leads, who is the designated survivor");
+  Command& role = app.AddSubcommand("role", "Show or change the leader and the designated survivor");
   role.RequireSubcommand();
-  AddCommand(role, "show", "The roles as each agent knows them", {"moonctl role show", kShows}).Callback([&context] {
+  AddCommand(role, "show", "Show the roles that each agent knows", {"moonctl role show", kShows}).Callback([&context] {
     context.action = [&context] { return ShowRoles(context); };
   });
-  AddCommand(role, "history", "The assignments that the leader (or -a) has acted on, oldest first",
+  AddCommand(role, "history", "List the role assignments that the leader (or -a) has acted on, oldest first",
              {"moonctl role history -a rover2", kShows})
       .Callback([&context] { context.action = [&context] { return ShowHistory(context); }; });
 
   auto arguments = std::make_shared<RoleArguments>();
   const auto add_common = [&arguments](Command& command) {
-    command.AddFlag("--dry-run", arguments->is_dry_run, "Say what would be, change nothing");
-    command.AddOption("--reason", arguments->reason, "Kept with the assignment");
-    command.AddFlag("--no-wait", arguments->is_at_once, "Not until the new leader and survivor have confirmed");
+    command.AddFlag("--dry-run", arguments->is_dry_run, "Show the new roles without changing them");
+    command.AddOption("--reason", arguments->reason, "Reason, kept with the assignment");
+    command.AddFlag("--no-wait", arguments->is_at_once, "Return without waiting for confirmation");
   };
-  Command& set = AddCommand(role, "set", "Give roles: AGENT leader|survivor [AGENT leader|survivor]",
+  Command& set = AddCommand(role, "set", "Assign roles: AGENT leader|survivor [AGENT leader|survivor]",
                             {"moonctl role set rover2 leader rover3 survivor --reason \"rover1 is lost\""});
   set.AddOption("pairs", arguments->words, "AGENT ROLE ...")
       .TypeName("{AGENT,leader,survivor}")
@@ -228,7 +229,9 @@ void AddRoleCommands(Command& app, CommandContext& context) {
   });
   Command& swap =
       AddCommand(role, "swap", "Exchange leader and survivor", {"moonctl role swap rover1 rover2 --dry-run"});
-  swap.AddOption("agents", arguments->words, "The two, to be sure").TypeName("AGENT").Expected(0, 2);
+  swap.AddOption("agents", arguments->words, "Expected leader and survivor; refuse if they differ")
+      .TypeName("AGENT")
+      .Expected(0, 2);
   add_common(swap);
   swap.Callback([&context, arguments] {
     context.action = [&context, arguments] {

@@ -18,7 +18,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::chrono::minutes kLeaseMargin(2);  // For what waited for the end of a lease.
+constexpr std::chrono::minutes kLeaseMargin(2);  // For transfers that waited for the end of a lease.
 
 struct ShareArguments {
   std::vector<std::string> from;
@@ -51,7 +51,8 @@ std::string Joined(const std::vector<std::string>& words) {
   return text;
 }
 
-// The agent of -a, or the leader as the newest term of all who answer has it.
+// Connects to the agent given with -a, otherwise to the leader by the newest term that any agent reports. Sets the
+// expected term of `request`.
 Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& request) {
   std::optional<proto::RoleAssignment> newest;
   if (context.agent.empty()) {
@@ -74,20 +75,21 @@ Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& r
   return connected;
 }
 
-// --- What came of an order ---
+// --- Results of an order ---
 
-// In a sync, what the leader gathers of an agent is a replication; in a replication, it goes to the leader.
+// Returns true if the pair gathers records at the leader: in a sync every replication, in a replication the pair whose
+// destination is the agent that took the order.
 bool IsGathering(const proto::PairProgress& pair, proto::SharingKind kind, AgentId asked) {
   return pair.kind() == proto::SHARING_KIND_REPLICATION &&
          (kind == proto::SHARING_KIND_SYNC || pair.destination() == asked);
 }
 
-// Of a pair: the agent that is not the one that took the order.
+// Returns the agent of the pair that did not take the order.
 AgentId OtherEnd(const proto::PairProgress& pair, AgentId asked) {
   return static_cast<AgentId>(pair.sender() == asked ? pair.destination() : pair.sender());
 }
 
-// "rover1 to rover2 (rover2 drives for 38 s more), rover3 to rover1 (408 records left)".
+// Returns the incomplete pairs: "rover1 to rover2 (rover2 drives for 38 s more), rover3 to rover1 (408 records left)".
 std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgress& progress) {
   std::vector<std::string> pairs;
   for (const proto::PairProgress& pair : progress.pairs()) {
@@ -101,7 +103,8 @@ std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgres
   return Joined(pairs);
 }
 
-// "408 records left, 12.3 kB sent, about 4 s to go, 0 of 6 sessions complete, rover2 drives for 38 s more".
+// Shows progress: "408 records left, 12.3 kB sent, about 4 s to go, 0 of 6 sessions complete, rover2 drives for 38 s
+// more".
 class ShareProgressLine {
  public:
   ShareProgressLine(const proto::TeamConfig& team, proto::SharingKind kind, AgentId asked)
@@ -148,7 +151,7 @@ class ShareProgressLine {
   std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
 };
 
-// What `now --wait` prints of an order that is over.
+// The output of `now --wait` for a finished order.
 class SharedReport {
  public:
   SharedReport(const proto::TeamConfig& team, proto::SharingKind kind, const proto::AgentConfig& asked,
@@ -171,7 +174,7 @@ class SharedReport {
     }
   }
 
-  // Some destination refused, or did not take some of the records.
+  // Returns true if a destination refused, or did not accept some of the records.
   bool is_failed() const { return is_failed_; }
   ExitCode exit_code() const {
     return unreachable_.empty() && not_gathered_.empty() ? ExitCode::kDone : ExitCode::kUnreachable;
@@ -274,7 +277,7 @@ void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& sess
   json.Key("session").Raw(ToJson(session)).EndObject();
 }
 
-// The sessions of one agent of this kind, or that there is none yet.
+// Shows one agent's sessions of this kind, or a row that says that there are none yet.
 void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
                   proto::SharingKind kind, Table& table, JsonWriter& json) {
   json.Key("sessions").BeginArray();
@@ -289,7 +292,7 @@ void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const
   json.EndArray().Key("received_records").Number(status.received_records());
 }
 
-// What an agent refused of its peers, beyond the sessions; empty where all is well.
+// Describes what an agent refused from its peers outside of sessions. Empty: it refused nothing.
 std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus& status, proto::SharingKind kind) {
   std::string text;
   const auto add = [&text](double count, const char* what) {
@@ -312,7 +315,7 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus&
   return text;
 }
 
-// What each session has left to send, by type; empty where nothing is.
+// Lists the records that each session still has to send, by type. Empty: no session has any.
 std::string BacklogText(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
                         proto::SharingKind kind) {
   std::string text;
@@ -370,18 +373,19 @@ Command& AddGroup(Command& app, CommandContext& context, proto::SharingKind kind
   auto arguments = std::make_shared<ShareArguments>();
   const bool is_sync = kind == proto::SHARING_KIND_SYNC;
   Command& now =
-      AddCommand(group, "now", "Start it, at the leader or at -a",
+      AddCommand(group, "now", "Start a session at the leader (or -a)",
                  {is_sync ? "moonctl sync now --from rover2 --wait" : "moonctl replicate now --wait --timeout 10m"});
-  now.AddFlag("--wait", arguments->is_waiting, "Until everything is acknowledged");
-  now.AddOption("--max-bytes", arguments->bytes_max, "Each session ends when it has sent so many coded bytes")
+  now.AddFlag("--wait", arguments->is_waiting, "Wait until all records are acknowledged");
+  now.AddOption("--max-bytes", arguments->bytes_max, "Maximum number of coded bytes that a session sends")
       .TypeName("BYTES")
       .Positive();
-  if (is_sync) now.AddOption("--from", arguments->from, "Only from these agents").TypeName("AGENT");
+  if (is_sync) now.AddOption("--from", arguments->from, "Request records only from these agents").TypeName("AGENT");
   now.Callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShareNow(context, kind, *arguments); };
   });
-  Command& status = AddCommand(group, "status", "Per pair: sent, acknowledged, left, rate, ETA",
-                               {is_sync ? "moonctl sync status --watch" : "moonctl replicate status", kShows});
+  Command& status =
+      AddCommand(group, "status", "Show sent, acknowledged and remaining records, rate and ETA of each pair",
+                 {is_sync ? "moonctl sync status --watch" : "moonctl replicate status", kShows});
   status.Callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShowShareStatus(context, kind); };
   });
@@ -391,8 +395,8 @@ Command& AddGroup(Command& app, CommandContext& context, proto::SharingKind kind
 }  // namespace
 
 void AddShareCommands(Command& app, CommandContext& context) {
-  AddPauseCommands(AddGroup(app, context, proto::SHARING_KIND_SYNC, "sync", "Bring records to the leader"), context);
-  AddGroup(app, context, proto::SHARING_KIND_REPLICATION, "replicate", "Bring all records to the survivor");
+  AddPauseCommands(AddGroup(app, context, proto::SHARING_KIND_SYNC, "sync", "Send records to the leader"), context);
+  AddGroup(app, context, proto::SHARING_KIND_REPLICATION, "replicate", "Send all records to the survivor");
 }
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// What `sync status` and `replicate status` say of one session. Pure functions.
+// Shows one session in `sync status` and `replicate status`. Pure functions.
 #pragma once
 
 #include <optional>
@@ -10,15 +10,15 @@
 
 namespace moondb {
 
-// From what was acknowledged since the destination last answered a Hello: hours out of reach do not count, silence
-// since then does. Nothing where that says nothing: closed, not answered yet, nothing acknowledged yet.
+// Rates since the destination last answered a Hello. Time out of reach before that does not count; silence since then
+// does. Members are empty if the session is closed, has no answer yet, or has no acknowledged record yet.
 struct SharePace {
-  std::optional<double> bytes_per_s;  // Coded.
-  std::optional<double> eta_s;        // At the records' pace so far; maps go last and take longer.
+  std::optional<double> bytes_per_s;  // Bytes after coding.
+  std::optional<double> eta_s;        // Assumes the rate of the records so far. Maps are sent last and take longer.
 };
 SharePace PaceOf(const proto::ShareSession& session);
 
-// A table's header, and a row of it: "-" where nothing is known.
+// The header and the rows of the status table. Unknown values are "-".
 std::vector<std::string> ShareStatusHeader();
 std::vector<std::string> ShareStatusRow(const proto::TeamConfig& team, const std::string& sender,
                                         const proto::ShareSession& session);

@@ -37,7 +37,7 @@ std::vector<std::string> Row(const proto::AgentConfig& agent, const proto::Agent
           status.merge_backend()};
 }
 
-// A line for each thing that a person should know.
+// Returns one line per fault that an operator should know.
 std::string RemarksOn(const proto::TeamConfig& team, const proto::AgentConfig& agent,
                       const proto::AgentStatus& status) {
   const proto::StorageStatus& storage = status.storage();
@@ -55,7 +55,8 @@ std::string RemarksOn(const proto::TeamConfig& team, const proto::AgentConfig& a
   return remarks;
 }
 
-// Two agents that lead are two parts of a team, or one that does not know better yet. Empty: there is at most one.
+// Reports two leaders: either the team is split, or one of them does not know the newest assignment yet. Empty: there
+// is at most one leader.
 std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
   std::string leaders;
   int count = 0;
@@ -67,7 +68,8 @@ std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::
   return count < 2 ? "" : leaders + " lead: they do not reach each other, or have not agreed yet\n";
 }
 
-// Who drives, sleeps or is paused: an agent's own word, and of agents that do not answer what others know.
+// Lists the agents that drive, sleep or are paused. An agent's own report counts. For agents that do not answer,
+// another agent's report counts.
 std::string LeasesText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
   std::map<AgentId, proto::AgentLease> known;
   for (const proto::AgentStatus& status : statuses) {
@@ -107,7 +109,7 @@ ExitCode ShowStatus(CommandContext& context) {
     json.EndObject();
   }
   json.EndArray();
-  // Nobody asks them; their ids and names stay taken.
+  // Agents that have left get no requests, but their ids and names stay reserved.
   json.Key("left").BeginArray();
   for (const proto::AgentConfig& agent : (*context.Team())->config.agents()) {
     if (!agent.left() || !context.agent.empty()) continue;
@@ -124,7 +126,8 @@ ExitCode ShowStatus(CommandContext& context) {
 }  // namespace
 
 void AddStatusCommand(Command& app, CommandContext& context) {
-  AddCommand(app, "status", "One row per configured agent, reachable or not", {"moonctl status --watch=5", kShows})
+  AddCommand(app, "status", "Show one row for each configured agent, reachable or not",
+             {"moonctl status --watch=5", kShows})
       .Callback([&context] { context.action = [&context] { return ShowStatus(context); }; });
 }
 

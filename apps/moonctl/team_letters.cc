@@ -10,7 +10,7 @@ std::map<AgentId, AgentId> AgentsByLetter(const proto::TeamConfig& team) {
   std::map<AgentId, AgentId> agents;
   AgentId place = 0;
   for (const proto::AgentConfig& agent : team.agents()) {
-    // One that has left gives the letter to the one after it.
+    // A base station that has left passes the letter L to its successor.
     const bool is_base = agent.kind() == proto::AGENT_KIND_BASE_STATION && (!agent.left() || BaseStationOf(team) == 0);
     if (is_base && agents.emplace(AgentOfLetter(kBaseLetter), agent.id()).second) continue;
     if (++place == AgentOfLetter(kBaseLetter)) ++place;

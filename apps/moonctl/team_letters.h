@@ -1,5 +1,5 @@
-// The letters of agents in PyFG files: rovers are A, B, ... in the order of the team file, without L, which stands for
-// the base station. Plain functions.
+// The letters of agents in PyFG files. Rovers are A, B, ... in the order of the team file. L is reserved for the base
+// station. Plain functions.
 #pragma once
 
 #include <map>
@@ -9,7 +9,7 @@
 
 namespace moondb {
 
-// From a letter's place in the alphabet (model/pyfg.h, AgentOfLetter) to the team's agent.
+// Maps a letter's number in the alphabet (AgentOfLetter in model/pyfg.h) to the team's agent.
 std::map<AgentId, AgentId> AgentsByLetter(const proto::TeamConfig& team);
 
 }  // namespace moondb

@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::chrono::seconds kNeighborsAgeMax(2);
 
-// "0.2 s", "34 s".
+// Returns the age as text, such as "0.2 s" or "34 s".
 std::string AgeText(double seconds) { return seconds < 10 ? FormatFixed(seconds, 1) + " s" : FormatSeconds(seconds); }
 
 bool IsSilence(const Error& error) {
@@ -52,7 +52,7 @@ Result<AgentClient> TeamReach::ConnectHere(const proto::AgentConfig& agent, Abse
   }
   auto client = ConnectTo(team_, agent, ClientOptionsFor(agent));
   if (client) return AgentClient{&agent, std::move(*client)};
-  // With a key nothing of this machine is asked: whether the agent is on it is not known.
+  // With a key, moonctl inspects no local socket or data folder. It does not know whether the agent is on this machine.
   if (!options_.client.secret_key.empty() && IsSilence(client.error())) {
     *absence = {true, true, false, client.error().text};
   }
@@ -62,7 +62,7 @@ Result<AgentClient> TeamReach::ConnectHere(const proto::AgentConfig& agent, Abse
 Result<AgentClient> TeamReach::Through(const proto::AgentConfig& via, const proto::AgentConfig& agent) {
   auto client = ConnectTo(team_, agent, ClientOptionsFor(agent), &via);
   if (!client) return tl::unexpected(client.error());
-  // An answer of the agent in between says nothing of the one that is meant.
+  // The connection only proves that the relay answers. Send a request to `agent` itself.
   if (auto there = (*client)->Roles(); !there) return tl::unexpected(there.error());
   last_via_ = &via;
   if (options_.on_relay) options_.on_relay(via);
@@ -108,7 +108,7 @@ const proto::AgentConfig* TeamReach::ChooseVia(const proto::AgentConfig& agent) 
   const proto::AgentConfig* chosen = nullptr;
   for (const Neighbor& neighbor : Neighbors()) {
     if (neighbor.agent == &agent || !neighbor.IsConnectedTo(agent.id())) continue;
-    // One for all, where there is one.
+    // Prefer the relay used last, so that one relay serves all agents.
     if (chosen == nullptr || neighbor.agent == last_via_) chosen = neighbor.agent;
   }
   return chosen;
@@ -126,10 +126,10 @@ std::string TeamReach::WhereText(const proto::AgentConfig& agent, const Absence&
     return "agent " + agent.name() + " is not on this machine, and no agent of team " + team_.config.team() +
            " runs here: give --key, or run moonctl on a robot";
   }
-  // One that ran here is known not to run, unless somebody hears it from elsewhere.
+  // An agent that ran on this machine counts as stopped unless a neighbor is connected to it.
   if (neighbors.empty() || (absence.was_here && !IsHeard(agent))) return absence.why;
   const std::string where = absence.was_here ? absence.why : "agent " + agent.name() + " is not on this machine";
-  const Neighbor* last = nullptr;  // To hear it.
+  const Neighbor* last = nullptr;  // The neighbor that heard the agent last.
   double age_s = -1;
   for (const Neighbor& neighbor : neighbors) {
     const auto peer = neighbor.peers.find(agent.id());

@@ -1,7 +1,8 @@
-// TeamReach: how moonctl reaches each agent of a team: itself where it lets clients in (on this machine, or with a key
-// at its client_address), else through an agent that does and is connected to it (ControlRequest.for_agent).
+// TeamReach: connects moonctl to each agent of a team. It connects directly if the agent accepts this client (on this
+// machine, or with a key at the agent's client_address). Otherwise it uses a relay: a directly reachable agent that is
+// connected to the wanted agent (ControlRequest.for_agent).
 //
-// What the agents that are reached themselves say of the others is asked again after two seconds. One thread.
+// The peer status reported by directly reachable agents is cached for two seconds. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -16,56 +17,57 @@
 
 namespace moondb {
 
-// A client and whose it is.
+// A client and the agent that it talks to.
 struct AgentClient {
   const proto::AgentConfig* agent = nullptr;
   std::unique_ptr<Client> client;
-  const proto::AgentConfig* via = nullptr;  // Asks `agent` over the radio; null: it is asked itself.
+  const proto::AgentConfig* via = nullptr;  // Relays the requests over the radio. Null: a direct connection.
 };
 
 class TeamReach {
  public:
   struct Options {
     Client::Options client;
-    const proto::AgentConfig* via = nullptr;  // Everybody is asked through this one; null: as above.
-    // TeamFile::hash of the file of an agent that answered.
+    const proto::AgentConfig* via = nullptr;  // Relay for all agents. Null: chosen for each agent.
+    // Called with TeamFile::hash of an answering agent's team file.
     std::function<void(const proto::AgentConfig& agent, std::uint64_t hash)> on_config_hash;
-    std::function<void(const proto::AgentConfig& via)> on_relay;  // Somebody was reached through this one.
-    std::function<void(const std::string& text)> on_remark;       // What a person should know of this machine.
+    std::function<void(const proto::AgentConfig& via)> on_relay;  // Called when `via` has relayed a request.
+    std::function<void(const std::string& text)> on_remark;       // Called with a fault of this machine that a person
+                                                                  // should know.
   };
 
-  // `team` outlives this.
+  // Requires: `team` outlives this object.
   TeamReach(const TeamFile& team, Options options) : team_(team), options_(std::move(options)) {}
 
-  // kUnavailable with whether the agent is on this machine, and who heard it last; kRefused where it does not let this
-  // client in.
+  // Connects directly or through a relay. The text of kUnavailable says whether the agent is on this machine and which
+  // agent heard it last. kRefused if the agent does not accept this client.
   Result<AgentClient> Connect(const proto::AgentConfig& agent);
-  // The same, of an agent that is reached itself.
+  // Connects directly, without a relay. Returns the same errors.
   Result<AgentClient> ConnectHere(const proto::AgentConfig& agent);
 
-  // The assignment with the newest term that is known to the agents that are reached themselves, or with Options::via
-  // to all. kUnavailable if none answers.
+  // Returns the assignment with the newest term among the agents that are directly reachable, or among all agents if
+  // Options::via is set. kUnavailable if none answers.
   Result<proto::RoleAssignment> NewestRoles();
 
-  // An agent that is reached itself is connected to this one.
+  // Returns true if a directly reachable agent is connected to `agent`.
   bool IsHeard(const proto::AgentConfig& agent);
 
  private:
-  // What an agent that is reached itself says of another one.
+  // The status of a peer as a directly reachable agent reports it.
   struct Hearing {
     bool is_connected = false;
-    double seconds_since_heard = -1;  // Negative: never.
+    double seconds_since_heard = -1;  // Negative: never heard.
   };
   struct Neighbor {
     const proto::AgentConfig* agent = nullptr;
     std::map<AgentId, Hearing> peers;
     bool IsConnectedTo(AgentId peer) const;
   };
-  // Why an agent is not reached itself.
+  // The reason why a direct connection to an agent failed.
   struct Absence {
-    bool is_absent = false;  // Nobody listens for it; else somebody does, and does not answer.
-    bool was_here = false;   // It runs or has run on this machine.
-    bool runs_here = false;  // Without its socket.
+    bool is_absent = false;  // No process listens for it. False: a process listens, but does not answer.
+    bool was_here = false;   // The agent runs or has run on this machine.
+    bool runs_here = false;  // The agent runs on this machine, but its socket is missing.
     std::string why;
   };
 
@@ -73,9 +75,9 @@ class TeamReach {
   Result<AgentClient> Through(const proto::AgentConfig& via, const proto::AgentConfig& agent);
   Client::Options ClientOptionsFor(const proto::AgentConfig& agent) const;
   const std::vector<Neighbor>& Neighbors();
-  // Null where none is connected to it.
+  // Returns a relay that is connected to `agent`. Null: there is none.
   const proto::AgentConfig* ChooseVia(const proto::AgentConfig& agent);
-  // "agent rover1 is not on this machine, rover2 heard it 0.2 s ago".
+  // Returns text such as "agent rover1 is not on this machine, rover2 heard it 0.2 s ago".
   std::string WhereText(const proto::AgentConfig& agent, const Absence& absence);
 
   const TeamFile& team_;

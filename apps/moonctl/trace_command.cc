@@ -14,7 +14,7 @@ struct TraceArguments {
   std::string actor;
 };
 
-// "2.125 s", "12.500 ms", "80 us": as fine as a handler is short.
+// Returns a duration with a unit that suits short handlers: "2.125 s", "12.500 ms", "80 us".
 std::string Took(double seconds) {
   if (seconds >= 1) return FormatFixed(seconds, 3) + " s";
   if (seconds >= 1e-3) return FormatFixed(seconds * 1e3, 3) + " ms";
@@ -63,10 +63,10 @@ ExitCode ShowTrace(CommandContext& context, const TraceArguments& arguments) {
 
 void AddTraceCommand(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<TraceArguments>();
-  Command& trace = AddCommand(app, "trace", "What the actors of the leader (or -a) did last and failed at",
+  Command& trace = AddCommand(app, "trace", "Show recent events and failures of the actors of the leader (or -a)",
                               {"moonctl trace -a rover1 --actor sync --events 20", kShows});
-  trace.AddOption("--events", arguments->events_max, "At most so many, the newest; 0: all that are kept (50)");
-  trace.AddOption("--actor", arguments->actor, "Only what this one did, or what was done to it");
+  trace.AddOption("--events", arguments->events_max, "Number of newest events to show; 0 for all (50)");
+  trace.AddOption("--actor", arguments->actor, "Show only events of this actor");
   trace.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ShowTrace(context, *arguments); }; });
 }

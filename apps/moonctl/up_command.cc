@@ -23,8 +23,8 @@
 namespace moondb {
 namespace {
 
-// A command waits so long for the agents that it starts, and longer for each agent: many on one small computer slow
-// each other down.
+// Time limit for the start of all agents, plus a limit per agent: many agents on one small computer slow each other
+// down.
 constexpr std::chrono::seconds kStartTimeout(20);
 constexpr std::chrono::seconds kStartTimeoutPerAgent(1);
 constexpr std::chrono::seconds kStopTimeout(10);
@@ -32,7 +32,7 @@ constexpr std::chrono::seconds kAgreementTimeout(8);
 constexpr std::chrono::milliseconds kStartPollPeriod(20);
 
 struct UpArguments {
-  std::string data_folder;    // Empty: moondb-data beside the team file.
+  std::string data_folder;    // Empty: moondb-data in the team file's folder.
   std::string merge_backend;  // Empty: the agent's own default.
   std::string log_format;     // Passed on to moondb_agent.
 };
@@ -46,14 +46,14 @@ struct LocalAgent {
   std::string state;
   std::string role = "-";
   bool is_ours = false;  // Started by this command.
-  std::string remark;    // A line below the table; empty: none.
+  std::string remark;    // A line below the table. Empty: no line.
   bool is_failed = false;
-  bool has_left = false;  // The team: it is stopped, and never started.
+  bool has_left = false;  // The agent has left the team. It can be stopped, but is never started.
 };
 
 using SteadyClock = std::chrono::steady_clock;
 
-// Polls until `condition`, at most until `deadline`.
+// Polls until `condition` is true, at most until `deadline`.
 bool WaitUntil(SteadyClock::time_point deadline, const std::function<bool()>& condition) {
   while (!condition()) {
     if (SteadyClock::now() >= deadline) return false;
@@ -68,13 +68,13 @@ Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& 
   return connected->client->Status();
 }
 
-// The process that answers for the agent; 0: nobody.
+// Returns the process that answers for the agent. 0: none.
 pid_t AnsweringProcess(CommandContext& context, const LocalAgent& agent) {
   const auto status = AskStatus(context, agent);
   return status ? static_cast<pid_t>(status->pid()) : 0;
 }
 
-// The agent of -a; without it all whose secret keys are on this machine, or that run here.
+// Returns the agent given with -a, otherwise all agents that run on this machine or have their secret keys on it.
 Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArguments& arguments) {
   auto team = context.Team();
   if (!team) return tl::unexpected(team.error());
@@ -91,7 +91,7 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
                                                     : std::filesystem::absolute(arguments.data_folder);
     const auto folder = FindDataFolder(root, (*team)->config, agent);
     if (!folder) {
-      // Another team's process is neither started nor stopped in this one's place.
+      // The folder may belong to another team. Do not start or stop a process in it.
       local.is_failed = true;
       local.state = "failed: " + ToString(folder.error());
       continue;
@@ -112,7 +112,7 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     }
     const pid_t answering = status ? static_cast<pid_t>(status->pid()) : 0;
     if (answering == 0 || answering == local.pid) continue;
-    // Not the one that was asked for: neither started beside it nor stopped in its place.
+    // Another process runs this agent. Do not start a second one, and do not stop that process.
     local.is_failed = true;
     local.state = "process " + std::to_string(answering) + " runs this agent from another data folder";
   }
@@ -123,7 +123,7 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
   return agents;
 }
 
-// In the data folder; on a read-only file system a new file elsewhere.
+// Returns a log file in the data folder, or a new temporary file if the file system is read-only.
 std::filesystem::path LogFor(const LocalAgent& agent) {
   if (::access(agent.folder.c_str(), W_OK) == 0 || errno != EROFS) return agent.folder / "agent.log";
   std::string name = std::filesystem::temp_directory_path() / ("moondb-" + agent.name + "-XXXXXX");
@@ -132,8 +132,8 @@ std::filesystem::path LogFor(const LocalAgent& agent) {
   return log >= 0 ? name : "/dev/null";
 }
 
-// All of them know one and the same assignment, and its leader has taken a term of its own (actors/role). Fills in
-// what their roles are.
+// Returns true if all agents know the same assignment and its leader has taken its own term (actors/role). Fills in the
+// agents' roles.
 bool IsAgreed(CommandContext& context, std::vector<LocalAgent>& agents) {
   std::set<std::tuple<std::uint64_t, std::uint32_t, std::uint64_t>> terms;
   for (LocalAgent& agent : agents) {
@@ -160,7 +160,7 @@ Result<void> Start(const CommandContext& context, const UpArguments& arguments, 
   if (!arguments.merge_backend.empty()) command.insert(command.end(), {"--merge-backend", arguments.merge_backend});
   if (!arguments.log_format.empty()) command.insert(command.end(), {"--log-format", arguments.log_format});
   agent.log = LogFor(agent);
-  // By which the agent keeps it small; a device would be renamed by that.
+  // The agent limits the size of this file by renaming it. A device must not be renamed.
   if (agent.log != "/dev/null") {
     command.insert(command.end(), {"--log-file", std::filesystem::absolute(agent.log).string()});
   }
@@ -171,7 +171,7 @@ Result<void> Start(const CommandContext& context, const UpArguments& arguments, 
   return {};
 }
 
-// Ends what this command started, when one of them failed.
+// Stops the agents that this command started, after one of them failed.
 void StopOurs(std::vector<LocalAgent>& agents) {
   for (LocalAgent& agent : agents) {
     if (!agent.is_ours || agent.is_failed) continue;
@@ -198,7 +198,7 @@ void Shutdown(CommandContext& context, LocalAgent& agent) {
   agent.is_failed = true;
 }
 
-// `left`: shown below them, and judged by nobody.
+// Shows the agents in `left` below the others. They do not affect the exit code.
 ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent>& agents,
                      const std::vector<LocalAgent>& left = {}) {
   Table table({"AGENT", "PID", "STATE", "ROLE", "DATA"});
@@ -221,7 +221,7 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
   return context.Print(code, json.text(), table.Text() + remarks);
 }
 
-// Those that have left the team, which are not started: out of `agents`.
+// Moves the agents that have left the team out of `agents`, because they are not started.
 std::vector<LocalAgent> TakeLeft(std::vector<LocalAgent>& agents) {
   const auto left =
       std::stable_partition(agents.begin(), agents.end(), [](const auto& agent) { return !agent.has_left; });
@@ -260,7 +260,7 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
     bool has_ended = false;
     Result<void> started;
     const bool is_decided = WaitUntil(deadline, [&] {
-      // A process that was about to end when this command began is no running agent.
+      // The process found at first may have been ending. If no process owns the folder now, start the agent.
       if (!agent.is_ours && OwnerOf(agent.folder) == 0) started = start(agent);
       has_ended = agent.is_ours && HasEnded(agent.pid);
       return !started || has_ended || AnsweringProcess(context, agent) == agent.pid;
@@ -278,7 +278,8 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
   if (std::any_of(agents->begin(), agents->end(), has_failed)) {
     StopOurs(*agents);
   } else {
-    // Of use at once, where the leader is among them; a team without its leader is up all the same.
+    // Wait for agreement on the roles, so that the team can be used at once. A team whose leader runs elsewhere may not
+    // agree yet. That is no failure.
     WaitUntil(SteadyClock::now() + kAgreementTimeout, [&] { return IsAgreed(context, *agents); });
   }
   return ShowOutcome(context, *agents, left);
@@ -302,14 +303,13 @@ void AddUpCommands(Command& app, CommandContext& context) {
   up.AddOption("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)")
       .TypeName("FOLDER");
   up.AddOption("--merge-backend", arguments->merge_backend, "auto, cpu or gl").TypeName("{auto,cpu,gl}");
-  up.AddOption("--log-format", arguments->log_format,
-               "What agents write to their agent.log: text or json, an object a line")
+  up.AddOption("--log-format", arguments->log_format, "Format of agent.log: text, or json with one object per line")
       .TypeName("{text,json}")
       .OneOf({"text", "json"});
   up.Callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
   Command& down =
       AddCommand(app, "down", "Stop the agents whose secret keys are on this machine (or -a)", {"moonctl down"});
-  down.AddOption("--data-dir", arguments->data_folder, "As given to up").TypeName("FOLDER");
+  down.AddOption("--data-dir", arguments->data_folder, "The same folder as for moonctl up").TypeName("FOLDER");
   down.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return Down(context, *arguments); }; });
 }

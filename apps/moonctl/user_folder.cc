@@ -5,7 +5,7 @@
 namespace moondb {
 namespace {
 
-// Empty for a variable that is not set, or is no absolute path.
+// Returns the folder that `variable` names. Empty: the variable is not set, or is no absolute path.
 std::filesystem::path FolderIn(const char* variable) {
   const char* value = std::getenv(variable);
   const std::filesystem::path folder = value == nullptr ? "" : value;

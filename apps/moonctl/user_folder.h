@@ -1,4 +1,4 @@
-// The folder of this user in which moonctl keeps what is the user's and no robot's: the secret keys of clients.
+// The user's folder in which moonctl keeps data of the user and not of a robot: the secret keys of clients.
 #pragma once
 
 #include <filesystem>
@@ -7,8 +7,8 @@
 
 namespace moondb {
 
-// $XDG_CONFIG_HOME/moondb, else ~/.config/moondb. kInvalid, with what to give instead, where neither variable names a
-// folder.
+// Returns $XDG_CONFIG_HOME/moondb, or ~/.config/moondb if that variable is not set. kInvalid, with a remedy, if neither
+// variable names a folder.
 Result<std::filesystem::path> UserFolder();
 
 }  // namespace moondb

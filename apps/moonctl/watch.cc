@@ -21,7 +21,7 @@ constexpr std::size_t kBlockBytes = 1 << 20;
 
 volatile sig_atomic_t last_code = 0;
 
-// A pass writes its block at once and only at its end, so that it can be left anywhere.
+// The process may exit here at any time, because each pass writes its block in one call at its end.
 void EndWatch(int) { ::_exit(last_code); }
 
 std::string Heading(const CommandContext& context, std::chrono::milliseconds period, bool is_first) {

@@ -1,4 +1,4 @@
-// --watch: a command that shows something, again and again.
+// --watch: repeats a command that only shows something.
 #pragma once
 
 #include "apps/moonctl/command_context.h"
@@ -7,10 +7,11 @@ namespace moondb {
 
 class Command;
 
-// Runs the chosen command every context.watch seconds until SIGINT or SIGTERM ends the process with the last pass'
-// exit code (0 before the first has ended), or until stdout takes no more. A terminal is drawn anew, elsewhere one
-// block follows the other, with --json one document a line. kUsage: a command that changes something, no duration, or
-// a pass that found the command line or the team file wrong, which time does not mend.
+// Runs the chosen command every context.watch seconds until SIGINT or SIGTERM ends the process, or until stdout accepts
+// no more output. The exit code is that of the last complete pass, or 0 if there is none. A terminal is cleared before
+// each pass; other outputs get one block after the other, or with --json one document per line. Returns kUsage if the
+// command changes something, if context.watch is no duration, or if a pass finds an error in the command line or the
+// team file, because repeating cannot fix that.
 ExitCode RunWatched(const Command& root, CommandContext& context);
 
 }  // namespace moondb

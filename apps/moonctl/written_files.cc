@@ -11,7 +11,7 @@
 namespace moondb {
 namespace {
 
-// What would end the process waits while this lives.
+// Blocks SIGINT, SIGTERM and SIGHUP while this object exists.
 class HeldSignals {
  public:
   HeldSignals() {

@@ -1,4 +1,4 @@
-// Files that belong together, written for others: a map's picture and its text, a graph and where it came from.
+// Writes files that belong together, such as a map's picture and its description, or a graph and its origin.
 #pragma once
 
 #include <filesystem>
@@ -14,14 +14,15 @@ struct FileBytes {
   std::string bytes;
 };
 
-// Makes `folder` (empty: none) where it is missing, then writes all files beside and renames them, in this order: what
-// cannot be written, on a full disk say, leaves the files of an earlier time. SIGINT, SIGTERM and SIGHUP wait until all
-// of them are there, so that none stands beside the other of an earlier time. kInternal, with the path and what to do,
-// if the folder cannot be made or a file not be written.
+// Creates `folder` if it is missing (empty: none). Writes every file under a temporary name, then renames the files in
+// the given order. If a file cannot be written, for example because the disk is full, the old files remain. Delays
+// SIGINT, SIGTERM and SIGHUP until all files are renamed, so that new and old files are not mixed. kInternal, with the
+// path and a remedy, if the folder or a file cannot be written.
 Result<void> WriteTogether(const std::filesystem::path& folder, const std::vector<FileBytes>& files);
 
-// Puts `bytes` in the place of a file that is there, at once and on the disk: a crash leaves the one or the other. It
-// keeps who may read it; a link stays one, and the file that it leads to is replaced. kInternal with the path.
+// Replaces an existing file atomically and durably: after a crash the file has either its old or its new content. Keeps
+// the file's permissions. If `file` is a symbolic link, replaces the link's target. kInternal, with the path, if that
+// fails.
 Result<void> ReplaceFile(const std::filesystem::path& file, const std::string& bytes);
 
 }  // namespace moondb

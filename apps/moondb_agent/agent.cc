@@ -30,8 +30,9 @@ namespace {
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
-// What the operator should hear now and not from an actor's third restart. What is news of the time before is written
-// down at once, since this start may still come to nothing. The file that was set aside; empty: none was.
+// Opens the store once, so that a damaged store is reported at once and not after an actor's third restart. Logs at
+// once how the last run ended, because this start may still fail. Returns the path of the store file that was set
+// aside; empty: none.
 Result<std::string> CheckStore(const StorageActor::Options& options) {
   RecordStore::Options store_options = StorageActor::StoreOptions(options);
   std::random_device entropy;
@@ -63,7 +64,7 @@ Result<void> CheckOwnActors(const TeamFile& team, const std::vector<OwnActor>& a
 SpawnOptions SpawnOptionsOf(const StandardActor& actor) {
   SpawnOptions spawn;
   spawn.placement = actor.placement;
-  // Solving and merging take as long as the mission is large.
+  // The time for solving and merging grows with the mission.
   if (actor.placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
   return spawn;
 }
@@ -78,7 +79,8 @@ class Agent::Impl {
   ~Impl() {
     if (dumps_on_crash_) DumpTraceOnCrash(nullptr, "");
     if (!has_failed_) stopped_at_ns_ = UtcNowNs();
-    // Actors end while the transport still stands (they may send to it); then nothing calls the system any more.
+    // Actors must stop before the transport is destroyed, because they may still send. Afterwards no thread calls the
+    // system.
     if (system_ != nullptr) system_->Stop();
     transport_.reset();
   }
@@ -99,7 +101,7 @@ class Agent::Impl {
     }
     MakeSystem();
     if (auto running = Run(); !running) return running;
-    // For clients whose environment is another one; a full disk keeps nobody from starting.
+    // Lets clients with another environment find the endpoint. A full disk must not prevent the start.
     if (auto reported = WriteEndpoint(options_.data_folder, endpoint_); !reported)
       spdlog::warn("{}", ToString(reported.error()));
     return {};
@@ -146,7 +148,7 @@ class Agent::Impl {
   StandardActorOptions ActorOptions() {
     StandardActorOptions options;
     options.storage = StorageOptions();
-    options.storage.is_checked = true;  // By CheckStore.
+    options.storage.is_checked = true;  // CheckStore has checked it.
     options.storage.set_aside = set_aside_;
     options.storage.stopped_at_ns = [this]() -> std::optional<std::int64_t> {
       const std::int64_t stopped_at_ns = stopped_at_ns_;
@@ -168,13 +170,13 @@ class Agent::Impl {
     options.gateway.version = options_.version;
     options.gateway.pid = static_cast<std::uint32_t>(::getpid());
     options.gateway.merge_backend = [this] { return ToString(merge_backend_); };
-    options.gateway.listener = [this] { return transport_->Listener(); };  // It stands while actors run.
+    options.gateway.listener = [this] { return transport_->Listener(); };  // The transport outlives the actors.
     for (const OwnActor& actor : options_.own_actors) options.gateway.own_actors.insert(actor.name);
     return options;
   }
 
-  // The transport must exist before the system starts, and may deliver only from then on: until then its messages are
-  // lost, which its contract allows.
+  // The transport must exist before the system starts, but must not deliver messages before that. Messages that arrive
+  // earlier are dropped, as the transport's contract allows.
   Result<void> Run() {
     ZeroMqTransport::Options options;
     options.self = self_;
@@ -196,16 +198,16 @@ class Agent::Impl {
 
   const TeamFile team_;
   const AgentOptions options_;
-  DataFolderLock lock_;  // Freed last: the database is closed before.
+  DataFolderLock lock_;  // Destroyed last, after the database is closed.
   AgentId self_ = 0;
   std::string endpoint_;
-  std::optional<SigningKey> signing_key_;  // None in a team without keys.
-  std::string set_aside_;                  // At this start.
+  std::optional<SigningKey> signing_key_;  // Empty if the team has no keys.
+  std::string set_aside_;                  // The store file that this start set aside; empty: none.
   bool dumps_on_crash_ = false;
-  std::atomic<bool> has_failed_ = false;         // An actor is beyond help: this is no end that was asked for.
-  std::atomic<std::int64_t> stopped_at_ns_ = 0;  // 0: it runs, or failed.
+  std::atomic<bool> has_failed_ = false;         // An actor failed permanently: the agent did not stop on request.
+  std::atomic<std::int64_t> stopped_at_ns_ = 0;  // 0: the agent runs, or it failed.
   std::atomic<bool> is_running_ = false;
-  std::atomic<MergeBackend> merge_backend_ = MergeBackend::kCpu;  // The one that merges now.
+  std::atomic<MergeBackend> merge_backend_ = MergeBackend::kCpu;  // The backend in use.
   std::unique_ptr<ActorSystem> system_;
   std::unique_ptr<ZeroMqTransport> transport_;
 };
@@ -229,7 +231,7 @@ Result<std::unique_ptr<Agent>> Agent::Start(const TeamFile& team, AgentOptions o
   const DataOwner owner = DataOwnerOf(team.config, *FindAgent(team.config, options.name));
   if (auto marked = MarkDataFolder(options.data_folder, owner); !marked) {
     if (marked.error().code == ErrorCode::kRefused) return tl::unexpected(marked.error());
-    spdlog::warn("{}", ToString(marked.error()));  // On a full disk; the store itself says whose it is.
+    spdlog::warn("{}", ToString(marked.error()));  // The disk may be full. The store itself names its owner.
   }
   auto impl = std::make_unique<Impl>(team, std::move(options), std::move(*lock));
   if (auto started = impl->Start(); !started) return tl::unexpected(started.error());

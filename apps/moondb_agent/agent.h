@@ -1,10 +1,11 @@
-// Agent: one team member's whole runtime: data folder, actors, transport, put together and taken apart in order.
+// Agent: the whole runtime of one team member. It starts and stops the data folder, the actors and the transport in
+// order.
 //
 //   storage (own thread), clock, role, lease, failover, sync, replica, retention, event, downlink, pgo (own),
 //   merge (own), gateway, your own; then the transport
 //
-// What can be wrong with the world (the folder, the database, keys, ports, a forced GL) is found before anything runs
-// and comes back as one error. Create and destroy it on one thread; the callbacks come on others.
+// Start detects faults of the environment (the folder, the database, keys, ports, a forced GL) before any actor runs
+// and returns them as one error. Create and destroy an Agent on one thread. Callbacks run on other threads.
 #pragma once
 
 #include <filesystem>
@@ -20,49 +21,53 @@
 
 namespace moondb {
 
-// An actor of the user's, supervised like the standard ones. Others reach it by its name: actors of this agent and of
-// others with Message.custom, clients with Client::Ask. It is told, as it may
-// ignore, RecordsStored after each commit of new rows, RolesChanged and LeasesChanged after each change of these.
+// A user's actor, supervised like the standard actors. Other actors, on this agent or another one, reach it by its name
+// with Message.custom; clients reach it with Client::Ask. It receives RecordsStored after each commit of new rows, and
+// RolesChanged and LeasesChanged after each change of roles or leases. It may ignore them.
 struct OwnActor {
-  std::string name;  // 1 to 32 lower-case letters, digits, - and _; none of the standard actors'.
+  std::string name;  // 1 to 32 lower-case letters, digits, - and _; not the name of a standard actor.
   ActorFactory factory;
   SpawnOptions spawn;
 };
 
 struct AgentOptions {
-  std::string name;                   // Of the team's agents.
-  std::filesystem::path data_folder;  // Made if it is missing; one process at a time.
+  std::string name;                   // Name of one of the team's agents.
+  std::filesystem::path data_folder;  // Created if missing. Only one process may use it.
   MergeBackend merge_backend = MergeBackend::kAuto;
-  std::string secret_key_file;              // Empty: beside the public key.
+  std::string secret_key_file;              // Empty: the file beside the public key.
   std::filesystem::path clients_file;       // Empty: clients.yaml beside the team file.
   std::string version;                      // Shown in status.
-  std::vector<OwnActor> own_actors;         // At most kOwnActorsMax. Started after the standard ones, ended before.
-  std::function<void()> on_stop_requested;  // A client asked; some thread. Destroy the Agent elsewhere.
-  std::function<void(Error)> on_fatal;      // An actor is beyond help; some thread.
+  std::vector<OwnActor> own_actors;         // At most kOwnActorsMax. They start after the standard actors and stop
+                                            // before them.
+  std::function<void()> on_stop_requested;  // A client requested a stop. Called on any thread. Destroy the Agent on its
+                                            // own thread.
+  std::function<void(Error)> on_fatal;      // An actor failed permanently. Called on any thread.
 };
 
 inline constexpr std::size_t kOwnActorsMax = 64;
 
 class Agent {
  public:
-  // Returns a running agent. kInvalid: no such agent, an own actor's name, a bad key, a path too long for a socket.
-  // kRefused: the data folder is in use, the store is of another agent, version or program. kUnavailable: an
-  // address in use, no GL where it is forced. Others as RecordStore::Open says.
+  // Returns a running agent. Returns kInvalid if the agent is unknown, an own actor's name is invalid, a key is bad, or
+  // a path is too long for a socket. Returns kRefused if the data folder is in use, or the store belongs to another
+  // agent, version or program. Returns kUnavailable if an address is in use, or GL is forced but missing. Other errors
+  // are those of RecordStore::Open.
   static Result<std::unique_ptr<Agent>> Start(const TeamFile& team, AgentOptions options);
 
-  ~Agent();  // Stops it gracefully: no new messages, running handlers end, sockets close.
+  ~Agent();  // Stops gracefully: accepts no new messages, waits for running handlers, closes the sockets.
   Agent(const Agent&) = delete;
   Agent& operator=(const Agent&) = delete;
 
   const std::string& client_endpoint() const;
 
-  // Any thread, while the agent lives: sends to an actor of this agent; the sender is {self, "outside"}, which nobody
-  // can answer. Waits for room where the actor's mailbox is full and Overflow::kBlock.
+  // Sends a message to an actor of this agent. Thread-safe while the agent exists. The sender is {self, "outside"}, to
+  // which no actor can reply. Blocks until there is space if the actor's mailbox is full and its policy is
+  // Overflow::kBlock.
   SendResult Post(const std::string& actor, proto::Message message);
 
-  // Writes what the actors did last to trace.txt in the data folder, for whoever looks for the cause of a failure.
+  // Writes the actors' latest activity to trace.txt in the data folder, for finding the cause of a failure.
   void WriteTrace() const;
-  // From now on a fatal signal does that, as long as the agent lives. One agent a process.
+  // A fatal signal calls WriteTrace from now on, while the agent exists. Requires: only one agent per process.
   void WriteTraceOnCrash() const;
 
  private:

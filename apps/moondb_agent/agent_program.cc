@@ -26,11 +26,12 @@ namespace {
 
 enum ExitCode : int { kStopped = 0, kFailed = 1, kUsage = 2, kBeyondHelp = 70 };
 
-// A stop that takes longer is ended by SIGALRM: nothing acknowledged is lost by that.
+// SIGALRM ends the process if stopping takes longer. That loses no acknowledged record.
 constexpr unsigned kStopSecondsMax = 5;
 
-// libzmq ends the process where it may open no more files. 16 times the connections that a door lets in to an agent of
-// the largest team (runtime/transport/connection_limiter.h) are far below, those at their handshake included.
+// libzmq aborts the process if it cannot open another file. This limit is far above 16 times the connections that
+// ConnectionLimiter admits for an agent of the largest team (runtime/transport/connection_limiter.h), including
+// connections in their handshake.
 constexpr rlim_t kOpenFilesLeast = 8'192;
 constexpr int kLargeBufferBytes = 4 * 1024 * 1024;
 constexpr rlim_t kOpenFilesWanted = 65'536;
@@ -49,15 +50,16 @@ struct Arguments {
 
 void AddOptions(Command& app, Arguments& arguments) {
   app.AddOption("-t,--team", arguments.team, "Team file").Required();
-  app.AddOption("-a,--agent", arguments.agent, "Which of its agents this is").Required();
+  app.AddOption("-a,--agent", arguments.agent, "Name of this agent in the team file").Required();
   app.AddOption("--data-dir", arguments.data_folder, "Data folder (moondb-data/AGENT beside the team file)");
-  app.AddOption("--log-level", arguments.log_level, "From this level on")
+  app.AddOption("--log-level", arguments.log_level, "Lowest level to log")
       .OneOf({"trace", "debug", "info", "warn", "error", "off"});
-  app.AddOption("--log-file", arguments.log_file, "Log to this file too, rotated at 10 MB (stderr alone)");
-  app.AddOption("--log-format", arguments.log_format, "Lines of text, or a JSON object a line").OneOf({"text", "json"});
-  app.AddOption("--merge-backend", arguments.merge_backend, "What merges maps").OneOf({"auto", "cpu", "gl"});
+  app.AddOption("--log-file", arguments.log_file, "Log to this file too, rotated at 10 MB (default: only stderr)");
+  app.AddOption("--log-format", arguments.log_format, "Lines of text, or one JSON object per line")
+      .OneOf({"text", "json"});
+  app.AddOption("--merge-backend", arguments.merge_backend, "Backend that merges maps").OneOf({"auto", "cpu", "gl"});
   app.AddOption("--clients", arguments.clients_file,
-                "File of the clients that client_address lets in (clients.yaml beside the team file)");
+                "File that lists clients for client_address (clients.yaml beside the team file)");
   app.AddOption("--secret-key", arguments.secret_key, "File of the secret key (beside the public one, as .sec)");
 }
 
@@ -66,10 +68,10 @@ int Complain(const AgentProgram& program, int code, const std::string& text) {
   return code;
 }
 
-// Waits for a signal or for a word from the agent's threads; no work is done in a signal handler.
+// Waits for a signal or for a wake-up by one of the agent's threads. Signal handlers do no work.
 class StopWaiter {
  public:
-  // To be made before any thread starts: they inherit the blocked signals.
+  // Blocks the signals. Requires: no other thread has started, because threads inherit the blocked signals.
   StopWaiter() {
     sigset_t signals;
     sigemptyset(&signals);
@@ -86,7 +88,7 @@ class StopWaiter {
   StopWaiter(const StopWaiter&) = delete;
   StopWaiter& operator=(const StopWaiter&) = delete;
 
-  // Any thread.
+  // Thread-safe.
   void Wake(int exit_code) {
     int expected = kStopped;
     if (exit_code != kStopped) exit_code_.compare_exchange_strong(expected, exit_code);
@@ -94,7 +96,7 @@ class StopWaiter {
     (void)!::write(event_descriptor_, &one, sizeof(one));
   }
 
-  // The exit code.
+  // Returns the exit code.
   int Wait() {
     pollfd descriptors[] = {{signal_descriptor_, POLLIN, 0}, {event_descriptor_, POLLIN, 0}};
     while (::poll(descriptors, 2, -1) <= 0) {
@@ -119,7 +121,7 @@ Result<std::filesystem::path> DataFolderOf(const Arguments& arguments, const Tea
 AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program, StopWaiter& waiter) {
   AgentOptions options;
   options.name = arguments.agent;
-  options.merge_backend = *ParseMergeBackend(arguments.merge_backend);  // Checked by the command line.
+  options.merge_backend = *ParseMergeBackend(arguments.merge_backend);  // The command line has been checked.
   options.secret_key_file = arguments.secret_key;
   options.clients_file = arguments.clients_file;
   options.version = program.version;
@@ -131,7 +133,8 @@ AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program
   return options;
 }
 
-// glibc's own limit grows with what is freed, up to 32 MiB, and each thread would keep twice that of what it freed.
+// Returns freed buffers of at least kLargeBufferBytes to the system. glibc's own limit grows with the size of freed
+// buffers, up to 32 MiB, and each thread would keep twice that.
 void GiveLargeBuffersBack() { (void)::mallopt(M_MMAP_THRESHOLD, kLargeBufferBytes); }
 
 void RaiseOpenFiles() {
@@ -147,7 +150,7 @@ void RaiseOpenFiles() {
                files.rlim_cur, kOpenFilesLeast);
 }
 
-// Reads the command line; the exit code if the program is done with that.
+// Reads the command line. Returns the exit code if the program is to end.
 std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& program, Arguments& arguments) {
   Command app(program.name, "Runs one agent of a moondb team.");
   AddOptions(app, arguments);
@@ -161,9 +164,9 @@ std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& pr
 }  // namespace
 
 int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
-  std::signal(SIGPIPE, SIG_IGN);  // Whoever reads the log may leave; the agent stays.
-  ::umask(S_IRWXG | S_IRWXO);     // What the robot learnt is its user's alone.
-  // Its memory holds the agent's secret keys: no core file of it is written, and only root may look into it.
+  std::signal(SIGPIPE, SIG_IGN);  // The reader of the log may exit; the agent must not.
+  ::umask(S_IRWXG | S_IRWXO);     // Only this user may read the robot's data.
+  // The agent's memory holds its secret keys. Write no core file of it, and let only root read it.
   (void)::prctl(PR_SET_DUMPABLE, 0);
   Arguments arguments;
   if (auto exit_code = ReadCommandLine(argc, argv, program, arguments)) return *exit_code;
@@ -199,7 +202,7 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   const std::string ready =
       arguments.agent + " of team " + team->config.team() + ", clients at " + (*agent)->client_endpoint();
   if (logs_json) {
-    spdlog::info("is ready: {}", ready);  // Where stdout and stderr are one file each line is JSON all the same.
+    spdlog::info("is ready: {}", ready);  // Every line must be JSON, even if stdout and stderr are the same file.
   } else {
     std::printf("ready: %s\n", ready.c_str());
     std::fflush(stdout);

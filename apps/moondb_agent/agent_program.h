@@ -1,5 +1,5 @@
-// The program around an agent: command line, team file, log, signals, ready line, exit codes. moondb_agent is one with
-// nothing added; yours adds actors of your own:
+// The main program of an agent: command line, team file, log, signals, ready line, exit codes. moondb_agent adds
+// nothing to it. Your program adds its own actors:
 //
 //   int main(int argc, char** argv) {
 //     moondb::AgentProgram program;
@@ -21,30 +21,28 @@ namespace moondb {
 class Command;
 
 struct AgentProgram {
-  std::string name = "moondb_agent";  // In --help and before errors.
-  std::string version;                // By --version and in the agent's status.
+  std::string name = "moondb_agent";  // Name in --help and in front of errors.
+  std::string version;                // Shown by --version and in the agent's status.
 
-  // May be empty. Adds options to the command line before it is read (Command::AddOption in
-  // apps/common/arguments.h).
+  // Optional. Adds options to the command line before it is read (Command::AddOption in apps/common/arguments.h).
   std::function<void(Command&)> add_options;
 
-  // May be empty. Makes what AgentOptions::own_actors says, once command line and team file are read. An error is
-  // printed and ends the program with exit code 2.
+  // Optional. Makes the actors for AgentOptions::own_actors after the command line and the team file are read. An error
+  // is printed and ends the program with exit code 2.
   std::function<Result<std::vector<OwnActor>>(AgentId self, const proto::TeamConfig& team)> make_actors;
 
-  // May be empty. For threads of the program's own, such as a sensor's driver that calls Agent::Post: on_running,
-  // called on the main thread once the agent runs, may start them; on_stopping, called before it ends, has to join
-  // them.
+  // Optional. The main thread calls on_running once the agent runs and on_stopping before it stops. on_running may
+  // start threads of the program, such as a sensor driver that calls Agent::Post. on_stopping must join them.
   std::function<void(Agent&)> on_running;
   std::function<void()> on_stopping;
 };
 
-// Runs one agent until SIGTERM, SIGINT or a client's stop. Once it runs, prints a line that begins with "ready:".
-// Call it on the main thread before any other thread is started: threads inherit the signals that it blocks; SIGPIPE is
-// ignored from then on. Does not throw as long as the functions of `program` do not.
+// Runs one agent until SIGTERM, SIGINT or a client's stop request. Prints a line that begins with "ready:" once it
+// runs. Requires: called on the main thread before any other thread starts, because threads inherit the signals that it
+// blocks. Ignores SIGPIPE from then on. Throws only if a function of `program` throws.
 //
-// Returns the exit code: 0 stopped as asked, 1 the world is wrong (ports, database, folder, GL), 2 the command line,
-// the team file or make_actors is, 70 an actor was beyond help.
+// Returns the exit code. 0: stopped on request. 1: a fault of the environment (ports, database, folder, GL). 2: the
+// command line, the team file or make_actors is wrong. 70: an actor failed permanently.
 int RunAgentProgram(int argc, char** argv, const AgentProgram& program);
 
 }  // namespace moondb

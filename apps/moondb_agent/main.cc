@@ -1,4 +1,4 @@
-// moondb_agent: one team member's process, with the standard actors alone.
+// moondb_agent: the process of one team member, with only the standard actors.
 
 #include "apps/moondb_agent/agent_program.h"
 

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Longer than what lies between two batches of a sync.
+// Longer than the pause between two batches of a sync.
 constexpr Duration kSolveWhenQuiet = std::chrono::seconds(3);
 
 template <typename ActorType, typename Options>

@@ -1,7 +1,7 @@
-// The actors that every agent has, and how they are put together: one row for each in standard_actors.cc.
+// The list of standard actors of an agent. standard_actors.cc has one row for each actor.
 //
-// moondb_agent, the simulator and the tests of whole teams spawn from this list, so that none forgets an actor; one
-// that is left out is left out by name.
+// moondb_agent, the simulator and the tests of whole teams spawn the actors of this list, so none of these programs can
+// omit an actor by accident.
 #pragma once
 
 #include <cstdint>
@@ -31,15 +31,15 @@ struct StandardActor {
   ActorFactory factory;
 };
 
-// What differs from one program to another. StandardActors fills in `self` and `team` of each, and what the team file
-// says of it.
+// Options that differ between programs. StandardActors fills in `self`, `team` and the team file's settings for each
+// actor.
 struct StandardActorOptions {
   StorageActor::Options storage;
   ClockActor::Options clock;
   RoleActor::Options role;
   LeaseActor::Options lease;
   FailoverActor::Options failover;
-  SharingActor::Options sharing;  // Of sync and replica.
+  SharingActor::Options sharing;  // Used by the actors sync and replica.
   RetentionActor::Options retention;
   EventActor::Options event;
   DownlinkActor::Options downlink;
@@ -48,7 +48,7 @@ struct StandardActorOptions {
   GatewayActor::Options gateway;
 };
 
-// In the order in which they are to start. `config_hash` is TeamFile::hash.
+// Returns the actors in start order. `config_hash` is TeamFile::hash.
 std::vector<StandardActor> StandardActors(const proto::TeamConfig& team, AgentId self, std::uint64_t config_hash,
                                           StandardActorOptions options);
 

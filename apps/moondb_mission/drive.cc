@@ -9,20 +9,20 @@ namespace moondb {
 namespace {
 
 constexpr double kWaitTurn_rad = 1.0;
-constexpr double kSectorWeight_m = 6;    // Way that a rover goes further rather than 1 rad beside its sector.
-constexpr double kCrowdDistance_m = 10;  // Goals nearer to each other than this count as crowded.
+constexpr double kSectorWeight_m = 6;    // Extra distance that a rover accepts per radian to stay in its sector.
+constexpr double kCrowdDistance_m = 10;  // Goals of two rovers within this distance are crowded.
 constexpr double kCrowdWeight = 1.5;
 constexpr double kGoalJitter_m = 3;
 constexpr double kGoalLeast_m = 1;
-constexpr double kLookAhead_m = 4;  // How far along its route a rover looks for a straight way.
-constexpr double kDetour_m = 0.4;   // Beyond the separation, when a way is sought around the others.
+constexpr double kLookAhead_m = 4;  // A rover looks this far along its route for a straight path.
+constexpr double kDetour_m = 0.4;   // Added to the separation when planning around other rovers.
 
 double Wrap(double angle_rad) { return std::remainder(angle_rad, 2 * std::numbers::pi); }
 
 struct RoverState {
-  double sector_rad = 0;  // Middle of its sector, seen from the base station.
+  double sector_rad = 0;  // Direction of the middle of its sector, seen from the base station.
   Eigen::Vector2d goal_m = Eigen::Vector2d::Zero();
-  std::vector<Eigen::Vector2d> route;  // Still to drive, next first.
+  std::vector<Eigen::Vector2d> route;  // Remaining waypoints, the next one first.
   std::vector<TrackPoint> track;
   const Eigen::Vector2d& position_m() const { return track.back().position_m; }
 };
@@ -59,7 +59,7 @@ class TeamDriver {
     }
   }
 
-  // All rovers' steps of one period. Who decides first changes from node to node.
+  // Makes one step of all rovers. The rover that chooses first changes from node to node.
   void Step(int node) {
     const std::size_t count = rovers_.size();
     std::vector<Eigen::Vector2d> ends;
@@ -74,8 +74,8 @@ class TeamDriver {
     }
   }
 
-  // Where the rover goes next; its own place where it has to wait. Those that have not decided yet count as standing:
-  // they will look at this step when their turn comes, and may always stand.
+  // Returns the end of the rover's next step, or its current position if it must wait. Rovers that have not chosen yet
+  // count as stationary: they take this step into account later, and they can always wait.
   Eigen::Vector2d ChooseStep(std::size_t index, const std::vector<Eigen::Vector2d>& ends) {
     RoverState& rover = rovers_[index];
     for (int attempt = 0; attempt < 2; ++attempt) {
@@ -87,8 +87,8 @@ class TeamDriver {
     return rover.position_m();
   }
 
-  // The end of one straight step towards the farthest point of the route that can be reached straight. Takes off the
-  // route what the step makes needless.
+  // Returns the end of one straight step towards the farthest route point that can be reached in a straight line.
+  // Removes the route points that this step skips.
   Eigen::Vector2d StepAlongRoute(RoverState& rover) {
     if (rover.route.empty()) return rover.position_m();
     const double step_m = random_.Uniform(options_.step_min_m, options_.step_max_m);
@@ -128,8 +128,8 @@ class TeamDriver {
     rover.route = routes_.RouteTo(goal, ways);
   }
 
-  // The unseen cell that costs least: a short way, in the own sector, away from the others' goals. Any cell once all
-  // is seen.
+  // Returns the unseen cell with the lowest cost: a short path, inside the rover's sector, away from other rovers'
+  // goals. Returns a random cell if all cells are seen.
   int ChooseGoal(std::size_t index, const RouteMap::Ways& ways) {
     int best = -1;
     double best_cost = 1e300;
@@ -161,7 +161,7 @@ class TeamDriver {
     return cost;
   }
 
-  // Turns where it stands, then stands at the end of the step. Who waits turns to look around.
+  // Turns the rover on the spot, then moves it to the end of the step. A waiting rover turns to look around.
   void Arrive(RoverState& rover, const Eigen::Vector2d& end_m) {
     TrackPoint& last = rover.track.back();
     const Eigen::Vector2d step = end_m - last.position_m;
@@ -191,7 +191,7 @@ class TeamDriver {
 
 double LeastDistance(const Eigen::Vector2d& a, const Eigen::Vector2d& a_end, const Eigen::Vector2d& b,
                      const Eigen::Vector2d& b_end) {
-  // Seen from b, a moves along a straight line.
+  // In the frame of b, a moves along a straight line.
   const Eigen::Vector2d start = a - b;
   const Eigen::Vector2d motion = (a_end - b_end) - start;
   const double length_squared = motion.squaredNorm();

@@ -70,7 +70,7 @@ void AddGenerate(Command& app, Request& request) {
   command.AddOption("--period-s", options.node_period_s, "Time between nodes").DefaultShown();
   command.AddOption("--rovers", options.rover_count, "Number of rovers, 1 to 8").DefaultShown();
   command.AddOption("--side-m", options.terrain.side_m, "Side of the explored square").DefaultShown();
-  command.AddOption("--rock-share", options.terrain.rock_area_share, "Share of the ground that rocks cover")
+  command.AddOption("--rock-share", options.terrain.rock_area_share, "Fraction of the surface that rocks cover")
       .DefaultShown();
   command.AddOption("--crater-share", options.terrain.crater_share, "Craters against the lunar equilibrium")
       .DefaultShown();

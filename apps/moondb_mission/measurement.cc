@@ -14,7 +14,7 @@ Eigen::Quaterniond SmallTurn(const Eigen::Vector3d& turn_rad) {
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn_rad / angle));
 }
 
-// What one pair of radios gets wrong beyond white noise.
+// The errors of a pair of radios in addition to white noise.
 struct PairState {
   double bias_m = 0;
   int burst_left = 0;

@@ -1,9 +1,11 @@
-// What a team measures of its own way: visual-inertial odometry and UWB ranges, with the errors of real ones.
+// Simulates a team's measurements of its motion: visual-inertial odometry and UWB ranges with realistic errors.
 //
-// Odometry: per step white noise of 1 cm + 2 % of the step in x and y, 0.3 of that in z; yaw 0.002 rad + 0.005 rad/m +
-// 1 % of the turn, roll and pitch a tenth of that; and a scale error of the rover's own, constant over the mission,
-// which the stated covariance does not hold. Ranges: between antennas, with white noise, a constant bias of each pair,
-// and bursts of measurements that are too long (no line of sight).
+// Odometry has white noise per step. In x and y it is 1 cm + 2 % of the step, in z 0.3 of that. In yaw it is 0.002 rad
+// + 0.005 rad/m + 1 % of the turn, in roll and pitch a tenth of that. Each rover also has a scale error that is
+// constant over the mission. The stated covariance does not include it.
+//
+// Ranges are measured between antennas. They have white noise, a constant bias per pair, and bursts of measurements
+// that are too long (no line of sight).
 #pragma once
 
 #include <map>
@@ -30,17 +32,17 @@ struct RangeOptions {
   double range_max_m = 40;
   double sigma_m = 0.10;
   double bias_sigma_m = 0.10;
-  double burst_share = 0.025;  // Chance of a burst at each measurement outside one.
+  double burst_share = 0.025;  // Probability that a burst starts at a measurement outside a burst.
   int burst_length_max = 4;
   double burst_mean_m = 1.5;
 };
 
-// The steps between a rover's consecutive nodes, given in order with their true poses.
+// Returns the odometry between consecutive nodes of one rover. `true_nodes` are in order and have true poses.
 std::vector<OdometryEdge> MeasureOdometry(const std::vector<GraphNode>& true_nodes, const OdometryOptions& options,
                                           Random& random);
 
-// Ranges between all pairs of agents at every `every_nodes`-th node; a base station's node is always its 0.
-// `truth` holds each rover's nodes from 0 and each base station's node 0; `period_ns` lies between nodes.
+// Returns ranges between all pairs of agents at every `every_nodes`-th node. Ranges to a base station refer to its node
+// 0. `truth` holds each rover's nodes from 0 and each base station's node 0. `period_ns` is the time between nodes.
 std::vector<RangeEdge> MeasureRanges(const std::vector<MissionAgent>& agents, const std::map<NodeKey, Pose>& truth,
                                      int node_count, std::int64_t period_ns, const RangeOptions& options,
                                      Random& random);

@@ -13,11 +13,11 @@ namespace {
 constexpr double kNsPerSecond = 1e9;
 constexpr int kMapsMax = 20'000;
 constexpr double kBaseOffset_m = 1.5;
-constexpr double kStartZShare = 0.3;  // A start's height is known better than its place, as with odometry.
+constexpr double kStartZShare = 0.3;  // The height of a start is known better than its position, as with odometry.
 const Eigen::Vector3d kRoverAntenna_m(0.1, 0, 0.3);
 const Eigen::Vector3d kBaseAntenna_m(0, 0, 1.5);
 
-// Purposes of random streams. New ones get new numbers: changing one here changes every mission.
+// Purposes of random streams. Add new purposes with new numbers: changing a number changes every mission.
 enum Stream : std::uint64_t {
   kTerrainStream = 1,
   kDriveStream,
@@ -54,7 +54,7 @@ Result<void> CheckOptions(const MissionOptions& options) {
 
 Pose TruePose(const Terrain& terrain, const TrackPoint& point) {
   Pose pose = Pose::FromPlanar(point.position_m.x(), point.position_m.y(), point.yaw_rad);
-  // The body's frame is level: visual-inertial odometry knows the vertical.
+  // The body's frame is level, because visual-inertial odometry observes the vertical.
   pose.position_m.z() = terrain.GroundM(point.position_m);
   return pose;
 }
@@ -147,7 +147,7 @@ class Maker {
         if (static_cast<int>(other) != rover) others.push_back(tracks_[other][node].position_m);
       }
       const NodeKey key{IdOf(rover), node};
-      // A rover looks all around before it sets out, so that the team's maps meet at the base station.
+      // A rover looks all around before it sets out, so that the rovers' maps overlap at the base station.
       made.maps.push_back(Sense(made.terrain, key, made.mission.truth.at(key),
                                 node == 0 ? 2 * std::numbers::pi : tracks_[rover][node].turn_rad, others,
                                 options_.camera, random));

@@ -1,7 +1,7 @@
 // Makes simulated lunar missions in the format of model/mission.h: terrain, drives, odometry, ranges and local maps.
 //
-// The same options give the same mission, byte for byte, on one machine and build; each part draws from a stream of its
-// own. Nothing that an agent may read holds the truth but the vertices of graph.pyfg.
+// The same options give the same mission, byte for byte, on one machine and build. Each part draws from its own random
+// stream. Among the files that an agent may read, only the vertices of graph.pyfg contain the truth.
 #pragma once
 
 #include <cstdint>
@@ -20,11 +20,11 @@ namespace moondb {
 struct MissionOptions {
   std::uint64_t seed = 1;
   double minutes = 10;        // 1 to 600.
-  double node_period_s = 10;  // 1 to 600. A node and a map each period and rover.
+  double node_period_s = 10;  // 1 to 600. Each rover makes a node and a map per period.
   int rover_count = 3;        // 1 to 8.
   double start_sigma_m = 0.05;
   double start_sigma_rad = 0.01;
-  TerrainOptions terrain;  // base_m is drawn.
+  TerrainOptions terrain;  // base_m is drawn at random.
   OdometryOptions odometry;
   RangeOptions ranges;
   CameraOptions camera;
@@ -32,17 +32,18 @@ struct MissionOptions {
 
 struct MadeMission {
   Terrain terrain;
-  Mission mission;                      // Without a folder; maps' files are named.
-  std::vector<TraversabilityMap> maps;  // One each for mission.maps.
+  Mission mission;                      // Has no folder. The maps' files are named.
+  std::vector<TraversabilityMap> maps;  // One map for each entry of mission.maps.
 };
 
-// kInvalid with the option named as field: a number outside the range that its option states, or more than 20000 maps.
+// kInvalid, with the option as field, if a number is outside the range of its option, or if there are more than 20000
+// maps.
 Result<MadeMission> MakeMission(const MissionOptions& options);
 
-// Writes the mission and its maps. kRefused if the folder holds anything already; else as WriteMission.
+// Writes the mission and its maps. kRefused if the folder is not empty. Other errors are those of WriteMission.
 Result<void> WriteMadeMission(const MadeMission& made, const std::filesystem::path& folder);
 
-// The terrain with the rovers' true ways on it.
+// Draws the terrain with the rovers' true tracks.
 Image DrawMission(const MadeMission& made, const std::string& caption);
 
 }  // namespace moondb

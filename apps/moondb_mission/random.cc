@@ -8,7 +8,7 @@ namespace moondb {
 
 namespace {
 
-// SplitMix64's finaliser: neighbouring inputs give unrelated seeds.
+// The finaliser of SplitMix64. Neighbouring inputs give unrelated seeds.
 std::uint64_t Mix(std::uint64_t value) {
   value = (value ^ (value >> 30)) * 0xbf58476d1ce4e5b9u;
   value = (value ^ (value >> 27)) * 0x94d049bb133111ebu;
@@ -26,7 +26,7 @@ double Random::Uniform() { return static_cast<double>(engine_() >> 11) * 0x1p-53
 double Random::Uniform(double low, double high) { return low + (high - low) * Uniform(); }
 
 double Random::Normal() {
-  // Box and Muller; 1 - u is never 0.
+  // The Box-Muller transform. 1 - u is never 0.
   const double radius = std::sqrt(-2 * std::log(1 - Uniform()));
   return radius * std::cos(2 * std::numbers::pi * Uniform());
 }
@@ -36,7 +36,7 @@ double Random::Exponential(double mean) { return -mean * std::log(1 - Uniform())
 int Random::Index(int count) { return std::min(count - 1, static_cast<int>(Uniform() * count)); }
 
 int Random::Poisson(double mean) {
-  // Knuth's product underflows for large means; a Poisson number is the sum of those of parts.
+  // Knuth's product underflows for large means. Split the mean: a sum of Poisson numbers is a Poisson number.
   constexpr double kPartMax = 30;
   int count = 0;
   while (mean > 0) {

@@ -1,7 +1,7 @@
-// Random: numbers from one seed that are the same with every standard library.
+// Random: a seeded random generator that gives the same numbers with every standard library.
 //
-// The engine (std::mt19937_64) is fixed by the C++ standard, the distributions of std:: are not; so they are written
-// out here. Not thread-safe.
+// The C++ standard fixes the engine (std::mt19937_64), but not the distributions of std::, so this class implements its
+// own. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -13,14 +13,15 @@ class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
 
-  // An independent stream for one purpose, so that a change to one part of a mission leaves the others as they were.
+  // Returns an independent stream for one purpose. A change to one part of a mission then leaves the other parts
+  // unchanged.
   static Random Stream(std::uint64_t seed, std::uint64_t purpose);
 
-  double Uniform();                         // 0 to 1, without 1.
-  double Uniform(double low, double high);  // low to high.
+  double Uniform();                         // Uniform in [0, 1).
+  double Uniform(double low, double high);  // Uniform between low and high.
   double Normal();                          // Mean 0, sigma 1.
   double Exponential(double mean);
-  int Index(int count);  // 0 to count - 1.
+  int Index(int count);  // Uniform in 0 to count - 1.
   int Poisson(double mean);
   bool Chance(double probability) { return Uniform() < probability; }
 

@@ -12,7 +12,7 @@ namespace moondb {
 namespace {
 
 constexpr double kLineSample_m = 0.05;
-constexpr double kEdge_m = 0.5;  // Rovers stay this far inside the square.
+constexpr double kEdge_m = 0.5;  // Rovers keep this distance from the edge of the square.
 
 }  // namespace
 
@@ -91,7 +91,7 @@ RouteMap::Ways RouteMap::FindWays(const Eigen::Vector2d& from_m, const std::vect
     for (int next_y = std::max(0, y - 1); next_y <= std::min(side_cells_ - 1, y + 1); ++next_y) {
       for (int next_x = std::max(0, x - 1); next_x <= std::min(side_cells_ - 1, x + 1); ++next_x) {
         const int next = next_y * side_cells_ + next_x;
-        // A diagonal step passes two more cells, which must be open as well.
+        // A diagonal step touches two more cells, which must also be open.
         if (!is_open[next] || !is_open[y * side_cells_ + next_x] || !is_open[next_y * side_cells_ + x]) continue;
         const bool is_diagonal = next_x != x && next_y != y;
         const float next_m = length_m + static_cast<float>(kRouteCell_m * (is_diagonal ? std::numbers::sqrt2 : 1.0));

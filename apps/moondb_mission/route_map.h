@@ -1,7 +1,7 @@
-// RouteMap: where a rover's middle may be so that no hazard comes under its body, and the ways between such places.
+// RouteMap: the places where a rover's centre may be without a hazard under its body, and the paths between them.
 //
-// A grid of 0.25 m over the explored square. A cell is open if no hazard lies within the rover's radius of any point of
-// it, so that every point of an open cell is safe whatever the heading. Immutable once made.
+// A grid of 0.25 m over the explored square. A cell is open if no hazard is within the rover's radius of any of its
+// points. Every point of an open cell is therefore safe at any heading. Immutable once made.
 #pragma once
 
 #include <Eigen/Core>
@@ -20,7 +20,8 @@ struct Disc {
 
 class RouteMap {
  public:
-  // Lengths of the shortest ways from one place to all cells (infinite: none), and each cell's predecessor.
+  // The lengths of the shortest paths from one place to all cells (infinite: no path), and each cell's predecessor on
+  // its path.
   struct Ways {
     std::vector<float> length_m;
     std::vector<int> previous;
@@ -30,14 +31,15 @@ class RouteMap {
 
   int cell_count() const { return side_cells_ * side_cells_; }
   Eigen::Vector2d CenterOf(int cell) const;
-  int CellOf(const Eigen::Vector2d& point_m) const;  // -1 outside.
+  int CellOf(const Eigen::Vector2d& point_m) const;  // -1: outside the grid.
   bool IsOpen(const Eigen::Vector2d& point_m) const;
   bool IsOpenLine(const Eigen::Vector2d& from_m, const Eigen::Vector2d& to_m) const;
 
-  // Dijkstra over eight neighbours, around the discs (in which the start may lie).
+  // Finds the shortest paths by Dijkstra's algorithm over eight neighbours. Paths avoid the discs, in which the start
+  // may lie.
   Ways FindWays(const Eigen::Vector2d& from_m, const std::vector<Disc>& avoid) const;
 
-  // The cells' middles from the start to `goal`, without the start.
+  // Returns the centres of the cells on the path from the start to `goal`, without the start.
   std::vector<Eigen::Vector2d> RouteTo(int goal, const Ways& ways) const;
 
  private:

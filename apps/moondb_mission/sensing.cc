@@ -9,12 +9,12 @@ namespace moondb {
 namespace {
 
 constexpr double kRayStep_rad = 0.0044;  // A quarter of a degree: 4 cm at 10 m.
-constexpr double kPatch_rad = 0.035;     // Within a patch, errors of depth and of class are alike.
+constexpr double kPatch_rad = 0.035;     // Samples in one patch share their depth error and misclassification.
 constexpr double kPatch_m = 0.5;
-constexpr double kGrazingSlack = 1e-3;  // Level ground just behind level ground counts as seen.
+constexpr double kGrazingSlack = 1e-3;  // Level terrain just behind level terrain counts as seen.
 
 struct Patch {
-  double depth_error = 0;  // In sigmas.
+  double depth_error = 0;  // In standard deviations.
   bool is_missed = false;
   bool is_false = false;
 };
@@ -45,7 +45,7 @@ class Camera {
     DrawPhantom(random);
   }
 
-  // Calls see(x, y in the camera's level frame, is hazard) for every sample that is seen, where it seems to be.
+  // Calls see(x, y in the camera's level frame, is hazard) for every visible sample, at its measured position.
   template <typename See>
   void Sweep(See see) const {
     for (double angle = first_rad_; angle <= last_rad_; angle += kRayStep_rad) SweepRay(angle, see);
@@ -87,7 +87,7 @@ class Camera {
   void SweepRay(double angle, See see) const {
     const Eigen::Vector2d direction(std::cos(yaw_rad_ + angle), std::sin(yaw_rad_ + angle));
     const Eigen::Vector2d seen_direction(std::cos(angle), std::sin(angle));
-    double steepest = -1e9;  // Rise over run of what hides the rest of the ray.
+    double steepest = -1e9;  // Slope of the line of sight over the highest obstacle so far.
     for (double distance_m = options_.range_min_m; distance_m < options_.range_max_m; distance_m += kTerrainCell_m) {
       const Eigen::Vector2d point = eye_m_ + distance_m * direction;
       const bool is_rover = IsOtherRover(point);
@@ -121,7 +121,7 @@ class Camera {
   std::vector<Eigen::Vector2d> others_m_;
 };
 
-// One sample into one layer.
+// Adds one sample to one layer.
 void Enter(const Eigen::Vector2d& point_m, bool is_hazard, double cells_per_m, Grid& grid) {
   const int column = static_cast<int>(std::floor(point_m.x() * cells_per_m)) + grid.width / 2;
   const int row = static_cast<int>(std::floor(point_m.y() * cells_per_m)) + grid.height / 2;

@@ -1,12 +1,13 @@
-// What a rover's stereo cameras make of the ground about it: one local traversability map a node.
+// Simulates a rover's stereo cameras: makes one local traversability map of the surrounding terrain per node.
 //
-// The cameras look forward and sweep over the turn that the rover makes at its node. Along every direction the line of
-// sight over the terrain decides what is seen: rocks and crater rims hide what lies behind. Stereo depth has an error
-// that grows with the square of the distance and is alike for neighbouring pixels, so what is far stands in the wrong
-// place; far hazards are missed now and then, and far ground is taken for a hazard. Other rovers are obstacles. Now and
-// then a whole obstacle is seen where none is.
-// A cell is a hazard if a hazard was seen in it, else free if free ground was; coarse cells likewise, each layer by
-// itself.
+// The cameras look forward and sweep over the turn that the rover makes at its node. In every direction the line of
+// sight over the terrain decides what is visible: rocks and crater rims hide the terrain behind them. The stereo depth
+// error grows with the square of the distance and is similar for neighbouring pixels, so distant cells are displaced.
+// Sometimes distant hazards are missed, and distant free terrain is classified as a hazard. Other rovers are obstacles.
+// Some maps contain an obstacle that does not exist.
+//
+// A cell is a hazard if a hazard was seen in it. Otherwise it is free if free terrain was seen in it. This holds for
+// each layer separately, coarse layers included.
 #pragma once
 
 #include <vector>
@@ -19,23 +20,23 @@
 namespace moondb {
 
 struct CameraOptions {
-  double ahead_m = 0.2;   // The map's frame stands here in the body's frame.
-  double height_m = 0.4;  // Above the ground.
+  double ahead_m = 0.2;   // Position of the map's frame in the body's frame.
+  double height_m = 0.4;  // Above the terrain.
   double field_of_view_rad = 2.1;
   double range_min_m = 0.3;
   double range_max_m = 10;
   double depth_error_per_m = 0.004;  // Sigma of the distance = this * distance^2: 0.1 m at 5 m, 0.4 m at 10 m.
-  double miss_share = 0.3;           // Of hazards at range_max; falls with the distance's square.
-  double false_share = 0.01;         // Of patches of free ground, likewise.
-  double phantom_share = 0.05;       // Of maps with an obstacle that is not there.
-  double rover_radius_m = 0.35;      // Other rovers, seen as discs
-  double rover_height_m = 0.35;      // of this height.
+  double miss_share = 0.3;      // Missed share of hazards at range_max_m. It decreases with the square of the distance.
+  double false_share = 0.01;    // Share of free patches at range_max_m seen as hazards. It decreases in the same way.
+  double phantom_share = 0.05;  // Share of maps with an obstacle that does not exist.
+  double rover_radius_m = 0.35;  // Other rovers are discs of this radius.
+  double rover_height_m = 0.35;  // Height of these discs.
   int layer_count = 4;
   int cells_per_side = 100;
   std::uint32_t finest_resolution_um = 50'000;
 };
 
-// `map_from_body` is level; `turn_rad` is the turn made at the node, after the map's heading was taken.
+// Requires: `map_from_body` is level. `turn_rad` is the turn made at the node, after the map's heading was measured.
 TraversabilityMap Sense(const Terrain& terrain, NodeKey node, const Pose& map_from_body, double turn_rad,
                         const std::vector<Eigen::Vector2d>& other_rovers_m, const CameraOptions& options,
                         Random& random);

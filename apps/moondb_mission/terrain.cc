@@ -9,22 +9,22 @@ namespace moondb {
 namespace {
 
 constexpr double kRockHeightOverDiameter = 0.5;
-constexpr double kEquilibriumCratersPerM2 = 0.0794;  // 10^-1.1, of at least 1 m.
+constexpr double kEquilibriumCratersPerM2 = 0.0794;  // 10^-1.1, for diameters of at least 1 m.
 constexpr double kCraterDepthLeast = 0.02;
 constexpr double kCraterDepthSpan = 0.16;
 constexpr double kRimOverDepth = 0.2;
-constexpr double kCraterReach = 2;  // In radii: as far as the rim's apron goes.
-constexpr int kSlopeCells = 3;      // Slopes are taken over 0.3 m, about a wheel base.
+constexpr double kCraterReach = 2;  // The apron of the rim ends at this many radii.
+constexpr int kSlopeCells = 3;      // Slopes are measured over 0.3 m, about a wheel base.
 constexpr double kBaseHeight_m = 1.5;
 constexpr int kSizeClasses = 512;
 constexpr int kSwells = 5;
 
 double RockDecay(double share) { return 1.79 + 0.152 / share; }
 
-// Cumulative numbers of rocks over a ladder of diameters, from the smallest up.
+// Cumulative number of rocks by diameter, from the smallest diameter upwards.
 struct SizeLadder {
   std::vector<double> diameter_m;
-  std::vector<double> per_m2;  // Of rocks in the classes below this rung.
+  std::vector<double> per_m2;  // Rocks below this entry's diameter.
 };
 
 SizeLadder MakeLadder(const TerrainOptions& options, double least_m) {
@@ -36,7 +36,7 @@ SizeLadder MakeLadder(const TerrainOptions& options, double least_m) {
     const double low = ladder.diameter_m.back();
     const double high = low * ratio;
     const double area_share = share * (std::exp(-decay * low) - std::exp(-decay * high));
-    const double rock_area = std::numbers::pi / 4 * low * high;  // Of a rock in the middle of the class.
+    const double rock_area = std::numbers::pi / 4 * low * high;  // Area of a rock in the middle of the class.
     ladder.diameter_m.push_back(high);
     ladder.per_m2.push_back(ladder.per_m2.back() + area_share / rock_area);
   }
@@ -52,13 +52,14 @@ double DrawDiameter(const SizeLadder& ladder, Random& random) {
   return ladder.diameter_m[above - 1] + part * (ladder.diameter_m[above] - ladder.diameter_m[above - 1]);
 }
 
-// Height against the plain at a distance from the centre: a bowl, a rim, an apron that falls off with the cube.
+// Returns the height relative to the plain at a distance from the centre. The profile has a bowl, a rim, and an apron
+// whose height decreases with the cube of the distance.
 double CraterProfile(const Crater& crater, double distance_m) {
   const double radius_m = crater.diameter_m / 2;
   const double rim_m = kRimOverDepth * crater.depth_m;
   const double ratio = distance_m / radius_m;
   if (ratio < 1) return rim_m - crater.depth_m * (1 - ratio * ratio);
-  // Brought to exactly zero where the apron ends, so that no step is left there.
+  // Scaled to exactly zero at the end of the apron, so that there is no step.
   const double end = 1 / (kCraterReach * kCraterReach * kCraterReach);
   return rim_m * (1 / (ratio * ratio * ratio) - end) / (1 - end);
 }
@@ -125,7 +126,7 @@ void Terrain::AddSwells(Random& random) {
     const double height_m = random.Uniform(0.02, 0.005 * wavelength_m);
     const double along_x = std::cos(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCell_m;
     const double along_y = std::sin(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCell_m;
-    // sin(x + y) from the sines and cosines of x and of y: two a column and two a row instead of one a cell.
+    // sin(x + y) from sines and cosines of x and y. Needs two values per column and per row instead of one per cell.
     std::vector<float> sine(side_cells_);
     std::vector<float> cosine(side_cells_);
     for (int column = 0; column < side_cells_; ++column) {
@@ -150,7 +151,7 @@ bool Terrain::IsOnLandingGround(const Eigen::Vector2d& center_m, double radius_m
 void Terrain::DrawCraters(Random& random) {
   const double least_m = options_.crater_diameter_min_m;
   const double most_m = options_.crater_diameter_max_m;
-  // N(>D) falls with the square, so D = Dmin / sqrt(1 - u (1 - (Dmin / Dmax)^2)).
+  // N(>D) is proportional to D^-2, so D = Dmin / sqrt(1 - u (1 - (Dmin / Dmax)^2)).
   const double span = 1 - (least_m * least_m) / (most_m * most_m);
   const double per_m2 = options_.crater_share * kEquilibriumCratersPerM2 / (least_m * least_m) * span;
   const int count = random.Poisson(per_m2 * 4 * half_m_ * half_m_);

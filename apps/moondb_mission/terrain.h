@@ -1,14 +1,18 @@
-// Terrain: a piece of the Moon with craters and rocks, and what of it a small rover cannot drive over.
+// Terrain: an area of the Moon with craters and rocks, and the parts of it that a small rover cannot cross.
 //
-// Rocks follow Golombek and Rapp (JGR 102, 1997): rocks of at least the diameter D cover the share
-//   F(D) = k exp(-q D),  q = 1.79 + 0.152 / k,
-// of the ground, D in metres; k is the share that all rocks cover. The number per area follows from dF = -(pi/4) D^2
-// dN. They are half as high as wide. Craters follow the lunar equilibrium distribution of Trask (1966): N(>D) = 10^-1.1
-// D^-2 per square metre. Most are worn down: their depth over their diameter lies between 0.02 and 0.18, few near the
-// end of fresh ones. A cell is a hazard on a rock at least `hazard_height_m` high, on a slope of at least
-// `hazard_slope_rad`, and on the lander that is the base station.
+// Rocks follow Golombek and Rapp (JGR 102, 1997). Rocks with a diameter of at least D metres cover the share
+//     F(D) = k exp(-q D),  q = 1.79 + 0.152 / k,
+// of the area; k is the share that all rocks cover. The number per area follows from dF = -(pi/4) D^2 dN. Rocks are
+// half as high as wide.
 //
-// Coordinates are the frame `map`; the explored square lies about the origin. Immutable once made.
+// Craters follow the lunar equilibrium distribution of Trask (1966): N(>D) = 10^-1.1 D^-2 per square metre. Most are
+// degraded: their ratio of depth to diameter is between 0.02 and 0.18, and few are close to 0.18, the ratio of fresh
+// craters.
+//
+// A cell is a hazard on a rock at least `hazard_height_m` high, on a slope of at least `hazard_slope_rad`, and on the
+// lander that is the base station.
+//
+// Coordinates are in the frame `map`. The explored square is centred on the origin. Immutable once made.
 #pragma once
 
 #include <Eigen/Core>
@@ -34,22 +38,22 @@ struct Crater {
 };
 
 struct TerrainOptions {
-  double side_m = 40;             // Of the square that rovers explore; 15 to 120.
-  double margin_m = 12;           // Terrain beyond it, which cameras see.
+  double side_m = 40;             // Side of the square that rovers explore; 15 to 120.
+  double margin_m = 12;           // Width of the terrain around the square, which only cameras see.
   double rock_area_share = 0.03;  // k; 0.005 (a plain) to 0.1 (a blocky crater's rim).
   double rock_diameter_min_m = 0.1;
   double rock_diameter_max_m = 2.5;
-  double crater_share = 1;  // Of the equilibrium number; 0 to 2.
+  double crater_share = 1;  // Share of the equilibrium number of craters; 0 to 2.
   double crater_diameter_min_m = 1;
   double crater_diameter_max_m = 15;
-  double hazard_height_m = 0.10;                     // What a small rover's wheels cannot climb.
+  double hazard_height_m = 0.10;                     // Least height that a small rover's wheels cannot climb.
   double hazard_slope_rad = 0.35;                    // 20 degrees.
-  Eigen::Vector2d base_m = Eigen::Vector2d::Zero();  // The lander stands here,
-  double base_radius_m = 0.8;                        // on a disc of this size,
-  double landing_radius_m = 5;                       // amid ground without rocks and craters.
+  Eigen::Vector2d base_m = Eigen::Vector2d::Zero();  // Position of the lander.
+  double base_radius_m = 0.8;                        // Radius of the lander.
+  double landing_radius_m = 5;                       // No rocks and craters within this radius of the lander.
 };
 
-// Expected rocks per square metre of at least this diameter and at most the options' largest.
+// Returns the expected number of rocks per square metre, from this diameter to the options' largest diameter.
 double RocksPerSquareMetre(const TerrainOptions& options, double diameter_m);
 
 class Terrain {
@@ -60,12 +64,13 @@ class Terrain {
   const std::vector<Rock>& rocks() const { return rocks_; }
   const std::vector<Crater>& craters() const { return craters_; }
 
-  // Heights in metres, of the ground and of what stands on it. Outside the terrain that of its edge.
+  // Heights in metres: GroundM of the bare terrain, SurfaceM including rocks and the lander. Points outside have the
+  // height of the nearest edge.
   double GroundM(const Eigen::Vector2d& point_m) const { return ground_m_[OffsetOf(point_m)]; }
   double SurfaceM(const Eigen::Vector2d& point_m) const { return surface_m_[OffsetOf(point_m)]; }
   bool IsHazard(const Eigen::Vector2d& point_m) const { return is_hazard_[OffsetOf(point_m)] != 0; }
 
-  // The explored square, every cell known, with cells of kTerrainCell_m.
+  // Returns the explored square as a map with cells of kTerrainCell_m, all known.
   MergedMap HazardMap() const;
 
  private:
@@ -80,12 +85,12 @@ class Terrain {
   void AddBase();
   bool IsOnLandingGround(const Eigen::Vector2d& center_m, double radius_m) const;
   std::size_t OffsetOf(const Eigen::Vector2d& point_m) const;
-  // Calls visit(offset, distance from center) for the cells within a radius.
+  // Calls visit(offset, distance from the centre) for the cells within the radius.
   template <typename Visit>
   void ForEachCellNear(const Eigen::Vector2d& center_m, double radius_m, Visit visit);
 
   TerrainOptions options_;
-  double half_m_;  // Of the whole terrain's side.
+  double half_m_;  // Half the side of the whole terrain.
   int side_cells_;
   std::vector<float> ground_m_;
   std::vector<float> surface_m_;

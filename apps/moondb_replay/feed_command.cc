@@ -16,7 +16,7 @@ namespace moondb {
 namespace {
 
 Result<TimeSpan> SpanOf(const FeedArguments& arguments) {
-  constexpr double kSecondsMax = 9e9;  // Nanoseconds must fit in 63 bits.
+  constexpr double kSecondsMax = 9e9;  // Keeps nanoseconds within 63 bits.
   TimeSpan span{std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max()};
   for (const auto& [seconds, bound] : {std::pair(arguments.from_s, &span.from_ns), {arguments.to_s, &span.to_ns}}) {
     if (!seconds) continue;
@@ -28,7 +28,7 @@ Result<TimeSpan> SpanOf(const FeedArguments& arguments) {
   return span;
 }
 
-// The mission's agent of the team's name and id.
+// Returns the mission's agent with the same name and id as the team's agent.
 Result<const MissionAgent*> MissionAgentOf(const Mission& mission, const proto::AgentConfig& agent) {
   for (const MissionAgent& known : mission.agents) {
     if (known.id == agent.id() && known.name == agent.name()) return &known;
@@ -37,7 +37,7 @@ Result<const MissionAgent*> MissionAgentOf(const Mission& mission, const proto::
                                        "; make the team file by moonctl config init --mission");
 }
 
-// Leaves out what the agent holds of its own already.
+// Removes the records that the agent already holds as its own. Returns their number.
 Result<std::size_t> LeaveOutKnown(Client& client, AgentId agent, std::vector<proto::Record>& records) {
   proto::ReadRequest request;
   request.add_origin_agents(agent);

@@ -1,4 +1,4 @@
-// `moondb_replay feed`: gives a mission's records to the agents of a running team, each its own.
+// `moondb_replay feed`: inserts a mission's records at the agents of a running team, each agent its own.
 #pragma once
 
 #include <optional>
@@ -12,13 +12,13 @@ namespace moondb {
 struct FeedArguments {
   std::string mission;
   std::string team;
-  std::optional<double> from_s;     // Mission seconds; from the beginning.
-  std::optional<double> to_s;       // Before this; to the end.
-  std::vector<std::string> agents;  // Empty: all.
+  std::optional<double> from_s;     // In mission seconds. Empty: from the start.
+  std::optional<double> to_s;       // Exclusive, in mission seconds. Empty: to the end.
+  std::vector<std::string> agents;  // Empty: all agents.
 };
 
-// What was stored by the agents is left out, so that a feed that broke off can be given again. Progress on stderr, one
-// line per agent on stdout.
+// Skips records that the agents already hold, so that an interrupted feed can be repeated. Prints progress on stderr
+// and one line per agent on stdout.
 Result<void> Feed(const FeedArguments& arguments);
 
 }  // namespace moondb

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/data_types.h"
 #include "model/record_check.h"
 
 namespace moondb {

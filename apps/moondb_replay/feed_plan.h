@@ -1,7 +1,7 @@
-// What each robot of a mission would have inserted at its agent, in order of stamps.
+// Computes the records that each robot of a mission would have inserted at its agent, in order of timestamps.
 //
-// Nodes carry raw poses, ranges go to the agent of their first end, maps are packed as robots pack them. The truth is
-// never part of it. Plain functions; maps' pictures are read here, from the mission's folder.
+// Nodes have raw poses. Ranges belong to the agent of their first end. Maps are packed as on robots. The truth is never
+// included. Plain functions. PlanFeed reads the maps' pictures from the mission's folder.
 #pragma once
 
 #include <optional>
@@ -21,11 +21,13 @@ struct TimeSpan {
   bool Contains(std::int64_t timestamp_ns) const { return timestamp_ns >= from_ns && timestamp_ns < to_ns; }
 };
 
-// The agent's own records within `span`: its state at the beginning (awake, exploring), nodes, odometry, ranges, maps.
-// Of equal stamps the node comes first and the map last. Errors as ReadMissionMap.
+// Returns the agent's own records within `span`: its initial state (awake; exploring, or idle for a base station),
+// nodes, odometry, ranges and maps. At equal timestamps the node comes first and the map last. Errors are those of
+// ReadMissionMap.
 Result<std::vector<proto::Record>> PlanFeed(const Mission& mission, AgentId agent, const TimeSpan& span);
 
-// Tells records of one feed apart, so that feeding twice stores nothing twice: the type, the stamp and the natural key.
+// Returns a key that identifies a record within a feed: the type, the timestamp and the natural key. Feeding twice then
+// stores nothing twice.
 std::string FeedKey(const proto::Record& record);
 
 }  // namespace moondb

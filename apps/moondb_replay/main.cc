@@ -1,4 +1,4 @@
-// moondb_replay: gives recorded or made missions to a running team, and scores what it made of them.
+// moondb_replay: feeds recorded or generated missions to a running team, and scores the team's results.
 //
 // Exit codes: 0 done, 1 failed, 2 the command line or an input file is wrong, 3 an agent is not running.
 

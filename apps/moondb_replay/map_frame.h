@@ -1,4 +1,4 @@
-// A common frame for maps that are to be compared by eye: the box of all their known cells. Plain functions.
+// A common frame for maps that people compare side by side: the bounding box of all known cells. Plain functions.
 #pragma once
 
 #include <span>
@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// Cells of the global grid, half-open. Empty where last <= first.
+// A half-open range of cells of the global grid. Empty if last <= first.
 struct MapFrame {
   std::int64_t first_x = 0;
   std::int64_t first_y = 0;
@@ -16,10 +16,11 @@ struct MapFrame {
   bool is_empty() const { return last_x <= first_x || last_y <= first_y; }
 };
 
-// The smallest frame that holds every known cell of all maps (of one resolution), and `margin_cells` around.
+// Returns the smallest frame that holds every known cell of all maps, plus `margin_cells` on each side. Requires: all
+// maps have the same resolution.
 MapFrame FrameOf(std::span<const MergedMap* const> maps, std::int64_t margin_cells);
 
-// The map in that frame; what it does not cover is unknown.
+// Returns the map in that frame. Cells outside the map are unknown.
 MergedMap InFrame(const MergedMap& map, const MapFrame& frame);
 
 }  // namespace moondb

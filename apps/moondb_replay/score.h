@@ -1,8 +1,8 @@
-// How good what an agent made of a mission is: trajectories and merged maps at raw and at optimized poses, against the
-// truth that no agent ever saw.
+// Scores an agent's results on a mission: trajectories and merged maps, at raw and at optimized poses, compared with
+// the truth, which no agent has seen.
 //
-// All maps are merged here anew, from the records that the agent holds; that its own merged map is the same, byte for
-// byte, is one of the results. Plain functions on plain values.
+// All maps are merged again here from the records that the agent holds. One result is whether the agent's own merged
+// map is equal, byte for byte. Plain functions on plain values.
 #pragma once
 
 #include <vector>
@@ -17,7 +17,7 @@
 
 namespace moondb {
 
-// One stored map, as the agent holds it.
+// A stored map of the agent.
 struct HeldMap {
   RecordKey key;
   std::int64_t timestamp_ns = 0;
@@ -36,7 +36,8 @@ using Poses = std::map<NodeKey, Pose>;
 Poses RawPoses(const Held& held);
 Poses NewestPoses(const Held& held);
 
-// Maps whose node has a pose, and the footprints of the rovers' nodes; of one rover only where `only` is not 0.
+// Merges the maps whose node has a pose, and the footprints of the rovers' nodes. If `only` is not 0, uses only this
+// rover's maps and nodes.
 Result<MergedMap> MergeAt(const proto::TeamConfig& team, const Held& held, const Poses& poses, AgentId only = 0);
 
 struct Score {
@@ -46,10 +47,10 @@ struct Score {
   MapAgreement map_after;
   std::size_t map_count = 0;
   std::size_t optimized_count = 0;
-  bool is_agents_map_equal = false;  // The agent's own merged map is the one merged here.
+  bool is_agents_map_equal = false;  // The agent's own merged map equals the map merged here.
 };
 
-// The merged maps that a score was made of.
+// The merged maps on which a score is based.
 struct ScoredMaps {
   MergedMap before;
   MergedMap after;
@@ -61,7 +62,7 @@ struct Scored {
   ScoredMaps maps;
 };
 
-// `agents_map` is what the agent merged itself. kNotFound if the agent holds no node of the mission, or no map.
+// `agents_map` is the map that the agent merged itself. kNotFound if the agent holds no node of the mission, or no map.
 Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, const Held& held,
                          const MergedMap& agents_map);
 

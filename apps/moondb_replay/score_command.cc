@@ -35,7 +35,7 @@ std::string Caption(const std::string& what, const TrajectoryError& error, const
   return what + ": ATE " + FormatFixed(error.rmse_m, 2) + " m, hazard IoU " + FormatFixed(agreement.hazard_iou, 2);
 }
 
-// Tracks run through the rovers' nodes only.
+// Returns the tracks of the rovers. The base station has no track.
 std::vector<Track> RoverTracks(const Setting& setting, const Poses& poses) {
   return TracksOf(poses, AgentsOf(setting.team.config));
 }
@@ -67,7 +67,7 @@ Result<void> WritePictures(const Setting& setting, const std::filesystem::path& 
   const std::vector<Track> after = RoverTracks(setting, newest);
   const std::vector<Track> truth = RoverTracks(setting, setting.mission.truth);
 
-  // One frame, so that a place is at the same spot in each picture.
+  // One frame for all pictures puts each place at the same pixel.
   const MergedMap* all[] = {&maps.before, &maps.after, &maps.truth};
   const MapFrame frame = FrameOf(all, kPictureMarginCells);
   MapPictureOptions options;

@@ -1,4 +1,4 @@
-// `moondb_replay score`: reads back what an agent holds, scores it against the mission's truth, writes pictures.
+// `moondb_replay score`: reads an agent's records, scores them against the mission's truth and writes pictures.
 #pragma once
 
 #include <string>
@@ -11,12 +11,12 @@ struct ScoreArguments {
   std::string mission;
   std::string team;
   std::string agent;
-  std::string out;   // Folder for the pictures; made if it is missing.
-  std::string json;  // File for the figures; empty: none.
+  std::string out;   // Folder for the pictures. Created if missing.
+  std::string json;  // File for the scores. Empty: none.
 };
 
-// Pictures: merged_before.png, merged_after.png, merged_truth.png, before_after.png, one per rover (rover1.png),
-// trajectories.png. Figures as a table on stdout.
+// Writes the pictures merged_before.png, merged_after.png, merged_truth.png, before_after.png, trajectories.png and one
+// per rover (rover1.png). Prints the scores as a table on stdout.
 Result<void> ScoreAgent(const ScoreArguments& arguments);
 
 }  // namespace moondb

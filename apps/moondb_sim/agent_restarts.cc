@@ -17,9 +17,10 @@ namespace {
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-// An idle link that lives is heard of every 30 s; 3 s later it is given up.
+// A working link carries a message at least every 30 s. The transport gives a link up 3 s later.
 constexpr Duration kLinkDeadline = seconds(33);
-constexpr double kMailboxMax = 48;  // And four for each agent. Ten is usual in a team of four.
+// Limit of queued messages, to which four per agent are added. Ten is usual in a team of four.
+constexpr double kMailboxMax = 48;
 
 }  // namespace
 
@@ -42,7 +43,7 @@ bool AgentRestarts::CheckStore(AgentId agent) {
   storage.team = world_.ConfigOf(agent);
   was_cut_ = false;
   const Result<std::unique_ptr<RecordStore>> store = RecordStore::Open(StorageActor::StoreOptions(storage));
-  // What has to be mended, or made anew, waits for a disk that can be written.
+  // A store that must be repaired or rebuilt cannot open until its disk accepts writes.
   const bool is_broken = broken_.contains(agent) && world_.disk.IsInTrouble(SimulatedWorld::Prefix(agent));
   if (store) broken_.erase(agent);
   if (!store && !was_cut_ && !is_broken) {
@@ -67,7 +68,7 @@ void AgentRestarts::KillFor(AgentId agent, Duration down) {
   Kill(agent);
 }
 
-// Also in the middle of a handler.
+// May be called in the middle of a handler.
 void AgentRestarts::OnPowerCut(const std::string& prefix) {
   was_cut_ = true;
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
@@ -96,7 +97,8 @@ void AgentRestarts::OnEnded(AgentId agent) {
   world_.In(seconds(1) + world_.DrawDuration(minutes(2)), [this, agent] { Restart(agent); });
 }
 
-// The others notice, as the transport's deadlines do; else their timers have to do.
+// Reports the link state to the other agents, as the transport does at its deadlines. Without this call the agents
+// depend on their own timers.
 void AgentRestarts::NotifyOthers(AgentId agent, bool is_up) {
   if (is_up) gone_.erase(agent);
   if (!is_up) gone_.insert(agent);
@@ -141,22 +143,23 @@ void AgentRestarts::BreakDisk(AgentId agent, const std::string& fault) {
   if (on_disk_lost) on_disk_lost(agent);
 }
 
-// As `moonctl db backup` leaves its copy. One of a damaged disk is as it is.
+// Marks the database as a backup, as `moonctl db backup` does with its copy. Leaves a damaged database unchanged.
 void AgentRestarts::MarkBackup(AgentId agent) {
   world_.disk.CutPowerAfter(SimulatedWorld::Prefix(agent), 0);
   Result<std::unique_ptr<Database>> database = Database::Open(SimulatedWorld::PathOf(agent), 0, world_.disk.name());
   if (database && (*database)->QuickCheck()) (void)(*database)->Execute(kForgetIncarnationSql);
 }
 
-// All that the disk holds is held for certain, but for what is damaged.
+// Damages one value in the agent's database. The invariants still require everything that the disk held except the
+// damaged part.
 void AgentRestarts::BreakDatabase(AgentId agent, const std::string& fault) {
   world_.disk.CutPowerAfter(SimulatedWorld::Prefix(agent), 0);
-  // What breaks it writes to it.
+  // The damage is written to the database, so the disk must accept writes.
   world_.disk.SetRoom(SimulatedWorld::Prefix(agent), std::nullopt);
   world_.disk.SetFailing(SimulatedWorld::Prefix(agent), false);
   Result<std::unique_ptr<Database>> database = Database::Open(SimulatedWorld::PathOf(agent), 0, world_.disk.name());
   HaveLedger ledger;
-  // It is damaged already, or its agent did not live to make it.
+  // The database is damaged already, or the agent lost power before it created the tables.
   if (!database || !(*database)->QuickCheck() || !ledger.Load(**database)) return;
   world_.invariants.SeeHave(agent, ledger.have());
   if (fault == "damage_record") {
@@ -168,7 +171,7 @@ void AgentRestarts::BreakDatabase(AgentId agent, const std::string& fault) {
   }
 }
 
-// As soon as its storage answers: it may have failed just now.
+// Checks the agent's have-set as soon as its StorageActor answers. The actor may have failed just now.
 void AgentRestarts::CheckHave(AgentId agent) {
   if (!world_.team.is_running(agent)) return;
   const std::optional<HaveSet> have = world_.HaveOf(agent);
@@ -176,7 +179,7 @@ void AgentRestarts::CheckHave(AgentId agent) {
   world_.In(seconds(10), [this, agent] { CheckHave(agent); });
 }
 
-// Whatever made an actor fail was done to it on purpose, but for what a file that is damaged in many places does.
+// Reports every actor failure that no fault caused. Agents with a disk that is damaged in many places are exempt.
 void AgentRestarts::CheckFailures(AgentId agent) {
   const bool is_ended = !world_.team.is_running(agent) && !to_restart_.contains(agent);
   const bool is_failing = world_.team.restarts(agent) > failures_[agent];
@@ -188,10 +191,10 @@ void AgentRestarts::CheckFailures(AgentId agent) {
     world_.Violate("starts",
                    "an actor of agent " + std::to_string(agent) + " failed by itself; the last that failed: " + last);
   }
-  if (is_ended) OnEnded(agent);  // As a service manager sees it.
+  if (is_ended) OnEnded(agent);  // Handle the exit as a service manager would.
 }
 
-// Who is flooded drops what is too much, and is sent it again.
+// A flooded agent drops excess messages, and honest senders retransmit them. So runs with a Byzantine agent are exempt.
 void AgentRestarts::CheckMailboxes(AgentId agent) {
   if (world_.byzantine != 0) return;
   for (const proto::ActorStatus& actor : world_.team.GetSystemStatus(agent).actors) {

@@ -1,5 +1,5 @@
-// AgentRestarts: the simulated agents' processes as batteries and service managers see them: power cuts, disks that
-// come back broken, restarts; and the checks that nothing failed but what was made to.
+// AgentRestarts: power cuts, broken disks and restarts of the simulated agents' processes. Also checks that no actor
+// fails except by an injected fault.
 #pragma once
 
 #include <cstdint>
@@ -15,25 +15,30 @@ namespace moondb::simulation {
 
 class AgentRestarts {
  public:
-  // Hears of power cuts from the world's disks from now on.
+  // Subscribes to the power cuts of `world.disk` (SimulatedDisk::on_cut).
   AgentRestarts(SimulatedWorld& world, SimulatedRobots& robots);
-  ~AgentRestarts();  // All lose power, and nobody hears of it.
+  ~AgentRestarts();  // Cuts the power of all agents without calling on_end.
 
-  std::function<void(AgentId)> on_end;        // Its process ended.
-  std::function<void(AgentId)> on_disk_lost;  // It comes back with an empty, an older or a damaged disk.
+  std::function<void(AgentId)> on_end;  // Called when an agent's process has ended.
+  // Called when an agent is about to restart with an empty, older or heavily damaged disk.
+  std::function<void(AgentId)> on_disk_lost;
 
-  // What moondb_agent does before it makes its actors. False: the power was cut meanwhile.
+  // Opens and closes the agent's store, as moondb_agent does before it creates its actors. Returns false if the store
+  // does not open or the power was cut meanwhile.
   bool CheckStore(AgentId agent);
 
-  void Kill(AgentId agent);  // It comes back within two minutes. Nothing if it does not run.
-  // Kills an agent with a disk that `fault` (options.cc) broke; one that does not run now, when it comes back.
+  // Cuts the agent's power; it restarts after about two minutes at most. Does nothing if the agent does not run.
+  void Kill(AgentId agent);
+  // Kills the agent if it runs, and applies `fault` (options.cc) to its disk before its next restart.
   void KillWithDisk(AgentId agent, const std::string& fault);
-  // Kills an agent that comes back after `down`, and the others know that it is gone before a minute has passed.
+  // Kills the agent, and restarts it after `down`. The other agents learn of the loss within a minute.
   void KillFor(AgentId agent, Duration down);
-  bool is_gone(AgentId agent) const { return gone_.contains(agent); }  // As the others know, too.
-  void Restart(AgentId agent);  // Now, or when its store opens. Nothing if it runs.
+  // True if the agent is down and the others know it.
+  bool is_gone(AgentId agent) const { return gone_.contains(agent); }
+  // Restarts the agent as soon as its store opens. Does nothing if the agent runs.
+  void Restart(AgentId agent);
 
-  // An actor of it is about to fail, as is meant.
+  // Call before a fault makes an actor of the agent fail.
   void NoteFailure(AgentId agent) { ++failures_[agent]; }
   bool is_damaged(AgentId agent) const { return damaged_.contains(agent); }
   void CheckFailures(AgentId agent);
@@ -50,15 +55,16 @@ class AgentRestarts {
 
   SimulatedWorld& world_;
   SimulatedRobots& robots_;
-  bool was_cut_ = false;                       // The power of some agent, since this was last set to false.
-  std::map<AgentId, std::string> disk_fault_;  // At its next restart.
+  bool was_cut_ = false;                       // Whether any agent lost power since this was set to false.
+  std::map<AgentId, std::string> disk_fault_;  // Faults to apply at each agent's next restart.
   std::map<AgentId, SimulatedDisk::Image> old_disks_;
-  std::set<AgentId> to_restart_;               // They do not run, and will again.
-  std::map<AgentId, Duration> down_for_;       // Agents that are killed, and for how long.
-  std::set<AgentId> gone_;                     // They do not run, and the others know.
-  std::set<AgentId> broken_;                   // Disks that BreakDisk changed, until their store opens.
-  std::set<AgentId> damaged_;                  // Disks that were damaged in many places.
-  std::map<AgentId, std::uint64_t> failures_;  // Of actors, which were meant to fail; as SimulatedTeam::restarts.
+  std::set<AgentId> to_restart_;          // Agents that are down and will be restarted.
+  std::map<AgentId, Duration> down_for_;  // Down times of agents that KillFor kills.
+  std::set<AgentId> gone_;                // Agents that are down, and whose loss the other agents know.
+  std::set<AgentId> broken_;              // Agents with a disk that BreakDisk changed, until their store opens.
+  std::set<AgentId> damaged_;             // Agents with a disk that is damaged in many places.
+  // Failures of each agent's actors that faults caused, counted like SimulatedTeam::restarts.
+  std::map<AgentId, std::uint64_t> failures_;
 };
 
 }  // namespace moondb::simulation

@@ -17,13 +17,14 @@ Wrong CheckInserted(const proto::InsertRequest& request, const proto::InsertRepl
   for (const proto::RecordKey& name : reply.keys()) {
     const RecordKey key = FromProto(name);
     if (key.stream.origin != facts.self) return ToString(key) + " is another agent's";
-    // A state may be superseded already, within the same insert.
+    // A later record of the same insert may have superseded a state.
     if (!facts.after.Get(key.stream).Covered().Contains(key.seq)) return ToString(key) + " is not there";
   }
   return std::nullopt;
 }
 
-// A page from the first row on, of one type: what is held of it, whole if it says so.
+// Checks a page of one data type that starts at the first row. It may contain only records that the agent holds. A page
+// that is marked complete and starts with the oldest row must contain all of them.
 Wrong CheckPage(const proto::ReadRequest& request, const proto::ReadReply& reply, const AgentFacts& facts) {
   if (request.is_history() || request.after_row_id() != 0 || request.data_types_size() != 1) return std::nullopt;
   if (facts.before != facts.after) return std::nullopt;

@@ -1,7 +1,8 @@
-// Whether what an agent answered a client with success is so, as far as one instant shows it: the rule answer_true.
+// Checks whether an agent's successful answer to a client is true, as far as one instant shows: the invariant
+// answer_true.
 //
-// Pure functions. Other watches look at what lasts: rules.h at inserts, map_checker.h at maps, bundle_checker.h at
-// bundles.
+// Pure functions. Other checkers cover effects that last: invariants.h covers inserts, map_checker.h maps, and
+// bundle_checker.h bundles.
 #pragma once
 
 #include <optional>
@@ -12,16 +13,16 @@
 
 namespace moondb::simulation {
 
-// What is known of an agent at the instant at which it was asked and answered.
+// The state of an agent at the instant at which it received a request and answered it.
 struct AgentFacts {
   AgentId self = 0;
-  HaveSet before;               // What it had before it was asked,
-  HaveSet after;                // and when it had answered.
-  proto::RoleAssignment roles;  // That its actors received last.
-  proto::Term durable_term;     // On its disk.
+  HaveSet before;               // Have-set before the request.
+  HaveSet after;                // Have-set after the answer.
+  proto::RoleAssignment roles;  // Assignment that the agent's actors received last.
+  proto::Term durable_term;     // Term of the roles on the agent's disk.
 };
 
-// What is wrong with an answer that is no error; nothing if nothing is, or nothing is known of that request.
+// Returns why a successful answer is untrue. Null if it is true, or if requests of this kind are not checked.
 std::optional<std::string> WhyUntrue(const proto::ControlRequest& request, const proto::ControlReply& reply,
                                      const AgentFacts& facts);
 

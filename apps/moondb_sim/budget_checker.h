@@ -1,5 +1,5 @@
-// BudgetChecker: whether an agent's sessions keep to the radio's budget, as one knows it who hears all that the agent
-// sends and is sent.
+// BudgetChecker: checks that an agent's sessions stay within the radio budget. It counts the batches that the agent
+// sends and receives.
 #pragma once
 
 #include <cstddef>
@@ -14,18 +14,18 @@ namespace moondb::simulation {
 
 class BudgetChecker {
  public:
-  // `burst_bytes`: what all its sessions may send at once after a rest.
+  // `burst_bytes`: bytes that all sessions together may send at once after a pause.
   BudgetChecker(double bytes_per_second, double burst_bytes)
       : bytes_per_second_(bytes_per_second), burst_bytes_(burst_bytes) {}
 
-  // A batch that the agent sends or is sent. What is wrong, if anything.
+  // Adds a batch that the agent sends or receives. Returns a text if the batches of the last minute exceed the budget.
   std::optional<std::string> OnBatch(std::size_t bytes, MonotonicTime now);
 
  private:
   double bytes_per_second_;
   double burst_bytes_;
-  std::deque<std::pair<MonotonicTime, std::size_t>> batches_;  // Of the last minute.
-  std::size_t bytes_ = 0;                                      // In these.
+  std::deque<std::pair<MonotonicTime, std::size_t>> batches_;  // Batches of the last minute, with their bytes.
+  std::size_t bytes_ = 0;                                      // Sum of the bytes in `batches_`.
 };
 
 }  // namespace moondb::simulation

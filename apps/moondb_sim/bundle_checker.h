@@ -1,10 +1,11 @@
-// BundleChecker: whether one simulated agent's bundles for the ground are what docs/DOWNLINK.md says of them, as the
-// client knows it who orders, fetches and acknowledges them:
+// BundleChecker: checks that one simulated agent's bundles for the ground station behave as docs/DOWNLINK.md says. It
+// sees only the requests and answers of the client that orders, fetches and acknowledges the bundles.
 //
-//   bundle_kept  a bundle that was made waits, unchanged, until it is acknowledged, whatever happens to the process
-//   bundle_once  no record is in two bundles; at rest each record that the ground wants is in one
+// - bundle_kept: A bundle stays available and unchanged until it is acknowledged, across restarts of the process.
+// - bundle_once: No record is in two bundles. When the team is quiescent, each record that the ground station wants is
+//   in one.
 //
-// Of one disk: OnDiskLost begins anew.
+// A checker covers one disk: OnDiskLost starts over.
 #pragma once
 
 #include <cstdint>
@@ -20,35 +21,35 @@ namespace moondb::simulation {
 
 class BundleChecker {
  public:
-  using Broken = std::optional<std::pair<std::string, std::string>>;  // Rule and text.
+  using Broken = std::optional<std::pair<std::string, std::string>>;  // Name of the violated invariant, and a text.
 
   void OnDiskLost();
   void OnRestart() { ++boot_; }
 
-  // It was asked for this, and whether it will do it is not known before the answer.
+  // The client sent `request`. Until the answer arrives, its effect is unknown.
   void OnAsked(const proto::DownlinkRequest& request);
-  // `is_at_once`: nothing happened between question and answer.
+  // Checks an answer. `is_at_once`: nothing else happened between the request and the answer.
   Broken OnReply(const proto::DownlinkRequest& request, const proto::DownlinkReply& reply, bool is_at_once);
-  // The ground asked it to acknowledge the bundle, and got an error that says that there is none of that number.
+  // The agent answered an acknowledgement of this bundle with the error that it knows no such bundle.
   Broken OnNotFound(std::uint32_t number) const;
-  // The file of a bundle that is known here.
+  // Checks the complete file of a bundle. Null if the bundle is unknown here.
   Broken OnFile(std::uint32_t number, const std::string& file);
 
-  // One that waits and was fetched; 0: none.
+  // Returns a fetched bundle that no request has acknowledged yet; 0 if none.
   std::uint32_t FetchedBundle() const;
-  // One whose file is not known here yet; 0: none.
+  // Returns an unacknowledged bundle whose file was not fetched yet; 0 if none.
   std::uint32_t UnknownBundle() const;
-  // The bundle was made in an earlier life of the process, and is acknowledged now.
+  // Returns whether the agent's process has restarted since the bundle was first reported.
   bool OutlivedProcess(std::uint32_t number) const;
 
-  // At rest, all that the ground wants was packed: what of `wanted` is in no bundle. Nothing where the disk was lost:
-  // an older one may know of bundles that nobody here does.
+  // Checks that every record of `wanted` is in a bundle. Requires: the team is quiescent. Null if all are, and always
+  // after OnDiskLost, because a restored older disk may know bundles that are unknown here.
   Broken WhyLost(const HaveSet& wanted) const;
 
  private:
   struct Bundle {
     std::uint64_t hash = 0;
-    std::uint64_t boot = 0;  // Of the process that made it, or showed it first.
+    std::uint64_t boot = 0;  // Value of `boot_` when the bundle was first reported.
     std::optional<HaveSet> have;
     bool may_be_acknowledged = false;
     bool is_acknowledged = false;
@@ -57,7 +58,7 @@ class BundleChecker {
   Broken Add(const proto::DownlinkBundle& bundle);
   Broken CheckWaiting(const proto::DownlinkReply& reply) const;
 
-  std::map<std::uint32_t, Bundle> bundles_;  // By number.
+  std::map<std::uint32_t, Bundle> bundles_;  // Bundles by number.
   std::uint64_t boot_ = 0;
   bool was_disk_lost_ = false;
 };

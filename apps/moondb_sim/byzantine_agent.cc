@@ -7,6 +7,7 @@
 #include "apps/moondb_sim/forged_message.h"
 #include "apps/moondb_sim/simulated_config.h"
 #include "model/control_message.h"
+#include "model/data_types.h"
 #include "model/team_id.h"
 #include "model/term.h"
 #include "model/wire_version.h"
@@ -17,14 +18,14 @@
 namespace moondb::simulation {
 namespace {
 
-constexpr Duration kAttackPeriod = std::chrono::seconds(20);  // On average.
+constexpr Duration kAttackPeriod = std::chrono::seconds(20);  // Average time between attacks.
 constexpr std::size_t kSeenMax = 256;
 constexpr std::uint64_t kReplayedMax = 8;
-constexpr std::uint64_t kCounterShift = 48;  // Of an epoch (actors/storage/own_epochs.h).
+constexpr std::uint64_t kCounterShift = 48;  // Lowest bit of the counter in an epoch (actors/storage/own_epochs.h).
 constexpr int kFloodMessages = 48;
 constexpr int kHugeStreams = 2000;
-constexpr std::uint64_t kDenseNodes = 10;  // Each is joined to all others.
-constexpr int kDenseMax = 3;               // Solves of more would take longer than all else in a run.
+constexpr std::uint64_t kDenseNodes = 10;  // Nodes of a dense graph. Edges connect each node with all others.
+constexpr int kDenseMax = 3;  // Dense graphs per run. Solving more would take longer than the rest of the run.
 constexpr char kBy[] = "anna@hill (key)";
 
 struct Kind {
@@ -121,7 +122,7 @@ void ByzantineAgent::Attack() {
   (this->*Kinds()[kind_].attack)(DrawHonest());
 }
 
-// --- What it hears, and what others hear of it ---
+// --- Received and sent messages ---
 
 void ByzantineAgent::OnHandle(const Address& actor, const proto::Message& message) {
   if (world_.byzantine == 0) return;
@@ -146,7 +147,7 @@ bool ByzantineAgent::OnRadio(AgentId from, AgentId to, const proto::Message& mes
   return is_attacking_;
 }
 
-// Only what may leave an agent: clients' own questions, too, come as such.
+// Remembers a message for a later replay. Requests of clients are skipped, since they never travel between agents.
 void ByzantineAgent::Remember(const Address& to, const proto::Message& message) {
   if (message.hop_sender() == kClients || message.hop_sender() == 0) return;
   seen_.push_back({to, message});
@@ -173,7 +174,7 @@ AgentId ByzantineAgent::DrawHonestBut(AgentId agent) {
   }
 }
 
-// Of a record that `holder` holds of `origin`, and of a type that is forged.
+// Draws the key of a record of `origin` that `holder` holds, of a type in ForgedTypes().
 std::optional<RecordKey> ByzantineAgent::DrawKey(AgentId holder, AgentId origin) {
   const std::optional<HaveSet> have = world_.HaveOf(holder);
   if (!have) return std::nullopt;
@@ -186,7 +187,7 @@ std::optional<RecordKey> ByzantineAgent::DrawKey(AgentId holder, AgentId origin)
   return keys[Draw(keys.size())];
 }
 
-// A session with the target, and one batch in it.
+// Opens a session with the target and sends one batch in it.
 void ByzantineAgent::Bring(AgentId target, proto::Batch batch) {
   const bool is_sync = Draw(2) == 0;
   const char* actor = is_sync ? actor_name::kSync : actor_name::kReplica;
@@ -221,7 +222,7 @@ void ByzantineAgent::BringRecords(AgentId target, const std::vector<std::pair<Re
   Bring(target, std::move(batch));
 }
 
-// --- Records ---
+// --- Forged records ---
 
 proto::Record ByzantineAgent::RecordLike(const RecordKey& key) {
   return ForgedRecord(key, DrawHonest(), RolesOf(key.stream.origin).term(), world_.ClockOf(key.stream.origin), rng_);
@@ -232,10 +233,10 @@ void ByzantineAgent::ForgeRecord(AgentId target) {
   std::optional<RecordKey> key = DrawKey(Draw(2) == 0 ? victim : target, victim);
   if (!key) return;
   const std::uint64_t variant = Draw(4);
-  if (variant == 0) ++key->seq;                                                            // The next one.
-  if (variant == 1) key->seq = 1 + Draw(key->seq);                                         // Another content.
-  if (variant == 2) key->stream.epoch -= 1 + Draw(key->stream.epoch);                      // Older.
-  if (variant == 3) key->stream.epoch += (1ull << (kCounterShift + Draw(14))) + Draw(64);  // Far.
+  if (variant == 0) ++key->seq;                                        // The next seq.
+  if (variant == 1) key->seq = 1 + Draw(key->seq);                     // A second content of an existing key.
+  if (variant == 2) key->stream.epoch -= 1 + Draw(key->stream.epoch);  // An older epoch.
+  if (variant == 3) key->stream.epoch += (1ull << (kCounterShift + Draw(14))) + Draw(64);  // An epoch far ahead.
   if (key->stream.epoch == 0) return;
   if (variant >= 2) {
     key->seq = 1;
@@ -279,7 +280,7 @@ void ByzantineAgent::ForgePose(AgentId target) {
   BringRecord(target, key, record);
 }
 
-// No store may take the edges (ByzantineChecker), and no reader may use the quarantines.
+// Stores must reject the edges, which ByzantineChecker verifies. Readers must ignore the quarantines.
 void ByzantineAgent::Slander(AgentId target) {
   RecordKey key{{world_.byzantine, rng_() >> 1, proto::POSE_GRAPH_EDGE}, 1 + Draw(4)};
   const AgentId victim = DrawHonest();
@@ -325,7 +326,7 @@ void ByzantineAgent::Drop(AgentId target) {
   Bring(target, std::move(batch));
 }
 
-// Of a type that no map is made of: who holds the same keys is to merge the same map.
+// Uses a type that no map depends on, because MapChecker expects equal maps from agents that hold the same keys.
 void ByzantineAgent::Equivocate(AgentId target) {
   std::optional<RecordKey> key = DrawKey(world_.byzantine, world_.byzantine);
   if (!key) return;
@@ -334,7 +335,7 @@ void ByzantineAgent::Equivocate(AgentId target) {
   BringRecord(target, *key, RecordLike(*key));
 }
 
-// --- Claims ---
+// --- False claims ---
 
 void ByzantineAgent::Claim(AgentId target) {
   const std::optional<HaveSet> have = world_.HaveOf(target);
@@ -393,9 +394,9 @@ void ByzantineAgent::Replay(AgentId target) {
   }
 }
 
-// --- Orders ---
+// --- Forged roles and commands ---
 
-// That names it, as it would be signed by itself.
+// Makes an assignment that gives the Byzantine agent a role, signed with its own key.
 proto::RoleAssignment ByzantineAgent::Assignment(AgentId target) {
   const proto::RoleAssignment present = RolesOf(target);
   const bool has_keys = HasSigningKeys(world_.config);
@@ -413,7 +414,7 @@ proto::RoleAssignment ByzantineAgent::Assignment(AgentId target) {
   roles.set_reason(kByzantineReason);
   if (!has_keys) return roles;
   roles.set_follows(present.signature());
-  if (Draw(4) == 0) roles.mutable_term()->set_issuer(present.leader());  // Signed by itself nevertheless.
+  if (Draw(4) == 0) roles.mutable_term()->set_issuer(present.leader());  // Still signed with its own key.
   roles.set_signature(SigningKeyOf(world_.byzantine).Sign(SignedBytes(world_.config, roles)));
   return roles;
 }
@@ -491,7 +492,7 @@ void ByzantineAgent::OrderToShare(AgentId target) {
   Send({target, actor}, actor, std::move(message));
 }
 
-// --- Noise ---
+// --- Floods and dense graphs ---
 
 void ByzantineAgent::Flood(AgentId target) {
   static constexpr const char* kActors[] = {actor_name::kStorage, actor_name::kSync,     actor_name::kReplica,
@@ -504,7 +505,7 @@ void ByzantineAgent::Flood(AgentId target) {
   }
 }
 
-// It may: all nodes are its own.
+// Sends odometry between all of many nodes. Stores accept it, because all nodes are the sender's own.
 void ByzantineAgent::JoinAll(AgentId target) {
   if (dense_count_ == kDenseMax) return;
   ++dense_count_;

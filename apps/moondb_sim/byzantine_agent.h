@@ -1,9 +1,10 @@
-// ByzantineAgent: a rover that was taken over. Beside what its own actors do, which are as everybody's, it sends the
-// others' actors whatever it likes: as itself, since links are known by their keys, and of what may leave an agent
-// (runtime/transport/inbound.h). It knows all that any agent has, and neither leads nor survives. Once an honest agent
-// gives it a role it lies no more: what a leader that was taken over can do is known (SECURITY.md).
+// ByzantineAgent: a rover that an attacker has taken over. Its own actors run as usual. In addition it sends arbitrary
+// messages to the actors of other agents. It sends them under its own identity, since links are authenticated by keys,
+// and only uses messages that may leave an agent (runtime/transport/inbound.h). It knows all records of all agents, and
+// is neither leader nor survivor. Once an honest agent gives it a role it stops lying: SECURITY.md describes the power
+// of a malicious leader.
 //
-// Its chance is its own: which attacks there are changes no other draw of a run.
+// It uses its own random stream, so adding an attack does not change the rest of a seeded run.
 #pragma once
 
 #include <cstdint>
@@ -29,23 +30,23 @@ struct AttackKind {
   std::string what;
 };
 
-// In the order in which `--list` shows them. Each has a rare state, of the name that RareStateOf gives.
+// The attacks, in the order of `--list`. Each has a rare state named by RareStateOf.
 const std::vector<AttackKind>& AttackKinds();
 std::string RareStateOf(const AttackKind& kind);
 
 class ByzantineAgent {
  public:
-  // Nothing ever happens where the world has none.
+  // Does nothing if the world has no Byzantine agent.
   ByzantineAgent(SimulatedWorld& world, ByzantineChecker& checker);
 
-  void Start();  // Until the world is quiet.
+  void Start();  // Attacks until the world is quiet.
 
-  // An actor of any agent is about to handle the message.
+  // An actor of any agent is about to handle `message`.
   void OnHandle(const Address& actor, const proto::Message& message);
-  // A message is on its way; true: it is an attack.
+  // A message is on its way from `from` to `to`. Returns true if it is an attack.
   bool OnRadio(AgentId from, AgentId to, const proto::Message& message);
 
-  // The attacks; the target is honest.
+  // The attacks. Requires: `target` is an honest agent.
   void ForgeRecord(AgentId target);
   void ForgeEvent(AgentId target);
   void ForgePose(AgentId target);
@@ -68,7 +69,7 @@ class ByzantineAgent {
   };
 
   std::uint64_t Draw(std::uint64_t count) { return rng_() % count; }
-  proto::RoleAssignment RolesOf(AgentId agent) const;  // On which it acts; none where it does not run.
+  proto::RoleAssignment RolesOf(AgentId agent) const;  // Roles on which the agent acts; empty if it does not run.
   AgentId DrawHonest();
   AgentId DrawHonestBut(AgentId agent);
   std::optional<RecordKey> DrawKey(AgentId holder, AgentId origin);
@@ -85,12 +86,13 @@ class ByzantineAgent {
   SimulatedWorld& world_;
   ByzantineChecker& checker_;
   std::mt19937_64 rng_;
-  std::size_t kind_ = 0;                                               // Of the attack that is being made.
-  bool is_attacking_ = false;                                          // What is sent now is an attack.
-  int dense_count_ = 0;                                                // Dense graphs that it has brought.
-  std::deque<Seen> seen_;                                              // Messages that its actors handled or sent.
-  std::map<std::pair<AgentId, std::string>, std::uint64_t> sessions_;  // That others opened with it, by their actor.
-  std::map<std::uint64_t, std::size_t> in_flight_;                     // Kinds of attacks, by hash of the message.
+  std::size_t kind_ = 0;       // Index of the present attack in AttackKinds().
+  bool is_attacking_ = false;  // True while an attack sends messages.
+  int dense_count_ = 0;        // Dense graphs sent so far.
+  std::deque<Seen> seen_;      // Messages that its own actors handled or sent.
+  // Session ids that other agents opened with it, by agent and actor.
+  std::map<std::pair<AgentId, std::string>, std::uint64_t> sessions_;
+  std::map<std::uint64_t, std::size_t> in_flight_;  // Attack kinds, by hash of the message.
 };
 
 }  // namespace moondb::simulation

@@ -9,7 +9,8 @@ namespace {
 
 std::string ByzantineName(AgentId agent) { return "agent " + std::to_string(agent); }
 
-// A rover that never led does not pass on what a leader that is gone derived: the next one solves anew.
+// Returns whether records of the type are derived by a leader. A rover that never led does not forward such records of
+// a former leader, and the next leader solves again.
 bool IsDerived(DataType type) { return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT; }
 
 }  // namespace
@@ -18,7 +19,7 @@ void ByzantineChecker::OnForged(const proto::Record& record) { forged_.merge(Sta
 
 void ByzantineChecker::OnImpossible(const RecordKey& key) { impossible_.insert(key); }
 
-// What it did not make up is no lie, whoever may bring it.
+// A record that the Byzantine agent did not forge is true, whichever agent sends it.
 bool ByzantineChecker::IsMadeUp(const proto::StoredRecord& record) const {
   return record.key().origin_agent() != liar_ && forged_.contains(ContentHash(record.content()));
 }
@@ -33,7 +34,7 @@ void ByzantineChecker::OnStoreRequest(AgentId agent, const proto::Message& messa
       expected.may_store += IsMadeUp(record) || IsSlander(record) ? 0 : 1;
     }
   } else {
-    // Others may hold another content of what it gave them.
+    // Peers may hold different contents of a record that the Byzantine agent gave them.
     expected.may_refuse = 0;
     for (const proto::StoredRecord& record : request.records()) {
       expected.may_refuse += record.key().origin_agent() == liar_ ? 1 : 0;
@@ -46,7 +47,7 @@ void ByzantineChecker::OnStoreRequest(AgentId agent, const proto::Message& messa
   expected_[{agent, message.request_id()}] = expected;
 }
 
-// A record of the liar's own that it may not state, whatever its role.
+// Returns whether the record makes a statement that its origin may not make, whatever its role.
 bool ByzantineChecker::IsSlander(const proto::StoredRecord& stored) {
   proto::Record record;
   return record.ParseFromString(stored.content()) && CheckRecord(record) &&

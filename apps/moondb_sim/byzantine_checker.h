@@ -1,12 +1,13 @@
-// ByzantineChecker: what must hold of honest agents while another one lies (byzantine_agent.h). Knows each lie, so that
-// it need not guess which records are true.
+// ByzantineChecker: invariants of honest agents while a Byzantine agent lies (byzantine_agent.h). The Byzantine agent
+// registers each lie here, so the checker need not guess which records are true.
 //
-//   only_own_lies     no honest agent stores or holds a record in an honest agent's name that the Byzantine agent made
-//                     up, or had one that never was
-//   honest_roles      no honest agent acts on roles that the Byzantine agent decided or ordered
-//   honest_converge   at rest the leader had whatever any honest agent holds of honest origins, with the same content
+// - only_own_lies: No honest agent stores or holds a record that the Byzantine agent forged in an honest agent's name.
+//   None covers a record that never existed.
+// - honest_roles: No honest agent acts on roles that the Byzantine agent decided or ordered.
+// - honest_converge: When the team is quiescent, the leader covers all records of honest origins that any honest agent
+//   holds. If it holds such a record, the content is the same.
 //
-// What honest origins made and acknowledged is Rules' to watch.
+// Invariants checks the records that honest origins made and acknowledged.
 #pragma once
 
 #include <cstdint>
@@ -22,36 +23,39 @@
 
 namespace moondb::simulation {
 
-// The reason that the Byzantine agent gives for roles that it orders; honest agents pass it on with the roles.
+// Reason text of role assignments that the Byzantine agent orders. Honest agents forward it with the roles.
 inline constexpr char kByzantineReason[] = "by the word of a Byzantine agent";
 
 class ByzantineChecker {
  public:
-  // `liar` 0: the team has none, and nothing is ever wrong.
+  // `liar`: the Byzantine agent; 0 if the team has none, and then no check ever fails.
   ByzantineChecker(AgentId liar, Invariants::Report report) : liar_(liar), report_(std::move(report)) {}
 
-  // It makes this record up for an honest agent. Its content must be like no other's.
+  // Registers a record forged in an honest agent's name. Requires: its content is unique.
   void OnForged(const proto::Record& record);
-  // It claims, or drops, what no honest agent ever gives.
+  // Registers a key that no honest agent ever assigns. The Byzantine agent claims to hold or to have dropped it.
   void OnImpossible(const RecordKey& key);
 
-  // Storage of `agent` is to store what a peer sent; and answers. True: what it refuses is the Byzantine agent's doing.
+  // The StorageActor of `agent` receives a StoreRequest with a peer's records, and later answers it. OnStoreReply
+  // returns true if the Byzantine agent caused all rejections.
   void OnStoreRequest(AgentId agent, const proto::Message& message);
   bool OnStoreReply(AgentId agent, const proto::Message& message);
-  // `agent` holds it, or an honest agent sent it there.
+  // `agent` holds the record, or an honest agent sent it to `agent`.
   void OnRecord(AgentId agent, const RecordKey& key, const std::string& content) const;
   void OnRoles(AgentId agent, const proto::RoleAssignment& roles);
-  // It stores these, and may end before it acts on them: from then on its disk says who has had a role.
+  // `agent` stores `roles`. From now on its disk proves who has held a role, even if the process ends before it acts on
+  // them.
   void OnRolesStored(AgentId agent, const proto::RoleAssignment& roles);
 
   void CheckHave(AgentId agent, const HaveSet& have) const;
   void CheckQuiescent(const QuiescentTeam& team) const;
 
-  // An honest agent gave it a role: its word counts from now on, and it must not lie any more.
+  // True once an honest agent gave the Byzantine agent a role. Its statements count from then on, and it must not lie
+  // any more.
   bool is_trusted() const { return is_trusted_; }
 
  private:
-  // What storage may do with the records of one request.
+  // Largest numbers of records of one request that storage may store, and may refuse.
   struct Expected {
     std::uint32_t may_store = UINT32_MAX;
     std::uint32_t may_refuse = UINT32_MAX;
@@ -63,9 +67,9 @@ class ByzantineChecker {
 
   const AgentId liar_;
   const Invariants::Report report_;
-  std::set<std::uint64_t> forged_;  // Hashes of contents.
+  std::set<std::uint64_t> forged_;  // Hashes of forged contents.
   std::set<RecordKey> impossible_;
-  std::map<std::pair<AgentId, std::uint64_t>, Expected> expected_;  // By agent and request.
+  std::map<std::pair<AgentId, std::uint64_t>, Expected> expected_;  // Results to expect, by agent and request id.
   bool is_trusted_ = false;
 };
 

@@ -1,7 +1,7 @@
-// ClientCalls: simulated clients' requests to their agents' gateways, and the rules of the answers to all of them:
+// ClientCalls: sends simulated clients' requests to their agents' gateways, and checks every answer:
 //
-//   answered     each request is answered once, within its time, unless its agent or that one's gateway began a new
-//   life clear_error  an error has a code and one line of text; kInternal is for the solver and for disks that fail
+// - answered: Each request is answered once and in time, unless its agent or the agent's gateway has restarted.
+// - clear_error: An error has a code and one line of text. Only the solver and failing disks may cause kInternal.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace moondb::simulation {
 
-// Of the simulated agents' gateways.
+// Timeouts of the simulated agents' gateways.
 inline constexpr Duration kClientTimeout = std::chrono::seconds(20);
 inline constexpr Duration kLongClientTimeout = std::chrono::seconds(60);
 
@@ -21,19 +21,21 @@ class ClientCalls {
  public:
   struct Answer {
     proto::ControlReply reply;
-    bool is_at_once = false;  // At the instant of the question, and nothing else was asked meanwhile.
+    // True if the answer came at the instant of the request, with no other request at that instant.
+    bool is_at_once = false;
     Duration took{};
   };
   using Then = std::function<void(const Answer& answer)>;
 
   explicit ClientCalls(SimulatedWorld& world) : world_(world) {}
 
-  // By a client of its own. `then` is called with the answer, unless none comes. Nothing where the agent does not run.
+  // Sends `request` from a new client. Calls `then` with the answer, if one arrives. Does nothing if the agent does not
+  // run.
   void Ask(AgentId agent, const proto::ControlRequest& request, Then then);
-  // Lets the team work on what was asked, and takes the answers that are there.
+  // Runs the team until it is idle, and handles the answers that have arrived.
   void Run();
 
-  // What was asked there is not answered any more.
+  // Drops the open requests to `agent`, which will not be answered.
   void Forget(AgentId agent);
 
  private:

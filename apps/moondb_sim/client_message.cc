@@ -8,7 +8,7 @@
 namespace moondb::simulation {
 namespace {
 
-// Both agents' gateways wait for each other's mailboxes, and the radio is slow.
+// Allowance for the mailboxes at both gateways and for the slow radio.
 constexpr Duration kOnTheWay = std::chrono::seconds(2);
 
 }  // namespace

@@ -1,5 +1,5 @@
-// The words between simulated clients and their agents' gateways, and among gateways, storage and retention: the one
-// place where the simulator makes and reads what they say. Plain functions.
+// Messages between simulated clients and their agents' gateways, and among gateways, storage and retention. The
+// simulator builds and parses them only here. Free functions.
 #pragma once
 
 #include <optional>
@@ -12,17 +12,17 @@
 
 namespace moondb::simulation {
 
-// Of a client on the agent's own machine, which may ask for everything.
+// Returns the message of a client on the agent's own machine, which may send every command.
 proto::Message ClientMessage(std::uint64_t request_id, const proto::ControlRequest& request);
-// Nothing where the message is no answer to a client.
+// Returns the answer to a client; null for other messages.
 std::optional<proto::ControlReply> ClientReplyIn(const proto::Message& message);
 
-// How long a gateway with these limits may take to answer, at most.
+// Returns the longest time that a gateway with these timeouts may take to answer.
 Duration AnsweredWithin(const proto::ControlRequest& request, Duration timeout, Duration long_timeout);
-// "downlink for agent 4", for people.
+// Returns a name for people, such as "downlink for agent 4".
 std::string NameOf(const proto::ControlRequest& request);
 
-// What a RetentionActor answers another one, which asked what its agent has.
+// Returns the have-set in a RetentionActor's answer to another RetentionActor; null for other messages.
 std::optional<HaveSet> HaveInAnswer(const proto::Message& message);
 
 }  // namespace moondb::simulation

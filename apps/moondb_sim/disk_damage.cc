@@ -15,7 +15,7 @@ bool Next(Query& query) {
   return *row;
 }
 
-// One of the `count` rows.
+// Returns the index of a random row; -1 if the table is empty.
 std::int64_t DrawRow(Database& database, const std::string& table, std::mt19937_64& rng) {
   const auto count = static_cast<std::uint64_t>(*database.Number("SELECT count(*) FROM " + table));
   return count == 0 ? -1 : static_cast<std::int64_t>(rng() % count);

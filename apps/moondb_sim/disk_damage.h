@@ -1,7 +1,7 @@
-// Damage that SQLite's own check does not see: one value within a sound database file.
+// Damage that SQLite's own check does not detect: one changed value within a sound database file.
 //
-// The agent does not run; the database is its own, opened with the simulated disk's file system. Nothing where there is
-// nothing to damage. Equal files and numbers give equal damage.
+// Requires: the agent does not run, and `database` is its database, opened on the simulated disk. Returns null if there
+// is nothing to damage. Equal files and random numbers give equal damage.
 #pragma once
 
 #include <optional>
@@ -12,10 +12,11 @@
 
 namespace moondb::simulation {
 
-// One byte of a shared record's content becomes another; which record.
+// Changes one byte in the content of a shared record. Returns the record's key.
 std::optional<RecordKey> DamageRecord(Database& database, std::mt19937_64& rng);
 
-// One end of an interval of the have-set becomes another number: a near one, one beyond the other end, or a huge one.
+// The stream of a damaged interval of the have-set. DamageInterval sets one end of it to another number: a near one,
+// one beyond the other end, or a huge one.
 struct DamagedInterval {
   StreamKey stream;
   bool is_dropped = false;

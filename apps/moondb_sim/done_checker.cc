@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/data_types.h"
 #include "model/term.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
@@ -10,7 +11,7 @@
 namespace moondb::simulation {
 namespace {
 
-constexpr double kWait_s = 55;  // The next order of the kind comes after a minute.
+constexpr double kWait_s = 55;  // The operator repeats each kind of order every 60 s.
 
 std::string Name(AgentId sender, AgentId destination) {
   return "agent " + std::to_string(sender) + " to agent " + std::to_string(destination);
@@ -67,7 +68,7 @@ void DoneChecker::CheckAnswers() {
                      "agent " + std::to_string(waiting.leader) + " answers that its order is complete, but " + *wrong);
     }
   }
-  // A leader whose actor or process began anew does not answer.
+  // A leader whose actor or process has restarted never answers. Keep only the newest open orders.
   while (waiting_.size() > 64) waiting_.erase(waiting_.begin());
 }
 
@@ -76,8 +77,8 @@ void DoneChecker::OnRoles(AgentId agent) {
   before_term_of_[agent] = last_;
 }
 
-// A destination that held a record and lost it with its disk has held it: of the orders that wait nothing more is
-// known.
+// The destination of an open order may have held a record and then lost it with its disk. So open orders are no longer
+// checked against earlier have-sets.
 void DoneChecker::OnDiskLost(AgentId agent) {
   last_.erase(agent);
   for (auto& [leader, stores] : before_term_of_) stores.erase(agent);
@@ -88,7 +89,7 @@ void DoneChecker::OnDiskLost(AgentId agent) {
 std::optional<std::string> DoneChecker::WhyNotDone(const Waiting& waiting, const proto::ShareProgress& progress) {
   const AgentId leader = waiting.leader;
   const proto::RoleAssignment& roles = world_.roles[leader];
-  // Its actors hear of new roles one after the other.
+  // The leader's actors receive new roles one after the other.
   const bool is_just_changed = roles_changed_at_[leader] == world_.team.now() || !world_.team.is_running(leader);
   if (!is_just_changed && OrderOf(roles.term()) != OrderOf(progress.term())) {
     return "it acts on term " + TermText(roles.term()) + ", and answers for term " + TermText(progress.term());
@@ -97,7 +98,7 @@ std::optional<std::string> DoneChecker::WhyNotDone(const Waiting& waiting, const
   const Stores now = ReadStores();
   for (AgentId other = 1; other <= world_.base; ++other) {
     if (other == leader || other == world_.byzantine) continue;
-    // In a team with keys, a rover that never led or survived passes nothing of others on.
+    // In a team with keys, a rover that never had a role does not forward other agents' records.
     const bool is_believed = !HasSigningKeys(world_.config) || world_.invariants.HasHadRole(other);
     const auto is_of_others = [&](const RecordKey& key) { return key.stream.origin != other && is_believed; };
     if (const auto lacking = WhyLacking(before_term_of_[leader], now, other, leader, is_of_others)) return lacking;
@@ -130,9 +131,9 @@ std::optional<std::string> DoneChecker::WhyLacking(const Stores& stores, const S
   const auto there = now.find(destination);
   if (at_sender == now.end() || there == now.end()) return std::nullopt;
   for (const auto& [stream, have] : before->second.streams()) {
-    // Whether a note is kept depends on when its policy changed where.
+    // Skip notes: whether an agent keeps one depends on when its policy changed.
     if (stream.type == kNote || stream.origin == world_.byzantine || !is_meant(RecordKey{stream, 1})) continue;
-    // Of a state that was dropped there a newer one has to be there, too.
+    // If the destination dropped a state, it must hold a newer one.
     const StreamHave& covered = there->second.Get(stream);
     const IntervalSet lacking = have.held.Minus(IsState(stream.type) ? covered.held : covered.Covered());
     for (const IntervalSet::Interval& interval : lacking.intervals()) {

@@ -1,8 +1,8 @@
-// DoneChecker: whether an order is done when an agent answers that it is complete: the rule done_is_true.
+// DoneChecker: checks that a sharing order is complete when an agent answers that it is: the invariant done_is_true.
 //
-// The operator gives orders that wait for their end. What each agent held then is noted; when the answer comes the
-// stores are looked at, at that instant. Of what a leader gathers, once in a term, counts what was noted last before
-// the leader's term began.
+// The operator gives orders that wait for completion. The checker records each agent's have-set when an order is given,
+// and compares it with the stores at the instant of the answer. A leader gathers other agents' records only once in a
+// term. For those the checker uses the have-sets recorded last before the leader's term.
 #pragma once
 
 #include <cstdint>
@@ -21,30 +21,31 @@ class DoneChecker {
  public:
   explicit DoneChecker(SimulatedWorld& world) : world_(world) {}
 
-  // The operator of an agent that leads gives an order.
+  // The operator gives an order to an agent that leads.
   void Order(AgentId leader, proto::SharingKind kind);
-  // Whether an order was answered, so that CheckAnswers must be called before anything else happens. Not within a
-  // handler.
+  // Returns whether an order was answered. If so, CheckAnswers must be called before anything else happens. Must not be
+  // called within a handler.
   bool HasAnswers();
   void CheckAnswers();
 
-  // The agent acts on other roles from now on.
+  // `agent` acts on new roles from now on.
   void OnRoles(AgentId agent);
-  // Its disk holds other things from now on.
+  // The agent's disk was wiped or replaced.
   void OnDiskLost(AgentId agent);
 
  private:
-  using Stores = std::map<AgentId, HaveSet>;  // Of running agents.
+  using Stores = std::map<AgentId, HaveSet>;  // Have-sets of the running agents.
 
   struct Waiting {
     AgentId leader = 0;
     proto::SharingKind kind = proto::SHARING_KIND_UNSPECIFIED;
-    Stores before;  // When the order was given.
+    Stores before;  // Have-sets when the order was given.
   };
 
   void Check(const Waiting& waiting, const proto::ShareProgress& progress);
   std::optional<std::string> WhyNotDone(const Waiting& waiting, const proto::ShareProgress& progress);
-  // "agent 3 to agent 1: 3.0001...12 is not there"; nothing where all that is `meant` is.
+  // Returns the first record that the sender held earlier (`before`) and the destination lacks, such as "agent 3 to
+  // agent 1: 3.0001...12 is not there". Considers only records for which `is_meant` is true. Null if none is lacking.
   template <typename IsMeant>
   std::optional<std::string> WhyLacking(const Stores& before, const Stores& now, AgentId sender, AgentId destination,
                                         IsMeant is_meant) const;
@@ -52,10 +53,10 @@ class DoneChecker {
 
   SimulatedWorld& world_;
   std::uint64_t last_request_id_ = 0;
-  std::map<std::uint64_t, Waiting> waiting_;  // By request id.
+  std::map<std::uint64_t, Waiting> waiting_;  // Open orders by request id.
   std::vector<std::pair<Waiting, proto::ShareReply>> answers_;
-  Stores last_;                               // When an order was given last.
-  std::map<AgentId, Stores> before_term_of_;  // By leader.
+  Stores last_;                               // Have-sets when the last order was given.
+  std::map<AgentId, Stores> before_term_of_;  // Have-sets before the present term of each leader.
   std::map<AgentId, MonotonicTime> roles_changed_at_;
 };
 

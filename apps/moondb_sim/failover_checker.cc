@@ -8,9 +8,9 @@
 namespace moondb::simulation {
 namespace {
 
-// Durations are sent as seconds in floating point.
+// Tolerance for durations, which are sent as seconds in floating point.
 constexpr Duration kFailoverRounding = std::chrono::milliseconds(1);
-// What the agent's own actors may take to notify each other.
+// Time that the agent's own actors may take to notify each other.
 constexpr Duration kOverdue = std::chrono::seconds(15);
 
 }  // namespace
@@ -48,7 +48,7 @@ void FailoverChecker::OnOwn(const proto::Message& message, const LeaseChecker& l
     case proto::Message::kPeerEvent:
       return SetConnected(message.peer_event(), now);
     case proto::Message::kDown:
-      lost_.clear();  // What they announced is forgotten; those who are connected say it again.
+      lost_.clear();  // The failed actor's announcements are void; connected peers are announced again.
       return;
     default:
       return;

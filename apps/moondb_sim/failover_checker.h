@@ -1,7 +1,8 @@
-// FailoverChecker: whether one agent has cause to take the lead by itself, as one who sees what its actors handle knows
-// it: the rules failover_has_cause and failover_happens.
+// FailoverChecker: checks that one agent takes the lead by itself only with cause, and that it does so in time. These
+// are the invariants failover_has_cause and failover_happens. The checker sees only the messages that the agent's
+// actors handle.
 //
-// Of one life of the agent.
+// A checker covers one process lifetime of the agent.
 #pragma once
 
 #include <map>
@@ -20,21 +21,21 @@ class FailoverChecker {
  public:
   FailoverChecker(AgentId self, const proto::TeamConfig& team, MonotonicTime now);
 
-  // An actor of the agent handles the message. What is wrong, if it is its request to lead that is handled, and it had
-  // no cause for it.
+  // An actor of the agent handles `message`. Returns a text if `message` is the agent's own request to lead and it had
+  // no cause.
   std::optional<std::string> OnHandle(const std::string& actor, const proto::Message& message,
                                       const LeaseChecker& leases, MonotonicTime now);
-  // It fails at it, and is made anew.
+  // The actor fails and restarts.
   void OnFailure(const std::string& actor, MonotonicTime now);
 
-  // What is wrong: it should have taken the lead before now.
+  // Returns a text if the agent should have taken the lead before now.
   std::optional<std::string> WhyOverdue(const LeaseChecker& leases, MonotonicTime now) const;
 
-  // A survivor asks its own RoleActor for the lead.
+  // Returns whether `message` is a survivor's request to its own RoleActor to lead.
   static bool IsFailover(const std::string& actor, const proto::Message& message);
 
  private:
-  // Why it may not take the lead now; nothing if it has had cause for `missed`.
+  // Returns why the agent may not take the lead now. Null if it has had cause for at least `missed`.
   std::optional<std::string> WhyNot(const LeaseChecker& leases, MonotonicTime now, Duration missed) const;
   void OnOwn(const proto::Message& message, const LeaseChecker& leases, MonotonicTime now);
   void SetRoles(const proto::RoleAssignment& roles, MonotonicTime now);
@@ -46,11 +47,13 @@ class FailoverChecker {
   proto::RoleAssignment roles_;
   MonotonicTime roles_since_;
   std::set<AgentId> connected_;
-  std::map<AgentId, MonotonicTime> lost_;   // Since when agents are away that were connected once.
-  std::map<AgentId, MonotonicTime> heard_;  // By any actor.
-  MonotonicTime reached_since_;             // Somebody; where nobody is connected, no time yet.
-  MonotonicTime asked_;                     // To lead, last.
-  std::optional<std::string> verdict_;      // At its last timer, at which alone it decides.
+  std::map<AgentId, MonotonicTime> lost_;  // When each lost agent was disconnected.
+  // When any of the agent's actors last received a message from each other agent.
+  std::map<AgentId, MonotonicTime> heard_;
+  MonotonicTime reached_since_;  // Since when some agent is connected. Not valid if `connected_` is empty.
+  MonotonicTime asked_;          // When the agent last requested to lead.
+  std::optional<std::string>
+      verdict_;  // Result of WhyNot at the agent's last timer, the only time at which it decides.
 };
 
 }  // namespace moondb::simulation

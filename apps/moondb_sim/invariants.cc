@@ -10,12 +10,12 @@
 namespace moondb::simulation {
 namespace {
 
-// An origin's own order of its records.
+// Sort key: the order in which an origin made its records of one type.
 std::pair<std::uint64_t, std::uint64_t> PlaceInSeries(const RecordKey& key) { return {key.stream.epoch, key.seq}; }
 
 bool IsSameSeries(const StreamKey& a, const StreamKey& b) { return a.origin == b.origin && a.type == b.type; }
 
-// The last record of each origin and type among the states that `seqs` gives of a stream; seq 0: none.
+// The last state of each origin and type; seq 0 if there is none. `seqs` selects the seqs of a stream.
 using LastOfSeries = std::map<std::pair<AgentId, DataType>, RecordKey>;
 template <typename SeqsOf>
 LastOfSeries LastStates(const HaveSet& have, const SeqsOf& seqs) {
@@ -31,7 +31,7 @@ LastOfSeries LastStates(const HaveSet& have, const SeqsOf& seqs) {
 
 std::string NameOf(AgentId agent) { return "agent " + std::to_string(agent); }
 
-// "1.0000000000000005.30.2 and 3 more of that stream".
+// Returns text such as "1.0000000000000005.30.2 and 3 more of that stream".
 std::string Some(const StreamKey& stream, const IntervalSet& seqs) {
   return ToString(RecordKey{stream, seqs.intervals().front().first}) + " and " + std::to_string(seqs.Count() - 1) +
          " more of that stream";
@@ -57,7 +57,7 @@ HaveSet Filtered(const HaveSet& have, const IsWanted& is_wanted) {
   return left;
 }
 
-// Agents with different policies for notes hold different ones: CheckNotes looks at these.
+// Agents with different policies hold different notes, so CheckNotes checks notes separately.
 HaveSet WithoutNotes(const HaveSet& have) {
   return Filtered(have, [](const StreamKey& stream) { return stream.type != kNote; });
 }
@@ -75,7 +75,7 @@ Records WithoutPrunedOrNotes(const Records& records, const HaveSet& have) {
 IntervalSet HeldOf(const StreamHave& stream) { return stream.held; }
 IntervalSet HadOf(const StreamHave& stream) { return stream.Covered(); }
 
-// As its robot gave it.
+// Returns the content as the robot gave it: storage adds a signature and a term to quarantines.
 std::string WithoutSignature(const RecordKey& key, const std::string& content) {
   proto::Record record;
   if (key.stream.type != proto::MAP_QUARANTINE || !record.ParseFromString(content)) return content;
@@ -136,7 +136,7 @@ void Invariants::SeeRoles(AgentId agent, const proto::RoleAssignment& roles, boo
                                 " to " + std::to_string(roles.term().number()));
   }
   (is_durable ? roles_of_ : unstored_roles_of_)[agent] = roles;
-  // An agent leaves out its own role where it cannot store it, and its lead until it has a term of its own.
+  // An agent omits its own role if it cannot store it, and omits its own lead until it has a term of its own.
   const bool is_whole = roles.leader() != 0 && (is_durable || roles.survivor() != 0);
   const std::string term = roles.term().SerializeAsString();
   if (is_whole) {
@@ -185,7 +185,7 @@ void Invariants::SeeHave(AgentId agent, const HaveSet& have) {
   if (agent != liar_) held_[agent].Merge(WithoutLiars(have));
 }
 
-// --- What may be forgotten ---
+// --- Lost and damaged disks ---
 
 void Invariants::ForgetDisk(AgentId agent) {
   held_.erase(agent);
@@ -221,7 +221,7 @@ void Invariants::ForgetDropped(AgentId agent, AgentId origin, DataType type) {
   ForgetWhatIsLost();
 }
 
-// What nobody has for certain may be lost.
+// Removes records from `inserted_` that no agent certainly has.
 void Invariants::ForgetWhatIsLost() {
   HaveSet kept;
   for (const auto& [key, stream] : inserted_.streams()) {
@@ -235,7 +235,7 @@ void Invariants::ForgetWhatIsLost() {
   inserted_ = std::move(kept);
 }
 
-// Others take it from there.
+// Returns whether other agents accept records of `stream` from `agent`.
 bool Invariants::CanBring(AgentId agent, const StreamKey& stream) const {
   return !has_keys_ || agent == stream.origin || agent == base_ || had_role_.contains(agent) ||
          PeerAuthority::IsSignedType(stream.type);
@@ -321,7 +321,7 @@ void Invariants::CheckPoses(AgentId agent, const HaveSet& have) {
     for (const IntervalSet::Interval& interval : seqs.held.intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
         const auto name = pose_names_.find({stream, seq});
-        if (name == pose_names_.end()) return;  // Its insert was not answered yet.
+        if (name == pose_names_.end()) return;  // The insert of this pose was not answered yet.
         PoseVersion& version = newest[name->second.node];
         version = std::max(version, name->second.version);
       }
@@ -338,7 +338,7 @@ void Invariants::CheckPoses(AgentId agent, const HaveSet& have) {
   known = {std::move(held), std::move(newest)};
 }
 
-// --- At rest ---
+// --- Quiescent team ---
 
 void Invariants::CheckQuiescent(QuiescentTeam team) {
   team.have.erase(liar_);
@@ -395,7 +395,7 @@ void Invariants::CheckRows(AgentId agent, const HaveSet& have, const Records& re
 
 void Invariants::CheckLost(const QuiescentTeam& team) const {
   for (const auto& [key, stream] : inserted_.streams()) {
-    // A leader that keeps all notes does not hear of those that other agents superseded before.
+    // Skip notes: a leader that keeps all notes never receives those that other agents superseded earlier.
     if (key.type == kNote) continue;
     IntervalSet pruned;
     IntervalSet held;

@@ -9,9 +9,9 @@
 namespace moondb::simulation {
 namespace {
 
-// Durations travel as seconds in floating point.
+// Tolerance for durations, which are sent as seconds in floating point.
 constexpr Duration kRounding = std::chrono::milliseconds(1);
-// An agent's numbers count up, from a random one in each life.
+// Within one process lifetime an agent numbers its announcements upwards from a random number.
 constexpr std::uint64_t kNumbersOfOneBoot = 1 << 20;
 
 MonotonicTime Until(double seconds, MonotonicTime now) {
@@ -19,7 +19,8 @@ MonotonicTime Until(double seconds, MonotonicTime now) {
   return now + std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
 }
 
-// What passes a window that driving or a pause shuts: states, and nothing that is the end of an order.
+// Returns whether the batch may be sent while an agent drives or is paused: it has only states, and does not end an
+// order.
 bool IsOfStates(const proto::Message& message) {
   const proto::Batch& batch = message.batch();
   if (message.remaining() == 0 || !batch.dropped().empty() || batch.has_fragment()) return false;
@@ -59,8 +60,8 @@ void LeaseChecker::OnRequest(const proto::LeaseRequest& request, MonotonicTime n
 void LeaseChecker::OnAnnounce(AgentId from, const proto::LeaseAnnounce& announce, MonotonicTime now) {
   Lease& lease = leases_[from];
   const std::uint64_t behind = lease.number.value_or(announce.number()) - announce.number();
-  if (behind != 0 && behind <= kNumbersOfOneBoot) return;  // It came late.
-  if (lease.number == announce.number()) return;           // Notified again; the first is still counted down.
+  if (behind != 0 && behind <= kNumbersOfOneBoot) return;  // An older announcement arrived late.
+  if (lease.number == announce.number()) return;  // A repeated announcement; its lease is already counted down.
   lease.ended = LastQuiet(from, now);
   lease.number = announce.number();
   lease.reported = now;

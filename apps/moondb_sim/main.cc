@@ -1,10 +1,10 @@
-// moondb_sim: a whole team in one process, for hours of simulated time, with everything going wrong that can.
+// moondb_sim: simulates a whole team in one process for hours of simulated time, and injects every kind of fault.
 //
-//   moondb_sim --seed 7            one run; what happened
-//   moondb_sim --seeds 1..2000     many; each that breaks a rule is told with its last events and how to see it again
-//   moondb_sim --list              the faults and how often they strike
+//   moondb_sim --seed 7            One run, with a summary.
+//   moondb_sim --seeds 1..2000     Many runs. Prints each failing seed, its last events and a command to replay it.
+//   moondb_sim --list              Lists the faults and their rates.
 //
-// Exit codes: 0 no rule broken, 1 a rule broken, 2 wrong usage.
+// Exit codes: 0 no invariant violated, 1 an invariant violated, 2 wrong usage.
 #include <spdlog/spdlog.h>
 
 #include <chrono>
@@ -67,7 +67,7 @@ void PrintList() {
 }
 
 void PrintRareStates(const std::map<std::string, int>& counts) {
-  std::printf("States that are seldom reached, and how often they were:\n");
+  std::printf("Rarely reached states, and how often they were:\n");
   for (const RareState& state : RareStateKinds()) {
     const auto count = counts.find(state.name);
     std::printf("  %-18s %6d  %s\n", state.name.c_str(), count == counts.end() ? 0 : count->second, state.what.c_str());
@@ -90,7 +90,7 @@ void PrintRun(const SimReport& report) {
   PrintRareStates(report.rare);
 }
 
-// The options with which `seed` runs alone as it did here.
+// Returns the command that repeats the run of `seed`.
 std::string ReplayCommand(const Request& request, std::uint64_t seed) {
   std::string command = "moondb_sim --seed " + std::to_string(seed);
   const SimOptions standard;
@@ -117,14 +117,14 @@ void PrintViolations(const Request& request, std::uint64_t seed, const SimReport
   }
   std::printf("trace %016llx; to see it again: %s\n", static_cast<unsigned long long>(report.trace_hash),
               ReplayCommand(request, seed).c_str());
-  std::fflush(stdout);  // A sweep takes minutes, and may be ended.
+  std::fflush(stdout);  // Show the results at once: a sweep takes minutes and may be interrupted.
 }
 
 struct Outcome {
   double done = 0;
   double broken = 0;
   std::map<std::string, int> rare;  // Sums of SimReport::rare.
-  JsonWriter list;                  // Of seeds that break a rule.
+  JsonWriter list;                  // JSON array of the seeds that violate an invariant.
 };
 
 void RunSeed(const Request& request, std::uint64_t seed, bool is_only_one, Outcome& outcome) {
@@ -181,24 +181,26 @@ int Run(const Request& request) {
 }
 
 int Main(int argc, char** argv) {
-  spdlog::set_level(spdlog::level::off);  // Failures are on purpose here.
+  spdlog::set_level(spdlog::level::off);  // Faults make actors fail on purpose, so their log lines are noise.
   Request request;
   Command app("moondb_sim", "Simulates a team for hours, breaks what can break, and checks the rules of sharing");
-  Option& seed = app.AddOption("--seed", request.options.seed, "One run").DefaultShown();
+  Option& seed = app.AddOption("--seed", request.options.seed, "Seed of a single run").DefaultShown();
   app.AddOption("--seeds", request.seeds, "Many runs: FIRST..LAST").Excludes(seed);
   app.AddOption("--hours", request.options.hours, "Simulated time of a run").Within(0.2, 1000.0).DefaultShown();
-  app.AddOption("--rovers", request.options.rovers, "Beside the base station").Within(2, 63).DefaultShown();
+  app.AddOption("--rovers", request.options.rovers, "Number of rovers, without the base station")
+      .Within(2, 63)
+      .DefaultShown();
   bool is_sharing_only = false;
-  app.AddFlag("--sharing", is_sharing_only, "The actors of sharing alone, without clients: faster");
+  app.AddFlag("--sharing", is_sharing_only, "Simulate only the sharing actors, without clients (faster)");
   app.AddOption("--fault", request.faults, "NAME=RATE an hour; may be given several times");
-  app.AddFlag("--no-faults", request.options.is_faultless, "None but those that --fault names");
+  app.AddFlag("--no-faults", request.options.is_faultless, "Inject only the faults named by --fault");
   app.AddChoice("--byzantine", request.options.byzantine, kByzantineNames,
-                "Seeds with one rover more, which lies: none, some (of those with signing keys) or all")
+                "Seeds with an additional Byzantine rover: none, some (of those with signing keys) or all")
       .DefaultShown("some");
-  app.AddOption("--attacks", request.attacks, "NAME,NAME...: of its attacks these alone");
+  app.AddOption("--attacks", request.attacks, "NAME,NAME...: use only these of its attacks");
   app.AddFlag("--refill", request.options.measures_refill, "At the end of one run: refill an empty survivor");
   app.AddFlag("--json", request.is_json, "One JSON object at the end");
-  app.AddFlag("--list", request.is_list, "The faults and attacks there are");
+  app.AddFlag("--list", request.is_list, "List the faults and attacks");
   if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code == 0 ? 0 : 2;
   if (is_sharing_only) request.options.actors = SimulatedActors::kSharing;
   if (request.is_list) {

@@ -8,7 +8,7 @@
 namespace moondb::simulation {
 namespace {
 
-// What a merged map is made of.
+// Returns whether merged maps depend on records of the type.
 bool IsMerged(DataType type) {
   return type == proto::POSE_GRAPH_NODE || type == proto::OPTIMIZED_POSE || type == proto::LOCAL_TRAVERSABILITY_MAP ||
          type == proto::MAP_QUARANTINE;
@@ -22,7 +22,7 @@ std::string MergedOf(const HaveSet& have) {
   return ToProto(merged).SerializeAsString();
 }
 
-// Nothing known there is unknown.
+// Returns the cell from the tile that covers it, or kUnknown without such a tile.
 Cell CellOf(const std::map<std::pair<std::int64_t, std::int64_t>, Grid>& tiles, std::int64_t x, std::int64_t y) {
   const std::int64_t side = tiles.begin()->second.width;
   const auto floor = [side](std::int64_t cell) { return (cell >= 0 ? cell : cell - side + 1) / side; };

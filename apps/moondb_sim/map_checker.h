@@ -1,6 +1,6 @@
-// MapChecker: whether agents' merged maps depend on their records alone, as clients see it: the rule map_of_records.
-// Whoever holds the same nodes, poses, maps and quarantines gives the same map, whenever it is asked; and the tiles
-// that one who follows the map was sent are the map.
+// MapChecker: checks that an agent's merged map depends only on its records, as clients see them (invariant
+// map_of_records). Agents that hold the same nodes, poses, maps and quarantines give the same map at any time. The
+// tiles sent to a client that follows the map add up to the map.
 #pragma once
 
 #include <cstdint>
@@ -18,30 +18,31 @@ namespace moondb::simulation {
 
 class MapChecker {
  public:
-  // `agent` gives this merged map, and what it has now is `have`. What is wrong, if anything. Where a client follows
-  // its map, OnTiles came at the same instant.
+  // `agent` gives this merged map while it has `have`. Returns a text if the map is wrong. Requires: if a client
+  // follows the agent's map, OnTiles was called at the same instant.
   std::optional<std::string> OnMap(AgentId agent, const HaveSet& have, const proto::MergeRequest& request,
                                    const proto::MergeReply& reply);
-  // One client follows the map of each agent: what it asks for next, and what it is sent.
+  // One client follows the map of each agent. NextTiles returns its next request; OnTiles checks and adds the tiles of
+  // the answer.
   proto::MapTilesRequest NextTiles(AgentId agent) const;
   std::optional<std::string> OnTiles(AgentId agent, const proto::MapTilesReply& reply);
 
  private:
   struct Seen {
     AgentId agent = 0;
-    std::string map;  // All that a MergeReply says of it.
+    std::string map;  // Serialized MergeReply, without its duration.
   };
   struct Followed {
     std::uint64_t merger_id = 0;
     std::uint64_t version = 0;
-    std::map<std::pair<std::int64_t, std::int64_t>, Grid> tiles;  // By column and row of tiles.
+    std::map<std::pair<std::int64_t, std::int64_t>, Grid> tiles;  // Received tiles by column and row.
   };
 
-  std::map<std::string, Seen> maps_;  // By what was asked and what was held.
+  std::map<std::string, Seen> maps_;  // First map seen for each request and set of held records.
   std::map<AgentId, Followed> followed_;
 };
 
-// The rule map_of_records of what one client follows: nothing, or where the two differ.
+// Compares the tiles that a client received with the merged map. Returns the first difference; null if none.
 std::optional<std::string> WhyOther(const std::map<std::pair<std::int64_t, std::int64_t>, Grid>& tiles,
                                     const MergedMap& merged);
 

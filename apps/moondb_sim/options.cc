@@ -12,7 +12,8 @@ namespace {
 
 constexpr std::uint64_t kPrunedEvery = 3;
 constexpr std::uint64_t kPolicyChangedEvery = 7;
-constexpr std::uint64_t kByzantineEvery = 4;  // Of the seeds with signing keys, which are even, every other one.
+// One seed in four: every other one of the even seeds, which have signing keys.
+constexpr std::uint64_t kByzantineEvery = 4;
 
 }  // namespace
 
@@ -20,11 +21,11 @@ const std::vector<FaultKind>& FaultKinds() {
   static const std::vector<FaultKind> kinds = {
       {"weather", 6, "loss up to 30 %, repeats, latency and order of the radio change"},
       {"late_copy", 2, "for some minutes messages come a second time, up to ten minutes later"},
-      {"cut", 12, "the link of two agents is down for a while; every other time the ends are not told"},
+      {"cut", 12, "the link of two agents is down for a while; every other time the ends are not notified"},
       {"one_way", 4, "one agent is not heard by another for a while"},
       {"partition", 2, "the team is in two parts for a while"},
       {"kill", 6, "an agent loses power: what its disk had not synced is lost"},
-      {"kill_in_write", 4, "likewise, in the middle of a write"},
+      {"kill_in_write", 4, "an agent loses power in the middle of a write"},
       {"fail", 12, "an actor fails at a message"},
       {"wipe", 0.5, "an agent comes back with an empty disk"},
       {"old_disk", 0.5, "an agent comes back with an older copy of its disk"},
@@ -48,7 +49,7 @@ const std::vector<FaultKind>& FaultKinds() {
       {"policy", 3,
        "an agent starts again with a team file that keeps all notes instead of the latest ones; in one seed of seven"},
       {"full", 1.5, "an agent's disk is full for 1 to 10 minutes, every third time from a start on"},
-      {"failing", 1.5, "likewise, it fails: each write is an I/O error, perhaps in the middle"},
+      {"failing", 1.5, "an agent's disk fails: each write is an I/O error, perhaps in the middle"},
   };
   return kinds;
 }
@@ -61,7 +62,7 @@ double SimOptions::BudgetKbps() const {
 AgentId SimOptions::Byzantine() const {
   if (byzantine == ByzantineSeeds::kNone) return 0;
   if (byzantine == ByzantineSeeds::kSome && seed % kByzantineEvery != 0) return 0;
-  constexpr std::uint64_t kFirst = 3;  // Behind leader and survivor of the team file.
+  constexpr std::uint64_t kFirst = 3;  // The first rover after leader and survivor of the team file.
   return static_cast<AgentId>(kFirst + seed / kByzantineEvery % (static_cast<std::uint64_t>(rovers) - 1));
 }
 
@@ -71,8 +72,8 @@ double SimOptions::FaultsPerHour(const FaultKind& kind) const {
   if (is_faultless) return 0;
   const bool changes_policy = seed % kPolicyChangedEvery == 0;
   if (kind.name == "policy") return changes_policy ? kind.per_hour : 0;
-  // Pruned records hide lost ones from the rules, so most seeds run without prunes. A pruned note would look lost.
-  // Its maps take a solver's and a merger's time, and that of a compact codec, which some odd seeds have.
+  // Pruned records hide lost ones from the invariants, so most seeds run without prunes. A pruned note would look lost.
+  // The maps of `full_prune` are costly for the solver, the merger, and the compact codec that some odd seeds use.
   if (kind.name == "full_prune" && (has_all_actors() || seed % 2 != 0)) return 0;
   const bool is_prune = kind.name == "prune" || kind.name == "full_prune";
   if (is_prune && (seed % kPrunedEvery != 0 || changes_policy)) return 0;

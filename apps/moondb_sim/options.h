@@ -1,4 +1,4 @@
-// What one run of the simulator does, and what may go wrong in it.
+// Options of one run of the simulator, and the faults that it may inject.
 #pragma once
 
 #include <cstdint>
@@ -17,61 +17,63 @@ namespace moondb::simulation {
 
 struct FaultKind {
   std::string name;
-  double per_hour;  // By default, in the whole team.
+  double per_hour;  // Default rate for the whole team.
   std::string what;
 };
 
-// All that can go wrong, in the order in which `--list` shows them.
+// All faults, in the order of `--list`.
 const std::vector<FaultKind>& FaultKinds();
 
 // Which of the standard actors (apps/moondb_agent/standard_actors.h) the agents have.
 enum class SimulatedActors {
-  kAll,      // Every one, asked by clients through the gateway.
-  kSharing,  // Storage, roles, leases and sharing, asked by the robots and the operator directly.
+  kAll,      // All of them; clients send requests through the gateway.
+  kSharing,  // Storage, roles, leases and sharing. Robots and the operator send requests directly to them.
 };
 
-// Which seeds have a Byzantine agent (byzantine_agent.h): one rover more.
+// Selects the seeds that have a Byzantine agent (byzantine_agent.h) as an additional rover.
 enum class ByzantineSeeds {
   kNone,
-  kSome,  // One in four: half of those whose agents have signing keys.
-  kAll,   // Those without keys too, which lies break.
+  kSome,  // One seed in four: half of the seeds with signing keys.
+  // Every seed. In seeds without signing keys, attacks do violate invariants.
+  kAll,
 };
 
 struct SimOptions {
   std::uint64_t seed = 1;
   SimulatedActors actors = SimulatedActors::kAll;
-  double hours = 2;                               // Of simulated time: five parts in six with faults, the rest quiet.
-  int rovers = 3;                                 // Honest ones, beside the base station, the last agent.
-  std::map<std::string, double> faults_per_hour;  // Others: their default.
+  double hours = 2;  // Simulated time: five sixths with faults, the rest without.
+  int rovers = 3;    // Honest rovers. The base station is not counted; it is the last agent.
+  std::map<std::string, double> faults_per_hour;  // Rates by fault name. Other faults have their default rate.
   bool is_faultless = false;
   ByzantineSeeds byzantine = ByzantineSeeds::kSome;
-  std::set<std::string> attacks;  // Names of the Byzantine agent's; empty: all that there are.
-  bool measures_refill = false;   // At the end: how long a survivor with an empty disk takes to hold all again.
+  std::set<std::string> attacks;  // Names of the attacks to use; empty means all.
+  bool measures_refill = false;   // At the end, measure how long an empty survivor takes to hold all records again.
 
-  // For tests that break a rule on purpose.
+  // Hooks and limits for tests that violate an invariant on purpose.
   std::function<std::unique_ptr<Actor>(AgentId agent, const std::string& name, std::unique_ptr<Actor> actor)> wrap;
   SharingSession::Options session;
-  bool is_store_checked = true;  // As a process starts.
-  bool is_paced = true;          // To the radio's budget.
+  bool is_store_checked = true;  // Check the store before each process start.
+  bool is_paced = true;          // Limit the sessions to the radio budget.
 
-  // Of each agent, to which the rules hold them. Small: only who fills an empty disk needs all of it.
+  // Radio budget of each agent in kbit/s, which the invariants check. It is small, so that only the refill of an empty
+  // disk needs all of it.
   double BudgetKbps() const;
 
-  // The rover that lies; 0: none does. Neither leads nor survives in the team file.
+  // Returns the Byzantine rover; 0 if none. The team file gives it no role.
   AgentId Byzantine() const;
   int RoverCount() const { return Byzantine() == 0 ? rovers : rovers + 1; }
 
   double FaultsPerHour(const FaultKind& kind) const;
-  // Returns whether robots insert notes. An agent keeps the latest notes until its team file changes.
+  // Returns whether robots insert notes. An agent keeps only the latest notes until its team file changes.
   bool ChangesPolicy() const;
 
   bool has_all_actors() const { return actors == SimulatedActors::kAll; }
 };
 
-// NAME,NAME...; kInvalid with the names that there are.
+// Parses NAME,NAME... Fails with kInvalid and the list of valid names.
 Result<void> SetAttacks(const std::string& text, SimOptions& options);
 
-// NAME=RATE, RATE an hour; kInvalid with the names that there are.
+// Parses NAME=RATE with a rate per hour. Fails with kInvalid; for an unknown name the error lists the valid names.
 Result<void> SetFault(const std::string& text, SimOptions& options);
 
 }  // namespace moondb::simulation

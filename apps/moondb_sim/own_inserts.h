@@ -1,5 +1,5 @@
-// OwnInserts: what each agent's actors gave its StorageActor to insert, and got an answer for: solved poses, events,
-// what clients gave the gateway. Requests are known again by their ids; what goes in without one is not looked at.
+// OwnInserts: records that each agent's actors inserted into its StorageActor and that were confirmed: solved poses,
+// events, and records of clients. Matches requests and replies by request id, and ignores inserts without one.
 #pragma once
 
 #include <cstdint>
@@ -14,15 +14,15 @@ namespace moondb::simulation {
 
 class OwnInserts {
  public:
-  // Its StorageActor is about to handle the request.
+  // The agent's StorageActor is about to handle the insert request.
   void OnRequest(AgentId agent, const proto::Message& message);
-  // An actor of it is about to handle the reply. What is stored, and was not seen before.
+  // An actor of the agent is about to handle the reply. Returns the records that the reply confirms as stored.
   std::vector<std::pair<RecordKey, proto::Record>> OnReply(AgentId agent, const proto::Message& message);
-  // Nothing that was asked there is answered any more. True: something was.
+  // Drops the agent's open requests, which will not be answered. Returns whether there were any.
   bool Forget(AgentId agent);
 
  private:
-  std::map<std::pair<AgentId, std::uint64_t>, proto::InsertRequest> asked_;  // By request id.
+  std::map<std::pair<AgentId, std::uint64_t>, proto::InsertRequest> asked_;  // Open requests by agent and request id.
 };
 
 }  // namespace moondb::simulation

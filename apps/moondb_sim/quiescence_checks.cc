@@ -55,7 +55,7 @@ void QuiescenceChecks::Check() {
     team.records[agent] = world_.ReadAll(agent);
   }
   byzantine_.CheckQuiescent(team);
-  // Of what an agent proves that was given a role, once it has lied, nothing is known.
+  // Once the Byzantine agent was given a role, its earlier lies may count as true. Nothing is certain then.
   if (!byzantine_.is_trusted()) world_.invariants.CheckQuiescent(team);
   if (world_.options.has_all_actors()) clients_.CheckQuiescent();
   CheckBytesEnd();
@@ -108,7 +108,7 @@ std::uint64_t QuiescenceChecks::LeaderCheckBytesMax(Duration length) const {
 }
 
 void QuiescenceChecks::CheckBytesEnd() {
-  world_.team.AdvanceTime(minutes(1));  // Nobody orders anything any more.
+  world_.team.AdvanceTime(minutes(1));  // Let the last orders finish; no more orders follow.
   const std::uint64_t before = world_.team.radio_bytes();
   world_.team.AdvanceTime(minutes(10));
   const std::uint64_t bytes = world_.team.radio_bytes() - before;

@@ -1,5 +1,5 @@
-// QuiescenceChecks: what must hold of a simulated team when faults have ended and all that was to be shared is: the
-// rules at rest (rules.h), and those of the sessions, histories and roles of its agents.
+// QuiescenceChecks: checks a simulated team when faults have ended and sharing should be complete. Covers the
+// invariants of a quiescent team (invariants.h), including its sessions, histories and roles.
 #pragma once
 
 #include <cstdint>
@@ -20,19 +20,20 @@ class QuiescenceChecks {
                    const ByzantineChecker& byzantine, const std::map<AgentId, PruneChecker>& prunes)
       : world_(world), restarts_(restarts), clients_(clients), byzantine_(byzantine), prunes_(prunes) {}
 
-  // Advances time by some minutes, in which nothing may go on.
+  // Runs all checks. Advances time by 11 minutes, in which the team must stay idle.
   void Check();
 
  private:
-  // What all honest agents have, from their role actors and as their other actors heard it; nothing if a rule is
-  // broken.
+  // Returns the roles on which all honest agents agree, as their role actors and their other actors know them. Null if
+  // an invariant is violated.
   std::optional<proto::RoleAssignment> CheckRoles();
   void CheckHistory(AgentId agent, const HaveSet& have);
   void CheckBytesEnd();
   void CheckSessions(AgentId agent);
-  // Of sessions that bring the leader states unasked, and find nothing new.
+  // Returns the most bytes that periodic sessions may send in `length` if the leader needs no new states.
   std::uint64_t StatesBytesMax(Duration length) const;
-  // The survivor's questions to the leader, with the answers (FailoverActor).
+  // Returns the most bytes that the survivor's checks of the leader may take in `length`, with the answers
+  // (FailoverActor).
   std::uint64_t LeaderCheckBytesMax(Duration length) const;
 
   SimulatedWorld& world_;

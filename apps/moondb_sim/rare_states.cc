@@ -28,7 +28,7 @@ const std::vector<RareState>& RareStateKinds() {
         {"batch_on_bad_disk", "a disk that is full or fails does not take a batch"},
         {"roles_amid_merge", "roles change while a client waits for a map"},
         {"roles_amid_solve", "roles change while the pose graph is solved"},
-        {"bundle_outlives", "a bundle is acknowledged to a later life of the process that made it"},
+        {"bundle_outlives", "a bundle is acknowledged after the process that made it restarted"},
         {"tiles_in_time", "a client that waits for changes of the map is sent them"},
         {"feed_in_time", "a client that waits for records is sent them"},
         {"insert_unanswered", "an agent ends while its storage works on an insert"},
@@ -69,7 +69,7 @@ void RareStates::OnHandle(const Address& actor, const proto::Message& message) {
   if (IsMapAnswer(message)) merging_[actor.agent] = std::max(0, merging_[actor.agent] - 1);
 }
 
-// The first assignment that an actor receives stood before.
+// The first assignment that an actor receives is not a change: it was valid before the actor started.
 void RareStates::OnRoles(const Address& actor, std::uint64_t term) {
   const auto [known, is_first] = term_of_.try_emplace(actor, term);
   const bool is_new = !is_first && term > known->second;

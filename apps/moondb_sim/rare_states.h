@@ -1,5 +1,5 @@
-// RareStates: how often a run came into states that are reached seldom, and in which mistakes hide: a sweep that never
-// reached one has not tried it. Counted from outside, by what actors handle and the radio carries.
+// RareStates: counts how often a run reached states that are rare and in which bugs hide. A sweep that never reached
+// such a state has not tested it. The counts come from messages that actors handle and the radio carries.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ struct RareState {
   std::string what;
 };
 
-// In the order in which reports show them. Some are reached with all actors alone.
+// All rare states, in the order of reports. Some can be reached only with all actors.
 const std::vector<RareState>& RareStateKinds();
 
 class RareStates {
@@ -29,27 +29,28 @@ class RareStates {
   void OnHandle(const Address& actor, const proto::Message& message);
   void OnRadio(AgentId from, AgentId to, const proto::Message& message);
   void OnAgentEnded(AgentId agent);
-  // One that others see: its name is one of RareStateKinds.
+  // Counts a state that another class observed. Requires: `name` is one of RareStateKinds.
   void Count(const std::string& name) { ++counts_[name]; }
 
   const std::map<std::string, int>& counts() const { return counts_; }
 
  private:
-  using Session = std::tuple<AgentId, std::string, AgentId>;  // Sender, actor, receiver.
+  using Session = std::tuple<AgentId, std::string, AgentId>;  // Sender, its actor, receiver.
   struct Fragment {
     std::uint64_t session_id = 0;
-    std::uint64_t term = 0;  // Its sender's, when it was sent last.
+    std::uint64_t term = 0;  // Term of the sender when it last sent the fragment.
   };
 
   void OnRoles(const Address& actor, std::uint64_t term);
   void OnFragment(const Session& session, const proto::Batch& batch);
 
   std::map<std::string, int> counts_;
-  std::map<Address, std::uint64_t> term_of_;                         // That each actor received last.
-  std::map<AgentId, std::uint64_t> newest_term_;                     // Of each agent's actors.
-  std::set<Session> ending_;                                         // Their last batches are not acknowledged.
-  std::map<std::pair<AgentId, std::uint64_t>, Fragment> fragments_;  // By receiver and hash of the whole.
-  std::map<AgentId, int> merging_;                                   // Questions that MergeActor has not answered.
+  std::map<Address, std::uint64_t> term_of_;      // Newest term that each actor received.
+  std::map<AgentId, std::uint64_t> newest_term_;  // Newest term that any actor of the agent received.
+  std::set<Session> ending_;                      // Sessions whose last batch is not acknowledged.
+  // Last fragment sent, by receiver and hash of the whole record.
+  std::map<std::pair<AgentId, std::uint64_t>, Fragment> fragments_;
+  std::map<AgentId, int> merging_;  // Requests that each agent's MergeActor has not answered.
   std::map<AgentId, int> solving_;
 };
 

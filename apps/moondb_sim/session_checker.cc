@@ -4,11 +4,11 @@
 
 namespace moondb::simulation {
 
-// Whatever its number is.
+// Id of the sender in `fragments_` and `runs_`. There is only one sender, so any id serves.
 constexpr AgentId kSender = 1;
 
 void SessionChecker::OnHello(const proto::Hello& hello) {
-  if (hello.has_have_from()) return;  // For a further page: nothing is under way yet.
+  if (hello.has_have_from()) return;  // A Hello for a further page of the have-set: no batch is in flight yet.
   session_id_ = hello.session_id();
   have_ = HaveSet();
   in_flight_.clear();
@@ -25,14 +25,14 @@ std::vector<std::pair<std::string, std::string>> SessionChecker::OnBatch(const p
   }
   const std::string name = "batch " + std::to_string(batch.batch_number());
   if (message.remaining() == 0 && !in_flight_.empty()) {
-    broken.emplace_back("end_is_last", name + " tells the end while batch " +
+    broken.emplace_back("end_is_last", name + " reports the end while batch " +
                                            std::to_string(in_flight_.begin()->first) + " is not acknowledged");
   }
   in_flight_[batch.batch_number()] = *handed;
   std::size_t bytes = 0;
   for (const auto& [number, other] : in_flight_) bytes += other.bytes;
   if (bytes > limits_.unacked_bytes_max) {
-    broken.emplace_back("unacked_bounded", std::to_string(bytes) + " bytes are under way with " + name);
+    broken.emplace_back("unacked_bounded", std::to_string(bytes) + " bytes are in flight with " + name);
   }
   if (batch.coded().size() > limits_.batch_bytes_max) {
     broken.emplace_back("unacked_bounded", name + " has " + std::to_string(batch.coded().size()) + " bytes");
@@ -45,7 +45,7 @@ void SessionChecker::OnHave(const proto::Have& have) {
   if (!heard || have.session_id() != session_id_) return;
   have_.Merge(*heard);
   std::erase_if(in_flight_, [&](const auto& entry) {
-    // The second behind it was acknowledged: the sender takes it for lost, and sends its records again.
+    // The batch two after this one was acknowledged. The sender treats this batch as lost and retransmits its records.
     const bool is_given_up = !have.needs_new_run() && entry.first + 2 <= have.batch_number();
     return entry.first == have.batch_number() || is_given_up || IsCovered(entry.second);
   });
@@ -56,7 +56,7 @@ Result<SessionChecker::Handed> SessionChecker::Open(const proto::Message& messag
   Handed handed;
   handed.bytes = batch.ByteSizeLong();
   if (batch.has_fragment()) {
-    // The last piece brings the record.
+    // The last fragment completes the record.
     const bool is_last = batch.fragment().first_byte() + batch.coded().size() == batch.fragment().whole_bytes();
     const Result<RecordKey> key = ParseRecordKey(message.record_id());
     if (!key) return tl::unexpected(key.error());

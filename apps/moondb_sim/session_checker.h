@@ -1,5 +1,5 @@
-// SessionChecker: what one agent has handed over to another in its present session and has not heard of again, as one
-// who listens to both knows it, without the session's own word for it.
+// SessionChecker: tracks the unacknowledged batches of one agent to another in their present session. It uses only the
+// messages of both agents, not the session's own state.
 #pragma once
 
 #include <cstdint>
@@ -21,11 +21,11 @@ class SessionChecker {
  public:
   explicit SessionChecker(SharingSession::Options limits = {}) : limits_(limits) {}
 
-  // The sender sends these. What is wrong with a batch, each broken rule with a text: unacked_bounded, end_is_last; one
-  // that does not decode breaks nothing_refused.
+  // The sender sends a Hello or a batch. OnBatch returns each violated invariant with a text: unacked_bounded,
+  // end_is_last, or nothing_refused for a batch that does not decode.
   void OnHello(const proto::Hello& hello);
   std::vector<std::pair<std::string, std::string>> OnBatch(const proto::Message& message);
-  // The sender handles it.
+  // The sender handles an acknowledgement.
   void OnHave(const proto::Have& have);
 
  private:
@@ -38,12 +38,13 @@ class SessionChecker {
 
   SharingSession::Options limits_;
   std::uint64_t session_id_ = 0;
-  HaveSet have_;  // Of the receiver, as the sender heard it.
+  HaveSet have_;  // The receiver's have-set, as the sender knows it.
   std::map<std::uint32_t, Handed> in_flight_;
-  // All that was sent is decoded, in its order.
+  // Decoders of the sent batches. They receive every batch, in the order of sending.
   FragmentCollector fragments_{2 * kWholeBytesMax};
   RunDecoders runs_{1, {}};
-  std::uint32_t unheard_run_ = 0;  // It began in pieces, some of which were not sent to here.
+  // Compression run that began with a fragmented record of which this session did not carry all fragments.
+  std::uint32_t unheard_run_ = 0;
 };
 
 }  // namespace moondb::simulation

@@ -1,4 +1,4 @@
-// The report of one run of the simulator.
+// Results of one run of the simulator.
 #pragma once
 
 #include <cstdint>
@@ -11,19 +11,21 @@
 namespace moondb::simulation {
 
 struct SimReport {
-  std::vector<Violation> violations;     // The first few.
-  std::vector<std::string> last_events;  // Before the first violation.
-  std::map<std::string, int> faults;     // How often each struck.
-  std::map<std::string, int> rare;       // How often it came into each of RareStateKinds, where it did.
-  std::uint64_t records = 0;             // Inserted by robots.
-  std::uint64_t messages = 0;            // Handled by actors.
+  std::vector<Violation> violations;     // The first ten at most.
+  std::vector<std::string> last_events;  // Messages handled before the first violation.
+  std::map<std::string, int> faults;     // How often each fault struck.
+  std::map<std::string, int> rare;       // Counts of those RareStateKinds that the run reached.
+  std::uint64_t records = 0;             // Records inserted by robots.
+  std::uint64_t messages = 0;            // Messages handled by actors.
   std::uint64_t radio_bytes = 0;
   std::uint64_t have_bytes = 0;   // Bytes of messages with have-sets.
-  std::uint64_t batch_bytes = 0;  // And those with records.
+  std::uint64_t batch_bytes = 0;  // Bytes of messages with records.
   std::uint64_t trace_hash = 0;
-  double pruned = 0;    // Records.
-  int failovers = 0;    // Requests of survivors to lead.
-  double refill_s = 0;  // With SimOptions::measures_refill, over a radio of 1 Mbit/s; negative: not within a day.
+  double pruned = 0;  // Records pruned.
+  int failovers = 0;  // Requests of survivors to lead.
+  // Seconds to refill an empty survivor over a radio of 1 Mbit/s (SimOptions::measures_refill). Negative if it takes
+  // more than a day.
+  double refill_s = 0;
   std::uint64_t refill_bytes = 0;
 };
 

@@ -17,13 +17,13 @@ namespace {
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-constexpr Duration kAskPeriod = seconds(15);  // On average.
-constexpr std::uint64_t kSeveralEvery = 8;    // At one instant, up to kSeveralMax.
+constexpr Duration kAskPeriod = seconds(15);  // Average time between requests.
+constexpr std::uint64_t kSeveralEvery = 8;    // One turn in eight sends several requests, up to kSeveralMax.
 constexpr std::uint64_t kSeveralMax = 5;
 constexpr std::uint64_t kOtherWayEvery = 6;
 constexpr std::uint64_t kSwapAmidFragmentsEvery = 2;
 constexpr std::uint64_t kSamplesMax = 5;
-constexpr double kWait_s = 15;  // For news; below the gateways' timeout.
+constexpr double kWait_s = 15;  // Longest wait for new records, shorter than the gateways' timeout.
 constexpr std::uint64_t kBundleBytesLeast = 1024;
 constexpr std::uint64_t kBundleBytesSpan = 15 * 1024;
 constexpr std::uint64_t kBundleBytesWhenIdle = 1024 * 1024;
@@ -41,7 +41,7 @@ proto::MergeRequest Everything() { return {}; }
 
 }  // namespace
 
-// --- The workload ---
+// --- Workload ---
 
 void SimulatedClients::Start() {
   world_.At(world_.start + kAskPeriod, [this] { Work(); });
@@ -96,7 +96,7 @@ void SimulatedClients::AskForPage(AgentId agent) {
   });
 }
 
-// Samples behind the newest one that is there.
+// Waits for samples that are newer than the newest stored one.
 void SimulatedClients::AskForNews(AgentId agent) {
   proto::ControlRequest request;
   request.mutable_read()->add_data_types(kSample);
@@ -130,7 +130,7 @@ void SimulatedClients::AskWhatStands(AgentId agent) {
   SendAnyWay(agent, request);
 }
 
-// What changes nothing, and says nothing that is known otherwise.
+// Sends requests that change nothing, and whose answers the checkers cannot verify.
 void SimulatedClients::AskForSights(AgentId agent) {
   proto::ControlRequest request;
   switch (world_.rng() % 7) {
@@ -159,7 +159,7 @@ void SimulatedClients::AskForSights(AgentId agent) {
   SendAnyWay(agent, request);
 }
 
-// One after the other, so that each is alone.
+// Sends the requests one at a time, so each answer can be checked.
 void SimulatedClients::AskForMaps(AgentId) {
   calls_.Run();
   asks_several_ = false;
@@ -187,7 +187,7 @@ void SimulatedClients::AskToSolve(AgentId agent) {
 }
 
 void SimulatedClients::AskToSwap(AgentId agent) {
-  if (agent == world_.byzantine) return;  // Honest operators change no roles through it.
+  if (agent == world_.byzantine) return;  // Honest operators change no roles through the Byzantine agent.
   proto::ControlRequest request;
   request.mutable_role_set()->set_is_swap(true);
   request.mutable_role_set()->set_is_dry_run(world_.rng() % 2 == 0);
@@ -198,7 +198,7 @@ void SimulatedClients::AskToSwap(AgentId agent) {
   AskAmidChange(*leaders.begin(), request);
 }
 
-// The leader has to solve and to merge while it gives up its role.
+// Makes the leader solve and merge while it gives up its role.
 void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest& change) {
   proto::ControlRequest solve;
   solve.mutable_optimize();
@@ -209,7 +209,7 @@ void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest
   Send(leader, change);
 }
 
-// The survivor has the first piece of a large record, and the leader the others.
+// Swaps roles while the survivor has only the first fragment of a large record.
 void SimulatedClients::OnRadio(AgentId from, const proto::Message& message) {
   const bool is_first_fragment = message.batch().has_fragment() && message.batch().fragment().first_byte() == 0;
   if (!is_first_fragment || message.source_actor() != actor_name::kReplica || !world_.Leaders().contains(from)) return;
@@ -246,7 +246,7 @@ void SimulatedClients::AskToPrune(AgentId agent) {
   Send(agent, request);
 }
 
-// What cannot be done, or is none of a client's.
+// Sends a request that cannot succeed, or that no client may send.
 void SimulatedClients::AskWrongly(AgentId agent) {
   proto::ControlRequest request;
   switch (world_.rng() % 8) {
@@ -281,7 +281,7 @@ void SimulatedClients::AskWrongly(AgentId agent) {
   });
 }
 
-// --- Questions and answers ---
+// --- Requests and answers ---
 
 void SimulatedClients::Send(AgentId agent, proto::ControlRequest request, ClientCalls::Then then) {
   if (!world_.team.is_running(agent)) return;
@@ -316,8 +316,8 @@ void SimulatedClients::CheckAnswer(AgentId agent, const proto::ControlRequest& r
   if (wrong) world_.Violate("answer_true", "agent " + std::to_string(agent) + ", " + NameOf(request) + ": " + *wrong);
 }
 
-// As many poses of the newest run are there as the answer says; of a Byzantine agent there may be any, also once an
-// honest one has let it lead.
+// Checks that the leader stores at least as many poses of its newest run as it answered. The Byzantine agent is exempt,
+// even after an honest agent has given it the lead.
 void SimulatedClients::CheckSolved(AgentId leader, const proto::OptimizeReply& reply) {
   if (leader == world_.byzantine) return;
   std::map<std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>, double> counts;
@@ -360,7 +360,7 @@ void SimulatedClients::CheckMap(AgentId agent) {
 
 // --- Bundles ---
 
-// The base station's most of all, which has a link to the ground.
+// Mostly asks the base station, which has the link to the ground station.
 void SimulatedClients::AskForBundles(AgentId agent) {
   const AgentId asked = world_.rng() % 4 == 0 ? agent : world_.base;
   proto::DownlinkRequest order;
@@ -415,9 +415,9 @@ void SimulatedClients::Report(AgentId agent, const BundleChecker::Broken& broken
   if (broken) world_.Violate(broken->first, "agent " + std::to_string(agent) + ": " + broken->second);
 }
 
-// --- At rest ---
+// --- Quiescent team ---
 
-// A MergeActor that reads everything anew has to give the map that it followed through the run.
+// A restarted MergeActor reads all records again. Its map must equal the one that it had maintained during the run.
 void SimulatedClients::CheckQuiescent() {
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
     CheckMap(agent);
@@ -427,7 +427,7 @@ void SimulatedClients::CheckQuiescent() {
   CheckBundlesWhenIdle(world_.base);
 }
 
-// Whatever waits is fetched and acknowledged; what is left is packed.
+// Fetches and acknowledges all waiting bundles, then does the same with bundles of the remaining records.
 void SimulatedClients::CheckBundlesWhenIdle(AgentId agent) {
   BundleChecker& checker = bundles_[agent];
   const auto order = [&](std::uint64_t bytes_max, std::uint32_t acknowledge) {
@@ -435,7 +435,7 @@ void SimulatedClients::CheckBundlesWhenIdle(AgentId agent) {
     request.set_bytes_max(bytes_max);
     request.set_acknowledge(acknowledge);
     Order(agent, request);
-    // Each file that is fetched is a question more.
+    // Each fetched file needs another request.
     for (int i = 0; i < kBundlesWhenIdleMax && (i == 0 || checker.UnknownBundle() != 0); ++i) calls_.Run();
   };
   order(0, 0);

@@ -1,9 +1,9 @@
-// SimulatedClients: what operators, planners and people at consoles ask of the simulated agents through their gateways,
-// in each run with all actors: they insert, read, look, follow the map, order solves, leases, prunes and bundles,
-// change roles, and ask for what is wrong. Mostly one thing at an instant, at times several; now and then through
-// another agent.
+// SimulatedClients: requests of operators, planners and people at consoles to the simulated agents' gateways, in each
+// run with all actors. They insert, read, inspect, and follow the map. They order solves, leases, prunes and bundles,
+// change roles, and send invalid requests. Usually one request is sent at an instant, sometimes several, now and then
+// through another agent.
 //
-// What is answered is held against what is known then (answer_check.h, map_checker.h, bundle_checker.h).
+// Each answer is checked against what is known at that instant (answer_check.h, map_checker.h, bundle_checker.h).
 #pragma once
 
 #include <functional>
@@ -21,15 +21,16 @@ class SimulatedClients {
  public:
   explicit SimulatedClients(SimulatedWorld& world) : world_(world), calls_(world) {}
 
-  void Start();  // Until the world is quiet.
+  void Start();  // Sends requests until the world is quiet.
 
   void OnAgentEnded(AgentId agent);
   void OnGatewayFailed(AgentId agent) { calls_.Forget(agent); }
-  // A message is on its way to another agent.
+  // A message is on its way from `from` to another agent.
   void OnRadio(AgentId from, const proto::Message& message);
   void OnDiskLost(AgentId agent) { bundles_[agent].OnDiskLost(); }
 
-  // At rest: all agents' maps, and that the base station packs for the ground whatever that wants.
+  // Checks all agents' maps, and that the base station packs every record that the ground station wants. Requires: the
+  // team is quiescent.
   void CheckQuiescent();
 
  private:
@@ -38,14 +39,14 @@ class SimulatedClients {
 
   void Work();
 
-  // One kind of question each.
+  // Each function sends one kind of request.
   void AskToInsert(AgentId agent);
   void AskToInsertTooMuch(AgentId agent);
   void AskForPage(AgentId agent);
   void AskForNews(AgentId agent);
   void AskWhatStands(AgentId agent);
   void AskForSights(AgentId agent);
-  void AskForMaps(AgentId agent);  // Of all agents.
+  void AskForMaps(AgentId agent);  // Requests the maps of all agents; ignores `agent`.
   void AskForNewTiles(AgentId agent);
   void AskToSolve(AgentId agent);
   void AskToSwap(AgentId agent);
@@ -57,7 +58,7 @@ class SimulatedClients {
   void AskWrongly(AgentId agent);
 
   void Send(AgentId agent, proto::ControlRequest request, ClientCalls::Then then = {});
-  // Perhaps through another agent.
+  // Sends the request, sometimes through another agent.
   void SendAnyWay(AgentId agent, proto::ControlRequest request, ClientCalls::Then then = {});
   void CheckAnswer(AgentId agent, const proto::ControlRequest& request, const std::optional<HaveSet>& before,
                    const Answer& answer);
@@ -66,14 +67,15 @@ class SimulatedClients {
 
   void Order(AgentId agent, const proto::DownlinkRequest& order);
   void OnDownlinkReply(AgentId agent, const proto::DownlinkRequest& order, const Answer& answer);
-  void FetchUnknown(AgentId agent);  // Bundles, one after the other.
+  void FetchUnknown(AgentId agent);  // Fetches unknown bundles, one after the other.
   void Fetch(AgentId agent, std::uint32_t number, const std::string& begin);
   void CheckBundlesWhenIdle(AgentId agent);
   void Report(AgentId agent, const BundleChecker::Broken& broken);
 
   SimulatedWorld& world_;
   ClientCalls calls_;
-  bool asks_several_ = false;  // At this instant: nothing is known of each one's answer.
+  // Several requests are sent at this instant, so their answers cannot be checked one by one.
+  bool asks_several_ = false;
   MapChecker maps_;
   std::map<AgentId, BundleChecker> bundles_;
 };

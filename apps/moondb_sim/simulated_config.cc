@@ -9,19 +9,19 @@ namespace {
 constexpr std::uint64_t kFailoverEvery = 3;
 constexpr double kLeaderTimeout_s = 120;
 
-constexpr std::uint64_t kStatesEvery = 2;  // Seeds: their agents send states unasked.
+constexpr std::uint64_t kStatesEvery = 2;  // In one seed of two, agents send states periodically.
 constexpr double kStatesPeriod_s = 300;
 
-constexpr std::uint64_t kKeepsAllEvery = 2;  // Seeds: superseded states go for want of room alone.
+constexpr std::uint64_t kKeepsAllEvery = 2;  // In one seed of two, superseded states are removed only for lack of room.
 constexpr double kHistory_mb = 0.02;
 
-// Seeds, from the first on, whose agents code compactly: half of a run's time goes there. The others send zstd.
+// In one seed of four, agents use the compact codec, which takes half of a run's time. The others use zstd.
 constexpr std::uint64_t kCompactEvery = 4;
 
-// Seeds, from the second on, whose agents sign assignments of roles. The others are as a team without keys.
+// In one seed of two, agents sign role assignments. The others are teams without keys.
 constexpr std::uint64_t kKeysEvery = 2;
 
-// The ground gets as much of it as the leader.
+// Adds a type with the same policy for sharing and for the ground station.
 void AddCustomType(proto::TeamConfig& team, DataType id, const std::string& name, proto::Policy policy,
                    std::uint32_t priority, std::uint32_t bytes_max) {
   proto::CustomType& type = *team.add_custom_types();
@@ -33,8 +33,8 @@ void AddCustomType(proto::TeamConfig& team, DataType id, const std::string& name
   type.set_bytes_max(bytes_max);
 }
 
-// What those actors need that have no part in sharing: a site to drive in, and what is merged and packed for the
-// ground.
+// Adds settings for the actors that take no part in sharing: a site to drive in, and data to merge and to pack for the
+// ground station.
 void AddAllActors(proto::TeamConfig& team) {
   team.set_team_id("0123456789abcdef0123456789abcdef");
   for (proto::AgentConfig& agent : *team.mutable_agents()) {
@@ -88,10 +88,10 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   AddCustomType(team, kBeacon, "beacon", proto::POLICY_LATEST, /*priority=*/5, /*bytes_max=*/64);
   if (options.ChangesPolicy()) {
     AddCustomType(team, kNote, "note", proto::POLICY_LATEST, /*priority=*/5, /*bytes_max=*/64);
-    // The ground's part is not the subject.
+    // Notes test only sharing, so the ground station gets none.
     team.mutable_custom_types()->rbegin()->set_ground(proto::POLICY_NONE);
   }
-  // Enough for some minutes of states, so that the oldest go all the time.
+  // Room for some minutes of states, so the oldest ones are removed all the time.
   team.mutable_retention()->set_history_mb_max(kHistory_mb);
   (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";
   (*team.mutable_keep())["optimized_pose"] = "1h";

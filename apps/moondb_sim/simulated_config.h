@@ -1,5 +1,5 @@
-// The simulated team's configuration, which differs from seed to seed: who fails over by itself, how batches are coded,
-// what is kept. Plain functions.
+// The simulated team's configuration. It differs from seed to seed in failover, batch codec, signing keys and
+// retention. Free functions.
 #pragma once
 
 #include "apps/moondb_sim/options.h"
@@ -10,11 +10,11 @@
 
 namespace moondb::simulation {
 
-// A custom type of the team with all actors, shared as `all`.
+// Custom type of the team with all actors, shared with the policy `all`.
 inline constexpr DataType kSample = 1001;
 inline constexpr std::uint32_t kSampleBytesMax = 256;
 
-// So many maps are merged in one seed of three, so that some of them find no room.
+// Limit of merged maps in one seed of three. It is so low that some maps find no room.
 inline constexpr std::size_t kFewMaps = 8;
 
 proto::TeamConfig MakeTeamConfig(const SimOptions& options);
@@ -22,10 +22,11 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options);
 // Returns the team with the policy `all` for kNote.
 proto::TeamConfig KeepAllNotes(proto::TeamConfig team);
 
-// With which an agent of a team with keys signs.
+// Returns the key with which `agent` signs in a team with keys.
 SigningKey SigningKeyOf(AgentId agent);
 
-// Where a rover stands at its first node, as the team file has it and as it is; a base station, for ever.
+// Returns the pose of a rover at its first node, both in the team file and in truth, or the permanent pose of a base
+// station.
 Pose StartOf(AgentId agent, bool is_base_station);
 
 }  // namespace moondb::simulation

@@ -14,27 +14,27 @@ namespace moondb::simulation {
 namespace {
 
 constexpr int kSectorBytes = 512;
-constexpr std::uint64_t kCapacityBytes = 4 << 20;  // As files are told: the reserve goes by it.
-constexpr double kJulianDay2026 = 2461041.5;       // 2026-01-01 UTC.
+constexpr std::uint64_t kCapacityBytes = 4 << 20;  // Capacity that files report; storage derives its reserve from it.
+constexpr double kJulianDay2026 = 2461041.5;       // Julian day of 2026-01-01 UTC.
 
 std::atomic<std::uint64_t> disk_count = 0;
 
 }  // namespace
 
 struct SimulatedDisk::File {
-  // A change that is not synced, and what it replaced.
+  // An unsynced change, with the content that it replaced.
   struct Change {
     std::size_t offset = 0;
     std::string now;
-    std::string before;  // Of the bytes that there were.
+    std::string before;  // Replaced bytes.
     std::size_t size_before = 0;
-    bool is_truncation = false;  // To `offset`.
+    bool is_truncation = false;  // Whether the file was cut to `offset`.
   };
 
   std::string path;
   std::string content;
   std::vector<Change> unsynced;
-  int generation = 0;  // Counts power cuts: handles of an earlier one are dead.
+  int generation = 0;  // Number of power cuts. Handles from before the last one are dead.
 
   void Apply(const Change& change) {
     if (change.is_truncation) {
@@ -59,7 +59,7 @@ struct SimulatedDisk::File {
     unsynced.push_back(std::move(change));
   }
 
-  // As if nothing since the last sync had been.
+  // Returns the content as of the last sync.
   std::string Synced() const {
     File file;
     file.content = content;
@@ -78,7 +78,7 @@ struct SimulatedDisk::Vfs {
 struct DiskCalls {
   using File = SimulatedDisk::File;
   struct OpenFile {
-    sqlite3_file base;  // SQLite's part.
+    sqlite3_file base;  // SQLite's own struct, which must come first.
     SimulatedDisk* disk;
     std::shared_ptr<File>* file;
     int generation;
@@ -91,7 +91,7 @@ struct DiskCalls {
     return (*open.file)->generation == open.generation ? open.file->get() : nullptr;
   }
 
-  // Of an open file.
+  // Methods of an open file (sqlite3_io_methods).
   static int Close(sqlite3_file* file) {
     delete Of(file).file;
     return SQLITE_OK;
@@ -142,7 +142,7 @@ struct DiskCalls {
     *size = static_cast<sqlite3_int64>(file->content.size());
     return SQLITE_OK;
   }
-  static int Lock(sqlite3_file*, int) { return SQLITE_OK; }  // One process, one connection.
+  static int Lock(sqlite3_file*, int) { return SQLITE_OK; }  // There is only one connection.
   static int CheckReservedLock(sqlite3_file*, int* is_locked) {
     *is_locked = 0;
     return SQLITE_OK;
@@ -158,7 +158,7 @@ struct DiskCalls {
   static int SectorSize(sqlite3_file*) { return kSectorBytes; }
   static int DeviceCharacteristics(sqlite3_file*) { return 0; }
 
-  // Of the file system.
+  // Methods of the file system (sqlite3_vfs).
   static int Open(sqlite3_vfs* vfs, const char* path, sqlite3_file* handle, int flags, int* flags_out) {
     static const sqlite3_io_methods kMethods = {1,
                                                 Close,

@@ -1,5 +1,5 @@
-// SimulatedDrive: where simulated rovers drive, and what their robots learn on the way: nodes, odometry with noise,
-// ranges to each other and to the base station, and small maps of what lies around. Each drives in a circle of its own.
+// SimulatedDrive: drives the simulated rovers, and makes their robots' measurements: nodes, noisy odometry, ranges to
+// each other and to the base station, and small maps of the surroundings. Each rover drives in its own circle.
 #pragma once
 
 #include <map>
@@ -15,9 +15,10 @@ class SimulatedDrive {
  public:
   explicit SimulatedDrive(SimulatedWorld& world) : world_(world) {}
 
-  // The agent's next node, the first one where it starts: the node, and the edges to it. A base station has one.
+  // Returns the agent's next node and the edges to it. The first node is at the agent's start. A base station has only
+  // one node.
   std::vector<proto::Record> NextNode(AgentId agent);
-  // What a rover sees around its last node.
+  // Returns a map of the rover's surroundings at its last node.
   proto::Record MapHere(AgentId rover);
 
  private:

@@ -12,13 +12,13 @@ using std::chrono::milliseconds;
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-constexpr std::uint64_t kEndedEarlyEvery = 3;  // Of the leases, by the rover's own word.
+constexpr std::uint64_t kEndedEarlyEvery = 3;  // One lease in three is ended early.
 constexpr std::uint64_t kStartsInTroubleEvery = 3;
-// Leader and survivor have a rover's maps within this time if the links are up.
+// Leader and survivor receive a rover's maps within this time if the links are up.
 constexpr Duration kBroughtWithin = minutes(5);
-constexpr Duration kPrunedAfter = seconds(30);  // The operator prunes so long after the disk is full.
+constexpr Duration kPrunedAfter = seconds(30);  // Delay from the full disk to the operator's prune.
 constexpr Duration kFullForPrune = minutes(4);
-constexpr Duration kGoesToSleep = seconds(3);  // From a robot's word to when its computer has no power.
+constexpr Duration kGoesToSleep = seconds(3);  // Delay from a rover's sleeping lease to its power cut.
 
 }  // namespace
 
@@ -250,7 +250,7 @@ void SimulatedFaults::TroubleDisk(bool is_full) {
 
 AgentId SimulatedFaults::DrawRover() { return 1 + static_cast<AgentId>(world_.rng() % (world_.base - 1)); }
 
-// Honest operators give the Byzantine agent no role, and none through it.
+// Honest operators give the Byzantine agent no role, and change no roles through it.
 void SimulatedFaults::SetRoles(AgentId agent, proto::RoleSetRequest request) {
   if (world_.byzantine != 0 &&
       (agent == world_.byzantine || request.leader() == world_.byzantine || request.survivor() == world_.byzantine)) {

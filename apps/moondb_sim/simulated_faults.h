@@ -1,4 +1,4 @@
-// SimulatedFaults: what each fault of options.cc does to a simulated team, at random times at its rate.
+// SimulatedFaults: applies the faults of options.cc to a simulated team, at random times and at their rates.
 #pragma once
 
 #include <set>
@@ -17,12 +17,13 @@ class SimulatedFaults {
       : world_(world), robots_(robots), restarts_(restarts) {}
 
   void Start();
-  // The world is quiet: the radio is perfect and all links are up; what does not run stays so, and so do leases.
+  // Ends all faults when the world becomes quiet: the radio is perfect and all links are up. Agents that are down stay
+  // down, and leases remain.
   void End();
 
-  // How an actor of `agent` fails at the message that it is about to handle.
+  // Returns how an actor of `agent` fails at the message that it is about to handle.
   Fault AtHandler(AgentId agent);
-  // What `from` sends, `to` does not hear.
+  // Returns whether `to` receives nothing from `from`.
   bool IsDeaf(AgentId from, AgentId to) const { return deaf_.contains({from, to}); }
 
  private:
@@ -33,9 +34,10 @@ class SimulatedFaults {
   void Cut();
   void Deafen();
   void Divide();
-  // Links of agents that are known to be gone stay down.
+  // Brings the link up, unless one of the agents is known to be down.
   void Join(AgentId a, AgentId b);
-  void JoinParts(const std::set<AgentId>& part);  // But for the links between it and the rest.
+  // Takes the links between `part` and the other agents down, and brings all other links up.
+  void JoinParts(const std::set<AgentId>& part);
   void KillInWrite();
   void KillLong();
   void Drive();
@@ -45,14 +47,14 @@ class SimulatedFaults {
   void FillAndPrune();
   void FillDisk(AgentId agent, Duration length);
   void ChangePolicy();
-  void TroubleDisk(bool is_full);  // Else it fails.
+  void TroubleDisk(bool is_full);  // Fills the disk if `is_full`; otherwise makes its writes fail.
   AgentId DrawRover();
   void SetRoles(AgentId agent, proto::RoleSetRequest request);
 
   SimulatedWorld& world_;
   SimulatedRobots& robots_;
   AgentRestarts& restarts_;
-  AgentId fail_next_ = 0;  // An actor of that agent, at its next message.
+  AgentId fail_next_ = 0;  // Agent whose actor fails at its next message; 0 if none.
   std::set<std::pair<AgentId, AgentId>> deaf_;
 };
 

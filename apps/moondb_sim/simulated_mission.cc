@@ -41,19 +41,20 @@ using std::chrono::milliseconds;
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-constexpr double kMessagesMaxPerHour = 50'000;  // Of each agent; a hundredth of it is usual.
+constexpr double kMessagesMaxPerHour = 50'000;  // Limit for each agent; a hundredth of it is usual.
 constexpr Duration kSharePeriod = seconds(60);
 constexpr Duration kInspectPeriod = minutes(1);
-constexpr double kQuietRatio = 1.0 / 6;  // Of the hours, at the end.
+constexpr double kQuietRatio = 1.0 / 6;  // Part of the run at its end that has no faults.
 
-constexpr Duration kSolveApart = minutes(5);  // A solve takes longer than all else in a minute of a run.
+// Time between solves. A solve takes longer than all other work in a minute of a run.
+constexpr Duration kSolveApart = minutes(5);
 
 constexpr std::uint64_t kConfigHash = 1;
-// The prune frees more than twice the bytes that an agent with a full disk leaves to roles.
+// Content that the prune must free: more than twice the bytes that an agent with a full disk reserves for roles.
 constexpr double kFreedBytesMin = 768 * 1024;
-// In one seed of two have-sets come in pages of this size: an hour's is no larger than a page elsewhere.
+// Page size of have-sets in one seed of two. The have-set after an hour would fit into one page of the default size.
 constexpr std::size_t kSmallPageBytes = 1000;
-// Where sharing is simulated alone.
+// Actors that SimulatedActors::kSharing leaves out.
 const std::set<std::string> kNoPartOfSharing = {actor_name::kEvent, actor_name::kDownlink, actor_name::kPgo,
                                                 actor_name::kMerge, actor_name::kGateway};
 
@@ -84,7 +85,7 @@ class Mission {
         [this](AgentId from, AgentId to, const proto::Message& message) { return OnRadio(from, to, message); });
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
       world_.team.AddAgent(agent);
-      // To and from each other agent, sync and replication.
+      // Four sessions per peer: sync and replication, in both directions.
       const double burst_bytes =
           4.0 * (world_.base - 1) * static_cast<double>(world_.options.session.unacked_bytes_max);
       prunes_.emplace(agent, PruneChecker(agent));
@@ -131,7 +132,7 @@ class Mission {
   }
 
  private:
-  // Answers to the operator are checked at the instant at which they come.
+  // Advances time, and checks each answer to the operator at the instant at which it arrives.
   void AdvanceTo(MonotonicTime time) {
     while (time > world_.team.now() &&
            world_.team.RunUntil([this] { return done_.HasAnswers(); }, time - world_.team.now())) {
@@ -140,18 +141,19 @@ class Mission {
     world_.AdvanceTo(time);
   }
 
-  // A leader that solved shortly before the end first brings its survivor what came of it.
+  // Returns the end of the run. It is later than `end` if a leader solved shortly before, so that the leader can
+  // replicate the results to its survivor.
   MonotonicTime EndFrom(MonotonicTime end) const {
     return std::min(std::max(end, derived_at_ + 2 * kSharePeriod), end + 10 * kSharePeriod);
   }
 
-  // --- The team ---
+  // --- Actors of the team ---
 
   std::vector<StandardActor> ActorsOf(AgentId agent, const proto::TeamConfig& config) {
     StandardActorOptions options;
     options.storage.path = SimulatedWorld::PathOf(agent);
     options.storage.vfs = world_.disk.name();
-    options.storage.is_checked = true;  // By CheckStore.
+    options.storage.is_checked = true;  // CheckStore has checked it.
     options.sharing.session = world_.options.session;
     if (world_.options.seed % 2 == 0) options.sharing.have_page_bytes_max = kSmallPageBytes;
     options.pgo.solver.thread_count = 1;
@@ -185,7 +187,7 @@ class Mission {
     }
   }
 
-  // --- What is seen ---
+  // --- Observed messages ---
 
   Fault OnHandle(const Address& actor, const proto::Message& message) {
     if (++world_.report.messages == messages_max_) {
@@ -234,7 +236,7 @@ class Mission {
         }
         if (byzantine_checker_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
         if (message.store_reply().rejected_count() == 0) break;
-        // An agent with little room refuses records of an origin that takes more than its part.
+        // An agent that is short of room refuses records of an origin that takes more than its share.
         if (world_.HadDiskTrouble(actor.agent)) break;
         if (HasSigningKeys(world_.config) && world_.invariants.HasHadRole(sender)) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
@@ -299,7 +301,8 @@ class Mission {
     freed.since = world_.team.now();
   }
 
-  // An actor of the agent gets the answer that its insert is stored. In sharing alone only robots insert.
+  // An actor of the agent receives the answer that its insert is stored. Without all actors only robots insert, and
+  // SimulatedRobots reports their inserts.
   void SeeInserted(AgentId agent, const proto::Message& message) {
     if (!world_.options.has_all_actors()) return;
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
@@ -316,7 +319,7 @@ class Mission {
     world_.rare_states.OnAgentEnded(agent);
   }
 
-  // The agent's next life begins.
+  // Resets the checkers that cover one process lifetime of the agent.
   void Forget(AgentId agent) {
     world_.invariants.ForgetUnstoredRoles(agent);
     leases_.insert_or_assign(agent, LeaseChecker(agent));
@@ -347,12 +350,12 @@ class Mission {
     world_.rare_states.OnRadio(from, to, message);
     if (world_.options.has_all_actors()) clients_.OnRadio(from, message);
     const std::string who = "agent " + std::to_string(from) + " to " + std::to_string(to) + ": ";
-    // Of what it says itself that it does, nothing is known of a Byzantine agent.
+    // A Byzantine agent's own statements about its leases prove nothing.
     const auto wrong = leases_.at(from).WhyQuiet(message.source_actor(), to, message, world_.team.now());
     if (wrong && !IsByzantine(from) && !IsByzantine(to)) {
       world_.Violate("quiet_window", who + *wrong);
     }
-    const bool is_honest = !IsByzantine(from) && !IsByzantine(to);  // Both ends.
+    const bool is_honest = !IsByzantine(from) && !IsByzantine(to);  // Both ends are honest.
     if (message.has_hello()) checkers_[{from, message.source_actor(), to}].OnHello(message.hello());
     if (message.has_batch()) {
       world_.report.batch_bytes += message.ByteSizeLong();
@@ -366,7 +369,7 @@ class Mission {
     }
     if (message.has_refusal()) {
       const Error error = FromProto(message.refusal().error());
-      // A session that its receiver does not know any more; a store that failed.
+      // The receiver no longer knows the session, or its store failed.
       const bool is_usual =
           error.code == ErrorCode::kNotFound ||
           (error.code == ErrorCode::kUnavailable && (restarts_.is_damaged(from) || world_.HadDiskTrouble(from)));
@@ -389,7 +392,7 @@ class Mission {
     world_.invariants.SeeRecord(FromProto(record.key()), record.content(), where);
   }
 
-  // --- The operator ---
+  // --- Operator and periodic checks ---
 
   void Operate() {
     world_.In(kSharePeriod, [this] { Operate(); });
@@ -470,10 +473,12 @@ class Mission {
   }
 
   std::uint64_t hash_ = 0;
-  MonotonicTime derived_at_{};  // When poses or verdicts were stored last.
-  MonotonicTime late_from_{};   // Events that agents insert from here on need not reach others.
-  bool is_stormy_ = false;      // Nothing is heard any more, so that it ends.
-  std::map<std::tuple<AgentId, std::string, AgentId>, SessionChecker> checkers_;  // By sender, actor, receiver.
+  MonotonicTime derived_at_{};  // When poses or verdicts were last stored.
+  MonotonicTime late_from_{};   // Events inserted from here on need not reach other agents.
+  // Too many messages were sent: the radio drops all further ones, to end the run.
+  bool is_stormy_ = false;
+  // Sessions by sender, actor and receiver.
+  std::map<std::tuple<AgentId, std::string, AgentId>, SessionChecker> checkers_;
   std::map<AgentId, BudgetChecker> budgets_;
   std::map<AgentId, proto::Term> saving_term_;
   std::map<AgentId, PruneChecker> prunes_;
@@ -487,7 +492,8 @@ class Mission {
   DoneChecker done_;
   OwnInserts own_inserts_;
   ByzantineChecker byzantine_checker_;
-  std::map<std::pair<AgentId, std::uint64_t>, AgentId> store_senders_;  // By agent and request of its storage.
+  // Senders of store requests, by receiver and request id.
+  std::map<std::pair<AgentId, std::uint64_t>, AgentId> store_senders_;
   ByzantineAgent byzantine_;
   QuiescenceChecks rest_;
   const std::uint64_t messages_max_;

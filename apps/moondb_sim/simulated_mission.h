@@ -1,7 +1,8 @@
-// A whole team for some hours of simulated time: real actors on real SQLite, over a simulated radio and disks, with
-// robots that insert, an operator that shares and assigns roles, and faults; then quiet, and a check of all the rules.
+// Simulates a whole team for some hours of simulated time: real actors on real SQLite, over a simulated radio and
+// simulated disks. Robots insert records, an operator shares and assigns roles, and faults strike. At the end the
+// faults stop, and all invariants are checked.
 //
-// One thread. Equal options give equal runs, which trace_hash shows.
+// Single-threaded. Equal options give equal runs, which trace_hash shows.
 #pragma once
 
 #include "apps/moondb_sim/options.h"

@@ -14,23 +14,24 @@ using std::chrono::seconds;
 
 constexpr Duration kInsertPeriod = seconds(10);
 constexpr int kInsertsPerMap = 6;
-constexpr std::uint64_t kQuarantineEvery = 60;  // Inserts, on average.
-constexpr std::uint64_t kLargeMapEvery = 30;    // About 15 kB coded, where the others have 0.2 kB.
+constexpr std::uint64_t kQuarantineEvery = 60;  // Average number of turns per quarantine.
+constexpr std::uint64_t kLargeMapEvery = 30;    // One map in 30 has about 15 kB coded; the others have 0.2 kB.
 constexpr std::size_t kOpenMax = 32;
-constexpr std::uint64_t kSilentEvery = 4;  // Seeds, from the third on.
+constexpr std::uint64_t kSilentEvery = 4;  // One seed in four has silent robots.
 constexpr Duration kSilence = std::chrono::hours(1);
-constexpr std::uint64_t kBeacons = 5;  // Keys.
+constexpr std::uint64_t kBeacons = 5;  // Different latest keys of beacons.
 constexpr int kPlainMaps = 16;
 constexpr std::uint32_t kPlainSide_cells = 512;
-constexpr std::uint64_t kNotes = 2;         // Keys.
-constexpr std::uint64_t kTurnsPerNote = 3;  // A rover gives one note in so many turns.
+constexpr std::uint64_t kNotes = 2;         // Different latest keys of notes.
+constexpr std::uint64_t kTurnsPerNote = 3;  // A rover inserts a note every third turn.
 constexpr Duration kOptimizedAfterStart = seconds(2);
 constexpr Duration kOptimizePeriod = minutes(5);
-constexpr std::uint64_t kOptimizedNodes = 60;  // The last ones of each rover: each node is optimized twice.
+// Last nodes of each rover that a run optimizes, so each node is optimized twice.
+constexpr std::uint64_t kOptimizedNodes = 60;
 constexpr std::uint64_t kOptimizedStep = 6;
-constexpr std::uint64_t kTurnsPerNode = 6;        // Of a robot that drives: solving and merging take the time of a run.
-constexpr std::uint64_t kLiftedEvery = 3;         // Quarantines.
-constexpr Duration kQuarantinedAt = minutes(30);  // At most so long ago, and for so long.
+constexpr std::uint64_t kTurnsPerNode = 6;  // For driving robots. More nodes would make solving and merging too slow.
+constexpr std::uint64_t kLiftedEvery = 3;   // One quarantine record in three lifts an earlier one.
+constexpr Duration kQuarantinedAt = minutes(30);  // Longest age and duration of a quarantined interval.
 
 proto::NodeKey Node(AgentId agent, std::uint64_t index) {
   proto::NodeKey key;
@@ -39,10 +40,10 @@ proto::NodeKey Node(AgentId agent, std::uint64_t index) {
   return key;
 }
 
-// Storage knows it by that: inserted again it is one record.
+// Returns whether storage recognises a repeated insert of the record, by its node or edge.
 bool HasName(const proto::Record& record) { return record.has_pose_graph_node() || record.has_pose_graph_edge(); }
 
-// Nothing where the message answers no insert, or does not say what came of it.
+// Returns the answer to an insert. Null for other messages, and for errors that leave the outcome open.
 std::optional<proto::InsertReply> InsertReplyIn(const proto::Message& message) {
   if (message.has_insert_reply()) return message.insert_reply();
   const std::optional<proto::ControlReply> reply = ClientReplyIn(message);
@@ -80,7 +81,7 @@ void SimulatedRobots::SetLease(AgentId agent, proto::LeaseKind kind, Duration le
   message.mutable_lease_request()->set_kind(kind);
   message.mutable_lease_request()->set_seconds(std::chrono::duration<double>(length).count());
   (void)world_.team.Post({agent, "driver"}, {agent, actor_name::kLease}, std::move(message));
-  (void)world_.team.Take({agent, "driver"});  // What was answered before.
+  (void)world_.team.Take({agent, "driver"});  // Drop earlier answers.
 }
 
 bool SimulatedRobots::IsSilent() const { return world_.options.seed % kSilentEvery == kSilentEvery - 1; }
@@ -88,7 +89,7 @@ bool SimulatedRobots::IsSilent() const { return world_.options.seed % kSilentEve
 void SimulatedRobots::OnAgentStarted(AgentId agent) {
   if (!IsSilent() || agent == world_.base || world_.is_quiet) return;
   robots_[agent].silent_until = MonotonicTime();
-  // At once, or a little later.
+  // Report the state now, or leave it to the next turn.
   if (world_.rng() % 2 == 0) ReportState(agent);
   world_.In(world_.DrawDuration(kOptimizedAfterStart), [this, agent] {
     if (!world_.is_quiet && world_.Leaders().contains(agent)) OptimizeAt(agent);
@@ -139,7 +140,8 @@ void SimulatedRobots::Drive(AgentId agent, Robot& robot) {
   if (world_.rng() % kQuarantineEvery == 0) robot.open.push_back(QuarantineOfLate());
 }
 
-// What was not answered is inserted again: storage knows a node by its name. A map might come twice.
+// Inserts the open records. Unanswered nodes and edges are inserted again, because storage recognises repeats.
+// Unanswered maps are not, because they might be stored twice.
 void SimulatedRobots::InsertOpen(AgentId agent, Robot& robot) {
   while (robot.open.size() > kOpenMax) robot.open.pop_front();
   for (const proto::Record& record : robot.open) Insert(agent, {record});
@@ -171,7 +173,7 @@ void SimulatedRobots::SetPose(proto::Pose& pose) {
   pose.mutable_orientation()->set_w(1);
 }
 
-// Of whose maps does not matter without MergeActor.
+// Quarantines maps of any agent. Without MergeActor the choice does not matter.
 proto::Record SimulatedRobots::Quarantine() {
   proto::Record record;
   record.mutable_map_quarantine()->set_agent_id(world_.DrawAgent());
@@ -179,7 +181,7 @@ proto::Record SimulatedRobots::Quarantine() {
   return record;
 }
 
-// Of some minutes of an agent's maps, or lifts one that was given before.
+// Quarantines some minutes of an agent's maps, or lifts an earlier quarantine.
 proto::Record SimulatedRobots::QuarantineOfLate() {
   proto::Record record;
   proto::MapQuarantine& quarantine = *record.mutable_map_quarantine();
@@ -202,7 +204,7 @@ proto::Record SimulatedRobots::MapAt(AgentId rover, std::uint64_t index) {
   *map.mutable_node() = Node(rover, index);
   map.mutable_node_from_map()->mutable_position_m();
   map.mutable_node_from_map()->mutable_orientation()->set_w(1);
-  // Every so often one that does not fit into a message, whatever codes it.
+  // Now and then, a map does not fit into one message with any codec.
   const bool is_large = world_.rng() % kLargeMapEvery == 0;
   const std::uint32_t side_cells = is_large ? 192 : 16;
   for (int i = 0; i < 2; ++i) {
@@ -229,7 +231,7 @@ void SimulatedRobots::LearnPlainMaps(AgentId rover) {
   }
 }
 
-// Four cells, each unknown, free or hazard.
+// Returns one byte with four random cells, each unknown, free or hazard.
 char SimulatedRobots::DrawCells() {
   std::uint64_t random = world_.rng();
   int cells = 0;
@@ -266,7 +268,7 @@ void SimulatedRobots::TakeInsertReplies(AgentId agent) {
     NoteInserted(agent, asked->second, *reply);
     robot.asked.erase(asked);
   }
-  // No answer: what has a name is asked for again.
+  // Unanswered nodes and edges are inserted again.
   for (auto& [id, records] : robot.asked) {
     for (proto::Record& record : records) {
       if (HasName(record)) robot.open.push_back(std::move(record));
@@ -288,8 +290,8 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
     return;
   }
   if (IsError(reply.error())) {
-    if (agent == world_.byzantine) return;  // It may have lied to its own agent too.
-    // A plain rover may not quarantine other agents' maps; who leads is not the robots' concern here.
+    if (agent == world_.byzantine) return;  // The Byzantine agent may have lied to its own store too.
+    // A rover without a role may not quarantine other agents' maps, and robots do not check who leads.
     const bool is_refused = reply.error().code() == proto::ERROR_CODE_REFUSED && HasSigningKeys(world_.config);
     if (is_refused && records.front().has_map_quarantine()) return;
     return world_.Violate("starts", "an insert failed: " + reply.error().text());
@@ -306,7 +308,7 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
   }
 }
 
-// Each that leads optimizes what it has; two leaders may.
+// Lets each leader optimize its nodes. There may be two leaders.
 void SimulatedRobots::Optimize() {
   if (world_.is_quiet) return;
   world_.In(kOptimizePeriod, [this] { Optimize(); });

@@ -1,10 +1,9 @@
-// SimulatedRobots: what stands around the agents: rovers that insert a state and a node every ten seconds and a map
-// every minute, and again what was not answered; and the optimizer of whoever leads. In one seed of four rovers say
-// what state they are in when their agent starts, and then for an hour no more, and a leader that starts optimizes at
-// once.
+// SimulatedRobots: the agents' robots, and an optimizer at the leader. Each rover inserts a state and a node every ten
+// seconds and a map every minute, and repeats inserts that were not answered. In one seed of four, rovers report their
+// state when their agent starts, and then not for an hour. In these seeds a leader optimizes right after its start.
 //
-// With all actors robots are clients of their agents' gateways, drive (SimulatedDrive), insert a node with its edges
-// and a map every minute, and leave the pose graph to PgoActor.
+// With all actors, robots are clients of their agents' gateways and drive (SimulatedDrive). They insert a node with its
+// edges and a map every minute, and leave the pose graph to PgoActor.
 #pragma once
 
 #include <cstdint>
@@ -22,26 +21,27 @@ class SimulatedRobots {
  public:
   explicit SimulatedRobots(SimulatedWorld& world) : world_(world), drive_(world) {}
 
-  void Start();                           // Until the world is quiet.
-  void TakeInsertReplies(AgentId agent);  // Tells the rules what is stored.
-  // The robot's own software, or an operator, tells its agent; 0: no more. Nothing where that does not run.
+  void Start();                           // Inserts records until the world is quiet.
+  void TakeInsertReplies(AgentId agent);  // Reports stored records to the invariants.
+  // The robot's software or an operator requests a lease from its agent; 0 ends the lease. Does nothing if the agent
+  // does not run.
   void SetLease(AgentId agent, proto::LeaseKind kind, Duration length);
-  // Inserts maps that take much room on the disk and little on the radio.
+  // Inserts maps that take much space on the disk and little on the radio.
   void LearnPlainMaps(AgentId rover);
-  void OnAgentStarted(AgentId agent);  // Before it hears of any other.
-  void OnAgentEnded(AgentId agent);    // Nothing that it was asked is answered any more.
+  void OnAgentStarted(AgentId agent);  // Call before the agent connects to others.
+  void OnAgentEnded(AgentId agent);    // Drops its open requests, which will not be answered.
 
  private:
   struct Robot {
-    std::uint64_t turns = 0;       // Each with one node, but where it drives.
-    MonotonicTime silent_until{};  // With states.
+    std::uint64_t turns = 0;       // Number of turns; each inserts one node, unless the robot drives.
+    MonotonicTime silent_until{};  // The robot reports no states before this time.
     std::map<std::uint64_t, std::vector<proto::Record>> asked;
-    std::deque<proto::Record> open;  // To be inserted.
+    std::deque<proto::Record> open;  // Records to insert.
   };
 
   bool IsSilent() const;
-  Address ListenerOf(AgentId agent) const;  // Where its robot's requests go to,
-  Address RobotOf(AgentId agent) const;     // and the answers.
+  Address ListenerOf(AgentId agent) const;  // Address to which the agent's robot sends requests.
+  Address RobotOf(AgentId agent) const;     // Address at which the agent's robot receives answers.
   static Address ActorOf(AgentId agent);
   void Work(AgentId rover);
   void Learn(AgentId rover, Robot& robot);
@@ -62,10 +62,11 @@ class SimulatedRobots {
 
   SimulatedWorld& world_;
   SimulatedDrive drive_;
-  std::vector<RecordKey> quarantines_;  // Given with all actors, some of which are lifted later.
+  std::vector<RecordKey> quarantines_;  // Quarantines stored with all actors; some are lifted later.
   std::uint64_t request_id_ = 0;
   std::map<AgentId, Robot> robots_;
-  std::map<std::pair<AgentId, std::uint64_t>, std::uint64_t> run_;  // Of a leader in a term, in its present life.
+  // Last run of each leader and term, since the leader's restart.
+  std::map<std::pair<AgentId, std::uint64_t>, std::uint64_t> run_;
 };
 
 }  // namespace moondb::simulation

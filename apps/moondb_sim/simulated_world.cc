@@ -13,7 +13,8 @@ namespace {
 
 constexpr std::size_t kViolationsMax = 10;
 constexpr std::size_t kLastEvents = 60;
-// A robot may read so late that an insert was refused before the prune. Peers' records fill what was freed in the end.
+// For kRefusedBefore after a prune, a robot may still read refusals from before it. After kStoresFor, peers' records
+// may have filled the freed space.
 constexpr Duration kRefusedBefore = std::chrono::seconds(15);
 constexpr Duration kStoresFor = std::chrono::seconds(75);
 
@@ -101,7 +102,7 @@ std::set<AgentId> SimulatedWorld::Leaders() const {
 proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto::Message question) {
   const Address requester{agent, "checker"};
   (void)team.Take(requester);
-  // What a gateway has yet to hand on would overtake the answer.
+  // Let gateways forward pending messages first. Otherwise these would overtake the answer.
   if (options.has_all_actors()) team.RunUntilIdle();
   is_asking = true;
   (void)team.Post(requester, {agent, actor}, std::move(question));

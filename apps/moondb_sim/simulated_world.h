@@ -1,7 +1,7 @@
-// SimulatedWorld: what the parts of a simulated mission share: the team and its disks, one schedule, one source of
-// chance, the rules, and the report of what was seen. Robots, faults and checks are made upon it.
+// SimulatedWorld: state that the parts of a simulated mission share: the team and its disks, one schedule, one random
+// stream, the invariants, and the report. Robots, faults and checks use it.
 //
-// One thread. Whoever draws a number changes all later ones: equal options give equal runs, and no others.
+// Single-threaded. Each draw from `rng` changes all later ones, so only equal options give equal runs.
 #pragma once
 
 #include <cstdint>
@@ -31,59 +31,60 @@ class SimulatedWorld {
 
   explicit SimulatedWorld(const SimOptions& sim_options);
 
-  static std::string Prefix(AgentId agent);  // Of its files on `disk`.
-  static std::string PathOf(AgentId agent);  // Its database.
+  static std::string Prefix(AgentId agent);  // Path prefix of the agent's files on `disk`.
+  static std::string PathOf(AgentId agent);  // Path of the agent's database.
 
   void At(MonotonicTime time, Action action);
   void In(Duration delay, Action action);
-  void AdvanceTo(MonotonicTime time);  // Nothing if it has passed.
-  double NowS() const;                 // Since the start.
+  void AdvanceTo(MonotonicTime time);  // Does nothing if `time` has passed.
+  double NowS() const;                 // Seconds since the start.
   std::int64_t ClockOf(AgentId agent) { return team.utc_now_ns() + clock_offset[agent].count(); }
 
-  double Draw();  // From 0 to below 1.
+  double Draw();  // Returns a uniform number from 0 to below 1.
   Duration DrawDuration(Duration limit);
   AgentId DrawAgent();
   AgentId DrawOther(AgentId agent);
 
-  // A rule is broken. The first few are kept, and the last events before the first.
+  // Reports a violated invariant. The report keeps the first few, and the last events before the first.
   void Violate(const std::string& rule, std::string text);
-  bool HasEnough() const;  // Violations, to end the run.
+  bool HasEnough() const;  // Returns whether there are enough violations to end the run.
   void NoteEvent(const Address& actor, const proto::Message& message);
 
   // Returns the agent's present team file.
   const proto::TeamConfig& ConfigOf(AgentId agent) const {
     return keeps_all_notes.contains(agent) ? config_with_all_notes : config;
   }
-  // Returns whether the agent must take records that are no maps: it has just pruned much on a full disk.
+  // Returns whether the agent must accept records other than maps, because a prune has just freed much of its full
+  // disk.
   bool MustStore(AgentId agent) const;
-  // Its disk was full or failed a minute ago or later: it may refuse what it is to store.
+  // Returns whether the agent's disk was full or failing within the last minute, so it may refuse to store records.
   bool HadDiskTrouble(AgentId agent) const;
-  std::set<AgentId> Leaders() const;  // Those running that lead as far as they know.
-  // Its last answer, which it gives at once; empty if it gives none.
+  std::set<AgentId> Leaders() const;  // Returns the running agents that act as leader.
+  // Returns the actor's last answer at this instant; empty if it gives none.
   proto::Message AskActor(AgentId agent, const char* actor, proto::Message question);
   std::optional<HaveSet> HaveOf(AgentId agent);
-  Records ReadAll(AgentId agent);  // Whatever it shares.
+  Records ReadAll(AgentId agent);  // Returns all shared records.
 
   const SimOptions options;
-  const proto::TeamConfig config;                 // At the start.
-  const proto::TeamConfig config_with_all_notes;  // With another policy for notes.
-  const AgentId base;                             // The base station, and the last agent.
-  const AgentId byzantine;                        // The rover that lies; 0: none does.
+  const proto::TeamConfig config;                 // Initial team file.
+  const proto::TeamConfig config_with_all_notes;  // Team file that keeps all notes.
+  const AgentId base;                             // The base station, which is the last agent.
+  const AgentId byzantine;                        // The Byzantine rover; 0 if none.
   SimReport report;
   std::mt19937_64 rng;
   std::multimap<MonotonicTime, Action> schedule;
-  std::map<AgentId, proto::RoleAssignment> roles;  // What each running agent acts on.
-  std::map<AgentId, proto::Term> durable_term;     // On each agent's disk, as its RoleActor knows.
+  std::map<AgentId, proto::RoleAssignment> roles;  // Roles on which each running agent acts.
+  std::map<AgentId, proto::Term> durable_term;     // Term on each agent's disk, as its RoleActor knows.
   std::map<AgentId, Duration> clock_offset;
   std::map<AgentId, MonotonicTime> disk_trouble_until;
   struct FreedOnFullDisk {
     double content_bytes = 0;
-    std::optional<MonotonicTime> since;  // When there were enough of them.
+    std::optional<MonotonicTime> since;  // When enough bytes were freed.
   };
-  std::map<AgentId, FreedOnFullDisk> freed_on_full_disk;  // By a prune that goes on or is done.
-  std::set<AgentId> keeps_all_notes;                      // Agents whose team file has changed.
-  bool is_quiet = false;                                  // No more faults, nor inserts.
-  bool is_asking = false;                                 // The checks ask, and no actor fails at their questions.
+  std::map<AgentId, FreedOnFullDisk> freed_on_full_disk;  // Bytes freed by a prune that runs or has finished.
+  std::set<AgentId> keeps_all_notes;                      // Agents whose team file now keeps all notes.
+  bool is_quiet = false;                                  // Faults and inserts have ended.
+  bool is_asking = false;                                 // The checks send requests; no actor fails at these.
   SimulatedDisk disk;
   Invariants invariants;
   RareStates rare_states;
@@ -99,7 +100,7 @@ class SimulatedWorld {
     AgentId from;
   };
 
-  std::deque<Event> events_;  // The last ones.
+  std::deque<Event> events_;  // The latest messages.
 };
 
 }  // namespace moondb::simulation

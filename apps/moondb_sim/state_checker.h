@@ -1,7 +1,7 @@
-// StateChecker: whether the state that a robot's software gave last is the one that stands.
+// StateChecker: checks that the stored state is the last one that a robot's software gave.
 //
-// Records tell nothing of it: what an agent stores once more has another name, and names are what may be wrong. So this
-// counts what robots give, in their order, and knows a state again by its content, which is never the same twice.
+// Records do not show this: a state that is stored again gets another key, and keys may be wrong. So this class numbers
+// the states that robots give, in their order. It recognises a state by its content, which is always unique.
 #pragma once
 
 #include <cstdint>
@@ -17,38 +17,39 @@
 
 namespace moondb::simulation {
 
-using Records = std::map<RecordKey, std::string>;  // Contents.
+using Records = std::map<RecordKey, std::string>;  // Contents by key.
 
-// A custom type of the simulated team, shared as `latest`, with keys.
+// Custom type of the simulated team with latest keys, shared with the policy `latest`.
 inline constexpr DataType kBeacon = 1000;
 
-// A custom type whose policy changes from `latest` to `all`, agent by agent (fault `policy`).
+// Custom type whose policy changes from `latest` to `all`, agent by agent (fault `policy`).
 inline constexpr DataType kNote = 1002;
 
-// Types of which only the newest of an agent (and of a key) is kept, by epoch and seq.
+// Returns whether only an origin's newest record of the type (and latest key) is kept, by epoch and seq.
 inline bool IsState(DataType type) { return type == proto::POWER || type == kBeacon; }
 
-// Types of which an agent may drop records that no prune removed.
+// Returns whether an agent may drop records of the type without a prune.
 inline bool MayBeSuperseded(DataType type) {
   return IsState(type) || type == kNote || type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT;
 }
 
 class StateChecker {
  public:
-  // The robot of `origin` gives it to its agent, which may or may not store it. Nothing if it is no state.
+  // The robot of `origin` gives `record` to its agent, which may or may not store it. Ignores types that are no states.
   void OnGiven(AgentId origin, const proto::Record& record);
-  // The content of a record that was seen anywhere, as its hash.
+  // A record was seen anywhere with this hash of its content.
   void OnContent(const RecordKey& key, std::uint64_t content_hash);
-  // `agent` holds it on its disk, and from now on that or a later one.
+  // `agent` holds the state on its disk, and must hold it or a later one from now on.
   void OnHeld(AgentId agent, const RecordKey& key);
-  // Its disk holds other things from now on.
+  // The agent's disk was replaced.
   void ForgetDisk(AgentId agent) { last_on_.erase(agent); }
 
-  // What `agent`, at rest, holds of states of `origin` (0: of all) in place of later ones that some disk had.
+  // Returns a text if a quiescent `agent` holds an older state of `origin` than some disk held; null otherwise.
+  // `origin` 0 means all origins.
   std::optional<std::string> WhyOld(AgentId agent, AgentId origin, const Records& records) const;
 
  private:
-  using Series = std::tuple<AgentId, DataType, std::string>;  // Origin, type, key.
+  using Series = std::tuple<AgentId, DataType, std::string>;  // Origin, type, and latest key.
   struct Given {
     Series series;
     std::uint64_t number = 0;
@@ -56,14 +57,14 @@ class StateChecker {
   const Given* Find(const RecordKey& key) const;
 
   std::uint64_t given_ = 0;
-  std::map<std::uint64_t, Given> given_by_content_;             // By hash.
-  std::map<RecordKey, std::uint64_t> content_of_;               // Of states.
-  std::map<AgentId, std::map<Series, std::uint64_t>> last_on_;  // The number of the last one, by disk.
+  std::map<std::uint64_t, Given> given_by_content_;             // States that robots gave, by hash of the content.
+  std::map<RecordKey, std::uint64_t> content_of_;               // Hashes of the contents of states.
+  std::map<AgentId, std::map<Series, std::uint64_t>> last_on_;  // Number of the last state on each agent's disk.
 };
 
 std::uint64_t ContentHash(const std::string& content);
-// Returns the hashes of the contents that storage may make of what a robot gives: with and without the mark of a
-// suspect clock, and the one of the policy `latest`.
+// Returns the hashes of the contents that storage may make of a robot's record: with and without the flag of a suspect
+// clock, and with and without the flag of the policy `latest`.
 std::set<std::uint64_t> StatementHashes(const proto::Record& given);
 
 }  // namespace moondb::simulation

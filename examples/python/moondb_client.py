@@ -103,10 +103,10 @@ class MoondbClient:
             read["after_row_id"] = page.row_ids[-1]
 
     def sync(self, limit_s=600.0, on_progress=None, **order):
-        """Shares now, at the leader from and to each agent, else this agent's own records to the leader; gives a
-        ShareProgress (proto/sharing.proto) when all is acknowledged (is_complete), when nothing more can be done now
-        (is_over), or after limit_s. `on_progress` sees each ShareProgress until then. `order`: fields of ShareRequest. A process
-        of the agent that ends meanwhile is noticed after a minute and a half; then the order is given again."""
+        """Shares with each agent if this is the leader, else sends this agent's own records to the leader.
+        Returns a ShareProgress (proto/sharing.proto) when all records are acknowledged (is_complete), when no more progress
+        is possible (is_over), or after limit_s. `on_progress` is called with each ShareProgress until then. `order` has
+        fields of ShareRequest. If the agent's process ends, this is noticed after 90 s, and the order is sent again."""
         return self._share(sharing_pb2.SHARING_KIND_SYNC, limit_s, on_progress, order)
 
     def replicate(self, limit_s=600.0, on_progress=None, **order):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a robot's software does with its agent: stores a reading, a pose and a local map, and takes the merged map.
+"""Shows how a robot's software uses its agent: stores a reading, a pose and a local map, and takes the merged map.
 
 Usage: survey.py TEAM_FILE AGENT AGENT_ID    The agent runs on this machine, as this user.
 """

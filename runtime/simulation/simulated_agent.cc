@@ -264,7 +264,7 @@ bool SimulatedAgent::Recover(Host& host, Mailbox::Item* item, const Error& failu
   const bool is_final = verdict.action == Supervisor::Action::kBeyondHelp;
   Notify(monitors_.OnActorDown(host.self().actor, ToString(failure), is_final));
   if (is_final) {
-    spdlog::warn("actor {} is beyond help, agent {} crashes", ToString(host.self()), id_);
+    spdlog::warn("actor {} has failed permanently, agent {} crashes", ToString(host.self()), id_);
     Crash();
     return false;
   }
@@ -288,7 +288,7 @@ void SimulatedAgent::StepDown(const Host& failed, const Error& failure) {
 
 void SimulatedAgent::CrashActor(const std::string& actor) {
   Host* host = FindHost(actor);
-  Check(host != nullptr && host->has_actor() && !host->is_in_handler(), "an actor that is there and at rest");
+  Check(host != nullptr && host->has_actor() && !host->is_in_handler(), "an actor that exists and is idle");
   host->End();
   if (SettleHandler(*host, nullptr, Error{ErrorCode::kInternal, "crashed by the test", {}})) StartHost(*host);
 }

@@ -18,7 +18,7 @@
 #include "runtime/mailbox.h"
 #include "runtime/monitors.h"
 #include "runtime/role_table.h"
-#include "runtime/simulation/simulated_team.h"
+#include "runtime/simulation/fault.h"
 #include "runtime/system_status.h"
 #include "runtime/timer_queue.h"
 #include "runtime/trace_book.h"

@@ -294,7 +294,7 @@ bool SimulatedTeam::Impl::RunNextEvent(MonotonicTime end) {
     now_ = due->first;
     events_at_now_ = 0;
   }
-  Check(++events_at_now_ <= kEventsAtOnceMax, "actors come to rest while time stands still");
+  Check(++events_at_now_ <= kEventsAtOnceMax, "actors become idle at one instant");
   due->second();
   return true;
 }

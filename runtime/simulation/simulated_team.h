@@ -30,18 +30,10 @@
 
 #include "proto/trace.pb.h"
 #include "runtime/actor.h"
+#include "runtime/simulation/fault.h"
 #include "runtime/simulation/simulated_radio.h"
 
 namespace moondb::simulation {
-
-// Fault that SetFault injects when an actor is about to handle a message. The actor then restarts as after Fail.
-enum class Fault {
-  kNone,
-  kBeforeHandler,   // The actor fails instead of handling the message.
-  kAtFirstSend,     // The first Send or Publish throws and sends nothing (if there is none: as kAfterHandler).
-  kAfterFirstSend,  // The first Send or Publish sends and then throws (if there is none: as kAfterHandler).
-  kAfterHandler,    // The actor fails after the handler has completed and sent everything.
-};
 
 class SimulatedTeam {
  public:

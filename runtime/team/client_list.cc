@@ -106,7 +106,7 @@ ClientKeys ClientKeys::Open(std::filesystem::path path, Time now) {
   ClientKeys keys(std::move(path));
   keys.looked_ = now;
   keys.version_ = keys.Look();
-  keys.Read("nobody is let in until it is mended");
+  keys.Read("no client is admitted until it is repaired");
   return keys;
 }
 
@@ -115,7 +115,7 @@ std::optional<proto::ListedClient> ClientKeys::Find(const std::string& key, Time
     looked_ = now;
     if (const Version version = Look(); version != version_) {
       version_ = version;
-      Read("who was listed before stays so");
+      Read("the clients listed before stay admitted");
     }
   }
   const auto found = by_key_.find(key);
@@ -136,7 +136,7 @@ void ClientKeys::Read(const char* if_wrong) {
     return spdlog::error("transport: {}; {}", errors, if_wrong);
   }
   by_key_.clear();
-  if (!list) return spdlog::warn("transport: there is no {}: no client is let in by a key", path_.string());
+  if (!list) return spdlog::warn("transport: there is no {}: no client is admitted by a key", path_.string());
   for (const proto::ListedClient& client : list->clients()) by_key_[client.key()] = client;
   spdlog::info("transport: {} lists {} client(s)", path_.string(), by_key_.size());
 }

@@ -20,43 +20,43 @@ namespace {
 
 constexpr char kHead[] =
     "# The team's configuration: the same file on every agent. `moonctl config check` checks it.\n"
-    "# Lengths are metres, angles radians; what is left out has its default.\n";
+    "# Lengths are metres, angles radians. Settings that are left out have their defaults.\n";
 
 constexpr char kKeyNote[] =
-    "# key: the file of the agent's public key, which every agent needs; its secrets, NAME.sec and NAME.sign, stay on "
-    "its agent.\n"
-    "# signing_key: the public half of NAME.sign, by which others believe its changes of roles.\n"
-    "# client_address: \"tcp://HOST:PORT\", where clients from elsewhere are let in (`moonctl clients`); none by "
+    "# key: file of the agent's public key, which every agent needs. Its secrets, NAME.sec and NAME.sign, stay on its "
+    "agent.\n"
+    "# signing_key: the public half of NAME.sign, with which others verify its changes of roles.\n"
+    "# client_address: \"tcp://HOST:PORT\", address for clients on other machines (`moonctl clients`); none by "
     "default.\n";
 
 constexpr char kTail[] =
     R"(
-# Who leads and who survives at the very beginning (term 0); roles that were set later win. failover: manual or
-# automatic (the survivor takes the lead of a leader that is silent for leader_timeout_s).
+# Initial leader and survivor (term 0); roles that were set later win. failover: manual or automatic (the survivor takes
+# over from a leader that is silent for leader_timeout_s).
 roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 
-# Through whom agents take commands that are relayed to them, and who changes roles as an operator: names, or all.
+# Agents that may relay commands to others and change roles as an operator: names, or all.
 command_from: [%s]
 
-# What one agent may send and receive together; how often states go to the leader unasked (0: never); how records are
-# coded: compact, or to compare with it zstd, plain or paper_sql.
+# Total rate that one agent may send and receive, and the period at which states are sent to the leader without a request
+# (0: never). Codec of records: compact, or for comparison zstd, plain or paper_sql.
 radio: {budget_kbps: %s, quiet_while_driving: %s, states_period_s: %s, codec: %s}
 
-# Sharing policies: none, latest or all. `share` is what rovers send to the leader and the leader to the designated
-# survivor, `ground` what the base station is sent. Of a type under `latest` only the newest record is shared.
+# Sharing policies by data type: none, latest or all. `share` holds from rovers to the leader and on to the designated
+# survivor, `ground` for the base station. Under `latest` only the newest record of a type is shared.
 share:
 %s
 ground:
 %s
-# What each robot's own disk keeps, as its history, of its own records that newer ones have superseded under `latest`:
-# all, latest (they go at once) or for how long, as 7d or 12h; within retention.history_mb_max (64), the oldest go
-# first. Nobody else has this history: it is lost with the disk.
+# History: how long each robot's own disk keeps its own records that newer ones superseded under `latest`: all, latest
+# (removed at once), or a time such as 7d or 12h. Beyond retention.history_mb_max (64) the oldest are removed first. No
+# other agent has this history: it is lost with the disk.
 keep:
 %s
-# The leader solves the pose graph by itself when records have stopped coming, or on `moonctl graph optimize` alone.
+# Whether the leader solves the pose graph by itself when no more records arrive, or only on `moonctl graph optimize`.
 pose_graph: {solve_by_itself: %s}
 
-# What an agent need not keep for ever, where leader and designated survivor have it (docs/OPERATING.md, Space):
+# Limits on what an agent keeps once leader and designated survivor have it (docs/OPERATING.md, Space):
 # retention: {keep_days: 90, keep_event_days: 30, store_mb_max: 4000, map_part_max: 0.7, disk_free_mb_min: 512,
 #   history_mb_max: 64}
 
@@ -155,7 +155,7 @@ std::string Format(const char* format, const std::vector<std::string>& values) {
 
 std::string TeamIdText(const std::string& team_id) {
   // Quoted, because some ids would otherwise parse as numbers.
-  return "team_id: \"" + team_id + "\"   # Tells this team from any other, for ever.";
+  return "team_id: \"" + team_id + "\"   # Unique id of the team; never change it.";
 }
 
 std::string CommandFromText(const proto::TeamConfig& team) {

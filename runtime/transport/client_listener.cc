@@ -165,7 +165,7 @@ void ClientListener::KeepPlace(std::chrono::steady_clock::time_point now) {
   if (!is_listening_) {
     const auto listening = ListenOnIpc(router_, options_.endpoint);
     is_listening_ = listening.has_value();
-    log_.Warn(is_listening_ ? "transport: listens anew for clients" : "transport: " + ToString(listening.error()));
+    log_.Warn(is_listening_ ? "transport: listens for clients again" : "transport: " + ToString(listening.error()));
     return;
   }
   struct stat status {};

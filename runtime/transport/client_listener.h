@@ -37,8 +37,8 @@ namespace moondb {
 
 class ClientListener {
  public:
-  // Limit of concurrent connections with one key (ConnectionRules::Door::key_max). Routing ids are kept for this many
-  // connections of a key, including closed ones.
+  // Limit of concurrent connections with one key (ConnectionRules::Listener::key_max). Routing ids are kept for this
+  // many connections of a key, including closed ones.
   static constexpr std::size_t kConnectionsOfKeyMax = 15;
 
   // Returns the identity of the client with this key (Z85), according to the current client list.
@@ -60,7 +60,7 @@ class ClientListener {
     std::function<Result<void>(ZmqSocket& listener)> before_listening;
   };
 
-  // Opens the socket. Requires: `wake_up` outlives the object; at most one of an agent's two ClientDoors uses keys.
+  // Opens the socket. Requires: `wake_up` outlives the object; at most one of an agent's two ClientListeners uses keys.
   // Returns kUnavailable if the address is in use, kInvalid if the folder is not private to this user. A missing folder
   // is created.
   static Result<std::unique_ptr<ClientListener>> Open(const ZmqContext& context, WakeUp& wake_up, Options options);

@@ -2,6 +2,7 @@
 
 #include <google/protobuf/io/coded_stream.h>
 
+#include "model/data_types.h"
 #include "model/ids.h"
 
 namespace moondb {

@@ -332,7 +332,7 @@ class ZeroMqTransport::Impl {
       Sleep();
       if (zap_handler_) zap_handler_->OnReadable();
       has_more_ = ReceiveFromPeers();
-      // The ClientDoors work last: KeepPlace may consume libzmq's notification of new requests.
+      // The ClientListeners work last: KeepPlace may consume libzmq's notification of new requests.
       for (const auto& listener : listeners_) listener->KeepPlace(std::chrono::steady_clock::now());
       for (const auto& listener : listeners_) has_more_ = listener->Work(deliver_) || has_more_;
       const MonotonicTime now = std::chrono::steady_clock::now();

@@ -126,7 +126,7 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndReportsErrors) {
   EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("did you mean \"name\"?"));
   MoonctlExpecting(0, {"up", "-a", "rover1"});  // It accepts no client over TCP; its log gives the reason.
   EXPECT_THAT(*ReadTextFile(folder_ / "moondb-data" / "rover1" / "agent.log"),
-              AllOf(HasSubstr("clients.yaml:1:"), HasSubstr("nobody is let in")));
+              AllOf(HasSubstr("clients.yaml:1:"), HasSubstr("no client is admitted")));
 }
 
 TEST_F(ClientKeysProcessTest, ConcurrentAdditionsLoseNoClient) {

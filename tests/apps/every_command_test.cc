@@ -84,7 +84,7 @@ const std::vector<Case>& Cases() {
       {{"log"}, kDone, kDone, kDone, "started"},
       {{"trace", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "AGO"},
       {{"config", "check"}, kDone, kDone, kDone, "no errors"},
-      {{"config", "check", "--fix"}, kDone, kDone, kDone, "nothing to mend"},
+      {{"config", "check", "--fix"}, kDone, kDone, kDone, "nothing to fix"},
       {{"config", "show"}, kDone, kDone, kDone, "agents"},
       {{"config", "schema"}, kDone, kDone, kDone, "definitions"},
       {{"config", "init", "@/other%/team.yaml"}, kDone, kDone, kDone, "wrote"},

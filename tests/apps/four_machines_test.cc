@@ -250,7 +250,7 @@ TEST_F(FourMachinesTest, FindsAnAgentWhoseSocketIsElsewhereAndSaysWhereItIsGone)
                            ", but its socket " + path + " is gone; ";
   EXPECT_THAT(AtRover2(3, {"-a", "rover2", "status"}).out, HasSubstr(gone));
   agents_.at("rover2")->Signal(SIGCONT);
-  EXPECT_TRUE(Until([&] { return At("rover2", {"-a", "rover2", "status"}).exit_code == 0; })) << "it listens anew";
+  EXPECT_TRUE(Until([&] { return At("rover2", {"-a", "rover2", "status"}).exit_code == 0; })) << "it listens again";
   EXPECT_THAT(AtRover2(0, {"-a", "rover2", "down"}).out, HasSubstr("stopped"));
 }
 

@@ -213,7 +213,7 @@ def expect(is_so, what):
 
 
 def share(team, takes_roles):
-    """What the agent has gets to others: a rover's own to the leader and on to the survivor, a leader's to the survivor.
+    """The agent's records reach the others: a rover's own to the leader and on to the survivor, a leader's to the survivor.
 
     One whose disk takes no new term does not lead after its start, and says so: another gets the lead."""
     if team.name == "rover1" and not takes_roles:
@@ -264,7 +264,7 @@ def full(team, seen, number):
         team.up(team.name)
         expect(team.count(team.name) >= 11, "the second start reads nothing")
         team.disk.make_room()
-        team.until("the reserve is made anew", lambda: team.storage().get("reserve_bytes", 0) > 1 << 20)
+        team.until("the reserve is made again", lambda: team.storage().get("reserve_bytes", 0) > 1 << 20)
         team.disk.fill()
     seen["started again"] += 1
     pruned = team.moonctl("-a", team.name, "db", "prune", "--type", "local_traversability_map")

@@ -122,7 +122,7 @@ TEST_F(ProcessTest, ExplainsACellAndExcludesQuarantinedMapsEverywhere) {
   tiles.set_wait_s(30);
   changed = leader->NextMapTiles(tiles).value();
   EXPECT_FALSE(changed.is_everything);
-  EXPECT_FALSE(changed.tiles.empty()) << "told as it was stored";
+  EXPECT_FALSE(changed.tiles.empty()) << "reported when it was stored";
   EXPECT_THAT(MoonctlExpecting(0, {"map", "stats"}), HasSubstr(id));
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   EXPECT_THAT(MoonctlExpecting(0, {"map", "stats", "-a", "rover3"}), HasSubstr(id));

@@ -151,7 +151,7 @@ TEST_F(TeamIdentityTest, AddsAnIdToAFileAndChangesNothingElse) {
   EXPECT_TRUE(std::filesystem::is_symlink(folder_ / "link.yaml"));
   EXPECT_EQ(std::filesystem::status(team_file_).permissions(), std::filesystem::perms(0640));
 
-  EXPECT_THAT(MoonctlExpecting(0, {"config", "check", "--fix"}), HasSubstr("nothing to mend"));
+  EXPECT_THAT(MoonctlExpecting(0, {"config", "check", "--fix"}), HasSubstr("nothing to fix"));
   EXPECT_EQ(*ReadTextFile(team_file_), fixed);
   ASSERT_TRUE(WriteTextFile(team_file_, "team: [\n").has_value());
   EXPECT_EQ(Moonctl({"config", "check", "--fix"}).exit_code, 2);

@@ -180,7 +180,7 @@ class Mission:
         self.write("agents.csv", "\n".join([head, *rows, ""]).encode())
         covariance = " ".join("1e-4" if i in (0, 6, 11, 15, 18, 20) else "0" for i in range(21))
         self.write("graph.pyfg", f"EDGE_SE3:QUAT 1 a0 a1 1 0 0 0 0 0 1 {covariance}\n".encode())
-        self.write("maps.csv", b"map_id,agent_id,timestamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,"
+        self.write("maps.csv", b"map_id,agent_id,stamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,"
                    b"layers,cells_per_side,finest_resolution_m,file\n1,1,1,0,0,0,0,1,40,0.05,maps/1.png\n")
         self.write("maps/1.png", png(40, 40, (b"\0" + b"\xfe" * 40) * 40))
 

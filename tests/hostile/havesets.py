@@ -18,7 +18,7 @@ class Receiver:
 
     def __init__(self, member, make_have, is_refusing=False):
         """`make_have` gives the fields of the Have with which a Hello is answered, and a batch, unless batches are refused
-        so that the other agent greets anew."""
+        so that the other agent sends a new Hello."""
         self.member, self.make_have, self.is_refusing = member, make_have, is_refusing
         self.greeted, self.greetings = threading.Event(), 0
         member.answers["hello"] = self._on_hello
@@ -77,7 +77,7 @@ def home_haves(team, scale):
         member.ask("rover1", status={})
     team.share()
     if not any(refused.agent_id == ROVER3 and refused.cause == OWN_EPOCH for refused in team.status("rover1").refused):
-        raise Failure("rover1's status does not say that rover3 tells of records that rover1 never gave")
+        raise Failure("rover1's status does not say that rover3 reports records that rover1 never issued")
 
 
 def malformed():
@@ -117,7 +117,7 @@ def haves_never_asked(team, scale):
 
 
 def refuses_for_ever(team, scale):
-    """rover3 refuses each session that the others begin with it, or asks for each batch anew."""
+    """rover3 refuses each session that the others begin with it, or requests each batch again."""
     with Member(team, TAKEN) as member:
         def refuse(heard):
             member.send(member.agent_of(heard), heard.destination_actor.decode(), refusal={

@@ -4,7 +4,7 @@
 Usage: hostile_test.py PROGRAMS [--only NAME] [--module NAME] [--scale X] [--not-yet] [--seed N] [--json FILE]
 
 PROGRAMS is the folder of moonctl and moondb_agent. During each attacker the others go on sharing; after it the attacked
-agent lives, took at most 64 MB more at any time (or RSS_MB_MAX_OF its module), logged and stored little, and answers; no
+agent runs, took at most 64 MB more at any time (or RSS_MB_MAX_OF its module), logged and stored little, and answers; no
 honest agent lost a record that it had, and what rover2 inserts then comes to the leader. With a smaller scale attackers send
 less, and those that show nothing then are left out. Attackers against which there is no check yet (NOT_YET of their module)
 run with --not-yet alone, and fail nothing.
@@ -115,7 +115,7 @@ def refresh(team):
 
 
 def attack(team, attacker, scale, prunes, is_idle, rss_mb_max):
-    """What became of the team; with "broken", what did not hold. `prunes`: the operator removes records meanwhile;
+    """Returns the state of the team; "broken" lists the violated conditions. `prunes`: the operator removes records meanwhile;
     `is_idle`: the others do not share meanwhile, since the attacked agent is stopped, or another one leads."""
     from team import HONEST, Failure
     quiet_s = refresh(team)

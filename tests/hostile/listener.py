@@ -120,7 +120,7 @@ def replayed_connections(team, scale):
             for data in made[0].sent:
                 stranger.send_raw(data)
             if not stranger.is_closed_within(3):
-                raise Failure("a connection that repeats another's bytes is let in")
+                raise Failure("a connection that repeats another's bytes is admitted")
     true.send_raw(made[0].sent[-1])  # A message with a nonce that was already used.
     true.close()
     if team.connects("rover2", "rover1") != lost_before:

@@ -6,8 +6,8 @@
         session = member.session("rover1")
         have = session.bring([messages.stored(...)])
 
-It listens at its agent's address, as the others expect, and reports what it got, so that their links to it stay up. What
-it sends goes out at once: credits are the sender's own to keep to (runtime/transport/link_credit.h).
+It listens at its agent's address, as the others expect, and reports what it got, so that their links to it stay up. It
+sends without waiting: the sender itself keeps to its credit (runtime/transport/link_credit.h).
 """
 import collections
 import contextlib

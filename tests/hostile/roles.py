@@ -57,7 +57,7 @@ def announce(team, *make):
 
 
 def roles_of_its_own(team, scale):
-    """rover3 announces, under its own signature, that it leads: as the next change, in a new reign, in the last of all."""
+    """rover3 announces, under its own signature, that it leads: as the next revision, in a new era, in the last of all."""
     announce(team, lambda present: assignment(team, present, ROVER3, ROVER2),
              lambda present: assignment(team, present, ROVER3, ROVER2, era_begins=True),
              lambda present: assignment(team, present, ROVER3, ROVER2, number=TERM_MAX))

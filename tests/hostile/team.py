@@ -144,7 +144,7 @@ class Team:
         return self.insert(agent, [messages.node(NAMES.index(agent) + 1, self.last_node, x=self.last_node % 50)])[0]
 
     def share(self, limit_s=STEP_LIMIT_S):
-        """What rover2 inserts now comes to the leader, and what the leader inserts to the survivor, or Failure. How long
+        """Inserts at rover2 and at the leader, and waits until leader and survivor have the records, else Failure. Returns how long
         it took, in seconds."""
         awaited = {"rover1": ("rover2", self.insert_node("rover2")), "rover2": ("rover1", self.insert_node("rover1"))}
         begin = time.monotonic()
@@ -198,7 +198,7 @@ class Team:
         return held
 
     def node_hash(self, agent, key):
-        """Of the record of a pose-graph node; None where the agent does not hold it."""
+        """Returns the record of a pose-graph node; None if the agent does not hold it."""
         with self.store(agent) as store:
             epoch = struct.unpack("<q", struct.pack("<Q", key.epoch))[0]
             row = store.execute("SELECT hash FROM pose_graph_node WHERE origin = ? AND epoch = ? AND seq = ?",

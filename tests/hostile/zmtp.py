@@ -119,7 +119,7 @@ def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S, make
     connection.send_frame(b"\x08INITIATE" + cookie + short + box, COMMAND)
     _, ready = connection.receive_frame()
     if not ready.startswith(b"\x05READY"):
-        raise ConnectionError("not let in")
+        raise ConnectionError("not admitted")
     connection.nonce = 2
     connection.session_keys = (server_public, own_secret)
     return connection

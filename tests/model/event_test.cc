@@ -75,7 +75,7 @@ TEST(FindingsTest, CountWhatHappensAgainAndAreBounded) {
 
 TEST(FindingsTest, AnUnreadableAcknowledgmentDoesNotCount) {
   EXPECT_EQ(AcknowledgedUntil(AcknowledgedText(123, 2)), 123);
-  for (const char* text : {"", "up to stamp", "up to stamp x", "up to stamp 99999999999999999999"}) {
+  for (const char* text : {"", "up to timestamp", "up to timestamp x", "up to timestamp 99999999999999999999"}) {
     EXPECT_FALSE(AcknowledgedUntil(text)) << text;
   }
 }

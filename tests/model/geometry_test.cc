@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "model/data_types.h"
 #include "model/ids.h"
 #include "proto/pose.pb.h"
 #include "proto/types.pb.h"

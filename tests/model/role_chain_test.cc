@@ -62,7 +62,7 @@ TEST(RoleChainTest, RejectsDecisionsOfOtherAgents) {
   era.mutable_term()->set_issuer(1);
   era.set_leader(1);
   era.set_signature("b");
-  EXPECT_EQ(chain.Add(era), Standing::kNever) << "only who may command begins a reign";
+  EXPECT_EQ(chain.Add(era), Standing::kNever) << "only an agent that may command begins an era";
   // In the assignment that it claims to follow, rover 1 is already deposed.
   const proto::RoleAssignment deposed = After(ChainOptions().initial, 2, 2, 3, "c");
   EXPECT_EQ(chain.Add(deposed), Standing::kCounts);
@@ -88,7 +88,7 @@ TEST(RoleChainTest, ACommandingAgentCanStartAnEraAfterAnUnknownAssignment) {
   EXPECT_EQ(chain.newest().leader(), 3u);
   proto::RoleAssignment wrong = After(ChainOptions().initial, kBase, 3, 2, "b");
   wrong.mutable_term()->set_number(TermNumber(9, 0));
-  EXPECT_EQ(chain.Add(wrong), Standing::kNever) << "it says falsely which reign it follows";
+  EXPECT_EQ(chain.Add(wrong), Standing::kNever) << "it names a wrong era as its predecessor";
 }
 
 TEST(RoleChainTest, KeepsTwoBranchesAndTheNewerTermWins) {

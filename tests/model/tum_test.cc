@@ -6,7 +6,7 @@ namespace moondb {
 namespace {
 
 constexpr const char* kText =
-    "# stamp x y z qx qy qz qw\n"
+    "# timestamp x y z qx qy qz qw\n"
     "1671300425.3106995 0.1 -2e-3 3 0 0 0.6 0.8\n"
     "\n"
     "10 1 2 3 0 0 0 1\r\n";
@@ -44,7 +44,7 @@ TEST(TumTest, NamesTheLineOfEachError) {
   EXPECT_EQ(ErrorOf(text + "1 2 3\n"), "rover1.tum:5: the line ends too early");
   EXPECT_EQ(ErrorOf(text + "1 2 3 4 0 0 0 1 9\n"), "rover1.tum:5: the line has too many fields");
   EXPECT_EQ(ErrorOf(text + "1 2 nan 4 0 0 0 1\n"), "rover1.tum:5: 'nan' is no finite number");
-  EXPECT_EQ(ErrorOf(text + "x 2 3 4 0 0 0 1\n"), "rover1.tum:5: 'x' is no stamp in seconds");
+  EXPECT_EQ(ErrorOf(text + "x 2 3 4 0 0 0 1\n"), "rover1.tum:5: 'x' is not a timestamp in seconds");
   EXPECT_EQ(ErrorOf(text + "1 2 3 4 0 0 0 2\n"), "rover1.tum:5: the quaternion has the length 2, not 1");
 }
 

@@ -41,7 +41,7 @@ TEST(TypeSchemaTest, AgentsForwardUnknownCustomTypesButNotBuiltInOnes) {
   none.RemoveLast();  // The schema of an agent that lacks the last type.
   EXPECT_EQ(TypesNotFor(SchemasOf(Types({})), none), std::set<DataType>{last});
   EXPECT_TRUE(TypesNotFor(none, SchemasOf(Types({}))).empty());
-  EXPECT_TRUE(TypesNotFor(SchemasOf(Types({})), {}).empty()) << "none told: the same";
+  EXPECT_TRUE(TypesNotFor(SchemasOf(Types({})), {}).empty()) << "none reported: the same";
 }
 
 TEST(TypeSchemaTest, ABuiltInTypeOfAnotherNameDiffers) {

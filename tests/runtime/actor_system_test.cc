@@ -328,7 +328,7 @@ TEST_F(ActorSystemTest, APermanentlyFailedActorIsReportedOnce) {
     system.Spawn(name, {}, Scripted([](Context&) { throw std::runtime_error("never works"); }, nullptr));
   }
   system.Start(nullptr);  // Start returns although the actors fail.
-  EXPECT_THAT(heard_.Next(), ContainsRegex("1/(a|b) is beyond help: never works"));  // Restarts are jittered.
+  EXPECT_THAT(heard_.Next(), ContainsRegex("1/(a|b) has failed permanently: never works"));  // Restarts are jittered.
   EXPECT_EQ(system.Post("a", {}), SendResult::kUnreachable);
   EXPECT_EQ(system.Post("b", {}), SendResult::kUnreachable);
   system.Stop();
@@ -550,7 +550,7 @@ TEST_F(ActorSystemTest, PublishedMessagesReachPresentAndLaterWatchers) {
   EXPECT_EQ(heard_.Next(), "reader: stored 7 of 1/storage");
   ASSERT_EQ(system_.Post("early", {}), SendResult::kAccepted);
   EXPECT_EQ(heard_.Next(), "early watches");
-  EXPECT_EQ(heard_.Next(), "early: roles 2 of 1/role") << "made anew, it hears what was published last";
+  EXPECT_EQ(heard_.Next(), "early: roles 2 of 1/role") << "after its restart it receives the last publication";
   ASSERT_EQ(system_.Post("role", Numbered(3)), SendResult::kAccepted);
   EXPECT_EQ(heard_.Next(), "early: roles 3 of 1/role");
   ASSERT_EQ(system_.Post("reader", {}), SendResult::kAccepted);
@@ -576,13 +576,13 @@ TEST_F(ActorSystemTest, MonitorsAreNotifiedOfDeaths) {
                     [&](Context&, const proto::Message& message) {
                       const proto::Down& down = message.down();
                       heard_.Add(std::to_string(down.agent()) + "/" + down.actor() + ": " + down.reason() +
-                                 (down.is_final() ? " for ever" : ""));
+                                 (down.is_final() ? " permanently" : ""));
                     }));
   system_.OnPeerChanged(2, true);
   system_.OnPeerChanged(3, true);
   system_.OnPeerChanged(5, true);
   system_.Start(nullptr);
-  EXPECT_EQ(heard_.Next(), "1/nobody: there is no such actor for ever");
+  EXPECT_EQ(heard_.Next(), "1/nobody: there is no such actor permanently");
   for (int i = 0; i < 2; ++i) {
     ASSERT_EQ(system_.Post("victim", {}), SendResult::kAccepted);
     EXPECT_EQ(heard_.Next(), "1/victim: ouch");
@@ -707,7 +707,7 @@ TEST_F(ActorSystemTest, AgentGivesUpItsRoleBeforeAnActorFailsPermanently) {
   system.Start(nullptr);
   for (int i = 0; i < 6; ++i) (void)system.Post("broken", {});
   EXPECT_EQ(heard_.Next(), "step down: broken, no GPU");
-  EXPECT_EQ(heard_.Next(), "actor 1/broken is beyond help: no GPU");
+  EXPECT_EQ(heard_.Next(), "actor 1/broken has failed permanently: no GPU");
   system.Stop();
 }
 
@@ -758,7 +758,7 @@ TEST_F(ActorSystemTest, WatchdogEndsTheProcessForAnActorThatGetsNoTurn) {
   system.Spawn("stuck", spawn, OnEachMessage([&](Context&, const proto::Message&) { gate.Pass(); }));
   system.Start(nullptr);
   ASSERT_EQ(system.Post("stuck", {}), SendResult::kAccepted);
-  EXPECT_THAT(heard_.Next(), HasSubstr("1/stuck is beyond help: it got no turn for too long"));
+  EXPECT_THAT(heard_.Next(), HasSubstr("1/stuck has failed permanently: it got no turn for too long"));
   gate.Open();
   system.Stop();
 }

@@ -611,7 +611,7 @@ TEST_F(SimulatedTeamTest, AnEndlessLoopOfMessagesFailsACheck) {
   team_.Spawn(1, "loop",
               OnEachMessage([](Context& context, const proto::Message&) { (void)context.Send(context.self(), {}); }));
   ASSERT_EQ(team_.Post({1, "test"}, {1, "loop"}, {}), SendResult::kAccepted);
-  EXPECT_DEATH(team_.RunUntilIdle(), "come to rest");
+  EXPECT_DEATH(team_.RunUntilIdle(), "become idle");
 }
 
 // Runs a random walk of messages over a lossy radio. Returns a hash of the run.

@@ -65,9 +65,9 @@ class Reader {
   explicit Reader(std::string_view text) : digits_(MakeDigits()), text_(text) {}
 
   int Digit() {
-    Check(next_ < text_.size(), "learnt tables are complete");
+    Check(next_ < text_.size(), "trained tables are complete");
     const int digit = digits_[static_cast<unsigned char>(text_[next_++])];
-    Check(digit >= 0, "learnt tables hold their own characters only");
+    Check(digit >= 0, "trained tables hold their own characters only");
     return digit;
   }
   int Pair() {
@@ -128,7 +128,7 @@ BitModel ReadTables(std::string_view text) {
     if (IsUsed(i, weights.size())) weights[i] = static_cast<std::int16_t>(reader.Pair() * kWeightStep);
   }
   for (std::uint16_t& rare : model.rare()) rare = static_cast<std::uint16_t>(std::max(reader.Pair(), 1));
-  Check(reader.IsAtEnd(), "learnt tables are not too long");
+  Check(reader.IsAtEnd(), "trained tables are not too long");
   return model;
 }
 

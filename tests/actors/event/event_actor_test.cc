@@ -87,7 +87,7 @@ TEST(EventActorRestartTest, ReportsItsOwnFailure) {
   for (const proto::Message& message : team.Take({1, actor_name::kStorage})) {
     if (message.has_insert_request()) texts.push_back(message.insert_request().records(0).agent_event().text());
   }
-  EXPECT_THAT(texts, ElementsAre("the actor event failed, and was made anew (moonctl trace)"));
+  EXPECT_THAT(texts, ElementsAre("the actor event failed and was restarted (moonctl trace)"));
 }
 
 TEST_F(EventActorTest, ReportsRolesThatItsOwnAgentIssuedAfterTheFirst) {

@@ -111,7 +111,7 @@ TEST(RequestCheckTest, BoundsHowLongAReadWaits) {
 TEST(RequestCheckTest, RequiresTheTimestampOfAFindingInAnAcknowledgment) {
   proto::ControlRequest request;
   request.mutable_acknowledge();
-  EXPECT_EQ(FieldOf(request), "ok") << "refused commands have no stamp";
+  EXPECT_EQ(FieldOf(request), "ok") << "refused commands have no timestamp";
   request.mutable_acknowledge()->set_until_ns(-5);
   EXPECT_EQ(FieldOf(request), "acknowledge.until_ns");
   request.mutable_acknowledge()->set_until_ns(5);

@@ -128,7 +128,7 @@ TEST_F(PolicyPictureTest, ARoverSeenByAnotherIsClearedByItsFootprint) {
 TEST_F(PolicyPictureTest, AFootprintWinsOverNewerAndFinerHazards) {
   Put("newest and finest: hazards everywhere", 2, 99, Rows(6, std::string(12, '#')));
   PutFootprint("footprint of rover 1, turned", Pose::FromPlanar(0.6, 0.3, 0.7));
-  ExpectPicture("footprint_above_all", "Where a rover stood is free, whatever any map says.");
+  ExpectPicture("footprint_above_all", "Cells under a rover are free, whatever any map says.");
 }
 
 TEST_F(PolicyPictureTest, APhantomIsClearedByANewerMapOfTheSameResolution) {
@@ -171,7 +171,7 @@ TEST_F(PolicyPictureTest, TheLargerAgentAndThenTheLaterRecordDecideBetweenEqualT
   Put("rover 2", 2, 10, {"......      ", "......      ", "      ......"});
   Put("rover 1, at the same time", 1, 10, {"############", "            ", "############"});
   Put("rover 2, at the same time, its next record", 2, 10, {"  ##        ", "            ", "        ##  "});
-  ExpectPicture("equal_timestamps", "At equal stamps the larger agent decides, then the later record.");
+  ExpectPicture("equal_timestamps", "At equal timestamps the larger agent decides, then the later record.");
 }
 
 TEST_F(PolicyPictureTest, AnUnknownCellDoesNotReplaceAKnownOne) {

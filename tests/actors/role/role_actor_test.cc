@@ -460,7 +460,7 @@ TEST_P(RoleActorChaosTest, AllAgreeInTheEnd) {
     EXPECT_EQ(OrderOf(team.Show(1).roles().term()), by_term.rbegin()->first) << "the newest term stands";
     const std::uint64_t bytes = team.team_.radio_bytes();
     team.team_.AdvanceTime(minutes(10));
-    EXPECT_EQ(team.team_.radio_bytes(), bytes) << "no byte goes on for ever";
+    EXPECT_EQ(team.team_.radio_bytes(), bytes) << "no byte is sent permanently";
   }
 }
 

@@ -94,7 +94,7 @@ TEST_F(BatchMakerTest, AnOrderDuringTheLastRecordDelaysTheEnd) {
     fragments += message.batch().has_fragment() ? 1 : 0;
     EXPECT_EQ(message.remaining() == 0, destination_.records().size() == 2u);
   }
-  EXPECT_EQ(fragments, 3u) << "nothing was cut anew";
+  EXPECT_EQ(fragments, 3u) << "nothing was cut again";
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(destination_.have(), source_.have());
 }
@@ -321,7 +321,7 @@ TEST_F(BatchMakerTest, NumbersItsBatchesFromOneInEachSession) {
   EXPECT_EQ(maker.next_number(), 2u);
   EXPECT_TRUE(maker.has_reported_end());
   EXPECT_TRUE(maker.Make(nothing, 4096, /*is_part_of_order=*/false));
-  EXPECT_FALSE(maker.ready()) << "it has told the end";
+  EXPECT_FALSE(maker.ready()) << "it has reported the end";
   maker.PutOffEnd();
   EXPECT_FALSE(maker.has_reported_end());
   EXPECT_TRUE(maker.Make(nothing, 4096, /*is_part_of_order=*/false));
@@ -329,7 +329,7 @@ TEST_F(BatchMakerTest, NumbersItsBatchesFromOneInEachSession) {
   maker.StartOver(78, /*is_any_in_flight=*/false);
   EXPECT_FALSE(maker.ready());
   EXPECT_EQ(maker.next_number(), 1u);
-  EXPECT_TRUE(maker.Make(nothing, 4096, /*is_part_of_order=*/true)) << "no end is told of a part of an order";
+  EXPECT_TRUE(maker.Make(nothing, 4096, /*is_part_of_order=*/true)) << "the end of a part of an order is not reported";
   EXPECT_FALSE(maker.ready());
 }
 

@@ -72,7 +72,7 @@ TEST_F(HaveCollectorTest, RefusesAPageWithStreamsOutsideItsRange) {
         Page(KeyOf(5), KeyOf(7, 10), OneRecord(KeyOf(7, 10)))}) {
     EXPECT_EQ(*collector_.Take(first_), Taken::kPage);
     EXPECT_EQ(RefusalOf(page), ErrorCode::kInvalid) << page.ShortDebugString();
-    EXPECT_FALSE(collector_.is_begun()) << "it begins anew";
+    EXPECT_FALSE(collector_.is_begun()) << "it restarted";
   }
 }
 

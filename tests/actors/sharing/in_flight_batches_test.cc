@@ -221,7 +221,7 @@ TEST_F(InFlightBatchesTest, SendsALostBatchOfARunAgainWithoutWaiting) {
     EXPECT_EQ(destination_.have(), source_.have());
     EXPECT_FALSE(session_.is_open());
     EXPECT_GE(Status().resends(), 1);
-    EXPECT_LE(Status().resends(), 8 * 1024 / 1500) << "what was under way";
+    EXPECT_LE(Status().resends(), 8 * 1024 / 1500) << "the bytes in flight";
   }
 }
 

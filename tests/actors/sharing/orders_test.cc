@@ -74,7 +74,8 @@ TEST_F(SharingOrdersTest, AnOrderOfAnotherTermIsRefusedWithTheCurrentRoles) {
     EXPECT_FALSE(IsError(Share(team_, kLeader, ShareOrder(kind)).error())) << "names no term";
     proto::Message elsewhere = OrderInTerm(kind, Roles(kLeader, 2, 2).term());
     elsewhere.mutable_share_request()->set_destination(3);
-    EXPECT_FALSE(IsError(Share(team_, kLeader, elsewhere).error())) << "goes to whom it names, whoever leads";
+    EXPECT_FALSE(IsError(Share(team_, kLeader, elsewhere).error()))
+        << "goes to the named agent, regardless of the leader";
   }
 }
 

@@ -101,7 +101,7 @@ TEST_F(PeerNotesTest, NotesTheWholeHaveSetAgainWhenStorageRequestsIt) {
     handed_over += note.handed_over_size();
   }
   EXPECT_EQ(notes[0].number(), last_number + 1);
-  EXPECT_EQ(notes[0].handed_over_size(), handed_over - int(first.batch().record_count())) << "what is under way";
+  EXPECT_EQ(notes[0].handed_over_size(), handed_over - int(first.batch().record_count())) << "the records in flight";
 }
 
 // Several differences may have been refused by storage before it received the reply to its first request.

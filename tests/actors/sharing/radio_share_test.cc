@@ -7,7 +7,7 @@ namespace {
 
 TEST(RadioShareTest, GivesEachActiveSessionAnEqualPart) {
   RadioShare share(12'000);
-  EXPECT_EQ(share.Part(0), 12'000) << "whoever begins has all of it";
+  EXPECT_EQ(share.Part(0), 12'000) << "the first session has all of it";
   EXPECT_EQ(share.Part(3), 4'000);
   share.SetMovingElsewhere(1);
   EXPECT_EQ(share.Part(3), 3'000);
@@ -20,7 +20,7 @@ TEST(RadioShareTest, NotifiesTheOtherActorOfEachChangeAndAgainAfterItsRestart) {
   share.NoteNotified(0);
   EXPECT_FALSE(share.MustNotify(0));
   share.SetMovingElsewhere(0);
-  EXPECT_FALSE(share.MustNotify(0)) << "or two idle actors would notify each other for ever";
+  EXPECT_FALSE(share.MustNotify(0)) << "or two idle actors would notify each other permanently";
   share.NoteNotified(2);
   EXPECT_FALSE(share.MustNotify(2));
   share.SetMovingElsewhere(3);

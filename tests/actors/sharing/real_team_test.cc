@@ -242,7 +242,7 @@ class RealTeam {
     EXPECT_EQ(SentRecords(), sent);
     const std::uint64_t bytes = team_.radio_bytes();
     team_.AdvanceTime(minutes(10));
-    EXPECT_EQ(team_.radio_bytes(), bytes) << "no byte goes on for ever";
+    EXPECT_EQ(team_.radio_bytes(), bytes) << "no byte is sent permanently";
   }
 
   simulation::SimulatedTeam& team() { return team_; }
@@ -425,7 +425,8 @@ TEST(RealTeamTest, AQuarantineOfMapsReachesEveryAgentFromAnyOrigin) {
   real.TakeHaveBytes();
   real.SyncAndReplicate();  // Records that reached the leader are forwarded to the other agents.
   for (AgentId agent = 1; agent <= kAgents; ++agent) EXPECT_EQ(real.QuarantinesAt(agent), 2u) << "agent " << agent;
-  for (const auto& [pair, bytes] : real.TakeHaveBytes()) EXPECT_LT(bytes, 1000u) << "its streams alone are told beside";
+  for (const auto& [pair, bytes] : real.TakeHaveBytes())
+    EXPECT_LT(bytes, 1000u) << "only its streams are reported beside it";
   real.ExpectNothingIsSentTwice();
 }
 

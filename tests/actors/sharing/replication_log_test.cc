@@ -268,7 +268,7 @@ TEST(ReplicationLogTest, ShowsThePeersHaveSetAfterStorageFailedAndRequestedIt) {
   for (const proto::Message& message : team.TakeSentByReplica()) {
     wholes += message.peer_have().has_acknowledged() && !message.peer_have().is_difference();
   }
-  EXPECT_EQ(wholes, 1 + 2) << "the answer to the Hello, and one for each life that lacks it";
+  EXPECT_EQ(wholes, 1 + 2) << "the answer to the Hello, and one for each restart that lacks it";
   const Covered covered = HadOf(team.HaveOfPeer());
   EXPECT_EQ(team.EndAndShow(), covered);
 }

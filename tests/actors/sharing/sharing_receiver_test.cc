@@ -445,7 +445,7 @@ TEST_F(SharingReceiverTest, GrantsEachSenderItsPartOfTheBudget) {
   proto::Message last = Batch(now_.time_since_epoch().count() + 10, 1);
   last.set_remaining(0);
   ASSERT_TRUE(receiver.OnBatch(4, last, now_));
-  EXPECT_EQ(receiver.MovingSessions(now_), 0u) << "and who has told its end";
+  EXPECT_EQ(receiver.MovingSessions(now_), 0u) << "and the one that reported its end";
 }
 
 TEST_F(SharingReceiverTest, SendsItsSchemasToASenderWithOthers) {

@@ -107,7 +107,7 @@ TEST(SyncActorLeftTest, DoesNotAskAnAgentThatHasLeftButForwardsItsRecords) {
   team.AdvanceTime(seconds(2));
   EXPECT_EQ(stores[kLeader]->records().size(), 1u);
   EXPECT_EQ(stores[3]->records().size(), 1u);
-  EXPECT_EQ(stores[4]->records().size(), 1u) << "the ground has what it brought";
+  EXPECT_EQ(stores[4]->records().size(), 1u) << "the ground station has its record";
   const auto refused = Share(team, kLeader, ShareOrder(proto::SHARING_KIND_SYNC, 3));
   EXPECT_EQ(refused.error().text(), "rover3 has left the team");
   proto::Message order = ShareOrder(proto::SHARING_KIND_SYNC);
@@ -269,7 +269,7 @@ TEST_P(SyncActorRadioTest, ConvergesOverALossyRadio) {
     EXPECT_TRUE(team.LeaderHasAll(100));
     const std::uint64_t bytes = team.team_.radio_bytes();
     team.team_.AdvanceTime(minutes(10));
-    EXPECT_EQ(team.team_.radio_bytes(), bytes) << "no byte goes on for ever";
+    EXPECT_EQ(team.team_.radio_bytes(), bytes) << "no byte is sent permanently";
   }
 }
 

@@ -314,7 +314,7 @@ TEST_P(WindowRadioTest, LosesNoRecordWhileWindowsOpenAndShut) {
     EXPECT_EQ(team.HeldByLeader(), 400u);
     const std::uint64_t bytes = team.team_.radio_bytes();
     team.team_.AdvanceTime(minutes(10));
-    EXPECT_EQ(team.team_.radio_bytes(), bytes) << "no byte goes on for ever";
+    EXPECT_EQ(team.team_.radio_bytes(), bytes) << "no byte is sent permanently";
   }
 }
 

@@ -38,7 +38,7 @@ TEST_F(ClockJudgeTest, SuspectsAClockThatWasNeverSet) {
   EXPECT_EQ(judge_.Judge(INT64_MAX, now_).suspect, "it was never set");
   const ClockJudge::Verdict set = Judge();
   EXPECT_EQ(set.suspect, "") << "set since";
-  EXPECT_TRUE(set.has_jumped) << "others are told";
+  EXPECT_TRUE(set.has_jumped) << "others are notified";
 }
 
 TEST_F(ClockJudgeTest, SuspectsAClockThatIsOffMostOfTheTeam) {

@@ -261,7 +261,7 @@ TEST(HistoryTest, ExpiresStatesByTheirTimestamp) {
   auto store = OpenStore(options);
   for (int hour = 0; hour < 24; ++hour) InsertOne(*store, StateAt(hour, kNow_ns - (23 - hour) * kHour_ns));
   EXPECT_EQ(HistoryCount(*store), 23u);
-  EXPECT_FALSE(*store->TrimHistory(std::nullopt)) << "an agent that cannot tell the time";
+  EXPECT_FALSE(*store->TrimHistory(std::nullopt)) << "an agent that does not know the time";
   EXPECT_EQ(HistoryCount(*store), 23u);
   EXPECT_FALSE(*store->TrimHistory(kNow_ns));
   EXPECT_THAT(Superseded(*store), SizeIs(12));

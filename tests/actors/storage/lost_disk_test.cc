@@ -101,14 +101,14 @@ TEST_F(LostDiskTest, AStateFromAnEmptyDiskWinsOverOlderStatesThatPeersReturn) {
   Live(3);
   Wipe();
   const proto::RecordKey key = InsertOne(*store_, TemperatureRecord(50));
-  ASSERT_EQ(key.epoch() >> 48, 1u) << "it has not heard of its earlier lives";
+  ASSERT_EQ(key.epoch() >> 48, 1u) << "it does not know its earlier epochs";
   const std::string content = Contents(*store_)[0].content();
   Bring(*peer_, *store_);  // The agent's own earlier records return first.
   EXPECT_EQ(Celsius(*store_), 50);
   Exchange(*store_, *peer_);
   EXPECT_EQ(Celsius(*store_), 50);
   EXPECT_EQ(Celsius(*peer_), 50);
-  EXPECT_EQ(Contents(*peer_)[0].content(), content) << "with its stamp";
+  EXPECT_EQ(Contents(*peer_)[0].content(), content) << "with its timestamp";
   EXPECT_GT(Contents(*store_)[0].key().epoch() >> 48, 3u);
   EXPECT_EQ(HaveOf(*store_), HaveOf(*peer_));
   EXPECT_GT(InsertOne(*store_, TemperatureRecord(51)).epoch(), key.epoch());
@@ -222,7 +222,7 @@ TEST_F(LostDiskTest, AnOldDiskThatLearnsOnlyALaterEpochAssumesThatItsSharedState
     if (record.key().data_type() != kBeacon || !beacon.ParseFromString(record.content())) continue;
     epochs[beacon.custom().latest_key()] = record.key().epoch();
   }
-  EXPECT_LT(epochs.at("a"), report.epochs(0)) << "known, as far as anybody can tell";
+  EXPECT_LT(epochs.at("a"), report.epochs(0)) << "known to some agent";
   EXPECT_GT(epochs.at("b"), report.epochs(0)) << "nobody else has it";
 }
 
@@ -382,7 +382,7 @@ TEST_F(LostDiskTest, ALeadersPosesOfANewerTermWinInALowerEpoch) {
     EXPECT_EQ(PoseX(*store, 2), 3);
     EXPECT_EQ(PoseX(*store, 3), 3);
   }
-  EXPECT_EQ(HaveOf(*store_), HaveOf(*peer_)) << "both come to rest";
+  EXPECT_EQ(HaveOf(*store_), HaveOf(*peer_)) << "both become idle";
   EXPECT_EQ(Number(*store_, "SELECT epoch FROM optimized_pose WHERE node_index = 1"), static_cast<std::int64_t>(low));
 
   // A third agent that has none of the poses accepts the drops too, once it holds the current poses.

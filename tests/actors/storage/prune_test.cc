@@ -190,7 +190,7 @@ TEST_F(PruneTest, IgnoresAPrunedRecordThatArrivesAgain) {
   const proto::StoreReply reply = StoreOne(*store_, Packed(key, SoilOf(3)));
   EXPECT_EQ(reply.stored_count(), 0u);
   EXPECT_EQ(reply.rejected_count(), 0u);
-  EXPECT_TRUE(FromProto(reply.covered())->Get(key.stream).Covered().Contains(key.seq)) << "it is sent for ever";
+  EXPECT_TRUE(FromProto(reply.covered())->Get(key.stream).Covered().Contains(key.seq)) << "it is sent permanently";
   EXPECT_TRUE(Contents(*store_).empty());
 }
 

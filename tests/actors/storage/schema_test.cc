@@ -34,10 +34,10 @@ std::unique_ptr<Database> NewStore() {
   return database;
 }
 
-TEST(SchemaTest, DeclaresTheSchemaOfStoreVersion2) {
-  EXPECT_EQ(SchemaOf(*NewStore()), Golden("schema_v2.txt"))
-      << "stores of version 2 lie on robots' disks: another schema is another version (docs/COMPATIBILITY.md)";
-  EXPECT_EQ(kStoreVersion, 2) << "each version has its golden file here";
+TEST(SchemaTest, DeclaresTheSchemaOfStoreVersion3) {
+  EXPECT_EQ(SchemaOf(*NewStore()), Golden("schema_v3.txt"))
+      << "stores of version 3 lie on robots' disks: another schema is another version (docs/COMPATIBILITY.md)";
+  EXPECT_EQ(kStoreVersion, 3) << "each version has its golden file here";
 }
 
 TEST(SchemaTest, InitialisesANewFileOnce) {
@@ -81,13 +81,16 @@ TEST(SchemaTest, DetectsADamagedHeader) {
 }
 
 TEST(SchemaTest, RefusesAStoreOfAnotherVersionAndNamesBoth) {
-  auto database = NewStore();
-  ASSERT_TRUE(database->Execute("CREATE TABLE of_that_version(a INTEGER); PRAGMA user_version=3"));
-  const Result<void> refused = CheckSchema(*database);
-  ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
-  EXPECT_NE(refused.error().text.find("has store version 3, and this moondb opens version 2"), std::string::npos)
-      << refused.error().text;
+  for (const char* version : {"2", "4"}) {
+    auto database = NewStore();
+    ASSERT_TRUE(
+        database->Execute(std::string("CREATE TABLE of_that_version(a INTEGER); PRAGMA user_version=") + version));
+    const Result<void> refused = CheckSchema(*database);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
+    const std::string expected = std::string("has store version ") + version + ", and this moondb opens version 3";
+    EXPECT_NE(refused.error().text.find(expected), std::string::npos) << refused.error().text;
+  }
 }
 
 TEST(SchemaTest, RefusesAnotherProgramsFile) {
@@ -130,7 +133,7 @@ TEST_F(RefusedFileTest, IsAStoreOfANewerVersion) {
   {
     auto store = OpenStore(StoreOptionsOf(2, path_));
     InsertOne(*store, TemperatureRecord(1));
-    ASSERT_TRUE(store->database().Execute("PRAGMA user_version=3"));
+    ASSERT_TRUE(store->database().Execute("PRAGMA user_version=4"));
     store->database().LeaveAsItIs();
   }
   ASSERT_FALSE(Bytes("-wal").empty()) << "what its last process wrote is still in the log";

@@ -640,7 +640,7 @@ class Mission {
   void CheckQuiet() {
     const std::uint64_t bytes = team_.radio_bytes();
     Advance(seconds(120));
-    if (team_.radio_bytes() != bytes) Complain("bytes go on for ever");
+    if (team_.radio_bytes() != bytes) Complain("bytes are sent permanently");
     for (AgentId agent = 1; agent <= kAgents; ++agent) {
       proto::ControlRequest request;
       request.mutable_share_status();

@@ -102,7 +102,7 @@ TEST_F(HealthTest, FindsWhatAnAgentSuffersItself) {
   actor.set_restarts(2);
   actor.set_dropped(7);
   EXPECT_THAT(Of(1), ElementsAre("clock suspect: it jumped", "space low: 1 MB of disk are free",
-                                 "sync failed and was made anew 2 times", "sync had no room for 7 messages"));
+                                 "sync failed and was restarted 2 times", "sync had no room for 7 messages"));
 }
 
 TEST_F(HealthTest, FindsClocksThatDifferTooMuch) {
@@ -112,9 +112,9 @@ TEST_F(HealthTest, FindsClocksThatDifferTooMuch) {
   clock.set_offset_s(kClockOffsetMax_s);
   EXPECT_THAT(Of(1), IsEmpty());
   clock.set_offset_s(75);
-  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s behind rover2's, as that one said 30 s ago"));
+  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s behind rover2's (reported 30 s ago"));
   clock.set_offset_s(-75);
-  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s ahead of rover2's, as that one said 30 s ago"));
+  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s ahead of rover2's (reported 30 s ago"));
 }
 
 TEST_F(HealthTest, OneWrongClockIsAFindingOnItsAgentAlone) {

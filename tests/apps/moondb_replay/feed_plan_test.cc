@@ -90,7 +90,7 @@ TEST_F(FeedPlanTest, SplitsAMissionIntoHalvesThatMeet) {
   EXPECT_EQ(second, Plan(1, all_).size() - first + 2);  // Both halves contain the two states at the split.
 }
 
-TEST_F(FeedPlanTest, NeverFeedsTheGroundTruth) {
+TEST_F(FeedPlanTest, NeverFeedsGroundTruth) {
   for (const AgentId agent : {1u, 2u}) {
     for (const proto::Record& record : Plan(agent, all_)) {
       EXPECT_NE(record.pose_graph_node().map_from_node().position_m().x(), 777);

@@ -113,12 +113,12 @@ TEST_F(LeaseCheckerTest, ASleepingAgentReceivesNothing) {
 TEST_F(LeaseCheckerTest, TheLastAnnouncementIsValid) {
   ReportLease(Announcement(5, 0, 60));
   ReportLease(Announcement(5, 0, 60), 30);
-  EXPECT_TRUE(MayBeSent(Hello(), 61)) << "told again, it is the same lease";
+  EXPECT_TRUE(MayBeSent(Hello(), 61)) << "a repeated report is the same lease";
   ReportLease(Announcement(7, 0, 0), 70);
   ReportLease(Announcement(6, 0, 60), 71);
   EXPECT_TRUE(MayBeSent(Hello(), 72)) << "late";
   ReportLease(Announcement(std::uint64_t{1} << 40, 0, 60), 80);
-  EXPECT_FALSE(MayBeSent(Hello(), 81)) << "of another life";
+  EXPECT_FALSE(MayBeSent(Hello(), 81)) << "after a restart";
 }
 
 TEST_F(LeaseCheckerTest, TheRobotCanEndALease) {

@@ -12,6 +12,7 @@
 #include "apps/moondb_sim/forged_message.h"
 #include "apps/moondb_sim/simulated_config.h"
 #include "apps/moondb_sim/state_checker.h"
+#include "model/data_types.h"
 #include "model/have_set.h"
 #include "model/record_authority.h"
 #include "model/record_check.h"
@@ -1001,7 +1002,7 @@ const std::vector<Mutant>& Mutants() {
        5,
        CacheAcknowledgments},
       {"AcknowledgesBeforeTheCommit",
-       "the have-set is told before the transaction",
+       "the have-set is reported before the transaction",
        {"done_is_true", "acknowledged_held"},
        5,
        Wrapped<AcknowledgesBeforeTheCommit>(kStorage)},
@@ -1033,7 +1034,7 @@ const std::vector<Mutant>& Mutants() {
        /*is_of_lies=*/false,
        /*likely_seed=*/2},
       {"KeepsReissuedToItself",
-       "what was learnt of later epochs is not stored again",
+       "states of epochs that became known later are not reissued",
        {"done_is_true", "newest_state", "survivor_is_leader", "nothing_lost"},
        30,
        [](SimOptions& options) {
@@ -1082,7 +1083,7 @@ const std::vector<Mutant>& Mutants() {
        /*is_of_lies=*/false,
        /*likely_seed=*/7},
       {"ReportsTheEndTooSoon",
-       "a leader is told that its order has ended before all is acknowledged",
+       "a leader is notified of the end of its order before all is acknowledged",
        {"done_is_true"},
        10,
        ReportTheEndTooSoon},
@@ -1121,7 +1122,7 @@ const std::vector<Mutant>& Mutants() {
        15,
        Wrapped<WithoutTerms>(kRole)},
       {"PrunesBeforeTheSurvivorHasIt",
-       "storage is told only what one of leader and survivor has",
+       "storage is notified only of what one of leader and survivor has",
        {"pruned_is_covered"},
        15,
        [](SimOptions& options) {
@@ -1250,7 +1251,7 @@ const std::vector<Mutant>& Mutants() {
               return true;
             })},
       {"WithoutCredit",
-       "64 kB are under way un-acknowledged",
+       "64 kB are in flight",
        {"unacked_bounded"},
        5,
        [](SimOptions& options) { options.session.unacked_bytes_max = 64 * 1024; }},
@@ -1273,7 +1274,7 @@ const std::vector<Mutant>& Mutants() {
               return true;
             })},
       {"WithoutWindows",
-       "sharing goes on whoever drives or sleeps",
+       "sharing continues while agents drive or sleep",
        {"quiet_window"},
        5,
        [](SimOptions& options) {
@@ -1339,7 +1340,7 @@ const std::vector<Mutant>& Mutants() {
        /*is_of_lies=*/false,
        /*likely_seed=*/3},
       {"FailsInHighTerms",
-       "an actor fails at each message that tells a high term",
+       "an actor fails at each message with a high term",
        {"starts"},
        5,
        Hears(kReplica,
@@ -1405,7 +1406,7 @@ const std::vector<Mutant>& Mutants() {
             }),
        SimulatedActors::kAll},
       {"SolvesWithoutLead",
-       "agent 2 solves whoever leads",
+       "agent 2 solves although another agent leads",
        {"leader_solves", "answer_true"},
        5,
        Hears(kPgo,
@@ -1479,7 +1480,7 @@ const std::vector<Mutant>& Mutants() {
        },
        SimulatedActors::kAll},
       {"TakesRecordsOfAnybody",
-       "a record is taken from whoever brings it",
+       "a record is accepted from any agent",
        {"only_own_lies"},
        4,
        Hears(kStorage,
@@ -1491,7 +1492,7 @@ const std::vector<Mutant>& Mutants() {
        /*is_of_lies=*/true,
        /*likely_seed=*/4},
       {"TakesDropsOfAnybody",
-       "that a record was dropped is believed of whoever says so",
+       "any agent is believed that reports a record as dropped",
        {"only_own_lies", "pruned_is_covered", "newest_state"},
        4,
        [](SimOptions& options) {
@@ -1506,7 +1507,7 @@ const std::vector<Mutant>& Mutants() {
        /*is_of_lies=*/true,
        /*likely_seed=*/4},
       {"TakesRolesOfAnybody",
-       "roles are taken whoever decided them",
+       "roles are accepted from any issuer",
        {"honest_roles"},
        4,
        TakeRolesOfAnybody,
@@ -1514,7 +1515,7 @@ const std::vector<Mutant>& Mutants() {
        /*is_of_lies=*/true,
        /*likely_seed=*/4},
       {"TakesQuarantinesOfAnybody",
-       "a quarantine of maps is taken whoever signed it",
+       "a quarantine of maps is accepted with any signature",
        {"only_own_lies"},
        4,
        [](SimOptions& options) {
@@ -1560,7 +1561,7 @@ const std::vector<Mutant>& Mutants() {
        MergeTheMapsThatCameFirst,
        SimulatedActors::kAll},
       {"TakesCommandsOfAnybody",
-       "a command is taken through whoever relays it",
+       "a command is accepted through any relay",
        {"honest_roles", "only_own_lies", "starts"},
        4,
        RelayForTheBase,

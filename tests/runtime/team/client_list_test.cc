@@ -89,8 +89,8 @@ TEST_F(ClientKeysTest, KeepsTheListIfTheFileBecomesInvalid) {
   ASSERT_TRUE(WriteTextFile(path_, "clients: [{name: bob}").has_value());
   for (int second = 1; second < 5; ++second) EXPECT_TRUE(keys.Find(kKeyA, kStart + seconds(second)));
   const std::string log = testing::internal::GetCapturedStdout();
-  EXPECT_EQ(log.find("who was listed before"), log.rfind("who was listed before")) << "told once: " << log;
-  EXPECT_THAT(log, testing::HasSubstr("who was listed before"));
+  EXPECT_EQ(log.find("the clients listed before"), log.rfind("the clients listed before")) << "reported once: " << log;
+  EXPECT_THAT(log, testing::HasSubstr("the clients listed before"));
   Write("");
   EXPECT_TRUE(keys.Find(kKeyA, kStart + seconds(5))) << "an empty list is a mistake too";
   Write(Entry("bob", kKeyB, "view"));
@@ -108,10 +108,10 @@ TEST_F(ClientKeysTest, StartsWithoutClientsIfTheListIsInvalidAndReadsTheRepaired
   std::filesystem::remove(path_);
   for (int second = 2; second < 5; ++second) EXPECT_FALSE(keys.Find(kKeyA, kStart + seconds(second)));
   const std::string log = testing::internal::GetCapturedStdout();
-  EXPECT_THAT(log, testing::HasSubstr("nobody is let in until it is mended"));
+  EXPECT_THAT(log, testing::HasSubstr("no client is admitted until it is repaired"));
   EXPECT_THAT(log, testing::HasSubstr("lists 1 client(s)"));
   EXPECT_THAT(log, testing::HasSubstr("there is no " + path_.string()));
-  EXPECT_EQ(log.find("there is no"), log.rfind("there is no")) << "told once: " << log;
+  EXPECT_EQ(log.find("there is no"), log.rfind("there is no")) << "reported once: " << log;
 }
 
 }  // namespace

@@ -527,7 +527,7 @@ TEST(TeamNameTest, KeepsTheAllowedCharactersOfAText) {
 
 TEST(TeamIdLineTest, IsAddedAndTheRestIsKept) {
   const std::string id = "0123456789abcdef0123456789abcdef";
-  const std::string line = "team_id: \"" + id + "\"   # Tells this team from any other, for ever.";
+  const std::string line = "team_id: \"" + id + "\"   # Unique id of the team; never change it.";
   const std::string without = Good("team_id: \"00112233445566778899aabbccddeeff\"\n", "");
   EXPECT_EQ(WithTeamId(without, id).value(), Replaced(without, "team: test\n", "team: test\n" + line + "\n"));
   const std::string windows = "# A comment.\r\n  team: test   # Ours.\r\n  insecure: true\r\n";

@@ -105,7 +105,7 @@ TEST(LinkCreditTest, ShrinksWhenTheLinkSlowsDown) {
 TEST(ReceivedCountTest, ReportsAfterAGivenNumberOfBytes) {
   ReceivedCount received;
   received.OnReceived(1000);
-  EXPECT_FALSE(received.is_report_due()) << "nobody to tell";
+  EXPECT_FALSE(received.is_report_due()) << "nobody to notify";
   EXPECT_TRUE(received.OnLink(7));
   received.SetReportAfter(100);
   EXPECT_EQ(received.received_bytes(), 0u);

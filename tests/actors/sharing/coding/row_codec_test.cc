@@ -132,7 +132,7 @@ TEST(RowCodecTest, RestoresTenThousandMutatedRows) {
 TEST(RowCodecTest, StoresTheSameFieldOfAllRowsTogether) {
   const std::vector<std::string> rows = Rows(1000, TemperatureRecord);
   const std::string bytes = Encode(rows);
-  EXPECT_LT(bytes.size(), rows.size() * 14) << "five bytes of a stamp, eight of a double";
+  EXPECT_LT(bytes.size(), rows.size() * 14) << "five bytes of a timestamp, eight of a double";
 }
 
 TEST(RowCodecTest, RefusesEveryTruncation) {
