@@ -1,7 +1,7 @@
 // Building: a random floor plan with walls, openings and furniture, as the environment of a simulated laser.
 //
 // A square floor is cut into rooms recursively, with or without a corridor between the halves. Every wall gets
-// openings, and rooms get boxes and round posts. Immutable once made.
+// openings, and rooms get boxes and round posts. Immutable after construction.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +18,8 @@ class Building {
 
   static Building Make(Random& random);
 
-  // Coordinates are in metres from the middle. Everything outside the floor is wall.
+  // Returns true if the point is in something solid. Coordinates are in metres from the middle of the floor. Everything
+  // outside the floor is wall.
   bool IsSolid(double x_m, double y_m) const;
   // Returns true if nothing solid is within a rover's radius of this point.
   bool HasRoomAt(double x_m, double y_m) const;

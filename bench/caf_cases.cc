@@ -44,7 +44,8 @@ struct RingState {
   caf::actor next;
 };
 
-// A message that contains an actor sets the next actor of the ring, and so can close the ring.
+// A message that contains an actor makes it the next actor of the ring. The last actor gets the first one in this way,
+// which closes the ring.
 caf::behavior RingActor(caf::stateful_actor<RingState>* self, Tally* tally) {
   return {[=](const caf::actor& next) { self->state.next = next; },
           [=](std::uint64_t left) {

@@ -16,20 +16,20 @@ struct BenchCase {
   std::function<Result<std::vector<Section>>(const BenchOptions& options)> run;
 };
 
-// Wraps a contest whose result is one number.
+// Returns a case that runs a contest whose result is one number.
 BenchCase AsCase(Contest contest);
 
 // Returns all cases below, in the order in which to run them.
 std::vector<BenchCase> AllCases();
 
-// Growth of the resident memory while messages flow. Run these cases first: later, the heap contains memory that other
-// cases freed.
+// Cases that measure how much the resident memory grows while messages flow. Run them before all others: otherwise they
+// could reuse memory that other cases have freed.
 std::vector<BenchCase> MemoryCases();
-// Cases within one process: moondb, CAF (if this build has it) and the limit, in turn.
+// Cases within one process. They measure moondb, CAF (if this build has it) and the limit of the machine, in turn.
 std::vector<BenchCase> InProcessCases();
-// Cases between two agents over loopback TCP: moondb and libzmq alone, in turn.
+// Cases between two agents over loopback TCP. They measure moondb and bare libzmq, in turn.
 std::vector<BenchCase> RemoteCases();
-// Cost of a system that has nothing to do.
+// Cases that measure the cost of a system that has nothing to do.
 std::vector<BenchCase> IdleCases();
 
 }  // namespace moondb

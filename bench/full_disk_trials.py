@@ -57,7 +57,7 @@ def fill_under_inserts(team):
 
 
 def takes(team):
-    """Returns why the agent does not store a node and a state, or an empty text if it does."""
+    """Checks whether the agent stores a node and a state. Returns an empty text if it does, or else the reason."""
     state = team.moonctl("-a", team.name, "record", "insert", "temperature", '{"celsius": -20}', check=False)
     for done in (team.insert(check=False), state):
         if done.returncode != 0:
@@ -66,7 +66,7 @@ def takes(team):
 
 
 def trial(team, fill, end):
-    """Runs one trial. Returns why the rover does not store again, or an empty text if it does."""
+    """Runs one trial. Returns an empty text if the rover stores again, or else the reason why it does not."""
     team.begin()
     for _ in range(MAPS - 6):
         team.insert_map()

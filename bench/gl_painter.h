@@ -1,9 +1,9 @@
 // GlPainter: the paper's merger on OpenGL (Section 5.3), a painter's algorithm. It sorts layers by resolution and time
-// and draws them over the whole map one after the other, the best last. Each layer is a texture, unknown cells are
-// discarded, and footprints are drawn on top.
+// and draws them over the whole map one after the other, the best layer last. Each layer is a texture, unknown cells
+// are discarded, and footprints are drawn on top.
 //
-// Places layers with floats as graphics programs do. So cells at borders may differ from those of the exact mergers.
-// Needs an OpenGL driver.
+// Places layers with floats, as graphics programs do. Cells at borders may therefore differ from those of the exact
+// mergers. Needs an OpenGL driver.
 #pragma once
 
 #include <cstdint>
@@ -21,10 +21,10 @@ class GlPainter {
   static Result<std::unique_ptr<GlPainter>> Create();
   ~GlPainter();
 
-  // Uploads the layers.
+  // Uploads the layers of the maps to the GPU.
   Result<void> Load(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid);
 
-  // Draws all layers and reads the picture back, row by row.
+  // Draws all layers and reads the resulting picture back, row by row.
   Result<void> Merge(const CellBox& extent);
 
   const std::vector<Cell>& cells() const { return cells_; }

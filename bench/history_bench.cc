@@ -2,10 +2,10 @@
 //
 //   history_bench [--inserts N] [--folder FOLDER] [--history-mb MB]
 //
-// Inserts states of one key into two new stores in FOLDER (default: the working folder), one with history and one
-// without, in turn. Each insert is a transaction that survives a power cut. Prints one JSON object: medians of the
-// first and of the last thousand inserts (microseconds), and the bytes written to the disk per insert. Exit code 0:
-// measured; 1: a store could not be written; other: wrong arguments.
+// Inserts states of one key into two new stores in FOLDER (default: the working folder): one store keeps history, the
+// other does not. The inserts alternate between the stores. Each insert is a transaction that survives a power cut.
+// Prints one JSON object: medians of the first and of the last thousand inserts (microseconds), and the bytes written
+// to the disk per insert. Exit code 0: measured; 1: a store could not be written; other: wrong arguments.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -33,7 +33,7 @@ struct Options {
 struct Measured {
   double first_us = 0;
   double last_us = 0;
-  double bytes_an_insert = 0;  // Bytes written to the database file and its log.
+  double bytes_an_insert = 0;  // Bytes per insert that were written to the database file and its log.
   double history_count = 0;
   double history_bytes = 0;
   double file_bytes = 0;
@@ -117,7 +117,7 @@ int RunBench(const Options& options) {
   if (!with) return Complain(with.error());
   Result<Run> without = Run::Begin(options, /*has_history=*/false);
   if (!without) return Complain(without.error());
-  // Inserts alternate between both stores. A disk or processor that is busy for a while then slows both equally.
+  // Inserts alternate between the two stores, so that a disk or processor which is busy for a while slows both equally.
   for (std::size_t i = 0; i < options.inserts; ++i) {
     if (const Result<void> done = with->Insert(static_cast<int>(i)); !done) return Complain(done.error());
     if (const Result<void> done = without->Insert(static_cast<int>(i)); !done) return Complain(done.error());

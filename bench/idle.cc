@@ -13,7 +13,7 @@ namespace {
 constexpr int kAgents = 4;  // Each agent has three peers.
 constexpr int kPoolActors = 4;
 constexpr int kThreadActors = 3;
-// Time until the work after a start is over.
+// Time that an agent needs after its start until it is idle.
 constexpr std::chrono::seconds kSettling(5);
 
 class Idler final : public Actor {
@@ -29,7 +29,7 @@ void SpawnIdlers(ActorSystem& system, int count, Placement placement, const std:
   }
 }
 
-// Runs agents, set up as in an agent's program, all in this process. The figures are per agent.
+// Runs agents in this process, each set up as in an agent's program. Returns figures per agent.
 Result<std::vector<Section>> RunIdle(const BenchOptions& options) {
   if (!IsAskedFor("moondb", options)) return std::vector<Section>{};
   Tally tally(/*sender_count=*/1, /*per_sender=*/1);

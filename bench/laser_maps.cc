@@ -11,8 +11,8 @@ namespace moondb {
 
 namespace {
 
-constexpr double kMarch_m = 0.0125;    // Step along a beam when searching for the wall that it hits.
-constexpr double kCross_m = 0.02;      // Step along a beam when marking the cells that it crosses.
+constexpr double kMarch_m = 0.0125;    // Step along a beam in the search for the wall that the beam hits.
+constexpr double kCross_m = 0.02;      // Step along a beam for marking the cells that the beam crosses.
 constexpr double kStrayShare = 0.002;  // Share of beams that end at a small object in the air.
 constexpr double kDriveStep_m = 0.1;
 constexpr int kDriveTriesMax = 400;
@@ -24,8 +24,9 @@ struct Laser {
   double sigma_m = 0.01;
   int scan_count = 1;
   double scan_spacing_m = 0.1;
-  bool is_free_at_range = false;  // Crossed cells are free even if the beam hits nothing.
-  bool has_thin_lines = false;    // Between two cells that touch at a corner, no third cell is crossed.
+  bool is_free_at_range = false;  // True if the crossed cells become free even if the beam hits nothing.
+  // True if a beam may pass diagonally between two cells that touch only at a corner, without marking a third cell.
+  bool has_thin_lines = false;
   int layer_count = 4;
   int cells_per_side = 100;
   double resolution_m = 0.05;
@@ -128,7 +129,7 @@ class Scanner {
     }
   }
 
-  // Returns the column or row for a distance in metres from the layer's middle.
+  // Returns the index of the column (or row) at a distance in metres from the layer's middle.
   static int Index(const MapLayer& layer, double metres) {
     return static_cast<int>(std::floor(metres * 1e6 / layer.resolution_um));
   }

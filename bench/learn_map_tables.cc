@@ -3,11 +3,12 @@
 //
 //   learn_map_tables > actors/sharing/coding/trained_tables_data.cc
 //
-// It is trained only on generated maps: lasers in buildings, cameras on the Moon, and maps that roll over one grid. Its
-// output is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a new wire version
-// (docs/COMPATIBILITY.md).
+// The model is trained only on generated maps: lasers in buildings, cameras on the Moon, and maps that roll over one
+// grid. The output is part of the wire format (actors/sharing/coding/map_codec.h). New tables therefore require a new
+// wire version (docs/COMPATIBILITY.md).
 //
-// Takes a minute. After changing the structure of the model, first build it with an empty text in that file.
+// Takes a minute. If you have changed the structure of the model, first build this program with an empty text in
+// trained_tables_data.cc.
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -25,7 +26,7 @@
 namespace moondb {
 namespace {
 
-// Trained probabilities hold for longer than those seen in one run, so they adapt more slowly.
+// Trained probabilities are valid for longer than probabilities seen in one run, so they adapt more slowly.
 constexpr std::uint32_t kCountLimit = BitModel::kCountMax;
 constexpr int kDrives = 150;
 constexpr int kMapsPerDrive = 16;
@@ -50,7 +51,7 @@ std::vector<Drive> MakeCameraDrives(std::uint64_t seed) {
   return drives;
 }
 
-// Splits a drive into runs of kPieceMaps maps and adds them.
+// Splits a drive into runs of kPieceMaps maps and appends the runs to `pieces`.
 void AddPieces(const Drive& drive, std::vector<Drive>& pieces) {
   for (std::size_t first = 0; first < drive.size(); first += kPieceMaps) {
     const auto begin = drive.begin() + static_cast<std::ptrdiff_t>(first);
@@ -58,7 +59,8 @@ void AddPieces(const Drive& drive, std::vector<Drive>& pieces) {
   }
 }
 
-// Shuffles the runs. The model adapts most to its last input, which must therefore contain all kinds of maps.
+// Returns runs of all kinds of maps, in random order. The model adapts most to its last input, which must therefore
+// contain all kinds.
 std::vector<Drive> MakePieces() {
   std::vector<Drive> pieces;
   for (int i = 0; i < kDrives; ++i) {

@@ -21,7 +21,7 @@ class BareQueue {
     if (ids_.size() == 1) has_ids_.notify_one();
   }
 
-  // Waits until there are numbers, then takes all of them.
+  // Waits until at least one number is in the queue, then takes all of them.
   void TakeAll(std::deque<std::uint64_t>* ids) {
     std::unique_lock lock(mutex_);
     has_ids_.wait(lock, [this] { return !ids_.empty(); });
@@ -94,7 +94,7 @@ Result<double> FanIn(int sender_count, std::uint64_t count) {
   return PerSecond(total, took);
 }
 
-// Returns hops per second around a ring of objects at random places in memory.
+// Returns hops per second around a ring of objects at random addresses in memory.
 double Calls(int object_count, std::uint64_t count) {
   std::vector<std::unique_ptr<RingNode>> nodes;
   for (int i = 0; i < object_count; ++i) nodes.push_back(std::make_unique<RingNode>());
@@ -102,13 +102,13 @@ double Calls(int object_count, std::uint64_t count) {
   const auto start = BenchClock::now();
   Node* node = nodes.front().get();
   for (std::uint64_t left = count; node != nullptr; --left) {
-    asm volatile("" : "+r"(node));  // Hides from the compiler which object this is.
+    asm volatile("" : "+r"(node));  // Hides from the compiler which object `node` points to.
     node = node->Handle(left);
   }
   return PerSecond(count, BenchClock::now() - start);
 }
 
-// Measures round trips between two threads. Each direction has a mutex and a condition variable.
+// Measures round trips between two threads. Each direction has its own mutex and condition variable.
 Result<double> Handover(std::uint64_t count) {
   Signal there;
   Signal back;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::chrono::minutes kPatience(1);
 
-// Returns a port on which no program listens now.
+// Returns a port on which no program listens at this moment.
 int FreePort() {
   const int file = ::socket(AF_INET, SOCK_STREAM, 0);
   Check(file >= 0, "there are sockets");

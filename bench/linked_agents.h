@@ -18,17 +18,17 @@ namespace moondb {
 
 class LinkedAgents {
  public:
-  // Makes agents with ids from 1. With `is_curve`, each has its own keys; otherwise the team is insecure. If a mailbox
-  // has no room for a message, `tally` fails. `tally` must outlive this object.
+  // Makes agents with ids from 1. With `is_curve`, each agent has its own keys; otherwise the team is insecure. If a
+  // mailbox has no room for a message, `tally` fails. `tally` must outlive this object.
   LinkedAgents(int agent_count, bool is_curve, Tally& tally);
   ~LinkedAgents();
 
-  // The agent's actor system. Spawn actors in it before Start.
+  // Returns the agent's actor system. Actors must be spawned in it before Start.
   ActorSystem& system(AgentId agent) { return *agents_.at(agent - 1)->system; }
-  // Requires: Start was called.
+  // Returns the agent's transport. Requires: Start was called.
   Transport& transport(AgentId agent) { return *agents_.at(agent - 1)->transport; }
 
-  // Starts all agents and waits until each one has reached every other one. Errors: those of ZeroMqTransport::Create;
+  // Starts all agents and waits until each has reached every other. Errors: those of ZeroMqTransport::Create;
   // kUnavailable if the agents do not reach each other within a minute.
   Result<void> Start();
 

@@ -40,7 +40,8 @@ class Team:
         self.processes = {}
         self.moonctl("config", "init", "--agents", len(NAMES), "--first-port", first_port, self.file)
         text = self.file.read_text(encoding="utf-8")
-        # Otherwise the leader could store solved poses between the last sync and the comparison of the files.
+        # Without this change, the leader could store solved poses between the last sync and the comparison of the
+        # files.
         self.file.write_text(text.replace("solve_by_itself: true", "solve_by_itself: false"), encoding="utf-8")
 
     def moonctl(self, *arguments, check=True):
@@ -73,7 +74,7 @@ class Team:
             process.wait(timeout=30)
 
     def share(self):
-        """Returns whether both commands reported that everything is acknowledged."""
+        """Syncs and replicates. Returns True if both commands report that all records are acknowledged."""
         for kind in ("sync", "replicate"):
             for tries_left in reversed(range(8)):
                 done = self.moonctl("--timeout", "30s", kind, "now", "--wait", check=False)
@@ -123,7 +124,7 @@ def lose_disk(team, agent, copy):
 
 
 def run_trial(team, number, case, draw):
-    """Runs one trial and returns the error, or None."""
+    """Runs one trial. Returns the error, or None."""
     agent = draw.choice([2, 2, LEADER, SURVIVOR])
     value, lives = number * 10.0, draw.choice([1, 2])
     copy = team.folder / "copy.sqlite" if case == "restored" else None

@@ -1,5 +1,5 @@
-// Measures contenders in turn within one run (A B C, A B C, ...). Other load on the machine then affects all of them
-// equally. The result is the median of each contender and the ratio of two medians.
+// Measures contenders in turn within one run (A B C, A B C, ...), so that other load on the machine affects all of them
+// equally. A result has the median of each contender, and the ratios of these medians.
 #pragma once
 
 #include <chrono>
@@ -15,7 +15,7 @@ namespace moondb {
 
 using BenchClock = std::chrono::steady_clock;
 
-// Runs one repetition with `count` messages (hops, round trips) and returns its figure in the contest's unit.
+// Runs one repetition with `count` messages (hops, round trips). Returns its result in the unit of the contest.
 using Measure = std::function<Result<double>(std::uint64_t count)>;
 
 struct Contender {
@@ -27,7 +27,7 @@ struct Contest {
   std::string name;
   std::string unit;
   std::string target;
-  std::uint64_t share;  // Divisor: a repetition has BenchOptions::messages / share.
+  std::uint64_t share;  // A repetition has BenchOptions::messages / share messages.
   std::vector<Contender> contenders;
 };
 
@@ -35,23 +35,23 @@ double Median(std::vector<double> samples);
 
 struct Figure {
   std::string name;
-  std::vector<double> samples;  // At least one, in the order of measurement.
-  // Processor time per message in nanoseconds, summed over all threads, with start and stop. Empty if this case does
-  // not measure processor time.
+  std::vector<double> samples;  // Results of the repetitions in order; at least one.
+  // Processor time per message in nanoseconds, summed over all threads, including start and stop. Empty if this case
+  // does not measure processor time.
   std::vector<double> cpu_ns = {};
 
   double median() const { return Median(samples); }
 };
 
-// One number of the report, measured for each contender.
+// One quantity of the report, measured for each contender.
 struct Section {
   std::string name;  // Its key in the JSON report.
   std::string unit;
-  std::string target;           // Goal for moondb; empty if it has none.
+  std::string target;           // Goal for moondb; empty if there is none.
   std::vector<Figure> figures;  // The figure of moondb is first.
 };
 
-// Measures in turn the contenders that are in this build and that the options select, as often as the options say.
+// Measures the contenders that are in this build and that the options select, in turn, as often as the options request.
 // Returns the first error.
 Result<Section> Measured(const Contest& contest, const BenchOptions& options);
 

@@ -18,7 +18,8 @@ Result<double> Growth(const InProcess& contender, int sender_count, std::uint64_
   return static_cast<double>(PeakResidentBytes() - before) * 1e-6;
 }
 
-// Measures once, moondb first: a heap that has grown before does not grow again.
+// Returns a case that measures once, moondb first. If the heap has grown once, it does not grow again, so later
+// measurements would be too low.
 BenchCase MemoryCase(std::string name, int sender_count) {
   return {name, [name, sender_count](BenchOptions options) {
             const auto of = [sender_count](const InProcess& contender) -> Measure {

@@ -1,7 +1,8 @@
-// merge_bench: moondb's merger against a naive one, OpenCV and the paper's painter on OpenGL, in one run (the paper's
-// figure 7). The contenders and the report are described in docs/benchmarks/merging.md.
+// merge_bench: compares moondb's merger with a naive merger, OpenCV and the paper's painter on OpenGL, in one run (the
+// paper's figure 7). docs/benchmarks/merging.md describes the contenders and the report.
 //
-// Exit code 0: all contenders were measured and their maps agree; 1: not so; other: wrong arguments.
+// Exit code 0: all contenders were measured and their maps agree; 1: a contender failed or maps differ; other: wrong
+// arguments.
 #include <fmt/core.h>
 #include <spdlog/spdlog.h>
 

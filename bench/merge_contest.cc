@@ -19,13 +19,14 @@
 namespace moondb {
 namespace {
 
-// A shift that exceeds every rounding error but that no viewer can see. It forces the merger to place maps again.
+// A shift that exceeds every rounding error but is invisible in the map. It makes the merger place all maps again.
 constexpr double kNudge_m = 1e-7;
 
-// Share of equal cells that remains despite rounding. A wrong order or a displaced layer yields a far lower share.
+// Minimum fraction of equal cells despite rounding. A wrong order of layers or a displaced layer yields a far lower
+// fraction.
 constexpr double kAgreesAtLeast = 0.999;
 
-// Returns the share of equal cells among those that are known in at least one of the grids.
+// Considers the cells that are known in at least one of the grids. Returns the fraction of them that are equal.
 double ShareOfSame(const std::vector<Cell>& a, const std::vector<Cell>& b) {
   Check(a.size() == b.size(), "two grids of one extent");
   std::size_t known = 0;
@@ -111,7 +112,7 @@ class MergeContest {
     bool is_here = false;
   };
 
-  // Keeps the first error.
+  // Keeps the error of `result` if it is the first one.
   template <typename T>
   void Keep(const Result<T>& result) {
     if (!result && kept_) kept_ = tl::unexpected(result.error());
@@ -163,7 +164,7 @@ class MergeContest {
     }
   }
 
-  // Runs each merger once: a full merge, then one map less, one more map, and one moved map.
+  // Runs each merger once: a full merge, then removing one map, adding one map, and moving one map.
   void RunMergers() {
     for (Entrant& entrant : entrants_) {
       entrant.is_here = !entrant.is_here;
@@ -220,7 +221,7 @@ class MergeContest {
     return {};
   }
 
-  // Compares the mergers that place layers differently with the naive merger's integer result.
+  // Compares the mergers that place layers with floats or doubles with the integer result of the naive merger.
   Result<void> CompareOthers() {
     const std::vector<Cell> expected = NaiveValues();
     if (opencv_ != nullptr) run_.opencv_agrees = ShareOfSame(expected, opencv_->cells());

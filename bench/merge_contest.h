@@ -17,7 +17,8 @@ struct MergeContestOptions {
   int threads = 1;
 };
 
-// Times are medians in milliseconds. Null if this build or this machine does not have the contender.
+// Results for one world. Times are medians in milliseconds; null if this build or this machine does not have the
+// contender.
 struct MergeRun {
   std::size_t maps = 0;
   std::int64_t side_cells = 0;
@@ -27,10 +28,10 @@ struct MergeRun {
   std::optional<double> opencv_ms;
   std::optional<double> painter_ms;
   std::optional<double> gl_ms;
-  double cpu_ms = 0;  // The best instruction set and all threads.
+  double cpu_ms = 0;  // The CPU backend with the best instruction set and all threads.
   double cpu_one_thread_ms = 0;
-  double cpu_first_ms = 0;              // The first merge, in fresh memory; all threads.
-  std::optional<double> cpu_avx512_ms;  // One thread, as for the following three.
+  double cpu_first_ms = 0;              // The first merge, in newly allocated memory; all threads.
+  std::optional<double> cpu_avx512_ms;  // One thread, like the following three.
   std::optional<double> cpu_avx2_ms;
   std::optional<double> cpu_sse2_ms;
   double cpu_scalar_ms = 0;
@@ -38,26 +39,26 @@ struct MergeRun {
   std::optional<double> incremental_gl_ms;
   double withdraw_cpu_ms = 0;  // Time to remove one map.
   double move_cpu_ms = 0;      // Time to move one map.
-  // Parts of gl_ms.
+  // Parts of gl_ms: the durations of its steps.
   std::optional<double> gl_upload_ms;
   std::optional<double> gl_draw_ms;
   std::optional<double> gl_read_ms;
   std::optional<double> gl_maps_upload_ms;  // Time to upload all maps, once.
   double local_map_ms = 0;                  // Time to pack one map on arrival.
   double read_cells_ms = 0;                 // Time to read the whole merged map as a grid.
-  // Share of cells with the same value as in the naive merger with integers, among cells that one of the two knows.
-  // These mergers place layers with floats or doubles, so cells on borders differ.
+  // Fraction of cells with the same value as in the naive merger with integers, among cells known to at least one of
+  // the two. These mergers place layers with floats or doubles, so cells on borders differ.
   double naive_agrees = 0;
   std::optional<double> opencv_agrees;
   std::optional<double> painter_agrees;
-  double memory_ratio = 0;  // Memory divided by that of the maps at 2 bits per cell; without pages.
+  double memory_ratio = 0;  // Memory use without pages, divided by the size of the maps at 2 bits per cell.
   double pages_mb = 0;
   std::string gl_description;
   std::string cpu_description;
 };
 
-// Errors: kInternal if exact mergers differ in any cell, or if others agree in too few cells; errors of the OpenGL
-// driver.
+// Returns kInternal if exact mergers differ in any cell, or if the other mergers agree in too few cells. Also returns
+// errors of the OpenGL driver.
 Result<MergeRun> RunMergeContest(const MergeContestOptions& options);
 
 }  // namespace moondb

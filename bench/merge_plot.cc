@@ -123,7 +123,7 @@ class Axes {
   double ms_high_ = 1;
 };
 
-// Draws the lines and writes each line's name at its last point. Names are pushed apart if they overlap.
+// Draws the lines and writes each line's name at its last point. Names that would overlap are moved apart.
 void DrawLines(Image& image, const std::vector<MergeRun>& runs, const Axes& axes) {
   std::vector<std::pair<double, Line>> ends;
   for (const Line& line : Lines()) {

@@ -41,7 +41,7 @@ const std::vector<Column>& Columns() {
   return columns;
 }
 
-// Columns with the share of cells that agree.
+// Returns the columns with the fraction of cells that agree with the naive merger.
 const std::vector<Column>& Agreements() {
   static const std::vector<Column> columns = {
       {"naive_agrees", [](const MergeRun& run) { return run.naive_agrees; }},

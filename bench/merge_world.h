@@ -1,8 +1,8 @@
 // The world of merge_bench: rovers drive about the middle of a square with a side of `side_cells` cells of 5 cm. They
 // make local maps of four layers of 128 x 128 cells, each layer twice as coarse as the one before.
 //
-// A layer knows about three quarters of the cells in a disc around the rover. Unknown are wedges in the shadow of rocks
-// and a few scattered cells. All known cells lie within the square.
+// A layer knows about three quarters of the cells in a disc around the rover. The unknown cells are wedges in the
+// shadow of rocks, and a few scattered cells. All known cells lie within the square.
 #pragma once
 
 #include <cstdint>

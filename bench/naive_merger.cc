@@ -9,8 +9,9 @@
 namespace moondb {
 namespace {
 
-// Keeps the better of the two states. Maps arrive in the order of their record keys, and the layers of a map from fine
-// to coarse. Between equal states, the later map and the earlier layer or block win.
+// Replaces `state` by `seen` if `seen` is better. Maps arrive in the order of their record keys, and the layers
+// of a map from fine to coarse. If resolution and time are equal, the later map wins; within a map the earlier layer or
+// block wins.
 inline void Decide(const NaiveMerger::CellState& seen, NaiveMerger::CellState& state) {
   if (seen.resolution_um > state.resolution_um) return;
   if (seen.resolution_um == state.resolution_um) {

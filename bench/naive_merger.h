@@ -1,9 +1,9 @@
 // NaiveMerger: a straightforward merger, implemented with care. For each map, each layer and each cell in the layer's
 // bounding box, it applies the inverse transform, reads the layer's cell, and compares resolution and time with the
-// stored state.
+// best observation stored so far.
 //
-// In metres and doubles it is the baseline of merge_bench. With the integers of actors/merge/quantize.h, but none of
-// Merger's code, it is an oracle for tests and a stricter baseline. It uses one thread, and its layers are unpacked,
+// With metres and doubles it is the baseline of merge_bench. With the integers of actors/merge/quantize.h, but none of
+// Merger's code, it is an oracle for tests and a stricter baseline. It uses one thread, and its layers are unpacked to
 // one byte per cell.
 #pragma once
 
@@ -31,8 +31,8 @@ class NaiveMerger {
 
   enum class Arithmetic { kDouble, kInteger };
 
-  // Places the maps and fills the grid of their extent. With doubles, cells on borders may differ from the integer
-  // result.
+  // Places the maps and fills the grid of their extent. With doubles, cells on borders may differ from the result with
+  // integers.
   void Merge(Arithmetic arithmetic = Arithmetic::kInteger);
 
   const CellBox& extent() const { return extent_; }

@@ -1,5 +1,6 @@
-// OpencvMerger: merges maps as usual with ROS. It warps each layer into the merged map's frame by nearest-neighbour
-// sampling, and copies known cells over earlier ones, the best layer last. Exists only if OpenCV is installed.
+// OpencvMerger: merges maps as is usual with ROS. It warps each layer into the merged map's frame by nearest-neighbour
+// sampling. It copies the known cells of each layer over those of earlier layers, with the best layer last. Exists only
+// if OpenCV is installed.
 #pragma once
 
 #include <memory>
@@ -17,7 +18,7 @@ class OpencvMerger {
   virtual std::vector<Cell> cells() const = 0;  // Cells of the extent, row by row.
 };
 
-// Returns null if this build does not have OpenCV. Unpacks the layers.
+// Unpacks the layers into a new merger. Returns null if this build does not have OpenCV.
 std::unique_ptr<OpencvMerger> MakeOpencvMerger(std::span<const PlacedMap> maps, std::span<const Footprint> footprints,
                                                const MergeGrid& grid);
 

@@ -8,9 +8,10 @@
 namespace moondb {
 
 struct BenchOptions {
-  std::vector<std::string> only;     // Names of cases; empty for all.
-  std::string contender;             // The only one to run, for a profiler; empty for all.
-  std::uint64_t messages = 5000000;  // Messages per repetition of the cheapest cases; others have a fraction.
+  std::vector<std::string> only;  // Names of cases; empty for all.
+  std::string contender;          // If not empty, only this contender runs (useful with a profiler).
+  // Messages per repetition of the cheapest cases. Other cases use a fraction of this number.
+  std::uint64_t messages = 5000000;
   int repetitions = 5;
   int idle_seconds = 10;
   bool is_json = false;

@@ -21,8 +21,8 @@ struct PaintedLayer {
   std::vector<Cell> cells;  // Empty for a footprint.
 };
 
-// Returns layers from coarse to fine, of equal resolution from old to new, and footprints at the end. Requires: all
-// poses can be placed (Check).
+// Returns the layers sorted from coarse to fine, those of equal resolution from old to new, and the footprints at the
+// end. Requires: all poses can be placed (Check).
 std::vector<PaintedLayer> LayersToPaint(std::span<const PlacedMap> maps, std::span<const Footprint> footprints,
                                         const MergeGrid& grid);
 

@@ -1,5 +1,5 @@
-// pgo_bench: the pose graph solver on graphs of a folder and on simulated teams, compared with simpler methods. The
-// methods and the report are described in docs/benchmarks/pose_graph.md.
+// pgo_bench: compares the pose graph solver with simpler methods, on graph files of a folder and on simulated teams.
+// docs/benchmarks/pose_graph.md describes the methods and the report.
 //
 // Exit code 0: all graphs were solved; 1: a graph could not be read or no solution was found; other: wrong arguments.
 #include <fmt/core.h>
@@ -25,7 +25,7 @@ struct Options {
   int seeds = 0;
   int redraws = 0;
   int unknown_starts = 0;
-  std::string only;  // Run only team cases whose name contains this.
+  std::string only;  // If not empty, only team cases whose name contains this text run.
   bool is_json = false;
   bool is_ours_only = false;
   std::string plots;
@@ -57,7 +57,8 @@ int RunBench(const Options& options) {
       is_good = is_good && run->ours.has_converged;
       if (!options.plots.empty()) is_good = Plot(*run, options.plots) && is_good;
       if (run->is_team && options.redraws > 0) {
-        const auto mission = ReadMission(path);  // RunGraph could read it, but the file may be gone by now.
+        // RunGraph has just read the mission, but its files may have been removed since.
+        const auto mission = ReadMission(path);
         if (mission) redraws.push_back(RunRedraws(run->name, *mission, options.redraws, solver));
         is_good = is_good && mission;
       }

@@ -1,4 +1,5 @@
-// First part of pgo_bench: solves graph files of a folder, and compares the solver with least squares from odometry.
+// First part of pgo_bench: solves the graph files of a folder with the solver and by least squares from odometry, for
+// comparison.
 #pragma once
 
 #include <filesystem>
@@ -17,10 +18,10 @@ struct GraphResult {
   bool has_converged = false;
   double cost = 0;  // F of actors/pgo/standalone_graph.h; for a team, the solver's F over accepted ranges.
   std::optional<double>
-      ate_m;  // Null if the file has no ground truth (PyFG vertices). Rigidly aligned for graphs without map.
+      ate_m;  // Null if the file has no ground truth (PyFG vertices). Graphs without map are rigidly aligned first.
   double seconds = 0;
-  // For a team: intersection over union of hazards in the maps merged at these poses and at the true poses. Null
-  // without maps, or if the node of a map was not solved.
+  // For a team: maps merged at the solved poses are compared with maps merged at the true poses. Intersection over
+  // union of their hazard cells. Null if there are no maps, or if the node of a map was not solved.
   std::optional<double> hazard_iou;
 };
 
@@ -32,7 +33,7 @@ struct GraphRun {
   std::size_t range_count = 0;
   GraphResult ours;
   std::string initialisation;
-  std::string text;                  // Description of quantities that could not be determined.
+  std::string text;                  // Describes quantities that could not be determined.
   std::optional<GraphResult> plain;  // Least squares with Ceres from odometry.
   std::vector<Track> odometry_tracks;
   std::vector<Track> tracks;
@@ -40,15 +41,15 @@ struct GraphRun {
 };
 
 struct GraphBenchOptions {
-  SolverOptions solver;   // Options for teams. Other methods use its thread count, too.
-  bool has_plain = true;  // Also solve by least squares from odometry.
+  SolverOptions solver;   // Options for teams. Standalone graphs use only its thread count.
+  bool has_plain = true;  // True to solve by least squares from odometry as well.
 };
 
-// Returns the .g2o and .pyfg files in `folder`, sorted by name, and the team missions: folders in it (or itself) that
-// contain agents.csv.
+// Returns the .g2o and .pyfg files in `folder`, sorted by name, and the team missions. A team mission is `folder`
+// itself or a folder in it that contains agents.csv.
 std::vector<std::filesystem::path> FindGraphs(const std::filesystem::path& folder);
 
-// Errors: those of the file readers.
+// Solves one graph file or team mission. Errors are those of the file readers.
 Result<GraphRun> RunGraph(const std::filesystem::path& path, const GraphBenchOptions& options);
 
 }  // namespace moondb

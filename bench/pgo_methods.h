@@ -1,4 +1,4 @@
-// Methods to solve a team's graph that pgo_bench compares. All methods except the staged one run Ceres once from
+// Methods that pgo_bench compares; each solves a team's graph. All except the staged method run Ceres once from
 // odometry, with the same factors.
 #pragma once
 
@@ -39,7 +39,7 @@ struct MethodFigures {
 
 MethodFigures ToFigures(std::vector<double> ates_m, std::vector<double> seconds);
 
-// Returns 0 if there are no values.
+// Returns the median; 0 if `values` is empty.
 double Median(std::vector<double> values);
 
 template <typename Work>

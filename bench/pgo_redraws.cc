@@ -10,7 +10,8 @@
 namespace moondb {
 namespace {
 
-constexpr double kBurstMin_m = 0.5;  // Error of a burst beyond white noise and the pair's bias.
+// A range counts as part of a burst if its error exceeds white noise and the pair's bias by at least this.
+constexpr double kBurstMin_m = 0.5;
 
 std::vector<GraphNode> TrueNodes(const Mission& mission, AgentId agent) {
   std::vector<GraphNode> nodes;
@@ -54,8 +55,8 @@ Mission Redraw(const Mission& mission, std::uint64_t seed) {
   return drawn;
 }
 
-// Solves least squares without the ranges that are far too long. The compared solvers do not know which ranges these
-// are.
+// Solves by least squares without the ranges that bursts have lengthened. The compared solvers do not know which ranges
+// these are.
 MethodResult SolveWithoutBursts(const Mission& mission, const SolverOptions& options) {
   const auto antenna_at = [&](const NodeKey& key) {
     return Eigen::Vector3d(mission.truth.at(key) * FindAgent(mission, key.agent)->antenna_m);

@@ -1,6 +1,6 @@
-// Third part of pgo_bench: a recorded mission whose odometry, ranges and start poses are drawn again from the truth,
-// with the noise model of apps/moondb_mission/measurement.h. A recording is one draw. Many draws show how much of a
-// result is luck.
+// Third part of pgo_bench: draws the odometry, ranges and start poses of a recorded mission again from the true poses,
+// with the noise model of apps/moondb_mission/measurement.h. The recording is only one draw. Many draws show how much
+// of a result is luck.
 #pragma once
 
 #include <map>

@@ -15,9 +15,9 @@ std::string TableOf(const std::vector<TeamRun>& teams);
 std::string TableOf(const std::vector<RedrawRun>& redraws);
 std::string TextOf(const UnknownStartsRun& run);
 
-// One JSON object. `graphs`: for each graph its name, cost, ate_m (null if the truth is unknown), seconds and
-// initialisation, and the same for least squares from odometry. `redraws` and `teams`: for each its methods. Also
-// `unknown_starts`.
+// Returns one JSON object. `graphs`: for each graph its name, cost, ate_m (null if the truth is unknown), seconds and
+// initialisation, and the same numbers for least squares from odometry. `redraws` and `teams`: for each entry, the
+// statistics of its methods. `unknown_starts`: the counts of UnknownStartsRun.
 std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<RedrawRun>& redraws,
                    const std::vector<TeamRun>& teams, const UnknownStartsRun& unknown);
 

@@ -1,4 +1,4 @@
-// Second part of pgo_bench: a simulated lunar team (tests/actors/pgo/scenario.h), over seeds and sizes.
+// Second part of pgo_bench: a simulated lunar team (tests/actors/pgo/scenario.h), for several seeds and team sizes.
 #pragma once
 
 #include <cstdint>
@@ -25,10 +25,10 @@ struct TeamRun {
   TeamCase team;
   int seeds = 0;
   std::map<Method, MethodFigures> methods;
-  double precision = 0;  // Precision of the staged solve's rejection of ranges, over all seeds.
+  double precision = 0;  // Precision with which the staged solve rejects ranges, over all seeds.
   double recall = 0;
   MethodFigures warm;    // The staged solve from the last solution, with 10 new nodes per rover.
-  MethodFigures window;  // The same, but only the last 100 nodes of each rover.
+  MethodFigures window;  // As `warm`, but only the last 100 nodes of each rover are variable.
 };
 
 std::vector<TeamCase> StandardTeamCases();
@@ -37,14 +37,14 @@ std::vector<TeamCase> StandardTeamCases();
 struct UnknownStartsRun {
   int runs = 0;
   int right = 0;            // Runs with an error of the whole team below 1 m.
-  int wrong_ambiguous = 0;  // Wrong runs that the solver reported as ambiguous.
+  int wrong_ambiguous = 0;  // Wrong runs (error of 1 m or more) that the solver reported as ambiguous.
   int right_ambiguous = 0;  // Right runs that the solver reported as ambiguous.
   double median_seconds = 0;
 };
 
 UnknownStartsRun RunUnknownStarts(int runs, const SolverOptions& options);
 
-// Runs the team with seeds from 1 to `seeds`.
+// Runs the case once for each seed from 1 to `seeds`.
 TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options);
 
 }  // namespace moondb

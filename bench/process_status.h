@@ -5,17 +5,17 @@
 
 namespace moondb {
 
-// Resident memory in bytes: the present value (/proc/self/statm), and the peak since ResetPeakResident
-// (/proc/self/status, VmHWM).
+// Return the resident memory of this process in bytes. ResidentBytes: at present (/proc/self/statm). PeakResidentBytes:
+// the peak since ResetPeakResident (/proc/self/status, VmHWM).
 std::int64_t ResidentBytes();
 std::int64_t PeakResidentBytes();
 void ResetPeakResident();
 
-// Voluntary context switches of the present threads: how often they gave up their processor to wait
+// Returns how often the present threads gave up their processor in order to wait: their voluntary context switches
 // (/proc/self/task/*/status).
 std::int64_t VoluntarySwitches();
 
-// Processor time of all threads in seconds.
+// Returns the processor time of all threads in seconds.
 double CpuSeconds();
 
 }  // namespace moondb

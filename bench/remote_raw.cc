@@ -74,7 +74,7 @@ class RawAgent {
     zmq_msg_t frame;
     zmq_msg_init(&frame);
     std::optional<std::uint64_t> id;
-    // A ROUTER socket puts the id of the connection in the first part.
+    // A ROUTER socket puts the connection's id in front of the frame. Skip it.
     const bool has_route = TypeOfListener(sockets_, keys_.has_value()) == ZMQ_ROUTER;
     if (has_route && zmq_msg_recv(&frame, listener_, 0) < 0) return id;
     if (zmq_msg_recv(&frame, listener_, 0) == static_cast<int>(bytes_)) {
@@ -134,7 +134,7 @@ class RawAgent {
 
 Error Lost() { return {ErrorCode::kUnavailable, "a frame was lost", {}}; }
 
-// Exchanges messages in both directions, which completes the handshakes.
+// Exchanges messages in both directions to complete the handshakes. Returns false if a message did not arrive.
 bool Meet(RawAgent& a, RawAgent& b) {
   a.Connect(b);
   b.Connect(a);

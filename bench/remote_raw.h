@@ -1,6 +1,6 @@
-// Measures libzmq alone with the pattern of remote_moondb.h, without actors. Each side has a listener that only
-// receives (a ROUTER, or with kAsMoondb and CURVE a DEALER) and a DEALER that only sends. Each has one context and one
-// I/O thread. Frames are copied and not parsed.
+// Measures bare libzmq with the pattern of remote_moondb.h, without actors. Each side has a listener that only receives
+// and a DEALER that only sends. The listener is a ROUTER, or a DEALER with kAsMoondb and CURVE. Each side has one
+// context and one I/O thread. Frames are copied and not parsed.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@ enum class RawSockets {
   kDefaults,  // The default options of libzmq.
 };
 
-// Errors: a frame that was lost or came out of order.
+// Measure the same as the functions of remote_moondb.h. Return an error if a frame was lost or arrived out of order.
 Result<double> RawThroughput(RawSockets sockets, bool is_curve, std::size_t bytes, std::uint64_t count);
 Result<double> RawRoundTrip(RawSockets sockets, bool is_curve, std::size_t bytes, std::uint64_t count);
 

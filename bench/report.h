@@ -8,11 +8,11 @@
 
 namespace moondb {
 
-// Table of medians, minima, maxima, processor time, and the ratio of moondb to each other contender.
+// Returns a table of medians, minima, maxima, processor time, and the ratio of moondb to each other contender.
 std::string TableOf(const Section& section);
 
-// One JSON object with one object per section: its unit, each contender's median under its name, all samples, and the
-// median processor time if it was measured.
+// Returns one JSON object with one object per section: its unit, each contender's median under the contender's name,
+// all samples, and the median processor time if it was measured.
 std::string Json(const std::vector<Section>& sections);
 
 }  // namespace moondb

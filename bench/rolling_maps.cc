@@ -26,7 +26,7 @@ class WorldLayer {
   }
 
   // Returns the cell at `column` and `row` of this layer, counted from a corner that is given in cells of the finest
-  // layer. Beyond the edge of the world, its border cells continue.
+  // layer. Beyond the edge of the world, its border cells are repeated.
   Cell At(int finest_column, int finest_row, int column, int row) const {
     return grid_.At(std::clamp((finest_column >> shift_) + column, 0, side_ - 1),
                     std::clamp((finest_row >> shift_) + row, 0, side_ - 1));
@@ -52,7 +52,8 @@ std::vector<TraversabilityMap> MakeRollingMaps(const RollingOptions& options) {
   std::vector<WorldLayer> world;
   for (int i = 0; i < options.layer_count; ++i) world.emplace_back(finest, i);
   const int middle = finest.grid.width / 2;
-  const int coarsest = 1 << (options.layer_count - 1);  // Maps move by whole cells of every layer.
+  // Maps move by multiples of the coarsest cell, so that they move by whole cells of every layer.
+  const int coarsest = 1 << (options.layer_count - 1);
   double x_m = 0, y_m = 0, heading_rad = random.Uniform(0, 6);
   std::vector<TraversabilityMap> maps;
   for (int i = 0; i < options.map_count; ++i) {

@@ -1,8 +1,9 @@
-// Maps that roll over one grid of the world by whole cells, as those of a robot whose map keeps its orientation.
+// Generates maps that roll over one grid of the world by whole cells, like the maps of a robot that keeps their
+// orientation.
 //
-// Every cell is known, and is a hazard if any of the terrain below it is one. Noise changes a share of all cells to
-// another value, independently in each map and layer. The cell size doubles from layer to layer, and all layers have
-// the same middle.
+// Every cell is known. It is a hazard if any part of the terrain in it is a hazard. Noise changes a fraction of all
+// cells to another value, independently in each map and layer. The cell size doubles from layer to layer, and all
+// layers have the same middle.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// runtime_bench: moondb's actor runtime against the C++ Actor Framework, libzmq alone and the limit of the machine
-// itself, in one run. The cases and the report are described in docs/benchmarks/runtime.md.
+// runtime_bench: compares moondb's actor runtime with the C++ Actor Framework, bare libzmq and the limit of the
+// machine, in one run. docs/benchmarks/runtime.md describes the cases and the report.
 //
 // Exit code 0: all cases were measured; 1: a case failed, for example because a message was lost; other: wrong
 // arguments.

@@ -1,8 +1,9 @@
-// sharing_bench_agent: the standard moondb agent with an actor that answers control messages and, with --ping, one that
-// sends them. Both actors run beside the real ones and use the same links. Run by bench/sharing_bench.
+// sharing_bench_agent: the standard moondb agent with two more actors. One answers control messages; the other, present
+// with --ping, sends them. Both run beside the standard actors and use the same links. bench/sharing_bench runs this
+// program.
 //
-// The --ping-file gets one line per answer: microseconds to the peer, microseconds back. Both ends read one clock, so
-// they must run on one machine.
+// Each answer adds a line to --ping-file: microseconds to the peer, microseconds back. Both agents must run on one
+// machine, because they read the same clock.
 #include <cstdio>
 #include <fstream>
 #include <memory>
@@ -37,7 +38,8 @@ class PingActor final : public Actor {
     AgentId to = 0;
     std::string file;
     Duration period_min =
-        std::chrono::milliseconds(50);  // Random between both limits, to avoid the rhythm of the batches.
+        // The period is random between both limits, to avoid a common rhythm with the batches.
+        std::chrono::milliseconds(50);
     Duration period_max = std::chrono::milliseconds(150);
   };
 

@@ -1,4 +1,4 @@
-// Tally: waits until every message of every sender has arrived, each once and in its sender's order.
+// Tally: waits until every message of every sender has arrived exactly once and in its sender's order.
 //
 // A lost, duplicated or reordered message makes the measurement fail for every contender. Call Count on one thread at a
 // time. All other functions are thread-safe.
@@ -19,7 +19,7 @@ class Tally {
   // Expects `per_sender` messages from each of `sender_count` senders.
   Tally(int sender_count, std::uint64_t per_sender);
 
-  // The id that a message carries: its sender and its number from that sender, from 0.
+  // Returns the id of a message: its sender, and its number among the sender's messages, from 0.
   static std::uint64_t IdOf(int sender, std::uint64_t number) { return std::uint64_t(sender) << kNumberBits | number; }
 
   void Count(std::uint64_t id) {
@@ -29,11 +29,12 @@ class Tally {
     if (++counted_ == total_) Finish();
   }
 
-  // Ends the wait; for cases whose last message reports that all is done.
+  // Ends the wait successfully. For cases in which a last message reports that all is done.
   void Finish();
   void Fail(std::string reason);
 
-  // Waits for the end. Errors: kUnavailable if Fail was called or two minutes passed.
+  // Waits until all messages have arrived or Finish was called. Returns kUnavailable if Fail was called or two minutes
+  // passed.
   Result<void> Wait();
 
  private:

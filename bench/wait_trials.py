@@ -48,11 +48,14 @@ from python_example_test import MODULES, python_with  # noqa: E402
 
 SKIPPED = 77
 SCENARIOS = ("flap", "flap_slow", "flap_at_once", "mid", "wipe", "chase", "restart")
-ROVER = 2  # The agent that is neither leader nor survivor.
+ROVER = 2  # A rover that is neither leader nor survivor.
 SLOWER_S = 0.020
-SLICE_S = {"flap": 30, "flap_slow": 30, "flap_at_once": 30, "mid": 60, "wipe": 30, "chase": 10, "restart": 60}  # Seconds of the mission that each trial inserts.
-TRIALS_A_LIFE = {"flap": 20, "flap_slow": 20, "flap_at_once": 20, "mid": 12, "wipe": 5, "chase": 10, "restart": 12}  # Trials before the disks are emptied, to keep stores small.
-# For types shared as `latest`, only an agent's own rows must be present; for all other types, all rows that it holds.
+# Seconds of the mission that each trial inserts.
+SLICE_S = {"flap": 30, "flap_slow": 30, "flap_at_once": 30, "mid": 60, "wipe": 30, "chase": 10, "restart": 60}
+# Trials before the disks are emptied, to keep stores small.
+TRIALS_A_LIFE = {"flap": 20, "flap_slow": 20, "flap_at_once": 20, "mid": 12, "wipe": 5, "chase": 10, "restart": 12}
+# For types shared as `latest`, only the rows of an agent's own records must be present. For other types, all rows that
+# an agent holds must be.
 STATES = {"temperature", "power", "awake_status", "mode", "health", "exploration", "distributed_measurements",
           "optimized_pose", "edge_verdict"}
 COMMAND_LIMIT = "60s"
@@ -76,7 +79,8 @@ def rows(database):
 
 @contextlib.contextmanager
 def frozen(team, agents):
-    """Yields a consistent view of the agents' databases: a read transaction starts in each before any is read."""
+    """Yields a consistent view of the agents' databases: in each database a read transaction starts before any is
+    read."""
     with contextlib.ExitStack() as stack:
         databases = {}
         for agent in agents:
@@ -103,7 +107,7 @@ def existing(team, agents):
 
 
 def lacking(team, before, agents):
-    """Returns by agent and table how many of these records are missing or have other content."""
+    """Returns, by agent and table, how many of the records in `before` are missing or have other content."""
     missing = {}
     with frozen(team, agents) as copies:
         for agent, copy in copies.items():
@@ -152,12 +156,13 @@ class SlowProxy:
 
 
 def insert_without_pause(team_file, built):
-    """Inserts maps of noise by several clients of the rover until this process is killed."""
+    """Inserts maps of noise at the rover, through several clients, until this process is killed."""
     sys.path[:0] = [str(built), str(SOURCE / "examples/python")]
     from moondb_client import MoondbClient, endpoint_of, team_of  # pylint: disable=import-outside-toplevel
     from survey import map_at, node_at  # pylint: disable=import-outside-toplevel
     endpoint, team_id = endpoint_of(team_file, NAMES[ROVER]), team_of(team_file)[1]
-    index = 1_000_000 + MoondbClient(endpoint, team_id).next_node_index()  # The mission's nodes have lower ones.
+    # Start high enough to differ from the mission's nodes.
+    index = 1_000_000 + MoondbClient(endpoint, team_id).next_node_index()
     MoondbClient(endpoint, team_id).insert([node_at(ROVER + 1, index, 1.0, 1.0)])
 
     def insert(number):
@@ -230,7 +235,7 @@ class Trials:
         if self.scenario != "mid":
             delay = self.rng.uniform(0.020, 0.350)
             self.network.set_link(new, False)
-            # Allow time for moonctl to start and to ask for the leader.
+            # Gives moonctl time to start and to ask for the leader.
             link = threading.Timer(delay + 0.04, lambda: self.network.set_link(new, True))
             link.start()
         how = ["--no-wait"] if self.scenario == "flap_at_once" else []
@@ -251,7 +256,7 @@ class Trials:
                 "is_late": count == 0 and TIMED_OUT in (sync["exit"], replicate["exit"])}
 
     def heal(self, before):
-        """Waits until all records are stored, whatever the commands reported. Returns the time that this took."""
+        """Waits until all records are stored, regardless of the commands' reports. Returns the time that this took."""
         started = time.monotonic()
 
         def is_whole():

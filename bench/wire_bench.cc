@@ -1,11 +1,13 @@
-// wire_bench: bytes that whole missions and their maps take on the wire, in the paper's form and in the compact one.
+// wire_bench: measures how many bytes whole missions and their maps take on the wire, in the paper's form and in the
+// compact form.
 //
 //   wire_bench [--recorded FOLDER]... [--json]
 //
-// Without --recorded, it measures the recorded missions in $MOONDB_DATA, if that is set, beside the generated ones.
+// Without --recorded, it measures the generated missions and, if $MOONDB_DATA is set, the recorded missions in that
+// folder.
 //
-// Exit code 0: all was measured and decoded to the original; 1: a mission could not be read or made; other: wrong
-// arguments.
+// Exit code 0: all missions were measured and decoded to the original; 1: a mission could not be read or made; other:
+// wrong arguments.
 #include <fmt/core.h>
 
 #include <cstdio>

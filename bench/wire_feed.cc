@@ -1,12 +1,13 @@
 // wire_feed: inserts each record of a whole mission at its origin's agent in a running team, for socket_bytes.py.
 //
-//   wire_feed [--team FILE] MISSION    MISSION: rolling, single_view, or the folder of a recorded one
+//   wire_feed [--team FILE] MISSION    MISSION: rolling, single_view, or the folder of a recorded mission
 //
-// The contents, timestamps included, are those that wire_bench counts. Epochs and hashes are each agent's own; seqs are
-// those of the mission. Prints one JSON object: {"mission", "records", "maps", "paper_sql_bytes" (as in WireSizes)}.
+// The contents, timestamps included, are the contents that wire_bench counts. Each agent assigns its own epochs and
+// hashes; seqs are those of the mission. Prints one JSON object: {"mission", "records", "maps", "paper_sql_bytes" (as
+// in WireSizes)}.
 //
-// Exit code 0: all records are stored; 1: no such mission, or an agent is unreachable or refuses a record; other: wrong
-// arguments.
+// Exit code 0: all records are stored; 1: the mission does not exist, or an agent is unreachable or refuses a record;
+// other: wrong arguments.
 #include <fmt/core.h>
 
 #include <chrono>

@@ -20,9 +20,10 @@ namespace {
 using Previous = MapRunEncoder::Previous;
 using Layers = std::vector<MapLayer>;
 
-constexpr std::size_t kMessageBytesMax = 4 * 1024;  // Bytes of coded records.
+constexpr std::size_t kMessageBytesMax = 4 * 1024;  // Maximum size of the coded records in a message.
 constexpr std::size_t kRowsPerBatchMax = 1024;
-constexpr std::size_t kFrameBytes = 9 + 42;  // ZMTP's length and CURVE's box around a message.
+// Overhead of a frame: the length in ZMTP (9 bytes) and CURVE's box around a message (42 bytes).
+constexpr std::size_t kFrameBytes = 9 + 42;
 constexpr double kBytesPerSecond = 125'000;  // Capacity of a 1 Mbit/s link.
 
 double ProcessorMs() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
@@ -58,7 +59,7 @@ std::size_t AcknowledgmentBytes(const RecordKey& last) {
   return SentBytes(message);
 }
 
-// Returns the bytes of a message and of its acknowledgment.
+// Returns the size of a message with the coded rows plus the size of its acknowledgment.
 std::size_t BatchBytes(const CodedRows& coded, const proto::RecordBatch& batch) {
   proto::Message message = Envelope(FromProto(batch.records(0).key()));
   proto::Batch& body = *message.mutable_batch();
@@ -98,7 +99,7 @@ class Sender {
     return BatchBytes(coded, batch);
   }
 
-  // Returns the next records, at most as many as a session requests from its storage.
+  // Returns the records from index `first` on, at most as many as a session requests from its storage at a time.
   static proto::RecordBatch SomeOf(const WireStream& stream, std::size_t first) {
     constexpr std::size_t kContentBytesMax = 72 * 1024;
     proto::RecordBatch some;
@@ -125,7 +126,7 @@ class Sender {
 
 struct Cost {
   std::size_t bytes = 0;
-  double encode_ms = 0, decode_ms = 0;  // Total time of all records.
+  double encode_ms = 0, decode_ms = 0;  // Sum over all records.
 };
 
 Cost MissionCost(const WireMission& mission, Previous previous) {
@@ -150,7 +151,7 @@ struct Times {
   double decode_ms = 0;
 };
 
-// Codes the maps in successive runs and adds the time.
+// Codes the maps in successive runs, and adds the processor time to `times`. Returns the coded bytes.
 std::size_t RunBytes(const std::vector<TraversabilityMap>& maps, Previous previous, Times& times) {
   std::size_t bytes = 0;
   for (std::size_t first = 0; first < maps.size(); first += kRunMapsMax) {
@@ -176,7 +177,7 @@ std::size_t RunBytes(const std::vector<TraversabilityMap>& maps, Previous previo
   return bytes;
 }
 
-// Codes one stream's records in batches and adds the time.
+// Codes and decodes one stream's records in batches, and adds the processor time to `times`.
 void CodeRows(const WireStream& stream, Times& times) {
   for (std::size_t next = 0; next < stream.records.size();) {
     proto::RecordBatch batch;

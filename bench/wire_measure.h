@@ -13,26 +13,29 @@ struct WireSizes {
   std::string name;
   std::size_t record_count = 0;
   std::size_t map_count = 0;
-  // Bytes of the whole mission, with framing, CURVE and acknowledgments.
+  // The whole mission on the wire, in bytes, with framing, CURVE and acknowledgments.
   std::size_t paper_sql_bytes = 0;  // One acknowledged statement per record (actors/storage/paper_sql.h).
-  std::size_t alone_bytes = 0;      // Rows in columns; maps in runs, coded without the previous map.
-  std::size_t previous_bytes = 0;   // The same, coded with the previous map.
-  std::size_t sent_bytes = 0;       // As sessions send it: with the previous map if that saves bytes.
-  // Bytes of the cells of all maps, without any headers.
+  std::size_t alone_bytes = 0;      // Rows coded column by column; maps coded in runs, without the previous map.
+  std::size_t previous_bytes = 0;   // As alone_bytes, but with maps coded relative to the previous map.
+  // As sessions send the mission: maps are coded relative to the previous map if that saves bytes.
+  std::size_t sent_bytes = 0;
+  // The cells of all maps, in bytes, without any headers.
   std::size_t map_2bit_zstd_bytes = 0;
-  std::size_t map_single_bytes = 0;    // Runs of one map.
-  std::size_t map_batch_bytes = 0;     // Runs of 32 maps.
-  std::size_t map_previous_bytes = 0;  // Runs of 32, coded with the previous map.
-  // Processor time in milliseconds per map.
+  std::size_t map_single_bytes = 0;    // Each map coded as a run of its own.
+  std::size_t map_batch_bytes = 0;     // Maps coded in runs of 32.
+  std::size_t map_previous_bytes = 0;  // Maps coded in runs of 32, relative to the previous map.
+  // Processor time for coding or decoding a map, in milliseconds.
   double encode_ms = 0, decode_ms = 0, encode_previous_ms = 0, decode_previous_ms = 0;
-  double sent_encode_ms = 0, sent_decode_ms = 0;  // As sessions send it: all records, per map.
+  // Processor time for all records as sessions send them, divided by the number of maps.
+  double sent_encode_ms = 0, sent_decode_ms = 0;
 };
 
-// Processor time that coding takes.
+// Processor time for coding and decoding.
 struct CodingTimes {
-  // One map of 4 x 100 x 100 cells, all known, with 1 % noise, as in RollingOptions.
+  // Coding or decoding one map of 4 x 100 x 100 cells, all known, with 1 % noise, as in RollingOptions.
   double map_encode_ms = 0, map_decode_ms = 0, map_encode_previous_ms = 0, map_decode_previous_ms = 0;
-  // States and pose graph of a mission, in batches of one type with as many rows as a session requests.
+  // Coding or decoding the states and the pose graph of a mission, in batches of one type with as many rows as a
+  // session requests.
   double encoded_rows_per_s = 0, decoded_rows_per_s = 0;
 };
 
@@ -41,7 +44,7 @@ std::size_t RecordCount(const WireMission& mission);
 // Returns WireSizes::paper_sql_bytes. Requires: every record has a statement (Check).
 std::size_t PaperSqlBytes(const WireMission& mission);
 
-// Also checks that everything decodes to the original (Check).
+// Measures all sizes of a mission. Also checks that everything decodes to the original (Check).
 WireSizes MeasureMission(const WireMission& mission);
 
 CodingTimes MeasureTimes(const WireMission& mission);

@@ -19,10 +19,10 @@ constexpr std::int64_t kStart_ns = 1'760'000'000'000'000'000;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::uint64_t kEpoch = 0x5F3C9A1E0B7D4C21;
 
-// A temperature is recorded every second, the other states every third second.
+// Temperatures are recorded every second, and the other states once in this many seconds.
 constexpr int kOtherStatesEvery = 3;
 
-// Collects records by data type and origin. States are sent first, maps last.
+// Collects records by data type and origin. States come first in the result, and maps last.
 class Recorder {
  public:
   void Add(AgentId origin, proto::Record record) {
@@ -86,7 +86,7 @@ Matrix6d DiagonalCovariance() {
   return covariance;
 }
 
-// Makes a straight drive with noise, for maps whose generator has no poses.
+// Returns the pose graph of a straight drive with noise, for maps whose generator has no poses.
 PoseGraph MakeGraph(AgentId origin, int node_count, std::int64_t period_ns, Random& random) {
   PoseGraph graph;
   for (int i = 0; i < node_count; ++i) {

@@ -1,4 +1,5 @@
-// Whole missions as the records that a team shares, for wire_bench: maps, pose graph and states of all rovers.
+// Whole missions in the form of the records that a team shares, for wire_bench: maps, pose graph and states of all
+// rovers.
 #pragma once
 
 #include <filesystem>
@@ -11,7 +12,7 @@
 
 namespace moondb {
 
-// Records of one data type from one origin, in order.
+// Records of one data type from one origin, in order of seq.
 struct WireStream {
   std::uint32_t data_type = 0;
   std::vector<proto::StoredRecord> records;
@@ -20,17 +21,17 @@ struct WireStream {
 struct WireMission {
   std::string name;
   std::vector<WireStream> streams;                         // Streams in the order in which they are sent.
-  std::vector<std::vector<TraversabilityMap>> rover_maps;  // Maps whose cells the streams contain, by rover.
+  std::vector<std::vector<TraversabilityMap>> rover_maps;  // The maps whose cells are in the streams, by rover.
 };
 
 // Makes a mission with three rovers, some 5,400 records, and 300 maps of 4 layers of 128 x 128 cells. The maps roll
 // over one grid and have 1 % noise.
 WireMission MakeRollingMission();
 
-// Makes a mission with moondb_mission's generator, whose camera maps turn with the rover.
+// Makes a mission with the generator of moondb_mission. Its camera maps are aligned with the rover, not with the world.
 Result<WireMission> MakeSingleViewMission();
 
-// Reads a recorded mission (model/mission.h). It gets the name of its folder.
+// Reads a recorded mission (model/mission.h). The name of the mission is that of its folder.
 Result<WireMission> ReadRecordedMission(const std::filesystem::path& folder);
 
 }  // namespace moondb

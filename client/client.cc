@@ -80,7 +80,7 @@ Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, D
     if (!answer.ParseFromString(*frame) || !answer.has_control_reply()) {
       return Fail(ErrorCode::kCorrupt, "the agent's answer does not decode");
     }
-    if (answer.request_id() != id) continue;  // Late reply to an earlier call that timed out.
+    if (answer.request_id() != id) continue;  // A late reply to an earlier call that timed out.
     if (auto same = CheckTeam(answer.control_reply()); !same) return tl::unexpected(same.error());
     if (IsError(answer.control_reply().error())) return tl::unexpected(FromProto(answer.control_reply().error()));
     if (options_.on_config_hash) options_.on_config_hash(answer.control_reply().config_hash());
@@ -296,7 +296,7 @@ Result<MergedTiles> Client::NextMapTiles(proto::MapTilesRequest& request) {
     all.tiles.insert(all.tiles.end(), std::make_move_iterator(tiles->begin()), std::make_move_iterator(tiles->end()));
     if (!first) first = part;
     if (part.is_complete() || part.tiles().empty()) break;
-    asked.clear_wait_s();  // The remaining tiles are available at once.
+    asked.clear_wait_s();  // The agent can send the remaining tiles without waiting.
     *asked.mutable_after() = *part.tiles().rbegin();
     asked.mutable_after()->clear_zstd_cells();
   }

@@ -57,30 +57,31 @@ class Client {
 
   struct Options {
     Duration connect_timeout = std::chrono::seconds(1);
-    // Timeout of a call, once connected. If the request lets the agent wait, the call times out after that wait plus
-    // this timeout, but at least 30 s.
+    // Timeout of a call, once connected. If the request has a wait_s, the call times out this long, but at least 30 s,
+    // after the end of that wait.
     Duration timeout = std::chrono::seconds(10);
     Duration long_timeout = std::chrono::seconds(600);  // Timeout of requests that TakesLong (model/control_request.h).
     // Size limit of requests and replies. A request over the network also obeys kKeyedRequestBytesMax.
     std::size_t message_bytes_max = 32 * 1024 * 1024;
-    // The agent that is to handle the requests; the connected agent relays them over the radio. 0: the connected agent.
+    // The agent that handles the requests. If it is another agent, the connected agent relays the requests over the
+    // radio. 0: the connected agent.
     AgentId for_agent = 0;
     std::string by = {};  // User name for the event log: "anna@hill". Empty: this user at this machine.
-    // TeamConfig::team_id of the client's team file. An agent of another team refuses requests, and replies of another
-    // team are refused. Empty: any team is accepted.
+    // TeamConfig::team_id of the client's team file. An agent of another team refuses the client's requests, and the
+    // client refuses replies from another team. Empty: any team is accepted.
     std::string team_id = {};
     // Called after each successful call with TeamFile::hash of the agent that handled the request (possibly for_agent).
-    // A hash that differs from the client's comes from another version of the team file. Not called on errors, because
-    // an error may come from the relaying agent.
+    // If the hash differs from that of the client's team file, the agent uses another version of the file. Not called
+    // on errors, because an error may come from the relaying agent.
     std::function<void(std::uint64_t config_hash)> on_config_hash = {};
     // CURVE keys in Z85, to connect to an agent's client_address; clients.yaml must list the client's public key. Leave
     // both empty for ipc on the agent's own machine.
     std::string server_key = {};    // The agent's public key.
     std::string secret_key = {};    // The client's secret key.
-    CustomTypes custom_types = {};  // Types declared in the team file (TeamConfig::custom_types), for their names.
+    CustomTypes custom_types = {};  // Types declared in the team file (TeamConfig::custom_types); maps names to ids.
   };
 
-  // Result of Merge. The cells are in `map`; `reply` holds the other fields, such as counts.
+  // Result of Merge. `map` holds the cells; `reply` holds the other fields of the reply, such as counts.
   struct Merged {
     MergedMap map;
     proto::MergeReply reply;
@@ -89,23 +90,24 @@ class Client {
   struct ShareOptions {
     Duration limit = std::chrono::minutes(10);                          // Longest wait; at most 24 h.
     std::function<void(const proto::ShareProgress&)> on_progress = {};  // Called on changes, at most every 0.5 s.
-    // If not 0, and on_progress is set: while a pair waits for a lease, the limit is extended to the end of that lease
-    // plus this margin.
+    // If not 0, and on_progress is set: while two agents wait for a lease to end, `limit` is extended to the end of
+    // that lease plus this margin.
     Duration lease_margin = {};
-    AgentId destination = 0;  // This and the following members are those of ShareRequest.
+    AgentId destination = 0;  // This and the members below are copied to ShareRequest.
     std::vector<AgentId> from = {};
     std::uint64_t bytes_max = 0;
   };
 
-  // Called with one stored record. An error stops ReadAll, which returns it.
+  // Called with one stored record. If it returns an error, ReadAll stops and returns that error.
   using Visit = std::function<Result<void>(const proto::StoredRecord& stored, const proto::Record& record)>;
 
-  // Connects to an agent. `agent_name` is used in error texts. Fails at once if no process listens at the endpoint, and
-  // after connect_timeout if the endpoint does not respond.
+  // Connects to an agent. `agent_name` is used in error texts. Fails immediately if no process listens at the endpoint,
+  // and after connect_timeout if the process does not respond.
   static Result<std::unique_ptr<Client>> Connect(std::string endpoint, std::string agent_name, Options options);
   ~Client();
 
-  // Sends any request; include proto/control.pb.h to build it. ControlReply.error becomes the error of this call.
+  // Sends any request and returns the reply; include proto/control.pb.h to build the request. If ControlReply.error is
+  // set, the call fails with that error.
   Result<proto::ControlReply> Call(const proto::ControlRequest& request);
   Result<proto::ControlReply> Call(const proto::ControlRequest& request, Duration timeout);
 
@@ -125,22 +127,23 @@ class Client {
   };
   // Inserts one custom record, like Insert. Fails with kInvalid for a type name that is not in Options::custom_types.
   Result<RecordKey> InsertCustom(Custom custom, bool is_local = false);
-  // Returns a built-in or declared type, for ReadRequest::data_types. Fails with kInvalid for an unknown name.
+  // Returns the built-in or declared type of this name, for ReadRequest::data_types. Fails with kInvalid for an unknown
+  // name.
   Result<DataType> TypeNamed(const std::string& name) const;
 
   // Reads one page of records.
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
-  // Reads all pages after request.after_row_id, in the order in which the agent stored the records. The request's
-  // limits bound each page.
+  // Reads all records after request.after_row_id, page by page, in the order in which the agent stored them. The limits
+  // in the request apply to each page.
   Result<void> ReadAll(proto::ReadRequest request, const Visit& visit);
 
   // Returns the highest index of the own robot's nodes in the agent's store, plus 1; 0 if the store has none. Reads all
-  // these nodes. After a disk was lost, the next sync restores the nodes: call this after it.
+  // these nodes. If the agent has lost its disk, call this after the next sync, which restores the nodes.
   Result<std::uint64_t> NextNodeIndex();
 
   // Returns the agent's have-set: the records held and dropped, per stream.
   Result<HaveSet> Have();
-  // Acknowledges the agent's findings up to a timestamp. Returns how many these were.
+  // Acknowledges the agent's findings up to a timestamp. Returns how many findings it acknowledged.
   Result<std::uint32_t> Acknowledge(std::int64_t until_ns);
   // Checks a part of the agent's store, some records per call (proto/storage.proto, VerifyRequest).
   Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
@@ -150,20 +153,21 @@ class Client {
 
   Result<proto::RoleShowReply> Roles(bool with_history = false);
   Result<proto::RoleShowReply> SetRoles(const proto::RoleSetRequest& request);
-  // Change the roles that this agent acts on, and wait, like ChangeRolesUntilDone (client/orders.h).
+  // Like ChangeRolesUntilDone (client/orders.h): change the roles and wait at most `limit` until the new leader and
+  // survivor confirm.
   Result<proto::RoleShowReply> SwapRoles(Duration limit);
   Result<proto::RoleShowReply> SetRoles(proto::RoleSetRequest request, Duration limit);
-  // Sets a lease of this agent: its robot drives or sleeps, or its sharing is paused, for `duration` from now on (at
-  // most
-  // 24 h). 0 ends the lease. Renew the lease before it expires. Returns the leases of all agents.
+  // Sets a lease of this agent: for `duration`, starting now, its robot drives or sleeps, or its sharing is paused. At
+  // most 24 h; 0 ends the lease. Renew the lease before it expires. Returns the leases of all agents.
   Result<proto::LeaseReply> SetLease(proto::LeaseKind kind, Duration duration);
-  // Share now, and wait until all records are acknowledged or nothing more can be done, like ShareUntilDone
-  // (client/orders.h). Sync at the leader runs from and to every other agent; at another agent, it sends that agent's
-  // own records to the leader. Replicate at the leader sends all records held to the designated survivor. Both fail
-  // with kRefused if this agent loses the lead during the call.
+  // Like ShareUntilDone (client/orders.h): share now, and wait until all records are acknowledged or nothing more can
+  // be done. Sync at the leader shares in both directions with every other agent. At another agent, Sync sends that
+  // agent's own records to the leader. Replicate at the leader sends all records that the leader holds to the
+  // designated survivor. Sync and Replicate fail with kRefused if this agent loses the lead during the call.
   Result<proto::ShareProgress> Sync(const ShareOptions& options);
   Result<proto::ShareProgress> Replicate(const ShareOptions& options);
-  // Share gives an order without waiting. ShareProgress waits for the next change of an order's progress.
+  // Share gives an order to share and does not wait for its completion. ShareProgress waits for the next change of an
+  // order's progress.
   Result<proto::ShareReply> Share(const proto::ShareRequest& request);
   Result<proto::ShareProgress> ShareProgress(const proto::ShareProgressRequest& request);
   // Include proto/share_status.pb.h to access the fields.
@@ -173,23 +177,25 @@ class Client {
   // Returns the latest actions of the agent's actors, and the messages that they failed to handle.
   Result<proto::TraceReply> Trace(const proto::TraceRequest& request);
   Result<Merged> Merge(const proto::MergeRequest& request);
-  // Returns what each map says about the cell at a position in the frame `map`, in order of precedence.
+  // Returns the value that each map has for the cell at a position in the frame `map`. Maps are in order of precedence.
   Result<proto::MapWhyReply> MapWhy(double x_m, double y_m);
   Result<proto::MapStatsReply> MapStats();
-  // Returns the tiles of the merged map that changed since the last call with this `request`, which stores the version.
-  // The first call, and the first one after a restart of the agent's merging, return all tiles with known cells. With
-  // wait_s, the call waits for a change and returns no tiles if there was none. Set a region before the first call.
-  // Fails with kUnavailable if merging restarts between two parts of a reply.
+  // Returns the tiles of the merged map that changed since the last call with this `request`. The call stores the map's
+  // version in `request`. The first call, and the first call after the agent's MergeActor restarted, return all tiles
+  // with known cells. With wait_s, the call waits for a change and returns no tiles if none came. Set a region before
+  // the first call. Fails with kUnavailable if MergeActor restarts between two parts of a reply.
   Result<MergedTiles> NextMapTiles(proto::MapTilesRequest& request);
-  // Makes the next bundle for the ground station, acknowledges one, or (no field set) lists the unacknowledged ones.
+  // Makes the next bundle for the ground station, acknowledges a bundle, or (no field set) lists the unacknowledged
+  // bundles.
   Result<proto::DownlinkReply> Downlink(const proto::DownlinkRequest& request);
-  // Returns the complete file of a bundle. Calls `fetched` after each part with the bytes received and the total. Fails
-  // with kNotFound if there is no such bundle or it is acknowledged, and with kCorrupt if its size is not as announced.
+  // Returns the complete file of a bundle. Calls `fetched` after each part with the bytes received and the bundle's
+  // size. Fails with kNotFound if the bundle does not exist or is acknowledged, and with kCorrupt if the bytes received
+  // do not match the announced size.
   Result<std::string> FetchBundle(std::uint32_t number, const std::function<void(double bytes, double all)>& fetched);
-  // Sends a question to a user's own actor on the agent and returns its answer. Fails with kNotFound if the agent has
-  // no own actor of that name.
+  // Sends a question to one of the user's actors on the agent and returns the actor's answer. Fails with kNotFound if
+  // no user's actor has that name.
   Result<google::protobuf::Any> Ask(const std::string& actor, const google::protobuf::Any& question);
-  // Asks the agent's process to stop. Returns when the agent has agreed; the process ends shortly after.
+  // Asks the agent's process to stop. Returns when the agent has replied; the process ends shortly after.
   Result<void> Stop();
 
  private:

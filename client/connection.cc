@@ -62,8 +62,8 @@ struct Client::Connection::Sockets {
     monitor.set(zmq::sockopt::linger, 0);
     monitor.connect(kMonitor);
   }
-  // Returns the next event of the monitor; 0 if there is none. ZMQ_EVENT_CONNECTED is not returned: it only sets
-  // `file`.
+  // Returns the next event of the monitor; 0 if there is none. Does not return ZMQ_EVENT_CONNECTED, but sets `file`
+  // from it.
   int NextEvent() {
     zmq::message_t event;
     zmq::message_t address;
@@ -177,7 +177,7 @@ Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline
     const std::uint64_t received_before = sockets_->ReceivedBytes();
     while (true) {
       if (sockets_->dealer.recv(frame, zmq::recv_flags::dontwait)) {
-        // A reply is a single frame. Skip the frames of other messages.
+        // A reply is a single frame. Skip the frames of messages that consist of several.
         if (!frame.more()) return frame.to_string();
         continue;
       }

@@ -1,7 +1,8 @@
 // A connection over one DEALER socket to one agent's endpoint: sends and receives frames, with deadlines. The only file
 // of client/ that uses ZeroMQ.
 //
-// Never reconnects by itself: a lost peer is reported at once, and the next Open makes a new socket. Not thread-safe.
+// Never reconnects automatically: Send and Receive report a lost connection at once, and the next Open makes a new
+// socket. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -14,12 +15,12 @@ namespace moondb {
 
 class Client::Connection {
  public:
-  // `options`: as given to Client::Connect.
+  // `options`: the options of Client::Connect.
   Connection(std::string endpoint, std::string agent_name, const Options& options);
   ~Connection();
 
-  // Connects, unless connected already. Fails with kUnavailable if the agent does not answer within `timeout`, at once
-  // if no process listens, and with kRefused if the agent does not know the key.
+  // Connects, unless connected already. Fails with kUnavailable if no process listens or the agent does not answer
+  // within `timeout`. Fails with kRefused if the agent does not know the key.
   Result<void> Open(Duration timeout);
   void Close();
 

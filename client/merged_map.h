@@ -15,7 +15,7 @@ inline constexpr std::uint64_t kMergedCellsMax = 256ull * 1024 * 1024;
 // or if there are more than kMergedCellsMax cells. An empty map has no frame.
 Result<MergedMap> DecodeMergedMap(const proto::MergeReply& reply);
 
-// A tile of the merged map. A tile in which no cell is known any more has only unknown cells.
+// A tile of the merged map. If the tile has lost its last known cell, all its cells are unknown.
 struct MergedTile {
   std::int64_t x = 0;  // Column of the tile. The first cell of the tile has the column x * map.grid.width.
   std::int64_t y = 0;

@@ -28,12 +28,13 @@ double SecondsUntil(Clock::time_point end, double max_s) {
   return std::clamp(std::chrono::duration<double>(end - Clock::now()).count(), 0.0, max_s);
 }
 
-// Returns whether another attempt may succeed.
+// Returns whether another attempt may succeed after this error.
 bool IsWorthAnother(const Error& error) {
   return error.field == kExpectedTerm || error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kNotFound;
 }
 
-// Calls `once` with the client that `connect` returns, and repeats both while another attempt may succeed.
+// Calls `connect`, and `once` with the client that `connect` returned. Repeats both calls while another attempt may
+// succeed.
 template <typename Once>
 auto Repeat(const ConnectToShare& connect, proto::ShareRequest& request, const Clock::time_point& end, Once once)
     -> decltype(once(std::declval<Client&>())) {
@@ -116,7 +117,7 @@ Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSet
       AddNotConfirmed(*held);
       if (held->not_confirmed_by().empty() || Clock::now() >= end) return held;
     } else if (error.field == kExpected) {
-      // The agent has not heard of the current roles yet, but soon will.
+      // The agent does not know the current roles yet, but will soon learn of them.
       const bool is_behind = held && IsNewer(standing.term(), held->roles().term());
       if (!is_behind || Clock::now() >= end) return Fail(error.code, error.text);
     } else if (Clock::now() >= end) {
@@ -147,7 +148,8 @@ Result<proto::ShareProgress> Client::ShareFromHere(proto::SharingKind kind, cons
     const auto status = Status();
     if (!status) return tl::unexpected(status.error());
     const bool is_leading = status->roles().leader() == status->agent_id();
-    if (was_leading && !is_leading) {  // A repeated order would only share this agent's own records.
+    if (was_leading && !is_leading) {
+      // The order would now share only this agent's own records.
       return Fail(ErrorCode::kRefused, agent_name_ + " leads no longer: ask the leader of now");
     }
     was_leading = is_leading;

@@ -10,7 +10,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Longest wait of one request. An agent waits at most a minute, and shorter waits detect a hung agent sooner.
+// Longest wait of one request. Agents accept up to a minute, but a shorter wait detects a hung agent sooner.
 constexpr milliseconds kWaitMax(20'000);
 
 }  // namespace

@@ -9,9 +9,9 @@
 //   }
 //
 // The program polls, so the agent queues nothing for it, and a slow program costs the agent nothing. Each record is
-// returned once, in the order in which the agent stored it. For types under the policy `latest`, superseded records are
-// removed from the store. A program that was offline therefore sees only the newest record of each key. Records from
-// other agents are stored when they arrive, so timestamps are not in ascending order.
+// returned once. For types under the policy `latest`, superseded records are removed from the store. A program that was
+// offline therefore sees only the newest record of each key. Records from other agents are stored when they arrive, so
+// timestamps are not in ascending order.
 //
 // after_row_id() is only valid for this agent's store; after a restart with an empty disk, row ids start at 1 again.
 //
@@ -27,20 +27,22 @@ namespace moondb {
 class RecordFeed {
  public:
   // Reads these fields of `filter`: data_types, origin_agents, after_row_id, records_max and content_bytes_max. The
-  // last two limit one page; 0 selects the agent's default, and larger values are reduced to the agent's limit.
+  // last two limit one page; 0 selects the agent's default, and values above the agent's limit are reduced to that
+  // limit.
   RecordFeed(Client& client, proto::ReadRequest filter) : client_(client), request_(std::move(filter)) {}
 
   // Skips all records stored so far.
   Result<void> SkipToNow();
 
-  // Returns the next page; empty if nothing was stored within `timeout`. Fails like every call of Client. In
-  // particular:
-  //   - kTimedOut: The agent exceeded its wait by more than Client::Options::timeout. The next call continues.
+  // Returns the next page; an empty page if no matching record was stored within `timeout`. Fails like every call of
+  // Client. In particular:
+  //   - kTimedOut: The agent did not reply in time (Client::Options::timeout). The next call continues at the same
+  //     record.
   //   - kFull: Too many programs wait at this agent; try again later. Or a record of more than 255 KiB cannot be
   //     relayed over the radio (Client::Options::for_agent) and blocks the feed; connect to that agent directly.
   Result<proto::ReadReply> Next(Client::Duration timeout);
 
-  // Returns the row id of the last record returned, to continue after it later.
+  // Returns the row id of the last record returned. A later feed can continue after that row.
   std::uint64_t after_row_id() const { return request_.after_row_id(); }
 
  private:

@@ -1,12 +1,13 @@
 # Speeds up compilation (docs/decisions/0012-compile-times.md): precompiles headers that most files include, and
-# compiles several source files of a library as one unit. No file may rely on this: a build with both off must pass.
+# compiles several source files of a library as one unit. No file may rely on this: a build without both must succeed.
 option(MOONDB_PRECOMPILE "Precompile the headers that most files include" ON)
 set(MOONDB_FILES_AT_A_TIME 6 CACHE STRING "Source files of a target that are compiled as one; 1 compiles each alone")
 
 if(MOONDB_FILES_AT_A_TIME GREATER 1)
   set(CMAKE_UNITY_BUILD ON)
   set(CMAKE_UNITY_BUILD_BATCH_SIZE ${MOONDB_FILES_AT_A_TIME})
-  # GCC treats a source file that another one includes as a header, and would warn about its unnamed namespaces.
+  # If a source file includes another source file, GCC treats the latter as a header and would warn about its unnamed
+  # namespaces.
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     add_compile_options(-Wno-subobject-linkage)
   endif()
@@ -22,7 +23,8 @@ function(moondb_precompiled name)
   endif()
 endfunction()
 
-# moondb_use_precompiled(TARGET NAME)
+# moondb_use_precompiled(TARGET NAME): compiles TARGET with the headers that moondb_precompiled(NAME ...) has
+# precompiled.
 function(moondb_use_precompiled target name)
   if(MOONDB_PRECOMPILE)
     target_precompile_headers(${target} REUSE_FROM moondb_precompiled_${name})

@@ -12,7 +12,8 @@ set(MOONDB_SHARE_DIR ${CMAKE_INSTALL_DATADIR}/moondb)
 set(MOONDB_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/moondb)
 
 # moondb_install_library(TARGET [NAME name] [HEADERS public headers of this folder...]): installs the library `TARGET`
-# (moondb_NAME, or any library with NAME) as moondb::NAME. Headers that a public header includes must be public too.
+# as moondb::NAME. Without NAME, the name is that of the target without "moondb_". If a public header includes another
+# header, that header must be public too.
 function(moondb_install_library target)
   cmake_parse_arguments(ARG "" "NAME" "HEADERS" ${ARGN})
   if(NOT ARG_NAME)
@@ -25,12 +26,12 @@ function(moondb_install_library target)
   install(FILES ${ARG_HEADERS} DESTINATION ${MOONDB_INCLUDE_DIR}/${folder} COMPONENT development)
 endfunction()
 
-# moondb_install_program(TARGET)
+# moondb_install_program(TARGET): installs a program.
 function(moondb_install_program target)
   install(TARGETS ${target} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
 endfunction()
 
-# Call once, after all libraries are declared.
+# moondb_install_package(): installs the package. Call it once, after all libraries are declared.
 function(moondb_install_package)
   install(EXPORT moondb NAMESPACE moondb:: FILE moondbTargets.cmake DESTINATION ${MOONDB_PACKAGE_DIR}
           COMPONENT development)

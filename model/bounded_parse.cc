@@ -14,7 +14,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::internal::WireFormatLite;
 using google::protobuf::io::CodedInputStream;
 
-// Messages up to this size are not counted: they cannot hold enough parts to use much memory.
+// The parts of messages up to this size are not counted: they are too few to use much memory.
 constexpr std::size_t kUncountedBytesMax = 64 * 1024;
 constexpr std::size_t kUncountedPeerBytesMax = 1024;
 constexpr int kDepthMax = 100;  // Protobuf's own recursion limit.
@@ -35,8 +35,8 @@ std::size_t ElementBytesMin(const FieldDescriptor& field) {
   }
 }
 
-// Subtracts the number of parts of a message from `left`. Returns false if there are more. Stops at bytes that do not
-// decode, because the parser will reject them.
+// Subtracts the number of parts of a message from `left`. Returns false if the message has more parts than `left`.
+// Stops at bytes that do not decode, because the parser will reject these.
 bool CountParts(const Descriptor& type, int depth, CodedInputStream& in, std::size_t& left) {
   while (const std::uint32_t tag = in.ReadTag()) {
     const FieldDescriptor* field = type.FindFieldByNumber(WireFormatLite::GetTagFieldNumber(tag));

@@ -1,5 +1,5 @@
-// Evaluates `command_from` of the team file: the agents through which operators may command other agents and decide
-// roles. Thread-safe.
+// Evaluates `command_from` of the team file, which lists the agents through which operators may command other agents
+// and decide roles. Thread-safe.
 #pragma once
 
 #include "model/ids.h"
@@ -10,7 +10,8 @@ namespace moondb {
 inline constexpr char kAllMayCommand[] = "all";  // Entry that stands for all agents.
 
 // Returns whether operators may give commands through this agent. If command_from is empty, only the base station
-// qualifies, or every agent in a team without a base station. False for an agent that is unknown or has left the team.
+// qualifies; in a team without a base station, every agent does. Returns false for an agent that is unknown or has left
+// the team.
 bool MayCommand(const proto::TeamConfig& team, AgentId agent);
 
 }  // namespace moondb

@@ -24,7 +24,7 @@ proto::Message ErrorMessage(const Error& error);
 // much memory (model/bounded_parse.h).
 Result<proto::ControlRequest> ControlRequestOf(const proto::Message& message);
 Result<proto::ControlReply> ControlReplyOf(const proto::Message& message);
-// Fails with the error that the ControlReply holds, or like ControlReplyOf.
+// Fails with the error in the message's ControlReply, and like ControlReplyOf.
 Result<void> CheckControlReply(const proto::Message& message);
 
 }  // namespace moondb

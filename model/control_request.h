@@ -12,11 +12,12 @@ namespace moondb {
 inline constexpr double kReadWaitMax_s = 60;             // Longest wait_s of ReadRequest and ShareProgressRequest.
 inline constexpr double kOrderWaitMax_s = 24 * 60 * 60;  // Longest wait_s of ShareRequest and RoleSetRequest.
 
-// Size limit of a request to a client_address; over ipc, requests may be larger. An incoming request takes memory
-// before the agent can evaluate it.
+// Size limit of a request to a client_address, because an incoming request takes memory before the agent can check it.
+// Over ipc, requests may be larger.
 inline constexpr std::size_t kKeyedRequestBytesMax = 12 * 1024 * 1024;
 
-// Returns the options of a request in proto/control.proto; the defaults if it has none, and for REQUEST_NOT_SET.
+// Returns the options of a request in proto/control.proto; the default options if the request has none, and for
+// REQUEST_NOT_SET.
 const proto::CommandOptions& CommandOptionsOf(proto::ControlRequest::RequestCase request);
 
 // Returns the name of the request's field in proto/control.proto: "role_set". Empty for REQUEST_NOT_SET.

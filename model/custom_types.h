@@ -1,7 +1,7 @@
 // Lookup of the data types that a team declares in its team file (`custom_types`), by id and by name.
 //
-// An undeclared custom type has no name and no rules, but its records are still stored and shared (actors/storage).
-// Thread-safe.
+// A custom type that the team file does not declare has no name and no rules, but its records are still stored and
+// shared (actors/storage). Thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ namespace moondb {
 
 using CustomTypes = google::protobuf::RepeatedPtrField<proto::CustomType>;
 
-// Returns null if the team does not declare this type.
+// Returns the declaration of this type; null if the team does not declare it.
 const proto::CustomType* FindCustomType(const CustomTypes& types, DataType type);
 
 // Like DataTypeName in model/ids.h, but also knows the names of declared types: "soil_moisture".

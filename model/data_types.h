@@ -21,23 +21,23 @@
 
 namespace moondb {
 
-// The order in which types are shared, lowest first. Role assignments come first, because they decide whose records are
-// accepted. kOthers: events and custom types.
+// The order in which types are shared, lowest rank first. Role assignments are first, because they decide whose records
+// are accepted. kOthers: events and custom types.
 enum class ShareRank { kRoles, kStates, kNodes, kEdges, kDerived, kOthers, kMaps };
 
 // The agents that may write records of a type, in addition to the rules for signatures and sharing
 // (model/record_authority.h).
 enum class Speaker {
-  // Any agent: the record describes its origin (robot states, events, custom types), or other rules apply (role
+  // Any agent. The record describes its own origin (robot states, events, custom types), or other rules decide (role
   // assignments, see model/role_chain.h).
   kAnyAgent,
-  // An agent that the record names: nodes and maps, odometry between nodes of one agent, ranges between two agents.
-  // Loop closures and priors will belong here.
+  // An agent that the record names. Used for nodes and maps, odometry between nodes of one agent, and ranges between
+  // two agents. Future types such as loop closures and priors belong here.
   kNamedAgent,
-  // The leader of the term in the record: optimised poses, edge verdicts.
+  // The leader of the term in the record. Used for optimised poses and edge verdicts.
   kLeader,
-  // An agent that the record names, an agent in command_from of the team file, or the leader of the term in the record:
-  // quarantines of maps.
+  // An agent that the record names, an agent in command_from of the team file, or the leader of the term in the record.
+  // Used for quarantines of maps.
   kNamedAgentOrLeader,
 };
 
@@ -50,19 +50,20 @@ struct NamedAgent {
 // Term and run of the solve that produced a record.
 using RecordVersion = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;
 
-// Properties of a data type. The defaults are those of a robot state: shared early, and only the newest per robot.
+// Properties of a data type. The default values are those of a robot state: states are shared early, and only the
+// newest state per robot is kept.
 struct DataTypeRow {
   DataType type = proto::DATA_TYPE_UNSPECIFIED;
 
   ShareRank rank = ShareRank::kStates;
-  // Default policies, if the team file sets none. A type under `latest` keeps its history by default, unless it has
-  // versions.
+  // Default policies, used if the team file sets none. By default an agent keeps superseded records of its own robot
+  // for a type under `latest`, unless the type has versions (see `version`).
   proto::Policy share = proto::POLICY_LATEST;
   proto::Policy ground = proto::POLICY_LATEST;
   // Whether the policy `latest` is allowed.
   bool may_be_latest = true;
-  // If true, records are pruned only if an order names this type, because they depend on each other. A graph without
-  // some of its nodes is broken, and a map whose quarantine is pruned is used again.
+  // If true, records of this type are pruned only if an order names the type, because other records depend on them. A
+  // graph without some of its nodes is broken, and a map whose quarantine is pruned is used again.
   bool is_kept_unless_named = false;
 
   // Validates the fields of a record.
@@ -70,19 +71,20 @@ struct DataTypeRow {
   // Returns the agents that a record names. Null if records of the type name none.
   std::vector<NamedAgent> (*agents)(const proto::Record& record) = nullptr;
   Speaker speaker = Speaker::kAnyAgent;
-  // Returns the natural key, which robots choose (NaturalKey). Null for a type without one.
+  // Returns the natural key, which robots choose (NaturalKey). Null for a type without natural keys.
   std::string (*natural_key)(const proto::Record& record) = nullptr;
-  // Returns the key per which only the newest record is kept under `latest` (LatestKey). Null: one key per origin.
+  // Returns the latest key: under `latest`, only the newest record per key is kept (LatestKey). Null: all records of an
+  // origin have the same key.
   std::string (*latest_key)(const proto::Record& record) = nullptr;
-  // Returns the version. If two records have the same latest key, the one with the higher (version, record key) is
-  // kept. Null: only the record key decides.
+  // Returns the version. If two records have the same latest key, the record with the higher (version, record key) is
+  // kept. Null: the record key alone decides.
   RecordVersion (*version)(const proto::Record& record) = nullptr;
 };
 
 // Returns the rows in the order of the types' numbers.
 std::span<const DataTypeRow> DataTypeRows();
 
-// Returns null for a type without a row (unknown or custom).
+// Returns the row of a type; null for a type without a row (unknown or custom).
 const DataTypeRow* FindDataType(DataType type);
 
 // Returns the ShareRank of a type; lower ranks are shared first. Messages without a type rank like

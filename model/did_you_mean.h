@@ -11,11 +11,11 @@ namespace moondb {
 // Returns the number of insertions, deletions, substitutions and swaps of neighbours that turn `a` into `b`.
 std::size_t EditDistance(std::string_view a, std::string_view b);
 
-// Returns the nearest candidate, the first of equals. The distance must be at most a third of the word's length, but 1
-// is always allowed.
+// Returns the candidate with the smallest EditDistance to the word; if several are equally near, the first of them.
+// Returns nullopt if that distance is more than 1 and more than a third of the word's length.
 std::optional<std::string> ClosestWord(std::string_view word, const std::vector<std::string>& candidates);
 
-// Returns `; did you mean "address"?`, or an empty string.
+// Returns `; did you mean "address"?` for the ClosestWord, or an empty string if there is none.
 std::string DidYouMean(std::string_view word, const std::vector<std::string>& candidates);
 
 }  // namespace moondb

@@ -1,8 +1,8 @@
 // Error: a failure with a cause outside of the program (radio, disk, GL, operator, a peer's bytes). Returned as a
 // value, never thrown.
 //
-// `text` is one line that says what happened and, if it helps, what to do. `field` is the path of the offending input
-// in its message or file ("layers[1].cells").
+// `text` is one line that explains what happened and, where useful, what to do. `field` is the path of the offending
+// input in its message or file ("layers[1].cells").
 #pragma once
 
 #include <string>
@@ -48,7 +48,7 @@ proto::Error ToProto(const Error& error);
 // Converts an error from a message. A code that is 0 or unknown becomes kInternal.
 Error FromProto(const proto::Error& error);
 
-// Returns whether the code is not ERROR_CODE_NONE.
+// Returns whether the message holds an error: its code is not ERROR_CODE_NONE.
 bool IsError(const proto::Error& error);
 
 }  // namespace moondb

@@ -29,15 +29,16 @@ std::string EventKindName(proto::EventKind kind);
 
 inline constexpr std::size_t kFindingsMax = 32;
 
-// Texts of EVENT_KIND_LOST. In the findings, the event of a peer's return replaces the event of its loss.
+// Texts of events of EVENT_KIND_LOST. In the findings, the event that a peer has returned replaces the event that the
+// peer was lost.
 inline constexpr char kEndedWithoutStopping[] = "the process before ended without stopping";
 std::string LostPeerText(const std::string& peer);
 std::string BackPeerText(const std::string& peer, double away_s);
 // Returns whether the text of a finding says that this peer was lost and has not returned.
 bool SaysLost(const std::string& text, const std::string& peer);
 
-// Text of EVENT_KIND_ACKNOWLEDGED: findings up to a timestamp are acknowledged. `count` is only for people.
-// AcknowledgedUntil parses the timestamp from such a text.
+// AcknowledgedText returns the text of an EVENT_KIND_ACKNOWLEDGED: findings up to a timestamp are acknowledged. `count`
+// is only for people. AcknowledgedUntil parses the timestamp from such a text; nullopt for another text.
 std::string AcknowledgedText(std::int64_t until_ns, std::size_t count);
 std::optional<std::int64_t> AcknowledgedUntil(const std::string& text);
 
@@ -48,10 +49,10 @@ struct OwnEvent {
   std::string text;
 };
 
-// Returns the unacknowledged findings, oldest first; if there are more than kFindingsMax, only the newest. Requires:
-// `events` are an agent's events in the order in which it logged them. An acknowledgment applies only to findings that
-// were logged before it and whose timestamps are not later than its own. A clock that was once ahead thus hides no
-// later finding. Repeated findings are merged into one, with the last timestamp and a count.
+// Returns the unacknowledged findings, oldest first; only the newest kFindingsMax if there are more. Requires: `events`
+// are an agent's events in the order in which it logged them. An acknowledgment applies only to findings that were
+// logged before it and whose timestamps are not later than the acknowledged timestamp. A clock that was once ahead thus
+// hides no later finding. Repeated findings are merged into one, with the last timestamp and a count.
 std::vector<proto::HealthFinding> FindingsOf(const std::vector<OwnEvent>& events);
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// Metadata about the origin of a file, stored inside it as key and text: "agent" "rover1", "maps" "183".
+// Metadata about the origin of a file, stored inside the file as pairs of key and text: "agent" "rover1", "maps" "183".
 #pragma once
 
 #include <string>

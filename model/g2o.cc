@@ -22,7 +22,7 @@ class G2oParser {
       ParseLine(fields);
     });
     if (!parsed) return tl::unexpected(parsed.error());
-    // Without vertex lines the edges name the vertices.
+    // A file without vertex lines defines its vertices by its edges.
     if (vertices_.empty()) {
       for (const G2oEdge& edge : g2o_.edges) vertices_.insert({edge.from, edge.to});
     }
@@ -78,7 +78,7 @@ class G2oParser {
     g2o_.edges.push_back(edge);
   }
 
-  // Reads an information matrix whose first `kTranslation` rows are those of the translation.
+  // Reads an information matrix. The first `kTranslation` of its `kSize` rows belong to the translation.
   template <int kSize, int kTranslation>
   Eigen::Matrix<double, kSize, kSize> InformationOf(LineFields& fields) const {
     constexpr const char* kName = "information";

@@ -5,10 +5,9 @@
 //   FIX         id [id ...]
 //
 // "+n" is the upper triangle of the INFORMATION matrix (PyFG has the covariance), row by row, translation first. Ids
-// are 64-bit integers. Empty lines and lines that begin with '#' are skipped. Vertices may be defined after the edges
-// that name them. A file is either 2-D or 3-D. A 2-D pose lies in the plane z = 0. Its information fills rows 0, 1 and
-// 5 of the
-// 6 x 6 matrix; the other diagonal entries are 1.
+// are 64-bit integers. Empty lines and lines that begin with '#' are skipped. Edges may precede the vertices that they
+// name. A file is either 2-D or 3-D. A 2-D pose lies in the plane z = 0. The information of a 2-D edge fills rows 0, 1
+// and 5 of the 6 x 6 matrix; the other diagonal entries are 1.
 //
 // In a file without vertex lines, the edges define the vertices.
 //
@@ -46,9 +45,9 @@ struct G2o {
   std::vector<std::uint64_t> fixed;  // Ids of the vertices whose poses are held fixed.
 };
 
-// The condition on an edge's information matrix. kBlocks: its translation block and its rotation block each have an
-// inverse of positive trace. An isotropic cost needs no more (SE-Sync reads files this way). Some public files need it:
-// rounded numbers made their matrices lose positive definiteness.
+// The condition that ParseG2o requires of an edge's information matrix. kBlocks: the translation block and the rotation
+// block each have an inverse of positive trace. This suffices for an isotropic cost; SE-Sync reads files this way. Some
+// public files pass only kBlocks, because rounding made their matrices lose positive definiteness.
 enum class InformationCheck { kPositiveDefinite, kBlocks };
 
 // Parses a g2o file. `name` is the file's name in errors. Fails with kInvalid and the field "file:line" for:

@@ -21,7 +21,7 @@ struct Pose {
   Pose Inverse() const;
 
   static Pose FromPlanar(double x_m, double y_m, double yaw_rad);
-  double Yaw() const;  // Direction of the body's x axis in the horizontal plane, -pi to pi.
+  double Yaw() const;  // Angle of the body's x axis in the horizontal plane, -pi to pi.
 };
 
 proto::Pose ToProto(const Pose& pose);

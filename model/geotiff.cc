@@ -21,7 +21,7 @@ constexpr ttag_t kGdalMetadata = 42112;
 constexpr ttag_t kGdalNoData = 42113;
 constexpr std::uint32_t kRowsPerStrip = 64;
 
-// A file in memory that libtiff writes to. It keeps incomplete files off the disk.
+// A file in memory that libtiff writes to, so no incomplete file ever reaches the disk.
 struct Memory {
   std::string bytes;
   std::size_t at = 0;

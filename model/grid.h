@@ -53,8 +53,8 @@ MergedMap CroppedToKnown(const MergedMap& map, std::int32_t margin_cells);
 // Packs cells, four per byte (proto/record.proto, MapLayer.cells).
 std::string PackCells(const Grid& grid);
 
-// Unpacks cells. Fails with kInvalid if the number of bytes does not match the size, a cell has the value 3, or a spare
-// bit is set.
+// Unpacks cells. Fails with kInvalid if the number of bytes does not match width * height, a cell has the value 3, or a
+// spare bit of the last byte is set.
 Result<Grid> UnpackCells(std::int32_t width, std::int32_t height, std::string_view bytes);
 
 }  // namespace moondb

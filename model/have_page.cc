@@ -14,7 +14,7 @@ namespace {
 constexpr std::size_t kElementHeadBytes = 6;
 constexpr std::size_t kIntervalHeadBytes = 2;
 
-// Iterates over the held and dropped intervals of a stream from a given seq on, in the order of their seqs.
+// Iterates over the held and dropped intervals of a stream in the order of their seqs, starting at a given seq.
 class IntervalWalk {
  public:
   IntervalWalk(const StreamHave& have, std::uint64_t first_seq)
@@ -22,7 +22,8 @@ class IntervalWalk {
 
   bool has_more() const { return held_.has_more() || dropped_.has_more(); }
   bool is_held() const { return !dropped_.has_more() || (held_.has_more() && held_.at->first < dropped_.at->first); }
-  // Cuts the interval at first_seq_: since the previous page, intervals on both sides of it may have been joined.
+  // Returns the current interval without its seqs before first_seq_. Since the previous page was made, an interval
+  // before first_seq_ and one after it may have been joined.
   IntervalSet::Interval interval() const {
     const IntervalSet::Interval& whole = is_held() ? *held_.at : *dropped_.at;
     return {std::max(whole.first, first_seq_), whole.last};

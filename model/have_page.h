@@ -1,10 +1,10 @@
 // HavePageWriter: splits a have-set into pages that each fit into one message.
 //
-// A page covers all records from one key up to another, in the order of streams, and of seqs within a stream. Records
-// in that range that the page does not list were never held or dropped by the agent. A stream is split across pages
-// only if it does not fit into a page of its own. Each page is valid by itself for the time at which it was made, like
-// the streams in an acknowledgment. Pages from different times can be merged into one have-set, so the writer keeps no
-// state between pages.
+// A page covers all records from one key up to another, in the order of streams, and of seqs within a stream. If the
+// page does not list a record in that range, the agent neither holds nor has dropped the record. A stream is split
+// across pages only if it does not fit into one page. Each page is correct for the time at which it was made, without
+// the other pages, like the streams in an acknowledgment. Pages from different times can be merged into one have-set,
+// so the writer keeps no state between pages.
 #pragma once
 
 #include <cstddef>
@@ -17,24 +17,25 @@
 namespace moondb {
 
 // Size limit of a page sent over the radio, without the rest of its message: 0.2 s at 1 Mbps. The whole message fits
-// into a link's initial credit and into an outbox's reserve for control messages, 32 KiB each.
+// into a link's initial credit (32 KiB) and into an outbox's reserve for control messages (32 KiB).
 inline constexpr std::size_t kHavePageBytesMax = 24 * 1024;
 // Upper limits of the encoded size of a stream without its intervals, and of one interval.
 inline constexpr std::size_t kHaveStreamBytesMax = 32;
 inline constexpr std::size_t kHaveIntervalBytesMax = 24;
-// Maximum number of pages of the largest have-set. Two successive pages together always exceed the size of one page.
+// Maximum number of pages of the largest have-set: two successive pages together always exceed the size limit of one
+// page.
 inline constexpr int kHavePagesMax = 1024;
 static_assert(2 * (kHaveStreamsMax * kHaveStreamBytesMax + kHaveIntervalsMax * kHaveIntervalBytesMax) <
               kHavePagesMax * kHavePageBytesMax);
 
 class HavePageWriter {
  public:
-  // Starts a page with the record `from`; a default key means the first record. The page has at most `bytes_max` bytes
-  // (0: no limit), but at least one interval.
+  // Starts a page at the record `from`; a default key means the first record. The page has at most `bytes_max` bytes
+  // (0: no limit), but always room for one interval.
   HavePageWriter(const RecordKey& from, std::size_t bytes_max);
 
   // Adds a stream; an empty stream is left out. Returns false if the page is full; next() is then the first record of
-  // the next page. Requires: streams are added in the order of their keys, the first one not before `from`.
+  // the next page. Requires: streams are added in the order of their keys, and the first stream is not before `from`.
   bool Add(const StreamKey& key, const StreamHave& have);
 
   const std::optional<RecordKey>& next() const { return next_; }

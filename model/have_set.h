@@ -1,9 +1,9 @@
 // HaveSet: the records that an agent covers, as a version vector whose entries are interval sets. Sync is anti-entropy:
-// the difference of two have-sets alone decides which records are sent, and a have-set is also the acknowledgment.
+// only the difference of two have-sets decides which records are sent. A have-set also serves as the acknowledgment.
 //
 // Per stream, a have-set contains the seqs held (row present) and the seqs dropped (superseded or pruned permanently).
-// A record is covered if it is held or dropped. Sizes grow with the number of gaps, not of records. Value types; not
-// thread-safe.
+// A record is covered if it is held or dropped. The size grows with the number of gaps, not with the number of records.
+// Value types; not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -57,13 +57,13 @@ struct StreamHave {
   IntervalSet dropped;
 
   IntervalSet Covered() const;
-  // Adds the seqs of `other`. A seq dropped on either side ends up dropped.
+  // Adds the seqs of `other`. A seq that is dropped in this or in `other` is dropped in the result.
   void Merge(const StreamHave& other);
   std::size_t IntervalCount() const { return held.intervals().size() + dropped.intervals().size(); }
   bool operator==(const StreamHave&) const = default;
 };
 
-// Limits of a have-set from a peer. Exceeding one is an error; nothing is truncated.
+// Limits of a have-set from a peer. A have-set that exceeds a limit is rejected, not truncated.
 inline constexpr int kHaveStreamsMax = 65536;
 inline constexpr int kHaveIntervalsPerStreamMax = 65536;
 inline constexpr std::size_t kHaveIntervalsMax = 262'144;  // Sum over all streams.
@@ -71,14 +71,14 @@ inline constexpr std::size_t kHaveIntervalsMax = 262'144;  // Sum over all strea
 class HaveSet {
  public:
   StreamHave& operator[](const StreamKey& key) { return streams_[key]; }
-  const StreamHave& Get(const StreamKey& key) const;  // Returns an empty one if there is none.
+  const StreamHave& Get(const StreamKey& key) const;  // Empty if there is none.
 
-  // Merges `other` stream by stream. A seq dropped on either side ends up dropped.
+  // Merges `other` stream by stream (StreamHave::Merge).
   void Merge(const HaveSet& other);
   // Fails with kInvalid if the union would exceed the limits of a have-set.
   Result<void> CheckJoins(const HaveSet& other) const;
-  // Returns the complete intervals of this have-set that share a seq with those that `other` covers, for the streams of
-  // `other`.
+  // Returns, for each stream of `other`, the complete intervals of this have-set that share a seq with an interval that
+  // `other` covers.
   HaveSet Around(const HaveSet& other) const;
 
   const std::map<StreamKey, StreamHave>& streams() const { return streams_; }

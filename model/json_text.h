@@ -1,4 +1,4 @@
-// Text as a JSON string. Thread-safe.
+// JsonString: writes text as a JSON string. Thread-safe.
 #pragma once
 
 #include <string>

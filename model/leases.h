@@ -1,8 +1,8 @@
-// Leases: which agents of a team drive, sleep or are paused, and until when.
+// Leases: tracks which agents of a team drive, sleep or are paused, and until when.
 //
 // A lease is a duration, not a time of day, because the clocks of the agents differ and jump. It counts down on this
-// agent's monotonic clock from the time at which this agent learned of it, and expires by itself. The caller passes the
-// current time to each call. Value type.
+// agent's monotonic clock from the time at which this agent learned of the lease. No message is needed for it to
+// expire. The caller passes the current time to each call. Value type.
 #pragma once
 
 #include <chrono>
@@ -35,16 +35,17 @@ class Leases {
   void Set(const proto::AgentLease& lease, Time now);  // Replaces the agent's leases. Requires: valid durations.
   void SetAll(const proto::LeasesChanged& changed);    // Replaces the leases of all agents.
 
-  proto::AgentLease LeftOf(AgentId agent, Time now) const;  // Remaining times; 0 without such a lease.
+  proto::AgentLease LeftOf(AgentId agent, Time now) const;  // Remaining times; 0: no such lease.
   proto::LeasesChanged Left(Time now) const;                // Remaining times of all agents that have a lease.
   std::optional<Time> NextExpiry(Time now) const;           // Time at which the next lease expires.
 
   // Returns whether the agent sleeps, or drives in a team with radio silence while driving. Other agents must not treat
-  // it as lost then.
+  // such an agent as lost.
   bool MayBeSilent(AgentId agent, Time now) const;
-  // Returns whether bulk transfers from and to the agent must stop: it may be silent, or its sharing is paused.
+  // Returns whether bulk transfers from and to the agent must stop, because the agent may be silent or its sharing is
+  // paused.
   bool IsQuiet(AgentId agent, Time now) const;
-  // Returns whether the window of a pair is open: bulk transfers between the two are allowed.
+  // Returns whether bulk transfers between the two agents are allowed: IsQuiet is false for both.
   bool IsOpen(AgentId a, AgentId b, Time now) const { return !IsQuiet(a, now) && !IsQuiet(b, now); }
 
  private:

@@ -110,7 +110,7 @@ Eigen::Matrix3d PlanarOf(const Matrix6d& spatial) {
 
 double ExactPlanarYaw(const Eigen::Quaterniond& q) {
   constexpr int kSteps = 8;
-  // Files may contain yaws beyond pi. The sign of w distinguishes them.
+  // Files may contain yaws beyond pi. The sign of w distinguishes such a yaw from the same direction within pi.
   const double yaw_rad = 2 * std::atan2(q.z(), q.w());
   double above = yaw_rad;
   double below = yaw_rad;

@@ -16,7 +16,8 @@
 
 namespace moondb {
 
-// The parser keeps the first error; later calls return zeros. Requires: the line outlives the parser.
+// The parser keeps the first error; calls after an error return zeros. Requires: the text of the line outlives the
+// parser.
 class LineFields {
  public:
   explicit LineFields(std::string_view line);
@@ -75,8 +76,9 @@ Result<void> ParseLines(TextLines lines, const std::string& name,
 void SetPlanar(const Eigen::Matrix3d& planar, Matrix6d& spatial);
 Eigen::Matrix3d PlanarOf(const Matrix6d& spatial);
 
-// Returns a yaw that converts to exactly this quaternion, if one near the computed angle does. The last bits of the arc
-// tangent alone may differ from the angle that was read.
+// Returns a yaw that Pose::FromPlanar converts to exactly this quaternion, if an angle near the computed one does;
+// otherwise the computed angle. The arc tangent may differ in its last bits from the yaw that the quaternion was made
+// from.
 double ExactPlanarYaw(const Eigen::Quaterniond& q);
 
 }  // namespace moondb

@@ -18,7 +18,7 @@ int ProbeLocalSocket(const std::string& path) {
   if (probe < 0) return errno;
   const int error = ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 ? 0 : errno;
   ::close(probe);
-  return error == EAGAIN ? 0 : error;  // EAGAIN: a listener with a full backlog.
+  return error == EAGAIN ? 0 : error;  // EAGAIN: a process listens, but its backlog is full.
 }
 
 }  // namespace moondb

@@ -1,7 +1,7 @@
 // Draws merged maps and trajectories in colour, as images for WritePng.
 //
-// Images are RGB, with north (+y) up and one or more pixels per cell. A map that would exceed kImageSideMax is drawn at
-// a smaller scale. Thread-safe.
+// Images are RGB, with the frame's +y axis up and one or more pixels per cell. A map whose image would exceed
+// kImageSideMax is drawn at a smaller scale. Thread-safe.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,10 +24,11 @@ inline constexpr int kCropMarginCells = 20;  // Unknown cells kept around a crop
 // Returns the colours of unknown, free and hazard cells: dark grey, light, dark red.
 const std::array<Color, 3>& CellColors();
 
-// Returns an image with one gray pixel per cell: 0 unknown, 1 free, 2 hazard. For file formats with a separate palette.
+// Returns an image with one gray pixel per cell: 0 unknown, 1 free, 2 hazard. For file formats that store the colours
+// in a palette.
 Image CellPicture(const MergedMap& map);
 
-// Returns the colour of an agent by its index in the team. Colours repeat after eight agents.
+// Returns the colour of the agent with this index in the team. Colours repeat after eight agents.
 Color AgentColor(std::size_t place);
 
 struct Track {
@@ -35,7 +36,7 @@ struct Track {
   std::vector<Eigen::Vector2d> points_m;  // In the frame `map`, in order of time.
 };
 
-// Returns one track per agent, in the order of `agents`; an empty track for an agent without poses.
+// Returns one track per agent, in the order of `agents`. The track of an agent without poses is empty.
 std::vector<Track> TracksOf(const std::map<NodeKey, Pose>& poses, const std::vector<AgentId>& agents);
 
 struct MapPictureOptions {

@@ -11,7 +11,8 @@ namespace {
 
 constexpr int kToleranceCellsMax = 100;
 
-// The hazard cells, dilated by the tolerance on every side. One look-up then tests for a hazard nearby.
+// The hazard cells of a map, dilated by the tolerance on every side. A single look-up then tests whether a hazard is
+// nearby.
 class NearHazards {
  public:
   NearHazards(const MergedMap& map, int tolerance)
@@ -69,7 +70,7 @@ struct Share {
   double Ratio() const { return hazard_count == 0 ? 1.0 : static_cast<double>(matched_count) / hazard_count; }
 };
 
-// Counts the hazards of `map`, and those with a hazard of `other` within the tolerance.
+// Counts the hazards of `map`, and how many of them have a hazard of `other` within the tolerance.
 Share MatchHazards(const MergedMap& map, const MergedMap& other, int tolerance) {
   const NearHazards near(other, tolerance);
   Share share;

@@ -1,7 +1,7 @@
-// Quality metrics of trajectories and merged maps, compared with the true ones.
+// Computes how well estimated trajectories and merged maps agree with the true ones.
 //
-// The fraction of agreeing cells says little: a map that is free everywhere scores above 0.85. Maps are therefore
-// scored by their hazards, with a tolerance, and by Cohen's kappa. Thread-safe.
+// The fraction of agreeing cells is a poor metric: a map that is free everywhere scores above 0.85. CompareMaps
+// therefore compares hazards, with a tolerance, and computes Cohen's kappa. Thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -23,27 +23,29 @@ struct TrajectoryError {
   std::size_t missing_count = 0;  // Nodes of the truth that the estimate lacks; excluded from the errors.
 };
 
-// Compares all nodes of `agents`, without any alignment. `agents` are usually the rovers, because the base station's
-// position is known.
+// Compares all nodes of `agents`, without aligning the trajectories first. `agents` are usually the rovers, because the
+// base station's position is known.
 TrajectoryError CompareTrajectories(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth,
                                     const std::vector<AgentId>& agents);
 
-// Returns the least-squares alignment truth_from_estimate of the nodes in both. If `is_planar`, it only rotates about
-// z. For graphs without a defined position in the frame `map`. Returns the identity if fewer than two nodes are in
-// both.
+// Returns the pose truth_from_estimate that aligns the nodes in both maps with least squared error. If `is_planar`, it
+// rotates only about z. Use it for graphs whose position in the frame `map` is not determined. Returns the identity if
+// fewer than two nodes are in both.
 Pose FindAlignment(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth, bool is_planar);
 
 // Returns the poses of a graph's nodes.
 std::map<NodeKey, Pose> PosesOf(const PoseGraph& graph);
 
 struct MapAgreement {
-  // Fraction of the map's hazard cells with a true hazard cell within the tolerance; 1 if the map has none.
+  // Fraction of the map's hazard cells with a true hazard cell within the tolerance; 1 if the map has no hazards.
   double precision = 0;
-  // Fraction of the true hazard cells with a hazard cell of the map within the tolerance; 1 if there are none.
+  // Fraction of the true hazard cells with a hazard cell of the map within the tolerance; 1 if there are no true
+  // hazards.
   double recall = 0;
-  double f1 = 0;          // 2 p r / (p + r), of precision p and recall r; 0 if both are 0.
+  double f1 = 0;          // 2 p r / (p + r) for precision p and recall r; 0 if both are 0.
   double hazard_iou = 0;  // Intersection over union of hazards: F1 / (2 - F1).
-  // Cohen's kappa of free and hazard, over the cells known in both; 0 without such cells, 1 for a perfect match.
+  // Cohen's kappa of free and hazard, over the cells known in both maps; 0 if there are no such cells, 1 for a perfect
+  // match.
   double kappa = 0;
   std::uint64_t map_hazard_count = 0;
   std::uint64_t true_hazard_count = 0;

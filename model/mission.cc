@@ -175,7 +175,7 @@ class KeyMapper {
     for (RangeEdge& edge : pyfg.graph.ranges) Map(edge.from), Map(edge.to);
   }
 
-  const std::string& stranger() const { return stranger_; }  // The first key that belongs to no agent.
+  const std::string& stranger() const { return stranger_; }  // First key whose letter no agent has.
 
  private:
   std::map<AgentId, AgentId> ids_;
@@ -188,7 +188,7 @@ Result<std::map<NodeKey, Pose>> ComposeRawPoses(const Mission& mission, const st
   for (const auto& [key, truth] : mission.truth) {
     const bool is_first = poses.empty() || poses.rbegin()->first.agent != key.agent;
     if (is_first) poses.emplace(key, FindAgent(mission, key.agent)->start);
-    // Keys are sorted, so the last entry of `poses` is this agent's if the agent has been seen already.
+    // Keys are sorted by agent, so if `poses` has a node of this agent, it is the last entry.
   }
   std::vector<const OdometryEdge*> edges;
   edges.reserve(mission.graph.odometry.size());

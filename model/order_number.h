@@ -1,4 +1,5 @@
-// Order numbers: they order the orders that one actor has given since its restart.
+// Order numbers: identify the sharing orders that one actor has given since its restart; a later order has a higher
+// number.
 //
 // The actor draws the upper 32 bits at random when it starts; the lower bits count from 1. Orders from before and after
 // a restart cannot be compared. 0 means no order.
@@ -8,7 +9,7 @@
 
 namespace moondb {
 
-// Returns the number before the first order after a restart.
+// Returns the order number from which an actor counts up after a restart; its first order has this number plus 1.
 inline std::uint64_t BeginOrderNumbers(std::uint64_t random) { return random << 32; }
 
 inline bool IsOfOneBoot(std::uint64_t a, std::uint64_t b) { return a >> 32 == b >> 32; }

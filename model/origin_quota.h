@@ -1,13 +1,15 @@
-// OriginQuota: shares the limited room of a reader fairly among origins (max-min fairness).
+// OriginQuota: divides the limited memory of a reader of records (its room) fairly among the origins of the records
+// (max-min fairness).
 //
-// Each record has a weight (1, or its bytes). The level is the share of each origin: the highest value at which all
-// origins together fit into the limit. An origin whose records weigh at most the level keeps all of them. Every other
-// origin keeps its newest records, with a total weight of at most the level. The newest records are those with the
-// highest (epoch, seq). The outcome therefore depends only on the set of records, not on their order. A record that has
-// lost its room never regains it: the level only falls, and the number of newer records only grows.
+// Each record has a weight (1, or its bytes). The level is the maximum weight per origin: the highest value at which
+// the records of all origins together fit into the limit. An origin whose records together weigh at most the level
+// keeps all its records. Every other origin keeps its newest records, with a total weight of at most the level. The
+// newest records are those with the highest (epoch, seq). The outcome therefore depends only on the set of records, not
+// on their order of arrival. A record that has lost its room never regains it: the level only falls, and the number of
+// newer records only grows.
 //
-// `Note` is the caller's data about a record, returned when the record loses its room. Memory grows with the number of
-// records that have room, and with the number of agents. Not thread-safe.
+// `Note` is the type of the caller's data about a record, returned when the record loses its room. Memory grows with
+// the number of records that have room, and with the number of agents. Not thread-safe.
 #pragma once
 
 #include <algorithm>
@@ -38,10 +40,10 @@ class OriginQuota {
   // records heavier than `limit` are added. Otherwise sums overflow.
   explicit OriginQuota(std::uint64_t limit) : limit_(limit) {}
 
-  // Adds a record. Returns the records that lose their room because of it, possibly the new one itself. Requires: the
-  // record was not added before.
+  // Adds a record. Returns the records that lose their room because of the new record; the new record may be one of
+  // them. Requires: the record was not added before.
   std::vector<Removed> Add(const RecordKey& key, std::uint64_t weight, Note note) {
-    weight = std::min(weight, limit_ + 1);  // Neither weight fits into the limit.
+    weight = std::min(weight, limit_ + 1);  // A weight above the limit never fits; cap it to avoid overflow.
     Origin& origin = origins_[key.stream.origin];
     origin.weight += weight;
     weight_ += weight;
@@ -61,7 +63,7 @@ class OriginQuota {
     return removed;
   }
 
-  // Adds, per origin, the number of records without room to `counts`.
+  // Adds the number of records without room, per origin, to `counts`.
   void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const {
     for (const auto& [agent, origin] : origins_) {
       if (origin.left_out_count > 0) counts[agent] += origin.left_out_count;

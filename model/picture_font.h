@@ -9,8 +9,8 @@ namespace moondb {
 inline constexpr int kGlyphWidth = 5;
 inline constexpr int kGlyphHeight = 7;
 
-// A character as seven rows from top to bottom; bit 4 is the leftmost pixel. Lower-case letters are drawn as capitals,
-// and unknown characters as blanks.
+// A character's pixels as seven rows from top to bottom; bit 4 of a row is the leftmost pixel. Lower-case letters are
+// drawn as capitals, and unknown characters as blanks.
 using Glyph = std::array<std::uint8_t, kGlyphHeight>;
 Glyph GlyphOf(char character);
 

@@ -36,7 +36,7 @@ int ChannelsOf(png_uint_32 format) {
   return (format & PNG_FORMAT_FLAG_COLOR) != 0 ? 3 : 1;
 }
 
-constexpr std::size_t kHeaderBytes = 8 + 25;  // The signature and the IHDR chunk, which come first.
+constexpr std::size_t kHeaderBytes = 8 + 25;  // The signature and the IHDR chunk, the start of each file.
 
 std::string BigEndian(std::uint32_t value) {
   std::string bytes;
@@ -94,7 +94,7 @@ Result<Image> ReadPng(const std::filesystem::path& file) {
   Image image(static_cast<int>(png->width), static_cast<int>(png->height), channels);
   png->format = FormatOf(channels);
   // Ignore warnings of libpng, such as a bad checksum in an ancillary chunk: the pixels are still correct. Only an
-  // error means wrong pixels.
+  // error of libpng means that pixels are wrong.
   if (!png_image_finish_read(png.get(), nullptr, image.bytes.data(), 0, nullptr)) {
     return Fail(ErrorCode::kCorrupt, std::string("is a damaged PNG: ") + png->message, file.string());
   }

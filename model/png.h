@@ -1,7 +1,6 @@
 // Reads and writes PNG images with 8 bits per channel, with libpng. Used for maps in mission folders and for pictures.
 //
-// The pixels of a file are only read once its size is known to be within the limits. Errors of libpng are returned as
-// values. Thread-safe.
+// ReadPng checks the size of an image before it reads the pixels. Errors of libpng are returned as values. Thread-safe.
 #pragma once
 
 #include <array>
@@ -41,7 +40,7 @@ struct Image {
 };
 
 // Reads a file. Gray images get 1 channel, images with colour or a palette 3, images with transparency 4. The error's
-// field is the path. Fails with kNotFound if there is no such file, and with kCorrupt if the file is not a PNG,
+// field is the path. Fails with kNotFound if there is no such file, and with kCorrupt if the file is not a PNG, or is
 // truncated or damaged. Fails with kInvalid if the image exceeds kImageSideMax or kImageBytesMax, or has 16 bits per
 // channel.
 Result<Image> ReadPng(const std::filesystem::path& file);

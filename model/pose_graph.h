@@ -47,12 +47,12 @@ struct PoseGraph {
 };
 
 // Convert between a symmetric matrix and the 21 numbers of its upper triangle, row by row. FromUpperTriangle fails with
-// kInvalid for another count.
+// kInvalid unless there are 21 numbers.
 Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>& numbers);
 void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<double>& numbers);
 
-// Convert between graph elements and records. AddRecord ignores records of other types. Requires for AddRecord:
-// CheckRecord(record) succeeds.
+// Convert between graph elements and records. AddRecord adds the element in a record to `graph`, and ignores records of
+// other types. Requires for AddRecord: CheckRecord(record) succeeds.
 proto::Record ToRecord(const GraphNode& node);
 proto::Record ToRecord(const OdometryEdge& edge);
 proto::Record ToRecord(const RangeEdge& edge);

@@ -7,7 +7,8 @@ namespace moondb {
 
 inline constexpr double kPruneAgeMax_s = 1e9;  // About 30 years.
 
-// Returns DataTypeRow::is_kept_unless_named of the type; false for custom types.
+// Returns whether records of the type are pruned only if an order names the type (DataTypeRow::is_kept_unless_named);
+// false for custom types.
 inline bool IsKeptUnlessNamed(DataType type) {
   const DataTypeRow* row = FindDataType(type);
   return row != nullptr && row->is_kept_unless_named;

@@ -141,7 +141,7 @@ class PyfgParser {
       fields.Stop("the vertex " + FormatKey(key) + " stands here a second time");
   }
 
-  // Checks the ends of all edges. Call it after all vertices are known, because edges may precede them.
+  // Checks that the ends of all edges exist. Call it after the last line, because edges may precede their vertices.
   Result<Pyfg> CheckEdges() {
     for (const EdgeEnds& edge : edges_) {
       if (edge.from == edge.to) return Stop(edge.line, "the edge joins " + FormatKey(edge.from) + " with itself");
@@ -179,7 +179,7 @@ class Formatter {
     text_ += word;
     return *this;
   }
-  // Appends the keyword for the dimension of this file.
+  // Appends one of the two keywords: `planar` in a 2-D file, `spatial` in a 3-D file.
   Formatter& Word(std::string_view planar, std::string_view spatial) { return Word(is_planar_ ? planar : spatial); }
   Formatter& Number(double value) { return Word(FormatDouble(value)); }
   Formatter& Timestamp(std::int64_t timestamp_ns) { return Word(FormatTimestampNs(timestamp_ns)); }

@@ -6,17 +6,17 @@
 //   EDGE_SE2_XY     time from to x y  +3              EDGE_SE3_XYZ     time from to x y z  +6
 //   EDGE_RANGE      time key key range variance
 //
-// "+n" is the upper triangle of the covariance, row by row, translation first. Times are timestamps in seconds; an edge
-// has the timestamp of its end. Lengths are in metres, angles in radians. A key is a letter and a number ("A17"). Empty
-// lines and lines that begin with '#' are skipped. Vertices may be defined after the edges that name them. A file is
-// either 2-D or 3-D.
+// "+n" is the upper triangle of the covariance, row by row, translation first. Times are timestamps in seconds; the
+// time of an edge is that of its `to` node. Lengths are in metres, angles in radians. A key is a letter and a number
+// ("A17"). Empty lines and lines that begin with '#' are skipped. Edges may precede the vertices that they name. A file
+// is either 2-D or 3-D.
 //
-// A key becomes a NodeKey. Its agent is the position of the letter in A..Z, a..z, from 1 (see AgentOfLetter); readers
-// that know the team map it to agent ids. A 2-D pose lies in the plane z = 0. Its covariance fills rows 0, 1 and 5 of
-// the 6 x 6 matrix, and the other variances are 1.
+// A key becomes a NodeKey. NodeKey::agent is the position of the letter in A..Z, a..z, from 1 (see AgentOfLetter);
+// callers that know the team replace it by the agent's id. A 2-D pose lies in the plane z = 0. The covariance of a 2-D
+// edge fills rows 0, 1 and 5 of the 6 x 6 matrix, and the other variances are 1.
 //
-// Writing and reading back is lossless, bit for bit. The exception is a computed 2-D rotation, which may change by
-// 1e-15 rad: it is an angle in the file and a quaternion in memory.
+// Writing and reading back is lossless, bit for bit, with one exception: a 2-D rotation is an angle in the file and a
+// quaternion in memory. A computed 2-D rotation may therefore change by 1e-15 rad.
 #pragma once
 
 #include <Eigen/Core>
@@ -49,7 +49,7 @@ struct PyfgSighting {
 
 struct Pyfg {
   bool is_planar = false;
-  PoseGraph graph;  // Nodes are the pose vertices, in file order. Their poses may be true ones or initial values.
+  PoseGraph graph;  // Nodes are the pose vertices, in file order. Their poses may be true poses or initial values.
   std::vector<PyfgLandmark> landmarks;
   std::vector<PyfgSighting> sightings;
 };
@@ -67,7 +67,7 @@ std::string FormatKey(const NodeKey& key);
 //   - a line with an unknown keyword, too few or too many fields, or more than kGraphLineBytesMax bytes;
 //   - a number that is not finite, a key that is not a letter and a number, or a position beyond 1e9 m;
 //   - a duplicate vertex, an edge from a vertex to itself, or an edge with an undefined vertex;
-//   - an edge whose end is a landmark instead of a pose, or a pose instead of a landmark;
+//   - an edge that names a landmark where a pose is required, or a pose where a landmark is required;
 //   - a quaternion whose length is not 1 (within 1 %), or a covariance that is not positive definite;
 //   - a range below 0 or above 1e6 m, or a variance that is not positive;
 //   - a mix of 2-D and 3-D lines.

@@ -11,13 +11,13 @@
 namespace moondb {
 namespace {
 
-// Returns the rule of the record's type. Types without a row may be written by any agent.
+// Returns the rule of the record's type; kAnyAgent for types without a row.
 Speaker SpeakerOf(const proto::Record& record) {
   const DataTypeRow* row = FindDataType(TypeOf(record));
   return row == nullptr ? Speaker::kAnyAgent : row->speaker;
 }
 
-// The term in which the origin of a record of Speaker::kLeader or kNamedAgentOrLeader claims to lead.
+// Returns the term in which the origin of a record of Speaker::kLeader or kNamedAgentOrLeader claims to lead.
 const proto::Term& ClaimedTermOf(const proto::Record& record) {
   if (record.has_optimized_pose()) return record.optimized_pose().term();
   return record.has_edge_verdict() ? record.edge_verdict().term() : record.map_quarantine().term();
@@ -71,7 +71,8 @@ bool RecordAuthority::HasLedIn(AgentId origin, const proto::Term& term) {
   return false;
 }
 
-// One assignment may make others valid that waited for it, so each left-out claim is evaluated again.
+// The new assignment may make assignments valid that waited for it. Each left-out claim of an origin to have led in a
+// term is therefore evaluated again.
 void RecordAuthority::AddAssignment(const proto::RoleAssignment& roles) {
   const std::size_t before = chain_.size();
   (void)chain_.Add(roles);

@@ -1,10 +1,10 @@
-// RecordAuthority: the rules for which agent may write which records, and about which agents. Readers of records use it
-// to decide which of the held records to use.
+// RecordAuthority: decides which agents may write which records, and about which agents. A reader of records asks it
+// whether to use a record that the agent holds.
 //
 // DataTypeRow::speaker (model/data_types.h) holds the rule of each data type. CheckSpeaker applies the rules that need
-// only the record and its origin. A record that breaks one can never become valid, so no store accepts it.
-// RecordAuthority also applies the rules that depend on roles. Only readers apply these: a record is stored and shared
-// whether or not its origin had the role. A team without keys has no role rules.
+// only the record and its origin. A record that breaks such a rule can never become valid, so no store accepts it.
+// RecordAuthority also applies the rules that depend on roles. Only readers apply the role rules: a record is stored
+// and shared whether or not its origin had the role. A team without keys has no role rules.
 //
 // The result depends only on the set of records, not on their order. A record that arrives before the role assignment
 // that makes it valid is left out at first. TakeOutdated then reports that all records have to be read again. Not
@@ -30,7 +30,7 @@ namespace moondb {
 // Returns whether the record names this agent (DataTypeRow::agents).
 bool IsNamedIn(const proto::Record& record, AgentId agent);
 
-// Fails with kInvalid if `origin` may not write this record in any role. The error names the field with the other
+// Fails with kInvalid if `origin` may not write this record in any role. The error names the field that holds the other
 // agent. Requires: CheckRecord(record) succeeds.
 Result<void> CheckSpeaker(const proto::Record& record, AgentId origin);
 
@@ -41,9 +41,10 @@ class RecordAuthority {
   // Returns whether a reader uses this record. Call it for role assignments too, because they decide about other
   // records.
   bool Counts(const RecordKey& key, const proto::Record& record);
-  // Returns true, once, if a record that was left out has become valid. Then all records have to be read again.
+  // Returns true if a record that was left out has become valid since the last call. The reader must then call Restart
+  // and read all records again.
   bool TakeOutdated();
-  // Starts over, before all records are read again.
+  // Resets the state. Call it before all records are read again.
   void Restart();
 
   // Returns a LeftOutReport for storage: per origin, the number of records left out since the last Restart, and
@@ -52,7 +53,7 @@ class RecordAuthority {
   std::optional<proto::Message> TakeReport(std::map<AgentId, std::uint64_t> without_room);
 
  private:
-  // Maximum number of left-out (origin, term) pairs remembered. Beyond it, any new assignment counts as relevant.
+  // Maximum size of left_out_. If it is reached, any new assignment is assumed to make a left-out record valid.
   static constexpr std::size_t kLeftOutMax = 4096;
   using LeftOut = std::tuple<AgentId, decltype(OrderOf(proto::Term()))>;
 

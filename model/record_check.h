@@ -1,5 +1,5 @@
-// Validation of records from a robot or a peer. It runs once, when a record enters the agent; afterwards, records are
-// trusted.
+// Validates records from a robot or a peer. Each record is validated once, when it enters the agent, and trusted
+// afterwards.
 #pragma once
 
 #include <string>
@@ -36,12 +36,13 @@ Result<void> CheckRecord(const proto::Record& record);
 // Returns the agents that the record names, in the order of its fields.
 std::vector<NamedAgent> AgentsNamedIn(const proto::Record& record);
 
-// Returns the key per which only the newest record is kept under the policy `latest`, as bytes: empty for robot states,
-// the node for optimized poses, the edge for verdicts, and CustomRecord.latest_key for custom records.
+// Returns the latest key as bytes; under the policy `latest`, only the newest record per key is kept. The key is empty
+// for robot states, the node for optimized poses, the edge for verdicts, and CustomRecord.latest_key for custom
+// records.
 std::string LatestKey(const proto::Record& record);
 
-// Returns the natural key: the name that robots give to a unique thing. For a node it is its NodeKey; for an edge, the
-// type of measurement and both ends. Empty for other types.
+// Returns the natural key, by which robots identify a node or an edge: the NodeKey of a node; the type of measurement
+// and both nodes of an edge. Empty for other types.
 std::string NaturalKey(const proto::Record& record);
 
 }  // namespace moondb

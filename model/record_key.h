@@ -1,5 +1,4 @@
-// RecordKey: the permanent identifier of one shared record. Also the hash that detects different contents under one
-// key.
+// RecordKey: the permanent identifier of one shared record. HashRecord detects different contents under the same key.
 #pragma once
 
 #include <compare>

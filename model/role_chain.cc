@@ -39,8 +39,8 @@ RoleChain::Standing RoleChain::StandingOf(const proto::RoleAssignment& roles) co
   const AgentId issuer = roles.term().issuer();
   const auto count = counting_of_issuer_.find(issuer);
   if (count != counting_of_issuer_.end() && count->second >= kAssignmentsOfIssuerMax) return Standing::kNever;
-  // An issuer that may command begins a new era after any predecessor, which may stay unknown here permanently. If the
-  // predecessor is known, the era must be the next one.
+  // An issuer with the right to command may begin a new era. Its assignment counts even if the predecessor is not known
+  // here, which may never change. If the predecessor is known, the new era must be the next one.
   if (RevisionOf(roles.term()) == 0) {
     const bool begins_era = EraOf(roles.term()) > 0 && options_.may_command(issuer);
     if (!begins_era) return Standing::kNever;

@@ -1,19 +1,22 @@
-// RoleChain: decides which of the known role assignments are valid, and so which agents have led or survived.
+// RoleChain: decides which of the known role assignments are valid, and so which agents have been leader or designated
+// survivor.
 //
 // Each assignment names its predecessor by the predecessor's signature. A term consists of an era and a revision within
 // the era (model/term.h). An assignment is valid (it "counts") in one of two cases:
-//   - Its issuer may command the team (command_from of the team file). Then it begins a new era, the one after the era
-//     of its predecessor. The predecessor need not be known here.
-//   - Its predecessor is valid and names the issuer leader or survivor. Then it is the next revision in that era.
-// The team file's roles are valid, with revision 0 of era 0. Two assignments may have the same predecessor, for example
-// if the leaders of two partitions of a team decide. Both are then valid, and the newer term is in force. A higher term
-// thus needs a longer chain, and an agent that never had a role cannot change the roles.
+//   - Its issuer may command the team (command_from of the team file). The assignment then begins a new era, which
+//     follows the era of its predecessor. The predecessor need not be known here.
+//   - Its predecessor is valid and names the issuer leader or survivor. The assignment is then the next revision in the
+//     predecessor's era.
+// The team file's roles are valid; their term is revision 0 of era 0. Two assignments may have the same predecessor,
+// for example if the leaders of two partitions of a team decide. Both assignments are then valid, and the one with the
+// newer term is in force. A higher term thus needs a longer chain, and an agent that never had a role cannot change the
+// roles.
 //
 // The caller checks signatures before adding (runtime/team/role_signature.h). In a team without keys, assignments have
-// no signature, and all are valid. An assignment whose predecessor is unknown waits for it. At most
-// kWaitingAssignmentsMax assignments wait. Beyond that, an issuer with few waiting assignments displaces the oldest of
-// the issuer with the most. At most kAssignmentsOfIssuerMax assignments of one issuer become valid, so a former leader
-// cannot fill the memory. Not copyable.
+// no signature, and all assignments are valid. An assignment whose predecessor is unknown waits until the predecessor
+// is added. At most kWaitingAssignmentsMax assignments wait. Beyond that, a new assignment of an issuer with few
+// waiting assignments displaces the oldest one of the issuer with the most. At most kAssignmentsOfIssuerMax assignments
+// of one issuer become valid, so a former leader cannot fill the memory. Not copyable.
 #pragma once
 
 #include <cstddef>
@@ -42,7 +45,7 @@ class RoleChain {
   enum class Standing {
     kCounts,            // The assignment is valid.
     kLacksPredecessor,  // The assignment may be valid once its predecessor is known.
-    kNever,             // Its issuer may not decide it, or has issued too many.
+    kNever,             // The issuer may not decide roles, or has issued too many.
   };
 
   // Returns the options for a team without keys.
@@ -60,7 +63,7 @@ class RoleChain {
   Standing Add(const proto::RoleAssignment& roles);
   Standing StandingOf(const proto::RoleAssignment& roles) const;
 
-  // Returns the valid assignment with this signature; an empty signature means the team file's. Null if there is none.
+  // Returns the valid assignment with this signature, or null; an empty signature means the team file's assignment.
   const proto::RoleAssignment* Find(const std::string& signature) const;
   // The number of valid assignments, including the team file's.
   std::size_t size() const { return counting_.size(); }
@@ -70,17 +73,19 @@ class RoleChain {
   bool HasHadRole(AgentId agent) const { return had_role_.contains(agent); }
   // Returns whether a valid assignment of this term names the agent leader.
   bool HasLedIn(AgentId agent, const proto::Term& term) const;
-  // Returns the chain that ends with this assignment, newest first, back to the beginning of its era. Cut to
-  // `bytes_max`, but at least one assignment. Empty if no valid assignment has this signature.
+  // Returns the valid assignment with this signature and its predecessors, newest first, back to the first assignment
+  // of its era. Leaves out the oldest beyond `bytes_max`, but returns at least one. Empty if no valid assignment has
+  // this signature.
   std::vector<proto::RoleAssignment> ChainOf(const std::string& signature, std::size_t bytes_max) const;
 
-  // Returns an assignment with the term number and the predecessor of the next assignment after `follows`.
-  // `is_command`: it begins a new era.
+  // Returns an assignment that follows `follows`; only its term number and predecessor are set. `is_command`: the
+  // assignment begins a new era.
   static proto::RoleAssignment Next(const proto::RoleAssignment& follows, bool is_command);
 
  private:
   const proto::RoleAssignment& Keep(const proto::RoleAssignment& roles);
-  // Returns whether one more assignment of this issuer may wait. May remove one of an issuer that has more waiting.
+  // Returns whether one more assignment of this issuer may wait. If the limit is reached, removes a waiting assignment
+  // of an issuer that has more of them.
   bool MakeRoomToWait(AgentId issuer);
 
   Options options_;

@@ -1,12 +1,13 @@
-// Determines which agents act on a role assignment, by the knowledge of one agent. Thread-safe.
+// Determines which agents act on a role assignment, as far as the answering agent knows. Thread-safe.
 #pragma once
 
 #include "proto/role.pb.h"
 
 namespace moondb {
 
-// Fills in RoleShowReply.not_confirmed_by: those of the leader and survivor of `shown.roles` that do not act on the
-// assignment yet, according to `confirmed_by` and the term. A leader only acts in a term that it has issued itself.
+// Adds the leader and the survivor of `shown.roles` to RoleShowReply.not_confirmed_by, unless they act on the
+// assignment already. An agent acts on it if `confirmed_by` contains the agent. The leader must also have issued the
+// term itself.
 void AddNotConfirmed(proto::RoleShowReply& shown);
 
 }  // namespace moondb

@@ -20,8 +20,8 @@ char RosPixelOf(Cell cell) {
   return static_cast<char>(205);
 }
 
-// Divides whole micrometres by a million. With a single division, the shortest text of the result is the exact decimal
-// number.
+// Converts whole micrometres to the text of a number of metres. A single division makes the shortest text of the result
+// the exact decimal number.
 std::string Metres(double micrometres) { return FormatDouble(micrometres / kRosMicrometresPerMetre); }
 
 }  // namespace

@@ -1,7 +1,7 @@
-// Exports a merged map as an occupancy grid in the two files that ROS map servers and Nav2 load: map.yaml and map.pgm.
+// Exports a merged map as an occupancy grid, in the two files that ROS map servers and Nav2 load: map.yaml and map.pgm.
 //
 // Row 0 of the image has the largest y. Pixels: 254 free, 0 occupied (hazard), 205 unknown. free_thresh is 0.196,
-// because with 0.25, unknown cells would load as free. Numbers are written with all digits, whereas ROS's own saver
+// because unknown cells would load as free with 0.25. Numbers are written with all digits, whereas ROS's own saver
 // rounds 0.0125 to 0.013.
 #pragma once
 

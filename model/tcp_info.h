@@ -8,7 +8,8 @@ namespace moondb {
 
 struct TcpInfo {
   bool is_established = false;  // False once either end has closed the connection.
-  // Bytes received since the connection was made. Null if the kernel does not count them, also in bytes_acked.
+  // Bytes received since the connection was made. Null if the kernel does not count bytes; then bytes_acked is null,
+  // too.
   std::optional<std::uint64_t> bytes_received;
   std::optional<std::uint64_t> bytes_acked;  // Bytes sent that the peer's kernel has acknowledged.
 };

@@ -22,8 +22,9 @@ Result<std::string> MakeTeamId();
 // Converts an id from its digits to the bytes in messages. Returns an empty string for text that is not a team id.
 std::string TeamIdBytes(std::string_view team_id);
 
-// Returns the first eight digits, for people and for paths; two teams on one machine are unlikely to share them.
-// Returns "none" for an empty id. `bytes` may come from a stranger and have any length.
+// Returns the first eight digits of a team id given as bytes, for people and for paths. Two teams on one machine are
+// unlikely to have the same eight digits. Returns "none" for an empty id. `bytes` may come from an untrusted sender and
+// have any length.
 std::string TeamIdStart(std::string_view bytes);
 
 }  // namespace moondb

@@ -8,7 +8,7 @@
 
 namespace moondb {
 
-// Return the agent, even if it has left the team. Null if there is none.
+// Return the agent with this id or name, even if it has left the team. Null if there is none.
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id);
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name);
 

@@ -10,8 +10,8 @@
 
 namespace moondb {
 
-// Term.number combines two counters. The bits from kEraShift up are the era; an agent that may command the team
-// begins a new one (EraOf). The lower bits are the revision of the roles within the era (RevisionOf). Terms are thus
+// Term.number combines two counters. The bits from kEraShift up are the era (EraOf); only an agent that may command the
+// team can begin a new era. The lower bits are the revision of the roles within the era (RevisionOf). Terms are thus
 // ordered by era first, without an additional field.
 inline constexpr int kEraShift = 32;
 inline constexpr std::uint64_t kEraMax = (1ull << 20) - 1;

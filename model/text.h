@@ -23,19 +23,19 @@ Result<void> CheckRegularFile(const std::filesystem::path& file);
 // regular file, and with kInternal if reading fails. The error's field is the path.
 Result<std::string> ReadTextFile(const std::filesystem::path& file, std::size_t bytes_max = kTextFileBytesMax);
 
-// Replaces a file atomically: writes a temporary file beside it and renames that. Fails with kInternal; the error's
-// field is the path.
+// Replaces a file atomically: writes a temporary file beside it and renames the temporary file. Fails with kInternal;
+// the error's field is the path.
 Result<void> WriteTextFile(const std::filesystem::path& file, std::string_view text);
 
 // Removes the first line from `text` and returns it, without "\n" or "\r\n".
 std::string_view TakeLine(std::string_view& text);
 
-// Splits a line at each `separator`. If it is a space, runs of spaces and tabs count as one separator, and both ends
-// are trimmed.
+// Splits a line at each `separator`. If `separator` is a space, runs of spaces and tabs count as one separator, and
+// both ends of the line are trimmed.
 std::vector<std::string_view> Split(std::string_view line, char separator);
 
-// Parse the whole text as a number; ParseDouble as a finite one. Return nullopt for other text: "", "1x", "nan", "inf",
-// "1e999".
+// Parse the whole text as a number; ParseDouble accepts only finite numbers. Return nullopt for other text: "", "1x",
+// "nan", "inf", "1e999".
 std::optional<double> ParseDouble(std::string_view text);
 std::optional<std::uint64_t> ParseUnsigned(std::string_view text);
 

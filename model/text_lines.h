@@ -22,8 +22,8 @@ class TextLines {
 
   // Requires: `text` outlives this object.
   explicit TextLines(std::string_view text) : text_(text) {}
-  // Opens a file. Fails like ReadTextFile (model/text.h), except for the size limit. Do not move the object after the
-  // first call of Next.
+  // Opens a file. Fails like ReadTextFile (model/text.h), but does not check the size; Next does. Do not move the
+  // object after the first call of Next.
   static Result<TextLines> OfFile(const std::filesystem::path& file);
 
   // Returns the next line, without "\n" or "\r\n"; valid until the next call. Returns nullopt at the end, and after an
@@ -38,7 +38,7 @@ class TextLines {
  private:
   bool ReadBlock();
 
-  std::string_view text_;  // Text not returned yet.
+  std::string_view text_;  // The text that Next has not returned yet.
   std::size_t number_ = 0;
   Result<void> result_;
   // Used only for a file; text_ is then a part of buffer_.

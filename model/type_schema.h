@@ -1,9 +1,10 @@
-// TypeSchema: a hash of an agent's schema of a data type. Peers compare their schemas before they share.
+// TypeSchema: a hash of the schema that an agent has for a data type. Peers compare their schemas before they share
+// records.
 //
 // The content of a record is stored and forwarded unchanged, including unknown fields. An agent that knows more fields
-// of a type can therefore share it with others (docs/COMPATIBILITY.md). Schemas differ only if two agents use one type
-// number for different types. An agent cannot store a built-in type that it does not know. A custom type that only one
-// of two agents declares is still stored and forwarded by the other.
+// of a type can therefore share its records with others (docs/COMPATIBILITY.md). Schemas differ only if two agents use
+// one type number for different types. An agent cannot store a built-in type that it does not know. If only one of two
+// agents declares a custom type, the other agent still stores and forwards its records.
 #pragma once
 
 #include <cstdint>
@@ -23,8 +24,8 @@ TypeSchemas SchemasOf(const CustomTypes& custom_types);
 // Returns one hash over all schemas, independent of their order. Never 0.
 std::uint64_t HashSchemas(const TypeSchemas& schemas);
 
-// Returns the types of `ours` that an agent with the schemas `theirs` would misunderstand or cannot store. Returns none
-// if `theirs` is empty: an agent sends no schemas if its hash is equal.
+// Returns the types of `ours` that an agent with the schemas `theirs` would misunderstand or cannot store. Returns no
+// types if `theirs` is empty, because an agent sends no schemas if its HashSchemas equals ours.
 std::set<DataType> TypesNotFor(const TypeSchemas& ours, const TypeSchemas& theirs);
 
 }  // namespace moondb

@@ -1,8 +1,8 @@
 // Actor and Context: the complete interface between an actor and the runtime.
 //
 // An actor handles one message at a time, to completion, and never blocks on another actor. It reads no clock, opens no
-// socket, starts no thread and draws no random number by itself. The Context provides these, and one seed can therefore
-// replay a whole team (runtime/simulation).
+// socket, starts no thread and draws no random number by itself. The Context provides all of these, so one seed
+// reproduces the run of a whole team (runtime/simulation).
 //
 //   class Greeter final : public Actor {
 //    public:
@@ -65,24 +65,24 @@ class Context {
   virtual ~Context() = default;
 
   virtual const Address& self() const = 0;
-  // The sender of the current message: its source actor on the agent that sent the last hop. A client is {kClients,
-  // connection}.
+  // The sender of the current message: its source actor on the agent that sent the last hop. For a client, {kClients,
+  // name of its connection}.
   virtual const Address& sender() const = 0;
   virtual MonotonicTime now() const = 0;
   // UTC in nanoseconds since 1970. For timestamps only: the clock may jump.
   virtual std::int64_t utc_now_ns() const = 0;
   virtual std::mt19937_64& rng() = 0;
 
-  // Sends `message`, which may also be a moved proto::Message. Never blocks. A refused message has no further effect.
+  // Sends `message`, which may also be a moved proto::Message. Never blocks. A message that is not accepted is dropped.
   // Sets hop_sender and destination_id, and agent_id if it is 0. For another agent, also sets source_actor and
-  // destination_actor. Within an agent these names are not sent: the receiver calls sender().
+  // destination_actor. A message within an agent does not carry these two names: the receiver calls sender().
   [[nodiscard]] virtual SendResult Send(const Address& to, OwnedMessage message) = 0;
 
   // Sends to sender(), with the request_id of the message being handled.
   [[nodiscard]] virtual SendResult Reply(OwnedMessage message) = 0;
 
-  // Sends `message` to this actor itself after `delay`, regardless of the mailbox limits. Timers end with the
-  // incarnation.
+  // Sends `message` to this actor itself after `delay`, regardless of the mailbox limits. The timer is dropped when
+  // this incarnation of the actor ends. Returns an id for Cancel.
   virtual TimerId After(Duration delay, proto::Message message) = 0;
   virtual void Cancel(TimerId timer) = 0;  // Cancelling a timer that already fired has no effect.
 
@@ -90,16 +90,16 @@ class Context {
   TimerId AfterTimer(Duration delay, std::uint32_t kind, std::uint64_t value = 0);
 
   // Reports that this actor cannot continue. After the handler, the runtime destroys the actor and restarts it through
-  // its factory (OnStart again). With kCorrupt there is no restart: the process ends.
+  // its factory, with a new OnStart. If the error is kCorrupt, there is no restart, and the process ends.
   virtual void Fail(Error error) = 0;
 
   // Subscribes to PeerEvents on the control lane: first one event for each connected peer, then one for each change.
   virtual void WatchPeers() = 0;
 
   // Subscribes to `topic` until this incarnation ends. Roles and leases arrive on the control lane: first the last
-  // published message, if there is one, then each change. Topic::kStored arrives on the data lane, regardless of its
-  // limits: while one such message waits, later ones are merged into it. It does not report rows that were stored
-  // before; read those in OnStart.
+  // published message, if there is one, then each change. Topic::kStored arrives on the data lane, regardless of the
+  // lane's limits: while one such message waits, later ones are merged into it. Rows that were stored before this call
+  // are not reported; read them in OnStart.
   virtual void Watch(Topic topic) = 0;
   // Publishes `message` to the watchers of its topic. Only RoleActor, LeaseActor and StorageActor may call this, each
   // for its own topic.
@@ -109,17 +109,17 @@ class Context {
   //   - an actor of this agent: lost when its incarnation ends (the next incarnation has the same address);
   //   - another agent, with or without an actor's name: lost when its connection breaks. The failure of a remote actor
   //     is not reported.
-  // The Down arrives at once if the actor does not exist or the agent is not connected. Aliases are resolved during
-  // this call. The subscription ends with this incarnation or with Demonitor.
+  // If the actor does not exist or the agent is not connected, the Down is sent immediately. Aliases are resolved
+  // during this call. The subscription ends with this incarnation or with Demonitor.
   virtual void Monitor(const Address& target) = 0;
   virtual void Demonitor(const Address& target) = 0;
 
   // True while the system is stopping. Handlers that run for a long time must poll this.
   virtual bool stop_requested() const = 0;
 
-  // Sets the agents that the aliases resolve to. RoleActor only.
+  // Sets the agents that the aliases resolve to. Only RoleActor may call this.
   virtual void SetRoles(const proto::RoleAssignment& roles) = 0;
-  // Requests that the process end with exit code 0 after this handler. GatewayActor only.
+  // Requests that the process end with exit code 0 after this handler. Only GatewayActor may call this.
   virtual void RequestStop() = 0;
   virtual SystemStatus GetSystemStatus() const = 0;
   // The latest events of this agent's actors, and its dead letters (proto/trace.proto).
@@ -144,7 +144,7 @@ enum class Placement {
 // How a full mailbox treats a new message.
 enum class Overflow {
   kReject,       // The message is refused: its send returns kFull.
-  kLatestByKey,  // The message replaces the waiting one with the same key (kAccepted). Without one: as kReject.
+  kLatestByKey,  // Replaces the waiting message that has the same key. If no message has it: as kReject.
   kBlock,        // ActorSystem::Post waits for room. Actors and the transport never wait: their sends return kFull.
 };
 
@@ -155,7 +155,7 @@ struct SpawnOptions {
   Placement placement = Placement::kPool;
   std::size_t messages_max = 4096;  // Limit of messages waiting on the data lane. At least 1.
   // Limit of waiting bytes, as serialised. Messages from other agents and clients count with their size in memory and
-  // may use a quarter of this. One larger message is accepted if no other waits.
+  // may use a quarter of the limit. A message larger than the limit is accepted if no other message waits.
   std::size_t bytes_max = 64 * 1024 * 1024;
   Overflow overflow = Overflow::kReject;
   // Returns a message's key, for kLatestByKey. A message with an empty key replaces nothing. Runs on the sender's
@@ -165,14 +165,15 @@ struct SpawnOptions {
   Duration handler_limit = std::chrono::seconds(1);
 };
 
-// Limit of the control lane. Above it, a new message replaces the newest waiting one of the same kind. An example is a
-// peer that reconnects repeatedly while a handler runs for minutes. Published messages are accepted above the limit,
-// one of each topic.
+// Limit of messages waiting on the control lane. At the limit, a new message replaces the newest waiting message of the
+// same kind; if there is none, the new message is refused. Published messages are accepted above the limit, one of each
+// topic. The limit is reached, for example, if a peer reconnects repeatedly while a handler runs for minutes.
 inline constexpr std::size_t kControlMessagesMax = 256;
 
-// True for PeerEvent, RolesChanged, Down, Ping, StepDown and LeasesChanged. Peers and clients may send none of these.
+// True for PeerEvent, RolesChanged, Down, Ping, StepDown and LeasesChanged. Messages from peers and clients cannot be
+// any of these.
 bool IsControl(const proto::Message& message);
-// True if the body of `message` belongs to a Topic.
+// True if the body of `message` is the value of a Topic.
 bool IsOfTopic(const proto::Message& message);
 
 }  // namespace moondb

@@ -9,9 +9,10 @@
 namespace moondb {
 namespace {
 
-// Messages that one actor handles in a turn before the other actors of its pool get a turn.
+// Maximum number of messages that one actor handles in a turn. Other actors of its pool then get a turn.
 constexpr int kTurnMessages = 64;
-// Messages from other agents and clients up to this size count with their serialised bytes.
+// Messages from other agents and clients count with their serialised size up to this size, above it with their size in
+// memory.
 constexpr std::size_t kSmallBytes = 4096;
 
 double Seconds(Ticks ticks) { return std::chrono::duration<double>(TickClock::ToDuration(ticks)).count(); }
@@ -231,7 +232,8 @@ Ticks ActorCell::StartIfDue(Ticks now) {
 
 // Wakes one waiting sender. Waking all of them would only cause contention for the lock.
 void ActorCell::LetWaitersTry() {
-  // A read-modify-write in place of a load: a sender that starts to wait after this sees the messages as taken.
+  // Use a read-modify-write instead of a load. A sender that starts to wait after this line then sees that messages
+  // were taken from the mailbox.
   if (!may_senders_wait_ || waiters_.fetch_add(0) == 0 || !mailbox_.is_half_free()) return;
   const std::lock_guard lock(mutex_);
   has_room_.notify_one();

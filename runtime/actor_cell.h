@@ -1,8 +1,9 @@
 // ActorCell: one actor of an ActorSystem, with its ActorHost, mailbox, worker pool and supervisor.
 //
-// At most one turn of a cell is submitted to its pool at any time. That turn is the reader of the mailbox, and only one
-// thread at a time uses the ActorHost part. The mailbox synchronises the threads of successive turns. CellSystem
-// provides the state that all cells of a system share.
+// In one turn, a thread of the pool handles some of the waiting messages. At most one turn of a cell is submitted to
+// its pool at any time, so one thread at a time reads the mailbox and uses the ActorHost part. Successive turns may run
+// on different threads, which the mailbox's lock synchronises. CellSystem provides the state that all cells of a system
+// share.
 #pragma once
 
 #include <atomic>
@@ -35,7 +36,7 @@ class CellSystem {
   virtual ~CellSystem() = default;
   // True while messages are handled: all actors are started and Stop was not called.
   bool is_flowing() const { return is_started_ && !is_stopping_; }
-  bool is_stopping() const { return is_stopping_; }  // No further message is handled.
+  bool is_stopping() const { return is_stopping_; }  // True after Stop was called.
 
   virtual TimerThread& timers() = 0;
   virtual TraceBook& trace() = 0;
@@ -50,8 +51,8 @@ class CellSystem {
   virtual proto::TraceReply Trace(const proto::TraceRequest& request) const = 0;
   virtual void OnStopRequested() = 0;
 
-  // Called after the actor failed and its incarnation ended. `item` is the message that it failed on, for the dead
-  // letters; null in OnStart.
+  // Called after the actor failed and its incarnation ended. `item` holds the message whose handler failed, for the
+  // dead letters; null if OnStart failed.
   virtual void OnFailed(const ActorCell& cell, Mailbox::Item* item, const Error& error, bool is_final) = 0;
   virtual void OnStepDown(const Address& actor, const Error& error) = 0;
   virtual void OnBeyondHelp(const Address& actor, const Error& error) = 0;
@@ -82,9 +83,9 @@ class ActorCell final : public ActorHost, private Runnable {
   bool is_lost() const;  // True if the actor failed permanently or ended.
   std::uint16_t trace_name() const { return trace_name_; }
 
-  // For the watchdog, from one thread. HandlerTime is how long the current handler has been running, PingTime how long
-  // the last Ping has been waiting; zero if there is none. Ping sends a message that measures the wait for a turn. It
-  // does so only if the actor has work and no earlier Ping waits.
+  // For the watchdog, which calls these functions on one thread. HandlerTime returns how long the current handler has
+  // been running, zero if none runs. PingTime returns how long a Ping has been waiting for the actor's turn, zero if
+  // none waits. Ping sends a Ping to the actor if the actor has work and no earlier Ping waits.
   Duration HandlerTime() const;
   Duration PingTime() const;
   void Ping();
@@ -108,20 +109,20 @@ class ActorCell final : public ActorHost, private Runnable {
   SystemStatus GetSystemStatus() const override;
   proto::TraceReply GetTrace(const proto::TraceRequest& request) const override { return system_.Trace(request); }
 
-  // The target of this actor's last send if its name is `actor`, otherwise null. A cache: most actors send to the same
-  // target repeatedly. Actor's thread only.
+  // Returns the target of this actor's last send if that target is named `actor`, otherwise null. A cache: most actors
+  // send to the same target repeatedly. Call on the actor's thread only.
   ActorCell* LastTarget(const std::string& actor) const {
     return last_target_ != nullptr && last_target_->self().actor == actor ? last_target_ : nullptr;
   }
   void RememberTarget(ActorCell* target) { last_target_ = target; }
-  // Start time of the current handler. Actor's thread only, inside a handler.
+  // Start time of the current handler. Call inside a handler only, on the actor's thread.
   Ticks handler_begun() const { return times_.begun(); }
 
  private:
   enum class State { kAway, kReady, kBeyondHelp, kEnded };
 
   static bool IsFinal(State state) { return state == State::kBeyondHelp || state == State::kEnded; }
-  SendResult Settle(Mailbox::Pushed pushed);  // Submits a turn if the reader must be called.
+  SendResult Settle(Mailbox::Pushed pushed);  // Submits a turn if must_call_reader is set. Returns the result.
   SendResult PushWaiting(Mailbox::Item item);
 
   // Functions that run on the actor's thread.
@@ -137,13 +138,13 @@ class ActorCell final : public ActorHost, private Runnable {
   TraceRecord MakeRecord(proto::TraceKind kind, Ticks time) const;
   void EnterState(State state);
 
-  // Written for each message, like the last members of ActorHost. Written on the actor's thread; other threads may read
-  // the atomics.
+  // The actor's thread writes these members, and the last members of ActorHost, for each message. Other threads may
+  // read the atomics.
   HandlerTimes times_;
   PingTimes pings_;
   ActorCell* last_target_ = nullptr;
 
-  // Read by senders. A separate cache line from the members that each message writes.
+  // Members that senders read, on another cache line than the members that are written for each message.
   alignas(64) CellSystem& system_;
   const std::unique_ptr<WorkerPool> own_pool_;  // A pool of one thread, for kOwnThread; otherwise null.
   WorkerPool& pool_;

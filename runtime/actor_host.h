@@ -1,10 +1,10 @@
 // ActorHost: runs one actor: creates it through its factory, handles its messages, destroys it when it fails.
 //
-// The only place that catches exceptions of handlers (users' code, libraries, bad_alloc). ActorSystem and SimulatedTeam
-// derive from this class. They add threads or a virtual clock, and the delivery of messages. They decide with a
-// Supervisor when to restart the actor.
+// The only place that catches exceptions of handlers (users' code, libraries, bad_alloc). ActorCell (part of
+// ActorSystem) and SimulatedAgent's Host (part of SimulatedTeam) derive from this class. They add threads or a virtual
+// clock, deliver messages, and use a Supervisor to decide when to restart the actor.
 //
-// Start, Handle and End must not run concurrently. Thread-safe: reading the counters.
+// Start, Handle and End must not run concurrently. Any thread may call handled().
 #pragma once
 
 #include <atomic>
@@ -22,12 +22,12 @@ class ActorHost : public Context {
   // `seed` is the seed of the system. The actor's rng() is seeded from it and from `self`.
   ActorHost(Address self, ActorFactory factory, std::uint64_t seed);
 
-  // Creates the actor as a new incarnation and runs OnStart. Returns the error if this failed; the actor is then
-  // already destroyed.
+  // Creates the actor as a new incarnation and runs OnStart. If one of them failed, destroys the actor and returns the
+  // error.
   std::optional<Error> Start();
 
-  // Runs OnMessage and returns the error if it failed. Requires: has_actor(). `sender` must stay valid until this
-  // returns. If it is null, the sender is read from the message's envelope.
+  // Runs OnMessage. If it failed, destroys the actor and returns the error. Requires: has_actor(). `sender` must stay
+  // valid until this returns. If it is null, the sender is read from the message's envelope.
   std::optional<Error> Handle(const proto::Message& message, const Address* sender);
 
   // Destroys the actor. Must not be called from inside its handler.

@@ -71,7 +71,7 @@ class ActorSystem::Impl final : public CellSystem {
   void OnBeyondHelp(const Address& actor, const Error& error) override;
 
   ActorCell* Find(const std::string& actor) const;
-  ActorCell* FindFromOutside(const std::string& actor) const;  // For threads that are not an actor's.
+  ActorCell* FindFromOutside(const std::string& actor) const;  // For threads that run no actor.
   const Address* TakeSender(proto::Message& message);
   SendResult SendAway(const Address& from, const Address& to, proto::Message& message);
   void Notify(Monitors::Notices notices);
@@ -98,10 +98,11 @@ class ActorSystem::Impl final : public CellSystem {
   mutable std::mutex dead_letters_mutex_;
   DeadLetters dead_letters_;
 
-  // Order matters from here on: threads are destroyed before the members that they use.
+  // The order of the following members matters: threads are destroyed before the members that they use.
   std::vector<std::unique_ptr<ActorCell>> cells_;  // In the order of spawning. Not changed after Start.
   std::unordered_map<std::string, ActorCell*> cell_of_;
-  alignas(64) WorkerPool pool_;  // Written at each submission. Members above are read at each send.
+  // On its own cache line: written at each submission, while the members above are read at each send.
+  alignas(64) WorkerPool pool_;
   TimerThread timers_;
 };
 
@@ -170,8 +171,8 @@ SendResult ActorSystem::Impl::Deliver(OwnedMessage message) {
   return result;
 }
 
-// Removes the sender from the message and returns its shared address, or null if the sender stays in the message. This
-// thread allocated the strings; the actor's thread would otherwise have to free them.
+// Removes the sender from the message and returns its shared address, or null if the sender stays in the message. The
+// names are freed here, on the thread that allocated them; otherwise the actor's thread would have to free them.
 const Address* ActorSystem::Impl::TakeSender(proto::Message& message) {
   delete message.release_destination_actor();            // Clearing the string would keep its memory.
   if (message.hop_sender() == kClients) return nullptr;  // Connections of clients change too often to be kept.
@@ -219,7 +220,7 @@ SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, Own
   record.other_agent = roles_.Resolve(to.agent);
   ActorCell* cell = sender.LastTarget(to.actor);
   if (cell == nullptr) {
-    cell = Find(to.actor);  // Every agent has actors of the same names.
+    cell = Find(to.actor);  // Also if the target is on another agent: all agents have actors with the same names.
     sender.RememberTarget(cell);
   }
   if (cell != nullptr) record.other_actor = cell->trace_name();

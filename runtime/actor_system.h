@@ -4,13 +4,14 @@
 // the order of sending, and control messages before data (runtime/actor.h). An actor with its own thread is created,
 // run and destroyed on that thread (an EGL context belongs to its thread).
 //
-// Supervision is one for one. If a handler throws, or calls Context::Fail, its actor is destroyed and restarted through
-// its factory: at once the first time, then after a growing delay (Supervisor). The mailbox survives. The message that
-// caused the failure becomes a dead letter. If an actor fails too often, the agent gives up its role (a StepDown to the
-// actor `role`). If the actor still fails, it has failed permanently, and on_fatal ends the process.
+// Supervision is one-for-one: other actors are not restarted. If a handler throws, or calls Context::Fail, its actor is
+// destroyed and restarted through its factory: immediately the first time, then after a growing delay (Supervisor). The
+// mailbox survives. The message that caused the failure becomes a dead letter. If an actor fails too often, the agent
+// gives up its role (a StepDown to the actor `role`). If the actor still fails, it has failed permanently, and on_fatal
+// ends the process.
 //
-// Every `health_period` a watchdog checks the actors that have work. It logs a handler that exceeds its limit. An actor
-// that gets no turn for `stuck_after` is fatal, because only a new process can recover from that.
+// Every `health_period` a watchdog checks the actors that have work. It logs a handler that exceeds its limit. If an
+// actor gets no turn for `stuck_after`, the watchdog calls on_fatal, because only a new process can recover from that.
 //
 // Sending to an actor that failed permanently, or after Stop, returns kUnreachable.
 #pragma once
@@ -36,10 +37,11 @@ class ActorSystem {
     Duration health_period = std::chrono::seconds(10);
     Duration stuck_after = std::chrono::minutes(15);
     std::uint64_t seed = 0;  // Seed of the actors' rng(); 0: seed from system entropy.
-    // Called once if an actor fails permanently, on one of the system's threads. Must not call Stop there. Default:
-    // abort.
+    // Called once if an actor fails permanently or is stuck, on one of the system's threads. Must not call Stop.
+    // Default: abort.
     std::function<void(Error)> on_fatal;
-    // Called by Context::RequestStop, on the actor's thread. Must not call Stop there. Default: no effect.
+    // Called on the actor's thread after a handler that called Context::RequestStop. Must not call Stop. Default: no
+    // effect.
     std::function<void()> on_stop_requested;
   };
 
@@ -51,7 +53,7 @@ class ActorSystem {
   void Spawn(std::string name, SpawnOptions options, ActorFactory factory);
 
   // Runs OnStart of each actor, restarting those that fail, and then starts message handling. `transport` may be null
-  // (no peers, no clients), must outlive Stop, and may deliver only from this call on.
+  // (no peers, no clients). It must exist until Stop returns, and must not deliver messages before this call.
   void Start(Transport* transport);
 
   // Delivers a message that the transport received to the actor that message.destination_actor names on this agent. The

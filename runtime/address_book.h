@@ -1,4 +1,4 @@
-// AddressBook: stores each remote sender's address once, and waiting messages need not carry it.
+// AddressBook: stores each remote sender's address once. Waiting messages point to the stored copy.
 #pragma once
 
 #include <cstddef>

@@ -22,16 +22,17 @@ class DeadLetters {
     MonotonicTime time;
     std::string actor;  // The actor that failed.
     Address sender;
-    OwnedMessage message = nullptr;  // Null if larger than kBytesMax, and for failures in OnStart.
+    OwnedMessage message = nullptr;  // Null if the message exceeds kBytesMax, or if OnStart failed.
     std::uint16_t body = 0;          // Body of the message, a proto::Message::BodyCase.
     std::size_t bytes = 0;
     Error error;
   };
 
-  // Adds a failure of `actor`. `item` is the message that it failed on, which is moved from; null in OnStart.
+  // Adds a failure of `actor`. `item` holds the message whose handler failed; null if OnStart failed. The message is
+  // moved out of `item` if it is kept.
   void Add(MonotonicTime time, const std::string& actor, Mailbox::Item* item, Error error);
 
-  // Adds the letters of request.actor, or all if it is empty, to `reply`, oldest first.
+  // Adds the letters of request.actor to `reply`, oldest first; all letters if request.actor is empty.
   void Report(const proto::TraceRequest& request, MonotonicTime now, proto::TraceReply* reply) const;
 
   const std::deque<Letter>& letters() const { return letters_; }  // Kept letters, oldest first.

@@ -1,6 +1,7 @@
-// HandlerTimes: how long the handlers of one actor run. PingTimes: how long an actor waits for its turn.
+// HandlerTimes measures how long the handlers of one actor run. PingTimes measures how long an actor waits for its
+// turn.
 //
-// The actor's thread writes. Other threads may call the functions marked as thread-safe.
+// Other threads than the actor's may call only the functions marked as thread-safe.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +18,7 @@ class HandlerTimes {
   // A handler that takes longer than `limit` is an overrun.
   explicit HandlerTimes(Ticks limit) : limit_(limit) {}
 
-  // The actor's OnStart begins. It has a start time but no limit.
+  // Call when the actor's OnStart begins. Only its start time is kept; it has no time limit.
   void OnStart(Ticks now) { begun_ = now; }
   void OnBegun(Ticks now) {
     begun_ = now;
@@ -52,11 +53,12 @@ class HandlerTimes {
 
 class PingTimes {
  public:
-  // A Ping was sent, or was refused. Thread-safe.
+  // Call before a Ping is sent, and if the mailbox refused it. Thread-safe.
   void OnSent(Ticks now) { waiting_since_ = now; }
   void OnRefused() { waiting_since_ = 0; }
   Ticks waiting_since() const { return waiting_since_; }  // 0: no Ping waits.
-  Ticks last() const { return last_; }                    // Wait of the last Ping; negative: none was answered yet.
+  // How long the last answered Ping waited; negative: none was answered yet.
+  Ticks last() const { return last_; }
 
   // For the actor's thread only.
   void OnAnswered(Ticks now) { last_ = std::max<Ticks>(0, now - waiting_since_.exchange(0)); }

@@ -25,8 +25,8 @@ constexpr std::size_t kOldFilesMax = 3;
 constexpr char kNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789_-";
 
 // Returns the name of the actor or part at the start of `text` and removes it, for example from "lease: refused" or
-// "2/lease: refused". In "actor 2/lease failed" the name stays in the text. Returns "" if `text` begins with no such
-// name.
+// "2/lease: refused". In "actor 2/lease failed", the name is returned but stays in the text. Returns "" if `text`
+// begins with no such name.
 std::string_view TakeActor(std::string_view* text) {
   constexpr std::string_view kActor = "actor ";
   const bool is_in_sentence = text->starts_with(kActor);

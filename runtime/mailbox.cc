@@ -112,7 +112,7 @@ SendResult Mailbox::PushKeyed(Item& item, const std::string& key) {
   pushed_.bytes += item.bytes - waiting->bytes;
   bytes_max_ = std::max(bytes_max_, pushed_.bytes - taken_.totals().bytes);
   item.key = waiting->key;
-  std::swap(*waiting, item);  // The caller releases the older message after the lock.
+  std::swap(*waiting, item);  // The caller frees the older message after releasing the lock.
   ++replaced_;
   return SendResult::kAccepted;
 }
@@ -157,7 +157,7 @@ bool Mailbox::HasRoomInBytes(std::size_t bytes) {
 }
 
 bool Mailbox::FitsInBytes(std::size_t bytes, std::uint64_t bytes_max) const {
-  // The waiting bytes may exceed the limit while one larger message waits alone.
+  // The waiting bytes exceed the limit while a message that is larger than the limit waits.
   const std::uint64_t waiting = pushed_.bytes - seen_.bytes;
   return waiting == 0 || (waiting < bytes_max && bytes <= bytes_max - waiting);
 }
@@ -224,7 +224,7 @@ bool Mailbox::GoAway(bool for_messages) {
 }
 
 void Mailbox::Close() {
-  std::vector<Item> pushed;  // Released after the lock: messages may be large.
+  std::vector<Item> pushed;  // Destroyed after the lock is released, because messages may be large.
   std::deque<Item> control;
   std::deque<Item> keyed;
   {

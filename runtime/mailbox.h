@@ -2,8 +2,8 @@
 // bytes are limited. At most one RecordsStored waits; later ones are merged into it.
 //
 // Any thread pushes; one thread at a time, the reader, takes messages out. The lock is held for one push, or while the
-// reader takes all messages that arrived since its last look. A reader without work goes away. The first push after
-// that returns must_call_reader, and the pusher must then schedule the reader.
+// reader moves all newly pushed messages to its own batch. A reader without work calls GoAway. The first push after
+// that returns must_call_reader, and the pushing thread must then schedule the reader.
 #pragma once
 
 #include <atomic>
@@ -28,10 +28,10 @@ class Mailbox {
     OwnedMessage message = nullptr;
     const Address* sender = nullptr;     // Outlives the item. Null: the sender is in the message's envelope.
     std::size_t bytes = 0;               // Bytes that count towards the limit.
-    std::uint32_t incarnation = 0;       // Incarnation that set the timer.
+    std::uint32_t incarnation = 0;       // For a timer: the actor's incarnation that set it.
     std::uint16_t sender_name = 0xFFFF;  // Sender's name in traces; 0xFFFF: not an actor of this agent.
     bool is_timer = false;
-    bool is_from_outside = false;  // Sent by another agent or a client. Such items may use a quarter of the bytes.
+    bool is_from_outside = false;  // Sent by another agent or a client. Such items may use a quarter of the byte limit.
     // Set by Push: true for a timer or RecordsStored, which do not count towards the limits.
     bool is_past_bounds = false;
     const std::string* key = nullptr;  // Points into the mailbox while the item waits under this key.
@@ -39,7 +39,7 @@ class Mailbox {
 
   struct Pushed {
     SendResult result;
-    bool must_call_reader = false;  // The reader is away and was not called yet.
+    bool must_call_reader = false;  // The reader is away, and the caller must schedule it.
   };
 
   struct Counts {
@@ -58,25 +58,27 @@ class Mailbox {
   // Adds an item to the lane that IsControl selects. Returns kAccepted, kFull (dropped and counted) or kUnreachable
   // after Close. A message larger than bytes_max is accepted if no waiting message counts towards the bytes.
   Pushed Push(Item&& item);
-  // As Push, but an item that is not accepted stays unchanged and is not counted.
+  // As Push, but an item that is not accepted stays unchanged and is not counted as dropped.
   Pushed TryPush(Item& item);
-  // Makes the reader look for work other than messages. Returns true if the caller must call the reader.
+  // Makes the reader check for work other than messages before it goes away. Returns true if the reader is away and the
+  // caller must schedule it.
   bool Nudge();
 
   Counts counts() const;
   bool empty() const { return counts().waiting == 0; }
-  // True if half of the limits is free. Senders that wait for room then try again.
+  // True if at most half of each limit is used. Senders that wait for room try again only then.
   bool is_half_free() const;
 
   // --- Functions of the reader ---
 
-  // Returns the next message, or null. The item is valid until Take is called again. The reader owns its message and
-  // should release it early.
+  // Returns the next message, or null. The item is valid until Take is called again. The reader owns the item's message
+  // and should release it soon after handling it.
   Item* Take();
   // True if the next Take checks for newly pushed messages.
   bool must_look() const { return next_ == items_.size(); }
-  // Marks the reader as away and returns true. Returns false if the mailbox was nudged, or if `for_messages` and
-  // messages wait. The reader is away initially. After true, another thread may already be the reader.
+  // Marks the reader as away and returns true. If there is work, returns false instead: if the mailbox was nudged, or
+  // if messages wait and `for_messages` is true. After this returned true, another thread may already be the reader.
+  // The reader of a new mailbox is away.
   bool GoAway(bool for_messages);
   // Drops all waiting messages, without counting them as dropped, and refuses new ones.
   void Close();
@@ -110,10 +112,10 @@ class Mailbox {
    public:
     explicit KeyedItems(std::function<std::string(const proto::Message&)> key) : key_(std::move(key)) {}
 
-    // Returns the key of `message`; if empty, the message replaces none. Thread-safe, without the lock.
+    // Returns the key of `message`. If the key is empty, the message replaces no other. Thread-safe, without the lock.
     std::string KeyOf(const proto::Message& message) const;
-    // Each added item gets the next place number. `next_place` is the number of the next item; `at` returns the waiting
-    // item at a number.
+    // Items get place numbers in the order in which they are added. `next_place` returns the number of the item that is
+    // added next; `at` returns the waiting item with this number.
     std::uint64_t next_place() const { return taken_ + items_.size(); }
     Item& at(std::uint64_t place) { return items_[place - taken_]; }
     Item& Add(Item&& item) { return items_.emplace_back(std::move(item)); }
@@ -159,7 +161,7 @@ class Mailbox {
   bool is_closed_ = false;
   std::vector<Item> pushed_items_;  // Always empty if is_keyed_.
   Totals pushed_;
-  Totals seen_;  // Last copy of taken_. While the copy shows room, senders do not read the reader's cache line.
+  Totals seen_;  // Last copy of the totals in taken_. While it shows room, senders do not read the reader's cache line.
   std::uint64_t waiting_max_ = 0;
   std::uint64_t bytes_max_ = 0;
 
@@ -170,8 +172,8 @@ class Mailbox {
 
   std::atomic<bool> has_control_ = false;
 
-  // Rarely used. Guarded by lock_.
-  // Place of the waiting RecordsStored: index in pushed_items_, or place number in keyed_.
+  // The following members are rarely used, and guarded by lock_. Place of the waiting RecordsStored: index in
+  // pushed_items_, or place number in keyed_.
   std::optional<std::uint64_t> stored_place_;
   std::deque<Item> control_;
   KeyedItems keyed_;

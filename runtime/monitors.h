@@ -1,4 +1,5 @@
-// Monitors: which actors of one agent watch peers, actors and topics, and the messages that they receive.
+// Monitors: remembers which actors of one agent watch peers, actors and topics, and makes the messages that they
+// receive.
 //
 // Bookkeeping for ActorSystem and SimulatedTeam. Each call returns the notices to deliver to actors of this agent, with
 // their envelopes. Not thread-safe.
@@ -21,13 +22,13 @@ class Monitors {
   };
   using Notices = std::vector<Notice>;
 
-  // Limit per watcher. Exceeding it is a bug in the actor and fails a Check.
+  // Limit of monitored addresses per watcher. Exceeding it is a bug in the actor and fails a Check.
   static constexpr std::size_t kTargetsMax = 1024;
 
   explicit Monitors(AgentId self) : self_(self) {}
 
   // Implements the Context functions of the same names, called by `watcher`. `is_lost`: the target is an actor of this
-  // agent and does not run.
+  // agent that does not run.
   Notices WatchPeers(const std::string& watcher);
   Notices Watch(const std::string& watcher, Topic topic);
   // Requires: `message` belongs to a Topic, or a Check fails.
@@ -35,9 +36,11 @@ class Monitors {
   Notices Monitor(const std::string& watcher, const Address& target, bool is_lost);
   void Demonitor(const std::string& watcher, const Address& target);
 
-  // The incarnation of `actor` ended. Removes its subscriptions and notifies its monitors.
+  // Call when the incarnation of `actor` ended. Removes its subscriptions, and returns the notices for the actors that
+  // monitor it.
   Notices OnActorDown(const std::string& actor, const std::string& reason, bool is_final);
-  // Notifies watchers of a connected or disconnected peer. Returns no notices if the state did not change.
+  // Call when a peer connected or disconnected. Returns the notices for the actors that watch peers or monitor this
+  // peer; none if the peer's state did not change.
   Notices OnPeerChanged(AgentId peer, bool is_connected);
 
  private:

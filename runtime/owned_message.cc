@@ -18,8 +18,9 @@ constexpr bool kUsesAgain = false;  // Off, so AddressSanitizer can report use a
 constexpr bool kUsesAgain = true;
 #endif
 constexpr std::size_t kPackMessages = 63;  // Number of messages that move between threads under one lock.
-constexpr std::size_t kSharedPacks = 128;  // Limit of the packs kept for all threads (1 MB); further packs are freed.
-constexpr std::size_t kAhead = 4;          // Messages are prefetched into the cache this many takes before their use.
+// At most this many packs of empty messages are kept for all threads together (1 MB); further packs are freed.
+constexpr std::size_t kSharedPacks = 128;
+constexpr std::size_t kAhead = 4;  // A message is prefetched into the cache this many calls of Take before its use.
 
 // Allocates a message at the start of a cache line, which it shares with no other message.
 proto::Message* New() { return ::new (std::align_val_t(kCacheLine)) proto::Message; }

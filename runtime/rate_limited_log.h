@@ -1,6 +1,6 @@
 // RateLimitedLog: limits the rate of a log line that a peer, a client or a full disk can cause repeatedly. Each line
-// reports how many were suppressed before it. tools/check_logs lists all other log lines of actors/ and runtime/, with
-// the reason why none of them can be triggered at will.
+// reports how many lines were suppressed before it. tools/check_logs lists all other log lines of actors/ and runtime/,
+// with the reason why none of them can be triggered at will.
 #pragma once
 
 #include <spdlog/common.h>

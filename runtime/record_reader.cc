@@ -83,14 +83,15 @@ bool RecordReader::OnTimer(Context& context, const proto::Timer& timer) {
   return true;
 }
 
-// A waiting RecordsStored absorbs later ones. It may therefore report rows that are missing in the page in flight, if
-// that was read earlier.
+// Later RecordsStored messages are merged into one that already waits. The message may therefore report rows that were
+// stored after the page in flight was read.
 void RecordReader::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
   if (!is_following_ || context.sender() != StorageOf(context)) return;
   if (stored.last_row_id() > last_row_id_ && Reads(stored)) Read(context);
 }
 
-// Sends the request from a timer, not from here. A reading then ends only in Read, or if OnMessage returns true.
+// Sends the next request from a timer and not from here. A reading can then end only in Read, or in an OnMessage that
+// returns true.
 void RecordReader::OnDown(Context& context, const proto::Down& down) {
   const Address lost{down.agent(), down.actor()};
   if (lost != StorageOf(context) || down.is_final()) return;
@@ -122,7 +123,7 @@ void RecordReader::AskAfter(Context& context, Duration delay) {
   timer_ = context.AfterTimer(delay, kTimerKind, ++question_id_);
 }
 
-// The cursor advances after each record, and no record is passed on twice after an error.
+// Advances the cursor after each record. A retry after an error then passes no record on twice.
 Result<void> RecordReader::TakePage(Context& context, const proto::ReadReply& page) {
   if (IsError(page.error())) return tl::unexpected(FromProto(page.error()));
   const int count = std::min(page.records_size(), page.row_ids_size());

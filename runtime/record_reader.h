@@ -22,19 +22,19 @@
 // at the first record (decision 0002).
 //
 // Follow reads all stored records and then new ones, as long as the actor exists. Read reads the records stored at the
-// time of the call and ends with result().
+// time of the call; result() is its outcome.
 //
 // Concurrent changes and failures:
 //   - Records are stored while a page is in flight: the reader requests another page after it.
 //   - Storage fails and restarts: the reader requests the page again at once. A following reader that was idle requests
-//     a page too, because the last commit may not have been published.
-//   - A page is lost at a full mailbox, storage does not answer, cannot be reached or returns an error: a following
-//     reader retries after retry_delay, without a limit. Any other reading ends with the error.
+//     a page too, because storage may have failed before it published its last commit.
+//   - A page is lost at a full mailbox, or storage does not answer, cannot be reached or returns an error: a following
+//     reader retries after retry_delay, any number of times. The reading of any other reader ends with the error.
 //   - Replies to abandoned requests, and replies that are not from storage, are ignored.
-// One request is in flight at a time. A request that timed out may still wait in storage's mailbox. At most one is
-// added per answer_timeout, and the watchdog ends a process whose storage gets no turn.
+// One request is in flight at a time. A request that timed out may still wait in storage's mailbox. At most one such
+// request is added per answer_timeout, and the watchdog ends a process whose storage gets no turn.
 //
-// For the handlers of one actor. Not thread-safe; starts no thread.
+// Call it only in the handlers of one actor. Not thread-safe; starts no thread.
 #pragma once
 
 #include <chrono>
@@ -54,7 +54,7 @@ class RecordReader {
   struct Options {
     std::vector<DataType> data_types;      // Types to read. Empty: all types.
     std::uint32_t page_records_max = 512;  // Records per page. Storage returns at most 10,000.
-    // Content bytes per page, at most 32 MiB. A larger record is returned alone.
+    // Content bytes per page, at most 32 MiB. A larger record has a page of its own.
     std::uint32_t page_bytes_max = 1024 * 1024;
     Duration answer_timeout = std::chrono::seconds(30);
     Duration retry_delay = std::chrono::seconds(5);  // Delay before a following reader retries.
@@ -64,7 +64,7 @@ class RecordReader {
   // storage, and the next reading starts with this record.
   using Take = std::function<Result<void>(Context&, const proto::StoredRecord&)>;
 
-  // Kind of the reader's timers. An actor may have several readers.
+  // Kind of the timers of all readers. A timer's value shows to which of an actor's readers it belongs.
   static constexpr std::uint32_t kTimerKind = 0x7265'6164;
 
   RecordReader(Options options, Take take);
@@ -76,18 +76,19 @@ class RecordReader {
   void Read(Context& context);
   // As Read, but restarts at the first record. Ends a reading that is in progress, without a result.
   void ReadAgain(Context& context);
-  // Ends a reading that is in progress, without a result. The cursor stays. A following reader continues at the next
+  // Ends a reading that is in progress, without a result. Keeps the cursor. A following reader continues at the next
   // RecordsStored.
   void Stop(Context& context);
 
   // Call with each message that the actor handles. Returns true if the message was for this reader only; the actor must
-  // then ignore it. RecordsStored and Down return false: the actor and its other readers may need them too.
+  // then ignore it. Returns false for RecordsStored and Down, because the actor and its other readers may need them
+  // too.
   bool OnMessage(Context& context, const proto::Message& message);
 
-  // True if a page is in flight or will be requested again.
+  // True if a page is in flight, or will be requested after a pause.
   bool is_reading() const { return state_ != State::kIdle; }
-  // Result of the last reading. kUnavailable: storage cannot be reached. kTimedOut: it did not answer. Otherwise an
-  // error of storage or of Take. No error: all records stored before the last call of Read were read.
+  // Result of the last reading. kUnavailable: storage cannot be reached. kTimedOut: storage did not answer. Otherwise
+  // an error of storage or of Take. No error: all records stored before the last call of Read were read.
   const Result<void>& result() const { return result_; }
   // True if `stored` includes a type that this reader reads.
   bool Reads(const proto::RecordsStored& stored) const;
@@ -113,7 +114,7 @@ class RecordReader {
   const Take take_;
   State state_ = State::kIdle;
   bool is_following_ = false;
-  bool is_more_wanted_ = false;    // Records may be stored that the page in flight does not contain.
+  bool is_more_wanted_ = false;    // True if records may be stored that the page in flight does not contain.
   std::uint64_t last_row_id_ = 0;  // The cursor: row id of the last record read.
   std::uint64_t question_id_ = 0;  // Id of the last request, or of the pause before the next one; 0: none yet.
   TimerId timer_ = 0;

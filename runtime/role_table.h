@@ -18,7 +18,8 @@ class RoleTable {
   void SetRoles(const proto::RoleAssignment& roles);
   void SetBaseStation(AgentId agent) { base_station_ = agent; }
 
-  // Returns the agent that an alias resolves to, or 0 if none. Returns any other agent unchanged.
+  // Returns the agent that an alias resolves to, or 0 if it resolves to none at present. Returns an id that is no alias
+  // unchanged.
   AgentId Resolve(AgentId agent) const;
 
  private:

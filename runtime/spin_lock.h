@@ -2,9 +2,9 @@
 // to sleep.
 //
 // Two threads that exchange messages at full speed often contend for the mailbox's lock. Sleeping and waking would
-// halve their throughput. A thread that wakes under contention (eight senders, two cores) makes the next one sleep
-// (measured). A thread that finds the lock held polls a few times and then yields its processor, which the holder may
-// need. Code under the lock must not wait, allocate much or call foreign code.
+// halve their throughput. With eight senders on two cores, each thread that wakes makes another one sleep (measured). A
+// thread that finds the lock held polls a few times and then yields its processor, which the holder may need. Code
+// under the lock must not wait, allocate much or call foreign code.
 #pragma once
 
 #include <atomic>
@@ -20,9 +20,10 @@ class SpinLock {
   void unlock() { is_held_.store(false, std::memory_order_release); }
 
  private:
-  // Polls before a thread yields its processor. The holder may have been preempted, and more polling only withholds a
-  // processor from it. With 10 polls instead of 100, eight senders on two cores are 1.25 times as fast, at no cost for
-  // one sender (docs/benchmarks/runtime.md). One poll pauses 66 cycles on AMD Zen 3 and about 140 on Intel Skylake.
+  // Number of polls before a thread yields its processor. The holder may have been preempted, and more polling only
+  // withholds a processor from it. With 10 polls instead of 100, eight senders on two cores are 1.25 times as fast, at
+  // no cost for one sender (docs/benchmarks/runtime.md). One poll pauses 66 cycles on AMD Zen 3 and about 140 on Intel
+  // Skylake.
   static constexpr int kLooksBeforeYield = 10;
 
   void WaitUntilFree() const {

@@ -2,10 +2,11 @@
 // role.
 //
 // The first restart is immediate, for failures that do not repeat. Each further restart within `restart_period` waits
-// twice as long as the one before. This serves causes that take time to go away, such as a full disk. After
-// `restarts_max` restarts in that period the agent gives up its role, and another agent can lead. The actor then gets
-// the same number of restarts again, with long delays. After these it has failed permanently (kBeyondHelp). A failure
-// with kCorrupt is permanent at once: a restart does not repair damaged data on disk. Not thread-safe.
+// twice as long as the one before. This serves causes that take time to go away, such as a full disk. If the actor
+// fails again after `restarts_max` restarts in that period, the agent gives up its role, and another agent can lead.
+// The actor then gets `restarts_max` further restarts, with long delays. If it still fails, it has failed permanently
+// (kBeyondHelp). A failure with kCorrupt is permanent the first time: a restart does not repair damaged data on disk.
+// Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -18,7 +19,7 @@ namespace moondb {
 class Supervisor {
  public:
   struct Options {
-    int restarts_max = 5;  // Limit within restart_period.
+    int restarts_max = 5;  // Limit of restarts within restart_period.
     Duration restart_period = std::chrono::minutes(1);
     Duration first_delay = std::chrono::milliseconds(100);  // Delay before the second restart.
     Duration delay_max = std::chrono::seconds(10);
@@ -38,7 +39,7 @@ class Supervisor {
 
   explicit Supervisor(Options options) : options_(options) {}
 
-  // Decides after a failure at `now`. `jitter` is a random number from 0 to 1.
+  // Returns what to do about a failure at `now`. `jitter` is a random number from 0 to 1.
   Verdict OnFailure(const Error& failure, MonotonicTime now, double jitter);
 
  private:

@@ -1,4 +1,4 @@
-// TimerThread: runs tasks at their due times on one thread, which sleeps until the next one.
+// TimerThread: runs tasks at their due times on one thread, which sleeps until the next due time.
 //
 // Tasks must be short: a late task delays the following ones. Any thread may call Add and Cancel, including a task.
 #pragma once
@@ -20,7 +20,7 @@ class TimerThread {
   ~TimerThread() { Join(); }
 
   TimerId Add(MonotonicTime due, Task task);
-  // After this returns, the task has run, is still running, or will never run.
+  // Removes the task. Has no effect on a task that has already started, and does not wait for its end.
   void Cancel(TimerId id);
   // Waits for the running task and drops all others. Must not be called from a task. Idempotent.
   void Join();

@@ -1,8 +1,8 @@
 // TraceBook: the latest events of one agent's actors, in one TraceRing per thread, and the names that the records refer
 // to.
 //
-// Tracing is always on. A record costs a few nanoseconds on the agent's own threads. Other threads (of the transport,
-// of a test) share one ring under a mutex. After the last AddName, adding and reading are thread-safe.
+// Tracing is always on. Adding a record costs a few nanoseconds on the agent's own threads. Other threads (of the
+// transport, of a test) share one ring under a mutex. After the last AddName, adding and reading are thread-safe.
 #pragma once
 
 #include <array>
@@ -22,7 +22,8 @@ class TraceBook {
   static constexpr std::size_t kThreadsMax = 64;  // Limit of threads with their own ring; further threads share one.
   static constexpr std::size_t kNamesMax = 60'000;
 
-  // `ns_per_tick` is the unit of the records' times: that of TickClock, or 1 in simulation.
+  // `ns_per_tick` is the length of a tick, the unit of time in the records: TickClock::NanosecondsPerTick(), or 1 in
+  // simulation.
   TraceBook(AgentId self, double ns_per_tick);
 
   // Adds the name of an actor and returns its number for use in records.
@@ -62,7 +63,8 @@ const char* TraceWord(proto::TraceKind kind);
 const char* BodyName(std::uint16_t body);
 
 // Installs a handler that writes `book` to the file at `path` after a fatal signal (SIGSEGV, SIGBUS, SIGFPE, SIGILL,
-// SIGABRT), before the process ends. The file is replaced. One book per process; null removes it. `path` is copied.
+// SIGABRT), before the process ends. The file is replaced. A process has at most one such book; if `book` is null, none
+// is written. `path` is copied.
 void DumpTraceOnCrash(const TraceBook* book, const std::string& path);
 
 }  // namespace moondb

@@ -34,7 +34,7 @@ bool TraceRing::Read(std::uint64_t number, TraceRecord* record) const {
   record->other_actor = static_cast<std::uint16_t>(what);
   record->other_agent = static_cast<AgentId>(agent_and_bytes >> 32);
   record->bytes = static_cast<std::uint32_t>(agent_and_bytes);
-  // The slot of record `count` may be partly written. It held record `count - kRecords`.
+  // The slot of the record with number `count` may be partly written. It held record `count - kRecords` before.
   const std::uint64_t added = count();
   return number < added && number + kRecords > added;
 }

@@ -18,10 +18,10 @@ class PeerStatus;
 
 namespace moondb {
 
-// Largest frame between agents, two seconds of a 1 Mbps radio. Senders split larger data into pages or fragments, or
-// their send is refused with kTooLong. Receiving a larger frame closes the connection.
+// Largest frame between agents, which a 1 Mbps radio sends in two seconds. Senders split larger data into pages or
+// fragments, or their send is refused with kTooLong. Receiving a larger frame closes the connection.
 inline constexpr std::size_t kPeerFrameBytesMax = 256 * 1024;
-// Largest serialised message that is sent in its own frame.
+// Largest serialised message that fits into a frame of kPeerFrameBytesMax.
 inline constexpr std::size_t kPeerMessageBytesMax = kPeerFrameBytesMax - 11;
 
 class Transport {

@@ -4,10 +4,10 @@
 // rarely contended, and an idle agent uses no battery. A thread that has worked yields its processor a few times (1 to
 // 3 us in all) before it sleeps. A steady stream of work then avoids the cost of sleeping and waking.
 //
-// The first task that a pool's own thread submits during a turn goes to the thread's next slot and runs right after the
-// turn. Request and reply stay on one thread and in its cache, without a lock or a wake-up. A turn that submits and
-// then continues for long delays the submitted task, so long turns belong on a dedicated thread. With one thread, the
-// pool is that thread's queue.
+// The first task that a pool's own thread submits during a turn waits in the thread's next slot, which holds one task,
+// and runs right after the turn. Request and reply stay on one thread and in its cache, without a lock or a wake-up. A
+// turn that submits and then continues for long delays the submitted task, so long turns belong on a dedicated thread.
+// A pool with one thread serves as that thread's queue.
 #pragma once
 
 #include <atomic>

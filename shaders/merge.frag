@@ -14,16 +14,19 @@ precision highp usampler2D;
 precision highp usampler2DArray;
 
 uniform usampler2DArray layers;  // A texel is 16 cells of a row: rows along x, strips of 16 columns along y.
-// For each square of the target: number of list entries, and from bit 6 on the index of the first.
+// For each square of the target: the number of its list entries in bits 0 to 5, and the index of the first entry from
+// bit 6 on.
 uniform usampler2D squares;
 // Two texels for each list entry. The first holds u and v of the square's first cell, step_cos and step_sin, in Q10.22
 // modulo 2^32. The second holds width_q, height_q, the block's corner in `layers`, and its page in the low 16 bits with
 // its number in the tile in the high 16 bits.
 uniform usampler2D lists;
-uniform vec2 layers_texel;       // Size of one texel in texture coordinates, for `layers` and for `lists`.
+// Size of one texel in texture coordinates: layers_texel of `layers`, lists_texel of `lists`.
+uniform vec2 layers_texel;
 uniform vec2 lists_texel;
 
-layout(location = 0) out uvec2 cells;  // For each byte: the value, and from bit 2 on the block's number.
+// Each byte is a cell: its value in bits 0 and 1, and from bit 2 on the number of the winning block.
+layout(location = 0) out uvec2 cells;
 
 const uint kListColumns = 1024u;
 const uint kFootprintPage = 0xFFFFu;

@@ -1,7 +1,7 @@
-// Returns a valid record of any built-in type. Uses reflection, so new types are covered automatically.
+// SampleRecord returns a valid record of any built-in type. It uses reflection, so new types are covered automatically.
 //
-// Every number is 0.5 or 1, every enumeration its last value, every text "text", every agent the given one. Types for
-// which such a record is invalid are handled separately.
+// In a sample record, every number is 0.5 or 1, every enumeration has its last value, every text is "text", and every
+// agent is the given one. Types for which such a record is invalid are handled separately.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -71,7 +71,7 @@ inline proto::Record SampleRecord(DataType type, AgentId agent) {
   }
   if (record.has_map_quarantine()) {
     record.mutable_map_quarantine()->clear_lifts();
-    // The agent that stores the record sets these fields.
+    // The agent that stores the record sets the signature and the term.
     record.mutable_map_quarantine()->clear_signature();
     record.mutable_map_quarantine()->clear_term();
   }

@@ -14,7 +14,7 @@ namespace moondb {
 class TemporaryFolder {
  public:
   explicit TemporaryFolder(const std::filesystem::path& parent = std::filesystem::temp_directory_path()) {
-    // Keep the path short: paths of sockets below it may have at most 107 characters.
+    // Keep the folder's path short, because the path of a socket in the folder may have at most 107 characters.
     std::string pattern = (parent / "moondb-XXXXXX").string();
     Check(::mkdtemp(pattern.data()) != nullptr, "a test can make a temporary folder");
     path_ = pattern;

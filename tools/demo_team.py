@@ -21,7 +21,7 @@ import time
 AGENT_COUNT = 4
 STEP_LIMIT_S = 240
 MARK = ".moondb-demo"
-COLUMN = 21  # Width of a table's column: a role has up to 19 letters.
+COLUMN = 21  # Width of a table's column, because a role has up to 19 letters.
 TYPES_FILE = pathlib.Path(__file__).resolve().parent.parent / "proto/types.proto"
 TYPE_NAMES = {int(number): name.lower()
               for name, number in re.findall(r"^  ([A-Z_]+) = (\d+);", TYPES_FILE.read_text(), re.MULTILINE)}
@@ -45,13 +45,14 @@ def free_port_run(count):
 
 
 class Team:
-    """The programs, and the team that they run."""
+    """A running team, and the programs with which the demo controls it."""
 
     def __init__(self, programs, team_file):
         self.programs, self.team_file = pathlib.Path(programs), pathlib.Path(team_file)
 
     def run(self, program, *arguments, check=True):
-        """Runs a program and returns its output. Exit code 3 (agents unreachable) is a success: one is killed."""
+        """Runs a program and returns its output. Exit code 3 (agents unreachable) counts as success, because the
+        demo kills one agent."""
         command = [str(self.programs / program), *map(str, arguments)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=STEP_LIMIT_S, check=False)
         if check and done.returncode not in (0, 3):

@@ -36,7 +36,7 @@ void ClockActor::Notify(Context& context, AgentId peer) const {
   report.set_ms_type(proto::CONTROL);
   report.mutable_clock_report()->set_utc_ns(context.utc_now_ns());
   (void)context.Send({peer, actor_name::kClock},
-                     std::move(report));  // A lost report is sent again on the next connection.
+                     std::move(report));  // If the report is lost, the next connection sends another.
 }
 
 }  // namespace moondb

@@ -1,9 +1,8 @@
 // ClockActor ("clock"): exchanges clock readings between agents, so each agent can detect that its own clock is wrong
 // (actors/storage/clock_judge.h).
 //
-// Sends a ClockReport to another agent each time the link to it comes up, and to all connected agents after this
-// agent's clock has jumped. Forwards the reports of other agents to StorageActor. A report is accurate to within the
-// transit time of one message.
+// Sends a ClockReport to each agent that connects, and to all connected agents after this agent's clock has jumped.
+// Forwards the reports of other agents to StorageActor. A report is accurate to within the transit time of one message.
 #pragma once
 
 #include <set>

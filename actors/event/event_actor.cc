@@ -18,7 +18,7 @@ namespace {
 constexpr std::uint32_t kPeriod = 1;
 constexpr std::size_t kRequestersMax = 64;
 constexpr std::size_t kAcknowledgmentsMax = 16;
-// The requester has a shorter timeout, so nobody waits for an older acknowledgment.
+// Longer than the requester's timeout, so no requester still waits when an acknowledgment is dropped.
 constexpr Duration kAcknowledgmentTimeout = std::chrono::minutes(2);
 
 }  // namespace
@@ -82,8 +82,8 @@ void EventActor::OnControlReply(Context& context, const proto::Message& message)
   if (message.request_id() == findings_request_id_) OnFindings(context, reply->status());
 }
 
-// Only the agent that issued an assignment logs it; otherwise each agent would log the same assignment. Term 0 is the
-// team file's and is not logged.
+// Only the agent that issued an assignment logs it; otherwise each agent would log the same assignment. Term 0, the
+// team file's assignment, is not logged.
 void EventActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const bool is_new = OrderOf(roles.term()) != OrderOf(roles_.term());
   const bool is_first = roles_.term().number() == 0 && roles_.leader() == 0;
@@ -193,7 +193,7 @@ void EventActor::OnFindings(Context& context, const proto::AgentStatus& status) 
   findings_.assign(status.findings().begin(), status.findings().end());
   known_version_ = asked_version_;
   LogReturnedPeers(context);
-  // A newer request is already in flight, or follows in the next period.
+  // These findings are outdated. A newer request is already in flight, or follows in the next period.
   if (known_version_ != findings_version_) return;
   for (const Requester& requester : std::exchange(requesters_, {})) {
     if (known_version_ == findings_version_) {

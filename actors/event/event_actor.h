@@ -5,22 +5,23 @@
 //   - each role assignment that this agent issued;
 //   - once a minute, the failures since the last time: restarted actors, refused or damaged records and messages, and
 //     sharing sessions that ended early.
-// Repeated failures become one event with a count, so a flood of input does not become a flood of records. GatewayActor
-// logs the commands.
+// Repeated failures become one event with a count, so a flood of bad input does not become a flood of records. Commands
+// are logged by GatewayActor.
 //
 // A peer is lost if its connection has been down for `lost_after`. Peers that sleep are not lost. In a team with radio
 // silence while driving, peers that drive are not lost either. The same exceptions apply while this agent itself sleeps
 // or drives. Each loss is one event, with the time at which the connection went down. The return of the peer is another
-// event. At most one loss per peer is logged in each `lost_again_after`.
+// event. Two losses of a peer are logged at least `lost_again_after` apart.
 //
 // Losses and damage are findings (model/event.h) until an operator acknowledges them. The findings are computed from
-// the stored events (actors/storage/findings.h). This actor requests them from StorageActor after each event that may
-// change them. It answers the ControlRequest `status` with the result, as its part of AgentStatus. It answers an
-// AcknowledgeRequest when the acknowledging event is stored, or with kFull if too many acknowledgments are waiting.
+// the stored events (actors/storage/findings.h). This actor requests the findings from StorageActor after each event
+// that may change them. It answers the ControlRequest `status` with the findings, as its part of AgentStatus. It
+// answers an AcknowledgeRequest when the acknowledging event is stored, or with kFull if too many acknowledgments are
+// waiting.
 //
 // Events are shared like other records, by the policy `agent_event`, so the leader holds the event log of the whole
-// team. An event that storage refuses is lost. A restart of this actor is logged too. Counts from before that restart
-// are taken as already logged.
+// team. An event that storage refuses is lost. A restart of this actor is logged too. Failures counted before that
+// restart are treated as already logged.
 #pragma once
 
 #include <map>
@@ -50,7 +51,8 @@ class EventActor final : public Actor {
     proto::TeamConfig team;  // Complete and checked.
     std::string version;     // Logged at the start.
     Duration period = std::chrono::minutes(1);
-    // A disconnected peer counts as lost after this time, which exceeds a short radio dropout. Checked once per period.
+    // A disconnected peer counts as lost after this time, which is longer than a short radio dropout. Checked once per
+    // `period`.
     Duration lost_after = std::chrono::minutes(1);
     // Minimum time between two loss events of one peer.
     Duration lost_again_after = std::chrono::minutes(10);
@@ -78,7 +80,7 @@ class EventActor final : public Actor {
     std::optional<std::int64_t> acknowledges_until_ns;  // Null if the requester only reads the findings.
   };
 
-  // An acknowledgment whose event has been sent to storage and not confirmed yet.
+  // An acknowledgment whose event was sent to storage and is not stored yet.
   struct Acknowledgment {
     Address from;
     std::uint64_t request_id = 0;
@@ -111,9 +113,8 @@ class EventActor final : public Actor {
   void Log(Context& context, proto::EventKind kind, const std::string& text);
   // `timestamp_ns` is the time of the event, which for a finding may be some time ago.
   void LogAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t timestamp_ns);
-  // Logs by how much a counter rose since the last call, as "3 TEXT". The counter never falls, except when `source`
-  // restarts. The first value from `source` is only remembered, because it counts what happened before this actor
-  // started.
+  // Logs by how much a counter rose since the last call, as "3 TEXT". The counter falls only when `source` restarts.
+  // The first value from `source` is only remembered, because it counts failures from before this actor started.
   void LogRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
                double count, const std::string& text);
 

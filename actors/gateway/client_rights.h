@@ -1,5 +1,5 @@
-// Rights checks: the rights that a request needs of a client's key, and of an agent that relays it. Plain functions,
-// usable on any thread.
+// Checks whether a client's key, or the agent that relays a request, has the rights that the request needs. Plain
+// functions, usable on any thread.
 #pragma once
 
 #include "model/error.h"
@@ -10,12 +10,12 @@
 
 namespace moondb {
 
-// Returns CLIENT_RIGHTS_VIEW for requests that change nothing, SHARE for requests of robots and planners, and COMMAND
-// for all others. The rights are declared at each request in proto/control.proto.
+// Returns the rights that proto/control.proto declares for the request: CLIENT_RIGHTS_VIEW if it changes nothing, SHARE
+// for requests of robots and planners, and COMMAND for all others.
 proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request);
 
-// Returns kRefused if the key of the client that sent the message does not allow this request. The text states the
-// key's rights and the required ones.
+// Returns kRefused if the key of the client that sent the message does not allow this request. The text names the key's
+// rights and the required rights.
 Result<void> CheckClientRights(const proto::Message& message, proto::ControlRequest::RequestCase request);
 
 // Returns kRefused if agent `from` may not relay this request to the agent `self`. Any agent may relay a request that

@@ -1,8 +1,9 @@
 // CommandLog: decides which commands, accepted or refused, are logged as events in the agent's store. Commands come
 // from clients and other agents.
 //
-// At most Options::commands_max commands of one kind are logged per period, followed by the number of further ones. A
-// program therefore cannot flood the event log. No I/O: the caller stores the returned events and keeps the time.
+// At most Options::commands_max commands of one kind are logged per period, followed by the number of commands that
+// were left out. A program therefore cannot flood the event log. No I/O: the caller stores the returned events and
+// keeps the time.
 #pragma once
 
 #include <chrono>
@@ -27,7 +28,7 @@ class CommandLog {
   };
 
   struct Added {
-    // Must be stored before any record that the command causes other actors to store.
+    // The event to store, if any. Must be stored before any record that other actors store because of the command.
     std::optional<proto::Record> event;
     bool begins_period = false;  // The caller must call OnPeriodEnd after Options::period.
   };

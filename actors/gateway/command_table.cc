@@ -33,7 +33,7 @@ const std::string& ActorOf(const Request& request, int i = 0) {
   return CommandOptionsOf(request.request_case()).actors(i);
 }
 
-// Uses push_back, because a braced list would copy the message.
+// Returns one question to one actor. Uses push_back, because a braced list would copy the message.
 std::vector<Question> AskOne(const std::string& actor, proto::Message message) {
   std::vector<Question> questions;
   questions.push_back({actor, std::move(message)});
@@ -47,7 +47,7 @@ std::vector<Question> AskForPage(Request& request, bool is_relayed) {
   return AskOne(ActorOf(request), std::move(message));
 }
 
-// Requests this agent's own have-set, not the one that it reports to peers.
+// Requests this agent's have-set in full, not in the form reported to peers.
 std::vector<Question> AskForHave(Request& request, bool) {
   proto::Message message;
   message.mutable_have_request();
@@ -92,7 +92,7 @@ void MergeShareStatus(const proto::ControlReply& reply, proto::ControlReply& who
   whole.set_damaged_messages(whole.damaged_messages() + part.damaged_messages());
   whole.set_dropped_messages(whole.dropped_messages() + part.dropped_messages());
   whole.set_refused_hellos(whole.refused_hellos() + part.refused_hellos());
-  // Keep the newer roles: one actor may learn of new roles a moment before the other.
+  // Keep the newer roles: SyncActor and ReplicaActor learn of new roles at slightly different times.
   if (!whole.has_roles() || IsNewer(whole.roles().term(), part.roles().term())) *whole.mutable_roles() = part.roles();
   whole.mutable_gathers_from()->MergeFrom(part.gathers_from());
   whole.mutable_gathers_later()->MergeFrom(part.gathers_later());
@@ -155,7 +155,7 @@ const Command* FindCommand(Request::RequestCase request) {
 
 // --- Lookup by type ---
 
-// Returns the field of the oneof Message::body that has this type; null if there is none.
+// Returns the field of the oneof Message::body whose type is `type`; null if there is none.
 const FieldDescriptor* BodyOfType(const Descriptor* type) {
   static const auto* const bodies = proto::Message::descriptor()->FindOneofByName("body");
   for (int i = 0; i < bodies->field_count(); ++i) {
@@ -164,7 +164,7 @@ const FieldDescriptor* BodyOfType(const Descriptor* type) {
   return nullptr;
 }
 
-// Returns null if this version does not know the request.
+// Returns the field of this request in ControlRequest; null if this version does not know the request.
 const FieldDescriptor* FieldOf(Request::RequestCase request) {
   return Request::descriptor()->FindFieldByNumber(request);
 }
@@ -178,7 +178,7 @@ const FieldDescriptor* ReplyFieldOf(Request::RequestCase request) {
   return asked == nullptr ? nullptr : proto::ControlReply::descriptor()->FindFieldByName(asked->name());
 }
 
-// Moves the contents out of the request.
+// Returns a message with the request as its body. Moves the contents out of the request.
 proto::Message TakeMessageOf(Request& request) {
   const FieldDescriptor* field = FieldOf(request.request_case());
   const FieldDescriptor* body = BodyOfType(field->message_type());

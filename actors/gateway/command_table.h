@@ -1,11 +1,11 @@
-// Dispatch of client requests. proto/control.proto declares at each request which actors answer it, the right that it
-// needs, and whether it takes long.
+// Dispatches client requests. For each request, proto/control.proto declares the actors that answer it, the rights that
+// it needs, and whether it takes long.
 //
-// By default a request has no validation rule. It is logged by its name if it needs the right `command`, and otherwise
-// not logged. Its actor receives it as the body of Message that has the request's type, and the actor's answer is put
-// into ControlReply by its type. If Message has no such body, or several actors answer, the actors receive the
-// ControlRequest itself and answer with ControlReplies, which are merged. Requests that differ from this default have a
-// row in command_table.cc with functions of their own. Plain functions, usable on any thread.
+// By default a request has no validation rule, and is logged by its name only if it needs the right `command`. Its
+// actor receives it in the field of Message.body that has the request's type. The actor's answer goes into the field of
+// ControlReply that has the answer's type. If Message has no such body, or several actors answer, the actors receive
+// the ControlRequest itself and answer with ControlReplies, which are merged. Requests that differ from this default
+// have a row in command_table.cc with functions of their own. Plain functions, usable on any thread.
 #pragma once
 
 #include <string>
@@ -33,9 +33,9 @@ struct Question {
   proto::Message message;
 };
 
-// Returns all messages that the gateway must send for a checked request, in order. Empty if the gateway answers by
-// itself. Contents of the request are moved, since a map may have megabytes. `is_relayed`: the answer crosses the
-// radio.
+// Returns all messages that the gateway must send for a checked request, in order. Empty if the gateway itself answers.
+// Moves the contents of the request into the messages, since a map may have megabytes. `is_relayed`: the answer crosses
+// the radio.
 std::vector<Question> QuestionsOf(proto::ControlRequest request, bool is_relayed);
 
 // Merges one actor's answer to the request into the reply, and copies its error to ControlReply.error. Returns false if

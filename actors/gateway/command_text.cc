@@ -43,7 +43,7 @@ std::string LeaseText(const proto::LeaseRequest& lease) {
   return "sync pause for " + std::to_string(static_cast<int>(std::ceil(lease.seconds()))) + " s";
 }
 
-// Prints the numbers as sent; only moonctl understands durations such as "5m".
+// Prints numbers in the units of the request, in seconds and bytes; only moonctl formats durations such as "5m".
 std::string PruneText(const proto::PruneOrder& prune) {
   if (prune.is_dry_run()) return "";
   std::string text = prune.is_history()      ? "db prune history"

@@ -1,7 +1,7 @@
-// Feed: a read with wait_s that found nothing and waits until a record of its types is stored.
+// Feed: a read request with wait_s that found no record, and waits until a record of the requested types is stored.
 //
-// GatewayActor repeats the read when StorageActor publishes that such records were stored. The repeated read skips rows
-// that were already searched. A value owned by GatewayActor.
+// GatewayActor repeats the read when StorageActor publishes that such a record was stored. The repeated read skips rows
+// that earlier reads have searched. A value owned by GatewayActor.
 #pragma once
 
 #include "proto/storage.pb.h"
@@ -15,13 +15,14 @@ class Feed {
       : request_(std::move(request)), known_row_id_(last_row_id) {}
 
   bool Wants(const proto::RecordsStored& stored) const;
-  // Notes that a matching record was stored during the read in progress.
+  // Remembers that a matching record was stored during the read in progress, so the read must be repeated.
   void SetStale() { is_stale_ = true; }
   bool is_stale() const { return is_stale_; }
 
   // Returns the read to send to storage, and clears is_stale.
   const proto::ReadRequest& Ask(std::uint64_t last_row_id);
-  // Handles an empty page from storage.
+  // Handles an empty page from storage. If the page is complete, the next read skips all rows known when the read was
+  // sent.
   void OnEmptyPage(bool is_complete);
 
  private:

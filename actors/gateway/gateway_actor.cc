@@ -148,7 +148,7 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
     pending.command = WriteDown(context, request);
     pending.by = request.by();
   }
-  // The other agent waits for the requested time before it answers.
+  // The other agent may wait for wait_s before it answers.
   Duration timeout = TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout;
   if (is_feed) {
     proto::ReadRequest page = request.read();
@@ -175,7 +175,8 @@ void GatewayActor::RefuseRelayed(Context& context, const proto::Message& message
   Answer(context, context.sender(), message.request_id(), ErrorReply(error));
 }
 
-// Requests without a key from one agent count as one client, whichever actor sent them.
+// Returns whether two requests count as requests of one client. All requests without a key from one other agent do,
+// whichever of its actors sent them.
 bool GatewayActor::IsSameClient(const Pending& a, const Pending& b) const {
   if (a.client_name != b.client_name) return false;
   if (!a.client_name.empty()) return true;
@@ -239,7 +240,7 @@ void GatewayActor::WriteDownRefused(Context& context, const std::string& text, c
   Store(context, added.event);
 }
 
-// Stores the event without waiting for the result. A full disk must not prevent a role change.
+// Asks storage to store the event, and does not wait for the result: a full disk must not prevent a role change.
 void GatewayActor::Store(Context& context, const std::optional<proto::Record>& event) const {
   if (!event) return;
   proto::Message message;
@@ -307,7 +308,7 @@ Result<void> GatewayActor::Ask(Context& context, const std::string& actor, proto
 
 void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
   const auto found = pending_.find(message.request_id());
-  if (found == pending_.end()) return;  // The answer is late or was not requested.
+  if (found == pending_.end()) return;  // The answer is late, or answers no request of this actor.
   Pending& pending = found->second;
   if (pending.relayed_to != 0) {
     if (context.sender() != Address{pending.relayed_to, actor_name::kGateway} || !message.has_control_reply()) return;

@@ -1,42 +1,45 @@
 // GatewayActor: the entry point for this agent's clients (moonctl, a robot's software, planners).
 //
-// It receives Message{control_request} from a client, parses it once (model/control_message.h), checks it, and forwards
-// it to the responsible actor under its own request id. The answer is Message{control_reply} under the client's request
-// id (actors/gateway/command_table.h). An error inside the reply is copied to ControlReply.error, so a client has a
-// single place to look. For the agent's status, it merges the parts of StorageActor, RoleActor, LeaseActor and
-// EventActor with the system's own data.
+// It receives Message{control_request} from a client, parses and checks the request (model/control_message.h), and
+// forwards it to the responsible actor under a request id of the gateway. The client's answer is Message{control_reply}
+// under the client's request id (actors/gateway/command_table.h). An error inside the reply is copied to
+// ControlReply.error, so a client has a single place to look. For the agent's status, it merges the parts of
+// StorageActor, RoleActor, LeaseActor and EventActor with the system's own data.
 //
 // A request for another agent of the team (ControlRequest.for_agent) is relayed to that agent's gateway over the radio,
 // and the answer is returned to the client. An operator at the base station thus reaches the whole team. A request is
-// relayed only once. Requests that change anything are obeyed only from agents in command_from of the team file
-// (CheckRelayRights). Short messages are sent in the control class. Longer ones have a lower priority than all shared
-// data, and none may exceed `relay_bytes_max`.
+// relayed only once. A relayed request that changes anything is executed only if the relaying agent is in command_from
+// of the team file. As an exception, leader and survivor may relay requests to share (CheckRelayRights). Short messages
+// are sent in the control class. Longer messages have a lower priority than all shared data. No message may exceed
+// `relay_bytes_max`.
 //
 // A client with a key may send the requests that its rights allow (actors/gateway/client_rights.h), to this agent and
-// through it to others. Other requests are refused with kRefused.
+// through this agent to others. Other requests are refused with kRefused.
 //
 // A request for another team (ControlRequest.team_id) is refused before it has any effect, at this agent and at the
-// agent that it is relayed to. Each reply states its team and team file.
+// agent that it is relayed to. Each reply contains the answering agent's team id and the hash of its team file.
 //
 // A command is logged as an event before it is executed (actors/gateway/command_log.h). For a client with a key, the
 // agent that checked the key logs the key's name, for example "anna (key)". An agent that receives the command through
-// a relay cannot verify the name and logs "anna". Commands that another agent may not give are logged as refused, up to
-// a limit per minute.
+// a relay cannot verify the name and logs "anna". Commands relayed by an agent that may not relay them are logged as
+// refused, up to a limit per minute.
 //
 // A request to share or to change roles with wait_s waits at the actor that executes it. If that actor fails, the reply
 // is kUnavailable, because the actor loses its waiting requests.
 //
-// A read with wait_s is a feed. If no record matches yet, the gateway keeps the read (actors/gateway/feed.h) until the
-// time is up, and then replies with an empty page. No data is queued for a client; a slow client simply reads later.
+// A read with wait_s is a feed. If no record matches yet, the gateway keeps the read (actors/gateway/feed.h) until a
+// matching record is stored. After wait_s it replies with an empty page. No data is queued for a client; a slow client
+// simply reads later.
 //
-// The number of waiting requests is bounded by `pending_max`, and each has a timeout. Limits per client leave room for
-// others. All connections with one key count as one client.
+// The number of waiting requests is bounded by `pending_max`, and each request has a timeout. Limits per client leave
+// room for other clients. All connections with one key count as one client.
 //
 // The gateway itself returns these errors:
 // - kCorrupt: the request does not decode;
 // - kInvalid: the request violates a rule (actors/gateway/request_check.h);
-// - kRefused: another agent sent a request that is not for this agent;
-// - kFull: too many requests wait, here or at the actor, or the reply is too long for the radio;
+// - kRefused: the client's key lacks the rights, the sending agent may not relay the request, or the request is for
+//   another team or agent;
+// - kFull: too many requests wait at the gateway or at the actor, or the reply is too long for the radio;
 // - kUnavailable: the actor does not exist, or the target agent cannot be reached or was lost;
 // - kNotFound: the target of a custom request is not an actor of the user;
 // - kTimedOut: the actor or the target agent did not answer.
@@ -74,8 +77,8 @@ class GatewayActor final : public Actor {
     std::set<std::string> own_actors;
     std::size_t pending_max = 256;
     std::size_t pending_of_client_max = 64;  // Maximum number of pending requests per key, connection or other agent.
-    // Maximum number of pending requests per key, connection or agent that are relayed to one other agent. The replies
-    // cross the radio and must leave room for those of other clients.
+    // Maximum number of pending requests per key, connection or agent that are relayed to one other agent. Their
+    // replies cross the radio and must leave room for the replies to other clients.
     std::size_t relays_of_client_max = 8;
     std::size_t waits_max = 32;  // Maximum number of pending requests with wait_s.
     // Maximum number of pending requests with wait_s per key, connection or agent.
@@ -88,7 +91,7 @@ class GatewayActor final : public Actor {
     Duration timeout = std::chrono::seconds(60);
     // Timeout for requests for which TakesLong is true (model/control_request.h).
     Duration long_timeout = std::chrono::seconds(600);
-    // Delay between the reply to a stop request and the stop. It lets the reply leave first.
+    // Delay between the reply to a stop request and the stop, so the reply can leave first.
     Duration stop_delay = std::chrono::milliseconds(50);
   };
 
@@ -109,8 +112,8 @@ class GatewayActor final : public Actor {
     proto::ControlReply reply;          // Answers merged so far.
     TimerId timer = 0;
     bool is_wait = false;      // True if the request has wait_s.
-    std::optional<Feed> feed;  // Set while a read with wait_s waits or its read is repeated.
-    // Text in the event log of a command for this agent; empty if the request is not a command.
+    std::optional<Feed> feed;  // Set while a read with wait_s waits or is repeated.
+    // Text of the command in this agent's event log; empty if the request is not a command for this agent.
     std::string command;
     std::string by;  // Client or agent that gave the command, as in the event log.
   };
@@ -124,16 +127,17 @@ class GatewayActor final : public Actor {
   void OnAnswer(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnPeerLost(Context& context, AgentId peer);
-  // Answers the requests that waited at `actor` with an error. The actor has failed and lost them.
+  // Answers the requests that waited at `actor` with an error, because the failed actor has lost them.
   void OnActorLost(Context& context, const std::string& actor);
   // Answers each request for which `is_meant` is true with kUnavailable.
   void FailAll(Context& context, const std::function<bool(const Pending&)>& is_meant, const std::string& text);
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
-  // Handles an empty answer of storage. Returns true if the feed continues to wait or reads again.
+  // Handles storage's answer to a read. Returns true if the read is a feed that got an empty page and continues to wait
+  // or reads again.
   bool KeepsWaiting(Context& context, std::uint64_t id, Pending& pending);
   void AskFeed(Context& context, std::uint64_t id, Pending& pending);
-  // Returns true if the feed has ended with an empty page. Returns false if a read is in flight; its answer is then the
-  // feed's last.
+  // Ends a feed whose wait_s has passed. Returns true if the caller must answer with an empty page. Returns false if a
+  // read is in flight; the answer to that read then goes to the client.
   bool EndsFeed(Context& context, std::uint64_t id, Pending& pending);
 
   void RefuseRelayed(Context& context, const proto::Message& message, const proto::ControlRequest& request,

@@ -45,15 +45,16 @@ Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertReque
 // Refuses a read whose filter is too long, whose wait exceeds kReadWaitMax_s, or that waits for older records or for
 // history.
 Result<void> CheckRead(const proto::ReadRequest& read);
-// Refuses a role change that changes nothing, names agents or terms outside the team, has a reason that is too long, or
-// waits longer than kOrderWaitMax_s.
+// Refuses a role change that changes nothing, names an agent or a term's issuer outside the team, has a reason that is
+// too long, or waits longer than kOrderWaitMax_s.
 Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetRequest& set);
-// Refuses a share request without a kind, to `self`, to or from agents outside the team, with another agent's order, or
-// with a wait beyond kOrderWaitMax_s.
+// Refuses a share request that has no kind, goes to `self`, names agents outside the team, has an order number (only
+// agents set it), or waits longer than kOrderWaitMax_s.
 Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto::ShareRequest& share);
 // Refuses a progress request without a kind or with a wait beyond kReadWaitMax_s.
 Result<void> CheckShareProgress(const proto::ShareProgressRequest& progress);
-// Refuses a window combined with from_scratch, too many covariances, and covariances of agents outside the team.
+// Refuses a solve with both a window and from_scratch, with too many covariances, or with covariances of agents outside
+// the team.
 Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize);
 // Refuses a merge of agents outside the team.
 Result<void> CheckMerge(const proto::TeamConfig& team, const proto::MergeRequest& merge);
@@ -67,8 +68,8 @@ Result<void> CheckPrune(const proto::PruneOrder& prune);
 // Refuses a negative timestamp.
 Result<void> CheckAcknowledge(const proto::AcknowledgeRequest& acknowledge);
 
-// Limits the page size to the range from 1 to the maximum; 0 selects the default. `is_relayed`: the page crosses the
-// radio.
+// Limits records_max and content_bytes_max to the range from 1 to their maxima; 0 selects the default. `is_relayed`:
+// the page crosses the radio.
 void BoundPage(proto::ReadRequest& request, bool is_relayed = false);
 
 }  // namespace moondb

@@ -14,8 +14,9 @@ namespace {
 
 enum TimerKind : std::uint32_t { kAnnounce = 1, kExpiry = 2 };
 
-// An agent numbers its announcements in ascending order from a random start. A number less than this below the last one
-// belongs to a late announcement. A number further away was sent before or after a restart of that agent.
+// An agent numbers its announcements in ascending order from a random start. An announcement whose number is below the
+// last one by at most this value is late. If the numbers differ by more, the agent restarted between the two
+// announcements.
 constexpr std::uint64_t kNumbersOfOneBoot = 1 << 20;
 
 Result<void> CheckAnnouncement(const proto::LeaseAnnounce& announce) {
@@ -32,7 +33,7 @@ LeaseActor::LeaseActor(Options options)
 void LeaseActor::OnStart(Context& context) {
   number_ = context.rng()();
   context.WatchPeers();
-  OnChange(context);  // Leases published before a restart may be outdated.
+  OnChange(context);  // Leases that this actor published before a restart may be outdated.
 }
 
 void LeaseActor::OnMessage(Context& context, const proto::Message& message) {

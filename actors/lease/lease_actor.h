@@ -1,10 +1,11 @@
 // LeaseActor ("lease"): tracks which agents of the team drive, sleep or are paused, and for how long (model/leases.h).
 //
 // This agent's own leases are set by a LeaseRequest from its own actors; clients send theirs through the gateway. The
-// actor answers with a LeaseReply; its error is kInvalid and names the field. It announces a change to the LeaseActors
-// of all other agents at once, and to an agent when it connects. It repeats the announcement, with a growing delay,
-// until the other agent has acknowledged it. An expiring lease is not announced: every agent counts it down itself.
-// Announcements of other agents are validated, and set only the leases of their sender.
+// actor answers with a LeaseReply; an invalid request gets the error kInvalid with the field. It announces a change to
+// the LeaseActors of all other agents at once, and announces its leases to each agent that connects. It repeats the
+// announcement, with a growing delay, until the other agent has acknowledged it. The expiry of a lease is not
+// announced, because every agent counts the lease down itself. Announcements of other agents are validated, and set
+// only the leases of their sender.
 //
 // Publishes LeasesChanged (Topic::kLeases) at each change and expiry. Answers the ControlRequest `status` with its part
 // of AgentStatus. Stores nothing: a restarted agent has no lease until its robot sets one again, and learns the leases
@@ -51,7 +52,8 @@ class LeaseActor final : public Actor {
 
   Result<void> Take(Context& context, const proto::LeaseRequest& request);
   void Announce(Context& context, AgentId to, bool is_reply);
-  // Announces to all connected agents that have not acknowledged, and sets a timer to repeat it.
+  // Announces this agent's leases to all connected agents that have not acknowledged them, and sets a timer to repeat
+  // the announcement.
   void AnnounceToUnknowing(Context& context);
   void RestartAnnouncing(Context& context);  // Announces at once and resets the delay to announce_after.
   void OnChange(Context& context);

@@ -13,7 +13,7 @@ const GatherKernel& BestKernel() {
   return best;
 }
 
-// Coarse bitmap for a footprint: all cells of the largest block are known.
+// Coarse bitmap of a footprint. All bits are set, because a footprint knows all its cells.
 constexpr int kAllBitsShift = 3;
 constexpr auto kAllBits = [] {
   std::array<std::uint64_t, (kBlockSideCellsMax >> kAllBitsShift) + 1> rows{};
@@ -49,7 +49,7 @@ KernelTile ArraysOf(Tile& tile) {
   return {tile.known.data(), tile.hazard.data(), tile.weakest.data(), tile.winners.data()};
 }
 
-// State of one thread.
+// Working state of one thread of the pool.
 class Gatherer {
  public:
   Gatherer(const GatherKernel& kernel, std::span<const OrderedBlock> blocks) : kernel_(kernel), lister_(blocks) {}
@@ -65,7 +65,7 @@ class Gatherer {
   }
 
  private:
-  // Returns true if a value changed.
+  // Gathers one tile. Returns true if the value of at least one cell changed.
   bool GatherTile(const CellBox& box, std::unique_ptr<Tile>& tile) {
     std::optional<Masks> before;
     if (tile != nullptr) before = Masks{tile->known, tile->hazard};
@@ -108,7 +108,7 @@ class Gatherer {
 
 std::vector<const GatherKernel*> AvailableKernels() {
   std::vector<const GatherKernel*> kernels = {ScalarKernel()};
-  // Call a kernel function only after checking that the processor has its instructions.
+  // The caller must not call a kernel's functions unless the processor has the kernel's instruction set.
   [[maybe_unused]] const auto add = [&kernels](const GatherKernel* kernel) {
     if (kernel != nullptr) kernels.push_back(kernel);
   };
@@ -157,7 +157,8 @@ void PageLister::List(const PageKey& page, std::vector<OrderedBlock>& list) {
   }
 }
 
-// Caches the list of a region of 8 x 8 pages. In a large world each page then examines only the blocks of its region.
+// Lists the blocks that touch a region of 8 x 8 pages. Each page of the region then examines only these blocks, which
+// saves time in a large world.
 void PageLister::ListRegion(const PageKey& page) {
   constexpr std::int32_t kBits = 3;
   const PageKey region{page.x >> kBits, page.y >> kBits};

@@ -20,14 +20,14 @@ namespace moondb {
 // Returns the kernels that this processor can run, the best one last: "scalar", "sse2", "avx2", "avx512".
 std::vector<const GatherKernel*> AvailableKernels();
 
-// Returns true if `block` knows a cell of the tile at `box` that is unknown in `tile` or was won by a block of lower
-// priority.
+// Returns true if, for at least one cell of the tile at `box`, `block` has a known value and `tile` has either no value
+// or the value of a block of lower priority.
 bool WouldWinIn(const PlacedBlock& block, const CellBox& box, const Tile* tile);
 
 // Returns the squares of the tile at `box`, one bit each, in which `block` may have a known cell.
 std::uint64_t SquaresThatMayKnow(const PlacedBlock& block, const CellBox& box);
 
-// Lists the blocks that touch a page, in priority order. Fastest if neighbouring pages are requested one after another.
+// Lists the blocks that touch a page, in priority order. Consecutive requests for neighbouring pages are fastest.
 class PageLister {
  public:
   explicit PageLister(std::span<const OrderedBlock> blocks) : all_(blocks) {}
@@ -44,7 +44,7 @@ class PageLister {
 class CpuGather final : public GatherBackend {
  public:
   struct Options {
-    int threads = 1;                       // Number of threads, 1 to 64. HardwareThreads() uses all processors.
+    int threads = 1;                       // Number of threads, 1 to 64. For all processors: HardwareThreads().
     const GatherKernel* kernel = nullptr;  // Null selects the best kernel.
   };
 

@@ -16,7 +16,7 @@ bool HasWord(const char* words, std::string_view word) {
   return words != nullptr && std::string_view(words).find(word) != std::string_view::npos;
 }
 
-// EGL and GL extension functions are looked up by name.
+// Returns an EGL or GL extension function. Such functions are not linked but looked up by name.
 template <typename Function>
 Function Load(const char* name) {
   return reinterpret_cast<Function>(eglGetProcAddress(name));
@@ -44,8 +44,8 @@ std::vector<EGLDisplay> Displays() {
   return displays;
 }
 
-// Attributes of a context that, if the driver supports it, is lost when the GPU hangs. Otherwise a hang may end the
-// process.
+// Returns attributes for a context that the driver reports as lost after a GPU hang, if the driver supports this.
+// Without such attributes a hang may end the process.
 std::vector<EGLint> ContextAttributes(EGLDisplay display) {
   std::vector<EGLint> attributes = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1};
   if (HasWord(eglQueryString(display, EGL_EXTENSIONS), "EGL_EXT_create_context_robustness")) {

@@ -1,7 +1,7 @@
 // EglContext: an OpenGL ES 3.1 context without a window, on the first usable display. Real GPUs are preferred.
 //
-// The context is current only between MakeCurrent and Release, so any thread may use it, but only one at a time. The
-// whole process shares EGL displays, so this class never terminates one.
+// The context is current only between MakeCurrent and Release. Any thread may use the context, but only one thread at a
+// time. EGL displays are shared by the whole process, so this class never terminates a display.
 #pragma once
 
 #include <memory>
@@ -23,8 +23,8 @@ class EglContext {
   Result<void> MakeCurrent();
   void Release();
 
-  // Returns true if the driver reports a reset of the context. Always false without GL_KHR_robustness; a lost context
-  // then shows only by errors. Requires: the context is current.
+  // Returns true if the driver reports that the context was reset. Without GL_KHR_robustness always returns false, and
+  // a lost context shows only as errors of later calls. Requires: the context is current.
   bool is_lost() const;
 
   const std::string& renderer() const { return renderer_; }

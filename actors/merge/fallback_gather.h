@@ -1,8 +1,8 @@
 // FallbackGather: a backend that may fail, with the CPU as fallback.
 //
-// If the first backend fails, the CPU gathers the same tiles at once and the failed backend is destroyed. The backend
-// is created again for the next gather; after repeated failures the interval doubles up to 64 gathers. A missing driver
-// thus costs little, and a driver that recovers is used again.
+// If the first backend fails, it is destroyed and the CPU gathers the same tiles immediately. The next gather tries to
+// create the first backend again. After repeated failures the tries become rarer, up to one in 64 gathers. A missing
+// driver thus costs little, and a driver that recovers is used again.
 #pragma once
 
 #include <functional>
@@ -31,7 +31,8 @@ class FallbackGather final : public GatherBackend {
   const Make make_again_;
   CpuGather cpu_;
   std::string loss_;  // Reason of the last failure.
-  int patience_ = 1;  // Number of gathers to wait after the next failure before the first backend is created again.
+  // Number of the gather after the next failure that creates the first backend again. 1 is the gather right after it.
+  int patience_ = 1;
   int gathers_left_ = 0;
 };
 

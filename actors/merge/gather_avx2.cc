@@ -85,7 +85,8 @@ class Avx2View {
     const __m256i index = _mm256_add_epi32(strip_start, _mm256_srli_epi32(v, kFraction));
     const __m256i word = _mm256_mask_i32gather_epi32(_mm256_setzero_si256(), reinterpret_cast<const int*>(block_.words),
                                                      index, inside, 4);
-    // Shift the cell's two bits to the top. The sign bit is then the hazard bit; after doubling, it is the free bit.
+    // Shift the two bits of each cell to the top of its lane. The sign bit is then the hazard bit. After doubling, the
+    // sign bit is the free bit.
     const __m256i shift =
         _mm256_sub_epi32(_mm256_set1_epi32(30), _mm256_slli_epi32(_mm256_and_si256(column, _mm256_set1_epi32(15)), 1));
     const __m256i cell = _mm256_sllv_epi32(word, shift);

@@ -12,8 +12,8 @@
 namespace moondb {
 namespace {
 
-// After a left shift by 3, the top byte of u holds column and half column (6 bits). After a left shift by 4, the top
-// byte of v holds row and quarter row.
+// A left shift of u by 3 puts column and half column (6 bits) into the top byte. A left shift of v by 4 puts row and
+// quarter row into the top byte.
 constexpr int kShiftU = 3;
 constexpr int kShiftV = 4;
 
@@ -117,7 +117,7 @@ class Avx512View {
   static std::int32_t AtMost(std::int32_t a, std::int32_t most) { return a > most ? most : a; }
 
   const std::uint32_t* Strip(std::int32_t strip, std::int32_t row) const {
-    // Clamp the strip: no cell is read from a strip outside the block, so any valid address will do.
+    // Clamp the strip so that the address is valid. Cells of a strip outside the block are not used.
     const std::int32_t there = AtMost(AtLeast(strip, 0), block_.strip_count - 1);
     return block_.words + there * block_.strip_words + row;
   }
@@ -185,7 +185,8 @@ class Avx512View {
   const KernelBlock& block_;
   const SquareReach& reach_;
   Way way_ = Way::kOneByOne;
-  // Offsets of u and v from a square's first cell to its other cells, two rows per register. Pre-shifted for kWindow.
+  // Offsets of u and v from a square's first cell to its other cells, two rows per register. Already shifted for
+  // kWindow.
   __m512i u_[4];
   __m512i v_[4];
 };

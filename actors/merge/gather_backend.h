@@ -23,8 +23,9 @@ namespace moondb {
 struct GatherWork {
   PageKey key;
   Page* page = nullptr;
-  std::uint16_t tiles = 0;    // Tiles to gather, one bit each.
-  std::uint16_t changed = 0;  // Tiles in which a cell's value changed, one bit each. Gather only sets bits.
+  std::uint16_t tiles = 0;  // Tiles to gather, one bit each.
+  // Tiles in which the value of a cell changed, one bit each. Gather sets bits and never clears them.
+  std::uint16_t changed = 0;
 };
 
 // A block and a copy of its box, for fast access.
@@ -40,9 +41,9 @@ class GatherBackend {
  public:
   virtual ~GatherBackend() = default;
 
-  // Requires: `blocks` are sorted by descending key. After an error some tiles are gathered and some are not, but no
-  // tile is partial. Returns kUnavailable if the GL context is lost, the driver is out of memory, or `stop` returned
-  // true. Returns kFull if the driver's textures are too small.
+  // Fills the tiles of `works`. Requires: `blocks` are sorted by descending key. After an error some tiles are gathered
+  // and the others are unchanged; no tile is partial. Returns kUnavailable if the GL context is lost, the driver is out
+  // of memory, or `stop` returned true. Returns kFull if the driver's textures are too small.
   virtual Result<void> Gather(std::span<const OrderedBlock> blocks, std::span<GatherWork> works,
                               const StopPredicate& stop) = 0;
 
@@ -61,13 +62,13 @@ enum class MergeBackend {
 std::string ToString(MergeBackend backend);
 Result<MergeBackend> ParseMergeBackend(std::string_view text);  // Returns kInvalid for any other text.
 
-// Returns kCpu or kGl for kAuto, depending on this machine, and any other value unchanged. Opens a driver and closes
-// it.
+// If `backend` is kAuto, returns kGl or kCpu, depending on this machine; opens a driver for the decision and closes it
+// again. Returns any other value unchanged.
 MergeBackend ResolveMergeBackend(MergeBackend backend);
 
-// Creates a backend. `threads`: as in CpuGather. A GL backend falls back to the CPU: after a lost context the CPU
-// continues at once and GL is tried again later. Returns kUnavailable for kGl without a working OpenGL ES 3.1 driver;
-// kAuto and kCpu never fail.
+// Creates a backend. `threads`: as in CpuGather. If a GL backend loses its context, the CPU continues immediately and
+// GL is tried again later. Returns kUnavailable for kGl without a working OpenGL ES 3.1 driver. kAuto and kCpu never
+// fail.
 Result<std::unique_ptr<GatherBackend>> CreateGatherBackend(MergeBackend backend, int threads = 1);
 
 }  // namespace moondb

@@ -1,15 +1,16 @@
 // The inner loop of the gather on the CPU: applies one block of observations to the 64 squares of one tile.
 //
-// The same loop is compiled for each instruction set, from files with their own compiler flags, and one version is
-// chosen at run time. Only the four functions at the end may have external linkage. A function shared by two such files
-// could be linked from the file for the newer processor. Standard containers are not allowed for the same reason.
+// The same loop is compiled once per instruction set, in files with their own compiler flags. The program chooses one
+// version at run time. Only the four functions at the end of this header may have external linkage. If two such files
+// defined the same external function, the linker could keep the copy that needs the newer processor. Standard
+// containers are not allowed for the same reason.
 #pragma once
 
 #include <cstdint>
 
 namespace moondb {
 
-// A block from the view of one tile. u and v belong to the tile's first cell, exact, in Q42.22.
+// A block as seen from one tile. u and v are the exact block coordinates of the tile's first cell, in Q42.22.
 struct KernelBlock {
   const std::uint32_t* words;        // Same as PackedBlock::words(); null for a footprint.
   const std::uint64_t* coarse_rows;  // Same as PackedBlock::coarse_rows(); all bits set for a footprint.
@@ -41,13 +42,15 @@ struct GatherKernel {
   const char* name;
   // Sets unknown cells in the squares of `open` to the block's known values, and records `winner` as the source.
   KernelResult (*gather)(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner);
-  // Returns true if the block knows a cell that is not in `known` (of a Tile), or any cell of a square in `weaker`.
+  // Returns true if the block knows at least one cell that `known` (of a Tile) lacks, or at least one cell of a square
+  // in `weaker`.
   bool (*would_win)(const KernelBlock& block, const std::uint64_t* known, std::uint64_t weaker);
   // Returns the squares of the tile, one bit each, in which the block may have a known cell.
   std::uint64_t (*may_know)(const KernelBlock& block);
 };
 
-// Null if this build lacks the instruction set. The caller must check that the processor supports it.
+// Each function returns null if this build lacks the instruction set. The caller must check that the processor supports
+// the instruction set.
 const GatherKernel* ScalarKernel();
 const GatherKernel* Sse2Kernel();
 const GatherKernel* Avx2Kernel();

@@ -1,4 +1,5 @@
-// Code shared by the files of gather_kernel.h and compiled into each of them. See the warning about linkage there.
+// Code that is compiled into each of the kernel files that gather_kernel.h describes, one per instruction set. See the
+// warning about linkage in gather_kernel.h.
 #pragma once
 
 #include <cstdint>
@@ -11,13 +12,13 @@ namespace {
 constexpr int kFraction = 22;
 constexpr std::int64_t kCell = std::int64_t{1} << kFraction;
 
-// The block's values for the 64 cells of a square, one bit each.
+// The block's values for the 64 cells of a square, with one bit per cell in each mask.
 struct Seen {
   std::uint64_t known = 0;
   std::uint64_t hazard = 0;
 };
 
-// Ranges of u and v over the cells of a square, relative to its first cell.
+// Ranges of u and v over the cells of a square, relative to the square's first cell.
 struct SquareReach {
   explicit SquareReach(const KernelBlock& block) {
     const std::int64_t c = 7 * block.step_cos;
@@ -39,7 +40,7 @@ struct SquareReach {
   return reach.u_high - reach.u_low < 500 * kCell;
 }
 
-// Returns the squares of the tile whose bounding box in the block's frame meets the block's rectangle.
+// Returns, one bit each, the squares of the tile whose bounding box (in the block's frame) overlaps the block.
 [[maybe_unused]] inline std::uint64_t TouchedOneByOne(const KernelBlock& block, const SquareReach& reach) {
   std::uint64_t touched = 0;
   for (int y = 0; y < 8; ++y) {
@@ -56,8 +57,7 @@ struct SquareReach {
   return touched;
 }
 
-// Looks up the cells one by one; works for any step and processor. The result for cells outside `wanted` is
-// unspecified.
+// Looks up the cells one by one, for any step and any processor. Values of cells outside `wanted` are unspecified.
 [[maybe_unused]] inline Seen SeeOneByOne(const KernelBlock& block, std::int64_t first_u, std::int64_t first_v,
                                          std::uint64_t wanted) {
   Seen seen;
@@ -102,8 +102,8 @@ struct SquarePlace {
   std::int64_t v;
 };
 
-// Looks up the coarse bitmap. Returns false only if the block has no known cell in the square. Requires: the square
-// touches the block.
+// Looks up a square in the coarse bitmap. Returns false only if the block has no known cell in the square; may return
+// true even then. Requires: the square touches the block.
 [[maybe_unused]] inline bool MayKnow(const KernelBlock& block, const SquareReach& reach, const SquarePlace& place) {
   const std::int64_t u = place.u + reach.u_low;
   const std::int64_t v = place.v + reach.v_low;
@@ -112,7 +112,7 @@ struct SquarePlace {
   return (block.coarse_rows[row] >> column & 1) != 0;
 }
 
-// Returns true if the tile's bounding box in the block's frame meets the block.
+// Returns true if the tile's bounding box (in the block's frame) overlaps the block.
 [[maybe_unused]] inline bool MeetsTile(const KernelBlock& block, const SquareReach& reach) {
   return (block.u + 9 * reach.u_high >= 0) & (block.u + 9 * reach.u_low < block.width_q) &
          (block.v + 9 * reach.v_high >= 0) & (block.v + 9 * reach.v_low < block.height_q);

@@ -1,5 +1,5 @@
-// GatherPool: a few permanent threads for work that splits into many similar parts. The calling thread works too, and
-// waits for the others.
+// GatherPool: a few permanent threads for work that splits into many similar parts. The calling thread works as well
+// and waits for the other threads.
 //
 // Threads sleep between calls. They are not pinned, because an agent shares its machine with the robot's own software
 // and only the operating system knows which processor is free.
@@ -28,8 +28,8 @@ class GatherPool {
 
   int thread_count() const { return static_cast<int>(helpers_.size()) + 1; }
 
-  // Calls `work(worker)` once on each thread and returns when all calls have returned. Worker 0 is the calling thread.
-  // Only one call at a time.
+  // Calls `work(worker)` once on each thread and returns when all these calls have returned. Worker 0 is the calling
+  // thread. Run must not be called by two threads simultaneously.
   void Run(const std::function<void(int worker)>& work);
 
  private:
@@ -39,7 +39,7 @@ class GatherPool {
   std::mutex mutex_;
   std::condition_variable wake_;
   std::condition_variable done_;
-  const std::function<void(int)>* work_ = nullptr;  // Guarded by mutex_, as are all members below.
+  const std::function<void(int)>* work_ = nullptr;  // Guarded by mutex_, like all members below.
   std::uint64_t round_ = 0;
   int busy_ = 0;
   bool is_ending_ = false;

@@ -1,5 +1,5 @@
-// SSE2 kernel, for every x86-64 processor: computes coordinates of four cells at a time and looks up each cell on its
-// own.
+// SSE2 kernel, for every x86-64 processor: computes the coordinates of four cells at a time and looks up the cells one
+// by one.
 #include "actors/merge/gather_loop.h"
 
 #ifdef __SSE2__
@@ -58,7 +58,8 @@ class Sse2View {
       return;
     }
     const __m128i column = _mm_srli_epi32(u, kFraction);
-    // At most 31 strips of 512 words, so 16 bits hold the index. Cells outside the block read word 0.
+    // A block has at most 31 strips of 512 words, so 16 bits suffice for the index. Cells outside the block read word
+    // 0.
     const __m128i strip_start = _mm_mullo_epi16(_mm_srli_epi32(column, 4), strip_words_);
     const __m128i index = _mm_and_si128(_mm_add_epi32(strip_start, _mm_srli_epi32(v, kFraction)), inside);
     const __m128i shift = _mm_slli_epi32(_mm_and_si128(column, _mm_set1_epi32(15)), 1);

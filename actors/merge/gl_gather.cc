@@ -21,15 +21,16 @@
 namespace moondb {
 namespace {
 
-// Maximum list lengths of each round. The first round is short, because most cells are known after very few blocks.
-// Each byte that is read back holds a cell's value and the number of one of 63 blocks.
+// Maximum lengths of the block lists of a tile and of a square, for each round. The first round is short, because most
+// cells are known after very few blocks. The limit 63 has this reason: a byte that is read back holds a cell's value in
+// 2 bits and a block's number in 6 bits.
 struct RoundLimits {
   std::size_t tile_blocks;
   std::uint8_t square_blocks;
 };
 constexpr std::array<RoundLimits, 3> kRounds = {{{8, 4}, {24, 12}, {63, 63}}};
 
-// Block numbers have 16 bits.
+// Maximum number of blocks in a tile's list, because the number of a cell's winner has 16 bits.
 constexpr std::size_t kTileBlocksMax = 65'536;
 
 // Number of pages drawn at once: a target of 4096 x 4096 cells.
@@ -49,18 +50,18 @@ static_assert(sizeof(ListEntry) == kEntryTexels * 4 * sizeof(std::uint32_t));
 constexpr std::size_t kListColumns = 1024;
 constexpr std::size_t kEntriesMax = kListColumns << 10;  // Maximum number of entries in one draw.
 
-// Texture units.
+// Numbers of the texture units to which the shader's textures are bound.
 constexpr GLint kLayersUnit = 0;
 constexpr GLint kSquaresUnit = 1;
 constexpr GLint kListsUnit = 2;
 
-// Page number that marks a footprint. No atlas page has it.
+// Page number that marks a footprint. No page of the atlas has this number.
 constexpr std::uint32_t kFootprintPage = LayerAtlas::kPagesMax;
 
 std::uint32_t Wrap(std::int64_t value) { return static_cast<std::uint32_t>(static_cast<std::uint64_t>(value)); }
 
-// Returns true if the steps are too large for coordinates modulo 1024 cells. Cells beside the block could then wrap
-// around into it.
+// Returns true if the steps are too large for coordinates modulo 1024 cells: cells beside the block could wrap around
+// into the block.
 bool IsSteep(const PlacedRectangle& placed) {
   const std::int64_t steps = std::abs(std::int64_t{placed.step_cos}) + std::abs(std::int64_t{placed.step_sin});
   return steps * kSquareSideCells > std::int64_t{500} << kFractionBits;
@@ -73,12 +74,12 @@ struct Candidate {
   ListEntry at_tile;  // Entry for the tile's first cell.
 };
 
-// Counts how many blocks each square of a tile lists in a round.
+// Counts, for each square of a tile, the blocks in the square's list of this round.
 class SquareCounts {
  public:
   SquareCounts(std::uint64_t squares, std::uint8_t blocks_max) : wanting_(squares), blocks_max_(blocks_max) {}
 
-  // Adds one block to the squares that want more blocks. Returns these squares.
+  // Adds one block to the list of each square in `squares` that wants more blocks. Returns these squares.
   std::uint64_t Add(std::uint64_t squares) {
     const std::uint64_t taken = squares & wanting_;
     listed_ |= taken;
@@ -218,8 +219,8 @@ class GlGather::Painter {
     return {};
   }
 
-  // Fills entries_ and square_lists_ for a draw. Looking up blocks may rebuild the atlas, which invalidates all
-  // positions found before; the lists are then made again.
+  // Fills entries_ and square_lists_ for a draw. If looking up a block rebuilds the atlas, all positions found before
+  // are invalid and the lists are built again.
   Result<void> MakeLists(std::span<OpenTile*> tiles, const RoundLimits& limits) {
     for (OpenTile* tile : tiles) {
       if (tile->tile != nullptr && tile->tile->blocks.size() + limits.tile_blocks > kTileBlocksMax) {
@@ -243,11 +244,11 @@ class GlGather::Painter {
     return {};
   }
 
-  // Lists the tile's next blocks that may know cells of its open squares, for each square.
+  // For each open square of the tile, lists the next blocks that may know cells of the square.
   Result<void> ListTile(OpenTile& open, const RoundLimits& limits) {
     candidates_.clear();
     SquareCounts counts(open.open, limits.square_blocks);
-    // First block skipped by a square with a full list. The next round starts there.
+    // First block that a square with a full list skipped. The next round starts with this block.
     std::optional<std::size_t> first_left;
     std::size_t next = open.next;
     for (; next < open.list->size() && candidates_.size() < limits.tile_blocks && counts.wanting() != 0; ++next) {
@@ -295,7 +296,7 @@ class GlGather::Painter {
     return {};
   }
 
-  // Appends the lists of the tile's squares, made from its candidates.
+  // Appends the lists of the tile's squares to square_lists_ and entries_, using candidates_.
   void AddSquares(OpenTile& open, const SquareCounts& counts) {
     open.first_place = square_lists_.size();
     std::array<std::size_t, kSquaresInTile> ends;
@@ -393,7 +394,7 @@ class GlGather::Painter {
     return tile;
   }
 
-  // Replaces the old tiles by the new ones after all rounds.
+  // Replaces the old tiles by the new tiles. Called after all rounds.
   Result<void> Finish(std::span<const OrderedBlock> blocks, const StopPredicate& stop) {
     std::vector<GatherWork> steep;
     std::vector<GatherWork*> steep_origins;

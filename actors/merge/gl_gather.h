@@ -25,12 +25,12 @@ class EglContext;
 class GlGather final : public GatherBackend {
  public:
   struct Options {
-    // Side of one draw's target in cells, at least 64. The driver's limit also applies.
+    // Maximum width and height of the render target in cells, at least 64. The driver may limit them further.
     std::int32_t target_cells_max = 4096;
     std::int32_t atlas_page_texels_max = 1024;  // Side of an atlas page in texels, at least kBlockSideCellsMax.
     int threads = 1;                            // Number of CPU threads for tiles gathered on the CPU.
     std::function<bool()> is_lost = {};         // For tests: called before each draw; true simulates a lost context.
-    // For benchmarks: clock for times(). If set, each step waits for the GPU.
+    // Clock for times(), used by benchmarks. If set, each step waits for the GPU.
     std::function<double()> now_ms = {};
   };
 

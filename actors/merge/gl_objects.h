@@ -1,5 +1,6 @@
-// Owners of OpenGL names, and wrappers of the few calls that can fail. All of them need a current context. A destructor
-// without a current context does not delete the name, because a lost context's objects are already gone.
+// Owners of OpenGL names (ids of OpenGL objects), and wrappers of the few calls that can fail. All of them need a
+// current context. A destructor that runs without a current context does not delete its name, because the objects of a
+// lost context no longer exist.
 #pragma once
 
 #include <GLES3/gl31.h>
@@ -64,7 +65,7 @@ GlFramebuffer MakeFramebuffer();
 GlBuffer MakeBuffer();
 GlVertexArray MakeVertexArray();
 
-// Returns kInternal with the compiler's first line.
+// Compiles and links a program. Returns kInternal, with the first line of the compiler's message, if that fails.
 Result<GlProgram> MakeProgram(const char* vertex_shader, const char* fragment_shader);
 
 GLint GetGlInteger(GLenum name);

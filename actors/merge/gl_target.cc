@@ -29,7 +29,8 @@ Result<void> GlTarget::Read(GLsizei width, GLsizei height) {
   const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   pixels_.resize(count);
   glPixelStorei(GL_PACK_ALIGNMENT, 4);
-  // OpenGL ES guarantees only a read with four channels; most drivers can also read the two existing channels.
+  // OpenGL ES guarantees only that a read with four channels works. Most drivers can also read just the two channels of
+  // this target.
   const bool is_two = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RG_INTEGER &&
                       GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_TYPE) == GL_UNSIGNED_INT;
   if (is_two) {

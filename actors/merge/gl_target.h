@@ -1,5 +1,5 @@
-// GlTarget: the render target of GlGather. A pixel has two 32-bit integers. The target is reused for each draw and read
-// back.
+// GlTarget: the render target of GlGather, reused for each draw and read back afterwards. A pixel has two 32-bit
+// integers.
 //
 // Requires: the OpenGL context is current on the calling thread.
 #pragma once
@@ -20,7 +20,7 @@ class GlTarget {
   // cannot draw to a target of this size.
   Result<void> Bind(GLsizei width, GLsizei height);
 
-  // Reads the lower left width x height pixels, after waiting for the draw. Returns kUnavailable if OpenGL failed.
+  // Waits for the draw and reads the lower left width x height pixels. Returns kUnavailable if OpenGL failed.
   Result<void> Read(GLsizei width, GLsizei height);
   // Pixels of the last Read, row by row. The first integer is in the lower 32 bits.
   const std::vector<std::uint64_t>& pixels() const { return pixels_; }

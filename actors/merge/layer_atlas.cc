@@ -8,7 +8,8 @@
 namespace moondb {
 namespace {
 
-// Returns true for the same object, not merely the same address.
+// Returns true if both pointers refer to the same object. Equal addresses are not enough: a freed address may be
+// reused.
 bool IsSame(const std::weak_ptr<const LocalMap>& a, const std::shared_ptr<const LocalMap>& b) {
   return !a.owner_before(b) && !b.owner_before(a);
 }
@@ -44,7 +45,7 @@ Result<LayerAtlas::Spot> LayerAtlas::Find(const PlacedBlock& placed) {
 Result<void> LayerAtlas::Rebuild() {
   ++generation_;
   std::erase_if(entries_, [](const auto& entry) { return entry.second.map.expired(); });
-  // First compute the layout to find how many pages these blocks take.
+  // Compute the layout first, to find how many pages these blocks need.
   next_ = {};
   shelf_height_ = 0;
   pages_ = pages_max_;

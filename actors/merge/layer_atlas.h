@@ -27,15 +27,15 @@ class LayerAtlas {
     std::int32_t page = 0;
   };
 
-  // The side of a page is a power of two: at most `page_texels_max` (or kBlockSideCellsMax if that is more), and at
-  // most the driver's limit.
+  // `page_texels_max`: maximum side of a page, raised to kBlockSideCellsMax if smaller. The side is a power of two and
+  // at most the driver's limit.
   explicit LayerAtlas(std::int32_t page_texels_max);
 
   // Returns the position of a block, after uploading it if necessary. Returns kFull if the driver's maximum number of
   // pages is not enough, and kUnavailable for driver errors.
   Result<Spot> Find(const PlacedBlock& placed);
 
-  // A change of this number invalidates all positions found before.
+  // Number of rebuilds of the texture. If it has changed, all positions found before are invalid.
   std::uint64_t generation() const { return generation_; }
 
   GLuint texture() const { return texture_.id(); }

@@ -26,7 +26,7 @@ bool HasKnownCell(const Grid& grid, const LayerBlock& block) {
   return false;
 }
 
-// Returns start and length of the blocks along one side.
+// Splits a side of `cells` cells into blocks. Returns the start and the length of each block.
 std::vector<std::pair<std::int32_t, std::int32_t>> SplitSide(std::int32_t cells) {
   std::vector<std::pair<std::int32_t, std::int32_t>> pieces;
   for (std::int32_t start = 0; cells > 0; start += kBlockSideCellsMax - 1) {
@@ -47,13 +47,14 @@ void AddBlocks(const Grid& grid, std::uint8_t level, std::int32_t reach_cells, L
   }
 }
 
-// Returns the extent, in layer cells, of eight cells of the merged map in any direction. A square never reads more.
+// Returns the maximum extent, in layer cells, of a row of eight cells of the merged map at any rotation. One square
+// reads no more layer cells than this along either axis.
 std::int32_t ReachCells(std::uint32_t layer_um, std::uint32_t grid_um) {
   constexpr double kDiagonal = 1.4143;
   return static_cast<std::int32_t>(7 * kDiagonal * grid_um / layer_um) + 1;
 }
 
-// ORs each bit with the `count` bits above it.
+// Returns `bits` with each bit ORed with the `count` bits above it.
 std::uint64_t SpreadDown(std::uint64_t bits, std::int32_t count) {
   std::uint64_t spread = bits;
   for (std::int32_t i = 1; i <= std::min(count, 63); ++i) spread |= bits >> i;

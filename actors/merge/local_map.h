@@ -1,5 +1,5 @@
-// LocalMap: a local traversability map in the form used for merging: immutable, with its layers cut into blocks of 2
-// bits per cell.
+// LocalMap: a local traversability map in the form used for merging. It is immutable, and its layers are cut into
+// blocks with 2 bits per cell.
 //
 // A block has at most kBlockSideCellsMax cells per side (the range of Q10.22) and at least one known cell. Neighbouring
 // blocks share one column or row, so rounding of their two transforms leaves no seam. Cells are stored in strips of 16
@@ -26,10 +26,10 @@ struct MergeGrid {
   std::uint32_t resolution_um = 50'000;  // Cell size of the merged map; 1 mm to 100 m.
   double footprint_length_m = 0.75;      // Length along the body's x axis, at most 512 cells. 0 disables footprints.
   double footprint_width_m = 0.5;
-  std::int64_t side_cells_max = 16384;  // Maximum side in cells of a box that is read at once.
+  std::int64_t side_cells_max = 16384;  // Maximum side, in cells, of a box that one call reads.
 };
 
-// Returns kInvalid, with the field, for a value outside the ranges above.
+// Returns kInvalid, with the name of the field, if a value is outside the ranges given in MergeGrid.
 Result<void> CheckGrid(const MergeGrid& grid);
 
 // A rectangular part of a layer.
@@ -47,9 +47,9 @@ struct LayerBlock {
 inline constexpr std::int32_t kStripColumns = 16;
 inline constexpr std::int32_t kStripPaddingWords = 16;
 
-// Cells of a block and a coarse bitmap of known cells, with which a merge skips unknown areas. A bit stands for 4 x 4
-// cells (8 x 8 in large blocks). It is set if any cell is known that a square of 8 x 8 cells of the merged map can
-// reach from there towards larger rows and columns. Each bitmap row has 64 bits.
+// Cells of a block, and a coarse bitmap of its known cells. A merge uses the bitmap to skip unknown areas. One bit
+// stands for 4 x 4 cells (8 x 8 in large blocks). Consider a square of 8 x 8 cells of the merged map whose lowest row
+// and column are in these cells: the bit is set if the square may read a known cell. Each bitmap row has 64 bits.
 class PackedBlock {
  public:
   // `reach_cells`: maximum number of columns (or rows) between cells that one 8 x 8 square of the merged map reads.
@@ -102,8 +102,9 @@ struct LocalMap {
   std::size_t bytes() const;  // Memory use in bytes.
 };
 
-// Returns kInvalid, with the field, if a layer is too fine for the grid: more than kStepCellsMax of its cells along one
-// grid cell. The record validator checks sizes and numbers of layers (model/traversability_map.h).
+// Returns kInvalid, with the name of the field, if a layer is too fine for the grid: more than kStepCellsMax cells of
+// the layer along one grid cell. The sizes and the number of layers are checked earlier, by the record validator
+// (model/traversability_map.h).
 Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t timestamp_ns,
                                                      const TraversabilityMap& map, const MergeGrid& grid);
 

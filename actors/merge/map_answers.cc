@@ -53,8 +53,8 @@ proto::MapObservation ToProto(const MapCollection& collection, const Observation
   return said;
 }
 
-// Returns the observation that a quarantined map would contribute. Returns nullopt if the map does not know the cell or
-// the map's node is unknown.
+// Returns the observation of the cell that a quarantined map would contribute. Returns nullopt if the cell is unknown
+// in the map, or the map's node is unknown.
 std::optional<proto::MapObservation> AskQuarantined(const MapCollection& collection, const MergeGrid& grid,
                                                     const std::shared_ptr<const LocalMap>& map, std::int64_t x,
                                                     std::int64_t y) {
@@ -112,7 +112,8 @@ proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, 
       reply.set_left_out_count(reply.left_out_count() + 1);
     }
   };
-  std::set<RecordKey> heard;  // Maps already listed. Only the finest layer of a map that knows the cell is listed.
+  // Maps already listed. If several layers of a map know the cell, only the finest layer is listed.
+  std::set<RecordKey> heard;
   for (const Observation& observation : merger.Observe(x, y)) {
     if (observation.placed.map != nullptr && !heard.insert(observation.placed.map->key).second) continue;
     add(ToProto(collection, observation));
@@ -199,7 +200,7 @@ Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t si
     const Result<MergedMap> cells = merger.ReadCells(box);
     if (!cells) return tl::unexpected(cells.error());
     const bool is_unknown = IsUnknown(cells->grid);
-    // The client has no tiles yet, so it needs no tile that is now unknown.
+    // A client that starts at version 0 has no tiles yet. Skip tiles without a known cell.
     if (is_unknown && since_version == 0) continue;
     proto::MapTile& tile = *reply.add_tiles();
     tile.set_x(ColumnOf(key));

@@ -2,10 +2,10 @@
 // Merger.
 //
 // The collection depends only on the set of records, not on their order of arrival. Each record must be added once. If
-// records of a kind exceed their limit, the agents with the most records keep only their newest ones
-// (model/origin_quota.h), and CountLeftOut counts the rest. Optimized poses are an exception: beyond nodes_max nodes
-// they are dropped in order of arrival. Only leaders publish these. Poses have the bounds of model/geometry.h. Used by
-// one thread at a time.
+// records of a kind exceed their limit, the agents with the most records keep only their newest records
+// (model/origin_quota.h), and CountLeftOut counts the dropped records. Optimized poses are an exception: once nodes_max
+// nodes have one, further optimized poses are dropped in order of arrival. This is acceptable because only leaders
+// publish optimized poses. Poses have the bounds of model/geometry.h. Used by one thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,7 @@ class MapCollection {
  public:
   struct Options {
     MergeGrid grid;
-    std::set<AgentId> without_footprint;  // Base stations: they are stationary and have no footprint.
+    std::set<AgentId> without_footprint;  // Agents without a footprint: base stations, which do not move.
     std::size_t maps_max = 65535;
     std::uint64_t bytes_max = 8ull << 30;  // Maximum total size of all maps.
     std::size_t nodes_max = 4'000'000;     // Maximum number of node records, and of nodes with an optimized pose.
@@ -40,8 +40,8 @@ class MapCollection {
 
   // Selects the input of one merge.
   struct Selection {
-    bool use_raw_poses = false;  // Ignores optimized poses.
-    std::set<AgentId> agents;    // Only maps of these origins, and footprints of their nodes. Empty: all.
+    bool use_raw_poses = false;  // If true, optimized poses are ignored.
+    std::set<AgentId> agents;    // Uses only maps of these origins, and footprints of their nodes. Empty: all origins.
 
     bool is_everything() const { return !use_raw_poses && agents.empty(); }
   };
@@ -75,21 +75,21 @@ class MapCollection {
   // Adds a map, even if its node is still unknown. Returns kInvalid as MakeLocalMap does.
   Result<void> AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map);
 
-  // Adds a node's pose from odometry. If a node has several records, the one with the smallest key is valid, as in all
-  // actors.
+  // Adds a node's pose from odometry. If a node has several such records, the record with the smallest key is valid, in
+  // every actor.
   void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
 
-  // Adds an optimized pose. The highest (term, run) of a node is used.
+  // Adds an optimized pose. Among several poses of a node, the pose with the highest (term, run) is used.
   void AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
                         std::uint64_t run);
 
-  // Adds a record that quarantines maps, or one that lifts a quarantine. The lifted quarantine may arrive later.
+  // Adds a record that quarantines maps or that lifts a quarantine. A record may lift a quarantine that arrives later.
   void AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine);
 
   // Returns the input of Merger::Assign for a selection: maps and footprints at the newest poses.
   Selected Select(const Selection& selection) const;
 
-  // Returns the newest pose; nullopt if the node is unknown.
+  // Returns the node's newest pose; nullopt if the node is unknown.
   std::optional<NodePose> PoseOf(const NodeKey& node) const;
   Timestamp TimestampOf(const RecordKey& map) const;  // Returns the timestamp of a map in the collection.
   // Returns the quarantines that no record lifts, sorted by record key.
@@ -102,7 +102,8 @@ class MapCollection {
   std::uint64_t map_bytes() const { return bytes_; }
 
  private:
-  // Number, issuer and epoch of the term, then the run. The record key breaks ties.
+  // Key that orders optimized poses: number, issuer and epoch of the term, then the run. If these are equal, the record
+  // key decides.
   using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
 
   struct Node {
@@ -131,7 +132,7 @@ class MapCollection {
   OriginQuota<NoNote> map_bytes_quota_;
   std::map<RecordKey, proto::MapQuarantine> quarantines_;
   std::multiset<RecordKey> lifted_;
-  // Each entry carries the key of the quarantine that the record lifts.
+  // For a record that lifts a quarantine, the item is the key of that quarantine.
   OriginQuota<std::optional<RecordKey>> quarantine_quota_;
   std::map<NodeKey, Node> nodes_;
   OriginQuota<NodeKey> node_quota_;

@@ -49,7 +49,7 @@ MapCollection::Selection SelectionOf(const proto::MergeRequest& request) {
   return selection;
 }
 
-// Returns the error in the reply type of the request.
+// Returns a reply with the error, in the reply type that belongs to the request `question`.
 proto::Message ErrorReply(const proto::Message& question, const Error& error) {
   proto::Message reply;
   switch (question.body_case()) {
@@ -111,7 +111,8 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kMapStatsRequest:
     case proto::Message::kMapTilesRequest:
     case proto::Message::kOccludedMapsRequest:
-      // Accept requests only from this agent: its gateway has checked them. Requests from a peer are unchecked.
+      // Accept requests only from actors of this agent, such as the gateway, which has checked them. Requests from
+      // another agent are unchecked.
       if (context.sender().agent == options_.self) OnQuestion(context, message);
       return;
     case proto::Message::kRecordsStored:
@@ -163,7 +164,7 @@ void MergeActor::OnRead(Context& context) {
     return StartReading(context);
   }
   if (std::optional<proto::Message> report = authority_.TakeReport(collection_.CountLeftOut())) {
-    // The report is only informative, so ignore a failed send.
+    // The report is only informative. Ignore a failed send.
     (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));
   }
   AnswerCovered(context);
@@ -216,7 +217,8 @@ void MergeActor::FailAll(Context& context, const Error& error) {
 Result<void> MergeActor::TakeOrLeaveOut(const proto::StoredRecord& stored) {
   if (Result<void> taken = TakeRecord(stored); !taken) {
     if (stored.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP) ++unusable_map_count_;
-    // The record validator accepted this record, but it cannot be merged (for example, cells too fine for the grid).
+    // The record validator accepted the record, but the map cannot be merged (for example, its cells are too fine for
+    // the grid).
     refused_log_.Warn("merge: leaves out record " + ToString(FromProto(stored.key())) + ": " + ToString(taken.error()));
   }
   is_current_ = false;
@@ -317,7 +319,7 @@ Result<void> MergeActor::Update(Context& context, const MapCollection::Selected&
   Result<void> merged = RunMerger(context, everything, *merger_);
   is_current_ = merged.has_value();
   if (merger_->forgotten() != forgotten)
-    merger_id_ = context.rng()() | 1;  // Clients with older tiles will fetch every tile again.
+    merger_id_ = context.rng()() | 1;  // A new id makes clients with older tiles fetch every tile again.
   return merged;
 }
 
@@ -360,7 +362,7 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   return reply;
 }
 
-// Reports the backend at the start, and when a driver is lost or recovers.
+// Reports the name of the backend at the start, and when a GL driver is lost or recovers.
 void MergeActor::ReportBackend(Context& context) {
   std::string description = backend_->description();
   if (description == backend_description_) return;

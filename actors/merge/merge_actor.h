@@ -3,19 +3,20 @@
 // version.
 //
 // For each request it reads the new records from StorageActor page by page into a MapCollection: nodes, optimized
-// poses, local traversability maps and quarantines. It then updates a Merger on its own thread; spawn it with
-// kOwnThread. Maps whose node is unknown wait for the node. A request is answered only by reads that started after the
-// request arrived, so the sender sees all records that it saw stored. After a restart everything is read again: all
-// state comes from storage.
+// poses, local traversability maps and quarantines. It then updates a Merger on its own thread; spawn the actor with
+// kOwnThread. Maps whose node is unknown wait for the node. A request is answered only after a read that started later
+// than the request arrived. The reply therefore covers all records that were stored when the requester sent the
+// request. After a restart the actor reads all records again: all its state comes from storage.
 //
-// A MergeRequest with `agents` uses only maps of these origins and the footprints of their nodes. Such a request, and
-// one for raw poses, is merged from scratch. The merged map of everything is kept separately and updated incrementally.
+// A MergeRequest with `agents` uses only maps of these origins and the footprints of their nodes. Such a request, or a
+// request for raw poses, is merged from scratch. The merged map of all records is kept separately and updated
+// incrementally.
 //
-// A MapTilesRequest with wait_s is a subscription. If nothing has changed, it waits for at most wait_s. It is evaluated
-// again when StorageActor publishes that records were stored, at most once per look_period.
+// A MapTilesRequest with wait_s is a subscription. If nothing has changed, the request waits for at most wait_s. When
+// StorageActor publishes that records were stored, the subscriptions are evaluated again, at most once per look_period.
 //
-// RetentionActor requests the fully occluded maps (OccludedMapsRequest); an error is returned as a ControlReply. Once
-// StorageActor publishes that records were pruned, the next request reads everything again.
+// RetentionActor requests the fully occluded maps (OccludedMapsRequest). An error is returned to it as a ControlReply.
+// After StorageActor publishes that records were pruned, the next request reads all records again.
 //
 // Error codes in replies:
 // - kFull: more than requests_max requests wait, or a limit of Merger or of the reply size is exceeded;
@@ -46,12 +47,13 @@ class MergeActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    // Complete, validated configuration. Used: map.resolution_m, map.footprint_m and the kinds of agents.
+    // Complete, validated configuration of the team. Used fields: map.resolution_m, map.footprint_m and the kinds of
+    // agents.
     proto::TeamConfig team;
     MergeBackend backend = MergeBackend::kAuto;
     int merge_threads = 1;  // Number of CPU threads that merge.
-    // Called with the backend in use, "cpu" or "gl", at the start and whenever a driver is lost or recovers. Runs on
-    // the actor's thread.
+    // Called with the name of the backend in use, "cpu" or "gl", at the start and when a driver is lost or recovers.
+    // Runs on the actor's thread.
     std::function<void(const std::string& backend)> on_backend = {};
     std::size_t maps_max = MapCollection::Options().maps_max;  // Maximum number of maps in one merge.
     // Maximum number of waiting requests, including subscriptions.
@@ -60,7 +62,7 @@ class MergeActor final : public Actor {
     Duration storage_timeout = std::chrono::seconds(30);
     std::uint32_t page_records_max = 512;
     std::uint32_t page_content_bytes_max = 4 * 1024 * 1024;
-    // Maximum size of the compressed cells; below the transport's own limit.
+    // Maximum size of the compressed cells in a reply; below the transport's limit for a message.
     std::size_t reply_bytes_max = 24 * 1024 * 1024;
   };
 
@@ -76,12 +78,12 @@ class MergeActor final : public Actor {
     std::uint64_t request_id = 0;
     proto::Message question;
     MonotonicTime answer_by;  // End time of a subscription.
-    bool has_timer = false;   // A timer for answer_by is running.
+    bool has_timer = false;   // True if a timer for answer_by is running.
   };
 
   void OnQuestion(Context& context, const proto::Message& message);
   void OnRead(Context& context);
-  void LookSoon(Context& context);  // Schedules an evaluation of the subscriptions.
+  void LookSoon(Context& context);  // Starts a timer that evaluates the subscriptions.
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);
 
@@ -99,7 +101,7 @@ class MergeActor final : public Actor {
   Result<void> StartMerger();
   void ReportBackend(Context& context);
   Result<void> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
-  // Returns nullopt if the subscription continues to wait.
+  // Returns the reply; nullopt if the request is a subscription that continues to wait.
   std::optional<proto::Message> AnswerTo(Context& context, const Waiting& waiting);
   std::optional<proto::Message> AnswerTiles(Context& context, const Waiting& waiting);
   void Answer(Context& context, const Waiting& waiting, proto::Message reply);
@@ -113,8 +115,8 @@ class MergeActor final : public Actor {
   Error start_error_;                   // Reason why backend_ is null.
   std::string backend_description_;     // Last reported description.
   std::unique_ptr<Merger> merger_;      // Merged map of all records. Null if backend_ is null.
-  bool is_current_ = false;             // merger_ includes all of collection_.
-  bool is_outdated_ = false;            // collection_ may contain pruned records and must be read again.
+  bool is_current_ = false;             // True if merger_ includes all of collection_.
+  bool is_outdated_ = false;            // True if collection_ may contain pruned records and must be read again.
   std::size_t unusable_map_count_ = 0;  // Number of map records whose cells are too fine for the grid.
   std::size_t unplaced_map_count_ = 0;  // Number of maps and footprints that merger_ rejected in the last update.
   // Random number chosen at each start. A client's version number from before the restart is invalid.
@@ -123,7 +125,7 @@ class MergeActor final : public Actor {
   RateLimitedLog dropped_log_;
   std::deque<Waiting> waiting_;
   std::deque<Waiting> subscribed_;
-  bool is_look_due_ = false;  // A timer for evaluating the subscriptions is running.
+  bool is_look_due_ = false;  // True if a timer for evaluating the subscriptions is running.
   // Number of requests at the front of waiting_ that arrived before the read in progress started.
   std::size_t covered_count_ = 0;
 };

@@ -15,7 +15,7 @@
 namespace moondb {
 namespace {
 
-// Expands eight bits to eight bytes of 0 or 1.
+// Returns a table that expands eight bits to eight bytes of 0 or 1.
 constexpr std::array<std::uint64_t, 256> MakeBytesOfBits() {
   std::array<std::uint64_t, 256> bytes{};
   for (std::size_t bits = 0; bits < bytes.size(); ++bits) {
@@ -101,7 +101,7 @@ std::vector<PlacedMap> WinnersOf(const std::vector<const Tile*>& tiles) {
   return maps;
 }
 
-// (slot, level) of each block in Tile::blocks.
+// For each block in Tile::blocks: the index of its map in the list of maps (kNoSlot for a footprint), and its level.
 using Winners = std::vector<std::pair<std::uint32_t, std::uint8_t>>;
 
 Winners SlotsOf(const Tile& tile, const std::vector<PlacedMap>& maps) {
@@ -119,7 +119,7 @@ Winners SlotsOf(const Tile& tile, const std::vector<PlacedMap>& maps) {
   return winners;
 }
 
-// Removes maps that win no cell in the box. Tiles extend beyond the box, so some maps may win cells only outside it.
+// Removes the maps that win no cell in the box of `result`. Such maps occur because tiles extend beyond the box.
 void DropLosers(MergeResult& result) {
   std::vector<bool> has_won(result.maps.size());
   for (const std::uint32_t slot : result.slots) {
@@ -160,7 +160,7 @@ Merger::Merger(const MergeGrid& grid, std::shared_ptr<GatherBackend> backend)
 Merger::~Merger() = default;
 
 void Merger::Retire(Thing thing) {
-  if (added_.erase(thing.get()) > 0) return;  // No tile refers to it yet.
+  if (added_.erase(thing.get()) > 0) return;  // The item was added after the last merge, so no tile refers to it.
   thing->is_retired = true;
   retired_.push_back(std::move(thing));
 }
@@ -228,7 +228,7 @@ std::vector<Error> Merger::Assign(std::span<const PlacedMap> maps, std::span<con
   }
   for (const NodeKey& node : gone_footprints) WithdrawFootprint(node);
 
-  // An item that cannot be placed at its new pose is withdrawn.
+  // Put rejects an item that cannot be placed at its new pose. The item is then withdrawn from its old pose too.
   std::vector<Error> refused;
   for (const auto& [key, placed] : wanted_maps) {
     const Result<void> put = Put(*placed);
@@ -279,8 +279,8 @@ Result<MergeSummary> Merger::Merge(const StopPredicate& stop) {
   return summary;
 }
 
-// Returns true if a full gather is cheaper than finding the affected tiles. With many changes, the same tile would be
-// examined again and again. Examining a tile costs about 1/16 of gathering it.
+// Returns true if gathering all tiles is cheaper than finding the affected tiles. With many changes, the search would
+// examine the same tile many times. Examining a tile costs about 1/16 of gathering it.
 bool Merger::IsMostlyNew() const {
   const std::size_t changes = added_.size() + retired_.size();
   if (changes > 8 && changes > (maps_.size() + footprints_.size()) / 2) return true;
@@ -322,12 +322,13 @@ void Merger::UpdateOrder() {
 void Merger::MarkDirty() {
   for (const Thing& thing : retired_) MarkWins(*thing);
   for (const PlacedThing* thing : added_) {
-    if (dirty_.size() > kPagesMax) return;  // The limit is already exceeded; more pages cannot help.
+    // The limit on pages is already exceeded, and marking further pages cannot change that.
+    if (dirty_.size() > kPagesMax) return;
     MarkGains(*thing);
   }
 }
 
-// Frees the buried objects, except those that a tile still refers to.
+// Frees the withdrawn maps and footprints in buried_, except those that a tile still refers to.
 void Merger::FreeBuried() {
   std::unordered_set<const PlacedThing*> named;
   for (const auto& [key, page] : pages_) {
@@ -339,7 +340,7 @@ void Merger::FreeBuried() {
   std::erase_if(buried_, [&named](const Thing& thing) { return !named.contains(thing.get()); });
 }
 
-// Drops pages that have no known cell any more.
+// Drops pages that no longer have a known cell.
 void Merger::ForgetEmptyPages() {
   std::erase_if(pages_, [](const auto& entry) { return !HasTile(*entry.second); });
   ++forgotten_;
@@ -375,7 +376,8 @@ void Merger::MarkEverything() {
     if (HasTile(*page)) dirty_[key] = UINT16_MAX;
   }
   for (const OrderedBlock& ordered : order_) {
-    if (dirty_.size() > kPagesMax) return;  // The limit is already exceeded; more pages cannot help.
+    // The limit on pages is already exceeded, and marking further pages cannot change that.
+    if (dirty_.size() > kPagesMax) return;
     const CellBox& box = ordered.box;
     const PageKey first = PageAt(box.first_x, box.first_y);
     const PageKey last = PageAt(box.last_x, box.last_y);
@@ -392,8 +394,8 @@ Page* Merger::FindPage(const PageKey& key) const {
   return found == pages_.end() ? nullptr : found->second.get();
 }
 
-// Returns one work item per dirty page. Neighbouring pages are adjacent, because backends share the block list of a
-// region of pages.
+// Returns one work item per dirty page. Items of neighbouring pages are adjacent, because backends cache the block list
+// of a region of pages.
 Result<std::vector<GatherWork>> Merger::MakeWorks() {
   const auto is_new = [this](const auto& dirty) { return !pages_.contains(dirty.first); };
   const auto count_pages = [&] {

@@ -1,12 +1,13 @@
 // Merger: maintains a merged occupancy grid with the values unknown, free and hazard (paper, Section 5), and the source
-// of each cell's value.
+// (map or footprint) of each cell's value.
 //
 // Maps and footprints may be put, moved and withdrawn in any order. Merge() then gathers the affected tiles, or all
 // tiles if most of the input has changed. The result depends only on the current maps and footprints. It does not
 // depend on their order, on earlier merges or on the backend: values and provenance are identical byte for byte.
 //
-// The map is unbounded: only tiles with a known cell, and pages that once had one, take memory. Cell coordinates are
-// int64. All state is in this class; a backend can be lost at any time. Mergers share LocalMaps.
+// The map is unbounded: only tiles with a known cell, and pages that once had a known cell, take memory. Cell
+// coordinates are int64. All state is in this class, so losing the backend loses no data. Several mergers may share
+// LocalMaps.
 //
 //   Merger merger(grid, *CreateGatherBackend(MergeBackend::kAuto));
 //   merger.Put({local_map, map_from_node});
@@ -36,10 +37,11 @@
 
 namespace moondb {
 
-// Level of a cell that a footprint won. Other levels are layers of the winning map; 0 is the finest.
+// Level of a cell whose value comes from a footprint. Other levels are layer numbers in the winning map; layer 0 is the
+// finest.
 inline constexpr std::uint8_t kFootprintLevel = 255;
 
-// Slot of a cell that no map won.
+// Slot of a cell whose value does not come from a map.
 inline constexpr std::uint32_t kNoSlot = UINT32_MAX;
 
 // Maximum number of pages: about 10^9 cells, 2.5 GB.
@@ -48,8 +50,8 @@ inline constexpr std::size_t kPagesMax = 16384;
 // A region of the merged map with its provenance.
 struct MergeResult {
   MergedMap merged;
-  // In the order of merged.grid.cells. A slot is an index in `maps`. An unknown cell has kNoSlot and level 0; a
-  // footprint has kNoSlot and kFootprintLevel.
+  // Slot and level of each cell, in the order of merged.grid.cells. A slot is an index in `maps`. An unknown cell has
+  // kNoSlot and level 0. A cell won by a footprint has kNoSlot and kFootprintLevel.
   std::vector<std::uint32_t> slots;
   std::vector<std::uint8_t> levels;
   // Maps that win a cell in this region, sorted by record key, at the poses that were used.
@@ -70,7 +72,7 @@ struct Observation {
 // A map and the number of cells whose value comes from it.
 struct MapWins {
   PlacedMap placed;
-  std::uint64_t cells = 0;  // Number of cells that the map wins; may be 0.
+  std::uint64_t cells = 0;  // May be 0.
 };
 
 struct TileKey {
@@ -92,8 +94,8 @@ class Merger {
   Merger(const MergeGrid& grid, std::shared_ptr<GatherBackend> backend);
   ~Merger();
 
-  // Adds a map, or moves the map with the same key. A key always identifies the same map. Errors are those of PlaceMap;
-  // on an error nothing changes.
+  // Adds a map, or moves the map with the same key. A key must always identify the same map. Errors are those of
+  // PlaceMap; after an error nothing has changed.
   Result<void> Put(const PlacedMap& placed);
 
   // Returns false if no map has this key.
@@ -103,18 +105,18 @@ class Merger {
   Result<void> PutFootprint(const Footprint& footprint);
   bool WithdrawFootprint(const NodeKey& node);
 
-  // Replaces the whole input: puts new and moved items, and withdraws all others. Among duplicates of a key or node the
-  // first is used. Returns an error, as in Put, for each item that was left out.
+  // Replaces the whole input: puts the new and the moved items, and withdraws all others. If several items have the
+  // same key or node, the first is used. Returns one error, as in Put, for each item that was left out.
   std::vector<Error> Assign(std::span<const PlacedMap> maps, std::span<const Footprint> footprints);
 
-  // Brings the tiles up to date. After an error some tiles are old, and the next Merge() continues. Errors are those of
-  // GatherBackend::Gather, and kFull for more than kPagesMax pages.
+  // Brings the tiles up to date. After an error some tiles are still old; the next Merge() brings them up to date.
+  // Errors are those of GatherBackend::Gather, and kFull for more than kPagesMax pages.
   Result<MergeSummary> Merge(const StopPredicate& stop);
 
   // Bounding box of all cells of all maps, including unknown ones, and of all footprints.
   const CellBox& extent() const { return extent_; }
-  // Counts how often empty pages were dropped to stay within kPagesMax. ChangedSince no longer reports changes in
-  // dropped pages.
+  // Counts how often empty pages were dropped to stay within kPagesMax. ChangedSince no longer reports earlier changes
+  // in these pages.
   std::uint64_t forgotten() const { return forgotten_; }
   // Counts the merges that gathered at least one tile.
   std::uint64_t version() const { return version_; }
@@ -126,11 +128,11 @@ class Merger {
   Result<MergedMap> ReadCells(const CellBox& box) const;
   Result<MergeResult> Read(const CellBox& box) const;
 
-  // Returns the tiles in which a merge after `version` changed a value, sorted. ReadCells(BoxOf(key.page, key.tile))
-  // reads one.
+  // Returns the tiles in which merges after `version` changed a value, sorted. ReadCells(BoxOf(key.page, key.tile))
+  // reads the cells of such a tile.
   std::vector<TileKey> ChangedSince(std::uint64_t version) const;
 
-  // Returns all known observations of a cell, the winning one first.
+  // Returns the observations of all maps and footprints that know the cell, the winning observation first.
   std::vector<Observation> Observe(std::int64_t x, std::int64_t y) const;
 
   // Returns one entry per map, sorted by record key.
@@ -138,7 +140,7 @@ class Merger {
   // Returns the number of cells that are free because of footprints, by agent.
   std::map<AgentId, std::uint64_t> CountFootprintCells() const;
 
-  // Memory use in bytes, without LocalMaps. page_bytes() is the part of the pages.
+  // Memory use in bytes, without LocalMaps. page_bytes() counts only the pages.
   std::size_t bytes() const;
   std::size_t page_bytes() const;
 
@@ -158,7 +160,7 @@ class Merger {
   bool IsMostlyNew() const;
   Result<std::vector<GatherWork>> MakeWorks();
   void NoteChanges(std::span<const GatherWork> works, MergeSummary& summary);
-  // Counts cells by winning map or footprint.
+  // Returns the number of cells that each map or footprint wins.
   std::unordered_map<const PlacedThing*, std::uint64_t> CountCells() const;
   template <typename Visit>
   void VisitTiles(const CellBox& box, Visit visit) const;
@@ -167,16 +169,16 @@ class Merger {
   const std::shared_ptr<GatherBackend> backend_;
   std::map<RecordKey, Thing> maps_;
   std::map<NodeKey, Thing> footprints_;
-  // Added since the last Merge. The objects are owned by maps_ or footprints_.
+  // Maps and footprints added since the last Merge. Owned by maps_ or footprints_.
   std::unordered_set<PlacedThing*> added_;
-  // Withdrawn since the last Merge. Tiles still point to their blocks until they are gathered.
+  // Maps and footprints withdrawn since the last Merge. Tiles still point to their blocks until the tiles are gathered.
   std::vector<Thing> retired_;
-  // Withdrawn, with their tiles already marked dirty. Freed once those tiles are gathered.
+  // Withdrawn maps and footprints whose tiles are already in dirty_. They are freed after these tiles are gathered.
   std::vector<Thing> buried_;
   std::vector<OrderedBlock> order_;  // All blocks as of the last Merge, sorted by descending key.
   std::unordered_map<PageKey, std::unique_ptr<Page>, PageKeyHash> pages_;
   std::unordered_map<PageKey, std::uint16_t, PageKeyHash> dirty_;  // Tiles to gather, one bit each, by page.
-  // True after a merge that exceeded kPagesMax: the next one gathers all tiles.
+  // True after a merge that exceeded kPagesMax. The next merge then gathers all tiles.
   bool is_everything_due_ = false;
   CellBox extent_;
   std::uint64_t version_ = 0;

@@ -10,7 +10,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "a pixel's lowest byte comes first");
 
-// Calls visit(winner) for each known cell until visit returns false.
+// Calls visit(winner) for each known cell. Stops when visit returns false.
 template <typename Visit>
 void VisitWinners(Tile& tile, Visit visit) {
   for (std::size_t square = 0; square < kSquaresInTile; ++square) {
@@ -21,7 +21,7 @@ void VisitWinners(Tile& tile, Visit visit) {
   }
 }
 
-// Collects the lowest bits of the eight bytes; the first byte gives the lowest bit.
+// Returns the lowest bit of each of the eight bytes. The first byte's bit becomes the lowest bit of the result.
 std::uint64_t LowestBits(std::uint64_t bytes) { return (bytes & 0x0101010101010101) * 0x0102040810204080 >> 56; }
 
 void ReadSquare(const std::array<std::uint8_t, 64>& drawn, std::size_t first_block, std::size_t square, Tile& tile) {
@@ -42,7 +42,7 @@ void ReadSquare(const std::array<std::uint8_t, 64>& drawn, std::size_t first_blo
     winners[cell] = static_cast<std::uint16_t>(first_block + (drawn[cell] >> 2));
   };
   if (tile.known[square] == 0) {
-    // Unknown cells store 0, which has no meaning.
+    // The winner of an unknown cell has no meaning; 0 is stored.
     for (std::size_t cell = 0; cell < drawn.size(); ++cell) take(cell);
   } else {
     for (std::uint64_t cells = taken; cells != 0; cells &= cells - 1) {

@@ -27,18 +27,18 @@ struct OpenTile {
   std::uint64_t open = ~std::uint64_t{0};           // Squares with unknown cells, one bit each.
   std::unique_ptr<Tile> tile;                       // Null until a block may know a cell.
   bool is_for_cpu = false;
-  // Squares drawn in the current round, one bit each. They are adjacent in the target, starting at first_place.
+  // Squares drawn in the current round, one bit each. In the target they occupy consecutive places from first_place on.
   std::uint64_t squares = 0;
   std::size_t first_place = 0;
   std::size_t first_block = 0;  // Index in tile->blocks of the first block of the current round.
 };
 
-// Copies the squares that a round has drawn into the tile. `columns`: number of squares in a row of the target. Each
-// byte of a pixel is one cell, the first cell in the lowest byte. The byte holds the cell's value in bits 0 and 1, and
-// the number of the round's winning block from bit 2 on.
+// Copies the squares that a round has drawn from the target's `pixels` into the tile. `columns`: number of squares in a
+// row of the target. Each byte of a pixel is one cell, the first cell in the lowest byte. The byte holds the cell's
+// value in bits 0 and 1, and the number of the winning block within the round in bits 2 to 7.
 void ReadRound(std::span<const std::uint64_t> pixels, std::size_t columns, OpenTile& open);
 
-// Removes blocks that won no cell.
+// Removes from tile.blocks the blocks that won no cell.
 void DropLosers(Tile& tile);
 
 }  // namespace moondb

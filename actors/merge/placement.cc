@@ -10,7 +10,8 @@
 namespace moondb {
 namespace {
 
-// Far below the limit of int64 and far beyond the largest page number.
+// Poses farther away than this are rejected. The number is far below the limit of int64 and far beyond the largest page
+// number.
 constexpr double kFarthestCells = 1e15;
 
 bool IsFinite(const Pose& pose) { return pose.position_m.allFinite() && pose.orientation.coeffs().allFinite(); }

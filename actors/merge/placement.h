@@ -2,9 +2,10 @@
 //
 // The policy is a total order (paper, Eq. (1) and its two bullets, Section 5.1). Each known observation of a cell has a
 // key: finer resolution, then newer timestamp, then larger agent id, then larger record key, then the map's earlier
-// layer. The merged cell takes the value of the largest key. Unknown has no key. The rover's footprint at each known
-// pose is free and overrides all maps. A maximum does not depend on the order of arrival: late maps and duplicate maps
-// lead to the same grid. Sampling is nearest-neighbour: classes are never interpolated.
+// layer. The merged cell takes the value of the observation with the largest key. An unknown value is not an
+// observation. The rover's footprint at each known pose is free and overrides all maps. A maximum does not depend on
+// the order of arrival: late maps and duplicate maps lead to the same grid. Sampling is nearest-neighbour: values are
+// never interpolated.
 //
 // Value types and pure functions, usable on any thread.
 #pragma once
@@ -43,12 +44,12 @@ struct PlacedBlock {
   const PlacedThing* owner = nullptr;
   std::uint32_t resolution_um = 0;  // Cell size of the layer; 0 for a footprint.
   std::int64_t timestamp_ns = 0;
-  std::uint32_t rank = 0;  // Position in the order of all merged blocks, which starts with the greatest key.
+  std::uint32_t rank = 0;  // Position of the block in the list of all merged blocks, sorted by descending key.
 
   bool is_footprint() const { return cells == nullptr; }
 };
 
-// A map or footprint and its blocks. Must not move in memory, because blocks point to it.
+// A map or footprint and its blocks. Must not move in memory, because each block points to its owner.
 struct PlacedThing {
   PlacedMap placed;  // Has no map if this is a footprint.
   NodeKey node;      // Node of the footprint; not set for a map.
@@ -57,11 +58,12 @@ struct PlacedThing {
   bool is_retired = false;  // Set by Merger when the map or footprint is withdrawn.
 };
 
-// Returns true if `a` has the greater key. Strict order. Footprints rank above all maps.
+// Returns true if `a` has the greater key: a strict order. Footprints have greater keys than all maps.
 bool StandsAbove(const PlacedBlock& a, const PlacedBlock& b);
 
-// Returns kInvalid with field "map_from_node" if the pose is not finite or is too far away for a page number. Returns
-// kInvalid with field "layers" if the map exceeds side_cells_max cells of the merged map on a side.
+// Places a map or a footprint on the grid. Returns kInvalid with field "map_from_node" if the pose is not finite or too
+// far away to number its pages. Returns kInvalid with field "layers" if a side of the map exceeds side_cells_max cells
+// of the merged map.
 Result<std::unique_ptr<PlacedThing>> PlaceMap(const PlacedMap& placed, const MergeGrid& grid);
 Result<std::unique_ptr<PlacedThing>> PlaceFootprint(const Footprint& footprint, const MergeGrid& grid);
 

@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Own vector arithmetic: Eigen may order the operations of a product differently on another machine.
+// Eigen is not used here, because it may order the operations of a product differently on another machine.
 struct Vector {
   double x = 0;
   double y = 0;
@@ -53,8 +53,8 @@ PlanarPose Project(const Vector& position, const Rotation& q) {
 
 std::int64_t ToFixed(double value) { return std::llround(value * static_cast<double>(1 << kFractionBits)); }
 
-// Upper bound on how far rounding can move an edge, in grid cells. It assumes half a unit of error per step in both
-// directions, mapped back through the inverse rotation.
+// Upper bound on how far rounding can move an edge of the rectangle, in grid cells. It assumes an error of half a unit
+// per step in both directions, mapped back through the inverse rotation.
 double RoundingCells(double half_x, double half_y, double step) {
   const double unit = 1.0 / static_cast<double>(1 << kFractionBits);
   return 1e-6 + unit * (half_x + half_y + 4) / step;
@@ -102,7 +102,8 @@ PlacedRectangle Quantize(const PlanarPose& pose, double center_x_m, double cente
   placed.anchor_y = static_cast<std::int64_t>(anchor_y);
   placed.step_cos = static_cast<std::int32_t>(ToFixed(step * pose.cos_yaw));
   placed.step_sin = static_cast<std::int32_t>(ToFixed(step * pose.sin_yaw));
-  // Offset from the rectangle's centre to the centre of the anchor cell. It is small anywhere in the world.
+  // Offset from the rectangle's centre to the centre of the anchor cell. The offset is small even if the rectangle is
+  // far from the origin.
   const double dx = 0.5 - (x_cells - anchor_x);
   const double dy = 0.5 - (y_cells - anchor_y);
   placed.u0 = static_cast<std::int32_t>(ToFixed(width_cells / 2 + step * (pose.cos_yaw * dx + pose.sin_yaw * dy)));

@@ -8,10 +8,10 @@
 // in units of the rectangle's cells, Q10.22, from its lower left corner. The cell is inside if u is in the half-open
 // interval [0, width_q) and v in [0, height_q). The rectangle's column is then u >> 22 and its row v >> 22.
 //
-// Floating point ends here. The doubles are rounded once, relative to the grid cell under the rectangle's centre, and
-// all later merging adds the same integers. Every backend and every agent therefore gets the same bytes, even 1,000 km
-// from the origin. Rotations come from the stored quaternion without trigonometry, and the .cc file is compiled with
-// -ffp-contract=off, because libm and fused multiply-add differ between machines.
+// Floating point is used only up to this step. The doubles are rounded once, relative to the grid cell under the
+// rectangle's centre, and all later merging adds the same integers. Every backend and every agent therefore gets the
+// same bytes, even 1,000 km from the origin. Rotations come from the stored quaternion without trigonometry, and the
+// .cc file is compiled with -ffp-contract=off, because libm and fused multiply-add differ between machines.
 //
 // Pure functions, usable on any thread.
 #pragma once
@@ -24,13 +24,14 @@ namespace moondb {
 
 inline constexpr int kFractionBits = 22;
 
-// Larger blocks would overflow Q10.22. Modulo 1024 cells, 512 remain for cells that are sampled outside the rectangle.
+// A larger block would overflow Q10.22. Coordinates distinguish 1024 cells, so 512 remain for cells sampled
+// outside the rectangle.
 inline constexpr std::int32_t kBlockSideCellsMax = 512;
 
 // Maximum ratio of the grid's cell size to the rectangle's; larger ratios would overflow Q10.22.
 inline constexpr std::uint32_t kStepCellsMax = 256;
 
-// Box of cells, first and last inclusive. Empty if last < first.
+// Box of cells from the first to the last, both included. Empty if last < first.
 struct CellBox {
   std::int64_t first_x = 0;
   std::int64_t first_y = 0;
@@ -61,7 +62,7 @@ struct PlacedRectangle {
   bool operator==(const PlacedRectangle&) const = default;
 };
 
-// A pose projected to the horizontal plane. The heading is that of the body's x axis; 0 if that axis is vertical.
+// A pose projected to the horizontal plane. Its heading is that of the body's x axis, or 0 if the x axis is vertical.
 struct PlanarPose {
   double x_m = 0;
   double y_m = 0;
@@ -74,9 +75,9 @@ PlanarPose ToPlanar(const Pose& map_from_body);
 // Projects map_from_node * node_from_map, after composing the two poses in space.
 PlanarPose ToPlanar(const Pose& map_from_node, const Pose& node_from_map);
 
-// Places a rectangle of width x height cells of size cell_um on a grid of cell size grid_um. Its centre is (center_x_m,
-// center_y_m) in the frame `pose`. Requires (enforced by Check): at most kBlockSideCellsMax cells per side, and grid_um
-// at most kStepCellsMax * cell_um.
+// Places a rectangle of width x height cells of size cell_um on a grid of cell size grid_um. The rectangle's centre is
+// (center_x_m, center_y_m) in the frame `pose`. Requires (Check() aborts otherwise): at most kBlockSideCellsMax cells
+// per side, and grid_um at most kStepCellsMax * cell_um.
 PlacedRectangle Quantize(const PlanarPose& pose, double center_x_m, double center_y_m, double width_cells,
                          double height_cells, std::uint32_t cell_um, std::uint32_t grid_um);
 

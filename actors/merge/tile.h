@@ -1,9 +1,9 @@
 // The merged map in memory: sparse pages of 256 x 256 cells. A page has 16 tiles of 64 x 64 cells, and a tile 64
 // squares of 8 x 8 cells.
 //
-// A square has 64 bits of "known", 64 bits of "hazard" (row by row from the lowest y) and 64 winner numbers. One step
-// of a merge processes one square. A winner number is an index in its tile's own list of blocks, so 16 bits are enough
-// for any number of maps and a tile is self-contained.
+// A square has 64 bits "known", 64 bits "hazard" and 64 winner numbers, each row by row from the lowest y. One step of
+// a merge processes one square. A winner number is an index in the list of blocks of the cell's tile. So 16 bits are
+// enough for any number of maps, and a tile needs no data of other tiles.
 //
 // Value types.
 #pragma once
@@ -32,7 +32,7 @@ inline constexpr std::size_t kTilesInPage = 16;
 inline constexpr std::size_t kSquaresInTile = 64;
 inline constexpr std::size_t kCellsInTile = 4096;
 
-// The page contains the cells (x, y) with x >> 8 and y >> 8 equal to these numbers.
+// Position of a page. The page contains the cells (x, y) with x >> 8 and y >> 8 equal to these numbers.
 struct PageKey {
   std::int32_t x = 0;
   std::int32_t y = 0;
@@ -51,7 +51,8 @@ struct Tile {
   // For each square, one bit per cell.
   std::array<std::uint64_t, kSquaresInTile> known;
   std::array<std::uint64_t, kSquaresInTile> hazard;
-  // For each square: the winner with the lowest priority. Undefined if no cell is known.
+  // For each square: the winner with the lowest priority among its known cells. Undefined if the square has no known
+  // cell.
   std::array<std::uint16_t, kSquaresInTile> weakest;
   // Index in `blocks` of each cell's winner, square by square. Undefined for an unknown cell.
   std::array<std::uint16_t, kCellsInTile> winners;
@@ -61,7 +62,7 @@ struct Tile {
     if ((known[square] >> cell & 1) == 0) return Cell::kUnknown;
     return (hazard[square] >> cell & 1) != 0 ? Cell::kHazard : Cell::kFree;
   }
-  // Null if the cell is unknown.
+  // Returns the block that won the cell; null if the cell is unknown.
   const PlacedBlock* WinnerAt(std::size_t square, std::size_t cell) const {
     return (known[square] >> cell & 1) == 0 ? nullptr : blocks[winners[square * 64 + cell]];
   }
@@ -69,11 +70,11 @@ struct Tile {
 
 struct Page {
   std::array<std::unique_ptr<Tile>, kTilesInPage> tiles;  // Tiles row by row; null for a tile without a known cell.
-  // Version of the merge that last changed a value in each tile; 0 if none did.
+  // For each tile: version of the merge that last changed a value in the tile; 0 if no merge did.
   std::array<std::uint64_t, kTilesInPage> versions{};
 };
 
-// Returns the box of a page or, with `tile`, of one of its tiles.
+// Returns the box of a page, or, if `tile` is given, of one of its tiles.
 inline CellBox BoxOf(const PageKey& key) {
   const std::int64_t x = std::int64_t{key.x} * kPageSideCells;
   const std::int64_t y = std::int64_t{key.y} * kPageSideCells;

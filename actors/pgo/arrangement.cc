@@ -15,7 +15,7 @@ namespace moondb {
 
 namespace {
 
-// Fraction of the typical range added to each range's sigma, because drifting odometry bends the bodies.
+// Odometry drifts, so the bodies are slightly bent. This fraction of the typical range is added to each range's sigma.
 constexpr double kDriftPart = 0.02;
 constexpr double kCauchySigmas = 2;
 constexpr double kSamePlacePart = 0.05;  // Two places count as the same within this fraction of the typical range.
@@ -24,7 +24,7 @@ constexpr std::size_t kManyBodies = 20;  // Above this number of bodies the norm
 constexpr int kStartsMin = 4;
 constexpr std::size_t kRangesOfBodyMin = 10;
 
-// Returns element k of a low-discrepancy sequence in [0, 1). Each `dimension` has its own, uncorrelated sequence.
+// Returns element k of a low-discrepancy sequence in [0, 1). Sequences of different `dimension` are uncorrelated.
 double Spread(int k, int dimension) {
   // The steps are powers of the inverse of the generalised golden ratio (Roberts, 2018).
   constexpr double kBase = 1.0 / 1.1347241384015194;  // Generalised golden ratio of five dimensions.
@@ -115,8 +115,8 @@ class Arranger {
     }
   }
 
-  // Orders the bodies as ranges reach them from the placed nodes. Each entry holds a body and the range used to place
-  // it.
+  // Fills order_ with the bodies in the order in which ranges lead to them from the placed nodes. Each entry is a body
+  // and the range that is used to place it.
   void OrderBodies() {
     std::map<std::size_t, bool> is_set;
     const auto is_standing = [&](std::size_t node) { return placed_[node] || is_set.contains(heads_[node]); };
@@ -148,7 +148,7 @@ class Arranger {
     }
   }
 
-  // Position in the node's body frame; for a placed node, in the map frame.
+  // Returns a body node's position in its body's frame, or a placed node's position in the map frame.
   Eigen::Vector3d InFrame(std::size_t node) const { return FromBlock(state_[node]).position_m; }
 
   Eigen::Vector3d InMap(std::size_t node, const Frames& frames) const {
@@ -203,7 +203,7 @@ class Arranger {
     problem.AddParameterBlock(&no_bias, 1);
     problem.SetParameterBlockConstant(&no_bias);
     for (auto& [body, frame] : frames) {
-      // A landmark that no pose observes is a body of its own. The head of any other body is a pose.
+      // A landmark that no pose observes is a body with a single point. The head of any other body is a pose.
       problem.AddParameterBlock(frame.data(), kPoseSize,
                                 graph_.nodes[body].is_point ? &point_manifold : &body_manifold);
     }
@@ -224,8 +224,8 @@ class Arranger {
     return summary.IsSolutionUsable() ? summary.final_cost : std::nan("");
   }
 
-  // Returns true if two fits put every range end at the same place. Costs cannot decide this: mirrored solutions have
-  // equal costs.
+  // Returns true if two fits put each end of every range at the same place. Equal costs would not prove this, because
+  // mirrored solutions have equal costs.
   bool IsSame(const Frames& a, const Frames& b) const {
     for (const PlainRange* range : ranges_) {
       for (const std::size_t node : {range->from, range->to}) {

@@ -31,8 +31,8 @@ class BlockMatrix {
   const Eigen::SparseMatrix<double>& lower() const { return lower_; }
 
   void SetZero();
-  // Adds to the block of a node or a pair. Does nothing for a node without unknowns. The block of a pair has the rows
-  // of the pair's first node and the columns of its second node.
+  // Adds `block` to the block of a node or a pair. Does nothing for a node without unknowns. The block of a pair has
+  // the rows of the pair's first node and the columns of its second node.
   void AddToNode(std::size_t node, const Block& block);
   void AddToPair(std::size_t pair, const Block& block);
 
@@ -47,7 +47,7 @@ class BlockMatrix {
   std::vector<Eigen::Index> first_;
   std::vector<Columns> node_columns_;
   std::vector<Columns> pair_columns_;
-  // True for pairs whose second node has the larger index: their block is stored transposed.
+  // True for pairs whose second node has the larger index in the matrix. The block of such a pair is stored transposed.
   std::vector<bool> is_turned_;
   Eigen::SparseMatrix<double> lower_;
 };

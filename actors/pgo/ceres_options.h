@@ -9,8 +9,8 @@
 
 namespace moondb {
 
-// Initial trust region radii. The bold one gives nearly Gauss-Newton steps, for good initial values. The careful one is
-// for initial values from odometry only.
+// Initial trust region radii. kBoldTrustRegion gives nearly Gauss-Newton steps, for good initial values.
+// kCarefulTrustRegion is for initial values from odometry only.
 inline constexpr double kBoldTrustRegion = 1e16;
 inline constexpr double kCarefulTrustRegion = 1e4;
 
@@ -24,7 +24,7 @@ class StopCallback final : public ceres::IterationCallback {
   const std::function<bool()>& stop_requested_;
 };
 
-// Options of a problem whose factors, losses and manifolds remain owned by the caller.
+// Options of a problem that does not own its factors, losses and manifolds: the caller keeps them.
 ceres::Problem::Options BorrowingProblemOptions();
 
 // Sparse Cholesky, no log output, and tolerances tight enough for shallow valleys of the cost.

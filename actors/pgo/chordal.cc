@@ -36,7 +36,7 @@ class Relaxation {
     }
   }
 
-  // Returns false if the matrix has a pivot of exactly zero (the minimum is not unique) or if numbers overflow.
+  // Returns false if the matrix has a pivot of exactly zero (then the minimum is not unique) or if numbers overflow.
   // Rounding may hide a zero pivot. The solution is then still finite, which suffices for initial values.
   bool Solve(PlainState& state) const {
     Eigen::SparseMatrix<double> rows(row_count_, unknown_count_);
@@ -56,8 +56,8 @@ class Relaxation {
   }
 
  private:
-  // Adds the coefficient of unknown `offset` of a node to the current row. A head is held at the identity: its unknowns
-  // in problem r are the unit vector r, so its coefficients go to the r-th right-hand side.
+  // Adds the coefficient of unknown number `offset` of a node to the current row. A head is held at the identity: in
+  // problem r its unknowns are the unit vector r, so its coefficients are added to right-hand side r.
   void Add(std::size_t node, int offset, double value) {
     const int first = first_unknown_[node];
     if (first != kStands) {
@@ -120,7 +120,7 @@ class Relaxation {
   Triplets standing_entries_;
 };
 
-// Edges at each node: index i < steps.size() is a step, and larger indices are sightings.
+// Returns the edges at each node by index: an index i < steps.size() is a step, and a larger index is a sighting.
 std::vector<std::vector<std::size_t>> FindTouching(const StandaloneGraph& graph) {
   std::vector<std::vector<std::size_t>> touching(graph.nodes.size());
   for (std::size_t i = 0; i < graph.steps.size(); ++i) {

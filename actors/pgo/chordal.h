@@ -13,10 +13,11 @@ namespace moondb {
 // its own head.
 std::vector<std::size_t> FindHeads(const StandaloneGraph& graph, const ActiveNodes& active);
 
-// Returns true if steps and sightings close loops. Composing steps along a tree would ignore the loop closures.
+// Returns true if steps and sightings close loops. Poses composed of steps along a tree ignore such loop closures.
 bool HasLoops(const StandaloneGraph& graph, const ActiveNodes& active, const std::vector<std::size_t>& heads);
 
-// kWay: uses only the steps from a node to the same agent's next node.
+// Edges used to compose poses. kAll: all steps and sightings. kWay: only the steps from a node to the same agent's next
+// node.
 enum class ComposeAlong { kAll, kWay };
 
 // Computes poses of active nodes that are not `placed` by composing edges outwards from placed nodes, breadth first.
@@ -24,12 +25,13 @@ enum class ComposeAlong { kAll, kWay };
 void ComposeFromPlaced(const StandaloneGraph& graph, const ActiveNodes& active, ComposeAlong along,
                        std::vector<bool>& placed, PlainState& state);
 
-// Returns poses relative to each part's head, which lies at the origin. A part is a set of nodes with the same head.
+// Returns the node poses of each part relative to the part's head, which lies at the origin. A part is a set of nodes
+// with the same head.
 //
 // Uses chordal relaxation: without ranges, and with arbitrary matrices in place of rotation matrices, F is quadratic.
-// Each matrix of its minimum is projected onto the nearest rotation. In practice the result lies close to the minimum
-// of F, where composed odometry may not (Carlone et al., ICRA 2015). If the graph has no loops or the relaxation has no
-// unique minimum, the poses are composed odometry.
+// Each matrix of the quadratic minimum is projected onto the nearest rotation. In practice the result lies close to the
+// minimum of F, unlike composed odometry in many cases (Carlone et al., ICRA 2015). If the graph has no loops or the
+// relaxation has no unique minimum, composes the poses from odometry instead.
 PlainState ChordalParts(const StandaloneGraph& graph, const ActiveNodes& active, const std::vector<std::size_t>& heads);
 
 }  // namespace moondb

@@ -79,7 +79,7 @@ void CostTerms::AddOdometry(const std::vector<Rover>& rovers) {
   for (const CheckedOdometry& odometry : graph_.odometry) {
     const auto scale = scale_of.find(graph_.nodes[odometry.from].key.agent);
     if (!IsMoving(odometry.from, odometry.to)) continue;
-    // The odometry belongs to a base station, which is stationary by configuration.
+    // Odometry without a scale belongs to a base station, which is stationary by configuration.
     if (scale == scale_of.end()) continue;
     terms_.push_back(Term{MakeOdometryFactor(odometry.from_from_to, odometry.edge->covariance),
                           static_cast<int>(odometry.from), static_cast<int>(odometry.to), scale->second, kNone});
@@ -116,7 +116,7 @@ void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<St
   }
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     const Rover& rover = rovers[i];
-    // Gravity determines the tilt better than a configured start, so the prior on tilt is loose.
+    // Gravity determines roll and pitch better than a configured start, so the prior's sigma for them is large.
     add(MakePosePriorFactor(
             {starts[i].map_from_node, starts[i].sigma_m, options_.loose_sigma_rad, starts[i].sigma_rad}),
         rover.first);
@@ -241,7 +241,7 @@ StageResult CostTerms::Try(const std::vector<bool>& uses_range, const Stage& sta
 }
 
 double CostTerms::Cost(const std::vector<bool>& uses_range, const State& state) const {
-  State copy = state;  // Ceres takes non-const blocks.
+  State copy = state;  // Ceres takes blocks that are not const.
   double square_sum = 0;
   std::array<double, 6> residuals{};
   for (const Term& term : terms_) {

@@ -1,8 +1,8 @@
-// CostTerms: the cost function of one pose graph, and its minimisation by Ceres without rejected ranges. Robust kernels
-// (losses) apply only to ranges.
+// CostTerms: the cost function of one pose graph. Ceres minimises it over all terms except rejected ranges. Robust
+// kernels (losses) apply only to ranges.
 //
-// One object serves all stages of a solve: it creates the factors once, and a State holds the values that they
-// evaluate. Single-threaded, except for Ceres's own threads.
+// One object serves all stages of a solve. It creates the factors once; each stage evaluates them at the values in a
+// State. Single-threaded, except for Ceres's own threads.
 #pragma once
 
 #include <ceres/cost_function.h>
@@ -30,8 +30,9 @@ enum class Loss { kNone, kHuberOnRanges, kCauchyOnRanges };
 // Settings of one minimisation within a solve.
 struct Stage {
   Loss loss = Loss::kNone;
-  bool is_near = false;  // The initial values are close to the minimum: start with a large trust region.
-  // A loose tolerance suffices, because the result is used only to classify the ranges.
+  // True if the initial values are close to the minimum. The trust region is then large at the start.
+  bool is_near = false;
+  // True if a loose tolerance suffices, because the result is used only to classify the ranges.
   bool is_rough = false;
   std::vector<bool> is_trusted = {};  // Ranges to which the loss is not applied. Empty: none.
 };
@@ -44,30 +45,31 @@ struct StageResult {
 
 class CostTerms {
  public:
-  // Only nodes in `is_free` are variable. Terms between fixed nodes are omitted.
+  // Only nodes in `is_free` are variable. A term is omitted if all its nodes are fixed.
   CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts,
             const AgentFactsMap& agents, const InitialValues& initial, const std::vector<bool>& is_free,
             const SolverOptions& options);
 
   const State& initial() const { return initial_; }
 
-  // Minimises over all terms except the ranges that are false in `uses_range`, and updates `state` in place. Tries
-  // Levenberg-Marquardt first, then dogleg.
+  // Minimises over all terms except the ranges whose flag in `uses_range` is false. Updates `state` in place. Tries
+  // Levenberg-Marquardt first; if that does not converge, dogleg.
   StageResult Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const;
 
-  // Stage that starts from the initial values and runs to full tolerance.
+  // Returns the stage that starts from the initial values and runs to full tolerance.
   Stage FirstStage(Loss loss) const { return {.loss = loss, .is_near = is_warm_}; }
 
-  // Cost F without any loss over the terms in use.
+  // Returns the cost F at `state` without any loss, over all terms except the ranges whose flag in `uses_range` is
+  // false.
   double Cost(const std::vector<bool>& uses_range, const State& state) const;
 
-  // Returns the marginal covariance of each of `nodes` at a minimum over the ranges in `uses_range`. Rows are the
-  // position in the frame `map`, then the rotation in the node's own frame (the tangent of PoseManifold). Empty if the
-  // graph does not determine the covariances. Requires: `nodes` are free.
+  // Returns the marginal covariance of each of `nodes`, if `state` is a minimum over the ranges in `uses_range`. Rows
+  // are the position in the frame `map`, then the rotation in the node's own frame (the tangent of PoseManifold).
+  // Returns an empty list if the graph does not determine the covariances. Requires: `nodes` are free.
   std::vector<Matrix6d> Covariances(const std::vector<bool>& uses_range, const std::vector<std::size_t>& nodes,
                                     State state) const;
 
-  // F over all terms, with the Cauchy loss on ranges. Compares solutions that accept different ranges.
+  // Returns F over all terms, with the Cauchy loss on ranges. Used to compare solutions that accept different ranges.
   double RobustCost(const State& state) const;
 
   // Returns the residual of each range in sigmas; 0 for ranges that are not part of this solve.
@@ -106,7 +108,7 @@ class CostTerms {
   const SolverOptions& options_;
   bool is_warm_;
   std::vector<bool> is_free_;
-  bool is_window_;  // Scales and biases are held constant.
+  bool is_window_;  // True for a solve of a window of nodes: scales and biases are then held constant.
   State initial_;
   std::vector<Term> terms_;
   std::vector<std::size_t> range_terms_;  // Index in terms_ of each of CheckedGraph::ranges.

@@ -28,7 +28,7 @@ Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
   return result;
 }
 
-// q and -q are the same rotation. The residual uses the representation with the smaller angle.
+// q and -q are the same rotation. Returns the one with w >= 0, whose angle is the smaller one.
 Eigen::Quaterniond WithPositiveW(const Eigen::Quaterniond& q) {
   return q.w() < 0 ? Eigen::Quaterniond(-q.w(), -q.x(), -q.y(), -q.z()) : q;
 }

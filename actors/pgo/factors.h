@@ -5,8 +5,8 @@
 // perturbs it by a six-vector: p + dp in the frame `map`, q * exp(dtheta) in the node's own frame.
 //
 // The Jacobian of a pose block has seven columns: the derivative by (dp, dtheta) in the first six, zeros in the last.
-// PoseManifold::PlusJacobian is the matching [I6; 0], so the product that Ceres forms is the derivative by the
-// perturbation itself. Hence these factors work only with PoseManifold and AxesManifold.
+// PoseManifold::PlusJacobian is the matching [I6; 0]. Ceres multiplies the two, so the product is the derivative by the
+// perturbation. These factors therefore work only with PoseManifold and AxesManifold.
 //
 // Each Make function returns an object owned by the caller. Requires: values are finite and sigmas positive. GraphCheck
 // ensures this.
@@ -44,8 +44,8 @@ class PoseManifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-// Rotations that a body may perform. kPlanar: about z, and it also moves only in the plane. kUpright: about z only,
-// because gravity has levelled it. kSpatial: any.
+// How a body may move. kPlanar: within the plane, turning about z. kUpright: anywhere, turning about z only, because
+// its roll and pitch are known from gravity. kSpatial: anywhere, turning about any axis.
 enum class BodyFreedom { kPlanar, kUpright, kSpatial };
 
 // Returns the tangent axes, for AxesManifold, along which a pose or point may change. A point does not rotate.
@@ -79,8 +79,8 @@ std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to
 
 // One range. Blocks: pose a, pose b, bias. One residual:
 //   (|p_a + R_a l_a - p_b - R_b l_b| + bias - range) / sigma
-// l_a and l_b are the antennas in the body frames. At zero distance the direction is undefined and the Jacobian uses
-// zero.
+// l_a and l_b are the antennas in the body frames. At distance zero the direction is undefined, and the Jacobian is set
+// to zero.
 std::unique_ptr<ceres::CostFunction> MakeRangeFactor(double range_m, double sigma_m, const Eigen::Vector3d& antenna_a_m,
                                                      const Eigen::Vector3d& antenna_b_m);
 

@@ -13,8 +13,8 @@ namespace moondb {
 
 namespace {
 
-// No sensor has a variance outside these bounds. Such an extreme weight would also cost the other weights their
-// precision.
+// No real sensor has a variance outside these bounds. The weight of such a variance would also reduce the numerical
+// precision of all other terms.
 constexpr double kVarianceMin = 1e-12;
 constexpr double kVarianceMax = 1e8;
 constexpr const char* kVarianceText = "within 1e-12 and 1e8";
@@ -34,7 +34,7 @@ bool IsUsable(const Pose& pose) {
   return pose.position_m.allFinite() && std::isfinite(length) && length > 0.5 && length < 2;
 }
 
-// Returns the reason why the covariance is unusable; empty if it is usable.
+// Returns the reason if the covariance is unusable; an empty string if it is usable.
 std::string WhyNot(const Matrix6d& covariance) {
   const double largest = covariance.cwiseAbs().maxCoeff();
   const bool is_symmetric =
@@ -43,8 +43,8 @@ std::string WhyNot(const Matrix6d& covariance) {
   if (!is_symmetric || factorised.info() != Eigen::Success || factorised.matrixLLT().diagonal().minCoeff() <= 0) {
     return "its covariance is not symmetric and positive definite";
   }
-  // The squared diagonal of the Cholesky factor holds each variance conditioned on the preceding ones. The covariance's
-  // own diagonal would not reveal a nearly singular matrix.
+  // The squared diagonal of the Cholesky factor holds each variance conditioned on the preceding variables. The
+  // covariance's own diagonal would not show that the matrix is nearly singular.
   const double smallest = factorised.matrixLLT().diagonal().cwiseAbs2().minCoeff();
   const bool is_usable = smallest >= kVarianceMin && covariance.diagonal().maxCoeff() <= kVarianceMax;
   return is_usable ? "" : std::string("its variances are not ") + kVarianceText;
@@ -126,7 +126,7 @@ void CheckNodes(const PoseGraph& graph, const AgentFactsMap& agents, CheckedGrap
   });
 }
 
-// Returns the reason why the edge is unusable; empty if it is usable.
+// Returns the reason if the edge is unusable; an empty string if it is usable.
 std::string WhyNot(const OdometryEdge& edge) {
   if (edge.from.agent != edge.to.agent) return "joins two agents";
   if (edge.from == edge.to) return "joins a node with itself";
@@ -169,9 +169,9 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
   });
 }
 
-// Removes odometry that skips intermediate nodes, because it is not one step of a robot. A wrong one, for example a
-// loop closure stored as odometry, can shrink the whole trajectory. Agents refuse to insert such an edge, but a store
-// or a peer may still hold one.
+// Removes odometry edges that skip intermediate nodes: such an edge is not one step of a robot. A wrong one, for
+// example a loop closure stored as odometry, can shrink the whole trajectory. Agents refuse to insert such an edge, but
+// a store or a peer may still hold one.
 void LeaveOutWhatSkipsNodes(CheckedGraph& checked) {
   std::erase_if(checked.odometry, [&checked](const CheckedOdometry& odometry) {
     const auto [first, last] = std::minmax(odometry.from, odometry.to);

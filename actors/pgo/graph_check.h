@@ -1,14 +1,14 @@
-// CheckGraph: selects the usable part of a pose graph, and names and leaves out the rest.
+// CheckGraph: returns the usable nodes and edges of a pose graph, and names those that it leaves out.
 //
-// Records arrive in any order and from any agent, and one NaN makes Ceres refuse the whole solve. Each unusable edge is
-// therefore left out on its own. An edge is unusable for one of these reasons:
+// Records arrive in any order and from any agent, and one NaN makes Ceres refuse the whole solve. CheckGraph therefore
+// leaves out each unusable edge, and only that edge. An edge is unusable for one of these reasons:
 // - one of its nodes has not arrived;
 // - its covariance is not positive definite;
-// - no sensor has its variance: below 1e-12 or above 1e8, in m^2 or rad^2;
+// - its variance is one that no sensor has: below 1e-12 or above 1e8, in m^2 or rad^2;
 // - its range exceeds 1e6 m;
 // - one of its numbers is not finite.
 //
-// Among records with the same natural key (the node's key, or the edge's ends) the one with the smallest content is
+// Among records with the same natural key (the node's key, or the edge's ends) the record with the smallest content is
 // kept. Nodes are sorted by key and edges by their ends, so the solution does not depend on the order of arrival. Pure
 // functions. Results point into `graph`, which must outlive them.
 #pragma once
@@ -28,11 +28,12 @@ namespace moondb {
 struct AgentFacts {
   AgentId agent = 0;
   bool is_base_station = false;  // All nodes of a base station are fixed at `start`.
-  // map_from_body at the first node; nullopt if not configured. For a rover only the position and yaw are used: its
-  // tilt comes from its raw pose.
+  // map_from_body at the first node; nullopt if not configured. For a rover only position and yaw are used, because its
+  // roll and pitch come from its raw pose.
   std::optional<Pose> start;
-  double start_sigma_m = 0.05;    // One sigma of each coordinate of a rover's start. 0 or less: the default.
-  double start_sigma_rad = 0.01;  // One sigma of each angle of a rover's start. 0 or less: the default.
+  // Standard deviation of each coordinate of a rover's start. 0 or less: use the default.
+  double start_sigma_m = 0.05;
+  double start_sigma_rad = 0.01;  // Standard deviation of each angle of a rover's start. 0 or less: use the default.
   Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // Position of the UWB antenna in the body's frame.
 };
 
@@ -40,7 +41,7 @@ using AgentFactsMap = std::map<AgentId, AgentFacts>;
 
 struct CheckedNode {
   NodeKey key;
-  Pose raw;  // map_from_node. A base station's configured pose if it has one.
+  Pose raw;  // map_from_node as recorded. For a base station with a configured pose: that pose.
   bool is_fixed = false;
 };
 
@@ -77,7 +78,8 @@ struct CheckedGraph {
   std::optional<std::size_t> Find(const NodeKey& key) const;  // Returns the node's index in `nodes`; nullopt if absent.
 };
 
-// A base station with a configured pose gets a node {agent, 0} if `graph` has none.
+// Checks `graph` and returns its usable part. A base station with a configured pose gets a node {agent, 0} if `graph`
+// has no node of this station.
 CheckedGraph CheckGraph(const PoseGraph& graph, const AgentFactsMap& agents);
 
 // One rover's nodes, which are contiguous in CheckedGraph::nodes.
@@ -94,11 +96,11 @@ std::vector<Rover> FindRovers(const CheckedGraph& graph);
 
 inline constexpr double kApart_m = 1;  // Places less than this apart count as one.
 
-// Returns true if fixed nodes determine the team's yaw. One fixed node determines only the position; two that are apart
-// determine the yaw as well.
+// Returns true if fixed nodes determine the team's yaw. One fixed node determines only the position. Two fixed nodes at
+// different places (more than kApart_m apart) determine the yaw as well.
 bool FixedNodesHoldYaw(const CheckedGraph& graph);
 
-// Returns for example "agent 2, node 7". The short form "A7" is only for files.
+// Returns for example "agent 2, node 7". Files use the short form "A7" instead.
 std::string ToString(const NodeKey& key);
 
 }  // namespace moondb

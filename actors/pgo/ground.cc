@@ -7,7 +7,8 @@ namespace moondb {
 namespace {
 
 constexpr double kFirstTiltSigmas = 3;
-// On level ground, chance exceeds this limit once in 100,000 tests, for any number of spans. Slopes exceed it by far.
+// The test statistic exceeds this limit by chance only once in 100,000 tests on level ground, for any number of spans.
+// On slopes it exceeds the limit by far.
 constexpr double kLimit = 2;
 constexpr double kLimitOfOne = 12;
 

@@ -10,12 +10,13 @@ namespace moondb {
 namespace {
 
 constexpr double kScaleErrorMax = 0.1;  // More than five sigma of a rover's scale.
-constexpr double kWarmShare = 0.8;      // From this share on, the last verdicts are a better start than a robust stage.
+// If at least this fraction of the nodes is warm, the last verdicts are a better start than a robust stage.
+constexpr double kWarmShare = 0.8;
 constexpr double kWarmLengthMin_m = 5;  // A shorter distance does not determine the scale.
 
-// Returns true if the configured start applies to this first node. Raw poses are the start composed with odometry. If
-// the raw pose of the first node is far from the configured start, the node is a later one whose predecessors are
-// missing.
+// Returns true if the configured start applies to this first node. A node with index 0 is always at the start. Raw
+// poses are the start composed with odometry. If the raw pose of `first` is far from the configured start, earlier
+// nodes are missing, and the start belongs to one of them.
 bool IsAtStart(const CheckedNode& first, const AgentFacts& facts) {
   if (first.key.index == 0) return true;
   const double near_m = std::max(5 * facts.start_sigma_m, 0.5);
@@ -23,7 +24,7 @@ bool IsAtStart(const CheckedNode& first, const AgentFacts& facts) {
          std::abs(std::remainder(first.raw.Yaw() - facts.start->Yaw(), 2 * M_PI)) < 0.2;
 }
 
-// Takes the position and yaw from the configuration, and the tilt (the local slope) from the raw pose.
+// Returns a pose with the position and yaw of `start`, and with the roll and pitch (the local slope) of `raw`.
 Pose WithTiltOf(const Pose& start, const Pose& raw) {
   const Eigen::Quaterniond turn(Eigen::AngleAxisd(start.Yaw() - raw.Yaw(), Eigen::Vector3d::UnitZ()));
   return Pose{start.position_m, (turn * raw.orientation).normalized()};
@@ -33,7 +34,7 @@ using Poses = std::vector<std::optional<Pose>>;
 
 Pose Scaled(const Pose& step, double scale) { return Pose{(1 + scale) * step.position_m, step.orientation}; }
 
-// Returns, for each node, the indices in graph.odometry of its edges.
+// Returns, for each node, the indices in graph.odometry of the edges at this node.
 std::vector<std::vector<std::size_t>> FindTouching(const CheckedGraph& graph) {
   std::vector<std::vector<std::size_t>> touching(graph.nodes.size());
   for (std::size_t i = 0; i < graph.odometry.size(); ++i) {
@@ -43,7 +44,8 @@ std::vector<std::vector<std::size_t>> FindTouching(const CheckedGraph& graph) {
   return touching;
 }
 
-// Least squares over the steps whose ends are both in the last solution: minimises sum |d - (1 + s) t|^2.
+// Returns the scale error s of the rover by least squares over the steps with both ends in the last solution: minimises
+// sum |d - (1 + s) t|^2.
 double EstimateScale(const CheckedGraph& graph, const Rover& rover, const Poses& poses) {
   double product_sum = 0;
   double square_sum = 0;
@@ -76,7 +78,7 @@ void FillByRawDifference(const CheckedGraph& graph, const Rover& rover, std::siz
   const auto from = [&](std::size_t known) {
     poses[node] = *poses[known] * (graph.nodes[known].raw.Inverse() * graph.nodes[node].raw);
   };
-  if (node > rover.first) return from(node - 1);  // Node - 1 is already filled.
+  if (node > rover.first) return from(node - 1);  // The pose of the preceding node is already filled.
   for (std::size_t known = node + 1; known < rover.first + rover.count; ++known) {
     if (poses[known]) return from(known);
   }

@@ -14,11 +14,12 @@ namespace moondb {
 using PairNumbers = std::map<std::pair<AgentId, AgentId>, double>;
 
 struct InitialValues {
-  std::vector<Pose> poses;      // map_from_node, in the order of CheckedGraph::nodes.
-  std::vector<double> scales;   // Scale error s of each rover. True length is (1 + s) times the odometry's.
+  std::vector<Pose> poses;  // map_from_node, in the order of CheckedGraph::nodes.
+  // Odometry scale error s of each rover: true length is (1 + s) times the length in odometry.
+  std::vector<double> scales;
   std::vector<bool> is_warm;    // True for nodes whose pose is from the last solution.
-  bool has_warm = false;        // At least one node is warm.
-  bool is_mostly_warm = false;  // At least 80 % of the nodes that are not fixed are warm.
+  bool has_warm = false;        // True if at least one node is warm.
+  bool is_mostly_warm = false;  // True if at least 80 % of the nodes that are not fixed are warm.
   PairNumbers biases_m;         // Range bias by pair of agents. A missing pair means 0.
 };
 
@@ -27,7 +28,8 @@ struct StartPrior {
   Pose map_from_node;
   double sigma_m = 0;
   double sigma_rad = 0;
-  // False: the prior is the raw pose, because no start is configured or the configured start is another node's.
+  // True if the prior is the configured start. False if the prior is the raw pose: no start is configured, or the
+  // configured start belongs to another node.
   bool is_configured = false;
 };
 
@@ -36,9 +38,9 @@ struct LoosePrior {
   double sigma_rad = 1;
 };
 
-// Returns the configured start for a rover's node 0, and for a first node with another index whose raw pose agrees with
-// the configured start. Any other first node is a later one whose predecessors have not arrived; it gets a loose prior
-// at its raw pose.
+// Returns the configured start, if there is one and `first` is node 0 or has a raw pose that agrees with the start.
+// Otherwise the first node is a later node whose predecessors have not arrived: returns its raw pose, with the loose
+// sigmas.
 StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents, const LoosePrior& loose);
 
 // Chooses each node's pose from the first available source:
@@ -49,15 +51,15 @@ StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents,
 InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                 const std::vector<StartPrior>& starts, const std::map<NodeKey, Pose>& last_solution);
 
-// Returns each pair's constant range error given `poses`: the maximum a posteriori estimate over the ranges in
-// `counts`, with a zero-mean prior of bias_sigma_m.
+// Returns each pair's constant range error at `poses`: the maximum a posteriori estimate over the ranges whose flag in
+// `counts` is true, with a zero-mean prior of bias_sigma_m.
 PairNumbers EstimateBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const std::vector<Pose>& poses,
                            const std::vector<bool>& counts, double bias_sigma_m);
 
 // Returns true if the node's pose comes from the last solution or from the configuration.
 bool IsKnown(const CheckedGraph& graph, const InitialValues& initial, std::size_t node);
 
-// Position of the agent's UWB antenna in its body frame; zero if not configured.
+// Returns the position of the agent's UWB antenna in the agent's body frame; zero if not configured.
 Eigen::Vector3d AntennaOf(const AgentFactsMap& agents, AgentId agent);
 
 }  // namespace moondb

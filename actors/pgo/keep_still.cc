@@ -39,8 +39,8 @@ std::vector<Move> FindMoves(const CheckedGraph& graph, const Group& group, const
   return moves;
 }
 
-// Returns the rotation about z and the translation that bring the solved positions closest to the last ones. With
-// `pivot_m`: only a rotation about it.
+// Returns the motion (a rotation about z and a translation) that brings the solved positions closest to the last
+// positions. With `pivot_m`, the motion is only a rotation about `pivot_m`.
 Pose FindWayBack(const std::vector<Move>& moves, const std::optional<Eigen::Vector3d>& pivot_m) {
   Eigen::Vector3d last_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d solved_m = Eigen::Vector3d::Zero();
@@ -80,7 +80,7 @@ State Moved(const Group& group, const Pose& by, State state) {
   return state;
 }
 
-// Returns the parts of the team joined by accepted ranges, then each single rover.
+// Returns the groups to move: first the parts of the team joined by accepted ranges, then each single rover.
 std::vector<Group> FindGroups(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                               const std::vector<bool>& is_inlier) {
   std::map<AgentId, std::size_t> places;
@@ -118,8 +118,8 @@ State KeepStill(const CheckedGraph& graph, const std::vector<Rover>& rovers, con
                 State state) {
   const double cost_max = terms.RobustCost(state) + options.still_cost;
   for (const Group& group : FindGroups(graph, rovers, is_inlier)) {
-    // Try a motion with translation, then a rotation about the fixed node. A small translation may be costly next to a
-    // fixed node, while a rotation about that node is free.
+    // Try a motion with translation first, then a rotation about the fixed node. Next to a fixed node even a small
+    // translation may raise the cost, but a rotation about that node does not.
     for (const auto& pivot_m : {std::optional<Eigen::Vector3d>(), group.fixed_m}) {
       const std::vector<Move> moves = FindMoves(graph, group, last, state);
       if (moves.empty()) break;

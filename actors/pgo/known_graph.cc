@@ -8,7 +8,7 @@ namespace moondb {
 
 namespace {
 
-// Calls `take` for the valid record of each natural key (the first one) with its record key and item.
+// Calls `take` with the record key and the item of the valid (first) record of each natural key.
 template <typename Records, typename Take>
 void ForEachStanding(const Records& records, const Take& take) {
   for (auto record = records.begin(); record != records.end(); ++record) {
@@ -85,7 +85,7 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
     const bool is_step = !joined || (edge.from.agent == edge.to.agent && joined->first + 1 == joined->second);
     if (!is_step) return extras[key.stream.origin].push_back({key, *joined, &edge, nullptr});
     if (joined) chain.push_back(*joined);
-    // Kept even if one of its nodes is missing: the solver reports such an edge as left out.
+    // The edge is kept even if one of its nodes is missing. The solver then reports the edge as left out.
     selection.graph.odometry.push_back(edge);
   });
   ForEachStanding(ranges_, [&](const RecordKey& key, const RangeEdge& edge) {

@@ -4,9 +4,9 @@
 // A new or restarted leader therefore continues from the previous leader's solution, except for moves too small to be
 // published (publication.h). Single-threaded.
 //
-// Nodes and edges have separate limits. Beyond a limit, the agents with the most records keep only their newest ones
-// (model/origin_quota.h), so the graph depends only on the set of records. Published poses and verdicts beyond their
-// limit are dropped in order of arrival; only leaders publish these.
+// Nodes and edges have separate limits. Beyond a limit, the agents with the most records keep only their newest records
+// (model/origin_quota.h), so the graph depends only on the set of records. Published poses and verdicts have limits
+// too. Beyond these limits, later arrivals are dropped, which is acceptable because only leaders publish.
 #pragma once
 
 #include <cstdint>
@@ -32,8 +32,8 @@ struct PublishedVerdict {
 class KnownGraph {
  public:
   struct Limits {
-    std::size_t nodes_max = 200'000;  // Maximum number of nodes, and of published poses.
-    std::size_t edges_max = 600'000;  // Maximum number of edges, and of published verdicts.
+    std::size_t nodes_max = 200'000;  // Maximum number of nodes, and also of published poses.
+    std::size_t edges_max = 600'000;  // Maximum number of edges, and also of published verdicts.
   };
 
   // The part of the graph that a solve uses.
@@ -49,17 +49,18 @@ class KnownGraph {
   // covariance, without changing anything.
   //
   // Conflicts are resolved independently of the order of arrival, so all agents hold the same graph. Among poses of one
-  // node, or verdicts of one edge, the highest (term, run) is kept, and among equal ones the greatest record key. Among
-  // records of one natural key (a node's key, or an edge's kind and ends) the smallest record key is kept.
+  // node, or verdicts of one edge, the one with the highest (term, run) is kept; if several have it, the one with the
+  // greatest record key. Among records of one natural key (a node's key, or an edge's kind and ends) the one with the
+  // smallest record key is kept.
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
   // Returns all nodes and edges.
   PoseGraph graph() const { return SelectForSolve({UINT64_MAX, UINT64_MAX}).graph; }
-  // Returns the largest graph whose solve stays within `size`. It contains all nodes, the odometry from each node to
-  // the next, and the newest other edges of each origin, up to a per-origin limit. The limit is the largest that fits,
-  // tried by halving from the largest number of such edges of any origin down to zero.
+  // Returns a graph whose solve stays within `size`. The graph contains all nodes, the odometry from each node to the
+  // next, and the newest other edges of each origin, up to a limit per origin. The limit starts at the largest number
+  // of such edges of any origin, and is halved until the solve fits or the limit is zero.
   Selection SelectForSolve(const SolveSize& size) const;
-  // Maximum size of a solve with this many nodes: several times the need of public pose graphs.
+  // Returns the maximum size of a solve with this many nodes. Public pose graphs need several times less.
   static SolveSize SolveSizeMax(std::size_t node_count);
   std::size_t node_count() const { return nodes_.size(); }
   // Number of records dropped because a limit was reached, by origin. Origins without dropped records are absent.
@@ -72,7 +73,7 @@ class KnownGraph {
   // Returns the published pose; the raw pose if none is published.
   const Pose& NewestPose(const GraphNode& node) const;
 
-  // Returns the last published verdict on a range. Null if no verdict is published; the range then counts as accepted.
+  // Returns the last published verdict on a range. Null if none is published; such a range counts as accepted.
   const PublishedVerdict* FindVerdict(const RangeKey& range) const;
   bool IsPublishedInlier(const RangeKey& range) const;
 

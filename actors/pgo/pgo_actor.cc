@@ -36,14 +36,14 @@ PgoActor::PgoActor(Options options)
               [this](Context&, const proto::StoredRecord& stored) { return TakeRecord(stored); }) {}
 
 void PgoActor::OnStart(Context& context) {
-  // Start at a random id: storage's reply to a request from before a restart must not match a new request.
+  // Start at a random id. Otherwise storage's reply to a request from before a restart could match a new request.
   request_id_ = context.rng()() >> 1;
   context.Watch(Topic::kRoles);
   context.Watch(Topic::kStored);
 }
 
-// Accepts messages only from this agent. Clients reach this actor through the gateway, which has checked their
-// requests. Peers have no requests here.
+// Accepts messages only from actors of this agent. Clients send their requests to the gateway, which checks them and
+// passes them on. Other agents have no requests for this actor.
 void PgoActor::OnMessage(Context& context, const proto::Message& message) {
   if (context.sender().agent != options_.self) return;
   if (reader_.OnMessage(context, message)) return OnRead(context);
@@ -168,7 +168,7 @@ void PgoActor::OnGraphStatsRequest(Context& context) {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
   *message.mutable_graph_stats_reply() = stats_;
-  (void)context.Reply(std::move(message));  // The reply is not needed if the client has disconnected.
+  (void)context.Reply(std::move(message));  // Ignore a failed send: the client may have disconnected.
 }
 
 void PgoActor::OnTimeout(Context& context, std::uint64_t request_id) {
@@ -178,8 +178,8 @@ void PgoActor::OnTimeout(Context& context, std::uint64_t request_id) {
 
 Result<void> PgoActor::TakeRecord(const proto::StoredRecord& stored) {
   proto::Record record;
-  // The record validator has checked every stored record. Skip a record of a later version that this version cannot
-  // parse.
+  // The record validator has checked every stored record. A record of a later version that this version cannot parse is
+  // skipped.
   const RecordKey key = FromProto(stored.key());
   if (record.ParseFromString(stored.content()) && authority_.Counts(key, record)) (void)known_.Add(key, record);
   return {};
@@ -198,7 +198,7 @@ void PgoActor::OnRead(Context& context) {
 void PgoActor::ReportLeftOut(Context& context, std::map<AgentId, std::uint64_t> left_out) {
   for (const auto& [origin, count] : known_.CountLeftOut()) left_out[origin] += count;
   if (std::optional<proto::Message> report = authority_.TakeReport(std::move(left_out))) {
-    // The report is only informative, so ignore a failed send.
+    // The report is only informative. Ignore a failed send.
     (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));
   }
 }
@@ -241,7 +241,7 @@ void PgoActor::SolveNow(Context& context) {
   reply_.set_updated_pose_count(static_cast<double>(publication_.pose_count));
   phase_ = Phase::kWriting;
   written_count_ = 0;
-  // Return to the mailbox first: a role change that arrived during the solve must be handled before the first insert.
+  // Return to the mailbox before the first insert, to handle a role change that arrived during the solve.
   (void)context.AfterTimer(Duration::zero(), kSolved, ++request_id_);
 }
 
@@ -304,7 +304,7 @@ void PgoActor::Answer(Context& context, const Requester& requester, const proto:
   message.set_request_id(requester.request_id);
   *message.mutable_optimize_reply() = reply;
   (void)context.Send(requester.address,
-                     std::move(message));  // The reply is not needed if the requester has disconnected.
+                     std::move(message));  // Ignore a failed send: the requester may have disconnected.
 }
 
 }  // namespace moondb

@@ -7,22 +7,23 @@
 // (proto/graph.proto).
 //
 // With `solve_when_quiet` the leader also solves periodically. A solve starts once no nodes or edges have been stored
-// for that long, which indicates a completed sync. If records never stop arriving, a solve starts `solve_apart` after
-// the first of them.
+// for this duration, which indicates a completed sync. If records never stop arriving, a solve starts `solve_apart`
+// after the first unsolved record.
 //
 // Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy and read back
 // here. A new leader therefore continues from the previous leader's solution.
 //
-// An agent that is not the leader refuses (kRefused, with the leader's name). A request that arrives during a solve
-// waits. If it equals the request in progress and arrived before the solver ran, it gets the same reply. Otherwise it
-// waits for its turn. At most `requesters_max` requests wait; more are refused with kFull.
+// An agent that is not the leader refuses requests with kRefused and the leader's name. A request that arrives during a
+// solve waits. If it equals the request in progress and arrived before the solver ran, both get the same reply.
+// Otherwise it is processed later, in order of arrival. At most `requesters_max` requests wait; further requests are
+// refused with kFull.
 //
-// If storage does not answer within `storage_timeout`, the reply is kTimedOut. Records that storage has committed
-// remain and are not published again. A leader that loses its role replies kRefused and writes no further chunk. If the
-// role change arrives while the solver runs, nothing is published.
+// If storage does not answer within `storage_timeout`, the reply is kTimedOut. Records that storage has already
+// committed remain, and are not published again. If a leader loses its role, it replies kRefused and writes no further
+// chunk. If the role change arrives while the solver runs, nothing is published.
 //
-// A solve has limits (KnownGraph::Limits, SolveSizeMax, solve_time_max). Records beyond a limit are left out, starting
-// with the agents that have the most. AgentStatus.refused names these agents.
+// A solve has limits (KnownGraph::Limits, SolveSizeMax, solve_time_max). If a limit on records is exceeded, the agents
+// with the most records lose some of them first. AgentStatus.refused names these agents.
 //
 // Subscribes to RolesChanged (and requests the roles from RoleActor at the start), OptimizeRequest, GraphStatsRequest
 // and RecordsStored. Spawn it under actor_name::kPgo on its own thread: a solve takes up to seconds. Solves end early
@@ -52,11 +53,11 @@ class PgoActor final : public Actor {
     proto::TeamConfig team;  // Validated configuration: start poses, antennas, the base station's position, names.
     SolverOptions solver;    // Set thread_count to 1 in simulation. The actor overrides stop_requested.
     PublicationOptions publication;
-    // Idle time of the graph before a periodic solve. 0: on request only.
+    // A periodic solve starts once the graph has not changed for this long. 0: solve only on request.
     Duration solve_when_quiet{};
     Duration solve_apart = std::chrono::seconds(60);    // Minimum time between two periodic solves.
     Duration solve_time_max = std::chrono::minutes(5);  // Time limit; a solve that exceeds it changes nothing.
-    std::size_t requesters_max = 16;                    // Maximum number of waiting requests.
+    std::size_t requesters_max = 16;                    // Maximum number of requests that wait.
     std::size_t read_records_max = 1000;                // Maximum number of records per page.
     std::size_t insert_records_max = 200;               // Maximum number of records per chunk.
     Duration storage_timeout = std::chrono::seconds(30);
@@ -74,7 +75,8 @@ class PgoActor final : public Actor {
     Address address;
     std::uint64_t request_id = 0;
     proto::OptimizeRequest request;
-    bool is_late = false;  // Arrived after the current solve had read its records, so the next solve answers it.
+    // True if the request arrived after the current solve had read its records. The next solve then answers it.
+    bool is_late = false;
   };
 
   bool IsFromStorage(const Context& context, const proto::Message& message) const;
@@ -111,7 +113,7 @@ class PgoActor final : public Actor {
   std::optional<proto::RoleAssignment> roles_;
   KnownGraph known_;
   RecordAuthority authority_;
-  bool is_outdated_ = false;  // known_ may contain records that were pruned, or lack records that have become valid.
+  bool is_outdated_ = false;  // True if known_ may contain pruned records, or lack records that have become valid.
   RecordReader reader_;       // Reads records into known_.
 
   Phase phase_ = Phase::kIdle;
@@ -125,14 +127,15 @@ class PgoActor final : public Actor {
 
   // State of the wait until no more records arrive.
   struct Quiet {
-    bool is_awaited = false;      // The timer for the next periodic solve is running.
+    bool is_awaited = false;      // True if the timer for the next periodic solve is running.
     MonotonicTime oldest_news{};  // Arrival time of the oldest record that no solve has seen.
     MonotonicTime newest_news{};
     std::optional<MonotonicTime> last_periodic;
   };
   Quiet quiet_;
 
-  std::uint64_t last_run_ = 0;  // Last run published in the current term, since this actor's restart.
+  // Last run that this agent has published in the current term since this actor's restart.
+  std::uint64_t last_run_ = 0;
   proto::GraphStatsReply stats_;
 };
 

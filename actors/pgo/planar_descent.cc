@@ -76,8 +76,8 @@ class Descent {
     return std::sqrt(square_sum);
   }
 
-  // Rejects a step. If it used the exact curvature, switches to Gauss-Newton for some steps. Otherwise the step was too
-  // long and the radius shrinks.
+  // Rejects a step. If the step used the exact curvature, switches to Gauss-Newton for some steps. Otherwise the step
+  // was too long, and the radius is reduced.
   void RejectStep() {
     if (curvature_ == Curvature::kExact) {
       curvature_ = Curvature::kGaussNewton;
@@ -90,7 +90,8 @@ class Descent {
     shrink_ *= 2;
   }
 
-  // Returns the decrease of F predicted by the linearisation. Not positive if no step was found.
+  // Computes the next step. Returns the decrease of F that the linearisation predicts for it; not positive if no step
+  // was found.
   double Solve(Eigen::VectorXd& step) {
     const Eigen::SparseMatrix<double>& normal = system_.normal().lower();
     std::copy(normal.valuePtr(), normal.valuePtr() + normal.nonZeros(), damped_.valuePtr());
@@ -112,8 +113,9 @@ class Descent {
   double radius_;
   double shrink_ = 2;
   Curvature curvature_ = Curvature::kGaussNewton;
-  int gauss_newton_steps_ = 0;  // Number of Gauss-Newton steps left before the exact curvature is tried again.
-  int wait_ = 1;                // Value of gauss_newton_steps_ after the next step rejected with exact curvature.
+  int gauss_newton_steps_ = 0;  // Number of Gauss-Newton steps before the exact curvature is tried again.
+  // gauss_newton_steps_ is set to this when the next step with exact curvature is rejected.
+  int wait_ = 1;
   Eigen::SparseMatrix<double> damped_;
   OrderedCholesky factorised_;
   PlanarDescent result_;

@@ -1,11 +1,12 @@
 // MinimisePlanar: Levenberg-Marquardt in the plane with variable projection, which re-solves all positions after each
 // step.
 //
-// In a long chain of poses, a step along the tangent stretches the chain that it rotates. Levenberg-Marquardt then
-// takes thousands of small steps through a valley in which distant poses must swing. Re-solving the positions lets them
-// swing along, so the search is only over rotations (variable projection; Ruhe and Wedin, 1980). This costs one solve
-// with a factorisation that is computed once. Near the minimum the exact second derivatives are used where they are
-// positive definite. Along a shallow valley the Gauss-Newton approximation is too large and its steps are too short.
+// In a long chain of poses, a step along the tangent of a rotation stretches the chain. Levenberg-Marquardt then takes
+// thousands of small steps through a shallow valley of the cost in which distant poses must swing along. Re-solving the
+// positions lets them swing along, so that the search is only over rotations (variable projection; Ruhe and Wedin,
+// 1980). Re-solving is cheap, because its matrix is factorised only once. Near the minimum the exact second derivatives
+// are used if they are positive definite. Along a shallow valley the Gauss-Newton approximation of the second
+// derivatives is too large, and its steps are too short.
 #pragma once
 
 #include <functional>

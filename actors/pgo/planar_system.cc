@@ -105,7 +105,7 @@ void PlanarSystem::LineariseArm(std::size_t arm, const PlanarState& state) {
   Eigen::Matrix3d own = Eigen::Matrix3d::Zero();
   own.diagonal() << tau, tau, tau * arm_square + stiffness;
   own.block<1, 2>(2, 0) = tau * swing_m.transpose();
-  Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();  // Block of the node pair. Its rows belong to the first node.
+  Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();  // Block of the pair of nodes. Its rows belong to the first node.
   cross.diagonal() << -tau, -tau, -stiffness;
   cross.block<1, 2>(2, 0) = -tau * swing_m.transpose();
   Eigen::Matrix3d other = Eigen::Matrix3d::Zero();
@@ -119,7 +119,8 @@ void PlanarSystem::LineariseRange(std::size_t range, const PlanarState& state) {
   const auto& [from, to, range_m, weight] = ranges_[range];
   const Eigen::Vector2d apart_m = (state[to] - state[from]).head<2>();
   const double distance_m = apart_m.norm();
-  if (distance_m <= kZeroLength_m) return;  // The direction is undefined and counts as zero.
+  // Without a distance the direction is undefined. Its derivative counts as zero.
+  if (distance_m <= kZeroLength_m) return;
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();
   direction.head<2>() = apart_m / distance_m;
   const Eigen::Vector3d pull = weight * (distance_m - range_m) * direction;
@@ -170,7 +171,8 @@ void PlanarSystem::SettlePositions(PlanarState& state) {
   }
   if (settled_.info() != Eigen::Success) return;
   Eigen::MatrixX2d right = Eigen::MatrixX2d::Zero(positions_->size(), 2);
-  // Adds the normal equations of weight |p_to - p_from - apart|^2. Constant positions go to the right-hand side.
+  // Adds the normal equations of weight |p_to - p_from - apart|^2. Terms with constant positions are moved to the
+  // right-hand side.
   const auto add = [&](const auto& edge, double weight, const Eigen::Vector2d& apart_m) {
     const Eigen::Index from = positions_->FirstOf(edge.from);
     const Eigen::Index to = positions_->FirstOf(edge.to);

@@ -19,7 +19,7 @@ namespace moondb {
 
 using PlanarState = std::vector<Eigen::Vector3d>;  // (x, y, yaw) in the order of StandaloneGraph::nodes.
 
-// Uses the natural order, because BlockMatrix has already ordered its nodes.
+// Cholesky factorisation in the natural order, because BlockMatrix has already ordered its nodes.
 using OrderedCholesky = Eigen::SimplicialLLT<Eigen::SparseMatrix<double>, Eigen::Lower, Eigen::NaturalOrdering<int>>;
 
 enum class Curvature { kGaussNewton, kExact };
@@ -31,8 +31,8 @@ class PlanarSystem {
 
   double Cost(const PlanarState& state) const;
 
-  // Sets gradient() to that of F / 2 at `state`, and normal() to its second derivatives. kGaussNewton uses J^T J, which
-  // is never indefinite; kExact uses the exact second derivatives.
+  // Sets gradient() to the gradient of F / 2 at `state`, and normal() to the second derivatives of F / 2. kGaussNewton
+  // approximates them by J^T J, which is never indefinite; kExact computes them exactly.
   void Linearise(const PlanarState& state, Curvature curvature);
   const BlockMatrix& normal() const { return normal_; }
   const Eigen::VectorXd& gradient() const { return gradient_; }
@@ -47,7 +47,7 @@ class PlanarSystem {
   void SettlePositions(PlanarState& state);
 
  private:
-  // A step, or a sighting. A sighting's rotation has weight zero.
+  // A step or a sighting. For a sighting the weight of the rotation is zero.
   struct Arm {
     std::size_t from = 0;
     std::size_t to = 0;
@@ -65,7 +65,7 @@ class PlanarSystem {
 
   static std::vector<Arm> ArmsOf(const StandaloneGraph& graph, const std::vector<bool>& active);
   static std::vector<Range> RangesOf(const StandaloneGraph& graph, const std::vector<bool>& active);
-  std::vector<BlockMatrix::NodePair> Pairs() const;  // Returns the pairs of arms, then those of ranges.
+  std::vector<BlockMatrix::NodePair> Pairs() const;  // Returns the node pairs of arms, then the node pairs of ranges.
   BlockMatrix MakePositions() const;
   void LineariseArm(std::size_t arm, const PlanarState& state);
   void LineariseRange(std::size_t range, const PlanarState& state);
@@ -77,7 +77,7 @@ class PlanarSystem {
   BlockMatrix normal_;
   Curvature curvature_ = Curvature::kGaussNewton;
   Eigen::VectorXd gradient_;
-  // Normal matrix of the x coordinates, which is also that of the y coordinates. Created at its first use.
+  // Normal matrix of the x coordinates; the matrix of the y coordinates is the same. Created at its first use.
   std::optional<BlockMatrix> positions_;
   OrderedCholesky settled_;
 };

@@ -24,7 +24,7 @@ namespace {
 constexpr double kFreeSigma_m = 1e4;
 constexpr double kFreeSigma_rad = 100;
 
-// Estimates biases from accepted ranges between nodes of the last solution.
+// Estimates the biases from the accepted ranges between nodes of the last solution.
 PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const InitialValues& initial,
                                const LastSolution& last, const SolverOptions& options) {
   std::vector<bool> counts;
@@ -35,8 +35,8 @@ PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& a
   return EstimateBiases(graph, agents, initial.poses, counts, options.bias_sigma_m);
 }
 
-// Returns which nodes are variable. In a window, these are the newest nodes of each rover and the nodes without a
-// previous solution.
+// Returns one flag per node: true if the node is variable. In a window only these nodes are variable: the newest nodes
+// of each rover, and nodes without a previous solution.
 std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& rovers, const InitialValues& initial,
                            std::size_t window_nodes) {
   std::vector<bool> is_free(graph.nodes.size(), false);
@@ -49,8 +49,8 @@ std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& 
   return is_free;
 }
 
-// Returns verdicts on ranges that took part in the solve, or with `is_all` on all ranges. Ranges that did not take part
-// keep their previous verdicts.
+// Returns the verdicts on the ranges that took part in the solve, or, if `is_all`, on all ranges. A range that did not
+// take part keeps its previous verdict.
 std::vector<RangeVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerms& terms, const StagedResult& staged,
                                        bool is_all) {
   const std::vector<double> residuals = terms.RangeResiduals(staged.state);
@@ -63,7 +63,7 @@ std::vector<RangeVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerm
   return verdicts;
 }
 
-// Returns the rovers that the two solutions place apart from each other.
+// Returns the rovers that are at different places in the two solutions.
 std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const State& b) {
   std::set<AgentId> apart;
   for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
@@ -81,12 +81,12 @@ struct Attempt {
   SolverOptions options;  // Copy of the options, with the window of this attempt.
   std::unique_ptr<CostTerms> terms;
   StagedResult staged;
-  // Robust cost at the end. If the attempt was not accepted, the cost at its initial values.
+  // Robust cost of the solution. If the attempt was not accepted, the robust cost at its initial values.
   double robust_cost = std::numeric_limits<double>::infinity();
   std::set<AgentId> ambiguous;  // Rovers that another attempt places elsewhere at nearly the same cost.
 };
 
-// Attempts must not move in memory, because `terms` refers to `options` of the same object.
+// Attempts are held by pointer: they must not move in memory, because `terms` refers to `options` of the same object.
 using AttemptPointer = std::unique_ptr<Attempt>;
 
 class Solver {
@@ -119,18 +119,19 @@ class Solver {
  private:
   bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
 
-  // Solves from the last solution. If the result is suspect, also solves from odometry and keeps the better one.
+  // Solves from the last solution. If the result is suspect, also solves from odometry and returns the better of the
+  // two.
   AttemptPointer Best() const {
     AttemptPointer best = BestFrom(initial_);
     if (!initial_.has_warm || IsStopped() || !IsSuspect(*best)) return best;
     AttemptPointer cold = BestFrom(FindInitialValues(checked_, rovers_, starts_, {}));
-    // A rejected attempt counts with the cost of its initial values. The negative margin accepts a cold solution that
-    // found the same place again.
+    // The robust cost of an attempt that was not accepted is the cost at its initial values. The negative margin
+    // accepts a cold solution that has found the same place again, at about the same cost.
     const double margin = best->staged.is_accepted ? options_.ambiguous_cost : -options_.still_cost;
     return IsBetter(*cold, *best, margin) ? std::move(cold) : std::move(best);
   }
 
-  // Solves from `initial` as given, and with unknown rovers placed elsewhere.
+  // Solves from `initial` as given, and again with the unknown rovers placed elsewhere. Returns the best attempt.
   AttemptPointer BestFrom(const InitialValues& initial) const {
     std::vector<InitialValues> elsewhere;
     if (!unknown_.empty()) {
@@ -146,7 +147,7 @@ class Solver {
     for (const InitialValues& initial_values : elsewhere) {
       if (IsStopped()) break;
       attempts.push_back(Try(initial_values, SolveInitialValues::kArrangedRovers, /*window_nodes=*/0));
-      // A rover that already has a place moves only if another place is clearly better.
+      // If a rover already has a place, accept another place only if it is clearly better.
       const double margin = best == 0 && is_warm && attempts[0]->staged.is_accepted ? options_.ambiguous_cost : 0;
       if (IsBetter(*attempts.back(), *attempts[best], margin)) best = attempts.size() - 1;
     }
@@ -195,8 +196,8 @@ class Solver {
                                        FindFree(checked_, rovers_, attempt.initial, options.window_nodes), options);
   }
 
-  // Returns priors in which a rover with unknown start is held at its initial values, so loosely that the prior costs
-  // nothing.
+  // Returns the priors of all rovers. A rover with unknown start gets a prior at its initial values, with sigmas so
+  // large that the prior costs nothing.
   std::vector<StartPrior> StartsAt(const InitialValues& initial) const {
     std::vector<StartPrior> starts = starts_;
     for (const std::size_t i : unknown_) {
@@ -242,7 +243,7 @@ class Solver {
     });
   }
 
-  // Computes covariances with all nodes variable. A window holds nodes only to save time.
+  // Computes covariances with all nodes variable, even for a window: a window holds nodes constant only to save time.
   void TakeCovariances(const Attempt& attempt) {
     std::vector<std::size_t> nodes;
     for (const NodeKey& key : options_.covariance_of) {
@@ -270,7 +271,7 @@ class Solver {
   const CheckedGraph checked_;
   std::vector<Rover> rovers_;
   std::vector<StartPrior> starts_;
-  // Indices in rovers_ of rovers that have no configured start and that ranges join to others.
+  // Rovers that have no configured start and that ranges join to others, as indices in rovers_.
   std::vector<std::size_t> unknown_;
   InitialValues initial_;
   Solution solution_;

@@ -15,19 +15,19 @@
 // 5. solve least squares over the remaining ranges and test all ranges again, until the tests agree with the previous
 //    ones.
 //
-// UWB through walls and around rocks measures too long, in bursts. Least squares on such ranges is worse than odometry
-// alone.
+// UWB through walls and around rocks measures distances that are too long, in bursts. Least squares over such ranges is
+// worse than odometry without ranges.
 //
 // A warm solve (nearly all nodes have been solved before) starts from the last verdicts instead of the Cauchy stage, so
 // an unchanged graph keeps its poses. If a rover's new ranges do not fit its initial values, a Cauchy stage judges the
-// new and the rejected ranges, while the accepted ones keep full weight. Rigid motions that the data do not require are
-// undone (keep_still.h). A rover without a configured start is placed by its ranges in every solve (unknown_starts.h).
-// It moves to another place only if that lowers the cost by at least `ambiguous_cost`.
+// new ranges and the rejected ranges, while the accepted ranges keep full weight. Rigid motions that the data do not
+// require are undone (keep_still.h). A rover without a configured start is placed by its ranges in every solve
+// (unknown_starts.h). The rover is moved to another place only if that lowers the cost by at least `ambiguous_cost`.
 //
 // A solution is accepted only if all numbers are finite, Ceres converged, and F over the accepted ranges is not above
 // its initial value. If a warm solution is not accepted, or rejects most ranges of a rover, the graph is also solved
-// from odometry, and the lower robust cost wins. If no solution is accepted, `poses` are the initial values and `text`
-// gives the reason.
+// from odometry, and the solution with the lower robust cost is used. If no solution is accepted, `poses` are the
+// initial values and `text` gives the reason.
 //
 // Deterministic: the same values in any order give the same solution, to the last bit for one thread count and binary.
 // A pure function of its arguments; may run on any thread. Run times: docs/benchmarks/pose_graph.md.
@@ -60,13 +60,15 @@ struct SolverOptions {
   double cauchy_sigmas = 2;     // Scale of the Cauchy loss of the robust stage.
   double huber_sigmas = 1.345;  // Scale of Huber's loss, which exists only for comparison.
   double reject_sigmas = 3.5;   // Ranges with larger residuals are left out of the last stage.
-  double burst_sigmas = 2.5;    // Limit next to a rejected range of the same pair whose residual has the same sign.
-  double scale_sigma = 0.02;    // One sigma of a rover's odometry scale about 1.
-  double bias_sigma_m = 0.10;   // One sigma of a pair's constant range error about 0.
+  // Limit for a range next to a rejected range of the same pair, if both residuals have the same sign.
+  double burst_sigmas = 2.5;
+  double scale_sigma = 0.02;   // Standard deviation of a rover's odometry scale about 1.
+  double bias_sigma_m = 0.10;  // Standard deviation of a pair's constant range error about 0.
   GravityReference gravity_reference = GravityReference::kChosen;
-  double gravity_sigma_rad = 0.02;  // One sigma of roll and pitch about gravity_reference.
+  double gravity_sigma_rad = 0.02;  // Standard deviation of roll and pitch about gravity_reference.
   double ambiguous_cost = 10;       // Two solutions whose robust F differs by less are considered ambiguous.
-  // Limits of keep_still.h: a rigid motion above either move limit is undone, if F rises by less than still_cost.
+  // Limits of keep_still.h. A rigid motion above still_move_m or still_move_rad is undone if F then rises by less than
+  // still_cost.
   double still_move_m = 0.01;
   double still_move_rad = 0.002;
   double still_cost = 0.25;
@@ -74,20 +76,21 @@ struct SolverOptions {
   // gap.
   double loose_sigma_m = 10;
   double loose_sigma_rad = 1;
-  // Only this many newest nodes of each rover move, and nodes without a previous solution; scales, biases and all other
-  // poses are held. For a quick answer. 0: all nodes move. All nodes also move if less than 80 % of them have been
-  // solved before, or if a rover without a configured start might belong elsewhere.
+  // Size of a window, for a quick answer: only this many newest nodes of each rover, and nodes without a previous
+  // solution, are variable. Scales, biases and all other poses are held constant. 0: all nodes are variable. All nodes
+  // are also variable if less than 80 % of them have been solved before, or if a rover without a configured start might
+  // belong elsewhere.
   std::size_t window_nodes = 0;
   // Nodes whose covariance is also computed. Costs about as much as a warm solve.
   std::vector<NodeKey> covariance_of = {};
-  // Polled once per iteration. If it returns true, the solve ends and is not accepted.
+  // Polled once per iteration. If it returns true, the solve ends and its solution is not accepted.
   std::function<bool()> stop_requested = {};
 };
 
-// The last published solution, by this leader or another; a solve continues from it.
+// The last published solution, from which a solve continues. This leader or an earlier one published it.
 struct LastSolution {
   std::map<NodeKey, Pose> poses;  // map_from_node of each node.
-  // Rejected ranges, by their nodes. All other ranges between nodes in `poses` were accepted.
+  // Rejected ranges, each given by its two nodes. All other ranges between nodes in `poses` were accepted.
   std::set<RangeKey> rejected;
 };
 
@@ -95,7 +98,8 @@ enum class Anchoring {
   // Accepted ranges join the rover, directly or through other rovers, to a configured start or to two base stations.
   kAnchored,
   kNoRanges,  // The rover has a configured start and odometry, but no accepted range to an agent in the map.
-  // Ranges join the rover to one base station, and no start is known. The rovers may rotate about the base station.
+  // Ranges join the rover to one base station, and no start is known. The trajectories may be rotated about the base
+  // station.
   kYawFree,
   kAmbiguous,   // Another place would fit the rover's ranges nearly as well.
   kUnanchored,  // Nothing ties the rover to the map. Only its relative poses are meaningful.
@@ -121,7 +125,7 @@ struct RoverResult {
   std::string text;  // Describes everything that could not be determined. Empty if all was determined.
 };
 
-// One per usable range that took part in the solve, in the order of CheckedGraph::ranges.
+// Verdicts on the usable ranges that took part in the solve, in the order of CheckedGraph::ranges.
 struct RangeVerdict {
   NodeKey from;
   NodeKey to;
@@ -132,13 +136,14 @@ struct RangeVerdict {
 struct Solution {
   bool is_accepted = false;
   SolveInitialValues initial_values = SolveInitialValues::kOdometry;
-  std::string text;                  // One line. Empty, or why the old poses are kept, or which records were left out.
+  // One line: the reason why the old poses are kept, or the records that were left out. May be empty.
+  std::string text;
   std::map<NodeKey, Pose> poses;     // map_from_node of every usable node, including base stations.
   std::vector<RangeVerdict> ranges;  // Verdicts of the last stage. Empty if not accepted.
   // Covariances of the nodes in SolverOptions::covariance_of, including nodes outside a window. Rows are the position
-  // in the frame `map` (m), then the rotation in the node's own frame (rad). Only rovers whose place in the map is
-  // known have covariances (not kYawFree, not kUnanchored); base stations have none. The covariance of an ambiguous
-  // rover is valid for the place chosen by the solve.
+  // in the frame `map` (m), then the rotation in the node's own frame (rad). Absent for base stations, and for rovers
+  // whose place in the map is unknown (kYawFree, kUnanchored). The covariance of an ambiguous rover is valid for the
+  // place that the solve chose.
   std::map<NodeKey, Matrix6d> covariances;
   std::vector<RoverResult> rovers;  // Sorted by agent. Empty if not accepted.
   LeftOutMap left_out;              // Unusable nodes and edges.
@@ -154,7 +159,7 @@ struct Solution {
 Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents, const LastSolution& last,
                         const SolverOptions& options);
 
-// Returns the state from which the next solve continues. Requires: `solution` was accepted.
+// Returns the solution in the form from which the next solve continues. Requires: `solution` was accepted.
 LastSolution ToLast(const Solution& solution);
 
 }  // namespace moondb

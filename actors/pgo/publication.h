@@ -1,5 +1,5 @@
-// Converts a solution to records (poses that moved and verdicts that changed) and to the reply to the request. Pure
-// functions.
+// Converts a solution to records (poses that moved, verdicts that changed) and to the reply that the requester gets.
+// Pure functions.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 namespace moondb {
 
 struct PublicationOptions {
-  // A pose that moved by less than both thresholds is not published, to save radio time.
+  // A pose that moved by less than both thresholds since its last publication is not published, to save radio time.
   double move_threshold_m = 0.01;
   double move_threshold_rad = 0.002;
 };
@@ -23,13 +23,14 @@ struct Publication {
   std::size_t pose_count = 0;
 };
 
-// Returns the poses of rovers' nodes that moved beyond a threshold or were never published, and the changed verdicts.
-// Empty if the solution was not accepted.
+// Returns the poses of rovers' nodes that were never published or moved beyond a threshold, and the verdicts that
+// changed. Returns no records if the solution was not accepted.
 Publication MakePublication(const Solution& solution, const KnownGraph& known, const AgentFactsMap& agents,
                             const PublicationOptions& options, const proto::Term& term, std::uint64_t run,
                             std::int64_t timestamp_ns);
 
-// Sets `error` to kInternal if the solution was not accepted, or to kNotFound if there was nothing to solve.
+// Returns the reply to the requester. Sets `error` to kInternal if the solution was not accepted, or to kNotFound if
+// there was nothing to solve.
 proto::OptimizeReply ToReply(const Solution& solution);
 
 }  // namespace moondb

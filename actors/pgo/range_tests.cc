@@ -9,13 +9,15 @@ namespace moondb {
 
 namespace {
 
-// Hysteresis: a rejected range returns at a lower limit, otherwise verdicts could alternate between tests.
+// Hysteresis: a rejected range is accepted again only below this fraction of the limit. Otherwise verdicts could
+// alternate between tests.
 constexpr double kReturnPart = 0.9;
-constexpr double kNewRangeSlack = 2;  // Factor on the limit for a new node, whose initial values come from odometry.
+// Factor on the limit for ranges of a new node, because its initial values come only from odometry.
+constexpr double kNewRangeSlack = 2;
 constexpr double kMisfitShareMax = 0.4;
 constexpr double kRejectedShareMax = 0.5;
 constexpr double kJudgedRangesMin = 4;  // Fewer ranges are not enough to judge a rover.
-// Ranges separated by more than this many of the pair's usual intervals are not one burst.
+// Two ranges of a pair belong to one burst only if they are at most this many of the pair's usual intervals apart.
 constexpr double kBurstIntervals = 3;
 
 struct Share {
@@ -47,8 +49,8 @@ std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
   return result;
 }
 
-// An obstacle blocks a line of sight for a while. Next to a rejected range of the same pair, a range whose residual has
-// the same sign gets a lower limit.
+// Rejects ranges next to a rejected range of the same pair beyond a lower limit, if the residuals have the same sign:
+// an obstacle blocks a line of sight for a while.
 void ExtendBursts(const CheckedGraph& graph, const std::vector<std::size_t>& series,
                   const std::vector<double>& residuals, const std::vector<double>& limits,
                   std::vector<bool>& is_inlier) {

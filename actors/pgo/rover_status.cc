@@ -10,10 +10,10 @@ namespace moondb {
 
 namespace {
 
-constexpr std::size_t kAnchoringRangesMin = 3;  // Fewer ranges leave more than one possible place.
+constexpr std::size_t kAnchoringRangesMin = 3;  // With fewer ranges, a rover has more than one possible place.
 
-// Returns `anchored` and all rovers joined to it, directly or through others, by at least kAnchoringRangesMin accepted
-// ranges.
+// Returns `anchored` and all rovers that at least kAnchoringRangesMin accepted ranges join to these, directly or
+// through other rovers.
 std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set<AgentId> anchored) {
   for (bool has_grown = true; has_grown;) {
     has_grown = false;
@@ -30,7 +30,7 @@ std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set
   return anchored;
 }
 
-// Describes the source of the rover's place if no start is configured.
+// Describes where the rover's place comes from if no start is configured.
 std::string WhereElse(const RoverResult& rover) {
   if (rover.anchoring != Anchoring::kUnanchored) return ": its ranges say where it is";
   return rover.range_count > 0 ? ": its ranges say how it stands to other rovers" : ": begins at its raw pose";

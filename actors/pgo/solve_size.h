@@ -1,4 +1,4 @@
-// EstimateSolveSize: the size of the Cholesky factor of a pose graph.
+// EstimateSolveSize: estimates the size of the Cholesky factor of a pose graph, before a solve.
 //
 // Ceres factorises the normal equations. Each node is one block row; two nodes joined by an edge share a block, and the
 // factorisation adds further blocks (fill-in). Nodes are eliminated in approximate minimum degree order, which keeps
@@ -17,8 +17,8 @@ struct SolveSize {
   std::uint64_t products = 0;  // Approximate number of multiplications of two blocks per factorisation.
 };
 
-// `joined`: pairs of nodes by index, 0 to node_count - 1; may contain duplicates. Counting stops once a number exceeds
-// that of `limit`.
+// Counts the blocks and products of a solve of node_count nodes. `joined`: pairs of nodes by index, 0 to node_count -
+// 1; may contain duplicates. Counting stops once either number exceeds its value in `limit`.
 SolveSize EstimateSolveSize(std::size_t node_count, const std::vector<std::pair<int, int>>& joined,
                             const SolveSize& limit);
 

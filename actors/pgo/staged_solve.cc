@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kTestsMax = 10;  // Maximum number of range tests; two or three are usual.
 
-// Returns true if `cost` exceeds `reference` by more than rounding. Costs are sums of squares.
+// Returns true if `cost` exceeds `reference` by more than rounding errors explain. Both are sums of squares.
 bool IsHigher(double cost, double reference) { return cost > reference * (1 + 1e-6) + 1e-9; }
 
 }  // namespace

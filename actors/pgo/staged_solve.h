@@ -11,8 +11,8 @@
 namespace moondb {
 
 struct StagedResult {
-  bool is_accepted = false;  // All numbers are finite, Ceres converged, and the cost is not above its initial value.
-  std::string text;          // Reason if not accepted.
+  bool is_accepted = false;  // True if all numbers are finite, Ceres converged, and the cost did not increase.
+  std::string text;          // The reason if the solution was not accepted.
   State state;
   std::vector<bool> is_inlier;  // In the order of CheckedGraph::ranges.
   double initial_cost = 0;
@@ -20,11 +20,11 @@ struct StagedResult {
   int iterations = 0;
 };
 
-// Minimises with a Cauchy loss on ranges, then alternates least squares and range tests until a test agrees with the
-// previous one.
+// Minimises with a Cauchy loss on ranges, then alternates least squares and range tests until a test gives the same
+// verdicts as the previous test.
 //
-// `first`: verdicts of a previous solve, for a warm start; they replace the robust stage. If they are doubtful, the
-// robust stage runs, but without the loss on previously accepted ranges.
+// `first`: verdicts of a previous solve, for a warm start. They replace the Cauchy stage. If they are doubtful, the
+// Cauchy stage runs, but without the loss on previously accepted ranges.
 StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph, const std::optional<FirstVerdicts>& first,
                            const SolverOptions& options);
 

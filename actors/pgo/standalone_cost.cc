@@ -15,9 +15,11 @@ namespace moondb {
 
 namespace {
 
-constexpr int kShallowIterations = 5;  // Factor on the usual maximum number of iterations.
+// For StartQuality::kShallow, the maximum number of iterations is multiplied by this factor.
+constexpr int kShallowIterations = 5;
 
-// |R_j - R_i R_ij|^2 is twice |2 vec(dq)|^2, so a rotation covariance of 1 / (2 kappa) gives the benchmarks' term.
+// |R_j - R_i R_ij|^2 is twice |2 vec(dq)|^2, so a rotation covariance of 1 / (2 kappa) gives the term that the
+// benchmarks use.
 Matrix6d CovarianceOf(const PlainStep& step) {
   Matrix6d covariance = Matrix6d::Zero();
   covariance.diagonal() << Eigen::Vector3d::Constant(1 / step.tau), Eigen::Vector3d::Constant(1 / (2 * step.kappa));
@@ -124,7 +126,7 @@ PlainFit StandaloneCost::MinimiseInSpace(const ActiveNodes& active, StartQuality
   ceres::Solve(options, &problem, &summary);
   PlainFit fit;
   fit.has_converged = summary.termination_type == ceres::CONVERGENCE && std::isfinite(summary.final_cost);
-  // Ceres reports F / 2. It reports -1 if it could not even evaluate the initial values.
+  // Ceres reports F / 2, or -1 if it could not evaluate the initial values.
   fit.cost = summary.IsSolutionUsable() ? 2 * summary.final_cost : std::numeric_limits<double>::infinity();
   fit.iterations = static_cast<int>(summary.iterations.size());
   return fit;

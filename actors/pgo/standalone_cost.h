@@ -1,8 +1,8 @@
 // StandaloneCost: the cost F of a StandaloneGraph, and its minimisation over a subset of the nodes. Spatial graphs use
-// Ceres. Planar graphs use planar_descent.h, which takes fewer and shorter steps.
+// Ceres. Planar graphs use planar_descent.h, which needs fewer and shorter steps than Ceres.
 //
-// The factors are created once and serve every start and every prefix of the time. F is invariant to rigid motions: if
-// no active node of a connected component is fixed, the component's first pose is held constant. Single-threaded,
+// The factors are created once. They serve every start and every prefix of the time. F is invariant to rigid motions:
+// if no active node of a connected component is fixed, the component's first pose is held constant. Single-threaded,
 // except for Ceres's own threads. `graph` must outlive this object.
 #pragma once
 
@@ -26,11 +26,11 @@ struct PlainOptions {
 
 // One flag per node. A solve ignores inactive nodes, and edges with an inactive end.
 using ActiveNodes = std::vector<bool>;
-// In the order of StandaloneGraph::nodes. Points use only the first three numbers.
+// One block per node, in the order of StandaloneGraph::nodes. A point uses only the first three numbers of its block.
 using PlainState = std::vector<PoseBlock>;
 
-// Closeness of the initial values to the minimum; determines the initial trust region. kShallow: continues in a valley
-// in which an earlier minimisation did not converge.
+// The quality of the initial values, which determines the initial trust region. kNear means close to the minimum,
+// kRough farther away. kShallow means in a shallow valley, where an earlier minimisation ended without convergence.
 enum class StartQuality { kNear, kRough, kShallow };
 
 struct PlainFit {
@@ -51,7 +51,7 @@ class StandaloneCost {
     std::unique_ptr<ceres::CostFunction> factor;
     std::size_t from = 0;
     std::size_t to = 0;
-    bool has_number = false;  // The factor also takes a scale or bias, which is constantly 0 here.
+    bool has_number = false;  // True if the factor also takes a scale or bias, which is 0 here.
   };
 
   PlainFit MinimiseInPlane(const ActiveNodes& active, StartQuality quality, PlainState& state) const;

@@ -24,7 +24,7 @@ PlainStep StepOf(const Pose& from_from_to, const Matrix6d& covariance, bool is_p
   return step;
 }
 
-// Inverts the translation and rotation blocks separately, as the benchmarks' readers do.
+// Returns the covariance. Inverts the translation and rotation blocks separately, as the benchmarks' readers do.
 Matrix6d BlockInverse(const Matrix6d& information, bool is_planar) {
   Matrix6d covariance = Matrix6d::Identity();
   if (is_planar) {

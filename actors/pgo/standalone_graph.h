@@ -1,13 +1,13 @@
-// StandaloneGraph: a pose graph as a file holds it, without a team. Every factor is used as written.
+// StandaloneGraph: a pose graph read from a file, without a team. Every factor is used as written in the file.
 //
-// Its cost is that of the public benchmarks (SE-Sync, CORA), without the factor 1/2 and without a loss:
+// The cost of the graph is that of the public benchmarks (SE-Sync, CORA), without the factor 1/2 and without a loss:
 //
 //   F = sum_steps     kappa |R_j - R_i R_ij|^2 + tau |p_j - p_i - R_i t_ij|^2
 //     + sum_sightings tau |l - p_i - R_i t_il|^2
 //     + sum_ranges    (|p_a - p_b| - r)^2 / variance
 //
-// The isotropic weights are computed from a covariance matrix as those codes do. In d dimensions tau = d /
-// trace(translation covariance). In space kappa = 3 / (2 trace(rotation covariance)), in the plane kappa = 1 /
+// The isotropic weights are computed from a covariance matrix as in the code of SE-Sync and CORA. In d dimensions tau =
+// d / trace(translation covariance). In space kappa = 3 / (2 trace(rotation covariance)), in the plane kappa = 1 /
 // (variance of the yaw).
 //
 // Nodes are poses and points (landmarks). In 2-D all nodes lie in the plane z = 0. Value types.
@@ -26,11 +26,11 @@ namespace moondb {
 
 struct PlainNode {
   NodeKey key;  // Agent 0 and the vertex id for a g2o vertex.
-  Pose vertex;  // Pose in the file: ground truth or somebody's solution.
+  Pose vertex;  // Pose in the file: ground truth, or some solution.
   // Time of the node in ns, or its position in a file without timestamps. Used only for ordering.
   std::int64_t time = 0;
   bool is_point = false;
-  bool is_fixed = false;  // The node is held at `vertex`.
+  bool is_fixed = false;  // True if the node is held at `vertex`.
 };
 
 // `from` and `to` are indices in StandaloneGraph::nodes.
@@ -64,8 +64,8 @@ struct StandaloneGraph {
   std::vector<PlainRange> ranges;
 };
 
-// Landmarks are free unless `fixed` names them. Requires: no range joins a node to itself (the file reader refuses such
-// a range).
+// Converts the contents of a file. Landmarks are free unless `fixed` names them. Requires: no range joins a node to
+// itself (the file reader refuses such a range).
 StandaloneGraph ToStandaloneGraph(const Pyfg& pyfg, const std::set<NodeKey>& fixed = {});
 StandaloneGraph ToStandaloneGraph(const G2o& g2o);
 

@@ -1,4 +1,5 @@
-// Ambiguities of a StandaloneGraph's solution: unconnected parts and differing shapes. Pure functions.
+// Finds ambiguities of a StandaloneGraph's solution: parts that are not connected, and solutions of different shape.
+// Pure functions.
 #pragma once
 
 #include <cstddef>
@@ -12,10 +13,11 @@ namespace moondb {
 // Returns, for each node, the smallest node connected to it by steps, sightings and ranges.
 std::vector<std::size_t> FindJoined(const StandaloneGraph& graph);
 
-// Returns the number of parts whose relative poses are unknown. All parts with a fixed node count as one.
+// Returns the number of parts whose poses relative to each other are unknown. All parts with a fixed node count as one
+// part.
 std::size_t CountLooseParts(const StandaloneGraph& graph, const std::vector<std::size_t>& joined);
 
-// Returns true if every part has the same shape in `a` and `b`, at any pose. Two shapes are the same if, after
+// Returns true if every part has the same shape in `a` and `b`; its pose may differ. Two shapes are the same if, after
 // alignment, no position differs by more than 1 % of the part's extent. A mirrored shape counts as different.
 bool HaveSameShape(const StandaloneGraph& graph, const std::vector<std::size_t>& joined, const PlainState& a,
                    const PlainState& b);

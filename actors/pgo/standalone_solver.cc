@@ -14,10 +14,10 @@ namespace moondb {
 
 namespace {
 
-// Fractions of the whole time at which prefix growth starts. 1 is the whole time at once.
+// Prefix growth starts with these fractions of the whole time. 1 solves the whole time in one step.
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
 constexpr double kSameCostPart = 1e-7;
-// An arrangement whose cost exceeds the best one's by more than this factor fits worse.
+// An arrangement fits worse than the best one if its cost exceeds the best cost by more than this factor.
 constexpr double kWorseTimes = 1.5;
 constexpr int kParallelStartsMax = 60;
 constexpr std::size_t kShapesMax = 8;  // Maximum number of distinct shapes to keep.
@@ -31,7 +31,7 @@ struct Start {
   PlainState state;
 };
 
-// Solution of a prefix from which one start continued.
+// A prefix and its solution, from which a start has already continued.
 struct Passed {
   double part = 0;
   double cost = 0;
@@ -104,7 +104,7 @@ class StandaloneSolver {
     PlainState state(graph_.nodes.size(), ToBlock(Pose{}));
     const std::vector<std::size_t> heads = FindHeads(graph_, all_);
     for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] == node;
-    // Compose along each agent's trajectory first. Use loop closures only for nodes that the trajectories do not reach.
+    // Compose along each agent's trajectory first. Use other edges only for nodes that the trajectories do not reach.
     ComposeFromPlaced(graph_, all_, ComposeAlong::kWay, placed, state);
     ComposeFromPlaced(graph_, all_, ComposeAlong::kAll, placed, state);
     MoveToFixed(heads, state);
@@ -112,7 +112,8 @@ class StandaloneSolver {
     Add(Start{fit, std::move(state)}, InitialValues::kOdometry);
   }
 
-  // Moves each part rigidly to put its first fixed node at its vertex. Then sets every fixed node to its vertex.
+  // Moves each part rigidly so that its first fixed node is at that node's vertex. Then sets every fixed node to its
+  // vertex.
   void MoveToFixed(const std::vector<std::size_t>& heads, PlainState& state) const {
     std::map<std::size_t, Pose> map_from_part;
     for (std::size_t node = 0; node < state.size(); ++node) {
@@ -126,7 +127,8 @@ class StandaloneSolver {
     }
   }
 
-  // Returns the first fraction `part` of the poses, by time, and the points that they observe.
+  // Returns flags of the nodes in a prefix: the first fraction `part` of the poses by time, and the points that these
+  // poses observe.
   ActiveNodes Prefix(double part) const {
     if (times_.empty()) return all_;  // The graph has only points.
     const auto last = static_cast<std::size_t>(part * static_cast<double>(times_.size() - 1));
@@ -147,8 +149,8 @@ class StandaloneSolver {
     return active;
   }
 
-  // Starts from the lowest-cost solution and places each of its parts elsewhere in turn, while the other parts stay. A
-  // landmark tied only by ranges may be on the wrong side of the trajectory.
+  // Takes the lowest-cost solution and places each of its parts elsewhere in turn, while the other parts stay in place.
+  // This helps, for example, with a landmark tied only by ranges that is on the wrong side of the trajectory.
   void LookBeside() {
     const std::vector<std::size_t> heads = FindHeads(graph_, all_);
     const std::vector<bool> standing = FirstPlaced(all_, heads);
@@ -162,14 +164,14 @@ class StandaloneSolver {
         if (--left < 0 || IsStopped()) break;
         const double before = solution_.cost;
         Add(RunStart(1, all_, std::move(arrangement.state)), solution_.initial_values);
-        // The remaining arrangements belong to the solution that was just replaced.
+        // The remaining arrangements were made from a solution that has just been replaced.
         if (solution_.cost < before) break;
       }
     }
   }
 
-  // Levenberg-Marquardt can need hundreds of steps in a shallow valley. If it has not converged, this continues with
-  // more iterations, and with dogleg for spatial graphs.
+  // Continues from the best solution if it has not converged, with more iterations and, for spatial graphs, with
+  // dogleg. In a shallow valley Levenberg-Marquardt can need hundreds of steps.
   void Polish() {
     if (best_.empty()) return;
     PlainState state = best_;
@@ -177,8 +179,8 @@ class StandaloneSolver {
     Add(Start{fit, std::move(state)}, solution_.initial_values);
   }
 
-  // Returns the nodes around which the first arrangement is built: the parts of all fixed nodes, or the largest part if
-  // no node is fixed.
+  // Returns flags of the nodes around which the first arrangement is built: the parts that contain a fixed node, or the
+  // largest part if no node is fixed.
   std::vector<bool> FirstPlaced(const ActiveNodes& active, const std::vector<std::size_t>& heads) const {
     std::map<std::size_t, std::size_t> sizes;
     std::set<std::size_t> standing;
@@ -224,8 +226,8 @@ class StandaloneSolver {
     return options;
   }
 
-  // Runs one start to its end. If it reaches a prefix solution from which another start already continued, it stops
-  // with infinite cost. The rest would repeat that start and could not confirm its result independently.
+  // Runs one start to its end. If it reaches a prefix solution from which another start has already continued, it stops
+  // and returns infinite cost. Continuing would repeat the other start and could not confirm its result independently.
   Start RunStart(double part, ActiveNodes active, PlainState state) {
     PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
     int iterations = fit.iterations;
@@ -251,7 +253,7 @@ class StandaloneSolver {
     });
   }
 
-  // Places new nodes by composing steps from already placed ones, and arranges new parts around the placed nodes.
+  // Places new nodes by composing steps from nodes that are already placed, and arranges new parts around them.
   void Extend(const ActiveNodes& before, const ActiveNodes& active, PlainState& state) const {
     std::vector<bool> placed = before;
     ComposeFromPlaced(graph_, active, ComposeAlong::kAll, placed, state);
@@ -287,7 +289,8 @@ class StandaloneSolver {
     best_ = std::move(start.state);
   }
 
-  // Counts a start as agreeing only if it ends in the same shape. Mirrored shapes can have equal cost.
+  // Counts this start in starts_at_lowest only if it ends in the same shape as an earlier one. Equal costs are not
+  // enough, because mirrored shapes can have equal cost.
   void Meet(const PlainState& state) {
     const auto is_same = [&](const PlainState& other) { return HaveSameShape(graph_, joined_, state, other); };
     if (std::any_of(lowest_.begin(), lowest_.end(), is_same)) {
@@ -319,7 +322,7 @@ class StandaloneSolver {
   std::vector<std::int64_t> times_;
   std::vector<Passed> passed_;
   PlainState best_;
-  std::vector<PlainState> lowest_;  // One state of each shape that has the lowest cost.
+  std::vector<PlainState> lowest_;  // States with the lowest cost, one of each shape.
   PlainSolution solution_;
 };
 

@@ -7,7 +7,8 @@
 
 namespace moondb {
 
-// A rover without `start`, or a base station without `position_m`, gets no start pose. Requires: `team` is validated.
+// Returns the facts of each agent. A rover without `start`, or a base station without `position_m`, gets no start pose.
+// Requires: `team` is validated.
 AgentFactsMap FactsOf(const proto::TeamConfig& team);
 
 AgentFactsMap FactsOf(const Mission& mission);

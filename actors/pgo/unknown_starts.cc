@@ -15,8 +15,8 @@ namespace {
 
 constexpr int kStarts = 60;
 constexpr std::size_t kArrangementsMax = 4;
-// An arrangement of rigid bodies cannot bend. One with a higher cost may become the best after a full solve, but not if
-// its cost is higher by more than this.
+// An arrangement is ruled out if its cost exceeds the lowest cost by more than this. A smaller excess may vanish in a
+// full solve, in which the bodies are no longer rigid.
 constexpr double kRuledOutCost = 30;
 
 // Returns the team's ranges as a graph whose nodes are the antennas.
@@ -43,7 +43,7 @@ std::map<AgentId, std::size_t> CountRanges(const CheckedGraph& graph) {
   return counts;
 }
 
-// Returns, for each agent, the smallest agent that ranges connect to it.
+// Returns the team of each agent: the smallest agent that ranges connect to it.
 std::map<AgentId, AgentId> FindTeams(const CheckedGraph& graph) {
   std::map<AgentId, std::size_t> places;
   for (const CheckedNode& node : graph.nodes) places.try_emplace(node.key.agent, places.size());
@@ -58,7 +58,7 @@ std::map<AgentId, AgentId> FindTeams(const CheckedGraph& graph) {
   return teams;
 }
 
-// Returns the unknown rovers that keep their place and around which the others are arranged.
+// Returns the unknown rovers that stay in place and around which the other unknown rovers are arranged.
 std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                const std::vector<StartPrior>& starts, const std::vector<std::size_t>& unknown,
                                const InitialValues& initial) {
@@ -72,7 +72,7 @@ std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rove
     const bool leaves_yaw_free = initial.has_warm && !FixedNodesHoldYaw(graph);
     if (node.is_fixed && !leaves_yaw_free) placed_teams.insert(teams.at(node.key.agent));
   }
-  std::map<AgentId, AgentId> standing;  // For each other team, the rover that keeps its place.
+  std::map<AgentId, AgentId> standing;  // For each team without a known place: the rover that stays in place.
   for (const std::size_t i : unknown) {
     const AgentId agent = rovers[i].agent;
     if (placed_teams.contains(teams.at(agent))) continue;
@@ -84,7 +84,7 @@ std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rove
   return result;
 }
 
-// Input of ArrangeParts: unknown rovers are bodies, all other nodes are placed.
+// Input of ArrangeParts. Unknown rovers are bodies; all other nodes are placed.
 struct Bodies {
   std::vector<bool> placed;
   std::vector<std::size_t> heads;

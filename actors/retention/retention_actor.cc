@@ -34,7 +34,7 @@ double CountOf(const proto::PruneReply& reply) {
   return count;
 }
 
-// Returns whether leader and survivor are the same agents in both assignments.
+// Returns whether both assignments name the same leader and the same survivor.
 bool HaveOneRoles(const proto::RoleAssignment& a, const proto::RoleAssignment& b) {
   return a.leader() == b.leader() && a.survivor() == b.survivor();
 }
@@ -42,7 +42,7 @@ bool HaveOneRoles(const proto::RoleAssignment& a, const proto::RoleAssignment& b
 }  // namespace
 
 void RetentionActor::OnStart(Context& context) {
-  // The ids start at a random number, so that a reply to a request from before a restart matches no current request.
+  // Start at a random id: a late reply to a request from before a restart must not match a new request.
   request_id_ = context.rng()();
   context.Watch(Topic::kRoles);
   LookLater(context);
@@ -139,7 +139,7 @@ bool RetentionActor::SkipsOccludedMaps(Context& context) {
   return true;
 }
 
-// No other agent has this agent's history, so no peer is asked before it is pruned.
+// Returns whether the plan prunes this agent's history. No other agent has the history, so no peer is asked first.
 bool RetentionActor::IsOfHistory() const { return !job_.plan.empty() && job_.plan.front().request.is_history(); }
 
 bool RetentionActor::IsDryRun() const { return !job_.plan.empty() && job_.plan.front().request.is_dry_run(); }

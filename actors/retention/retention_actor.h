@@ -4,26 +4,27 @@
 //
 // Before it prunes, it requests the current have-sets of the leader and of the designated survivor (except its own)
 // from their RetentionActors over the radio. It uses ControlRequest.have, since a HaveRequest may not leave an agent.
-// Have-sets older than a minute are requested again. Storage then removes only records that all of these have-sets
-// cover. Unless the limit is an age, one of the peers must still hold the record, so a size limit never removes the
-// last copy.
+// It requests have-sets that are older than a minute again. Storage then removes only records that all of these
+// have-sets cover. Unless the limit is an age, leader or survivor must still hold the record, so a size limit never
+// removes the last copy.
 //
-// Nothing is removed if leader or survivor is missing, unreachable or silent, or acts on other roles. PruneReply.text
-// then names the agent. Nothing is removed either for `roles_held_min` after leader or survivor changed. This prevents
-// an agent from taking a role only to confirm a prune.
+// Nothing is removed if leader or survivor is not assigned, is unreachable, does not answer, or acts on other roles.
+// PruneReply.text then names the agent. Nothing is removed either for `roles_held_min` after leader or survivor
+// changed. This prevents an agent from taking a role only to confirm a prune.
 //
-// This actor answers the same request of other agents from its own storage. While it prunes, it reports an empty
-// have-set. A malformed have-set from a peer counts as no answer. The roles are requested from RoleActor for each
-// prune; an agent that missed a role change asks the previous leader and survivor.
+// When another agent requests this agent's have-set, this actor reports the have-set of its storage. While it prunes,
+// it reports an empty have-set. A malformed have-set from a peer counts as no answer. For each prune, the actor
+// requests the current roles from RoleActor. An agent that missed a role change therefore asks the previous leader and
+// survivor.
 //
-// An order for the history of this agent's own robot (PruneOrder.is_history) is executed at once, since no other agent
-// has a copy.
+// An order to prune the history of this agent's own robot (PruneOrder.is_history) is executed without asking peers,
+// since no other agent has a copy.
 //
-// One prune runs at a time; an order that arrives meanwhile is refused with kFull. A restart leaves no work behind:
+// One prune runs at a time; an order that arrives meanwhile is refused with kFull. A restart leaves no prune half done:
 // each request to storage is atomic, and StorageActor publishes what it pruned.
 //
-// Errors in replies: kInvalid (a data type that is never pruned), kFull (a prune is running), kUnavailable (no storage
-// or no merge actor), kTimedOut (no answer from them), and their own errors.
+// Errors in replies: kInvalid (a data type that is never pruned), kFull (a prune is running), kUnavailable (storage or
+// merge actor missing), kTimedOut (that actor did not answer), and that actor's own errors.
 #pragma once
 
 #include <map>
@@ -43,13 +44,13 @@ class RetentionActor final : public Actor {
   struct Options {
     AgentId self = 0;
     proto::TeamConfig team;  // Complete and checked.
-    // Upper bound of the random time between two checks of the limits; the lower bound is half of it.
+    // Upper bound of the random time between two checks of the limits; the lower bound is half of this value.
     Duration period = std::chrono::minutes(10);
     // Timeout for the have-sets of leader and survivor.
     Duration peer_timeout = std::chrono::seconds(20);
     // How long the have-sets of leader and survivor are valid.
     Duration vouched_for = std::chrono::minutes(1);
-    // Minimum time since leader or survivor changed.
+    // Pruning is refused until leader and survivor have been unchanged for this long.
     Duration roles_held_min = std::chrono::minutes(10);
     // Timeout for this agent's storage and role actors.
     Duration own_timeout = std::chrono::seconds(60);
@@ -91,7 +92,8 @@ class RetentionActor final : public Actor {
   void OnOrder(Context& context, const proto::Message& message);
   Result<void> CheckOrder(const proto::PruneOrder& order) const;
   void LookLater(Context& context);
-  // Returns true if it skips the fully occluded maps because the limits, and not an operator, ask for them.
+  // Called when MergeActor fails. If the prune applies the team file's limits, skips the fully occluded maps and
+  // returns true. If an operator ordered the prune, returns false.
   bool SkipsOccludedMaps(Context& context);
   bool IsDryRun() const;
   bool IsOfHistory() const;

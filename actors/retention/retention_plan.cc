@@ -12,7 +12,7 @@ namespace {
 constexpr double kDay_s = 86'400;
 constexpr double kMegabyte = 1e6;
 
-// Adds the types that an empty list means to storage, except events.
+// Adds all types that storage would prune for an empty list, except events.
 void AddTypesButEvents(const std::vector<DataType>& team_types, proto::PruneRequest& request) {
   for (const DataType type : team_types) {
     if (type != proto::AGENT_EVENT && !IsKeptUnlessNamed(type)) request.add_data_types(type);

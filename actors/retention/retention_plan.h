@@ -1,13 +1,13 @@
-// Plans what an agent prunes and in which order. The input is the `retention` section of the team file with the fill
-// level of the store, or an operator's order. Pure functions. StorageActor decides which records may be removed at all
-// (actors/storage/prune.h).
+// Plans what an agent prunes and in which order. The input is an operator's order, or the `retention` section of the
+// team file together with the fill level of the store. Pure functions. StorageActor decides which records may be
+// removed at all (actors/storage/prune.h).
 //
 // Maps may take map_part_max of the store's budget S (store_mb_max). A store that exceeds kBudgetHigh * S is pruned
 // down to kBudgetLow * S, in this order:
 //   1. maps that win no cell of the merged map, if drop_occluded_maps is set;
 //   2. maps beyond their part of kBudgetLow * S, oldest first;
 //   3. records of any type, oldest first.
-// Maps therefore never push out the pose graph, nor the states, of which only the newest are kept. The sizes of
+// Maps therefore never displace the pose graph, nor the states, of which only the newest are kept. The sizes of
 // contents and of file pages differ a little; the next check corrects the difference.
 #pragma once
 
@@ -31,13 +31,13 @@ struct PruneStep {
   proto::PruneRequest request;
   // The step removes only fully occluded maps, which MergeActor lists.
   bool is_of_occluded_maps = false;
-  // The step ends when all steps of the plan so far have removed this many bytes; 0: no limit.
+  // The step ends when this step and all earlier steps of the plan together have removed this many bytes; 0: no limit.
   double until_bytes = 0;
 };
 
 using PrunePlan = std::vector<PruneStep>;
 
-// Returns whether any limit is set. If not, the status of the store is not needed.
+// Returns whether the team file sets any limit. Without a limit, PlanOf and the status of the store are not needed.
 bool HasLimits(const proto::RetentionConfig& retention);
 
 // Returns the plan for the limits of the team file. `team_types` are all data types of the team. Steps for age limits

@@ -1,9 +1,9 @@
 // ChangeBudget: a token bucket per issuer that limits how often an agent adopts role assignments of another agent. Each
-// adopted assignment is stored, applied and announced. Without a limit, one member that may decide roles could occupy
-// the whole team.
+// adopted assignment is stored, applied and announced. Without a limit, one member that may decide roles could keep the
+// whole team busy with changes.
 //
-// Allows a burst of kAtOnce, then kPerHour. An assignment beyond the limit is retried later, if it is still the newest.
-// Value type.
+// Allows a burst of kAtOnce assignments, then kPerHour. The caller retries an assignment beyond the limit later, if
+// that assignment is still the newest. Value type.
 #pragma once
 
 #include <algorithm>

@@ -15,7 +15,7 @@ namespace {
 
 enum FailoverTimer : std::uint32_t { kMissed = 0, kCheck = 1 };
 
-// Id of the RoleSetRequest. Only an error in the reply matters; RolesChanged reports success.
+// Id of the RoleSetRequest. Only an error in its reply is evaluated; success is learned from RolesChanged.
 constexpr std::uint64_t kTakeLead = 1;
 
 constexpr int kChecksInTimeout = 3;
@@ -55,7 +55,7 @@ void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
       leases_.SetAll(message.leases_changed());
       break;
     case proto::Message::kDown:
-      known_ = connected_;  // LeaseActor restarts without leases; only connected agents announce theirs again.
+      known_ = connected_;  // LeaseActor lost all leases at its restart; only connected agents announce theirs again.
       break;
     case proto::Message::kControlReply:
       if (const auto taken = CheckControlReply(message); !taken && message.request_id() == kTakeLead) {
@@ -69,7 +69,8 @@ void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
 }
 
 void FailoverActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
-  // One term may be published twice: first without this agent's own role, and with it once the assignment is stored.
+  // RoleActor may publish one term twice: first without this agent's own role, and again with that role once the
+  // assignment is stored.
   const bool is_known = roles.leader() == roles_.leader() && roles.survivor() == roles_.survivor() &&
                         OrderOf(roles.term()) == OrderOf(roles_.term());
   if (is_known || IsNewer(roles_.term(), roles.term())) return;

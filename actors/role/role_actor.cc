@@ -60,7 +60,7 @@ RoleActor::RoleActor(Options options)
                    [this](Context& context, const proto::StoredRecord& record) { return OnRecord(context, record); }) {}
 
 void RoleActor::OnStart(Context& context) {
-  // Start at a random id: a reply to a request sent before a restart must not match a new request.
+  // Start at a random id: a late reply to a request from before a restart must not match a new request.
   storage_request_id_ = context.rng()();
   context.WatchPeers();
   AskStorage(context);

@@ -164,8 +164,8 @@ void RoleLogic::AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs
 // --- Chains ---
 
 void RoleLogic::AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
-  // Request one chain at a time; other agents will repeat their announcements. A newer announcement of the same agent
-  // restarts the request.
+  // Request only one chain at a time, because other agents will repeat their announcements. A newer announcement of the
+  // same agent replaces the request.
   if (chain_asked_ && chain_asked_->from != from) return;
   const bool goes_on = chain_asked_ && chain_asked_->announced.signature() == theirs.signature();
   if (!goes_on) chain_asked_ = ChainAsked{from, theirs, {}};
@@ -355,7 +355,7 @@ RoleLogic::Actions RoleLogic::OnAnnounceTimer() {
 RoleLogic::Actions RoleLogic::OnLeaderTimer(std::int64_t now_ns) {
   Actions actions;
   if (!is_waiting_to_lead_) return actions;
-  started_ns_ = now_ns;  // If an assignment is being stored, OnSaved takes the new term.
+  started_ns_ = now_ns;  // If an assignment is being stored now, OnSaved will issue the new term.
   if (!saving_) TakeNewTerm(/*is_start=*/true, actions);
   return actions;
 }
@@ -429,8 +429,9 @@ Result<void> RoleLogic::CheckIssued(const proto::RoleAssignment& roles) const {
 
 Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const {
   if (Result<void> checked = CheckIssued(roles); !checked) return checked;
-  // Every change keeps or replaces the survivor, so a team that starts with one always has one. Roles without a
-  // survivor are not an assignment: an agent acts on them if it could not store that it is the survivor.
+  // Every change keeps or replaces the survivor, so a team that starts with a survivor always has one. Only InForce()
+  // returns roles without a survivor, at a survivor that could not store its assignment; agents never announce those
+  // roles.
   if (roles.survivor() == 0 && options_.initial.survivor() != 0) {
     return Fail(ErrorCode::kRefused, "is missing", "roles.survivor");
   }

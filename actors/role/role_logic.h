@@ -2,24 +2,26 @@
 //
 // Each term has at most one assignment. Terms are ordered by number, issuer and the issuer's epoch; an agent acts on
 // the newest assignment that it knows. It stores an assignment durably before it acts on it or announces it. It then
-// announces the assignment to all other agents, repeatedly and with a growing delay, until each is known to hold it. An
-// agent that announces an older assignment receives the newer one in reply. Agents that can communicate therefore
-// agree. Two leaders can only exist in two partitions of a team.
+// announces the assignment to all other agents, repeatedly and with a growing delay, until every agent is known to hold
+// it. An agent that announces an older assignment receives the newer one in reply. Agents that can communicate
+// therefore agree. Two leaders can only exist in two partitions of a team.
 //
-// In a team with keys, the issuer signs its assignments, and only valid ones are adopted (model/role_chain.h). An agent
-// that never had a role and is not in command_from cannot change the roles. Propose refuses requests at an agent that
-// may not decide roles. An agent that lacks the predecessor of an announced assignment requests the chain from the
-// announcer, page by page, and stores it with the assignment. Until then it keeps its own assignment.
+// In a team with keys, the issuer signs its assignments, and agents adopt only valid assignments (model/role_chain.h).
+// An agent that never had a role and is not in command_from cannot change the roles. Propose refuses requests at an
+// agent that may not decide roles. An agent that lacks the predecessor of an announced assignment requests the chain of
+// predecessors from the announcer, page by page, and stores the chain with the assignment. Until then the agent keeps
+// its current assignment.
 //
 // An agent whose stored roles name it leader does not act at once after its start. It announces its assignment and
-// waits for `leader_wait`, or until all agents agree. Unless it hears of a newer term, it then takes a new term with
-// the same roles and acts in that. No data from before the restart can then have the same term as data from after it.
-// An agent that lost its disk and hears from others that it leads takes a new term, too. Term 0 is the team file's.
+// waits for `leader_wait`, or until all agents agree. Unless it hears of a newer term, it then issues the same roles in
+// a new term and acts in that term. Data from before the restart and data from after the restart then never have the
+// same term. An agent that lost its disk and hears from others that it leads also issues a new term. Term 0 is the term
+// of the team file's roles.
 //
 // Durability before acting applies to gaining a role, not to losing one. If an assignment of another agent cannot be
-// stored, this agent acts on it without any role of its own: it neither leads nor survives, and confirms nothing. It
-// stores the assignment as soon as the disk accepts it. After a restart before that, it starts with the assignment on
-// its disk. If a new term of its own cannot be stored, this agent does not lead.
+// stored, this agent acts on it without any role of its own: it is neither leader nor survivor, and confirms nothing.
+// It stores the assignment as soon as the disk accepts writes. If it restarts before that, it starts with the older
+// assignment on its disk. If this agent cannot store a new term that it issued itself, it does not lead.
 //
 // Pure logic: each input returns the actions to take. Not thread-safe.
 #pragma once
@@ -49,11 +51,12 @@ class RoleLogic {
   struct Options {
     AgentId self = 0;
     std::vector<AgentId> agents;  // All agents of the team, including this one.
-    // The agents that have left the team. Their earlier decisions stay valid, but new roles must not name them.
+    // Agents that have left the team. Their earlier decisions stay valid, but new roles must not name these agents.
     std::set<AgentId> left;
     proto::RoleAssignment initial;                                    // The team file's roles, in term 0.
     std::function<Result<void>(const proto::RoleAssignment&)> check;  // Fails if the team cannot have these roles.
-    // Return this agent's signature, and whether an assignment has its issuer's. Null in a team without keys.
+    // `sign` returns this agent's signature of an assignment. `is_signed` returns whether an assignment has a valid
+    // signature of its issuer. Null in a team without keys.
     std::function<std::string(const proto::RoleAssignment&)> sign;
     std::function<bool(const proto::RoleAssignment&)> is_signed;
     std::function<bool(AgentId)> may_command = [](AgentId) { return true; };  // Evaluates command_from.
@@ -68,10 +71,11 @@ class RoleLogic {
   static constexpr std::size_t kHistoryMax = 1000;
   // In a team without keys, a term number further ahead than this is a mistake or an attack, and is rejected.
   static constexpr std::uint64_t kTermJumpMax = 1'000'000;
-  // Size limit of one page of a chain. As a control message, a page delays others by 128 ms at 1 Mbit/s.
+  // Size limit of one page of a chain. A page is a control message, and delays other control messages by 128 ms at 1
+  // Mbit/s.
   static constexpr std::size_t kChainPageBytesMax = 16 * 1024;
-  // Longest chain that is requested; a longer one is refused. A new assignment by an agent of command_from needs no
-  // chain, so it resolves such a case.
+  // Longest chain that is requested; an assignment with a longer chain is refused. An operator can then assign the
+  // roles again at an agent in command_from, because such an assignment needs no chain.
   static constexpr std::size_t kChainLengthMax = kAssignmentsOfIssuerMax;
 
   struct Announcement {
@@ -89,7 +93,7 @@ class RoleLogic {
   struct Actions {
     std::optional<proto::RoleAssignment> save;  // Store this, then call OnSaved or OnSaveFailed.
     std::optional<ChainQuestion> question;
-    std::optional<proto::RoleAssignment> apply;  // Act on this. It is durable, or gives this agent no role.
+    std::optional<proto::RoleAssignment> apply;  // Act on these roles. They are durable, or give this agent no role.
     std::vector<Announcement> announcements;
     std::optional<Duration> announce_timer;  // Delay to OnAnnounceTimer; replaces a running timer.
     std::optional<Duration> leader_timer;    // Delay to OnLeaderTimer.
@@ -98,41 +102,45 @@ class RoleLogic {
 
   explicit RoleLogic(Options options);
 
-  // Starts with the stored assignments. `history`: those acted on, oldest first; `known`: those known only from
-  // records. In a team without keys, the last of `history` becomes current; in a team with keys, the newest valid one
-  // of both. If the team file no longer allows it, the file's roles become current, but its term number stays used.
-  // Requires: `own_epoch` is random and not 0.
+  // Starts with the stored assignments. `history`: assignments that this agent acted on, oldest first. `known`:
+  // assignments known only from records. In a team without keys, the last assignment in `history` becomes current; in a
+  // team with keys, the newest valid assignment in both lists. If the team file no longer allows that assignment, the
+  // file's roles become current, but the assignment's term number stays used. Requires: `own_epoch` is random and not
+  // 0.
   Actions OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch, std::int64_t now_ns,
                    const std::vector<proto::RoleAssignment>& known = {});
   bool is_loaded() const { return is_loaded_; }
   // Sets the monotonic time of the following calls.
   void SetNow(Time now) { now_ = now; }
 
-  // Returns the assignment for `request`; Adopt stores it. Fails with kUnavailable before OnLoaded and while another
-  // assignment is being stored. Fails with kInvalid for a contradictory request. Fails with kRefused for impossible
-  // roles, for a request whose `expected` differs from the current assignment (both name the field), and while a newer
-  // assignment is known that cannot be stored.
+  // Returns the assignment that fulfils `request`; the caller passes it to Adopt, which stores it. Fails with
+  // kUnavailable before OnLoaded and while another assignment is being stored. Fails with kInvalid for a contradictory
+  // request. Fails with kRefused for impossible roles, and for a request whose `expected` differs from the current
+  // assignment; both errors name the field. Also fails with kRefused while a newer assignment is known that cannot be
+  // stored.
   Result<proto::RoleAssignment> Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const;
   // Returns the assignment by which this agent hands its role to one of the `connected` agents. A leader hands over to
   // the designated survivor if possible, otherwise to another agent that may lead. It becomes the survivor itself only
-  // if no other agent can. Fails with kNotFound if this agent has no role, and with kUnavailable as Propose does and
-  // while no suitable agent is connected.
+  // if no other agent can. Fails with kNotFound if this agent has no role. Fails with kUnavailable in the same cases as
+  // Propose, and while no suitable agent is connected.
   Result<proto::RoleAssignment> ProposeStepDown(const std::set<AgentId>& connected, const std::string& reason,
                                                 std::int64_t now_ns) const;
   // Starts to store an assignment returned by Propose or ProposeStepDown.
   Actions Adopt(proto::RoleAssignment roles);
 
-  // Handles an announcement from another agent. kRefused, without any effect, if the assignment is not acceptable.
+  // Handles an announcement from another agent. Fails with kRefused, without any effect, if the assignment is not
+  // acceptable.
   Result<Actions> OnAnnounce(AgentId from, const proto::RoleAnnounce& announce);
   // OnChainRequest answers an agent that lacks the predecessors of an assignment. OnChainReply handles the reply to
-  // this agent's own request. kRefused as for OnAnnounce; a page other than the requested one ends the request.
+  // this agent's own request. It fails with kRefused like OnAnnounce; a page other than the requested one ends the
+  // request.
   proto::RoleChainReply OnChainRequest(const proto::RoleChainRequest& request) const;
   Result<Actions> OnChainReply(AgentId from, const proto::RoleChainReply& reply);
-  // Handles an assignment stored as a record. It is only remembered, unless it makes an assignment valid that is newer
-  // than the current one.
+  // Remembers an assignment that is stored as a record. If this makes an assignment valid that is newer than the
+  // current one, starts to adopt the newer assignment.
   Actions OnRecord(const proto::RoleAssignment& roles);
 
-  // Handle storage's answer for the assignment being stored.
+  // Handle storage's answer to the request to store saving().
   Actions OnSaved();
   Actions OnSaveFailed();
   // Storage has not answered in time. The caller repeats the request, and storage may still report success or failure.
@@ -153,7 +161,7 @@ class RoleLogic {
  private:
   std::optional<proto::RoleAssignment> WithoutOwnRole(const std::set<AgentId>& connected) const;
   Result<void> CheckExpected(const proto::RoleSetRequest& request) const;
-  // Checks that do not depend on the team file's role rules: issuer, number, sizes and signature.
+  // Checks what does not depend on the team file's rules for roles: issuer, number, sizes and signature.
   Result<void> CheckIssued(const proto::RoleAssignment& roles) const;
   Result<void> CheckAnnounced(const proto::RoleAssignment& roles) const;
   Result<void> CheckMayDecide() const;
@@ -162,35 +170,37 @@ class RoleLogic {
   // Returns `roles` with the term, predecessor and signature of this agent's next assignment. `is_command`: an operator
   // decided the roles. If this agent is in command_from, the assignment then begins a new era.
   proto::RoleAssignment Issue(proto::RoleAssignment roles, bool is_command) const;
-  // Adopts an announced assignment that is valid, if the issuer's budget allows it.
+  // Starts to store an announced assignment that is valid, if the issuer's budget allows it.
   void AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
   // Adopts the newest valid assignment if it is newer than the current one. If the issuer's budget is used up, the
   // announce timer retries.
   void AdoptNewestKnown(Actions& actions);
-  // Takes one change from the issuer's budget. Returns false if none is left.
+  // Takes one change from the issuer's budget. Returns false if the budget is used up.
   bool TakeChange(AgentId issuer);
   void NoteStored(const proto::RoleAssignment& roles);
   void AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
-  // Fails if the team cannot have these roles from now on.
+  // Fails if options_.check refuses the roles, or if the new leader or survivor has left the team.
   Result<void> CheckNew(const proto::RoleAssignment& roles) const;
   bool IsMember(AgentId agent) const;  // Returns whether the team file names the agent, even if it has left.
   bool HasLeft(AgentId agent) const { return options_.left.contains(agent); }
-  // Returns whether `roles` name this agent leader in a term that it did not issue since its start. It may have led in
-  // that term before. It cannot always know, because its disk may be new or restored from an old copy.
+  // Returns whether `roles` name this agent leader in a term that this agent has not issued since its start. The agent
+  // may have led in that term before the restart. Its disk may be new or restored from an old copy, so the agent cannot
+  // always know.
   bool IsFromBeforeRestart(const proto::RoleAssignment& roles) const;
   bool IsConfirmedByAll() const;                             // Ignores agents that have left.
-  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // Returns whether this agent issued it since its start.
-  // The roles that this agent acts on: the newest known, without a role that could not be stored.
+  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // Whether this agent issued the term since its start.
+  // Returns the roles that this agent acts on: the newest known roles, without a role of this agent that could not be
+  // stored.
   proto::RoleAssignment InForce() const;
   void ActWithoutOwnRole(const proto::RoleAssignment& unstored, Actions& actions);
   void Notify(AgentId to, bool is_reply, Actions& actions) const;
   void NotifyUnconfirmed(Actions& actions);
   void Confirm(AgentId agent, Actions& actions);
-  // Issues the current roles in a new term. `is_start`: because this agent started; false: because another agent
-  // decided them.
+  // Issues the current roles in a new term. `is_start`: true because this agent has started, false because another
+  // agent made this agent leader.
   void TakeNewTerm(bool is_start, Actions& actions);
 
-  // A chain being requested: the announced assignment, and the predecessors received so far, newest first.
+  // A request for a chain: the announced assignment, and its predecessors received so far, newest first.
   struct ChainAsked {
     AgentId from = 0;
     proto::RoleAssignment announced;
@@ -206,7 +216,7 @@ class RoleLogic {
   Options options_;
   Time now_{};
   ChangeBudget changes_;        // Used only in a team with keys.
-  bool awaits_budget_ = false;  // The announce timer will retry an assignment whose issuer had no budget left.
+  bool awaits_budget_ = false;  // The announce timer retries an assignment that had no budget.
   RoleChain chain_;
   std::set<std::string> stored_;  // Signatures of stored assignments that are, or may become, valid.
   std::optional<ChainAsked> chain_asked_;
@@ -219,7 +229,7 @@ class RoleLogic {
   std::vector<proto::RoleAssignment> history_;
   std::set<AgentId> confirmed_;  // Agents known to hold current_.
   std::optional<Saving> saving_;
-  std::optional<proto::RoleAssignment> unstored_;      // Decided by others, newer than current_, but not durable here.
+  std::optional<proto::RoleAssignment> unstored_;      // Newer than current_, by another issuer, not durable here.
   std::optional<proto::RoleAssignment> own_unstored_;  // This agent's own new term that could not be stored.
   Duration announce_delay_{};
 };

@@ -9,11 +9,11 @@ namespace moondb {
 namespace {
 
 constexpr double kRatioMin = 0.01;
-// Upper bound of the bytes that a batch has beside its fragment. Fragments are this much smaller than a batch, so two
-// batches fit into the credit.
+// Upper bound of the bytes of a batch besides its fragment. Fragments are smaller than the batch limit by this much, so
+// two batches fit into the credit.
 constexpr std::size_t kFragmentHeadBytes = 64;
 
-// Counts the missing records by data type after the first `sent_count` records of the reply are sent.
+// Returns the number of missing records by data type, without the first `sent_count` records of the reply.
 std::vector<proto::TypeBacklog> BacklogOf(const proto::MissingReply& reply, int sent_count) {
   std::vector<proto::TypeBacklog> backlog(reply.backlog().begin(), reply.backlog().end());
   for (int i = reply.records_size(); i-- > sent_count;) {
@@ -75,7 +75,7 @@ bool BatchMaker::Make(const proto::MissingReply& reply, std::size_t bytes_max, b
   Code(reply, bytes_max, is_part_of_order);
   missing_count_ = ready_->message.remaining();
   if (missing_count_ == 0) is_end_reported_ = true;
-  // One message does not always hold all dropped intervals.
+  // If dropped intervals were sent, return false: a message may be too small for all of them.
   return missing_count_ == 0 && reply.dropped().empty();
 }
 
@@ -186,8 +186,8 @@ HaveSet BatchMaker::Contents() const {
 }
 
 double BatchMaker::ContentBytesFor(std::size_t coded_bytes) const {
-  // The compact codec can stop at the size limit, so ask for more content than needed. The other codecs must code a
-  // batch again to make it smaller, so ask for a little less.
+  // The compact codec can stop at the size limit, so request more content than probably fits. The other codecs must
+  // code a batch again to make it smaller, so request a little less.
   const double share = codec_ == proto::CODEC_COMPACT ? 1.25 : 0.9;
   return share * static_cast<double>(coded_bytes) / coded_ratio_;
 }

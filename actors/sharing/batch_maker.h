@@ -2,8 +2,9 @@
 //
 // One batch is ready at a time. It holds as many records as fit into one message, or the next fragment of a record that
 // does not fit (fragments.h). BatchMaker estimates how many records fit from the ratio of coded bytes to content bytes.
-// Batch numbers count from 1 and restart with the session. Each batch says how many records remain after it. The last
-// batch says 0, carries the dropped intervals, and holds no record if none was missing.
+// Batch numbers count from 1, and do so again when the session starts over. Each batch contains the number of records
+// that remain to be sent after it. In the last batch this number is 0. The last batch also carries the dropped
+// intervals, and contains no records if none were missing.
 //
 // Batches of maps form runs (codec.h), which continue from one order to the next. A new run begins if the destination
 // may lack a batch of the current run. That is the case if a batch was in flight or ready when the session started
@@ -35,7 +36,8 @@ struct MadeBatch {
 
 class BatchMaker {
  public:
-  // Requires: `first_run` differs from the run numbers of earlier processes, for example because it is random.
+  // Requires: `first_run`, the number of the first run, differs from the run numbers of earlier processes, for example
+  // because it is random.
   BatchMaker(AgentId destination, proto::Codec codec, const PaperSql& paper_sql, std::uint32_t first_run)
       : destination_(destination), codec_(codec), encoder_(paper_sql, first_run) {}
 
@@ -45,47 +47,50 @@ class BatchMaker {
   // Accepts the destination's answer to the session's Hello.
   void TakeAnswer(const proto::Have& answer);
 
-  // Makes the next batch from storage's answer. A batch of several records has at most `bytes_max` coded bytes.
-  // `is_part_of_order`: the answer covers only a part of the order, so this batch is not marked as the last one.
-  // Returns true if nothing remains to be sent after this batch.
+  // Makes the next batch from storage's answer, if there is anything to send. A batch of several records has at most
+  // `bytes_max` coded bytes. `is_part_of_order`: the answer covers only a part of the order, so this batch is not
+  // marked as the last one. Returns true if nothing remains to be sent after this batch.
   bool Make(const proto::MissingReply& reply, std::size_t bytes_max, bool is_part_of_order);
-  // Makes a batch without records that does not end the order. It replaces the ready batch and the record that is being
-  // sent in fragments.
+  // Makes a batch without records that does not end the order. Discards the ready batch and the remaining fragments of
+  // a record.
   void MakeEmpty(std::size_t bytes_max);
   // If a record is being sent in fragments, makes the next fragment the ready batch, with at most `bytes_max` coded
   // bytes.
   void MakeNextFragment(std::size_t bytes_max);
   const std::optional<MadeBatch>& ready() const { return ready_; }
-  // Removes the ready batch and returns it. Its number is next_number() as of before the call. Requires: ready().
+  // Removes the ready batch and returns it. Its number is the value of next_number() before the call. Requires: a batch
+  // is ready.
   MadeBatch Take();
   std::uint32_t next_number() const { return next_number_; }
 
-  // The records and dropped intervals of the ready batch, and the record that is being sent in fragments.
+  // Returns the records and dropped intervals of the ready batch, and the record that is being sent in fragments.
   HaveSet Contents() const;
   // Estimates how many content bytes fit into `coded_bytes` coded bytes.
   double ContentBytesFor(std::size_t coded_bytes) const;
 
-  // Records became missing after storage's answer, so the ready batch no longer ends the order.
+  // Call if records became missing after storage's answer. The ready batch then no longer ends the order.
   void PutOffEnd();
-  // True if a batch with 0 remaining records was made since the session started over or PutOffEnd was called.
+  // True if a batch with 0 remaining records was made after the last start of the session and after the last call of
+  // PutOffEnd.
   bool has_reported_end() const { return is_end_reported_; }
 
-  // The destination lacks a batch of this run. Sends no further batch of the run.
+  // Call if the destination lacks a batch of this run. Discards the ready batch and fragments if they belong to the
+  // run, and makes no further batch of it.
   void DropRun(std::uint32_t run);
-  // Ends the current run and frees its memory. The next batch then depends on no earlier one.
+  // Ends the current run and frees its memory. The next batch then depends on no earlier batch.
   void EndRun() { encoder_.BeginRun(); }
 
-  // Clears the counts of missing records, since no order is open any more.
+  // Call when no order is open any more. Clears the counts of missing records.
   void ForgetMissing();
-  // Number of records that are missing at the destination and not sent yet, including the ready batch.
+  // Number of records that are missing at the destination and not sent yet, including the records of the ready batch.
   std::uint64_t RemainingCount() const { return missing_count_ + (ready_ ? ready_->contents.keys.size() : 0); }
   void AddTo(proto::ShareSession& status) const;
 
  private:
-  // One record that is being sent in fragments: the fragments after the ready one.
+  // A record that is being sent in fragments: its fragments after the ready batch.
   struct Large {
     RecordKey key;
-    std::uint64_t remaining = 0;  // Number of records that remain after this one.
+    std::uint64_t remaining = 0;  // Number of records that remain to be sent after this record.
     FragmentCutter cutter;
     std::uint32_t run = 0;         // The run of maps to which the record's batch belongs; 0: none.
     bool leans_on_others = false;  // The batch can be decoded only after the earlier batches of its run.
@@ -102,15 +107,15 @@ class BatchMaker {
   std::uint64_t session_id_ = 0;
   std::uint32_t next_number_ = 1;
   SharingEncoder encoder_;
-  // Batches of maps are coded independently of each other: the destination keeps no run of this session, or lost one.
+  // Each batch of maps begins a new run, because the destination keeps no runs for this session or lost one.
   bool is_each_by_itself_ = false;
   double coded_ratio_ = 0.5;  // Coded bytes per content byte, smoothed.
   std::optional<MadeBatch> ready_;
   std::optional<Large> large_;
   PartOfWhole part_;  // The part of a large record that the destination already holds.
   bool is_end_reported_ = false;
-  std::uint64_t missing_count_ = 0;                // Missing records beyond the ready batch and those in flight.
-  std::vector<proto::TypeBacklog> missing_types_;  // The missing records by data type.
+  std::uint64_t missing_count_ = 0;                // Missing records, except those in the ready batch and in flight.
+  std::vector<proto::TypeBacklog> missing_types_;  // `missing_count_` by data type.
   bool is_missing_known_ = false;                  // Storage has answered since the session started over.
 };
 

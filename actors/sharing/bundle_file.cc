@@ -58,7 +58,7 @@ int BundleWriter::Add(const proto::RecordBatch& records) {
 }
 
 bool BundleWriter::AddAll(const proto::RecordBatch& records) {
-  BatchEncoder encoder = *encoder_;  // A copy: records that do not fit must not change the encoder's state.
+  BatchEncoder encoder = *encoder_;  // A copy, since records that do not fit must not change the encoder's state.
   HaveSet have = have_;
   for (const proto::StoredRecord& record : records.records()) Note(record, have);
   proto::BundlePart& part = *file_.add_parts();

@@ -31,8 +31,8 @@ class BundleWriter {
   BundleWriter(proto::BundleFile head, std::size_t bytes_max);
   ~BundleWriter();
 
-  // Adds as many of the records as fit, in order, and returns their number. Encodes a record several times if not all
-  // records fit.
+  // Adds as many of the first records as fit, and returns their number. If not all records fit, some are encoded
+  // several times to find that number.
   int Add(const proto::RecordBatch& records);
 
   const HaveSet& have() const { return have_; }
@@ -51,11 +51,11 @@ class BundleWriter {
   std::unique_ptr<BatchEncoder> encoder_;
 };
 
-// Called for each record of a bundle. An error stops ReadBundle, which returns it.
+// Called for each record of a bundle. If it returns an error, ReadBundle stops and returns the error.
 using VisitBundled = std::function<Result<void>(const proto::StoredRecord& record)>;
 
 // Calls `visit` for all records of a bundle, in order, and returns the bundle without its parts. Returns kCorrupt if
-// `file` is not a bundle, has another version, is damaged, or holds other records than its have-set says.
+// `file` is not a bundle, has another version, is damaged, or contains other records than its have-set covers.
 Result<proto::BundleFile> ReadBundle(std::string_view file, const VisitBundled& visit);
 
 // Returns the XXH64 of the file, which identifies a bundle together with its number.

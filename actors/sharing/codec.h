@@ -3,8 +3,8 @@
 //
 // A batch is coded as a whole, since zstd makes single small rows larger. Batches of maps in the compact form form
 // runs, in which each batch depends on those before it. All other batches can be decoded independently. Every form
-// carries a checksum and states its decoded size, so a decoder can check its limits before it allocates, and detects
-// damage. The compressed bytes may differ between versions of zstd; the contract covers only the decoded result.
+// contains a checksum and its decoded size, so a decoder detects damage, and can check its limits before it allocates
+// memory. The compressed bytes may differ between versions of zstd; the contract covers only the decoded result.
 #pragma once
 
 #include <algorithm>
@@ -38,7 +38,7 @@ struct CodedBatch {
 };
 
 // The paper's format: converts one record to a populated SQL statement, and back. The implementation needs SQLite and
-// lies in actors/storage/paper_sql.h. If the functions are empty, CODEC_PAPER_SQL is neither written nor read.
+// is in actors/storage/paper_sql.h. If the functions are empty, CODEC_PAPER_SQL is neither written nor read.
 struct PaperSql {
   std::function<std::optional<std::string>(const proto::StoredRecord&)> sql_of;
   std::function<Result<proto::StoredRecord>(std::string_view sql, const RecordKey& key)> record_of;
@@ -47,8 +47,8 @@ struct PaperSql {
 // Encodes the whole batch, as a zstd frame or uncompressed, whichever is smaller.
 CodedBatch EncodeBatch(const proto::RecordBatch& batch);
 
-// Encodes the batches to one destination. Estimates from each batch how many records fit into the next, and keeps the
-// current run of maps, which continues from batch to batch. Not thread-safe.
+// Encodes the batches to one destination. Keeps the current run of maps, which continues from batch to batch, and
+// estimates from each batch how many records fit into the next. Not thread-safe.
 class SharingEncoder {
  public:
   // Runs are numbered from `first_run`. Requires: `first_run` differs from the run numbers of earlier processes.
@@ -63,8 +63,8 @@ class SharingEncoder {
   // Encodes as many of the first records as fit into `bytes_max`, but at least one, whatever its size. Uses `codec`,
   // with these exceptions. CODEC_COMPACT without maps falls back to a zstd frame or the uncompressed form if that is
   // smaller; CODEC_ZSTD falls back to the uncompressed form. CODEC_PAPER_SQL encodes the first record as a statement,
-  // or the batch in one of the other two forms if that record has no statement. Encoding the first batch of a run is
-  // deterministic, which fragments rely on (fragments.h).
+  // or the batch as a zstd frame or uncompressed if that record has no statement. The encoding of the first batch of a
+  // run is deterministic; fragments rely on this (fragments.h).
   CodedBatch Encode(proto::Codec codec, const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:
@@ -75,14 +75,14 @@ class SharingEncoder {
   BatchEncoder compact_{MapRunEncoder::Previous::kWhileItPays};
 };
 
-// Decodes a batch, which may depend on the batches that `run` has decoded. Returns kCorrupt if the codec is unknown,
-// the bytes do not decode, a size exceeds the limits above, there is more than one frame, or the number of records is
-// not `record_count`. Returns kNotFound if the batch depends on batches that `run` has not decoded. Does not check the
-// records themselves; StorageActor does.
+// Decodes a batch, which may depend on batches that the decoder `run` has decoded before. Returns kCorrupt if the codec
+// is unknown, the bytes do not decode, a size exceeds the limits above, there is more than one frame, or the number of
+// records is not `record_count`. Returns kNotFound if the batch depends on batches that `run` has not decoded. Does not
+// check the records themselves; StorageActor does.
 Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count,
                                        BatchDecoder& run);
 
-// Decodes a batch that depends on no other. Thread-safe.
+// Decodes a batch that does not depend on other batches. Thread-safe.
 Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count);
 
 // Decodes a SQL statement into a batch of one record. `record_id` is the key that the message announced. kCorrupt if

@@ -1,9 +1,9 @@
 // DecodeBudget: limits the decoded bytes of one sender's batches. A batch of a few hundred bytes can decode to 18 MiB.
 // A sender that repeats such batches would use up the processor.
 //
-// A token bucket: it holds at most kAtOnceBytes, which refill within a minute, and each coded byte adds
-// kBytesPerCodedByte. Batches of an honest sender grow about 10 times when decoded, sparse maps about 100 times. Plain
-// value.
+// A token bucket of at most kAtOnceBytes decoded bytes. An empty bucket refills within a minute, and each coded byte
+// that arrives adds kBytesPerCodedByte. Batches of an honest sender grow about 10 times when decoded, sparse maps about
+// 100 times. Plain value.
 #pragma once
 
 #include <algorithm>
@@ -18,10 +18,11 @@ class DecodeBudget {
 
   static constexpr double kAtOnceBytes = 16.0 * 1024 * 1024;
   static constexpr double kBytesPerCodedByte = 100;
-  // Charge for a batch that does not decode. Its cost is unknown, and few bytes can cost as much as a full batch.
+  // Charge for a batch that does not decode. Its decoded size is unknown, and a few coded bytes can cost as much time
+  // as a full batch.
   static constexpr std::size_t kDamagedBytes = 16 * 1024 * 1024;
 
-  // Adds the credit for the next coded bytes. Returns true if they may be decoded.
+  // Adds the budget that a batch of `coded_bytes` brings. Returns true if the batch may be decoded.
   bool Takes(std::size_t coded_bytes, Time now) {
     const double minutes = std::chrono::duration<double, std::ratio<60>>(now - at_).count();
     const double earned = minutes * kAtOnceBytes + static_cast<double>(coded_bytes) * kBytesPerCodedByte;

@@ -14,7 +14,8 @@ constexpr std::uint32_t kRecordsAtATime = 512;
 }  // namespace
 
 void DownlinkActor::OnStart(Context& context) {
-  question_ = context.rng()() | 1;  // Random: an answer to a request from before a restart must not match a new one.
+  // The first id is random, so an answer to a request from before a restart does not match a new request.
+  question_ = context.rng()() | 1;
 }
 
 void DownlinkActor::OnMessage(Context& context, const proto::Message& message) {

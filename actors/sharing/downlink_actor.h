@@ -1,22 +1,22 @@
-// DownlinkActor ("downlink"): packs records that a ground station lacks into bundles, files of a given size.
-// Something outside moondb carries the files there: a relay satellite's pass, a memory stick.
+// DownlinkActor ("downlink"): packs records that a ground station lacks into bundles, files of a given size. The files
+// reach the ground station by means outside moondb, such as a relay satellite's pass or a memory stick.
 //
 //   DownlinkRequest{bytes_max}     Makes the next bundle from the records that `ground` of the team file asks for and
 //                                  that are in no earlier bundle, most urgent class first, until the file is full.
 //                                  Storage keeps the file.
-//   DownlinkRequest{acknowledge}   The ground station has that bundle. Deletes the file; its records count as
-//                                  downlinked.
+//   DownlinkRequest{acknowledge}   Reports that the ground station has this bundle. Deletes the bundle's
+//                                  file; its records count as downlinked.
 //   DownlinkRequest{}              Lists the bundles that wait for an acknowledgment.
 //
 // A bundle does not change until it is acknowledged, however often it is fetched (ReadBundleRequest, to storage). No
-// record is in two bundles. At most kBundlesWaitingMax bundles wait. Bundle numbers count from 1 and restart after a
-// lost disk, so compare the hashes of two bundles to see whether they are the same.
+// record is in two bundles. At most kBundlesWaitingMax bundles wait. Bundle numbers count from 1, and do so again after
+// the disk was lost. Compare the hashes of two bundles to see whether they are the same.
 //
 // Accepts requests only from actors of this agent. Serves one request at a time; a few more may wait. Requests
 // fail with these errors.
 //   `kInvalid`: the size is outside the limits of actors/sharing/bundle_file.h or too small for the next record, or the
 //       request has both fields.
-//   `kRefused`: `ground` asks for nothing, or too many bundles wait.
+//   `kRefused`: `ground` asks for no records, or too many bundles wait for an acknowledgment.
 //   `kNotFound`: there is no such bundle.
 //   `kFull`: too many requests wait, or storage's mailbox is full.
 //   `kTimedOut`: storage did not answer.
@@ -41,7 +41,7 @@ class DownlinkActor final : public Actor {
     AgentId self = 0;
     proto::TeamConfig team;  // The validated team configuration.
     std::size_t orders_max = 16;
-    Duration timeout = std::chrono::seconds(60);  // Limit for each answer of storage.
+    Duration timeout = std::chrono::seconds(60);  // How long to wait for each answer of storage.
   };
 
   explicit DownlinkActor(Options options) : options_(std::move(options)) {}
@@ -71,7 +71,7 @@ class DownlinkActor final : public Actor {
 
   const Options options_;
   std::deque<Order> orders_;  // The first order is the current one.
-  // The members below belong to the current order.
+  // The members below describe the state of the current order.
   std::uint64_t question_ = 0;  // Id of the last request to storage.
   TimerId timer_ = 0;
   proto::DownlinkReply reply_;

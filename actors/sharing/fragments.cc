@@ -42,9 +42,9 @@ Result<std::optional<std::string>> FragmentCollector::Take(AgentId sender, const
   Part* part = Find(sender);
   const bool is_known = part != nullptr && part->hash == fragment.hash() && part->size == fragment.whole_bytes();
   if (!is_known && fragment.first_byte() == 0) {
-    // Reuse the buffer of the sender's unfinished whole, so a sender holds one buffer however often it starts again.
-    // Reserve the full size now: growing by doubling would take three times the memory, and memory pages that are never
-    // written cost nothing.
+    // Reuse the buffer of the sender's unfinished whole, so there is one buffer per sender, however often it starts
+    // again. Reserve the full size now: a buffer that grows by doubling would take three times the memory, and memory
+    // pages that are never written cost nothing.
     Part begun = part != nullptr ? std::move(*part) : Part{};
     Forget(sender);
     begun.sender = sender;
@@ -55,8 +55,8 @@ Result<std::optional<std::string>> FragmentCollector::Take(AgentId sender, const
     parts_.push_back(std::move(begun));
     part = &parts_.back();
   } else if (!is_known || fragment.first_byte() > part->bytes.size()) {
-    // The hash matches but the size does not. Forget the part: if it were reported again, the sender would send the
-    // same fragment again.
+    // The hash matches but the size does not. Discard the part: if the receiver reported it again, the sender would
+    // send the same fragment again.
     if (!is_known && part != nullptr && part->hash == fragment.hash()) Forget(sender);
     return Fail(ErrorCode::kNotFound, "what comes before this fragment is not here", "fragment");
   }

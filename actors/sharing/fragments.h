@@ -2,11 +2,13 @@
 //
 // A batch of one large record is coded once and cut into fragments. Each fragment is a batch of the session with its
 // own number, counts against the credit, and is acknowledged. A fragment identifies the whole coded batch by hash and
-// size. The receiver accepts fragments only in order and keeps them in memory. Its Have reports how many bytes of which
-// whole it holds. When the last fragment arrives, the receiver decodes the whole.
+// size. The receiver accepts fragments only in order and keeps them in memory. The Have message of the receiver names
+// the hash of the whole and how many of its bytes it holds. When the last fragment arrives, the receiver decodes the
+// whole.
 //
 // The receiver holds at most one whole per sender, of at most kWholeBytesMax, and at most `bytes_max` for all senders.
-// If there is no room, it discards the whole that was begun first, and that sender has to start again.
+// If there is no room, it discards the unfinished whole that was begun first. The sender of that whole has to start
+// again.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +29,8 @@ namespace moondb {
 // Bytes of the largest record, plus the overhead of its coding.
 inline constexpr std::size_t kWholeBytesMax = kRecordContentBytesMax + 64 * 1024;
 
-// The part of a fragmented batch that a receiver holds, from the first byte on. `hash` 0: nothing.
+// How many bytes of a fragmented batch a receiver holds, counted from the first byte. `hash` 0: it holds no part of a
+// batch.
 struct PartOfWhole {
   std::uint64_t hash = 0;
   std::size_t bytes = 0;
@@ -35,7 +38,7 @@ struct PartOfWhole {
 
 class FragmentCutter {
  public:
-  // Starts behind the bytes that the receiver already holds (`had`), if these belong to `whole`.
+  // Starts behind the bytes that the receiver already holds (`covered`), if these belong to `whole`.
   FragmentCutter(CodedBatch whole, std::uint32_t record_count, const PartOfWhole& covered);
 
   // Returns the next batch, with codec, coded, record_count and fragment filled in. It has at most `bytes_max` bytes of
@@ -68,7 +71,8 @@ class FragmentCollector {
     std::uint64_t hash = 0;
     std::uint64_t size = 0;
     std::string bytes;
-    std::size_t written_bytes = 0;  // Bytes of the buffer that were ever written, by this whole or an earlier one.
+    // Bytes of the buffer that this whole or an earlier one has written. Only these bytes take memory.
+    std::size_t written_bytes = 0;
   };
 
   Part* Find(AgentId sender);
@@ -76,7 +80,7 @@ class FragmentCollector {
 
   std::size_t bytes_max_;
   std::size_t whole_bytes_max_;
-  std::deque<Part> parts_;  // Unfinished wholes, the one that was begun first in front.
+  std::deque<Part> parts_;  // Unfinished wholes, in the order in which they were begun.
 };
 
 }  // namespace moondb

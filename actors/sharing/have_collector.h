@@ -27,7 +27,7 @@ class HaveCollector {
   Result<Taken> Take(const proto::Have& page);
   void Clear() { *this = HaveCollector(); }
 
-  // True if at least one page was collected and more are expected.
+  // True if at least one page was collected and the have-set is not complete.
   bool is_begun() const { return page_count_ > 0; }
   // The first key of the expected page. A default key means the first page.
   const RecordKey& next() const { return next_; }

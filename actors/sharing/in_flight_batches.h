@@ -1,8 +1,8 @@
-// InFlightBatches: the batches that are in flight to a destination (sent, not acknowledged), and the have-set that the
-// destination reported.
+// InFlightBatches keeps the batches that are in flight to a destination (sent, not acknowledged), and the have-set that
+// the destination reported.
 //
-// Records in flight count as held by the destination only while the next batch is chosen. The records of a batch that
-// is given up are missing again. Records that the destination refused, although it acknowledged their batch, are not
+// Records in flight count as held by the destination only for the choice of the next batch. If a batch is given up, its
+// records count as missing again. Records that the destination refused, although it acknowledged their batch, are not
 // sent again before the session starts over. Unacknowledged bytes stay within the credit (flow control), except that
 // one larger batch may be in flight alone. Plain value.
 #pragma once
@@ -29,8 +29,8 @@ struct BatchContents {
   bool leans_on_others = false;  // The batch can be decoded only after the earlier batches of its run.
 };
 
-// Adds the contents of a batch to `have`. A record that is held in one of them and dropped in the other ends up in both
-// interval sets.
+// Adds the contents of a batch to `have`. A record that is held in `have` and dropped in the batch, or the reverse,
+// ends up in both interval sets.
 void AddContents(const BatchContents& batch, HaveSet& have);
 
 class InFlightBatches {
@@ -43,7 +43,8 @@ class InFlightBatches {
   // Merges a later report of the destination into its have-set.
   void Join(const HaveSet& heard) { have_.Merge(heard); }
   const HaveSet& have() const { return have_; }
-  // The have-set of the destination once everything in flight and `more` has arrived.
+  // Returns the have-set that the destination will have when all batches in flight and `more` have arrived. Refused
+  // records are included.
   HaveSet ExpectedHave(const HaveSet& more) const;
 
   void SetCredit(std::size_t bytes) { credit_bytes_ = bytes; }
@@ -60,17 +61,18 @@ class InFlightBatches {
 
   struct Acknowledged {
     std::size_t batches = 0;
-    std::size_t records = 0;  // Number of records that the destination stored.
+    std::size_t records = 0;  // Number of records that the destination now holds or dropped.
     std::size_t bytes = 0;    // Coded bytes.
   };
-  // Removes the batch of that number, and each other batch of which the destination now holds or dropped all records.
+  // Removes the batch `number`, and each other batch of which the destination now holds or dropped all records. Returns
+  // the totals of the removed batches.
   Acknowledged Acknowledge(std::uint32_t number);
   // Gives up each batch whose number is at least 2 below the acknowledged `number`. Batches arrive nearly in order, so
-  // such a batch was lost. Returns how many were given up.
+  // such a batch was lost. Returns how many batches were given up.
   std::size_t GiveUpBefore(std::uint32_t number);
-  // The destination reports that it lacks the earlier batches on which this batch depends. Gives the batch up and
-  // returns its run. Returns nullopt, and keeps the batch, if it depends on no other: a destination that always
-  // complains then cannot stall the session permanently.
+  // Call if the destination reports that it lacks earlier batches on which this batch depends. Gives the batch up and
+  // returns its run. Returns nullopt, and keeps the batch, if it depends on no other batch. A destination that always
+  // complains thus cannot stall the session permanently.
   std::optional<std::uint32_t> GiveUpBroken(std::uint32_t number);
 
  private:

@@ -18,7 +18,7 @@ void OrderWatch::Add(Order order) {
   while (orders_.size() >= kOrdersMax) {
     const auto oldest = std::find_if(orders_.begin(), orders_.end(),
                                      [this](const Watched& watched) { return !IsWaitedFor(watched.order.number); });
-    if (oldest == orders_.end()) break;  // A request waits for each order, so kRequestsMax bounds the orders.
+    if (oldest == orders_.end()) break;  // A request waits for each order, so kRequestsMax bounds the number of orders.
     orders_.erase(oldest);
   }
   Watched& watched = orders_.emplace_back();

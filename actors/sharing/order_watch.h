@@ -31,11 +31,12 @@ class OrderWatch {
   using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 
   static constexpr Duration kLookPeriod = std::chrono::milliseconds(50);
-  // Shortest time between two answers with news, and between two such answers that cross the radio.
+  // Shortest time between two answers about changed progress: to clients of this agent, and to clients behind the radio
+  // (kRelayedNewsPeriod).
   static constexpr Duration kNewsPeriod = std::chrono::milliseconds(500);
   static constexpr Duration kRelayedNewsPeriod = std::chrono::seconds(5);
-  // How often progress is updated without a message, since a countdown such as "drives for 40 s more" changes with
-  // time.
+  // How often progress is updated even if no message arrives, since a countdown such as "drives for 40 s more" changes
+  // with time.
   static constexpr Duration kCountdownPeriod = std::chrono::seconds(5);
   static constexpr std::size_t kOrdersMax = 32;
   static constexpr std::size_t kRequestsMax = 64;
@@ -44,7 +45,7 @@ class OrderWatch {
   struct Pair {
     AgentId peer = 0;
     bool is_incoming = false;  // Records travel from the peer to this agent.
-    // Counters of the pair when the order began. Progress counts only what was added since.
+    // Values of the pair's counters when the order began. Progress counts only the increase since then.
     double coded_bytes_before = 0;
     std::uint64_t batches_before = 0;  // Batches received from the peer; used for an incoming pair.
     int refusals_before = 0;           // Batches of the peer that were refused; used for an incoming pair.
@@ -55,12 +56,13 @@ class OrderWatch {
     proto::Term term;         // The term in which the order was given.
     bool is_by_role = false;  // The order ends with its term.
     std::vector<Pair> pairs;
-    bool is_gathering_meant = false;  // The order also waits for records that the leader still has to gather.
-    std::set<AgentId> gathering_of;   // Waits for gathering from these agents only; empty: from all agents.
-    std::set<AgentId> gathers_from;   // Agents from which the leader had to gather at some time since the order.
+    bool is_gathering_meant = false;  // The order also waits until the leader has gathered records from other agents.
+    std::set<AgentId> gathering_of;   // Agents whose gathering the order waits for; empty: all agents.
+    std::set<AgentId>
+        gathers_from;  // Agents from which the leader still had to gather at any time since the order began.
   };
 
-  // The progress of an order. `is_open_ended`: further pairs may be added, so the order is not complete yet.
+  // The progress of an order, by pair. `is_open_ended`: further pairs may be added, so the order is not complete yet.
   struct Rows {
     std::vector<proto::PairProgress> pairs;
     bool is_open_ended = false;
@@ -74,33 +76,33 @@ class OrderWatch {
     std::uint64_t order = 0;
     Time until{};
     bool is_for_end = false;          // Waits for the end of the order; false: waits for a change of its progress.
-    std::uint64_t after_version = 0;  // If is_for_end is false: wait for a version above this one.
-    Duration news_period{};           // Shortest time since the last answer with news of this order.
+    std::uint64_t after_version = 0;  // If is_for_end is false: wait for a version above this.
+    Duration news_period{};  // Shortest time from the last answer about changed progress of this order to the next.
   };
 
   struct Answer {
     Request request;
-    proto::ShareProgress progress;  // Has an error if the order ended with its term.
+    proto::ShareProgress progress;  // Contains an error if the order ended with its term.
   };
 
   void Add(Order order);
   // Adds a waiting request. kFull if too many requests wait. kNotFound if the order is unknown.
   Result<void> Wait(Request request);
-  // Ends all orders by role that were given in another term, with this error.
+  // Ends all orders by role that were given in another term than `term`. Requests for them are answered with `error`.
   void EndTerm(const proto::Term& term, const Error& error);
   bool is_waiting() const { return !requests_.empty(); }
-  // Returns the answers that are due. Returns none if the last look was less than kLookPeriod ago; deadline() then says
-  // when to look again.
+  // Updates the progress of the orders and returns the answers that are due. Returns none if the last update was less
+  // than kLookPeriod ago; deadline() then returns when to call again.
   std::vector<Answer> Look(Time now, const RowsOf& rows_of);
-  // Time of the next look; nullopt while no request waits.
+  // When to call Look next; nullopt while no request waits.
   std::optional<Time> deadline() const;
 
  private:
   struct Watched {
     Order order;
-    proto::ShareProgress progress;  // Progress as of the last look.
+    proto::ShareProgress progress;  // Progress at the last call of Look.
     bool is_settled = false;        // The order is complete or has failed, so its progress is final.
-    std::optional<Time> reported;   // Time of the last answer with news.
+    std::optional<Time> reported;   // Time of the last answer about changed progress.
   };
 
   Watched* Find(std::uint64_t number);

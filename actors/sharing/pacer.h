@@ -29,7 +29,7 @@ class Pacer {
     at_ = now;
   }
 
-  // Returns the time from which bytes may be sent; `now` if that is possible at once.
+  // Returns the earliest time at which bytes may be sent; `now` if they may be sent immediately.
   Time Next(Time now) const {
     const double left_bytes = LeftBytes(now);
     if (left_bytes > 0) return now;

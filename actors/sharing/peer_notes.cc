@@ -6,7 +6,8 @@
 namespace moondb {
 namespace {
 
-// Storage does not distinguish held from dropped records here. A known record that was dropped meanwhile is no news.
+// Returns the records that `heard` covers and `known` does not. The note does not distinguish held from dropped
+// records, so a known record that was dropped meanwhile is not included.
 HaveSet NewsOf(const HaveSet& heard, const HaveSet& known) {
   HaveSet news;
   for (const auto& [key, stream] : heard.streams()) {

@@ -57,7 +57,8 @@ SharingAction PeerOrders::Send(AgentId peer, Order& order, Time now) const {
   order.is_answered = false;
   SharingAction action{peer, {}};
   action.message.set_ms_type(proto::CONTROL);
-  action.message.set_request_id(order.number);  // The answer repeats it, so a late answer to an older order is noticed.
+  // The answer repeats this number, so a late answer to an older order can be ignored.
+  action.message.set_request_id(order.number);
   proto::ShareRequest& request = *action.message.mutable_share_request();
   request.set_kind(options_.kind);
   request.set_destination(options_.self);

@@ -1,7 +1,7 @@
 // PeerOrders: orders peers to share their records with this agent. Each peer has at most one open order.
 //
-// An order is sent again, with a growing delay, until the peer answers. It is also sent again when the peer reconnects,
-// until the peer has reported the order's end, since the peer's process may have restarted and forgotten the order.
+// An order is sent again, with a growing delay, until the peer answers. Until the peer has reported the order's end, it
+// is also sent again when the peer reconnects, since the peer's process may have restarted and forgotten the order.
 //
 // A plain state machine like SharingSession: inputs return the messages to send, and the caller calls OnTimer when
 // deadline() is reached. The caller adds its term to the messages.
@@ -26,7 +26,7 @@ class PeerOrders {
   using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 
   struct Options {
-    AgentId self = 0;  // The agent with which the peers are to share.
+    AgentId self = 0;  // This agent, to which the peers are to send their records.
     proto::SharingKind kind = proto::SHARING_KIND_UNSPECIFIED;
     Duration resend_after = std::chrono::seconds(5);
     Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this.
@@ -34,16 +34,17 @@ class PeerOrders {
 
   explicit PeerOrders(const Options& options) : options_(options) {}
 
-  // Sends an order to the peer. It replaces an order to that peer that has not ended. If the replaced order had no byte
-  // limit, neither has the new one. `bytes_max` 0: no limit.
+  // Sends an order to the peer. Replaces an open order to that peer; if the replaced order had no byte limit, the new
+  // one has none either. `bytes_max` 0: no limit.
   SharingActions Give(AgentId peer, std::uint64_t number, std::uint64_t bytes_max, Time now);
-  // The peer reconnected. Sends its order at once and resets the delay.
+  // Call when the peer reconnected. Sends its open order immediately and resets the delay.
   SharingActions OnConnected(AgentId peer, Time now);
   SharingActions OnTimer(Time now);
-  // Accepts the peer's answer to an order. `is_taken`: the peer accepted the order. Returns true if the order of that
-  // number was waiting for an answer.
+  // Accepts the peer's answer to an order. `is_taken`: the peer accepted the order. Returns true if the order `number`
+  // was waiting for an answer.
   bool TakeAnswer(AgentId peer, std::uint64_t number, bool is_taken);
-  // The peer reported the end of the order `number`. Removes that order and earlier ones.
+  // Call when the peer reported the end of the order `number`. Removes the order if it has this number or an earlier
+  // one.
   void TakeEnd(AgentId peer, std::uint64_t number);
   void Cancel(AgentId peer) { orders_.erase(peer); }
   void CancelAll() { orders_.clear(); }

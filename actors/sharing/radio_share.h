@@ -1,7 +1,7 @@
 // RadioShare: divides this agent's radio budget among the sessions that use the radio.
 //
-// All moving sessions get equal parts: incoming and outgoing ones, of this sharing actor and of the agent's other one.
-// The two actors notify each other whenever their number of moving sessions changes. Plain value.
+// All moving sessions get equal parts: incoming and outgoing sessions, of this sharing actor and of the agent's other
+// sharing actor. The two actors notify each other whenever their number of moving sessions changes. Plain value.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@ class RadioShare {
   explicit RadioShare(double bytes_per_second) : bytes_per_second_(bytes_per_second) {}
 
   bool is_limited() const { return bytes_per_second_ > 0; }
-  // Bytes per second for each session, if `moving` sessions of this actor are moving.
+  // Returns the bytes per second for each session, if `moving` sessions of this actor use the radio.
   double Part(std::size_t moving) const {
     return bytes_per_second_ / static_cast<double>(std::max<std::size_t>(moving + moving_elsewhere_, 1));
   }
@@ -29,7 +29,7 @@ class RadioShare {
   }
   std::size_t moving_elsewhere() const { return moving_elsewhere_; }
 
-  // True if the other sharing actor was not yet notified of this number of moving sessions.
+  // True unless this number of moving sessions is the last one of which the other sharing actor was notified.
   bool MustNotify(std::size_t moving) const { return notified_ != moving; }
   void NoteNotified(std::size_t moving) { notified_ = moving; }
 

@@ -35,7 +35,7 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
     return Fail(ErrorCode::kRefused, NameOf(roles().survivor()) + " survives, but has left the team");
   }
   Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, request.bytes_max());
-  // Records gathered later would exceed the limit of a limited order, so such an order does not continue with them.
+  // An order with a byte limit does not continue with records that are gathered later.
   order_to_bring_on_ = request.bytes_max() == 0 ? order_in_hand() : 0;
   return 1;
 }

@@ -1,17 +1,18 @@
 // ReplicaActor: replicates all records of the leader to the designated survivor (paper, Section 4), and gathers all
 // records of the team at a new leader.
 //
-// Replication skips only records that the receiver's have-set covers, so a lost disk is filled again, including the
-// survivor's. The leader carries out a ShareRequest{REPLICATION}; with `destination` set, any agent replicates to that
-// destination. When the roles change, an unfinished replication continues to the new survivor.
+// Replication skips only records that the receiver's have-set covers. An agent whose disk was lost, even the survivor,
+// thus gets all records again. Only the leader carries out a ShareRequest{REPLICATION} without `destination`. With
+// `destination`, any agent replicates its records to that destination. When the roles change, an unfinished replication
+// continues to the new survivor.
 //
 // In each of its terms a leader asks every other agent once for all records that it holds. This recovers records that
 // only a deposed leader had collected, or that were lost with the leader's disk. The leader asks one agent after
-// another, the survivor first, so no two agents send the same records. It asks agents that are connected in an open
-// window, and the others as soon as they are. If the asked agent makes no progress, the next one takes its turn; the
-// waiting time doubles with each such turn. If nothing is missing, gathering costs one have-set per agent. ReplicaActor
+// another, the survivor first, so no two agents send the same records. An agent is asked when it is connected and no
+// lease shuts the window to it. If the asked agent makes no progress, the leader asks the next one; the time that it
+// waits doubles with each such turn. If no records are missing, gathering costs one have-set per agent. ReplicaActor
 // notifies SyncActor which agents are still to be asked. A client's order is complete only when the records gathered
-// meanwhile are with the survivor.
+// meanwhile have reached the survivor.
 #pragma once
 
 #include <deque>
@@ -48,8 +49,9 @@ class ReplicaActor final : public SharingActor {
   std::deque<AgentId> to_ask_;                         // Agents to gather from, in the order of their turns.
   std::set<AgentId> refused_;                          // Agents that refused to share; not asked again in this term.
   std::map<AgentId, std::uint64_t> orders_to_gather_;  // Order numbers of this term, by the agent that is asked.
-  std::uint64_t order_to_bring_on_ = 0;                // A client's order in this term to replicate to the survivor.
-  // The agent of to_ask_ whose turn it is. 0: none of them is connected in an open window.
+  // Number of a client's order in this term to replicate to the survivor; 0: none.
+  std::uint64_t order_to_bring_on_ = 0;
+  // The agent of to_ask_ that is being asked. 0: none of these agents is connected with an open window.
   AgentId asked_ = 0;
   MonotonicTime last_progress_{};
   Duration patience_{};           // How long the asked agent may make no progress before the next agent's turn.

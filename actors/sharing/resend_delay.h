@@ -28,15 +28,15 @@ class ResendDelay {
   // The destination refused a batch, for example because it could not store it.
   void NoteRefusal() { ++refusals_; }
   void ForgetRefusals() { refusals_ = 0; }
-  // True if the destination refused at least twice in a row.
+  // True if the destination refused at least two batches in a row.
   bool is_refused_again() const { return refusals_ > 1; }
   // A batch was acknowledged. Fragments are acknowledged even by a destination that cannot store the record, so after a
   // refusal only acknowledged records count as progress.
   void NoteProgress(bool has_records) {
     if (has_records || refusals_ == 0) Reset();
   }
-  // Returns true if the session may start over at once, because the destination has forgotten it. This is allowed once
-  // until there is progress; after that the delay applies.
+  // Call when the destination has forgotten the session. Returns true if the session may start over immediately. This
+  // is allowed once until there is progress; otherwise the delay applies.
   bool TakeStartAtOnce() { return !std::exchange(has_started_over_at_once_, true); }
 
  private:

@@ -1,9 +1,9 @@
 // RunDecoders: the decoders of the runs of maps that a receiver gets from its senders (coding/batch_codec.h).
 //
-// A run continues from batch to batch and across sessions of its sender, so a map can depend on the preceding map
-// whenever that one arrived. Senders number their runs. There are `places_max` places, each for the current run of one
-// sender. A place takes about 4 MB for maps of 4 x 100 x 100 cells, and at most 10 MB, or 42 MB for layers that are two
-// cells wide. A sender without a place codes each batch independently. Not thread-safe.
+// A run continues from batch to batch and across sessions of its sender, so a map can be predicted from the preceding
+// map if that map arrived. Senders number their runs. The receiver has `places_max` places, each for the decoder of one
+// sender's current run. A place takes about 4 MB for maps of 4 x 100 x 100 cells, and at most 10 MB, or 42 MB for
+// layers that are two cells wide. A sender without a place codes each batch independently. Not thread-safe.
 #pragma once
 
 #include <chrono>

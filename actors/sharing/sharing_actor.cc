@@ -29,8 +29,9 @@ enum TimerKind : std::uint32_t { kSession = 1, kOrders = 2, kStep = 3, kBudget =
 // A peer that was lost less than this time ago does not count as out of reach, since it is likely to reconnect.
 constexpr Duration kReconnectMax = std::chrono::seconds(5);
 
-// Bytes of a message beside the streams of its have-set. With them, two messages must fit into the largest peer
-// message: a page of a have-set, and the acknowledgment of a full batch whose records all belong to different streams.
+// Bytes of a message besides the streams of its have-set. Two kinds of messages must fit into the largest peer message
+// together with these bytes: a page of a have-set, and the acknowledgment of a full batch whose records all belong to
+// different streams.
 constexpr std::size_t kAroundBytesMax = 8 * 1024;
 static_assert(kHavePageBytesMax + kAroundBytesMax <= kPeerMessageBytesMax);
 static_assert(kBatchRecordsMax * (kHaveStreamBytesMax + kHaveIntervalBytesMax) + kAroundBytesMax <=
@@ -49,8 +50,8 @@ proto::PairProgress MakeRow(AgentId sender, AgentId destination, proto::SharingK
 // The radio budget in bytes per second; 0 if the team file sets none, as in tests.
 double BudgetOf(const proto::TeamConfig& team) { return team.radio().budget_kbps() * 1000 / 8; }
 
-// Data types that may be sent while an end drives: built-in states under the policy `latest`. They are small, and each
-// agent has at most one record of each.
+// Data types that may be sent while the sender or the destination drives: built-in states under the policy `latest`.
+// They are small, and each agent has at most one record of each type.
 std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   std::vector<DataType> types;
   for (const DataType type : BuiltInDataTypes()) {
@@ -59,7 +60,7 @@ std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   return types;
 }
 
-// Returns the codec for sent batches: the one in the team file, or else the default of the options.
+// Returns the codec for sent batches: the team file's codec if it names one, or else the default of the options.
 proto::Codec CodecOf(const SharingActor::Options& options) {
   const proto::Codec codec = options.team.radio().codec();
   return codec == proto::CODEC_UNSPECIFIED ? options.session.codec : codec;
@@ -93,7 +94,7 @@ void SharingActor::OnStart(Context& context) {
   receiver.kind = kind_;
   receiver.bytes_per_second_max = BudgetOf(options_.team);
   receiver.schemas = SchemasOf(options_.team.custom_types());
-  // SQLite runs the statements of peers, so accept statements only if the team uses them.
+  // The statements of peers run in SQLite, so accept statements only if the team uses this codec.
   if (CodecOf(options_) == proto::CODEC_PAPER_SQL) receiver.paper_sql = options_.session.paper_sql;
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
@@ -127,7 +128,7 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
     case proto::Message::kStoreReply:
       return OnStoreReply(context, message);
     case proto::Message::kMissingReply:
-      // Sessions that did not ask ignore the answer.
+      // A session that sent no such request ignores the answer.
       for (auto& [destination, outgoing] : outgoing_) {
         Perform(context, outgoing,
                 outgoing.session.OnMissingReply(message.request_id(), message.missing_reply(), context.now()));
@@ -198,7 +199,7 @@ void SharingActor::OnBatch(Context& context, const proto::Message& message) {
                       ": " + ToString(actions.error()));
     return;
   }
-  // A batch that was refused, dropped or late, or that depends on missing batches, is no progress.
+  // A batch that was refused, dropped or late, or that depends on missing batches, does not count as progress.
   const bool is_taken =
       !actions->empty() && !actions->front().message.has_refusal() && !actions->front().message.have().needs_new_run();
   Perform(context, *std::move(actions));
@@ -295,7 +296,7 @@ void SharingActor::WatchOrder(const Context& context, const proto::ShareRequest&
   order.term = roles_.term();
   order.is_by_role = request.destination() == 0 || request.destination() == options_.self;
   order.pairs = std::move(pairs_in_hand_);
-  // A limited order ends before everything is gathered anyway, so it does not wait for gathering.
+  // An order with a byte limit may end before all records are gathered, so it does not wait for gathering.
   order.is_gathering_meant = order.is_by_role && is_leading() && request.bytes_max() == 0;
   order.gathering_of = {request.from_agents().begin(), request.from_agents().end()};
   for (OrderWatch::Pair& pair : order.pairs) {
@@ -349,7 +350,7 @@ OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order&
     AddObstacle(context, agent, row);
     const auto refusal = order_refusals_.find(agent);
     if (kind_ == proto::SHARING_KIND_REPLICATION && refusal != order_refusals_.end()) row.set_why(refusal->second);
-    // An agent that drives or sleeps is asked when its window opens. The order does not wait for that.
+    // If an agent drives or sleeps, its records are gathered when its window opens. The order does not wait for this.
     row.set_is_stopped(!row.why().empty());
   }
   return rows;
@@ -493,7 +494,7 @@ void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
   }
   if (timer.kind() == kWatch) {
     watch_timer_.armed.reset();
-    return;  // AnswerWhoWaits, which runs after each message, looks at the orders.
+    return;  // AnswerWhoWaits runs after each message and updates the orders.
   }
   if (timer.kind() == kStep) return OnStepTimer(context, timer.value());
   Outgoing* outgoing = FindOutgoing(static_cast<AgentId>(timer.value()));
@@ -625,7 +626,7 @@ std::optional<proto::OrderEnd> SharingActor::OrderEndBy(AgentId peer) const {
 void SharingActor::OnShareReply(Context& context, const proto::Message& message) {
   const AgentId peer = context.sender().agent;
   const proto::ShareReply& reply = message.share_reply();
-  // The peer does not know the current roles yet. Its order stays unanswered and is sent again.
+  // The peer does not know the current roles yet. The order to it stays unanswered and is sent again.
   if (reply.error().code() == proto::ERROR_CODE_UNAVAILABLE) return;
   if (!orders_.TakeAnswer(peer, message.request_id(), !IsError(reply.error()))) return;
   ArmOrdersTimer(context);
@@ -724,7 +725,8 @@ void SharingActor::PerformOrders(Context& context, SharingActions actions) {
 void SharingActor::Arm(Context& context, DeadlineTimer& timer, std::optional<MonotonicTime> deadline,
                        std::uint32_t kind, AgentId peer) {
   if (timer.armed == deadline) return;
-  // Keep an earlier timer: one early wake-up costs less than setting the timer again with each message.
+  // Keep a timer that is set to an earlier time: one early wake-up costs less than setting the timer again with each
+  // message.
   if (timer.armed && deadline && *timer.armed < *deadline) return;
   if (timer.armed) context.Cancel(timer.timer);
   timer.armed = deadline;
@@ -751,7 +753,7 @@ void SharingActor::DivideBudget(Context& context) {
     outgoing.session.SetRate(radio_share_.Part(moving), context.now());
     ArmSessionTimer(context, outgoing);
   }
-  // A sender that becomes silent gives up its part without a message, so divide again after kBudgetPeriod.
+  // No message arrives when a sender becomes silent and loses its part, so divide the budget again after kBudgetPeriod.
   if (incoming > 0 && !is_budget_timer_armed_) {
     (void)context.AfterTimer(kBudgetPeriod, kBudget, 0);
     is_budget_timer_armed_ = true;

@@ -1,13 +1,15 @@
 // SharingActor: base class of SyncActor and ReplicaActor: outgoing sessions, incoming sessions, and access to storage.
 //
 // The actor exchanges messages with the peers' actors of the same name. Sessions, the receiver, orders to peers and the
-// radio share are plain classes (SharingSession, SharingReceiver, PeerOrders, RadioShare). This actor only transports
-// their messages and supplies timers and roles. There is one outgoing session per destination; several run at a time.
+// radio share are plain classes (SharingSession, SharingReceiver, PeerOrders, RadioShare). This actor only sends and
+// receives their messages and supplies timers and roles. There is one outgoing session per destination; sessions to
+// several destinations run at a time.
 //
-// A restart of this actor forgets orders, and requesters order again. Acknowledged records are not lost. A client may
-// wait until its order is complete (order_watch.h). If one end of a session drives or sleeps (LeasesChanged), the
-// session waits until neither end does; only states may be sent while an end drives. Sent and received bytes keep to
-// radio.budget_kbps of the team file: all sessions, of both directions and both kinds, get equal parts of it.
+// A restarted actor has forgotten its orders; requesters have to order again. Acknowledged records are not lost. A
+// client may wait until its order is complete (order_watch.h). While the sender or the destination of a session drives
+// or sleeps (LeasesChanged), the session waits. While one of them drives, the session may still send states. Sent and
+// received bytes together stay within radio.budget_kbps of the team file. All sessions, of both directions and both
+// kinds, get equal parts of this budget.
 //
 // Timers, roles and storage's answers are accepted from this agent only. Sharing messages are accepted from agents of
 // the team only. All other messages are ignored.
@@ -53,15 +55,15 @@ class SharingActor : public Actor {
  protected:
   SharingActor(Options options, proto::SharingKind kind);
 
-  // Carries out a request to share. Returns how many sessions were started, were ordered from peers, or were already
-  // open. kRefused if the roles do not allow the request; kInvalid if the request makes no sense for this agent.
-  // Requires: kind, destination and from_agents were checked. `is_leaders`: the leader sent the request, perhaps the
-  // leader of a term that has not been announced to this agent yet.
+  // Carries out a request to share. Returns the number of sessions for it: started now, already open, or ordered from
+  // peers. kRefused if the roles do not allow the request; kInvalid if the request makes no sense for this agent.
+  // Requires: kind, destination and from_agents were checked. `is_leaders`: the request came from the leader, perhaps
+  // from the leader of a term that this agent does not know yet.
   virtual Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) = 0;
   // Called after roles() changed. Until RoleActor reports roles, roles() are those of the team file.
   virtual void OnNewRoles(Context& context, const proto::RoleAssignment& previous) = 0;
   virtual void OnPeerEvent(Context&, AgentId) {}
-  // Called if the leases of any agent may have changed (IsWindowOpen).
+  // Called if the leases of any agent, and thus the result of IsWindowOpen, may have changed.
   virtual void OnWindowsChanged(Context&) {}
   // Called after a batch of the sender arrived. `is_all`: all records that the sender had for this agent when it was
   // ordered to share are now stored here.
@@ -70,7 +72,7 @@ class SharingActor : public Actor {
   virtual void OnOrderRefused(Context&, AgentId) {}
   // Called once, when the actor starts.
   virtual void OnStarted(Context&) {}
-  // Agents from which the leader still has to gather in this term; nullopt if they are not known yet.
+  // Returns the agents from which the leader still has to gather in this term; nullopt if this is not known yet.
   virtual std::optional<std::vector<AgentId>> YetToGather() const = 0;
   // Adds the fields that only this kind of sharing knows.
   virtual void AddStatus(const Context&, proto::ShareStatus&) const {}
@@ -78,22 +80,26 @@ class SharingActor : public Actor {
   // Called when a timer of StartStepTimer fires.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
-  // Orders a session to the destination. `is_by_role`: CloseByRole ends the session. A call within Share passes the
-  // number of the request to the session. `bytes_max`: see SharingSession::Order.
+  // Starts a session to the destination, or adds an order to the open session. `is_by_role`: CloseByRole ends the
+  // session. If Share calls this, the session gets the number of the client's order. `bytes_max`: see
+  // SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
   // Sends this agent's latest states without an order (SharingSession::BringPeriodic).
   void BringPeriodicStates(Context& context, AgentId destination);
-  // Closes all sessions by role except one to the current leader. Returns how many bytes the orders of the closed
-  // sessions had left, the largest of them (0: no limit), or nullopt if no ordered session was closed.
+  // Closes all sessions by role except one to the current leader. Returns the largest number of bytes that a closed
+  // session's order had left: 0 if one of these orders had no limit, nullopt if no closed session had an order.
   std::optional<std::uint64_t> CloseByRole(Context& context);
-  // Like Open, but for an earlier order of a client, which is not complete before this session is.
+  // Like Open, but for the earlier client's order `order`, which is complete only when this session is complete too.
   void OpenAgain(Context& context, std::uint64_t order, AgentId destination, proto::RecordFilter filter);
-  // The number of the client's order that Share carries out now; 0 outside of Share, or if a peer gave the order.
+  // Returns the number of the client's order that Share carries out now; 0 outside of Share, or if a peer gave the
+  // order.
   std::uint64_t order_in_hand() const { return in_hand_.agent == options_.self ? in_hand_.number : 0; }
-  // Orders the peer to share with this agent, and repeats the order until the peer answers. Returns the order's number.
+  // Orders the peer to share its records with this agent, and repeats the order until the peer answers. Returns the
+  // order's number.
   std::uint64_t OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max = 0);
-  // The last order end that the peer reported for an order of this actor. Nullopt until the batch with it is stored.
+  // Returns the last OrderEnd that the peer reported for an order of this actor. Nullopt until the batch that contains
+  // it is stored.
   std::optional<proto::OrderEnd> OrderEndBy(AgentId peer) const;
   void CancelOrder(Context& context, AgentId peer);
   void CancelOrders(Context& context);
@@ -141,8 +147,8 @@ class SharingActor : public Actor {
   OrderWatch::Rows RowsOf(const Context& context, OrderWatch::Order& order);
   proto::PairProgress OutgoingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair);
   proto::PairProgress IncomingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair) const;
-  // Adds the reason why the pair makes no progress now. The pair is stopped if the peer is out of reach; it waits if
-  // the window is shut.
+  // Adds to `row` why the pair makes no progress now. The pair counts as stopped if the peer is out of reach, and as
+  // waiting if the window is shut.
   void AddObstacle(const Context& context, AgentId peer, proto::PairProgress& row) const;
   bool IsOutOfReach(const Context& context, AgentId peer) const;
   void OnControlRequest(Context& context, const proto::Message& message);
@@ -150,15 +156,15 @@ class SharingActor : public Actor {
   void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
   void OnTimer(Context& context, const proto::Timer& timer);
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
-  // Checks that the sender of the current message may order this agent to share, in this term.
+  // Checks that the sender of the current message may order this agent to share in the term `term`.
   Result<void> CheckOrderer(const Context& context, const proto::Term& term) const;
   bool IsBeingCarriedOut(ShareOrderId id);
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
-  // kRefused if a client of this agent relies on the roles of another term.
+  // kRefused if the request is from a client of this agent that expects another term than the current one.
   Result<void> CheckExpectedTerm(const Context& context, const proto::ShareRequest& request) const;
 
   SharingSession::Window WindowTo(const Context& context, AgentId peer) const;
-  // Seconds until the leases of both ends expire; 0 if the window is open.
+  // Returns the seconds until the leases of both agents have expired; 0 if the window is open.
   double SecondsUntilWindowOpens(const Context& context, AgentId peer) const;
   Outgoing* FindOutgoing(AgentId destination);
   Outgoing& FindOrMakeOutgoing(Context& context, AgentId destination);
@@ -178,7 +184,8 @@ class SharingActor : public Actor {
   const proto::SharingKind kind_;
   proto::RoleAssignment roles_;
   std::set<AgentId> connected_;
-  // When each unconnected agent was lost; for an agent that was never connected, when this actor started.
+  // When the connection to each unconnected agent was lost. For an agent that was never connected: when this actor
+  // started.
   std::map<AgentId, MonotonicTime> lost_at_;
   Leases leases_;
   std::map<AgentId, Outgoing> outgoing_;  // Outgoing sessions by destination.
@@ -188,7 +195,8 @@ class SharingActor : public Actor {
   std::uint64_t last_order_ = 0;
   ShareOrderId in_hand_;  // The order that Share carries out now.
   std::vector<OrderWatch::Pair> pairs_in_hand_;
-  std::map<AgentId, std::string> order_refusals_;  // Why a peer refused the last order, until it is ordered again.
+  // Why a peer refused the last order. Cleared when the peer gets a new order.
+  std::map<AgentId, std::string> order_refusals_;
   OrderWatch watch_;
   DeadlineTimer watch_timer_;
   std::optional<SharingReceiver> receiver_;

@@ -10,15 +10,16 @@
 namespace moondb {
 namespace {
 
-// The session ids of a sender count up. A Hello whose id is less than this much below the current id is late and
+// The session ids of a sender count up. A Hello whose id is below the current one by less than this number is late and
 // ignored.
 constexpr std::uint64_t kStaleSessions = 1024;
-constexpr std::chrono::seconds kStorageAnswersWithin(10);  // After this time the answer counts as lost.
+constexpr std::chrono::seconds kStorageAnswersWithin(10);  // After this time an answer of storage counts as lost.
 
 constexpr int kEveryonesTypesMax = 256;
 
-// Bytes of two batches with their overhead. A sender that uses its granted rate sends its next batch before it could
-// have sent this many bytes. A sender with less of its own budget left may count as silent between two batches.
+// Size of two batches with their overhead. A sender that uses its granted rate is never silent for longer than it would
+// need to send this many bytes. A sender that its own budget slows down may be silent for longer, and then does not
+// count as moving.
 constexpr double kBatchesBytes = 2 * 4500;
 
 SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
@@ -41,7 +42,8 @@ Result<void> CheckDropped(const proto::Batch& batch) {
   return {};
 }
 
-// Returns the acknowledgment of a batch without its have-set. It repeats the agent, type and record id of the batch.
+// Returns the acknowledgment of a batch, still without the have-set. It repeats the agent, type and record id of the
+// batch.
 proto::Message AcknowledgmentOf(const proto::Message& message, const proto::RecordBatch& records) {
   proto::Message result;
   result.set_ms_type(proto::ACKNOWLEDGMENT);
@@ -83,7 +85,7 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
     const bool is_late = age > 0 && age < kStaleSessions && now - known->second.last_heard < options_.idle_after;
     if (is_repeated || is_late) return {};
   }
-  // The Hello asks for a later page, but the session is unknown here. The disk that the earlier pages described may be
+  // The Hello asks for a later page, but the session is unknown here. The earlier pages may describe a disk that is
   // lost, so the session must start over.
   if (have_from != RecordKey() && !(is_known && age == 0)) return RefuseUnknown(sender, hello.session_id());
   if (!is_known && !MakeRoom(now)) {
@@ -315,12 +317,12 @@ Result<proto::RecordBatch> SharingReceiver::Decode(AgentId sender, const proto::
     return DecodePaperSql(options_.paper_sql, whole ? *whole : message.sql(), message.record_id());
   }
   const std::string& coded = whole ? *whole : batch.coded();
-  // A late copy must not go through the run's decoder: it would reset the decoder to an earlier state.
+  // Decode a late copy without the run's decoder, which it would reset to an earlier state.
   return is_late ? DecodeBatch(batch.codec(), coded, batch.record_count()) : runs_.Decode(sender, batch, coded, now_);
 }
 
 // Grants the sender its part of the credit and of the budget. All senders share this agent's radio, so together they
-// may have no more in flight than a single sender.
+// may have no more bytes in flight than a single sender.
 void SharingReceiver::Grant(Incoming& incoming, proto::Have& have) const {
   const std::size_t moving = std::max<std::size_t>(MovingSessions(now_), 1);
   have.set_unacked_bytes_max(options_.unacked_bytes_max / static_cast<std::uint32_t>(moving));

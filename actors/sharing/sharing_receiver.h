@@ -7,14 +7,13 @@
 //            acknowledges the batch
 //
 // Holds no durable state; everything stored is visible in the have-set. A sender has one session, which a newer Hello
-// replaces. Each Hello is answered with one page (model/have_page.h), whatever it asks for; the sender requests the
-// next page with another Hello. Sessions, waiting StoreRequests per sender, coded bytes and decoded bytes are all
-// bounded.
+// replaces. Each Hello is answered with at most one page (model/have_page.h). The sender requests the next page with
+// another Hello. Sessions, waiting StoreRequests per sender, coded bytes and decoded bytes are all bounded.
 //
 // A batch of an unknown session is refused with kNotFound, so its sender starts over at once. A damaged batch is
 // counted and dropped. If a batch depends on missing batches of its run, the receiver asks the sender for a new run
 // (run_decoders.h). A batch may come from any agent of the team, whatever its role or term, since records are immutable
-// and have unique keys. Storage decides which of its records to accept (actors/storage/peer_authority.h).
+// and have unique keys. Storage decides which records of the batch to accept (actors/storage/peer_authority.h).
 //
 // A plain state machine like SharingSession. Requires: the caller checked that the sender belongs to the team.
 #pragma once
@@ -50,16 +49,17 @@ class SharingReceiver {
     std::uint64_t config_hash = 0;
     proto::SharingKind kind = proto::SHARING_KIND_SYNC;
     std::uint32_t unacked_bytes_max = 8 * 1024;  // Credit in bytes, divided among all moving senders.
-    // A sender that is silent for longer gets no part of credit and budget. The limit is longer for a sender whose
-    // granted rate makes it wait longer between two batches.
+    // A sender that is silent for longer than this gets no part of credit and budget. If a sender's granted rate
+    // requires longer pauses between its batches, it may be silent for longer.
     std::chrono::nanoseconds sending_after = std::chrono::seconds(5);
     double bytes_per_second_max = 0;  // Radio budget, divided among all moving senders; 0: no limit.
     TypeSchemas schemas;              // This agent's schema of each data type.
     PaperSql paper_sql;               // Used for CODEC_PAPER_SQL.
-    std::size_t sessions_max = 16;    // At this limit a new session replaces one that was silent for idle_after.
+    std::size_t sessions_max = 16;    // At this limit a new session replaces a session that was silent for idle_after.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
-    std::size_t run_places_max = 8;                  // Number of senders whose runs of maps are kept (run_decoders.h).
-    std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond this limit is dropped and counted.
+    std::size_t run_places_max = 8;  // Number of senders whose runs of maps are kept (run_decoders.h).
+    // If so many StoreRequests of a sender wait, its next batch is dropped and counted.
+    std::size_t waiting_stores_per_sender_max = 16;
     std::size_t have_page_bytes_max = kHavePageBytesMax;
   };
 
@@ -74,44 +74,46 @@ class SharingReceiver {
   // `first_request_id` is random, so answers to requests from before a restart match no new request.
   SharingReceiver(Options options, std::uint64_t first_request_id);
 
-  // Messages from a peer.
+  // Handle messages from a peer.
   SharingActions OnHello(AgentId sender, const proto::Hello& hello, Time now);
   // Reads `message.batch`. Returns kCorrupt for a damaged batch, which is already counted; the caller logs the error.
   Result<SharingActions> OnBatch(AgentId sender, const proto::Message& message, Time now);
 
-  // Answers from storage. An answer that matches no waiting request is ignored.
+  // Handle answers from storage. An answer that matches no waiting request is ignored.
   SharingActions OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply);
   SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
 
-  // Counters and order states of one sender since this actor started.
+  // Counters and order states of one sender, since this actor started.
   struct Heard {
     double coded_bytes = 0;       // Coded bytes of all batches.
     std::uint64_t remaining = 0;  // Records that remained to be sent after the last batch.
     std::uint64_t batches = 0;
-    proto::OrderEnd order_end;          // The last order end whose batch is stored; not_taken covers the whole session.
+    proto::OrderEnd order_end;  // The last OrderEnd whose batch is stored. Its not_taken counts for the whole session.
     std::uint64_t completed_order = 0;  // The last order of which all records were sent and stored.
     int refusals = 0;                   // Refused batches since a batch of the sender was last stored.
     std::string refusal;                // Error text of the last refusal.
   };
   const Heard& heard(AgentId sender) const;
 
-  // Number of senders that have records left to send and are not silent. Each gets a part of credit and budget.
+  // Returns the number of senders that have records left to send and are not silent. Each of them gets a part of credit
+  // and budget.
   std::size_t MovingSessions(Time now) const;
   // Sets the number of this agent's other moving sessions, which also get a part of the budget.
   void SetMovingElsewhere(std::size_t sessions) { moving_elsewhere_ = sessions; }
 
   const Counts& counts() const { return counts_; }
-  // Agents whose last Hello since they connected named another team configuration. Their sessions are accepted anyway.
+  // Agents whose last Hello since they connected contained the hash of another team configuration. Their sessions are
+  // accepted nevertheless.
   const std::set<AgentId>& other_configs() const { return other_configs_; }
-  // The peer connected. It may have a new team file, and may send no Hello if it has no records to send.
+  // Call when a peer connected. It may have a new team file, but sends no Hello if it has no records to send.
   void OnConnected(AgentId peer) { other_configs_.erase(peer); }
 
  private:
-  // The answer to be sent when storage has stored a batch.
+  // The answer that is sent when storage has stored a batch.
   struct WaitingStore {
     proto::Message acknowledgment;  // Without its have-set, which storage's reply adds.
     proto::OrderEnd order_end;
-    std::vector<RecordKey> keys;  // Records of the batch, if the batch has an order end.
+    std::vector<RecordKey> keys;  // Records of the batch, if the batch contains an OrderEnd.
   };
 
   struct Incoming {
@@ -123,7 +125,7 @@ class SharingReceiver {
     std::map<std::uint64_t, WaitingStore> waiting_stores;  // Waiting StoreRequests by request id.
     Time last_heard{};
     bool is_other_schema = false;
-    bool is_at_end = false;                 // The sender's last batch said that nothing remains.
+    bool is_at_end = false;                 // After the sender's last batch, 0 records remain to be sent.
     std::uint32_t last_fragment_batch = 0;  // Number of the last batch with a fragment.
     std::uint32_t last_run_batch = 0;       // Number of the last decoded batch that belongs to a run of maps.
     double bytes_per_second = 0;            // The last granted rate; 0: no limit.
@@ -148,7 +150,7 @@ class SharingReceiver {
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
   std::map<AgentId, Heard> heard_;
-  std::map<AgentId, DecodeBudget> decode_budgets_;  // By sender; a new session does not reset the budget.
+  std::map<AgentId, DecodeBudget> decode_budgets_;  // By sender. A new session of the sender does not reset its budget.
   FragmentCollector fragments_{2 * kWholeBytesMax};
   RunDecoders runs_;
   Time now_{};  // Time of the last message from a peer.

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Limits of the content bytes of one MissingRequest, whatever the coded ratio is. They bound the memory and the coding
+// Limits of the content bytes of one MissingRequest, for any compression ratio. They bound the memory and the coding
 // time per handled message: at most 300,000 map cells, about 15 ms here and at the destination. With more cells per
 // batch, decoding the two batches that fit into the credit would take longer than sending them, and the radio would
 // idle.
@@ -18,7 +18,7 @@ constexpr double kContentBytesMax = 72 * 1024;
 constexpr std::uint32_t kRecordsMax = 1024;
 // Smaller batches cost more time for headers and commits than they save in waiting.
 constexpr std::size_t kBatchBytesMin = 1024;
-// Bytes on the radio beside a batch's own bytes: its frame headers and its acknowledgment.
+// Bytes on the radio besides a batch's own bytes: its frame headers and its acknowledgment.
 constexpr std::size_t kBatchOverheadBytes = 300;
 
 }  // namespace
@@ -67,7 +67,7 @@ void SharingSession::LookAgain(Time now, SharingActions& actions) {
   } else if (was_waiting || order_.NeedsNewStart()) {
     Start(now, actions);
   } else if (phase_ == Phase::kAwaitingHave) {
-    // A new order to a silent destination does not wait for a delay that has grown.
+    // The destination is silent and the delay has grown. With a new order, do not wait for the rest of the delay.
     if (resend_delay_.has_grown()) GoOn(now, actions);
   } else {
     AskAgain();
@@ -79,7 +79,8 @@ SharingActions SharingSession::Close() {
   SharingActions actions;
   if (!is_open()) return actions;
   End(Ending::kClosed, actions);
-  maker_.EndRun();  // Free the run's memory, some megabytes: the destination may never be used again.
+  // Free the run's memory (some megabytes), since there may never be another session to the destination.
+  maker_.EndRun();
   return actions;
 }
 
@@ -379,12 +380,12 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
 bool SharingSession::MayLeave(const MadeBatch& batch) const {
   if (order_.is_used_up()) return false;
   if (in_flight_.is_empty()) return true;
-  // The last batch says that everything was sent. It waits until all batches before it are acknowledged.
+  // The last batch reports that no records remain, so it waits until all batches before it are acknowledged.
   return batch.message.remaining() > 0 && in_flight_.HasRoomFor(batch.contents.bytes);
 }
 
-// Returns the size limit of the next batch. With nothing in flight a batch is sent even if it exceeds the credit, so
-// the limit keeps it within this sender's part of the credit, which several senders may share.
+// Returns the size limit of the next batch. If no batch is in flight, a batch is sent even if it exceeds the credit.
+// The limit keeps such a batch within this sender's part of the credit, which several senders may share.
 std::size_t SharingSession::BatchBytesMax() const {
   const std::size_t credit = in_flight_.credit_bytes();
   const std::size_t left = std::min<std::uint64_t>(order_.bytes_left().value_or(credit), credit);

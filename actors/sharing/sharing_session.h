@@ -1,4 +1,5 @@
-// SharingSession: sends one destination the records that it lacks, over a radio that loses, duplicates and interrupts.
+// SharingSession: sends one destination the records that it lacks, over a radio that loses and duplicates messages and
+// interrupts connections.
 //
 // This is the sending side of anti-entropy: the session compares the destination's have-set (a version vector whose
 // entries are interval sets) with this agent's records, and retransmits until all are acknowledged. Delivery is at
@@ -11,19 +12,21 @@
 //   done
 //
 // The destination's have-set arrives in pages, and the session requests each page with a Hello (have_collector.h). A
-// lost page is requested again after a delay, or when the destination reconnects. Pages that arrived before are kept.
+// lost page is requested again after a delay, or when the destination reconnects. The pages that have arrived are kept.
 //
-// The last batch of an order says that no records remain, and is sent even if no record was missing, so the receiver
-// learns that the order ended. Several batches may be in flight. Their records count as held only while the next batch
-// is chosen. If a batch is given up or the session starts over, its records are missing again.
+// The last batch of an order contains the information that no records remain. It is sent even if no record was missing,
+// so the receiver learns that the order ended. Several batches may be in flight. Their records count as held by the
+// destination only for the choice of the next batch. If a batch is given up or the session starts over, these records
+// count as missing again.
 //
 // Flow control: unacknowledged bytes stay within `unacked_bytes_max` and the receiver's credit. A larger message is
-// sent only when nothing else is in flight. Without progress for `resend_after` the session starts over under a new id,
-// again and again with a growing delay. An order stays open until all its records are acknowledged or Close is called.
+// sent only when nothing else is in flight. After `resend_after` without progress the session starts over under a new
+// id, and repeats this with a growing delay. An order stays open until all its records are acknowledged or Close is
+// called.
 //
 // While the window to the destination is not open (SetWindow), the session sends nothing and runs no timer, but accepts
 // acknowledgments of batches in flight. When the window opens, an open session starts over at once. If the window
-// admits only states, each order sends the states that the destination lacks, and its other records wait.
+// admits only states, an order sends the states that the destination lacks, and its other records wait.
 //
 // The send rate is the smaller of the session's part of this agent's radio budget (SetRate) and the rate that the
 // destination grants. An order may have a limit of coded bytes, and ends when they are used up. If the destination gave
@@ -76,7 +79,7 @@ class SharingSession {
     Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this.
     std::size_t unacked_bytes_max = 8 * 1024;              // Bytes that a 1 Mbps radio sends in 65 ms.
     std::size_t batch_bytes_max = 4 * 1024;                // Coded bytes. Larger records are sent in fragments.
-    std::size_t bytes_per_second_min = 16 * 1024;          // At a lower rate the session times out and starts over.
+    std::size_t bytes_per_second_min = 16 * 1024;          // At a lower rate the session starts over too early.
     std::vector<DataType> state_types;                     // Types that may be sent in a window of kStatesOnly.
     proto::Codec codec = proto::CODEC_COMPACT;             // Codec of the sent batches.
     PaperSql paper_sql;                                    // Used for CODEC_PAPER_SQL.
@@ -88,47 +91,50 @@ class SharingSession {
   // Ids of this session count from `first_id`, which is random, so they differ from the ids of an earlier process.
   SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
 
-  // Starts the session. An open session looks for further records once all others are sent. The order includes records
-  // that are stored before this call. Records stored later are included only if their type is under the policy `latest`
-  // (MissingRequest.mark). `bytes_max` not 0: the order ends when about that many coded bytes are sent, give or take a
-  // batch; but if an open order has no limit, neither has this one. StateOf(id) says how the order ended. Only a
-  // session that completes after this call completes the order.
+  // Gives the session an order. Starts a closed session; an open session asks storage for missing records again. The
+  // order includes records that are stored before this call. Records stored later are included only if their type is
+  // under the policy `latest` (MissingRequest.mark). `bytes_max` not 0: the order ends when about that many coded bytes
+  // are sent, give or take a batch. If an open order has no limit, the new order has none either. StateOf(id) returns
+  // how the order ended. The order is complete when the session next completes.
   SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0, ShareOrderId id = {});
-  // Sends states without an order. If no session is open, starts one that is not counted, reports no order end, and is
-  // replaced by any order. An open session only looks for new records again.
+  // Sends states without an order. If the session is closed, starts it for these states; it is then not counted,
+  // reports no OrderEnd, and is replaced by any order. If the session is open, it only asks storage for new records
+  // again.
   SharingActions BringPeriodic(const proto::RecordFilter& states, Time now);
   // Ends the session before all records are acknowledged, and forgets the order.
   SharingActions Close();
 
-  // Messages from the destination. A message with another session id than the current one is ignored. A Have is refused
-  // and counted if its have-set is malformed or too large, or if it acknowledges a batch that was never sent.
+  // Handle messages from the destination. A message with another session id than the current one is ignored. A Have is
+  // refused and counted if its have-set is malformed or too large, or if it acknowledges a batch that was never sent.
   SharingActions OnHave(const proto::Have& have, Time now);
   SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
-  // Storage answered a MissingRequest. An answer to an earlier request than the last one is ignored.
+  // Handles storage's answer to a MissingRequest. An answer to an earlier request than the last one is ignored.
   SharingActions OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now);
-  // Storage could not use the note with this id, since it misses an earlier note about the destination (peer_notes.h).
+  // Call if storage could not use the note with this id, since it missed an earlier note about the destination
+  // (peer_notes.h).
   SharingActions OnPeerHaveRequest(std::uint64_t request_id);
   // Sets this session's part of the agent's radio budget, in bytes per second. 0, the initial value: no limit.
   void SetRate(double bytes_per_second, Time now);
   // Sets the window to the destination, which is initially open.
   SharingActions SetWindow(Window window, Time now);
-  // The destination reconnected. An open session starts over at once, or requests the expected page again.
+  // Call when the destination reconnected. An open session starts over immediately, or requests the expected page
+  // again.
   SharingActions OnConnected(Time now);
   // Call when deadline() is reached. Earlier calls have no effect.
   SharingActions OnTimer(Time now);
 
-  // The actor could not send a message. The text is shown in Status.
+  // Call if the actor could not send a message. Status shows the text.
   void NoteError(std::string text) { last_error_ = std::move(text); }
 
   std::optional<Time> deadline() const;  // Nullopt while the session is closed or waits for the window.
   bool is_open() const { return phase_ != Phase::kClosed; }
   bool is_ordered() const { return is_open() && !order_.is_periodic(); }
-  // Coded bytes that a limited order has left; 0: no limit.
+  // Coded bytes that the order may still send; 0: no limit.
   std::uint64_t bytes_left() const { return order_.bytes_left().value_or(0); }
   StandingOrder::Reached StateOf(ShareOrderId id) const { return order_.StateOf(id); }
-  // True if the destination refused at least twice without progress in between.
+  // True if the destination refused at least two messages without progress in between.
   bool is_refused_again() const { return is_open() && resend_delay_.is_refused_again(); }
-  // True if the session uses the radio and so gets a part of its budget.
+  // True if the session uses the radio now. It then gets a part of the radio budget.
   bool is_moving() const { return is_answered() && !order_.is_waiting(); }
   // Types whose schema differs at the destination, as of its last answer.
   const std::set<DataType>& other_schema_types() const { return order_.other_schema_types(); }
@@ -156,7 +162,7 @@ class SharingSession {
   void TakeGrant(const proto::Have& have, Time now);
   void TakeAcknowledgment(std::uint32_t batch_number, Time now);
   void Start(Time now, SharingActions& actions);  // Calls Restart with the shortest delay.
-  // Like Start, but if pages have arrived that are still useful, keeps them and requests the next page.
+  // Like Start, but if useful pages of the have-set have arrived, keeps these pages and requests the next one.
   void GoOn(Time now, SharingActions& actions);
   void AskForPage(Time now, SharingActions& actions);  // Sends no Hello while the order waits for its window.
   // Starts over under a new session id. Forgets the batches in flight and requests the first page.
@@ -167,12 +173,13 @@ class SharingSession {
   void Fill(Time now, SharingActions& actions);
   void SendWhatMayLeave(Time now, SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
-  // Ends a session whose order's bytes are used up. If the destination gave the order, reports the end to it first.
+  // Ends the session when the byte limit of its order is used up. If the destination gave the order, first reports the
+  // end to the destination.
   void EndLimited(Time now, SharingActions& actions);
   bool MayLeave(const MadeBatch& batch) const;
   std::size_t BatchBytesMax() const;
   void AskForMissing(SharingActions& actions);
-  void AskAgain();  // Records became missing since storage's last answer, so ask storage again.
+  void AskAgain();  // Asks storage again, since records may have become missing after its last answer.
   void GiveUp(std::size_t batches);
   void ForgetInFlight();
   void SetPace(Time now);
@@ -190,7 +197,7 @@ class SharingSession {
   BatchMaker maker_;
   InFlightBatches in_flight_;
   PeerNotes notes_;
-  // The destination was notified that the limit is used up, since the last order and the last restart.
+  // True if, since the last order and the last restart, the destination was notified that the byte limit is used up.
   bool is_limit_reported_ = false;
   double own_rate_ = 0;
   double granted_rate_ = 0;

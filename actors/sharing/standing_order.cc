@@ -9,7 +9,7 @@
 namespace moondb {
 
 void StandingOrder::Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added) {
-  // The new filter may exclude records that earlier orders asked for, so these orders end here.
+  // The new filter may exclude records that earlier orders asked for, so end these orders.
   if (is_added && filter.SerializeAsString() != filter_.SerializeAsString()) End(Ending::kClosed);
   Note(id);
   if (++mark_ == 0) ++mark_;
@@ -30,7 +30,7 @@ void StandingOrder::Note(ShareOrderId id) {
   KnownOrder& known = orders_[id.agent];
   known.is_open = true;
   known.order.set_agent(id.agent);
-  // A late copy of an earlier order must not lower the number.
+  // Ignore the number of a late copy of an earlier order.
   if (!HasReached(known.order.ordered(), id.number)) known.order.set_ordered(id.number);
 }
 

@@ -1,9 +1,10 @@
-// StandingOrder: the order that one session carries out: which records, for whom, and which of them may be sent now.
+// StandingOrder: the order that one session carries out. It says which records to send, which agents gave the order,
+// and which of the records may be sent now.
 //
 // An order stays open until the session ends it. Its filter selects the records; its limit, if it has one, bounds the
-// coded bytes. The window to the destination admits all records, only states, or nothing. The scope of a session is
-// fixed when the session starts over (StartOver, Ask): the whole order, only its states if the window admits no more,
-// or states that are sent without an order. Plain value.
+// coded bytes. The window to the destination admits all records, only states, or no records. When a session starts over
+// (StartOver, Ask), its scope is fixed: the whole order, only the order's states if the window admits only these, or
+// states without an order. Plain value.
 #pragma once
 
 #include <cstdint>
@@ -24,8 +25,8 @@ class ShareSession;
 
 namespace moondb {
 
-// The agent that gave an order, and its number for the order (model/order_number.h). Number 0: no agent or client waits
-// for the order.
+// The agent that gave an order, and the number that it gave to the order (model/order_number.h). Number 0: no agent or
+// client waits for the order.
 struct ShareOrderId {
   AgentId agent = 0;
   std::uint64_t number = 0;
@@ -40,8 +41,8 @@ class StandingOrder {
   StandingOrder(std::vector<DataType> state_types, std::uint64_t first_mark)
       : state_types_(std::move(state_types)), mark_(first_mark) {}
 
-  // Sets the order. `is_added`: an order is open, which the new one replaces; if the open order has no limit, neither
-  // has the new one. `bytes_max` 0: no limit.
+  // Sets the order. `is_added`: the new order replaces an open one; if the open order has no limit, the new order has
+  // none either. `bytes_max` 0: no limit.
   void Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added);
   // The state of an order, or of a later order of the same agent that replaced it. kUnknown: the order was never given
   // to this session.
@@ -51,34 +52,36 @@ class StandingOrder {
   // Ends the open orders of all agents.
   void End(Ending ending);
 
-  // Sets the window and returns true if it changed. An open window admits all records. In any other window the session
-  // waits, with its states too, until LookAgain.
+  // Sets the window and returns true if it changed. An open window admits all records. With any other window the
+  // session sends nothing, not even states, until LookAgain is called.
   bool SetWindow(Window window);
-  // In a window of kStatesOnly, stops waiting if the order's filter includes a state type.
+  // If the window is kStatesOnly, lets the session send again if the order's filter includes a state type.
   void LookAgain();
-  // All states were sent. The other records wait for the window to open.
+  // Call when all states were sent. The session then waits with the other records until the window opens.
   void HoldBackTheRest() { is_waiting_ = true; }
   bool is_waiting() const { return is_waiting_; }  // True while nothing may be sent.
   bool is_waiting_for_states() const { return is_waiting_ && window_ == Window::kStatesOnly; }
 
-  // The session starts over. Sets its scope to the records that the window admits now.
+  // Call when the session starts over. Sets the scope to the records that the window admits now.
   void StartOver();
   // Fills in the streams about which the Hello asks the destination.
   void Ask(proto::Hello& hello);
   // The origins of the streams about which the last Hello asked; empty: all.
   const std::set<AgentId>& asked_origins() const { return asked_origins_; }
-  // True if the session must start over to send all ordered records: the last Hello did not ask about some of their
-  // streams, or the window admits more records now.
+  // True if the session must start over to send all ordered records. Either the last Hello did not ask about some of
+  // their streams, or the window now admits more records.
   bool NeedsNewStart() const;
   bool is_periodic() const { return scope_ == Scope::kPeriodicStates; }
   // True if the session sends only states; sending them does not complete an order.
   bool is_for_states() const { return scope_ != Scope::kAll; }
-  // The filter and the mark for the next MissingRequest. The mark is a number under which storage remembers the records
-  // that exist now (MissingRequest.mark); each order has a new one. Mark 0: the states are sent without an order.
+  // Meant() and mark() return the filter and the mark for the next MissingRequest. The mark is a number under which
+  // storage remembers which records existed at the time of the order (MissingRequest.mark). Each order has a new mark.
+  // Mark 0: the states are sent without an order.
   proto::RecordFilter Meant() const;
   std::uint64_t mark() const { return is_periodic() ? 0 : mark_; }
 
-  // The number of the newest order that `destination` gave, which OrderEnd reports to it. 0: it has no open order.
+  // Returns the number of the newest order that `destination` gave, for the OrderEnd that is sent to it. 0: none of its
+  // orders is open.
   std::uint64_t NumberFor(AgentId destination) const;
 
   void SpendBytes(std::size_t coded_bytes);
@@ -97,7 +100,7 @@ class StandingOrder {
   // The newest order that one agent gave, and how it ended.
   struct KnownOrder {
     proto::SessionOrder order;
-    bool is_open = false;  // The session has not ended since the order.
+    bool is_open = false;  // The session has not ended since this order was given.
     Reached ended = Reached::kUnknown;
   };
 
@@ -115,7 +118,7 @@ class StandingOrder {
   Window window_ = Window::kOpen;
   bool is_waiting_ = false;
   std::set<AgentId> asked_origins_;
-  std::set<DataType> asked_types_;  // Types of which the last Hello asked about the streams of all origins.
+  std::set<DataType> asked_types_;  // Types for which the last Hello asked about the streams of all origins.
   std::set<DataType> other_schema_types_;
 };
 

@@ -81,7 +81,7 @@ void SyncActor::OnGathering(Context& context, const proto::Gathering& gathering)
   }
 }
 
-// ReplicaActor receives a new term a moment before or after this actor, so ignore its report about another term.
+// ReplicaActor receives a new term a little earlier or later than this actor, so ignore a report about another term.
 std::optional<std::vector<AgentId>> SyncActor::YetToGather() const {
   if (!gathering_ || OrderOf(gathering_->term()) != OrderOf(roles().term())) return std::nullopt;
   return std::vector<AgentId>(gathering_->from().begin(), gathering_->from().end());
@@ -92,7 +92,7 @@ int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
   const auto is_meant = [&from](AgentId agent) {
     return from.empty() || std::find(from.begin(), from.end(), agent) != from.end();
   };
-  // A limited order is not continued when more records arrive.
+  // An order with a byte limit does not continue when more records arrive.
   const bool is_limited = request.bytes_max() != 0;
   if (is_meant(self()) || is_limited) {
     is_bringing_to_base_ = BaseStationOf(team()) != 0 && !is_limited;
@@ -122,7 +122,7 @@ void SyncActor::OnStarted(Context& context) {
   proto::Message question;
   question.set_ms_type(proto::CONTROL);
   question.mutable_gathering();
-  // If ReplicaActor has not started yet, this question is lost, but ReplicaActor will report without it.
+  // If ReplicaActor has not started yet, this question is lost, but ReplicaActor later sends an unsolicited report.
   (void)context.Send({self(), actor_name::kReplica}, std::move(question));
 }
 
@@ -161,7 +161,8 @@ proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
       filter.add_everyones_types(proto::MAP_QUARANTINE);
     }
   }
-  // An empty list of types means "all types" to storage. Then restrict the filter to the destination's own records.
+  // For storage, an empty list of types means "all types". In this case restrict the filter to the destination's own
+  // records.
   if (filter.data_types().empty()) {
     filter.clear_origin_agents();
     filter.add_origin_agents(destination);

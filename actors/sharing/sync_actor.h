@@ -4,12 +4,11 @@
 //   From a client at a rover or the base station: starts a session with the agent's own records, to the leader or to
 //       `destination`.
 //   From a client at the leader, without another destination ("collect"): the leader sends the order to every other
-//   agent
-//       (or to from_agents), and repeats it until each answers. It also sends each rover its newest optimized poses and
-//       edge verdicts, and the base station the records that the policy `ground` asks for, again each time that an
-//       agent's records are complete. Rovers and base station also get back own records that they have lost. The order
-//       includes records that a leader in a new term gathers meanwhile (replica_actor.h): it is complete only after
-//       these are sent.
+//       agent (or to from_agents), and repeats it until each agent answers. It also sends each rover the rover's newest
+//       optimized poses and edge verdicts, and the base station the records that the policy `ground` asks for. Each
+//       time that an agent's records are complete, the base station gets further records. Rovers and base station also
+//       get back own records that they have lost. If a leader in a new term gathers records meanwhile
+//       (replica_actor.h), the order is complete only after these records are sent too.
 //   From a peer: starts a session with the agent's own records, to `destination` or to the requester.
 //
 // If the team file sets radio.states_period_s, each agent that is connected to the leader sends it its latest states
@@ -21,8 +20,8 @@
 namespace moondb {
 
 // Returns the filter of the records that the team file's `ground` asks for, of all origins. The leader sends them to
-// the base station, and bundles contain them. The filter has no data types if `ground` asks for nothing. Do not pass
-// such a filter to StorageActor, which takes an empty list as "all types".
+// the base station, and bundles contain them. The filter has no data types if `ground` asks for no records. Do not pass
+// such a filter to StorageActor, for which an empty list means "all types".
 proto::RecordFilter GroundRecords(const proto::TeamConfig& team);
 
 class SyncActor final : public SharingActor {
@@ -45,8 +44,9 @@ class SyncActor final : public SharingActor {
   proto::RecordFilter OwnRecords() const;
   proto::RecordFilter LeadersRecordsFor(AgentId destination) const;
 
-  bool is_bringing_to_base_ = false;           // The last order to collect also sends records to the base station.
-  std::uint64_t collecting_order_ = 0;         // The last order to collect that also sends records from this agent.
+  bool is_bringing_to_base_ = false;  // The last "collect" order also sends records to the base station.
+  // Number of the last "collect" order that also sends records of this agent; 0: none.
+  std::uint64_t collecting_order_ = 0;
   std::optional<proto::Gathering> gathering_;  // The last report of ReplicaActor.
 };
 

@@ -12,8 +12,8 @@ namespace moondb {
 
 namespace {
 
-// Reads the have-set of a bundle from the current row. Returns an empty one if it is damaged; the records of that
-// bundle are then sent again.
+// Reads the have-set of a bundle from the current row. Returns an empty have-set if it is damaged; the records of that
+// bundle are then sent again in a new bundle.
 HaveSet HaveOf(const Query& query, int column) {
   proto::HaveSet parsed;
   const std::string_view bytes = query.Bytes(column);
@@ -38,7 +38,8 @@ Error NoSuchBundle(std::uint32_t number) {
   return {ErrorCode::kNotFound, "no bundle " + std::to_string(number), "number"};
 }
 
-// Returns the records of all acknowledged bundles. Only the row of the bundle acknowledged last stores this have-set.
+// Returns the have-set of the records of all acknowledged bundles. This have-set is stored in one row, that of the
+// bundle acknowledged last.
 Result<HaveSet> AcknowledgedHave(Database& database) {
   HaveSet have;
   Query query = database.Prepare("SELECT have FROM downlink_bundle WHERE file IS NULL AND length(have) > 0");
@@ -50,8 +51,8 @@ Result<HaveSet> AcknowledgedHave(Database& database) {
   }
 }
 
-// Adds the seqs that this agent has dropped to the streams of `have`. No later bundle can contain them, and without the
-// gaps the have-set needs few intervals.
+// Returns `have` with the seqs added that this agent has dropped in the same streams. No later bundle can contain these
+// seqs, and without the gaps the have-set needs few intervals.
 HaveSet WithoutGaps(const HaveSet& have, const HaveSet& own) {
   HaveSet filled;
   for (const auto& [stream, state] : have.streams()) {

@@ -10,7 +10,7 @@ namespace {
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kTolerance_ns = 60 * kSecond_ns;
 constexpr std::int64_t kUtcMin_ns = 1'704'067'200 * kSecond_ns;  // 2024-01-01.
-// 2200-01-01. Differences below this bound cannot overflow.
+// 2200-01-01. Differences of times below this bound cannot overflow.
 constexpr std::int64_t kUtcMax_ns = 7'258'118'400 * kSecond_ns;
 
 bool IsPlausible(std::int64_t utc_ns) { return utc_ns >= kUtcMin_ns && utc_ns < kUtcMax_ns; }

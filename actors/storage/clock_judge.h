@@ -1,15 +1,15 @@
-// ClockJudge decides whether this agent's UTC clock can be trusted. It uses the clocks of other agents, jumps of the
-// own clock, and implausible values.
+// ClockJudge decides whether this agent's UTC clock can be trusted. It compares the clock with the clocks of other
+// agents, and detects jumps and implausible values.
 //
 // A robot's computer may start in 1970 after a cold start, or hours ahead of its team. Timestamps decide which of two
 // maps is newer. Records that are inserted while the clock is suspect are therefore marked (Record.is_clock_suspect),
-// and their timestamps win no comparison. The clock is suspect
+// and a marked timestamp never counts as the newer one. The clock is suspect
 //   - before 2024, because it was never set;
-//   - if more clocks disagree with it by over a minute than agree, itself counted; in a tie, if it disagrees with the
-//     base station's clock;
+//   - if the clocks that differ from it by over a minute outnumber those that agree, itself included; in a tie, if it
+//     differs from the base station's clock;
 //   - after a jump of more than a minute, until another agent's clock agrees with it.
-// Between two reports of a peer, the peer's clock is extrapolated by this agent's monotonic clock. A plausible but
-// wrong clock is not detected before the first report of a peer.
+// Between two reports of a peer, this agent's monotonic clock extrapolates the peer's clock. A plausible but wrong
+// clock is not detected before the first report of a peer.
 #pragma once
 
 #include <chrono>
@@ -31,7 +31,7 @@ class ClockJudge {
   // `base_station` 0 means that the team has none.
   explicit ClockJudge(AgentId base_station) : base_station_(base_station) {}
 
-  // Records that the clock of `peer` shows `utc_ns` (since 1970) now. An implausible value removes the peer's last
+  // Remembers that the clock of `peer` shows `utc_ns` (since 1970) now. An implausible value removes the peer's last
   // report.
   void NotePeer(AgentId peer, std::int64_t utc_ns, Time now);
 
@@ -44,7 +44,7 @@ class ClockJudge {
   std::vector<PeerOffset> PeerOffsets(std::int64_t utc_ns, Time now) const;
 
   struct Verdict {
-    std::string suspect;      // The reason, for people; empty if the clock is not suspect.
+    std::string suspect;      // Why the clock is suspect, as text for people; empty if it is not.
     bool has_jumped = false;  // The clock jumped since the last call of Judge.
   };
   // Judges this agent's clock, which shows `utc_ns`.
@@ -59,7 +59,7 @@ class ClockJudge {
   std::map<AgentId, Peer> peers_;
   // This agent's UTC minus its monotonic clock at the last call of Judge; null if its UTC was implausible.
   std::optional<std::int64_t> offset_ns_;
-  // Sum of the jumps since another agent's clock last agreed.
+  // Sum of the clock's jumps since another agent's clock last agreed with it.
   double unproven_jump_s_ = 0;
   // The UTC clock was implausible at the last call of Judge.
   bool was_never_set_ = false;

@@ -1,5 +1,5 @@
-// CountingFiles: a SQLite VFS that counts the bytes that SQLite writes to its files. Flash wears by bytes written, and
-// only the VFS sees all of them: the log, checkpoints and rollbacks.
+// CountingFiles: a SQLite VFS that counts the bytes that SQLite writes to its files. Flash memory wears with the bytes
+// written, and only the VFS sees all of these: the log, checkpoints and rollbacks.
 //
 // Wraps another VFS and forwards all calls to it. The count does not include what the file system itself writes (its
 // journal, rounding up to whole blocks), nor the shared-memory index beside a write-ahead log (32 KiB, rewritten in
@@ -17,7 +17,7 @@ namespace moondb {
 
 class CountingFiles {
  public:
-  // Wraps the registered VFS of that name; empty means SQLite's default VFS.
+  // Wraps the registered VFS with the name `base`; empty means SQLite's default VFS.
   explicit CountingFiles(const std::string& base);
   ~CountingFiles();
   CountingFiles(const CountingFiles&) = delete;
@@ -33,7 +33,7 @@ class CountingFiles {
     sqlite3_vfs base{};
     CountingFiles* owner = nullptr;
   };
-  // Data behind the file object of the wrapped VFS.
+  // This VFS's data of one file, stored behind the file object of the wrapped VFS.
   struct FileTail;
 
   static int Open(sqlite3_vfs* vfs, const char* path, sqlite3_file* file, int flags, int* flags_out);

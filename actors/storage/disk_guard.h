@@ -1,13 +1,14 @@
-// DiskGuard: what a store does if its disk is nearly full, full or failing.
+// DiskGuard decides which records a store refuses if its disk is nearly full, and frees reserved space if the disk is
+// full. It also remembers whether the disk fails.
 //
 // Records are refused with kFull:
 //   - maps, if the room is less than twice the reserve;
 //   - all records, if the room is less than half the reserve, or if the disk has less free space than the write-ahead
-//     log needs. The rest is for roles, and for a prune, which makes room.
+//     log needs. The remaining room is for roles, and for a prune, which makes room.
 //
 // Room is the free disk space plus the free pages within the file, since a database file never shrinks. If SQLite
 // reports a full disk in spite of these limits, the reserve (actors/storage/reserve_file.h) is given up for roles and
-// prunes. It is rebuilt slowly once there is room for it above all limits.
+// prunes. The reserve is rebuilt part by part once there is enough room for it without reaching these limits.
 //
 // Remembers why the last write failed until a write succeeds. A database in memory has no disk, so nothing is refused.
 //
@@ -27,8 +28,8 @@ class StorageStatus;
 
 namespace moondb {
 
-// Returns whether the error comes from the disk and may disappear with its cause: the disk is full, cannot be written,
-// or fails.
+// Returns whether the error comes from the disk (full, not writable or failing), so that the same write may succeed
+// later.
 bool IsOfTheDisk(const Error& error);
 
 // Lists the files beside a database that an operator may delete, largest first, with sizes: "moondb.sqlite.damaged-1
@@ -37,27 +38,29 @@ std::string DeletableFiles(const std::string& database_path);
 
 class DiskGuard {
  public:
-  // `agent` is the name to use in the suggested prune command.
+  // `agent` is the agent's name, for the prune command that Advice suggests.
   DiskGuard(const std::string& database_path, const std::string& vfs, std::string agent);
 
   enum class Kind { kMap, kRecord };
   // Returns an error if no record of that kind may be stored now: kFull, or kInternal if the file system is read-only.
   Result<void> CheckRoom(Database& database, Kind kind) const;
 
-  // Gives up the reserve if the file has room for records, but the disk has no room for the log through which they are
-  // written. Returns true if the reserve was given up.
+  // Gives up the reserve if the file has room for records, but the disk has no room for the write-ahead log. Returns
+  // true if the reserve was given up.
   bool MakeRoomForLog(Database& database);
 
   // Gives up the reserve after a write failed with kFull. Returns true if this freed space, so that the write is worth
   // another attempt.
   bool GiveUpReserve(Database& database);
 
-  // Call one of these after every write. NoteFailure returns true if the failure is new or has a new cause.
+  // Call NoteFailure or NoteSuccess after every write. NoteFailure returns true if the error comes from the disk and
+  // differs from the last noted one.
   bool NoteFailure(const Database& database, const Error& error);
-  bool NoteSuccess();  // Returns true if a failure has just ended.
+  bool NoteSuccess();  // Returns true if the write before failed.
   const std::string& trouble() const { return trouble_; }
 
-  // Call periodically. Adds one part to the reserve if there is room. Returns true if the next part should follow soon.
+  // Call periodically. Adds one part to the reserve if there is room. Returns true if it added one, so the next call
+  // should follow soon.
   bool Tend(Database& database, std::mt19937_64& random);
 
   // Fills the fields of StorageStatus about the disk.
@@ -79,7 +82,7 @@ class DiskGuard {
   const bool is_on_disk_;
   const std::string agent_;
   ReserveFile reserve_;
-  // The reserve was complete at the last check. It is not checked again.
+  // True once a check found the reserve complete. Further checks are then skipped.
   bool is_reserve_whole_ = false;
   std::string trouble_;
 };

@@ -9,10 +9,11 @@ namespace moondb {
 
 namespace {
 
-constexpr std::int64_t kLastEventsMax = 64;  // Events read to skip the damage events of starts that failed.
+// Number of newest events to read: enough to skip the damage events of failed starts.
+constexpr std::int64_t kLastEventsMax = 64;
 
 // Appends events, the newest first. Epochs are unsigned but stored as the signed numbers of the same bits, so negative
-// ones are newer.
+// numbers are the newer epochs.
 Result<void> AppendEvents(Database& database, const char* epochs, AgentId self, std::int64_t events_max,
                           const std::string& kinds, std::vector<OwnEvent>& events) {
   Query query = database.Prepare(

@@ -1,7 +1,7 @@
 // Reads this agent's own events: how its previous process ended, and which findings no operator has acknowledged yet
-// (model/event.h). Each call reads the table and nothing is cached, so a restart changes no result.
+// (model/event.h). Each call reads the table of events; nothing is cached, so a restart changes no result.
 //
-// The events of one agent are ordered by epoch and seq, no matter when a peer returned them after a lost disk. Errors
+// The events of one agent are ordered by epoch and seq, even if a peer returned some of them after a lost disk. Errors
 // as for Database.
 #pragma once
 
@@ -17,13 +17,13 @@ namespace moondb {
 // Number of newest events that one call reads; this takes about 60 ms.
 inline constexpr std::int64_t kOwnEventsMax = 20'000;
 
-// The events of `self` in the order in which it logged them. ReadOwnEvents returns the last `events_max`; ReadFindings
-// returns the findings that the last kOwnEventsMax events leave open.
+// ReadOwnEvents returns the last `events_max` events of `self`, in the order in which it logged them. ReadFindings
+// returns the findings that are still open after its last kOwnEventsMax events.
 Result<std::vector<OwnEvent>> ReadOwnEvents(Database& database, AgentId self, std::int64_t events_max);
 Result<std::vector<proto::HealthFinding>> ReadFindings(Database& database, AgentId self);
 
-// Returns true if the last process of `self` that logged an event ended without EVENT_KIND_STOPPED, and no later start
-// has logged this. Damage events are ignored, because a start logs them before its agent runs.
+// Returns true if the last process of `self` that logged an event ended without EVENT_KIND_STOPPED, and no later
+// process has reported this yet. Damage events are ignored, because a process logs them before its agent runs.
 Result<bool> HasEndedWithoutStopping(Database& database, AgentId self);
 
 }  // namespace moondb

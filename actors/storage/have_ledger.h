@@ -1,5 +1,5 @@
-// HaveLedger: this agent's have-set, a version vector whose entries are interval sets. It is kept in memory and in the
-// table have_interval; the two never differ.
+// HaveLedger: this agent's have-set, a version vector whose entries are interval sets. It is kept both in memory and in
+// the table have_interval, with the same content.
 //
 // Edits change a draft. Write puts the draft into the database, inside the caller's transaction. After the commit, Keep
 // makes the draft the have-set. After a failure, Forget discards the draft.
@@ -14,11 +14,11 @@ namespace moondb {
 
 class HaveLedger {
  public:
-  // Skips damaged rows.
+  // Loads the have-set from the table. Skips damaged rows.
   Result<void> Load(Database& database);
   // Returns whether Load found no damaged row.
   bool is_sound() const { return is_sound_; }
-  // Replaces the whole table, inside the caller's transaction. Call Keep after the commit.
+  // Replaces the whole table and the draft by `have`, inside the caller's transaction. Call Keep after the commit.
   Result<void> Replace(Database& database, const HaveSet& have);
 
   const HaveSet& have() const { return have_; }

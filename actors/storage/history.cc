@@ -228,8 +228,8 @@ Result<bool> History::Trim(Database& database, std::optional<std::int64_t> utc_n
   return rows_left == 0;
 }
 
-// Rows are in the order of storing, so the first row that is too young ends the search. `timestamp_before_ns` is null
-// if rows of any age are removed.
+// Removes the rows of one type that are older than `timestamp_before_ns`, or rows of any age if it is null. Rows are
+// read in the order of storing, so the first row that is too young ends the search.
 Result<void> History::DropOlder(Database& database, DataType type, std::optional<std::int64_t> timestamp_before_ns,
                                 std::size_t& rows_left) {
   std::vector<Candidate> expired;
@@ -286,7 +286,8 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
   double bytes = 0;
   std::size_t count = 0;
   for (const Candidate& row : rows) {
-    if (request.content_bytes_max() > 0 && bytes >= request.content_bytes_max()) break;  // Reached the requested bytes.
+    // The requested bytes are reached.
+    if (request.content_bytes_max() > 0 && bytes >= request.content_bytes_max()) break;
     if (count == rows_max) {
       reply.set_is_complete(false);
       break;
@@ -301,7 +302,7 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
       return tl::unexpected(done.error());
     }
   }
-  // Each type reads at most `rows_max` rows, so there may be more.
+  // At most `rows_max` rows are read per type, so there may be more.
   if (!request.is_dry_run() && count == rows_max) reply.set_is_complete(false);
   for (auto& [type, of_type] : pruned) {
     of_type.set_data_type(type);

@@ -8,13 +8,13 @@
 // They are lost with the disk. A superseded record moves here in the same transaction that stores its successor.
 // Records of other agents are never kept here.
 //
-// A row keeps its row id, so row ids give the order of storing. Rows are clustered by type: reading a page, the oldest
-// row or the rows of a certain age of one type does not touch other types. The limit `bytes_max` holds at the end of
-// each transaction: the oldest rows of all types make room for rows that move in. Age limits, and a limit that was
-// lowered, are applied by Trim, some rows at a time.
+// A row keeps its row id, so the order of row ids is the order of storing. Rows are clustered by type, so a query for
+// rows of one type reads no rows of other types. A transaction that moves rows in removes the oldest rows of any type,
+// so the limit `bytes_max` holds at its end. Trim enforces age limits, and a `bytes_max` that was lowered, some rows at
+// a time.
 //
-// As in HaveLedger, changes go to a draft of the sums, which Keep applies and Forget discards. For one thread at a
-// time.
+// As in HaveLedger, changes go to a draft of the counts and sizes. Keep applies the draft, and Forget discards it. For
+// one thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -37,9 +37,9 @@ inline constexpr std::size_t kHistoryTrimRowsMax = 2000;  // Rows per call of Tr
 class History {
  public:
   struct Rules {
-    // Rules of the types under `latest`. Other types move no rows in, and their existing rows stay.
+    // Rules of the types under `latest`. No rows of other types are added, and their existing rows stay.
     std::map<DataType, KeepRule> keep;
-    std::uint64_t bytes_max = 0;  // Limit of all rows, counted as Sum::bytes; 0: keep none.
+    std::uint64_t bytes_max = 0;  // Limit of the size of all rows (Sum::bytes); 0: keep no rows.
   };
   struct Sum {
     std::uint64_t count = 0;
@@ -49,13 +49,13 @@ class History {
   // `self` is the origin of all rows.
   History(AgentId self, Rules rules) : self_(self), rules_(std::move(rules)) {}
 
-  // Computes the sums from the table. Scans the table, but not the overflow pages of long contents. Also finds the rows
-  // that `have` does not count as dropped. A repaired have-set no longer knows which records the damaged rows had
-  // superseded, so peers may send these records again.
+  // Computes counts and sizes from the table. Scans the table, but not the overflow pages of long contents. Also finds
+  // the rows that `have` does not count as dropped: a repaired have-set no longer contains the drops of records that
+  // damaged rows had superseded, so peers may send these records again.
   Result<void> Load(Database& database, const HaveSet& have);
   Sum sum() const { return SumOf(types_); }  // The committed sums.
 
-  // Returns the rows whose content does not match their hash. Reads all contents.
+  // A row whose content does not match its hash. FindDamaged returns all such rows, and reads all contents.
   struct Found {
     DataType type = 0;
     std::uint64_t row_id = 0;
@@ -64,18 +64,18 @@ class History {
   // Returns the highest row id, or 0 if there are no rows.
   Result<std::uint64_t> MaxRowId(Database& database) const;
 
-  // Inside the caller's transaction: copies a row of `table` that is about to be deleted there. Requires: the row's
-  // origin is `self`.
+  // Inside the caller's transaction: copies a row that is about to be deleted from `table`. Requires: the row's origin
+  // is `self`.
   Result<void> Take(Database& database, const RecordTable& table, const RecordTable::Row& row);
   // Inside the caller's transaction: removes the row of `key`, because the record is stored again. Does nothing if
   // there is no such row.
   Result<void> Remove(Database& database, const RecordKey& key);
-  // Inside the caller's transaction: removes the oldest rows until at least `bytes` are freed or no rows are left.
-  // Returns the number of bytes freed.
+  // Inside the caller's transaction: removes the oldest rows until at least `bytes` bytes are freed or no rows are
+  // left. Returns the number of bytes freed.
   Result<std::uint64_t> Drop(Database& database, std::uint64_t bytes);
   // Inside the caller's transaction: removes at most kHistoryTrimRowsMax rows that are older than their type's rule
   // allows or exceed bytes_max. Returns true if more rows may have to be removed. `utc_now_ns` is null if this agent
-  // does not know the time; then no row is removed by age. A row whose timestamp comes from a suspect clock is not
+  // does not know the time; Trim then removes no row by age. A row whose timestamp comes from a suspect clock is not
   // removed by age either, unless its type keeps no rows at all.
   Result<bool> Trim(Database& database, std::optional<std::int64_t> utc_now_ns);
   bool NeedsTrim() const;  // Returns false if Trim would find nothing to remove.
@@ -93,7 +93,7 @@ class History {
   struct OfType {
     Sum sum;
     std::uint64_t oldest_row_id = 0;
-    std::uint64_t seen_row_id = 0;  // Trim skips the rows up to this id: their age is unknown. Not stored.
+    std::uint64_t seen_row_id = 0;  // Trim skips the rows up to this id, whose age is unknown. Not stored.
   };
   using Types = std::map<DataType, OfType>;
 
@@ -113,7 +113,7 @@ class History {
   const Rules rules_;
   Types types_;
   std::optional<Types> draft_;
-  std::map<RecordKey, std::uint64_t> not_dropped_;  // Row ids of the records that were not dropped at Load.
+  std::map<RecordKey, std::uint64_t> not_dropped_;  // Row ids of the rows that Load's `have` did not count as dropped.
 };
 
 }  // namespace moondb

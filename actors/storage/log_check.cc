@@ -28,7 +28,7 @@ std::uint32_t LittleEndian(Bytes bytes, std::size_t at) {
          bytes[at];
 }
 
-// The running checksum of all bytes added so far.
+// The checksum of all bytes added so far.
 class Checksum {
  public:
   explicit Checksum(bool is_big_endian) : read_(is_big_endian ? BigEndian : LittleEndian) {}
@@ -69,11 +69,12 @@ std::string FindLogDamage(const std::string& database_path) {
   std::uint64_t salts = std::uint64_t{BigEndian(header, 16)} << 32 | BigEndian(header, 20);
   std::optional<std::uint64_t> damaged_at;  // Offset of the first damaged frame.
   if (!is_header_good) damaged_at = 0;
-  bool is_committed = false;  // True if the transaction of the damaged frame was committed.
+  bool is_committed = false;  // The commit frame of the damaged frame's transaction was read.
   for (std::uint64_t at = kHeaderBytes; log.read(reinterpret_cast<char*>(frame.data()), frame.size());
        at += frame.size()) {
     const std::uint64_t frame_salts = std::uint64_t{BigEndian(bytes, 8)} << 32 | BigEndian(bytes, 12);
-    if (!is_header_good && at == kHeaderBytes) salts = frame_salts;  // The salts in the damaged header may be wrong.
+    // The header is damaged, so its salts may be wrong.
+    if (!is_header_good && at == kHeaderBytes) salts = frame_salts;
     const bool is_of_this_log = frame_salts == salts;
     if (damaged_at && is_committed && is_of_this_log) {
       return "the write-ahead log is damaged at byte " + std::to_string(*damaged_at) +

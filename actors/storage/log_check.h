@@ -1,12 +1,13 @@
 // FindLogDamage checks the write-ahead log of a store for damage, before SQLite opens the store.
 //
-// SQLite reads a log up to the first frame with a wrong checksum and silently discards the rest. That is right after a
-// power cut in the middle of a write. However, a transaction of records is synced to the disk before the next
-// transaction begins. If another transaction follows the one with the wrong frame, then bits of the log were changed
-// and durable records are lost.
+// SQLite reads a log up to the first frame with a wrong checksum and silently discards the rest. This is correct after
+// a power cut during a write. However, a transaction of records is synced to the disk before the next one begins. If
+// another transaction follows the wrong frame, a power cut cannot be the cause: bits of the log were changed, and
+// durable records are lost.
 //
 // Wrong bits in the last transaction look like an interrupted write and are not reported. After a power cut, a report
-// may concern transactions that are not synced one by one (what peers have, bytes written); no record is lost then.
+// may concern transactions that are not synced one by one (the log of what peers have, the count of bytes written). No
+// record is lost in this case.
 //
 // The format is documented at https://sqlite.org/fileformat2.html#walformat.
 #pragma once
@@ -15,8 +16,8 @@
 
 namespace moondb {
 
-// Returns a sentence for people, or an empty string if there is no damage or no log. Reads the whole log, at some
-// hundreds of MB per second. Requires: no process has the database open.
+// Returns a sentence that describes the damage, or an empty string if there is no damage or no log. Reads the whole
+// log, at some hundreds of MB per second. Requires: no process has the database open.
 std::string FindLogDamage(const std::string& database_path);
 
 }  // namespace moondb

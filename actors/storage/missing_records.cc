@@ -100,7 +100,7 @@ class MissingFinder {
   // Returns true if only some of the stream's records pass the filter.
   bool IsPartial(const StreamKey& stream) const { return AgentMeant(stream) != 0; }
 
-  // Returns the agent whose poses and verdicts pass the filter; 0 if those of all agents do.
+  // Returns the only agent whose poses and verdicts pass the filter; 0 if those of all agents pass.
   AgentId AgentMeant(const StreamKey& stream) const {
     return FindRecordTable(stream.type)->knows_agent() && !IsOwn(stream) ? filter_.optimized_poses_of_agent() : 0;
   }
@@ -117,7 +117,8 @@ class MissingFinder {
     return streams;
   }
 
-  // Adds records of the interval until a limit is reached. Adds the number of the others to `remaining`.
+  // Adds records of the interval to the reply until a limit is reached. Adds the number of the records that are left to
+  // `remaining`.
   Result<void> AddInterval(const StreamKey& stream, const IntervalSet::Interval& interval, std::uint64_t bytes_max,
                            std::uint64_t records_max, proto::MissingReply& reply) {
     const RecordTable& table = *FindRecordTable(stream.type);

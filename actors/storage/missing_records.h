@@ -1,13 +1,15 @@
-// FindMissing: the records that are held here and that a destination lacks, and the dropped seqs to report to it.
+// FindMissing returns the records that are held here and that a destination lacks, and the dropped seqs to report to
+// the destination.
 //
 // Records are ordered by sharing class (SharingRules::RankOf), then by epoch, then by seq. `dropped` is filled only if
-// the reply leaves no records over, since a superseded record must not be dropped before its successor arrives. Streams
-// that the filter passes only in part (`optimized_poses_of_agent`) report no dropped seqs, because the filter may hide
-// the successors. Neither do types under `newest_only_types`, whose older records are still held here.
+// the reply contains all remaining records, since the destination must not drop a record before its successor arrives.
+// No dropped seqs are reported for streams that the filter passes only in part (`optimized_poses_of_agent`), because
+// the filter may hide the successors. None are reported for `newest_only_types`, whose older records are still held
+// here.
 //
-// If the request has a mark, records that were inserted after the mark are left out. A session then ends although the
-// robot goes on inserting. Types under the policy `latest` or in `newest_only_types` ignore the mark, because a newer
-// record may have replaced the marked one.
+// If the request has a mark (MissingRequest.mark), records that were inserted after the mark are left out. A session
+// then ends even if the robot keeps inserting records. Types under the policy `latest` or in `newest_only_types` ignore
+// the mark, because a newer record may have replaced one that existed at the mark.
 #pragma once
 
 #include "actors/storage/sharing_rules.h"
@@ -17,7 +19,7 @@
 
 namespace moondb {
 
-// Limits of one reply: the default if the request says 0, and the maximum.
+// Limits of one reply: the default, used if the request has 0, and the maximum.
 inline constexpr std::uint32_t kMissingBytesDefault = 64 * 1024;
 inline constexpr std::uint32_t kMissingBytesMax = 16 * 1024 * 1024;
 inline constexpr std::uint32_t kMissingRecordsDefault = 256;
@@ -25,7 +27,7 @@ inline constexpr std::uint32_t kMissingRecordsMax = 4096;
 
 // `have` is this agent's own have-set. `brings_others` is true if peers accept records of other agents from this agent;
 // otherwise it offers only its own records and those signed by their author. `marked` is the have-set at the time of
-// the request's mark; null if there is no mark. Fails as Database does, or with kInvalid if destination_have is
+// the request's mark; null if the request has no mark. Fails as Database does, or with kInvalid if destination_have is
 // malformed.
 Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const SharingRules& rules,
                                         bool brings_others, const HaveSet* marked,

@@ -20,10 +20,10 @@ constexpr std::uint64_t kRandomMask = (1ull << kPreviousMarkShift) - 1;
 constexpr std::uint32_t kBaseMarkMax = 0xFF;
 constexpr std::uint32_t kMarkMax = 0x3FFF;
 
-// The hash reveals a changed byte in the table own_epoch, as in have_interval.
+// Returns a hash that is stored with the epoch, to detect a changed byte in the table own_epoch.
 std::uint64_t HashOf(std::uint64_t epoch) { return HashRecord({{0, epoch, 0}, 0}, "begun"); }
 
-// The epochs of this incarnation that another epoch knew: those with counters up to these.
+// The epochs of this incarnation that another epoch certainly or possibly knew: all with counters up to these numbers.
 struct Knowledge {
   std::uint64_t certain = 0;
   std::uint64_t possible = 0;
@@ -85,7 +85,7 @@ class Ancestry {
   Found PreviousOf(const EpochParts& parts) const {
     if (parts.previous_mark == 0) return std::nullopt;
     Found previous = Find(by_mark_, std::pair(parts.tag, parts.previous_mark), parts.counter);
-    // The first epoch of a restored backup follows an epoch with another tag.
+    // In a restored backup, the epoch before the first one has another tag.
     if (!previous) previous = Find(by_mark_of_any_tag_, parts.previous_mark, parts.counter);
     if (previous) return previous;
     const auto latest = foreign_by_tag_.find(parts.tag);
@@ -93,7 +93,7 @@ class Ancestry {
     return latest->second.knew;
   }
 
-  // Several epochs may share this hash. Only what all of them knew is certain.
+  // Several epochs may have this hash. Only what all these epochs knew is certain.
   template <typename Key>
   static Found Find(const std::map<Key, std::vector<Known>>& known, const Key& key, std::uint64_t counter) {
     Found knew;
@@ -211,7 +211,8 @@ Result<OwnEpochs::Next> OwnEpochs::Draw(std::mt19937_64& random) const {
     const std::uint64_t previous = begun_.empty() ? 0 : *begun_.rbegin();
     return Next{EpochOf({PartsOf(base).counter + 1, tag, BaseMarkOf(base), MarkOf(previous)}, random()), tag};
   }
-  // The counter is used up. Go on above the highest epoch in random steps; such epochs no longer hold valid tags.
+  // The counter is used up. Continue above the highest epoch in random steps. The bits of such epochs no longer contain
+  // valid tags.
   const std::uint64_t left = std::numeric_limits<std::uint64_t>::max() - base;
   if (left == 0) return Fail(ErrorCode::kInternal, "no epochs are left for this agent's records");
   return Next{base + 1 + random() % std::min<std::uint64_t>(left, 0xFFFF'FFFF), tag};

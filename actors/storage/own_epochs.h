@@ -1,20 +1,20 @@
-// OwnEpochs: the known epochs of this agent's own records. It says which of them this file's history began, and whose
-// states a later epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
+// OwnEpochs keeps the known epochs of this agent's own records. It says which epochs this file's history began, and
+// which epochs have states that a later epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
 //
-// The 64 bits of an epoch say where it comes from:
+// The 64 bits of an epoch identify its ancestry:
 //   - 16 bits: counter, one above the counter of its *base*, the highest own epoch known when it began;
 //   - 10 bits: tag of the incarnation that began it;
 //   - 8 bits: derived from the mark of its base; 0 if it had no base;
-//   - 14 bits: mark of the epoch that its file's history began before it; 0 if it is the first;
+//   - 14 bits: mark of the previous epoch in its file's history; 0 if it is the first;
 //   - 16 random bits, so that two diverging copies of one file do not use the same epoch twice.
-// A *mark* is a hash of all bits of an epoch. An *incarnation* is one history of a database file. Its tag is drawn with
-// its first epoch. A file that was created empty starts a new incarnation. So does a copy that `moonctl db backup`
-// made, because the tag is removed from the copy (kForgetIncarnationSql).
+// A *mark* is a hash of all bits of an epoch. An *incarnation* is one history of a database file. The incarnation's tag
+// is drawn with its first epoch. A file that was created empty starts a new incarnation. A copy that `moonctl db
+// backup` made also starts one, because the tag is removed from the copy (kForgetIncarnationSql).
 //
-// A *foreign* epoch is an own epoch that a peer reports or returns and that this file's history did not begin. Another
-// disk of this agent began it, or an unmarked copy of this file. A foreign epoch knew its base, the previous epoch of
-// its file, and all that these two knew. If the previous epoch is not known here, the highest lower epoch with the same
-// tag is used instead.
+// A *foreign* epoch is an epoch of this agent that a peer reports or returns and that this file's history did not
+// begin. It began on another disk of this agent, or in a copy of this file that kept the tag. A foreign epoch knew the
+// records of its base, of the previous epoch in its file, and of all epochs that these two knew. If the previous epoch
+// is not known here, the highest known epoch below it with the same tag is used instead.
 //
 // Load and Write run inside the caller's transaction and fail as Database does. The other functions use no database.
 #pragma once
@@ -38,23 +38,23 @@ struct EpochParts {
   bool operator==(const EpochParts&) const = default;
 };
 EpochParts PartsOf(std::uint64_t epoch);
-// Returns 0 for epoch 0, which is not a valid epoch.
+// Returns the mark of an epoch. Returns 0 for epoch 0, which is not valid.
 std::uint32_t MarkOf(std::uint64_t epoch);
 std::uint32_t BaseMarkOf(std::uint64_t base);
-// For tests. Uses as many bits of `random` as an epoch has room for.
+// For tests. Returns the epoch with these parts; the lowest 16 bits of `random` become its random bits.
 std::uint64_t EpochOf(const EpochParts& parts, std::uint64_t random);
 
 inline constexpr std::uint32_t kEpochTagMax = 0x3FF;
 inline constexpr std::uint64_t kEpochCounterMax = 0xFFFF;
-// Room for 16384 process starts of this agent on a disk that was lost. A claim of a higher epoch would use up the
-// remaining epochs.
+// Largest accepted distance of a claimed epoch: 16384 process starts of this agent on a disk that was lost. Without
+// this limit, a false claim could use up all epochs.
 inline constexpr std::uint64_t kOwnEpochJumpMax = 1ull << (48 + 14);
-// The highest foreign epochs are kept, so that claims of peers cannot fill the memory.
+// Only this many foreign epochs are kept, the highest ones, so claims of peers cannot fill the memory.
 inline constexpr std::size_t kForeignEpochsMax = 4096;
 
 class OwnEpochs {
  public:
-  // Loads the epochs that the file's history began. Learn adds the foreign ones.
+  // Loads the epochs that the file's history began. Foreign epochs are not stored; Learn adds them.
   Result<void> Load(Database& database);
 
   // Returns true if this incarnation has begun an epoch. Returns false for a restored copy, and for a new file for
@@ -63,26 +63,27 @@ class OwnEpochs {
   std::uint64_t highest() const;  // The highest known epoch; 0 if none is known.
   // Call once, after the process has loaded its file. IsPossible judges later claims by the highest epoch at this time.
   void NoteStart() { highest_at_start_ = highest(); }
-  // Returns whether a claimed epoch can exist. It must not be 0, and at most kOwnEpochJumpMax above the highest epoch
-  // at the start of the process. Later claims do not raise this limit.
+  // Returns whether an epoch that a peer claims can exist: it is not 0, and at most kOwnEpochJumpMax above the highest
+  // epoch at the start of the process. Later claims do not raise this limit.
   bool IsPossible(std::uint64_t epoch) const;
   bool IsKnown(std::uint64_t epoch) const { return begun_.contains(epoch) || foreign_.contains(epoch); }
   void Learn(std::uint64_t epoch);  // Adds a foreign epoch. Does nothing if this file's history began the epoch.
 
   // Epochs of this incarnation whose states are in danger. They are below the highest foreign epoch, which did not know
-  // them, so older states stored under the foreign epoch would replace their states. Lower foreign epochs need no
-  // check: the disk of the highest one has stored again, or replaced, the states that they did not know.
+  // them. Older states stored under the foreign epoch would therefore replace their states. Lower foreign epochs need
+  // no check: the disk that began the highest foreign epoch has already reissued or replaced the states that they did
+  // not know.
   struct Danger {
     std::set<std::uint64_t> certain;
-    // Endangered epochs for which too little is known here about the base of the foreign epoch.
+    // Epochs that may be in danger: the base of the foreign epoch is not known well enough to decide.
     std::set<std::uint64_t> possible;
   };
   Danger Endangered() const;
 
-  // An epoch above all known ones. The caller writes it, and calls NoteBegun after the commit.
+  // An epoch above all known epochs. The caller passes it to Write, and to NoteBegun after the commit.
   struct Next {
     std::uint64_t epoch = 0;
-    std::uint32_t tag = 0;  // The tag of this incarnation; new if it had none.
+    std::uint32_t tag = 0;  // The tag of this incarnation; drawn now if the incarnation had none.
   };
   // kInternal if no epochs are left.
   Result<Next> Draw(std::mt19937_64& random) const;
@@ -92,7 +93,7 @@ class OwnEpochs {
  private:
   std::uint32_t DrawTag(std::mt19937_64& random) const;
 
-  std::uint32_t tag_ = 0;  // 0 until it is drawn.
+  std::uint32_t tag_ = 0;  // Tag of this incarnation; 0 until drawn.
   std::set<std::uint64_t> begun_;
   std::set<std::uint64_t> foreign_;
   std::uint64_t highest_at_start_ = 0;

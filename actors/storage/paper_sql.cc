@@ -25,7 +25,7 @@ constexpr int kNumbersMax = 36;   // Values of one repeated field, such as a cov
 constexpr int kMessagesMax = 16;  // Messages of one repeated field, such as the layers of a map.
 constexpr int kDepthMax = 5;
 constexpr std::size_t kColumnsMax = 1500;
-// Limit of SQLite's steps; more than an insert of kColumnsMax values takes.
+// Limit of the steps of SQLite's virtual machine. An insert of kColumnsMax values needs fewer.
 constexpr int kStepsMax = 20'000;
 
 constexpr char kNoInsert[] = "is not an insert into the table of its type";
@@ -116,8 +116,8 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
-// SQLite reads about one in some thousand short literals as the neighbouring number. It reads literals with many digits
-// exactly.
+// SQLite converts about one in some thousand short literals to a neighbouring number. It converts literals with many
+// digits exactly.
 enum class Digits { kFew, kMany };
 
 std::string Real(double value, Digits digits) {
@@ -133,7 +133,7 @@ std::string Real(double value, Digits digits) {
 
 std::string Integer(std::int64_t value) { return std::to_string(value); }
 
-// Returns the SQL literal of one value. `step` selects the field, and its index if it is repeated.
+// Returns the SQL literal of one value. `step` selects the field, and the index in a repeated field.
 std::string LiteralOf(const Message& message, const PathStep& step, Digits digits) {
   const Reflection& all = *message.GetReflection();
   const FieldDescriptor* field = step.field;
@@ -301,7 +301,7 @@ struct CloseSql {
 using DatabaseHandle = std::unique_ptr<sqlite3, CloseSql>;
 using SqlStatement = std::unique_ptr<sqlite3_stmt, CloseSql>;
 
-// Permits inserts into the one table, and denies everything else.
+// SQLite's authorizer: permits inserts into `table`, and denies everything else.
 int Authorize(void* table, int action, const char* name, const char*, const char* database, const char* trigger) {
   const bool is_insert = action == SQLITE_INSERT && name != nullptr && *static_cast<std::string*>(table) == name &&
                          database != nullptr && std::string_view(database) == "main" && trigger == nullptr;
@@ -310,7 +310,7 @@ int Authorize(void* table, int action, const char* name, const char*, const char
 
 int Stop(void*) { return 1; }
 
-// Opens an empty in-memory database that has only this table.
+// Opens an in-memory database that has only this table, without rows.
 DatabaseHandle OpenFor(const PaperTable& table) {
   sqlite3* opened = nullptr;
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_MEMORY | SQLITE_OPEN_NOMUTEX;
@@ -340,9 +340,9 @@ DatabaseHandle OpenFor(const PaperTable& table) {
   return database;
 }
 
-// Outside of quoted values, SQLite needs a hundred times the memory of the text, and searches all columns for each
-// name. The text there may therefore be no longer than what SqlOf writes. Only these characters are permitted, so that
-// quotes cannot be hidden in other syntax.
+// Text outside of quoted values costs SQLite a hundred times its size in memory, and a search of all columns for each
+// name. It may therefore be no longer than SqlOf writes. Only letters, digits and kSigns are permitted there, so that
+// other syntax cannot hide quotes.
 bool IsShortOutsideQuotes(std::string_view sql, const PaperTable& table) {
   constexpr std::size_t kNumberBytesMax = 32;  // Bytes of a number with its separator.
   constexpr std::size_t kOtherBytesMax = 160;

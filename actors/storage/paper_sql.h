@@ -5,13 +5,13 @@
 //   -40.5)
 //
 // There is a column for each field that has a value, named by the field's path within the record's body. Bytes, and the
-// cells of a map at one byte each, are written as X'..'. A message whose fields have no values is written as 1.
+// cells of a map at one byte each, are written as X'..'. A submessage whose fields have no values is written as 1.
 //
 // A peer's statement never reaches the store. It runs in an empty in-memory database that has only this one table. An
 // authorizer permits only the insert: no function, no subquery, no further statement. SQLite's limits are lowered and
 // its steps are bounded. The text outside of quotes may be only as long as the table's columns need. The statement must
-// make exactly one row, with the announced record_id and agent_id. That row becomes a record, which is checked like any
-// other (record_validator.h).
+// insert exactly one row, with the announced record_id and agent_id. The row is converted to a record, which is checked
+// like any other record (record_validator.h).
 //
 // Pure functions. Thread-safe.
 #pragma once
@@ -29,13 +29,13 @@ namespace moondb {
 
 inline constexpr std::size_t kPaperSqlBytesMax = 8 * 1024 * 1024;
 
-// Returns the statement that makes `record`. Null if RecordOf would not return the same record. Reasons are unknown
+// Returns the INSERT statement for `record`. Null if RecordOf would not return the same record. Reasons are unknown
 // fields, a body that is not of the key's type, more repeated values than the table has columns, NaN, or a statement
-// above kPaperSqlBytesMax.
+// longer than kPaperSqlBytesMax.
 std::optional<std::string> SqlOf(const proto::StoredRecord& record);
 
-// Returns the record that the statement makes. kCorrupt if SqlOf does not make such statements, or if the row does not
-// belong to `key`.
+// Returns the record that the statement inserts. kCorrupt if the statement does not have the form that SqlOf writes, or
+// if the row does not belong to `key`.
 Result<proto::StoredRecord> RecordOf(std::string_view sql, const RecordKey& key);
 
 }  // namespace moondb

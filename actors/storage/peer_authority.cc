@@ -180,7 +180,8 @@ void PeerAuthority::Describe(const HaveSet& have, proto::AgentStatus& status) co
     shown.set_count(static_cast<double>(count));
   }
   for (const auto& [key, count] : refused_) {
-    // The sender's role assignment had not arrived yet. The sender will retry, so this is not reported as misbehaviour.
+    // The sender's role assignment had not arrived yet when its records were refused. The sender will retry, so this is
+    // not reported as misbehaviour.
     if (std::get<1>(key) == Cause::kOrigin && IsBelieved(std::get<0>(key))) continue;
     proto::RefusedFrom& refused = *status.add_refused();
     refused.set_agent_id(std::get<0>(key));

@@ -4,10 +4,12 @@
 // agent that is or was leader or survivor by a valid assignment held here (model/role_chain.h). Role assignments and
 // map quarantines are signed, so any agent may supply them. Other peers may not supply records or drops of a third
 // agent; these are refused, and counted for the sender. A dishonest member can thus lie only about itself. Claims about
-// this agent's own epochs are accepted from the same peers. In a team without signing keys all peers are trusted.
+// this agent's own epochs are accepted from peers that may supply records of other agents. In a team without signing
+// keys all peers are trusted.
 //
 // Streams: a have-set has at most kHaveStreamsMax streams. Half of these are divided equally among the agents of the
-// team. An agent that needs more takes from the other half as long as there are any. Further streams are refused.
+// team. An agent that needs more streams takes them from the other half until that is used up. Further streams are
+// refused.
 //
 // Disk space: the same rule limits the bytes of other agents' records. This agent's own records are not limited by it.
 #pragma once
@@ -43,15 +45,15 @@ class PeerAuthority {
   // Returns whether records of the type are signed, so that any agent may supply them.
   static bool IsSignedType(DataType type) { return type == proto::ROLE_ASSIGNMENT || type == proto::MAP_QUARANTINE; }
 
-  static constexpr std::size_t kOwnBeyondMax = 64;  // Own record keys remembered per peer.
+  static constexpr std::size_t kOwnBeyondMax = 64;  // Keys of own records that are remembered per peer.
 
   struct Options {
     AgentId self = 0;
     AgentId base = 0;  // 0 if the team has no base station.
     std::set<AgentId> team;
     RoleChain::Options roles = RoleChain::WithoutKeys();
-    // Used only in a team with keys. Check the signature of an assignment by its issuer's key, and of a record that any
-    // agent may supply by its origin's key.
+    // Used only in a team with signing keys. `is_signed` checks an assignment's signature with its issuer's key.
+    // `is_record_signed` checks the signature of a record that any agent may supply, with its origin's key.
     std::function<bool(const proto::RoleAssignment&)> is_signed;
     std::function<bool(const RecordKey&, const proto::Record&)> is_record_signed;
   };
@@ -64,8 +66,8 @@ class PeerAuthority {
   // Call after an assignment is committed. `is_record` is true if it was stored as a record.
   void NoteAssignment(const proto::RoleAssignment& roles, bool is_record);
   void NoteIfSigned(const proto::RoleAssignment& roles);
-  // Returns `roles` and the assignments that it follows within its era, newest first, up to the first that is held as a
-  // record.
+  // Returns `roles` and its predecessors, newest first, back to the first assignment of its era. Stops before the first
+  // assignment that is held as a record.
   std::vector<proto::RoleAssignment> NotHeldAsRecords(const proto::RoleAssignment& roles) const;
 
   // Returns whether records of other agents are accepted from `sender`. 0 stands for this agent.
@@ -83,22 +85,22 @@ class PeerAuthority {
   // kRefused, and counted, if its issuer did not sign the assignment.
   Result<void> CheckAssignment(AgentId sender, const proto::RoleAssignment& roles);
   // kRefused if the quarantine concerns another agent's maps, or lifts another agent's quarantine, without the right to
-  // do so. This agent has the right if it leads or is in command_from of the team file.
+  // do so. This agent has the right if it is the leader or is listed in command_from of the team file.
   Result<void> CheckOwnQuarantine(const proto::Record& record) const;
-  // The newest known term that is valid.
+  // Returns the newest known valid term.
   const proto::Term& newest_term() const { return chain_.newest().term(); }
-  // Counts a record that its origin had no right to state.
+  // Counts a record that no role allowed its origin to write (CheckSpeaker).
   void CountStatement(AgentId origin) { CountRefused(origin, Cause::kStatement, 0); }
-  // Records how many held records a reader (an actor) ignores because of the origin's role, by origin. Replaces the
-  // reader's last report.
+  // Remembers the report of a reader (an actor): how many stored records of each origin it ignores because of the
+  // origin's role. Replaces the reader's last report.
   void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report);
 
-  // Records which of this agent's own records `peer` names although this disk never held them. Each key is the last
-  // record of a stream. If only the epoch is known, type and seq are 0. If `is_all`, the list is complete and replaces
-  // earlier reports of the peer. At most kOwnBeyondMax keys are remembered per peer.
+  // Remembers which of this agent's own records `peer` named although this disk never held them. Each key is the last
+  // such record of a stream. If only the epoch is known, type and seq are 0. If `is_all`, the list is complete and
+  // replaces earlier reports of the peer. At most kOwnBeyondMax keys are remembered per peer.
   void NoteOwnBeyond(AgentId peer, const std::vector<RecordKey>& beyond, bool is_all);
 
-  // Reports the refused records by sender, and the own records that peers name and that are not in `have`.
+  // Fills in the counts of refused records, by sender, and the own records that peers named and that are not in `have`.
   void Describe(const HaveSet& have, proto::AgentStatus& status) const;
 
  private:

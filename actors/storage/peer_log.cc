@@ -68,7 +68,7 @@ Result<bool> PeerLog::ReadAll(Database& database) {
 }
 
 Result<void> PeerLog::Load(Database& database) {
-  // Delete the entries of an earlier process. A failure is ignored, because they are only for display.
+  // Delete the entries of an earlier process. A failure is ignored, because these entries are only for display.
   const Result<std::int64_t> is_any = database.Number("SELECT EXISTS(SELECT 1 FROM handed_over)");
   if (!is_any) return tl::unexpected(is_any.error());
   if (*is_any != 0) (void)database.Execute("DELETE FROM handed_over");
@@ -77,7 +77,7 @@ Result<void> PeerLog::Load(Database& database) {
   const Result<bool> is_sound = ReadAll(database);
   if (!is_sound) return tl::unexpected(is_sound.error());
   if (*is_sound) return {};
-  covered_.clear();  // The next sessions report the contents again.
+  covered_.clear();  // The next sessions report again what their peers have.
   return database.Execute("DELETE FROM peer_have");
 }
 

@@ -1,10 +1,10 @@
-// PeerLog: what peers are known to have, and what the open sessions have handed to them. Shown by the view
-// replication_log.
+// PeerLog: the log of which records each peer is known to have, and which records open sessions have handed to it. The
+// view replication_log shows it.
 //
-// The log is for display, and for cases that OwnEpochs::Danger cannot decide. It may lose entries at a power cut; the
-// next session restores them. A session first reports everything that its peer has, then numbered differences
-// (proto::PeerHave). A difference that does not follow the last report is not applied, and its sender is asked for a
-// full report.
+// The log is used for display, and for the uncertain cases of OwnEpochs::Danger. It may lose entries at a power cut;
+// the next session restores them. A session first reports all records that its peer has, then numbered differences
+// (proto::PeerHave). A difference whose number does not follow that of the last report is not applied, and the session
+// is asked for a full report.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +19,12 @@ namespace moondb {
 
 class PeerLog {
  public:
-  // Loads the table, and deletes what an earlier process noted as handed over.
+  // Loads the table. Deletes the entries about records that sessions of an earlier process handed over.
   Result<void> Load(Database& database);
 
-  // Applies a report. Returns false if it is a difference that does not follow the last applied report; then only the
-  // part about the session is applied. kInvalid if the report is malformed. Other errors are as for Database. After an
-  // error nothing has changed, and the next difference does not follow either.
+  // Applies a report. Returns false if the report is a difference that does not follow the last applied report; then
+  // only its part about the session is applied. kInvalid if the report is malformed. Other errors are as for Database.
+  // After an error the log is unchanged, and returns false for the next difference.
   Result<bool> Note(Database& database, const proto::PeerHave& note);
 
   // Returns whether any peer is known to cover the record (to hold or have dropped it).

@@ -1,10 +1,10 @@
 // ChooseToPrune: selects the rows that a PruneRequest (proto/retention.proto) may remove, oldest first.
 //
-// Only shared records under the policy `all` are selected, and only if they are held here and covered by every have-set
-// in `acknowledged`. Some types are selected only if the request names them (model/prune_rules.h).
+// A record is selected only if it is shared under the policy `all`, is held here, and is covered by every have-set in
+// `acknowledged`. Some types are selected only if the request names them (model/prune_rules.h).
 //
-// If bundles for a ground station were ever made (actors/storage/bundle_shelf.h), records of the types that go there
-// (SharingRules::for_ground) must also be in a bundle, which keeps its own copy. A record whose timestamp comes from a
+// If bundles for a ground station were ever made (actors/storage/bundle_shelf.h), records of the types in
+// SharingRules::for_ground must also be in a bundle, which keeps its own copy. A record whose timestamp comes from a
 // suspect clock has an unknown age, so `older_than_s` never selects it.
 //
 // Reads the keys, timestamps and lengths of all candidates. Reads contents only of records that are old enough, to
@@ -23,11 +23,11 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kPruneRowsMax = 2000;  // Rows per request that removes records.
-// Bytes of contents per request that removes records, or one larger record.
+inline constexpr std::size_t kPruneRowsMax = 2000;  // Maximum rows per request that removes records.
+// Maximum bytes of contents per request that removes records. One larger record is removed alone.
 inline constexpr std::uint64_t kPruneContentBytesMax = 64 * 1024 * 1024;
 inline constexpr int kPruneNamedMax = 4096;  // Size limit of PruneRequest.records.
-// Limit of candidates. If there are more, those of the first streams are considered.
+// Maximum number of candidates. If there are more, only the first ones in the order of streams are considered.
 inline constexpr std::size_t kPruneCandidatesMax = 262'144;
 
 struct PruneChoice {
@@ -42,11 +42,12 @@ struct PruneChoice {
   bool is_complete = true;  // False if a limit above left out candidates.
 };
 
-// Checks the numbers of a request: kInvalid, with the field named, for a negative, non-finite or too large one.
+// Checks the numbers of a request: kInvalid, with the field named, for a negative, non-finite or too large number.
 Result<void> CheckPruneLimits(const proto::PruneRequest& request);
 
-// `have` is this agent's own have-set, and `utc_now_ns` counts from 1970. kInvalid, with the field named, for no or a
-// malformed have-set in `acknowledged`, too many records, or an invalid number. Other errors are as for Database.
+// `have` is this agent's own have-set, and `utc_now_ns` counts from 1970. kInvalid, with the field named, if
+// `acknowledged` is empty or contains a malformed have-set. Also kInvalid if the request names too many records, or if
+// a number is invalid. Other errors are as for Database.
 Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const SharingRules& rules,
                                   const proto::PruneRequest& request, std::int64_t utc_now_ns);
 

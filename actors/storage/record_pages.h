@@ -9,13 +9,14 @@
 
 namespace moondb {
 
-// Limits of one page: the default if the request says 0, and the maximum.
+// Limits of one page: the default, used if the request has 0, and the maximum.
 inline constexpr std::uint32_t kPageBytesDefault = 4 * 1024 * 1024;
 inline constexpr std::uint32_t kPageBytesMax = 32 * 1024 * 1024;
 inline constexpr std::uint32_t kPageRecordsDefault = 1000;
 inline constexpr std::uint32_t kPageRecordsMax = 10'000;
 
-// Returns at least one record, even one above the byte limit. Fails as Database does.
+// Returns a page with at least one record, even if that record exceeds the byte limit. The page is empty if there are
+// no further records. Fails as Database does.
 Result<proto::ReadReply> ReadPage(Database& database, const proto::ReadRequest& request);
 
 // Merges `queries`, which must return rows as RecordTable::ReadAfter or ReadNewestFirst does. Skips rows for which

@@ -37,8 +37,8 @@ constexpr int kInsertRecordsMax = 65536;
 constexpr std::uint64_t kRowBytes = 100;             // Approximate size of a row beside its content.
 constexpr std::uint64_t kRoomBytesMin = 256 * 1024;  // Minimum bytes of history to remove for a record.
 
-// Returns whether `record` repeats the stored one. Marks that the agent sets by its clock and its policy may differ.
-// `content` is the serialised `record`.
+// Returns whether `record` repeats the stored record. `is_clock_suspect` and `is_state` may differ, since the agent
+// sets them by its clock and its policy. `content` is the serialised `record`.
 bool IsRepeated(const std::string& stored_content, const proto::Record& record, const std::string& content) {
   if (stored_content == content) return true;
   proto::Record stored;
@@ -48,8 +48,8 @@ bool IsRepeated(const std::string& stored_content, const proto::Record& record, 
   return SerializeRecord(stored) == content;
 }
 
-// Returns whether the disk has room for the shared-memory index beside the log. SQLite reports a lack of it as an I/O
-// error, not as a full disk.
+// Returns whether the disk has room for the shared-memory index beside the log. If there is no room, SQLite reports an
+// I/O error, not a full disk.
 bool HasRoomForIndex(const RecordStore::Options& options) {
   if (!options.vfs.empty() || options.path == ":memory:") return true;
   constexpr std::uintmax_t kIndexBytes = 32 * 1024;
@@ -63,8 +63,8 @@ std::string SetAsideText(const std::string& aside) {
          "; an empty one was begun, and what no other agent had is in that file alone";
 }
 
-// Returns whether `states` contain a shared state of a greater order. Requires: all have one origin, type and latest
-// key.
+// Returns whether `states` contain a shared state of a greater order. Requires: all states have the origin, type and
+// latest key of the state with `order`.
 bool IsSuperseded(const RecordOrder& order, const std::vector<RecordTable::Row>& states) {
   return std::any_of(states.begin(), states.end(),
                      [&order](const auto& state) { return state.key.seq != 0 && state.order() > order; });
@@ -72,7 +72,7 @@ bool IsSuperseded(const RecordOrder& order, const std::vector<RecordTable::Row>&
 
 }  // namespace
 
-// One transaction. Row ids and have-set changes become the store's only after the commit.
+// One transaction. The store's row ids and have-set change only after the commit.
 class RecordStore::Writing {
  public:
   static Result<Writing> Begin(RecordStore& store) {
@@ -83,7 +83,7 @@ class RecordStore::Writing {
     return Writing(store, *std::move(transaction));
   }
 
-  // Returns the current epoch of own records, or begins one.
+  // Returns the current epoch of own records. Begins an epoch if there is none.
   Result<std::uint64_t> OwnEpoch() {
     if (epoch_ != 0) return epoch_;
     const Result<OwnEpochs::Next> next = store_.own_epochs_.Draw(store_.random_);
@@ -137,7 +137,7 @@ class RecordStore::Writing {
 
   // Bytes used, by origin. Requires: RoomToShare counted them.
   const std::map<AgentId, std::uint64_t>& used_bytes() const { return *used_bytes_; }
-  // Indices of this agent's nodes inserted in this transaction.
+  // Indices of the nodes of this agent that this transaction inserts.
   const std::set<std::uint64_t>& nodes() const { return nodes_; }
 
   Result<void> Commit(proto::RecordsStored& stored) {
@@ -194,8 +194,8 @@ Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
     spdlog::error("storage: {}: {}", options.path, log_damage);
     (*store)->damage_.push_back(log_damage);
   }
-  // A damaged file that this process opened before is not replaced, because other actors have read its rows and would
-  // miss them. Only a new process begins an empty file.
+  // If this process opened the file before, do not replace it by an empty one: other actors have read rows that would
+  // then be missing. Only a new process begins an empty file.
   if (store || store.error().code != ErrorCode::kCorrupt || options.is_checked) return store;
   const Result<std::string> aside = Database::SetAside(options.path, options.vfs);
   if (!aside) return tl::unexpected(aside.error());
@@ -223,7 +223,7 @@ Result<void> RecordStore::LogLastRun(std::int64_t utc_now_ns) {
     set_aside_ = Database::LastSetAside(options_.path, options_.vfs);
     if (!set_aside_.empty()) damage_.push_back(SetAsideText(set_aside_));
   }
-  // The last event of a restored copy says nothing about how the last process ended.
+  // In a restored copy, the last event does not show how the last process ended.
   const bool is_put_back = !own_epochs_.has_incarnation();
   const Result<bool> has_ended = HasEndedWithoutStopping(*database_, options_.self);
   if (!has_ended) return tl::unexpected(has_ended.error());
@@ -283,7 +283,7 @@ Result<void> RecordStore::Load() {
   if (const Result<void> claimed = Claim(); !claimed) return claimed;
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
   if (const Result<void> loaded = own_epochs_.Load(*database_); !loaded) return loaded;
-  // The have-set includes epochs of damaged rows.
+  // The have-set may contain own epochs that are missing in the table own_epoch because their rows were damaged.
   for (const auto& [stream, have] : ledger_.have().streams()) {
     if (stream.origin == options_.self) own_epochs_.Learn(stream.epoch);
   }
@@ -396,7 +396,8 @@ Result<void> RecordStore::LearnOwnEpochs(const std::set<std::uint64_t>& epochs) 
     own_epochs_.Learn(epoch);
     is_reissue_due_ = true;
   }
-  // New records under a lower epoch would count as older than those that peers already have.
+  // New records under a lower epoch would count as older than the records that peers already have, so the next insert
+  // begins a new epoch.
   if (epoch_ < own_epochs_.highest()) epoch_ = 0;
   if (!is_reissue_due_) return {};
   const Result<void> done = Reissue();
@@ -435,7 +436,8 @@ Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
     }
     for (const IntervalSet::Interval& interval : newest[stream.type][stream.epoch].intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
-        // The other disk may have received a record that a peer has, so it is not endangered in this uncertain case.
+        // If a peer covers the record, the other disk may have received it from the peer. In this uncertain case the
+        // record does not count as endangered.
         if (is_guess && peer_log_.IsCoveredByAny({stream, seq})) continue;
         found.push_back({stream, seq});
       }
@@ -537,7 +539,7 @@ Result<void> RecordStore::CheckRoomForMaps(const proto::InsertRequest& request) 
                                     std::string("what is left of the disk is for states"));
 }
 
-// Excludes bundles and history. Their sizes are limited, so they never push out records.
+// Bundles and history are not counted: their sizes are limited, so they never take the room of records.
 Result<std::uint64_t> RecordStore::UsedByRecords() {
   const Result<std::uint64_t> used = database_->UsedPageBytes();
   if (!used) return used;
@@ -656,7 +658,7 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
       return {};
     }
     for (const RecordTable::Row& other : *others) {
-      // A local state cannot supersede a shared one, because peers still need the shared one.
+      // A local state cannot supersede a shared state, because peers still need the shared state.
       if (other.key.seq != 0 && (is_local || other.order() > order)) continue;
       if (const Result<void> done = writing.Supersede(table, other); !done) return done;
     }
@@ -713,7 +715,7 @@ void RecordStore::Reject(Error error, Stored& result) {
   if (result.rejections.size() < kRejectionsKept) result.rejections.push_back(std::move(error));
 }
 
-// Adds the signed assignments in the request first, because they may decide which of its records are accepted.
+// Adds the signed assignments in the request first, because they may decide which records of the request are accepted.
 void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   for (const proto::StoredRecord& stored : request.records()) {
     if (stored.key().data_type() != proto::ROLE_ASSIGNMENT) continue;
@@ -722,7 +724,7 @@ void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   }
 }
 
-// Returns the records that pass validation. Rejects and counts the others.
+// Returns the records of the request that pass validation. Rejects and counts the others.
 std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequest& request, Stored& result) {
   std::vector<Opened> opened;
   for (const proto::StoredRecord& stored : request.records()) {
@@ -761,7 +763,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   for (const RecordKey& key : result.never_valid) touched.insert(key.stream);
   HaveSet dropped;
   for (const proto::StreamHave& stream : request.dropped()) {
-    // The type may be under `latest` in the sender's team file only. Its drops are ignored.
+    // The type may be under `latest` only in the sender's team file. Its drops are then ignored here.
     if (!rules_.MayBeDropped(static_cast<DataType>(stream.data_type()))) continue;
     const Result<void> checked = CheckDropped(request.sender(), stream, dropped);
     if (!checked) Reject(checked.error(), result);
@@ -796,7 +798,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   for (const RecordKey& key : result.never_valid) covered[key.stream].held.Add(key.seq);
   *result.reply.mutable_covered() = ToProto(covered);
   if (result.reply.covered().ByteSizeLong() <= kHavePageBytesMax) return result;
-  // The reply would be too long, so it covers only the records in the request and not the drops.
+  // The reply would be too long. Report only the intervals with the records of the request, without the drops.
   HaveSet named;
   for (const Opened& record : opened) named[record.key.stream].held.Add(record.key.seq);
   for (const RecordKey& key : result.never_valid) named[key.stream].held.Add(key.seq);
@@ -910,7 +912,8 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   const IntervalSet never_held = dropped.Minus(held);
   IntervalSet superseded = never_held;
   const RecordKey newest = ledger_.NewestHeld(stream.origin, stream.type);
-  // Versioned records are ordered by term and run, which a drop does not state. Any held record may be the newer one.
+  // Versioned records are ordered by term and run, which a drop does not contain. Any held record may be newer than the
+  // dropped ones.
   const bool is_order_known = !IsVersioned(stream.type);
   if (newest.seq == 0 || (is_order_known && newest.stream.epoch < stream.epoch)) {
     superseded = IntervalSet();
@@ -968,8 +971,8 @@ proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
 }
 
 Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
-  // A disk that accepts no writes now does not stop peers from reading records. Endangered states will be reissued
-  // before the first record of a later epoch is stored.
+  // Only kCorrupt is returned: peers can read records even while the disk accepts no writes. Endangered states will be
+  // reissued before the first record of a later epoch is stored.
   const Result<void> trained = LearnOwnEpochs(request.destination(), request.destination_have(), /*is_all=*/false);
   if (!trained && trained.error().code == ErrorCode::kCorrupt) return tl::unexpected(trained.error());
   return FindMissing(*database_, ledger_.have(), rules_, authority_.IsBelieved(options_.self), MarkedBy(request),
@@ -1013,7 +1016,7 @@ Result<std::uint64_t> RecordStore::DropHistory(std::uint64_t bytes) {
 bool RecordStore::MakesRoom(const Error& failure, std::uint64_t content_bytes) {
   history_.Forget();
   if (failure.code != ErrorCode::kFull || history_.sum().count == 0) return false;
-  // Remove twice the content's bytes. Rows of the history share pages with others, and records take more space than
+  // Remove twice the content's bytes: rows of the history share pages with other rows, and records take more space than
   // their contents.
   const Result<std::uint64_t> freed = DropHistory(std::max(kRoomBytesMin, 2 * content_bytes));
   if (freed && *freed > 0) {

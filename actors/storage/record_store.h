@@ -4,27 +4,27 @@
 // Records are immutable and named by (origin, epoch, data type, seq). Each call that writes is one transaction. If it
 // fails, file and memory are as before, and the store remains usable. Rules:
 // - An epoch begins at the first shared insert of a process, above every own epoch known here
-//   (actors/storage/own_epochs.h). A lost or restored disk therefore never uses a name twice. If a peer knows a later
-//   own epoch, this disk was lost: the current epoch ends, and the next insert begins one above the later one. An epoch
-//   that is thousands of process starts ahead is refused.
-// - If a later epoch cannot have known the newest states of an epoch, these states are *reissued*. They are stored
-//   again, as states, under an epoch above all known ones, in one transaction and before any row of the later epoch. An
-//   older state that a peer returns thus never replaces a newer one. If reissuing fails, nothing is stored and it is
-//   retried.
+//   (actors/storage/own_epochs.h). An agent whose disk was lost or restored therefore never uses a name twice. If a
+//   peer knows a later epoch of this agent, the disk was lost or restored: the current epoch ends, and the next insert
+//   begins an epoch above the later one. An epoch that is thousands of process starts ahead is refused.
+// - If a later epoch of this agent cannot have known the newest states of an earlier one, these states are *reissued*.
+//   They are stored again, as states, under an epoch above all known epochs, in one transaction and before any row of
+//   the later epoch. An older state that a peer returns thus never replaces a newer one. If reissuing fails, the call
+//   stores nothing, and later calls retry.
 // - seqs have no gaps within (epoch, type): they are allocated in the transaction that stores their rows.
 // - Under the policy `latest`, a state (Record.is_state) supersedes the older states of its (origin, type, latest key).
 //   States are ordered by (epoch, seq); optimized poses and verdicts are first ordered by term and run (RecordOrder).
 //   The transaction that stores the newer state deletes the older rows and marks their seqs as dropped. A state that
-//   arrives or is inserted below its successor is dropped at once. A record that its origin stored under `all`
-//   supersedes nothing and is never superseded. Each new state costs a lookup of all records of its key.
+//   arrives or is inserted after its successor is dropped immediately. A record that its origin stored under `all`
+//   supersedes nothing and is never superseded. Storing a state costs a lookup of all records with its key.
 // - Superseded records of this agent move into its history, if the history keeps them (actors/storage/history.h). If
 //   the file or the disk is full, history is removed first.
-// - A custom type must be declared only for own inserts. Peers' records of any custom type are carried
-//   (actors/storage/sharing_rules.h), and a type that is no longer declared keeps its rows.
-// - A peer's drops are accepted only for `latest` and carried types, and only if something newer of that origin and
-//   type is held here. For poses and verdicts any record will do, since a drop does not state their order. A row that
-//   is the newest of its key stays until its successor arrives. Batches may overtake each other, and the successor may
-//   be permanently lost with its only disk.
+// - Own records of a custom type can be inserted only if the team file declares the type. Peers' records of undeclared
+//   types are carried (actors/storage/sharing_rules.h). If a type is no longer declared, its rows stay.
+// - A peer's drops are accepted only for `latest` and carried types, and only if a newer record of that origin and type
+//   is held here. For poses and verdicts any held record suffices, since a drop does not contain their order. A row
+//   that is the newest of its key stays until its successor arrives. A batch with the drop may overtake the batch with
+//   the successor, and the successor may be permanently lost with its only disk.
 // - A pruned record (actors/storage/prune.h) is dropped in the have-set, so it is never fetched again. Other agents do
 //   not learn of this drop, since drops are sent only for `latest` and carried types. If this disk is lost, peers
 //   return the records that they still hold. A node or edge that is inserted again after it was pruned is a new record.
@@ -70,7 +70,7 @@ class RecordStore {
     std::string path;  // The file. Its folder must exist. ":memory:" for tests.
     std::string vfs;   // VFS name, as for Database::Open.
     AgentId self = 0;  // The owner of the store. The file remembers it.
-    // All agents, this one included. Records from or about others are refused.
+    // All agents of the team, this one included. Records from or about any other agent are refused.
     std::set<AgentId> team;
     // Sharing policies of the built-in types. Types without a policy are not shared.
     SharingRules::Policies policies;
@@ -78,45 +78,45 @@ class RecordStore {
     std::set<DataType> for_ground;  // Types of which a ground station wants all records.
     std::uint64_t seed = 0;         // Seed of the random bits of epochs.
     std::uint64_t bytes_max = 0;    // Size limit of the file; 0: limited by the disk only.
-    // If the tables use this many bytes, own maps are refused (kFull) to leave room for states; 0: no limit.
+    // If the tables use at least this many bytes, own maps are refused (kFull) to leave room for states; 0: no limit.
     std::uint64_t map_store_bytes_max = 0;
-    // True if this process opened the file before; the file is then not read through again (1 ms per MB).
+    // True if this process opened the file before. The file is then not checked again (1 ms per MB).
     bool is_checked = false;
     History::Rules history;  // Which own superseded records are kept; none by default.
-    // Which peers are trusted. `self` and `team` are filled in. By default all peers are.
+    // Which peers are trusted; by default all. Open fills in `self` and `team`.
     PeerAuthority::Options authority;
     // Signs an own record that any agent may supply. Empty in a team without signing keys.
     std::function<std::string(const RecordKey&, const proto::Record&)> sign;
   };
 
-  // Opens the file, creates it if needed, and reads it through. A damaged file is set aside, and an empty one is begun
-  // in a new epoch; peers fill it again with what they have. A shared record whose row is missing or does not match its
-  // hash is no longer held, so peers send it again.
+  // Opens the file, creates it if needed, and checks all of it. A damaged file is renamed and replaced by an empty one
+  // with a new epoch; peers then send the records again that they hold. A shared record whose row is missing or does
+  // not match its hash is no longer held, so peers send it again.
   //
   // An existing store also opens on a disk that is full, failing or read-only, unless it has to be repaired. On a full
-  // disk the reserve is given up for this, and the events of the start are logged by a later start.
+  // disk Open gives up the reserve for this, and a later start logs the events that this start could not log.
   //
   // kRefused, without touching the file: other store version, other program or other agent (schema.h). kUnavailable: in
   // use by another process. kFull, kInternal, kCorrupt: as for Database.
   static Result<std::unique_ptr<RecordStore>> Open(Options options);
-  // The error that kept the start from writing; null if it wrote everything or had nothing to write.
+  // The error because of which Open could not write to the file; null if all writes succeeded or none were needed.
   const std::optional<Error>& start_trouble() const { return start_trouble_; }
   // Path of the damaged file that Open set aside; empty if there was none.
   const std::string& set_aside() const { return set_aside_; }
   // Damage that Open found, one sentence each.
   const std::vector<std::string>& damage() const { return damage_; }
 
-  // Call once at the start of a process, before its actors run. Logs as events the damage that Open found, and whether
-  // the previous process ended without stopping. If the store has no events yet, this also reports a damaged file that
-  // an earlier, failed start set aside.
+  // Call once at the start of a process, before its actors run. Logs events about the damage that Open found, and about
+  // a previous process that ended without stopping. If the store has no events yet, it also logs a damaged file that an
+  // earlier, failed start set aside.
   Result<void> LogLastRun(std::int64_t utc_now_ns);
-  // Call last in an orderly end of the process. The next start then logs no abnormal end.
+  // Call last when the process stops in an orderly way. The next process then logs no abnormal end.
   Result<void> WriteDownStop(std::int64_t utc_now_ns);
   // Returns the open findings of this agent (actors/storage/findings.h).
   Result<std::vector<proto::HealthFinding>> Findings();
 
-  // Inserts all own records, or none and returns an error. If a record's natural key (node, edge) exists with the same
-  // content, the existing key is returned. With other content it is kInvalid.
+  // Inserts all own records, or inserts none and returns an error. If a record with the same natural key (node, edge)
+  // and the same content exists, its key is returned. If it has other content, the error is kInvalid.
   struct Inserted {
     proto::InsertReply reply;
     proto::RecordsStored stored;  // last_row_id is 0 if there are no new rows.
@@ -124,42 +124,44 @@ class RecordStore {
   Inserted Insert(const proto::InsertRequest& request);
 
   // Stores records of any origin from a peer. Each record is validated, and stored or rejected, on its own. If the
-  // transaction fails, none is stored. After a success, everything that `reply.had` covers survives a power cut.
-  // `reply.had` exceeds the size of a have-set page only if it needs one interval for each of very many records.
+  // transaction fails, none is stored. After a success, all records that `reply.covered` covers survive a power cut.
+  // `reply.covered` exceeds the size of a have-set page only if very many of its records need an interval each.
   struct Stored {
     proto::StoreReply reply;
     proto::RecordsStored stored;
-    std::vector<Error> rejections;  // The first few, for the log file.
-    // Records that their origin had no right to state. `reply.had` covers them so that the session does not send them
-    // again, but the store's own have-set does not.
+    std::vector<Error> rejections;  // The first few rejections, for the log file.
+    // Records that no role allowed their origin to write (CheckSpeaker). `reply.covered` includes them, so the session
+    // does not send them again; the store's own have-set does not.
     std::vector<RecordKey> never_valid;
   };
   Stored Store(const proto::StoreRequest& request);
 
   proto::HaveReply GetHave(const proto::HaveRequest& request = {}) const;
 
-  // Accepts a peer's report about this agent's own epochs. kInvalid, and nothing is accepted, unless it has at most
-  // kEpochReportMax rising epochs above 0. Impossible epochs are skipped and counted as rejected.
+  // Accepts a peer's report about this agent's own epochs. Returns kInvalid, and accepts nothing, if the report has
+  // more than kEpochReportMax epochs or if they are not in rising order from 1. Impossible epochs are skipped and
+  // counted as rejected.
   Result<void> NoteEpochReport(AgentId peer, const proto::EpochReport& report);
-  // Returns the highest epochs of `origin` in this have-set, to be sent to that agent.
+  // Returns the highest epochs of `origin` in this store's have-set, at most kEpochReportMax, to be sent to `origin`.
   proto::EpochReport ReportEpochs(AgentId origin) const;
   static constexpr int kEpochReportMax = 64;
   // Returns the records reissued since the last call of this function.
   proto::RecordsStored TakeReissued();
 
-  // kInvalid for a malformed have-set. Other errors are as for Database.
+  // Returns the records that a destination lacks; see FindMissing. kInvalid for a malformed have-set. Other errors are
+  // as for Database.
   Result<proto::MissingReply> GetMissing(const proto::MissingRequest& request);
-  // Reads a page of the held records, or with is_history of this agent's own history.
+  // Reads a page of the held records. If the request has is_history, reads a page of this agent's own history instead.
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
-  // Stores the role assignment to act on, with its missing predecessors, in one transaction. If this agent leads or
-  // survives in it, it is also stored as a record, with those predecessors that are not yet records. Peers need them to
-  // check that this agent may supply other agents' records.
+  // Stores the role assignment to act on, with its missing predecessors, in one transaction. If the assignment makes
+  // this agent leader or survivor, it is also stored as a record, with its predecessors that are not yet records. Peers
+  // need them to check that this agent may supply other agents' records.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
-  // Notes the records that a reader ignores; see PeerAuthority::NoteLeftOut.
+  // Remembers how many records a reader ignores; see PeerAuthority::NoteLeftOut.
   void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) {
     authority_.NoteLeftOut(reader, report);
   }
-  // Reports what peers sent and this store refused, by peer.
+  // Fills in how many records of each peer this store refused; see PeerAuthority::Describe.
   void DescribeRefused(proto::AgentStatus& status) const { authority_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();
   // Applies a report of what a peer has; see PeerLog::Note.
@@ -169,17 +171,17 @@ class RecordStore {
   // Call once a minute. Saves the count of bytes written, if it changed.
   Result<void> SaveWritten(std::uint32_t day) { return write_count_.Save(*database_, day); }
 
-  // Removes at most `rows_max` rows, or only counts them in a dry run. Durable on return. On a full disk a small
-  // `rows_max` needs little space. Errors as for ChooseToPrune.
+  // Removes at most `rows_max` rows; a dry run only counts them. Durable on return. On a full disk, pass a small
+  // `rows_max`, since the removal of few rows needs little space. Errors as for ChooseToPrune.
   Result<proto::PruneReply> Prune(const proto::PruneRequest& request, std::int64_t utc_now_ns,
                                   std::size_t rows_max = SIZE_MAX);
   // Rewrites an existing value, to test whether the disk accepts writes.
   Result<void> TryToWrite();
-  // Call periodically. Removes some rows that history no longer keeps. Returns true if there may be more. `utc_now_ns`
-  // is null if this agent does not know the time.
+  // Call periodically. Removes some rows that history no longer keeps. Returns true if there may be more such rows.
+  // `utc_now_ns` is null if this agent does not know the time.
   Result<bool> TrimHistory(std::optional<std::int64_t> utc_now_ns);
-  // Call if space is short. Removes the oldest superseded states until `bytes` are free within the file or none are
-  // left. Returns the bytes freed. Durable on return.
+  // Call if space is short. Removes the oldest rows of history until `bytes` bytes are freed or history is empty.
+  // Returns the bytes freed. Durable on return.
   Result<std::uint64_t> DropHistory(std::uint64_t bytes);
   // Check the store for an operator; see actors/storage/verify.h.
   Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
@@ -212,22 +214,23 @@ class RecordStore {
         random_(options_.seed) {}
   static PeerAuthority::Options AuthorityOptions(const Options& options);
   Result<void> Load();
-  Result<void> Repair();  // Repairs what reading all rows found wrong.
-  // Makes the store this agent's. If it already is, an error of the disk is only noted in start_trouble_.
+  Result<void> Repair();  // Repairs the damage that a check of all rows found (RowAudit).
+  // Makes this agent the owner of the file. If it already is the owner, an error of the disk is only stored in
+  // start_trouble_.
   Result<void> Claim();
   Result<proto::PruneReply> PruneHistory(const proto::PruneRequest& request, std::int64_t utc_now_ns);
   Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<std::uint64_t> UsedByRecords();  // Bytes of file pages, without bundles and history.
-  // Returns the bytes that the file may have by Options::bytes_max and its disk. Null while the file uses less than one
-  // agent's part, so no limit applies.
+  // Returns the maximum size of the file: Options::bytes_max, or less if the disk has less space. Null while the file
+  // is smaller than one agent's part, since no agent's limit can be exceeded then.
   Result<std::optional<std::uint64_t>> RoomToShare();
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
   Result<void> CheckOwnRecord(const proto::Record& record) const;
-  // Adds own epochs that other agents know. Reissues the states that they endanger, and those that could not be
-  // reissued before.
+  // Adds own epochs that other agents know. Reissues the states that these epochs endanger, and states whose earlier
+  // reissue failed.
   Result<void> LearnOwnEpochs(const std::set<std::uint64_t>& epochs);
-  // Adds own epochs that occur in a peer's have-set. Skips epochs for which the peer is not trusted, and impossible
-  // ones. If `is_all`, the peer has no other records of this agent.
+  // Adds own epochs that occur in a peer's have-set. Skips impossible epochs, and epochs for which the peer is not
+  // trusted. If `is_all`, the peer has no other records of this agent.
   Result<void> LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed, bool is_all);
   std::set<std::uint64_t> BelievedEpochs(AgentId peer, const std::set<std::uint64_t>& claimed);
   Result<void> Reissue();
@@ -243,7 +246,7 @@ class RecordStore {
                             Writing& writing);
   Result<void> InsertOne(const proto::Record& record, const std::string& content, bool is_local, Writing& writing,
                          proto::RecordKey& key);
-  // kInvalid for odometry between two nodes of this agent if another of its nodes is stored between them.
+  // kInvalid for odometry between two nodes of this agent if the index of another stored node lies between theirs.
   Result<void> CheckConsecutive(const proto::PoseGraphEdge& edge, const Writing& writing);
 
   struct Opened {
@@ -252,7 +255,8 @@ class RecordStore {
     const proto::StoredRecord* stored;
   };
   std::vector<Opened> OpenBrought(const proto::StoreRequest& request, Stored& result);
-  // Returns the have-set at the request's mark; null if the request has no mark. A new mark saves the current have-set.
+  // Returns the have-set at the time of the request's mark; null if the request has no mark. If the mark is new, saves
+  // the current have-set for it.
   const HaveSet* MarkedBy(const proto::MissingRequest& request);
   // Returns the stream's state as it is reported to peers (HaveRequest.is_for_peer).
   StreamHave ForPeer(DataType type, const StreamHave& have) const;
@@ -264,7 +268,7 @@ class RecordStore {
   void NoteAssignmentsIn(const proto::StoreRequest& request);
   Result<void> CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record);
   void Reject(Error error, Stored& result);
-  // Returns true if `failure` is a full file or disk and history made room, so that a retry may succeed.
+  // If `failure` is kFull, removes history. Returns true if rows were removed, so that a retry may succeed.
   bool MakesRoom(const Error& failure, std::uint64_t content_bytes);
 
   static Result<std::unique_ptr<RecordStore>> OpenFile(const Options& options);

@@ -249,7 +249,7 @@ Result<proto::Record> RecordTable::ReadRecord(Database& database, std::uint64_t 
   return record;
 }
 
-// Sums are computed here, because SQL's GROUP BY would visit the rows in the order of the origin index.
+// Adds up the sizes here and not in SQL: GROUP BY would visit the rows in the order of the index by origin.
 Result<std::map<AgentId, RecordTable::Size>> RecordTable::SizesByOrigin(Database& database) const {
   std::map<AgentId, Size> sizes;
   Query query = database.Prepare(sql_.read_sizes);

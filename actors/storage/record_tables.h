@@ -1,5 +1,5 @@
-// RecordTable: the table of one data type, or the one of all custom types, and the SQL that stores and finds records in
-// it.
+// RecordTable stores and finds records in one SQL table: the table of one built-in data type, or the table of all
+// custom types.
 //
 // The columns beside `content` are derived from the content on insertion (schema.h). Functions that write run inside
 // the caller's transaction. All functions fail as Database does.
@@ -25,9 +25,9 @@ namespace moondb {
 // Returns whether records of the type have a RecordVersion, as optimized poses and edge verdicts do.
 bool IsVersioned(DataType type);
 
-// Orders an origin's records of one type and latest key; the greatest is the valid one. Versioned records compare by
-// term and run first, so a record derived in a newer term wins whatever its epoch. All records then compare by epoch
-// and seq.
+// Orders an origin's records of one type and latest key; the greatest record is the valid one. Versioned records
+// compare by term and run first, so a record derived in a newer term wins even if its epoch is lower. All records then
+// compare by epoch and seq.
 struct RecordOrder {
   RecordVersion version;  // Zero for types that are not versioned.
   std::uint64_t epoch = 0;
@@ -44,7 +44,7 @@ class RecordTable {
   bool Holds(DataType type) const { return type_ == 0 ? IsCustom(type) : type == type_; }
   const std::string& name() const { return name_; }
 
-  // Inserts a row; it is not shared if `key.seq` is 0. Requires: `content` is the serialised `record`.
+  // Inserts a row. The row is local (not shared) if `key.seq` is 0. Requires: `content` is the serialised `record`.
   Result<void> Insert(Database& database, std::uint64_t row_id, const RecordKey& key, const proto::Record& record,
                       std::string_view content, std::uint64_t hash) const;
   Result<void> Delete(Database& database, std::uint64_t row_id) const;
@@ -63,8 +63,8 @@ class RecordTable {
   // Returns the states (Record.is_state) of one origin, type and latest key, shared or not.
   Result<std::vector<Row>> FindStates(Database& database, AgentId origin, DataType type,
                                       std::string_view latest_key) const;
-  // Returns the seqs, by epoch, of the shared records of one origin and type that are the greatest of their latest key
-  // (RecordOrder).
+  // Returns the seqs, by epoch, of the valid shared records of one origin and type: those that are the greatest of
+  // their latest key by RecordOrder.
   Result<std::map<std::uint64_t, IntervalSet>> FindNewest(Database& database, AgentId origin, DataType type) const;
   Result<std::vector<Row>> FindInInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                           std::uint64_t last) const;
@@ -77,7 +77,7 @@ class RecordTable {
                                                 std::string_view natural_key) const;
 
   // Reads rows with the columns 0 row_id, 1 origin, 2 epoch, 3 seq, 4 hash, 5 content, 6 data type. If `agent` is not
-  // 0, tables with a TypeTable::agent_condition return only rows about this agent's nodes.
+  // 0, tables with a TypeTable::agent_condition return only rows about the nodes of `agent`.
   Query ReadInterval(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last,
                      AgentId agent) const;
   Result<std::uint64_t> CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
@@ -86,14 +86,14 @@ class RecordTable {
   Query ReadHeads(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last) const;
   // kNotFound if there is no such row.
   Result<proto::Record> ReadRecord(Database& database, std::uint64_t row_id) const;
-  // Returns the size of all rows, shared or not, by origin. Scans the table, but reads no contents.
+  // Count and bytes of an origin's rows, shared or not. SizesByOrigin scans the table, but reads no contents.
   struct Size {
     std::uint64_t row_count = 0;
     std::uint64_t content_bytes = 0;
   };
   Result<std::map<AgentId, Size>> SizesByOrigin(Database& database) const;
-  // Read all rows, with the columns of ReadInterval: ReadAfter those after `row_id` in rising order, ReadNewestFirst
-  // from the newest down.
+  // ReadAfter reads the rows after `row_id` in rising order. ReadNewestFirst reads all rows, the newest first. Both
+  // have the columns of ReadInterval.
   Query ReadAfter(Database& database, std::uint64_t row_id) const;
   Query ReadNewestFirst(Database& database) const;
   // Returns the number of an origin's rows that are not shared, by data type.

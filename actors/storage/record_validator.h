@@ -12,13 +12,13 @@
 
 namespace moondb {
 
-// Runs CheckRecord, then returns kInvalid with the field for an agent that is not in `team`. CheckSpeaker
-// (model/record_authority.h) checks whether its origin may state the record.
+// Runs CheckRecord. Also returns kInvalid, with the field named, if the record names an agent that is not in `team`.
+// Whether its origin may write the record is left to CheckSpeaker (model/record_authority.h).
 Result<void> CheckTeamRecord(const proto::Record& record, const std::set<AgentId>& team);
 
 // Returns the record inside `stored`, which came from a peer.
-//   - kInvalid: unknown origin, no epoch, seq outside 1 to 2^63 - 1, a type without a table (any custom id has one),
-//     content of another type, or as in CheckTeamRecord.
+//   - kInvalid: unknown origin, no epoch, seq outside 1 to 2^63 - 1, a type without a table (every custom id has one),
+//     content of another type, or an error of CheckTeamRecord.
 //   - kCorrupt: wrong hash, content that does not parse or is longer than kRecordContentBytesMax.
 Result<proto::Record> OpenStored(const proto::StoredRecord& stored, const std::set<AgentId>& team);
 

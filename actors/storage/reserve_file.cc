@@ -13,7 +13,7 @@ namespace moondb {
 namespace {
 
 constexpr std::uint64_t kPartOfDisk = 8;
-// Bytes per write, no longer than SQLite's own writes. A VFS accepts at most 128 KiB.
+// Bytes per write: no more than SQLite itself writes at a time. A VFS accepts at most 128 KiB.
 constexpr int kBlockBytes = 64 * 1024;
 
 // A file of the VFS. The destructor closes it.

@@ -1,10 +1,10 @@
-// ReserveFile: a file beside a database that is deleted when the disk is full. A prune, a change of roles and a start
-// then still find space.
+// ReserveFile: a file beside a database that is deleted when the disk is full. Its space then allows a prune, a change
+// of roles, and the writes of a process's start.
 //
 // The reserve of moondb.sqlite is moondb.reserve. It holds random bytes, so that no file system compresses it. It is
-// written once and synced. Its size is kReserveBytesMax, or an eighth of a small disk. That is more than those writes
-// need at once. They need space for the largest write-ahead log: 4 MB, at which SQLite moves the log into the file,
-// plus one record of 8 MiB. They also need space for the growth of the file when the log is moved into it.
+// written once and synced. Its size is kReserveBytesMax, or an eighth of a small disk. This is more than these writes
+// need. They need space for the largest write-ahead log: 4 MB, at which SQLite moves the log into the file, plus one
+// record of 8 MiB. They also need space by which the file grows when the log is moved into it.
 //
 // All calls use a SQLite VFS, so a simulated disk has a reserve too. No other file is ever deleted.
 #pragma once
@@ -25,12 +25,13 @@ std::uint64_t ReserveBytesFor(std::uint64_t capacity_bytes);
 
 class ReserveFile {
  public:
-  // `vfs` as for Database::Open. ":memory:" has no reserve, and all calls do nothing.
+  // `vfs` as for Database::Open. A database ":memory:" has no reserve, and all calls do nothing.
   ReserveFile(const std::string& database_path, std::string vfs);
 
   const std::string& path() const { return path_; }
   std::uint64_t Bytes() const;  // 0 if there is no reserve.
-  // Adds one part, up to `goal` bytes in all. Durable on return. kFull, kInternal: the existing reserve remains.
+  // Adds one part, unless the reserve already has `goal` bytes. Durable on return. After an error (kFull, kInternal)
+  // the existing reserve remains.
   Result<void> Grow(std::uint64_t goal, std::mt19937_64& random);
   // Deletes the reserve. Returns false if there was none, or if it could not be deleted.
   bool GiveUp();

@@ -67,7 +67,7 @@ Result<std::vector<proto::RoleAssignment>> LoadRoleRecords(Database& database) {
     if (!row) return tl::unexpected(row.error());
     if (!*row) return assignments;
     proto::Record record;
-    // RowAudit finds damaged records; here they are skipped.
+    // Skip a damaged record; RowAudit reports it.
     const proto::StoredRecord stored = FindRecordTable(proto::ROLE_ASSIGNMENT)->Read(query);
     if (record.ParseFromString(stored.content())) assignments.push_back(std::move(*record.mutable_role_assignment()));
   }

@@ -1,5 +1,5 @@
-// The role assignments that this agent has acted on, and those that they follow, oldest first. They are durable before
-// any actor acts on them (docs: terms).
+// Stores the role assignments that this agent has acted on, and their predecessors, oldest first. An assignment is
+// durable before any actor acts on it (docs: terms).
 #pragma once
 
 #include <vector>
@@ -11,8 +11,8 @@ namespace moondb {
 
 inline constexpr int kRoleHistoryMax = 16384;  // Older assignments are deleted.
 
-// Inside the caller's transaction. Returns false, and changes nothing, if `roles` equals the newest assignment. Fails
-// as Database does.
+// Adds an assignment, inside the caller's transaction. Returns false, and changes nothing, if `roles` equals the newest
+// assignment. Returns the database's error if a statement fails.
 Result<bool> AddRoles(Database& database, const proto::RoleAssignment& roles);
 
 Result<proto::LoadRolesReply> LoadRoles(Database& database);

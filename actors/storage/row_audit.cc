@@ -53,8 +53,8 @@ void RowAudit::TakeDropped(const HaveSet& in_file, const SharingRules& rules) {
     if (!have.held.Minus(have_.Get(stream).held).is_empty()) gone_.emplace(stream.origin, stream.type);
   }
   for (const auto& [stream, have] : in_file.streams()) {
-    // A peer may hold only a record that a lost row had replaced, and must be able to send it. The drops of such types
-    // are therefore forgotten. Under `all` no record is replaced: its dropped seqs were pruned.
+    // A lost row may have superseded a record that a peer still holds. Forget the dropped seqs of such types, so that
+    // the peer sends this record again. Under `all` no record is superseded; its dropped seqs were pruned and stay.
     const bool may_be_replaced = rules.PolicyOf(stream.type) != proto::POLICY_ALL;
     if (may_be_replaced && gone_.contains({stream.origin, stream.type})) continue;
     const IntervalSet dropped = have.dropped.Minus(have_.Get(stream).held);

@@ -1,7 +1,8 @@
 // RowAudit: reads all rows of a store at the start, and repairs what is damaged.
 //
-// SQLite's own check detects a broken B-tree, but not a changed byte. A row with a correct hash counts as held,
-// whatever the have-set in the file says. A row with a wrong hash is removed, so that peers send its record again.
+// SQLite's own check detects a broken B-tree, but not a changed byte. A row with a correct hash counts as held, even if
+// the have-set in the file does not contain it. A row with a wrong hash is removed, so that peers send its record
+// again.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +29,8 @@ class RowAudit {
   // Returns whether nothing needs repair.
   bool is_sound() const { return is_ledger_sound_ && damaged_rows_.empty() && damaged_history_.empty(); }
   std::uint64_t row_id_max() const { return row_id_max_; }  // 0 if there are no rows.
-  // Seqs of the sound rows, and the dropped seqs of the file's have-set that remain valid.
+  // The repaired have-set: the seqs of the undamaged rows, and those dropped seqs of the file's have-set that remain
+  // valid.
   const HaveSet& have() const { return have_; }
 
   // Inside the caller's transaction: removes damaged rows and makes have() the have-set. Call HaveLedger::Keep after

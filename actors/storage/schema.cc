@@ -211,7 +211,7 @@ Result<std::set<std::string>> StatementsOf(Database& database) {
   }
 }
 
-// Returns whether the schema is complete. Further statements belong to the user.
+// Returns whether the schema has all statements of this version. Further statements belong to the user and are ignored.
 Result<bool> HasAllStatements(Database& database) {
   const Result<std::set<std::string>> present = StatementsOf(database);
   if (!present) return tl::unexpected(present.error());

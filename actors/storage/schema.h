@@ -1,19 +1,18 @@
 // The tables and views of an agent's store, and the check whether a file is a store that this program opens.
 //
-// Each data type has one table (paper, Table 1) with typed columns for SQL. They are derived from `content`; only
-// `content` is permanent and sent to peers. Row ids form one sequence over all of these tables, in the order of
+// Each data type has one table (paper, Table 1) with typed columns for SQL. These columns are derived from `content`;
+// only `content` is permanent and sent to peers. Row ids form one sequence over all of these tables, in the order of
 // storing. epoch and seq are NULL if a row is not marked for sharing.
 //
-//   - have_interval: the held and dropped seqs. Its hashes, and those of role_history, reveal damaged rows.
-//   - replica, replication_log: views that show the paper's tables (Section 4) to people. They decide nothing; the
-//     have-set does.
+//   - have_interval: the held and dropped seqs. Hashes in this table and in role_history reveal damaged rows.
+//   - replica, replication_log: views that show the paper's tables (Section 4) to people. The agent does not read them.
 //   - custom_record: the records of all custom data types (proto/team.proto). The payload is a part of `content`. The
-//     view v_custom_record names the types, as far as the team file of the last start does.
+//     view v_custom_record shows the names of the types that the team file declared at the last start.
 //   - written: the bytes that the store wrote to the disk, by day since 1970.
 //   - downlink_bundle: the bundles for a ground station. An acknowledged bundle keeps its have-set, not its file.
 //   - own_epoch: the own epochs that this file's history began (own_epochs.h).
 //   - history: this agent's own superseded states (actors/storage/history.h), with their typed columns as JSON in
-//     `fields`. The view v_history names the types.
+//     `fields`. The view v_history shows the names of the types.
 //
 // 64-bit unsigned numbers are stored as the signed numbers of the same bits.
 #pragma once
@@ -24,16 +23,15 @@
 
 namespace moondb {
 
-// SQLite's header says that a file is a store (application_id) and of which version (user_version). A change to a
-// table, an index, a view or the meaning of a column must raise the version; docs/COMPATIBILITY.md lists the other
-// steps.
+// The SQLite header contains the mark of a store (application_id) and its version (user_version). A change to a table,
+// an index, a view or the meaning of a column must raise the version; docs/COMPATIBILITY.md lists the other steps.
 inline constexpr std::int64_t kStoreApplicationId = 0x6D6F6F6E;  // "moon"
 inline constexpr int kStoreVersion = 3;
 
-// Checks that the file is new, or a store of this version with its tables, indexes and views. Further ones belong to
-// the user and are ignored. Changes nothing. kRefused: a store of another version, or the file of another program.
-// kCorrupt: a damaged header or a damaged statement of the schema, which would later make SQLite fail with misleading
-// errors.
+// Checks that the file is new, or a store of this version with its tables, indexes and views. Further tables, indexes
+// and views belong to the user and are ignored. Changes nothing. kRefused: a store of another version, or the file of
+// another program. kCorrupt: a damaged header or a damaged statement of the schema, which would later make SQLite fail
+// with misleading errors.
 Result<void> CheckSchema(Database& database);
 
 // Makes a new file a store, in one transaction, so that a crash leaves it either new or complete. Does nothing to any

@@ -6,7 +6,7 @@ namespace moondb {
 
 namespace {
 
-constexpr std::uint32_t kCarriedPriority = 10;  // After all declared types.
+constexpr std::uint32_t kCarriedPriority = 10;  // Carried types are sent after all declared types.
 
 }  // namespace
 

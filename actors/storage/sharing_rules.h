@@ -1,9 +1,9 @@
-// SharingRules: how much of which data type this store keeps and passes on.
+// SharingRules decides which records of each data type this store keeps and passes on.
 //
 // Each type of the team has a policy. A custom type that is not, or no longer, declared in this agent's team file is
 // *carried*. Its policy is unknown here, so records of other agents are kept unchanged and passed on to agents that
-// lack them. They are dropped if a peer reports that they are superseded. This agent's own rows of such a type are kept
-// and not shared. Plain values.
+// lack them. Such a record is dropped if a peer reports that it is superseded. This agent's own rows of a carried type
+// are kept and not shared. Plain values.
 #pragma once
 
 #include <map>
@@ -21,18 +21,19 @@ struct SharingRules {
   AgentId self = 0;
   Policies policies;         // Policies of the built-in types. Types without one are not shared.
   CustomTypes custom_types;  // All custom types of the team file, with policy and priority.
-  // Types of which a ground station wants all records. Empty, except on the agent that brings them there.
+  // Types of which a ground station wants all records. Empty, except on the base station.
   std::set<DataType> for_ground = {};
 
   // Returns POLICY_NONE if the team does not know the type.
   proto::Policy PolicyOf(DataType type) const;
   bool IsLatest(DataType type) const { return PolicyOf(type) == proto::POLICY_LATEST; }
   bool IsCarried(DataType type) const;
-  // Returns whether records of the type may be dropped because a peer says so.
+  // Returns whether records of the type may be dropped because a peer reports them as dropped.
   bool MayBeDropped(DataType type) const { return IsLatest(type) || IsCarried(type); }
   // Returns whether this agent offers records of the stream to peers that lack them.
   bool IsShared(const StreamKey& stream) const;
-  // Returns the order in which types are sent, smallest first: SharingRank, then the custom type's priority.
+  // Returns the sort key of a type: its SharingRank, then the custom type's priority. Types with smaller keys are sent
+  // first.
   std::pair<int, std::uint32_t> RankOf(DataType type) const;
 };
 

@@ -26,7 +26,7 @@ constexpr char kInMemory[] = ":memory:";
 constexpr int kBusyTimeout_ms = 2000;
 constexpr int kStepsBetweenLooks = 100'000;
 constexpr std::uint64_t kPageBytes = 4096;  // Default of SQLite.
-// A log of this length is moved into the file.
+// SQLite moves the log into the file when it reaches this length.
 constexpr std::uint64_t kLogPagesMax = 1000;
 constexpr std::uint64_t kLogPagesMin = 16;  // Minimum log length, for a tiny disk.
 // After a checkpoint, a longer log is truncated to this length.
@@ -34,8 +34,8 @@ constexpr std::uint64_t kLogBytesKept = 16ull << 20;
 
 std::string AsidePath(const std::string& path, int number) { return path + ".damaged-" + std::to_string(number); }
 
-// Renames a file and its log. The log is renamed first, because after a crash in between a remaining log could be taken
-// for that of the next file.
+// Renames a file and its log. The log is renamed first: after a crash between the two renames, a log that is still
+// there could be mistaken for the log of the next file.
 Result<void> MoveFile(const std::string& from, const std::string& to) {
   for (const char* ending : {"-wal", ""}) {
     std::error_code error;
@@ -46,8 +46,8 @@ Result<void> MoveFile(const std::string& from, const std::string& to) {
   return {};
 }
 
-// Returns the path for the next damaged file. If there are Database::kDamagedMax files already, removes the smallest
-// and renumbers the later ones.
+// Returns the path to which the next damaged file is renamed. If there are already Database::kDamagedMax such files,
+// removes the smallest and renumbers the later ones.
 Result<std::string> FreeAsidePath(const std::string& path) {
   int smallest = 1;
   std::uintmax_t smallest_bytes = UINTMAX_MAX;
@@ -243,8 +243,8 @@ Result<void> Database::OpenConnection(const std::string& vfs) {
   sqlite3_db_config(connection_, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
   sqlite3_progress_handler(connection_, kStepsBetweenLooks, OnSteps, this);
   sqlite3_busy_timeout(connection_, kBusyTimeout_ms);
-  // In exclusive mode WAL needs no shared memory. Other file systems may not have it, and a full disk has no room for
-  // it.
+  // In exclusive mode WAL needs no shared memory. A custom VFS may not have shared memory, and a full disk has no room
+  // for it.
   if (!vfs.empty() || access_ != Access::kShared) return Execute("PRAGMA locking_mode=EXCLUSIVE");
   return {};
 }
@@ -253,7 +253,8 @@ Result<void> Database::Configure(std::uint64_t bytes_max) {
   if (access_ == Access::kReadOnly) return Execute("PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;");
   std::uint64_t log_pages = kLogPagesMax;
   std::uint64_t log_bytes = kLogBytesKept;
-  // On a small disk the log stays well below the size of the reserve, which has to make room for it.
+  // On a small disk, limit the log to well below the size of the reserve, since the reserve has to make room for the
+  // log.
   if (const std::optional<DiskSpace> space = GetDiskSpace()) {
     const std::uint64_t reserve = ReserveBytesFor(space->capacity_bytes);
     log_pages = std::clamp(reserve / 4 / kPageBytes, kLogPagesMin, kLogPagesMax);
@@ -313,7 +314,8 @@ Result<void> Database::Lock() {
   lock_file_ = open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (lock_file_ < 0 && errno == EROFS) {
     lock_file_ = open(lock_path.c_str(), O_RDONLY | O_CLOEXEC);
-    if (lock_file_ < 0) return {};  // No process can write there.
+    // On a read-only file system no process can write to the database, so no lock is needed.
+    if (lock_file_ < 0) return {};
   }
   if (lock_file_ < 0) return Fail(ErrorCode::kInternal, "cannot create " + lock_path + ": " + std::strerror(errno));
   if (flock(lock_file_, LOCK_EX | LOCK_NB) != 0) {
@@ -337,7 +339,7 @@ tl::unexpected<Error> Database::FailWith(int code) const {
                        (sqlite3_system_errno(connection_) == ENOSPC || sqlite3_system_errno(connection_) == EDQUOT);
   if (is_full) code = SQLITE_FULL;
   std::string text = sqlite3_errstr(code);
-  // The connection's message is more specific, but it may belong to another error.
+  // The connection's message is more specific, but it may belong to another error. Use it only if the code is the same.
   if (connection_ && (sqlite3_errcode(connection_) & 0xFF) == (code & 0xFF)) text = sqlite3_errmsg(connection_);
   return Fail(CodeOf(code), "database " + path_ + ": " + text);
 }
@@ -458,7 +460,7 @@ std::uint64_t Database::BytesByHeader() const {
 Result<void> Database::CheckFile(const char* ending, std::optional<FileIdentity>& opened, std::uint64_t& bytes) {
   struct stat status {};
   if (::stat((path_ + ending).c_str(), &status) != 0) {
-    // SQLite creates the log after opening, so it may be missing at first. Other errors of stat do not say whether the
+    // SQLite creates the log after opening, so it may be missing at first. Other errors of stat do not show whether the
     // file is in place.
     if (!opened || (errno != ENOENT && errno != ENOTDIR)) return {};
     return NotInPlace(ending, "was removed or moved");
@@ -513,8 +515,8 @@ Transaction::~Transaction() {
 }
 
 Result<void> Transaction::Commit() {
-  // Check before the commit, since it may move the log into a truncated file and make it longer, which would hide the
-  // truncation. Check again after the commit, for the returned result.
+  // Check before the commit: the commit may move the log into a truncated file and thus lengthen it, which would hide
+  // the truncation. Check again after the commit, for the returned result.
   if (const Result<void> there = database_->CheckInPlace(); !there) return there;
   const Result<void> committed = database_->Prepare("COMMIT").Run();
   if (!committed) return committed;

@@ -51,7 +51,7 @@ class Query {
   Query& operator=(Query&&) = delete;
   ~Query();
 
-  // Binds the next parameter, starting with the first. Text and bytes must live until the last Step.
+  // Binds the next parameter, starting with the first. Text and bytes must stay valid until the last Step.
   Query& operator<<(std::integral auto value) { return BindInteger(static_cast<std::int64_t>(value)); }
   Query& operator<<(double value);
   Query& operator<<(std::string_view text);
@@ -87,13 +87,14 @@ class Query {
 
 class Database {
  public:
-  // A commit with kFull survives a power cut. A commit with kNormal survives only a killed process.
+  // A commit with kFull survives a power cut. A commit with kNormal survives the end of the process, but not a power
+  // cut.
   enum class Durability { kFull, kNormal };
 
   enum class Access {
     kShared,  // Other processes may read the file at the same time.
-    // Other processes cannot read the file. There is no shared-memory index (PATH-shm), for which a full or failing
-    // disk has no room.
+    // Other processes cannot read the file. No shared-memory index (PATH-shm) is written, so this works on a full or
+    // failing disk.
     kAlone,
     kReadOnly  // For a read-only file system. Every write fails with kInternal.
   };
@@ -103,19 +104,20 @@ class Database {
   // Opens or creates `path` in WAL mode; ":memory:" makes a database that exists as long as this object. A file is
   // locked (PATH.lock) against a second writer, but other processes may read it.
   //   - `bytes_max` limits the size of the file; 0 means that only the disk does.
-  //   - `vfs` is another file system registered with SQLite, for simulations; no other process uses it.
-  //   - `access` becomes kReadOnly on a read-only file system. A missing file is then kInternal.
-  //   - `check` sees the file before anything is written to it, and must only read. If it returns an error, the file
+  //   - `vfs` names a custom file system that is registered with SQLite, for simulations; no other process uses it.
+  //   - `access` becomes kReadOnly on a read-only file system. A missing file is then an error (kInternal).
+  //   - `check` is called before anything is written to the file, and must only read. If it returns an error, the file
   //     stays unchanged and Open returns the error.
   static Result<std::unique_ptr<Database>> Open(const std::string& path, std::uint64_t bytes_max = 0,
                                                 const std::string& vfs = {}, Access access = Access::kShared,
                                                 FileCheck check = nullptr);
   // Renames a damaged file that is not open, with its write-ahead log, to PATH.damaged-1 or the next free number.
-  // Returns the new path. If there are kDamagedMax such files, the smallest is removed and the later ones are
-  // renumbered, so that an agent on a bad disk still starts. In a custom `vfs` the file is deleted.
+  // Returns the new path. If there are already kDamagedMax such files, removes the smallest one and renumbers the later
+  // ones, so that an agent on a bad disk still starts. In a custom `vfs` the file is deleted.
   static Result<std::string> SetAside(const std::string& path, const std::string& vfs = {});
   static constexpr int kDamagedMax = 10;
-  // Returns the last existing file that was set aside from `path`. Empty if there is none, or in a custom `vfs`.
+  // Returns the path of the last file that SetAside renamed and that still exists. Empty if there is none, or in a
+  // custom `vfs`.
   static std::string LastSetAside(const std::string& path, const std::string& vfs = {});
   ~Database();
   Database(const Database&) = delete;
@@ -133,25 +135,25 @@ class Database {
   // kCorrupt if the file is damaged. Reads the whole file.
   Result<void> QuickCheck();
 
-  // Keeps the destructor from moving the write-ahead log into the file. Use it for a file that is damaged or belongs to
-  // another program.
+  // Makes the destructor leave the write-ahead log as it is, instead of moving it into the file. For a file that is
+  // damaged or belongs to another program.
   void LeaveAsItIs();
 
   const std::string& path() const { return path_; }
   Access access() const { return access_; }
   bool IsOnReadOnlyFileSystem() const;
   std::uint64_t WalBytes() const;  // Size of the write-ahead log; 0 in memory.
-  // Space of the disk that holds the file. Null in memory, and if it is unknown.
+  // Space of the disk that holds the file. Null for a database in memory, or if the space is unknown.
   std::optional<DiskSpace> GetDiskSpace() const;
   Result<std::uint64_t> FreePageBytes();  // Bytes of free pages within the file.
   // Moves the write-ahead log into the file. The log then starts again from its beginning.
   Result<void> Checkpoint();
-  // kCorrupt if another program removed, moved, replaced or truncated the file or its log while it was open. Writes
-  // since then would be lost. Costs two calls of stat.
+  // kCorrupt if another program removed, moved, replaced or truncated the file or its log while it was open. Later
+  // writes would be lost. Costs two calls of stat.
   Result<void> CheckInPlace();
-  // Limit of SQLite's virtual machine for one Step, which fails with kCorrupt above it. No statement on an intact store
-  // needs so many steps. On a file that another program changed, a statement may never end. kStepsMax steps take
-  // minutes; reading a whole file takes some fifty steps per row.
+  // Limit of the steps of SQLite's virtual machine in one Step; a Step that exceeds it fails with kCorrupt. No
+  // statement on an intact store needs so many steps. On a file that another program changed, a statement may never
+  // end. kStepsMax steps take minutes; reading a whole file takes some fifty steps per row.
   static constexpr std::uint64_t kStepsMax = 10'000'000'000;
   void SetStepsMax(std::uint64_t steps) { steps_max_ = steps; }  // For tests.
   // Bytes of the pages in use, in the file and in the log. Free pages are not counted.
@@ -202,7 +204,8 @@ class Transaction {
   Transaction& operator=(Transaction&&) = delete;
   ~Transaction();
 
-  // On success the transaction is durable in the file at the database's path (Database::CheckInPlace).
+  // On success the transaction is in the file that is now at the database's path (Database::CheckInPlace), as durable
+  // as Durability says.
   Result<void> Commit();
 
  private:

@@ -26,7 +26,7 @@ enum TimerKind : std::uint32_t { kScrub = 1, kSaveWritten = 2, kTend = 3, kTrimH
 constexpr std::size_t kRowsOnFullDisk = 200;
 
 constexpr double kMegabyte = 1e6;
-// RetentionActor prunes below this level. A fuller store means that too few records may be removed.
+// RetentionActor prunes the store to below this level. If the store is fuller, too few records may be removed.
 constexpr double kBudgetUsedMax = 0.9;
 
 std::uint32_t DayOf(std::int64_t utc_ns) {
@@ -106,10 +106,10 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
 void StorageActor::OnStart(Context& context) {
   if (!OpenStore(context)) return;
   proto::RecordsStored changed;
-  changed.set_is_pruned(true);  // Before a restart this actor may have pruned without publishing it.
+  changed.set_is_pruned(true);  // Before its restart, this actor may have pruned records without publishing this.
   Publish(context, changed);
   context.WatchPeers();
-  (void)IsClockSuspect(context);  // Starts the detection of jumps.
+  (void)IsClockSuspect(context);  // The first call starts the detection of clock jumps.
   SaveWritten(context);
   (void)context.AfterTimer(options_.tend_period, kTend);
   (void)context.AfterTimer(options_.history_period, kTrimHistory);
@@ -210,8 +210,8 @@ void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) 
   if (event.is_connected()) ReportEpochs(context, event.peer());
 }
 
-// Reports the epochs of the peer's own records that are known here. A lost report is repeated with the next link, and
-// before records of the peer are returned to it.
+// Reports the epochs of the peer's own records that are known here. If a report is lost, the next link repeats it. It
+// is also sent before records of the peer are returned to the peer.
 void StorageActor::ReportEpochs(Context& context, AgentId peer) {
   proto::Message report;
   report.set_ms_type(proto::CONTROL);
@@ -290,8 +290,8 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
   Publish(context, stored.stored);
 }
 
-// Stores the batch, or all of it but maps, as the room allows. An error keeps the sender's session open until there is
-// room again. By then the have-set covers the records that were stored in spite of the error.
+// Stores the batch. If there is no room for maps, stores the other records and replies with an error. The error keeps
+// the sender's session open until there is room again. The have-set then covers the records that were stored now.
 RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& request) {
   const auto is_map = [](const proto::StoredRecord& record) {
     return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
@@ -324,7 +324,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     *message.mutable_missing_reply() = *std::move(reply);
   } else {
     Note(context, "what is missing", reply.error());
-    // Nothing to send, but not finished. The session will ask again.
+    // Report no records, but 1 as remaining, so the session asks again.
     message.mutable_missing_reply()->set_remaining(1);
   }
   Answer(context, std::move(message));
@@ -355,7 +355,8 @@ void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& 
   if (saved) Publish(context, *saved);
 }
 
-// A full log that cannot be moved into the file for lack of a few pages blocks all writes, although the file has room.
+// If the log is full and cannot be moved into the file because a few pages are lacking, all writes fail although the
+// file has room.
 bool StorageActor::GivesUpReserveFor(const proto::Error& error) {
   return error.code() == proto::ERROR_CODE_FULL && options_.bytes_max == 0 && disk_.GiveUpReserve(store_->database());
 }
@@ -377,8 +378,8 @@ void StorageActor::NoteWrite(const Result<void>& written) {
   }
 }
 
-// Notes the result of storing records. Errors that do not come from the disk, and requests that stored no row, say
-// nothing about the disk.
+// Notes the result of storing records. Ignores errors that do not come from the disk, and requests that stored no row:
+// they show nothing about the disk.
 void StorageActor::NoteWrite(const proto::Error& error, const proto::RecordsStored& stored) {
   if (IsError(error)) return NoteWrite(tl::unexpected(FromProto(error)));
   if (stored.last_row_id() != 0) NoteWrite(Result<void>());
@@ -451,7 +452,7 @@ std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {
   return "";
 }
 
-// Removes nothing by age while this agent does not know the time.
+// Executes a prune. While this agent does not know the time, no record is removed by age.
 void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request) {
   proto::Message message;
   proto::PruneReply& reply = *message.mutable_prune_reply();
@@ -478,7 +479,7 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
   Answer(context, std::move(message));
 }
 
-// Checks what changes without a message: the file, its disk and the reserve.
+// Periodically checks the file, its disk and the reserve, which can change without a message.
 void StorageActor::Tend(Context& context) {
   if (const Result<void> there = store_->database().CheckInPlace(); !there) return Note(context, "", there.error());
   const bool is_writable = store_->database().access() != Database::Access::kReadOnly;
@@ -512,8 +513,8 @@ void StorageActor::SaveWritten(Context& context) {
   (void)context.AfterTimer(options_.written_period, kSaveWritten);
 }
 
-// Removes history rows by age, and rows above a limit that was lowered. Removes none by age while this agent does not
-// know the time.
+// Removes history rows by age, and rows that exceed a limit that was lowered. While this agent does not know the time,
+// no row is removed by age.
 void StorageActor::TrimHistory(Context& context) {
   const bool tells_time = !IsClockSuspect(context);
   const Result<bool> has_more =
@@ -523,7 +524,7 @@ void StorageActor::TrimHistory(Context& context) {
   (void)context.AfterTimer(goes_on ? options_.history_pause : options_.history_period, kTrimHistory);
 }
 
-// Requested by an operator. Damage is reported, but not repaired.
+// Verifies a part of the store for an operator. Reports damage, but does not repair it.
 void StorageActor::OnVerify(Context& context, const proto::VerifyRequest& request) {
   proto::Message message;
   Result<proto::VerifyReply> reply = store_->Verify(request);
@@ -582,7 +583,7 @@ void StorageActor::Scrub(Context& context) {
   for (const proto::VerifyFinding& finding : reply->findings()) {
     const std::string which = finding.has_key() ? ToString(FromProto(finding.key())) + ": " : "";
     const Error damage{ErrorCode::kCorrupt, which + finding.text(), ""};
-    // No other agent has a local record, so a restart could not repair it.
+    // Other agents do not have this agent's local records, so a restart could not repair this one.
     const bool is_local = finding.has_key() && finding.key().seq() == 0;
     if (!is_local) return Note(context, "reading through the store", damage);
     spdlog::error("storage: a local record is damaged: {}", ToString(damage));
@@ -646,8 +647,8 @@ void StorageActor::Note(Context& context, const char* what, const Error& error) 
   FailIfDamaged(context, error);
 }
 
-// Ends the process if the store is damaged (Supervisor). The next process reads the file through, and repairs it or
-// sets it aside. This process cannot, because other actors have read rows that would then be missing.
+// Ends the process if the store is damaged (Supervisor). The next process checks the whole file, and repairs or
+// replaces it. This process cannot do so, because other actors have read rows that would then be missing.
 void StorageActor::FailIfDamaged(Context& context, const Error& error) {
   if (error.code == ErrorCode::kCorrupt) context.Fail(error);
 }

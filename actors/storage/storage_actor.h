@@ -2,18 +2,18 @@
 // and downlink.proto, and the ControlRequest `status` with its part of AgentStatus.
 //
 // The only message that it accepts from peers is EpochReport. When a link comes up, each side reports which epochs of
-// the other's own records it knows. An agent whose disk was lost or restored thus learns of these epochs at once. If
-// only this actor was restarted, it learns of them with the next link or session.
+// the other agent's own records it knows. An agent whose disk was lost or restored thus learns of its later epochs at
+// once. If only this actor was restarted, it learns of them with the next link or session.
 //
-// RecordStore does most of the work. Each reply is sent after the commit that it reports. A failed write is an error in
-// the reply, and the actor continues. If the file cannot be opened, the actor fails. The process ends if the file is
-// found damaged, or if another program removed, moved, replaced or truncated it.
+// RecordStore does most of the work. Each reply is sent after the commit that it reports. If a write fails, the reply
+// contains the error and the actor continues. If the file cannot be opened, the actor fails. The process ends if the
+// file is found damaged, or if another program removed, moved, replaced or truncated it.
 //
-// The actor reads through the whole store periodically (Options::scrub_period), as a process does at its start. Damage
-// is thus noticed while another disk still holds the lost records. Records that are inserted while this agent's clock
-// is suspect are marked. Spawn this actor with its own thread, because commits wait for the disk.
+// The actor checks the whole store periodically (Options::scrub_period), as each process does at its start. It thus
+// detects damage while another disk still holds the lost records. Records that are inserted while this agent's clock is
+// suspect are marked. Spawn this actor with its own thread, because commits wait for the disk.
 //
-// On a disk that is nearly full it refuses maps, then every record, of its own robot and of peers
+// If the disk is nearly full, the actor first refuses maps, then all records, of its own robot and of peers
 // (actors/storage/disk_guard.h). If only maps are refused, it stores the other records of a peer's batch but replies
 // with an error. The sender keeps the rest and retries with a growing delay. Roles and prunes are stored as long as the
 // disk accepts anything, and the reserve is given up for them. A store that had to be opened without writing is
@@ -42,7 +42,7 @@ class StorageActor final : public Actor {
     // VFS name, as for Database::Open. Empty for the operating system's files.
     std::string vfs;
     AgentId self = 0;  // This agent. It must be in `team`.
-    // Must be checked. Its agents, `share` policies, custom types and `retention` are read.
+    // The validated team configuration. The actor reads its agents, `share` policies, custom types and `retention`.
     proto::TeamConfig team;
     std::uint64_t bytes_max = 0;  // Size limit of the file; 0: limited by the disk only.
     // Time between two saves of the count of bytes written.
@@ -53,7 +53,7 @@ class StorageActor final : public Actor {
     Duration scrub_pause = std::chrono::minutes(1);
     // Time between two checks of the file, its disk and the reserve.
     Duration tend_period = std::chrono::seconds(10);
-    // Pause between two parts of the reserve while it is rebuilt. In between the disk is free for inserts.
+    // Pause between writing two parts of the reserve. During the pause the disk is free for inserts.
     Duration reserve_pause = std::chrono::milliseconds(500);
     // Time between two checks whether history has rows to remove.
     Duration history_period = std::chrono::minutes(1);
@@ -61,19 +61,20 @@ class StorageActor final : public Actor {
     Duration history_pause = std::chrono::seconds(1);
     // The damaged file that the start of this process set aside, shown in the status.
     std::string set_aside;
-    // Returns the UTC time at which an orderly end of the process began; null if there is none. Called when the actor
-    // ends, which then logs it as the last event of the store.
+    // Returns the UTC time at which the process began to stop in an orderly way; null if it did not. Called when the
+    // actor ends. The actor logs this time as the last event of the store.
     std::function<std::optional<std::int64_t>()> stopped_at_ns;
     // Signs an own record that any agent may supply; see RecordStore::Options.
     std::function<std::string(const RecordKey&, const proto::Record&)> sign;
-    // True if this process opened the file before. A restart of the actor then takes no longer for a large file.
+    // True if this process opened the file before. A restart of the actor then skips the check of the whole file.
     bool is_checked = false;
   };
 
   explicit StorageActor(Options options);
   ~StorageActor() override;
 
-  // Options of the same store, for a check at the start of a program: open it, show the error, close it again.
+  // Returns the options for opening the same store before the actor runs. A program does this at its start, to show an
+  // error.
   static RecordStore::Options StoreOptions(const Options& options);
 
   void OnStart(Context& context) override;
@@ -102,7 +103,8 @@ class StorageActor final : public Actor {
   void Tend(Context& context);
   void Reopen(Context& context);
   Result<void> CheckRoom(DiskGuard::Kind kind);
-  // Call these after CheckRoom found room. If the disk is full all the same, they give up the reserve and retry once.
+  // Call these two functions after CheckRoom found room. If the disk is full nevertheless, they give up the reserve and
+  // retry once.
   RecordStore::Inserted InsertWhereRoomSeems(const proto::InsertRequest& request);
   RecordStore::Stored StoreWhereRoomSeems(const proto::StoreRequest& request);
   // Returns true if the reserve was given up after a failed write, so that a retry may succeed.
@@ -115,7 +117,7 @@ class StorageActor final : public Actor {
   RecordStore::Stored StoreAsRoomAllows(const proto::StoreRequest& request);
   void SaveWritten(Context& context);
   void TrimHistory(Context& context);
-  // Returns why little space is left; empty if there is enough.
+  // Returns a text that says why little space is left; empty if there is enough space.
   std::string SpaceLow(const proto::StorageStatus& status) const;
   bool MoveScrubOn(const proto::VerifyReply& reply);  // Returns true after the last part.
   void Answer(Context& context, proto::Message reply);
@@ -128,7 +130,7 @@ class StorageActor final : public Actor {
 
   const Options options_;
   ClockJudge clock_judge_;
-  std::string clock_suspect_;  // The last verdict about the clock.
+  std::string clock_suspect_;  // Why the clock is suspect, according to the last check; empty if it is not.
   std::unique_ptr<RecordStore> store_;
   proto::VerifyRequest next_scrub_;
   DiskGuard disk_;

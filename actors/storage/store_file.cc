@@ -110,8 +110,8 @@ Result<void> ForgetIncarnation(sqlite3* copy, const std::filesystem::path& to) {
   return {};
 }
 
-// Gives the finished copy its name, so that the file under that name is always complete. An existing file is not
-// overwritten.
+// Gives the finished copy `part` its final name `to`, so that a file under that name is always complete. Does not
+// overwrite an existing file.
 Result<void> Publish(const std::filesystem::path& part, const std::filesystem::path& to) {
   const std::filesystem::path folder = to.has_parent_path() ? to.parent_path() : ".";
   std::error_code error;
@@ -182,7 +182,8 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   Result<void> done;
   const bool is_damaged = code == SQLITE_CORRUPT || code == SQLITE_NOTADB;
   if (code != SQLITE_DONE) done = FailWith(code, nullptr, is_damaged ? file : to);
-  // The store goes on after the copy was made. A restored copy must not pass for the later store.
+  // The agent continues to write to the store after the copy was made. A restored copy must not be taken for the store
+  // with these later records.
   if (done) done = ForgetIncarnation(copy->get(), to);
   copy->reset();
   if (done) done = Publish(part, to);

@@ -6,7 +6,7 @@
 namespace moondb {
 namespace {
 
-// Returns whether everything that WriteOwner would write is stored already.
+// Returns whether all data that WriteOwner would write is stored already.
 Result<bool> IsWritten(Database& database, const std::set<AgentId>& team, const CustomTypes& types) {
   std::string agents;
   for (const AgentId agent : team) agents += (agents.empty() ? "" : ",") + std::to_string(agent);

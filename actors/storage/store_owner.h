@@ -1,5 +1,5 @@
-// The owner of a database file, which is the agent that numbers its records. For people who query the file, its team
-// and its custom types are stored too.
+// Stores the owner of a database file: the agent that numbers its records. Also stores the team and its custom types,
+// for people who query the file.
 #pragma once
 
 #include <set>

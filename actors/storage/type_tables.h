@@ -1,5 +1,5 @@
-// The SQL table of each built-in data type: the columns beside those that every table has (schema.h), and how a record
-// fills them.
+// The SQL table of each built-in data type: its own columns, besides the columns of every table (schema.h), and how a
+// record fills them.
 //
 // tests/actors/storage/type_tables_test.cc names each type whose entry is missing or wrong. Constants. Thread-safe.
 #pragma once
@@ -19,8 +19,8 @@ struct TypeTable {
   std::string columns;  // SQL, such as "celsius REAL NOT NULL".
   // Binds a record's values in the order of `columns`.
   void (*bind)(const proto::Record& record, Query& query) = nullptr;
-  // SQL condition that is true for rows about the nodes of agent ?6 (RecordTable::ReadInterval). Empty if the table has
-  // no agent of a node.
+  // SQL condition that is true for rows about the nodes of agent ?6 (RecordTable::ReadInterval). Empty if the table's
+  // rows are not about nodes.
   std::string agent_condition = {};
 };
 

@@ -10,7 +10,7 @@ namespace moondb {
 
 namespace {
 
-// Greater seqs can occur only in a damaged have-set.
+// Largest seq of an interval. Greater seqs occur only in a damaged have-set.
 constexpr std::uint64_t kSeqOfIntervalMax = UINT64_MAX - 1;
 
 IntervalSet Behind(const IntervalSet& seqs, std::uint64_t seq) {
@@ -82,10 +82,10 @@ void NoteMissing(const StreamKey& stream, const IntervalSet& missing, proto::Ver
   }
 }
 
-// The seqs after `after` that have rows; at most `rows_max` rows are read.
+// The seqs of the rows that FindRows read: those after `after`, at most `rows_max`.
 struct SeqsWithRows {
   IntervalSet seqs;
-  std::uint64_t last_seq = kSeqOfIntervalMax;  // The last seq that was examined.
+  std::uint64_t last_seq = kSeqOfIntervalMax;  // All rows up to this seq were read.
 };
 
 Result<SeqsWithRows> FindRows(Database& database, const StreamKey& stream, std::uint64_t after,
@@ -106,7 +106,7 @@ Result<SeqsWithRows> FindRows(Database& database, const StreamKey& stream, std::
 
 Result<proto::VerifyReply> VerifyHeld(Database& database, const HaveSet& have, const RecordKey& after) {
   proto::VerifyReply reply;
-  std::uint32_t looked_at = 0;  // Number of rows and streams.
+  std::uint32_t looked_at = 0;  // Number of rows and streams read so far.
   for (auto it = have.streams().lower_bound(after.stream); it != have.streams().end(); ++it) {
     const auto& [stream, in_stream] = *it;
     const std::uint64_t after_seq = stream == after.stream ? after.seq : 0;
@@ -157,7 +157,7 @@ Result<proto::FingerprintReply> TakeFingerprint(Database& database, const proto:
   const auto& [stream, seqs] = *asked->streams().begin();
   const RecordTable& table = *FindRecordTable(stream.type);
   proto::FingerprintReply reply;
-  std::uint32_t looked_at = 0;  // Number of rows and intervals.
+  std::uint32_t looked_at = 0;  // Number of rows and intervals read so far.
   std::size_t bytes = 0;
   const auto is_full = [&] { return looked_at >= kVerifyRecordsMax || bytes >= kVerifyBytesMax; };
   for (const IntervalSet::Interval& interval : seqs.held.intervals()) {

@@ -26,7 +26,7 @@ Result<void> WriteCount::Load(Database& database) {
 }
 
 Result<void> WriteCount::Save(Database& database, std::uint32_t day) {
-  // Without this check an idle agent would keep writing to count its own writes.
+  // No writes since the last save. Without this check an idle agent would write in order to count its own writes.
   if (database.WrittenBytes() == seen_) return {};
   const std::uint64_t counted = database.WrittenBytes();
   std::map<std::uint32_t, std::uint64_t> days = Days(database, day);

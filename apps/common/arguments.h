@@ -31,19 +31,19 @@ class Option;
 
 namespace moondb {
 
-// The types of variables that an option can fill. Vectors take several values.
+// The types of variables that an option can fill. An option that fills a vector takes several values.
 template <typename T>
 concept OptionValue = std::same_as<T, std::string> || std::same_as<T, int> || std::same_as<T, std::int64_t> ||
     std::same_as<T, std::uint32_t> || std::same_as<T, std::uint64_t> || std::same_as<T, double> ||
     std::same_as<T, std::optional<double>> || std::same_as<T, std::vector<std::string>> ||
     std::same_as<T, std::vector<std::int64_t>> || std::same_as<T, std::vector<std::uint64_t>>;
 
-// The types that can bound an option's value. `--help` and error messages name the type.
+// The types of the bounds of an option's value (Option::Within). `--help` and error messages name the type.
 template <typename T>
 concept OptionBound =
     std::same_as<T, int> || std::same_as<T, std::uint32_t> || std::same_as<T, std::uint64_t> || std::same_as<T, double>;
 
-// An option, a flag or an argument. The command owns it. Setters return the option itself.
+// An option, a flag or an argument. Its Command owns it. Setters return the option itself.
 class Option {
  public:
   Option(const Option&) = delete;
@@ -53,19 +53,19 @@ class Option {
   Option& TypeName(const std::string& name);  // Name of the value in --help, in place of TEXT, INT and so on.
   Option& DefaultShown();                     // --help shows the variable's current value as the default.
   Option& DefaultShown(const std::string& text);
-  Option& EnvName(const std::string& name);        // Environment variable used if the option is not given.
-  Option& Expected(int count_min, int count_max);  // Number of values.
-  Option& Excludes(Option& other);                 // Parsing fails if both are given.
-  Option& Needs(Option& other);                    // Parsing fails if `other` is missing.
+  Option& EnvName(const std::string& name);  // Environment variable that gives the value if the option is not given.
+  Option& Expected(int count_min, int count_max);  // Number of values that the option takes.
+  Option& Excludes(Option& other);                 // Parsing fails if this option and `other` are both given.
+  Option& Needs(Option& other);                    // Parsing fails if this option is given without `other`.
 
-  // Each of these checks applies to every value of the option.
+  // Checks of the option's values. Each check applies to every value.
   template <OptionBound T>
   Option& Within(T low, T high);  // Both bounds are allowed values.
   Option& Positive();
   Option& OneOf(const std::vector<std::string>& values);
   Option& ExistingFolder();
 
-  std::string name() const;                             // "--agent"; the plain name of an argument.
+  std::string name() const;                             // "--agent"; an argument's name without dashes.
   const std::vector<std::string>& long_names() const;   // Without dashes: "agent".
   const std::vector<std::string>& short_names() const;  // Without dashes: "a".
   std::string type_name() const;                        // Type and checks: "TEXT:{ros,png}".
@@ -73,7 +73,7 @@ class Option {
   bool is_required() const;
   bool is_argument() const;
   bool takes_value() const;  // False for flags.
-  int values_max() const;    // The largest number of values.
+  int values_max() const;    // The largest number of values that the option takes.
 
  private:
   friend class Command;
@@ -84,17 +84,17 @@ class Option {
 
 // An example of a command, and whether --watch may repeat the command.
 struct CommandNote {
-  std::string example;      // As typed: "moonctl role set rover2 leader".
-  bool is_showing = false;  // The command changes nothing. --watch may repeat it.
+  std::string example;      // The command as a user types it: "moonctl role set rover2 leader".
+  bool is_showing = false;  // True if the command changes nothing, so --watch may repeat it.
 };
 
 // The reason why parsing ends the program: the command line asks for help or is wrong.
 struct ParseStop {
   int exit_code = 0;  // 0: --help or --version, already printed. Otherwise CLI11's error number.
-  std::string error;  // One line; empty if exit_code is 0.
+  std::string error;  // One line that describes the error; empty if exit_code is 0.
 };
 
-// A command. It owns its options and its subcommands. The root command stands for the program. Setters return the
+// A command. It owns its options and its subcommands. The root command represents the program. Setters return the
 // command itself.
 class Command {
  public:
@@ -106,12 +106,13 @@ class Command {
   // `names` is "-t,--team", or "file" for a positional argument.
   template <OptionValue T>
   Option& AddOption(const std::string& names, T& variable, const std::string& description = "");
-  // The option accepts the names in `choices` and stores the enumerator of the given name.
+  // Adds an option that accepts the names in `choices` and stores the enumerator of the given name in `variable`.
   template <typename Enum>
   Option& AddChoice(const std::string& names, Enum& variable, const std::map<std::string, Enum>& choices,
                     const std::string& description);
   Option& AddFlag(const std::string& names, bool& variable, const std::string& description = "");
-  // A flag with an optional value: with "--watch{2}", --watch sets the variable to "2" and --watch=5 sets it to "5".
+  // Adds a flag with an optional value: with "--watch{2}", --watch sets the variable to "2" and --watch=5 sets it to
+  // "5".
   Option& AddFlag(const std::string& names, std::string& variable, const std::string& description = "");
   Option& AddVersionFlag(const std::string& names, const std::string& version);
   Command& AddSubcommand(const std::string& name, const std::string& description);
@@ -121,15 +122,16 @@ class Command {
   Command& Fallthrough();        // Options of this command may follow subcommands that are added after this call.
   Command& ShowDefaults();       // --help shows the default of each option that is added after this call.
   Command& Footer(const std::string& text);           // Text at the end of --help.
-  Command& Callback(std::function<void()> callback);  // Parse calls `callback` if the command was given.
+  Command& Callback(std::function<void()> callback);  // Parse calls `callback` if the command line gives this command.
   Command& SetNote(CommandNote note);
 
   // Reads a command line into the variables, then calls the callbacks. Returns nothing if the program is to continue.
-  // Prints the help or the version if the command line asks for it. Does not print errors.
+  // Prints the help or the version if the command line asks for it. Does not print errors: ParseStop has their text.
   std::optional<ParseStop> Parse(int argc, const char* const* argv);
-  // As above, for one string that begins with the program's name. Words that contain blanks must be quoted.
+  // Parses one string that begins with the program's name, like the Parse above. Words that contain blanks must be
+  // quoted.
   std::optional<ParseStop> Parse(const std::string& line);
-  // As above, but also prints errors to stderr. Returns the exit code if the program is to end.
+  // Like Parse, but also prints errors to stderr. Returns the exit code if the program is to end, otherwise nothing.
   std::optional<int> ParseOrReport(int argc, const char* const* argv);
 
   std::string Help() const;
@@ -138,13 +140,13 @@ class Command {
   const CommandNote* note() const { return note_ ? &*note_ : nullptr; }  // Null: the command has no note.
   const Command* parent() const { return parent_; }                      // Null for the root.
   bool requires_subcommand() const;
-  bool is_given() const;                   // The last parsed command line gave this command.
-  const Command* GivenSubcommand() const;  // The first given subcommand. Null: none was given.
+  bool is_given() const;                   // True if the last parsed command line gave this command.
+  const Command* GivenSubcommand() const;  // The first subcommand that the command line gave. Null: none.
 
   // Subcommands and options in the order in which they were added.
   std::vector<const Command*> subcommands() const;
   std::vector<Command*> subcommands();
-  std::vector<const Option*> options() const;  // Includes the arguments and --help.
+  std::vector<const Option*> options() const;  // Includes the positional arguments and --help.
   // Returns the command's own option that `word` ("--json" or "-a") names. Null: it has no such option.
   const Option* FindOwnOption(const std::string& word) const;
 

@@ -6,8 +6,8 @@
 
 namespace moondb {
 
-// Returns `text` as one field. Quotes it if it has a comma, a quote or a line break, or if it is empty: an empty text
-// then differs from a field without a value.
+// Returns `text` as one CSV field. Quotes it if it has a comma, a quote or a line break, or if it is empty. The quotes
+// distinguish an empty text from a field without a value.
 std::string CsvField(std::string_view text);
 
 }  // namespace moondb

@@ -29,7 +29,7 @@ constexpr std::string_view kAgentIdKey = "agent_id: ";
 constexpr std::size_t kSmallFileBytesMax = 4096;
 
 // Describes a lock of the whole file. The kernel reports the state of such a lock in `l_type` without taking the lock.
-// flock cannot: a test with flock would hold the lock for a moment and could make a starting agent fail.
+// A test with flock would hold the lock for a moment, and an agent that starts then would fail.
 struct flock LockOf(short type) {
   struct flock lock {};
   lock.l_type = type;
@@ -59,7 +59,7 @@ pid_t HolderOf(const std::filesystem::path& folder) {
   // Example of a line: "1: FLOCK  ADVISORY  WRITE 2443 00:1f:1234 0 EOF".
   std::string number, kind, advisory, write, pid, place, rest;
   while (locks >> number >> kind) {
-    if (kind == "->") locks >> kind;  // This process waits for a lock.
+    if (kind == "->") locks >> kind;  // The line describes a process that waits for a lock.
     locks >> advisory >> write >> pid >> place;
     std::getline(locks, rest);
     if (kind != "FLOCK" || write != "WRITE" || place != wanted) continue;
@@ -68,8 +68,8 @@ pid_t HolderOf(const std::filesystem::path& folder) {
   return 0;
 }
 
-// Returns false if an old process id may remain in the file. Overwrites the old content in place, because a full disk
-// has no space for another block. If that fails, empties the file.
+// Writes this process's id into the file. Returns false if another process's id may remain there. Overwrites the old
+// content in place, because a full disk has no space for another block. If that fails, empties the file.
 bool WritePid(int descriptor) {
   const std::string pid = std::to_string(::getpid()) + "\n";
   const auto size = static_cast<off_t>(pid.size());
@@ -187,7 +187,8 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
 
   const std::string file = folder / kPidFile;
   const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-  // Some network file systems cannot lock a folder. Otherwise the lock of the folder suffices.
+  // `agent.pid` cannot be opened because the disk is full, faulty or read-only. The lock of the folder suffices. Some
+  // network file systems cannot lock a folder; the start then fails.
   if (descriptor < 0 && is_folder_locked && (errno == EROFS || errno == ENOSPC || errno == EIO)) return lock;
   if (descriptor < 0) return Fail(ErrorCode::kInternal, ErrnoText(), file);
   lock.descriptor_ = descriptor;
@@ -198,7 +199,8 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
   }
   if (WritePid(descriptor)) return lock;
   if (!is_folder_locked) return Fail(ErrorCode::kInternal, ErrnoText(), file);
-  // The file holds another process's id. Release its lock: readers must not take that process for the owner.
+  // The file still holds another process's id. Release the file's lock, so that readers do not take that process for
+  // the owner.
   ::close(std::exchange(lock.descriptor_, -1));
   return lock;
 }

@@ -24,37 +24,37 @@ namespace moondb {
 
 inline constexpr char kDatabaseFile[] = "moondb.sqlite";  // Name of the file in an agent's data folder.
 
-// Returns `moondb-data` in the team file's folder. It holds the data folders of this machine's agents.
+// Returns `moondb-data` in the team file's folder: the folder that holds the data folders of this machine's agents.
 std::filesystem::path DefaultDataRoot(const std::filesystem::path& team_folder);
 
 // The agent whose data a folder holds.
 struct DataOwner {
-  std::string team_id;  // In the form that team files use.
+  std::string team_id;  // In the form in which team files write it.
   AgentId agent = 0;
   bool operator==(const DataOwner&) const = default;
 };
 DataOwner DataOwnerOf(const proto::TeamConfig& team, const proto::AgentConfig& agent);
 
-// Returns the owner that the folder's `agent.identity` names. Nothing if that file is missing or unreadable.
+// Returns the owner that the folder's `agent.identity` names. Returns nothing if that file is missing or unreadable.
 std::optional<DataOwner> ReadDataOwner(const std::filesystem::path& folder);
 
-// Returns the agent's folder in `root`, which need not exist. A folder that names this agent as its owner is chosen,
-// whatever the folder's name. Folders without a plain name, such as "rover1.old", are ignored. If there is no such
-// folder, returns `root`/NAME. Returns `root`/NAME-ID if another agent of the team owns `root`/NAME. kRefused if
+// Returns the path of the agent's data folder in `root`. `root` need not exist. Chooses the folder that names this
+// agent as its owner, whatever the folder's name. Ignores folders without a plain name, such as "rover1.old". Without
+// such a folder, returns `root`/NAME. Returns `root`/NAME-ID if another agent of the team owns `root`/NAME. kRefused if
 // several folders name this agent and none has its name, or if `root`/NAME holds another team's data.
 Result<std::filesystem::path> FindDataFolder(const std::filesystem::path& root, const proto::TeamConfig& team,
                                              const proto::AgentConfig& agent);
 
-// Writes the owner into the folder unless it is there. kRefused if the folder names another owner, kInternal if the
-// file cannot be written.
+// Writes the owner into the folder if the folder names no owner yet. kRefused if the folder names another owner,
+// kInternal if the file cannot be written.
 Result<void> MarkDataFolder(const std::filesystem::path& folder, const DataOwner& owner);
 
-// Returns the client endpoint that the process holding `folder` wrote. Empty: it wrote none.
+// Returns the client endpoint that `agent.endpoint` in `folder` holds. Empty: the file is missing or holds none.
 std::string ReadEndpoint(const std::filesystem::path& folder);
-// Writes the endpoint if the folder does not hold it yet. kInternal if it cannot be written.
+// Writes the endpoint to `agent.endpoint` unless the file already holds it. kInternal if it cannot be written.
 Result<void> WriteEndpoint(const std::filesystem::path& folder, const std::string& endpoint);
 
-// Returns the process that holds `folder` now. 0: no process.
+// Returns the id of the process that holds the locks of `folder` now. 0: no process.
 pid_t OwnerOf(const std::filesystem::path& folder);
 
 class DataFolderLock {
@@ -70,7 +70,7 @@ class DataFolderLock {
  private:
   explicit DataFolderLock(int folder) : folder_(folder) {}
   int folder_ = -1;
-  int descriptor_ = -1;  // Descriptor of the locked agent.pid. -1: none.
+  int descriptor_ = -1;  // Descriptor of the locked agent.pid. -1: the file is not locked.
 };
 
 }  // namespace moondb

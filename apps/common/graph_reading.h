@@ -1,4 +1,4 @@
-// Reads the pose graph that an agent holds, with the results that leaders published for it.
+// Reads the pose graph that an agent holds, with the poses and verdicts that leaders published for it.
 #pragma once
 
 #include "actors/pgo/known_graph.h"
@@ -7,8 +7,9 @@
 
 namespace moondb {
 
-// Leaves out the records that agents ignore because the author had no authority for them (model/record_authority.h).
-// Returns the errors of Client::ReadAll, and kCorrupt for a record whose content does not fit its type.
+// Reads the graph from the agent that `client` is connected to. Leaves out the records that agents ignore because the
+// author had no authority for them (model/record_authority.h). Returns the errors of Client::ReadAll, and kCorrupt for
+// a record whose content does not fit its type.
 Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team);
 
 }  // namespace moondb

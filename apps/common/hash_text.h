@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// Returns 16 hexadecimal digits.
+// Returns the hash as 16 hexadecimal digits.
 inline std::string HashText(std::uint64_t hash) {
   char text[20];
   std::snprintf(text, sizeof(text), "%016llx", static_cast<unsigned long long>(hash));

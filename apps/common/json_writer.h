@@ -25,7 +25,7 @@ class JsonWriter {
   JsonWriter& Number(double value);           // Writes null if `value` is not finite.
   JsonWriter& Bool(bool value);
   JsonWriter& Null();
-  JsonWriter& Raw(std::string_view json);  // `json` is one complete value.
+  JsonWriter& Raw(std::string_view json);  // Appends `json`, which is one complete value.
 
   // Writes {"code":"refused","field":"...","text":"..."}.
   JsonWriter& WriteError(const Error& error);
@@ -38,7 +38,7 @@ class JsonWriter {
  private:
   JsonWriter& Open(char bracket);
   JsonWriter& Close(char bracket);
-  void Separate();  // Writes a comma if one is due.
+  void Separate();  // Writes a comma if another value precedes the next one.
 
   std::string text_;
   bool is_comma_due_ = false;

@@ -10,7 +10,7 @@ namespace moondb {
 class Progress {
  public:
   explicit Progress(std::string label);
-  ~Progress();  // Ends the open line.
+  ~Progress();  // Ends the line that shows the progress.
 
   // Shows `done` of `total` (0: no work), with `text` after the bar.
   void Show(double done, double total, const std::string& text);

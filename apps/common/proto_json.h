@@ -18,7 +18,7 @@ std::string ToJson(const google::protobuf::Message& message);
 // 0. kInvalid with protobuf's message, which names the field.
 Result<proto::Record> RecordFromJson(const std::string& type, const std::string& json);
 
-// As RecordFromJson, for a custom type: {"payload": BASE64, "latest_key": BASE64, "metadata": TEXT}. Each field is
+// Like RecordFromJson, for a custom type: {"payload": BASE64, "latest_key": BASE64, "metadata": TEXT}. Each field is
 // optional. "payload_text" and "latest_key_text" give the bytes as text instead.
 Result<proto::Record> CustomRecordFromJson(const std::string& name, DataType type, const std::string& json);
 

@@ -31,11 +31,11 @@ class Table {
   std::vector<Row> rows_;
 };
 
-// Examples: "1.5 MB", "812 B". Units are powers of 1000.
+// Formats a number of bytes: "1.5 MB", "812 B". Units are powers of 1000.
 std::string FormatBytes(double bytes);
-// Examples: "35 s", "4 min", "2.5 h".
+// Formats a duration: "35 s", "4 min", "2.5 h".
 std::string FormatSeconds(double seconds);
-// `timestamp_ns` counts from 1970. Example: "2026-11-21 14:54:33 UTC". Returns "-" for 0, which means no time.
+// Formats `timestamp_ns`, which counts from 1970: "2026-11-21 14:54:33 UTC". Returns "-" for 0, which means no time.
 std::string FormatUtc(std::int64_t timestamp_ns);
 // Returns `value` with `digits` decimal places: "0.34".
 std::string FormatFixed(double value, int digits);

@@ -11,8 +11,8 @@ namespace {
 constexpr std::size_t kSentRecordsMax = 512;
 constexpr std::size_t kSentBytesMax = 2'000'000;
 
-// Returns the endpoint for clients with keys, and stores the agent's public key in `options`, so that the client can
-// authenticate the agent.
+// Returns the agent's endpoint for clients with keys, and stores the agent's public key in `options`, so that the
+// client can authenticate the agent.
 Result<std::string> KeyedEndpoint(const TeamFile& team, const proto::AgentConfig& agent, Client::Options* options) {
   if (agent.client_address().empty()) {
     return Fail(ErrorCode::kUnavailable, agent.name() +

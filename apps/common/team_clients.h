@@ -14,17 +14,17 @@ namespace moondb {
 // Returns the agent of that name. kInvalid, with a suggestion, if the team has no such agent.
 Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, const std::string& name);
 
-// As AgentNamed, but kRefused for an agent that has left the team.
+// Like AgentNamed, but returns kRefused for an agent that has left the team.
 Result<const proto::AgentConfig*> MemberNamed(const proto::TeamConfig& team, const std::string& name);
 
-// Connects a client that knows the team's custom types. With a secret_key in the options it uses the agent's
-// client_address, otherwise the agent's ipc socket on this machine. `via` is the agent to connect to, which relays
-// requests to `agent` over the radio; null connects to `agent` itself.
+// Connects a client that knows the team's custom types. If the options have a secret_key, connects to the agent's
+// client_address, otherwise to the agent's ipc socket on this machine. If `via` is not null, connects to `via`, which
+// relays the requests to `agent` over the radio.
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
                                           Client::Options options, const proto::AgentConfig* via = nullptr);
 
-// Inserts in the given order, in batches of at most 512 records and about 2 MB. Calls `inserted` after each batch with
-// the number of records so far. Stops at the first error.
+// Inserts the records in the given order, in batches of at most 512 records and about 2 MB. Calls `inserted` after each
+// batch with the number of records inserted so far. Stops at the first error.
 Result<void> InsertInBatches(Client& client, const std::vector<proto::Record>& records,
                              const std::function<void(std::size_t)>& inserted);
 

@@ -12,7 +12,7 @@ std::optional<std::chrono::sys_seconds> ParseUtc(const std::string& text) {
   const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
                                          std::chrono::day(static_cast<unsigned>(day))};
   const bool is_time = hour >= 0 && hour < 24 && minute >= 0 && minute < 60 && second >= 0 && second < 60;
-  const bool is_near = year > 1677 && year < 2262;  // The range of 64-bit nanoseconds since 1970.
+  const bool is_near = year > 1677 && year < 2262;  // The years that 64-bit nanoseconds since 1970 can represent.
   if (rest != "Z" || !date.ok() || !is_time || !is_near) return {};
   return std::chrono::sys_days(date) + std::chrono::hours(hour) + std::chrono::minutes(minute) +
          std::chrono::seconds(second);

@@ -1,5 +1,5 @@
-// The answers of several agents to one question, as commands show them. Every agent that was asked has an entry. An
-// agent that did not answer has an error as its entry.
+// The answers of several agents to one request, as commands show them. Every agent that got the request has an entry.
+// The entry of an agent that did not answer is an error.
 #pragma once
 
 #include <string>
@@ -20,7 +20,8 @@ struct AgentAnswer {
 template <typename T>
 using AgentAnswers = std::vector<AgentAnswer<T>>;
 
-// Returns true if the agent did not answer. An agent that answered with an error, or refused this client, is reachable.
+// Returns true if the error means that the agent did not answer. An agent that answered with an error, or refused this
+// client, is reachable.
 inline bool IsUnreachable(const Error& error) {
   return error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kTimedOut;
 }

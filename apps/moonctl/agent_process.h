@@ -19,7 +19,7 @@ Result<pid_t> StartProcess(const std::vector<std::string>& command, const std::f
 // Returns true if this child process has ended, and reaps it.
 bool HasEnded(pid_t child);
 
-// Returns the last non-empty line within the last 4 kB of `file`. Empty: there is none.
+// Returns the last non-empty line within the last 4 kB of `file`. Empty: no such line, or the file cannot be read.
 std::string LastLine(const std::filesystem::path& file);
 
 }  // namespace moondb

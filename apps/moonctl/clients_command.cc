@@ -32,7 +32,7 @@ struct ClientsArguments {
   std::string file;  // Empty: clients.yaml beside the team file.
   std::string name;
   std::string rights;
-  std::string public_key_file;  // Empty: new keys are made.
+  std::string public_key_file;  // Public key of the client. Empty: make a new key pair.
   std::string out;              // File for the new secret key. Empty: NAME.sec in the user's folder.
   bool is_replacing = false;
 };
@@ -54,7 +54,7 @@ Result<proto::ClientList> Read(const std::filesystem::path& file) {
   return list;
 }
 
-// Blocks other moonctl processes that change files in this folder, while this object exists.
+// While this object exists, other moonctl processes cannot change files in this folder.
 class FolderLock {
  public:
   static Result<FolderLock> Take(const std::filesystem::path& folder) {
@@ -80,7 +80,7 @@ class FolderLock {
 struct ListEdit {
   FolderLock lock;
   std::filesystem::path file;
-  std::string head;  // The comments at the top of the file.
+  std::string head;  // The comments at the top of the file, which the edit keeps.
   proto::ClientList list;
 };
 
@@ -95,7 +95,7 @@ Result<std::string> HeadOf(const std::filesystem::path& file) {
   for (; rest.starts_with("#"); ++number) head += std::string(TakeLine(rest)) + "\n";
   for (; !rest.empty(); ++number) {
     const std::string_view line = TakeLine(rest);
-    // A key may contain '#', but no blank before it.
+    // A '#' after a blank begins a comment. A key may contain '#', but no blank before it.
     if (!line.starts_with("#") && line.find(" #") == line.npos && line.find("\t#") == line.npos) continue;
     return Fail(ErrorCode::kRefused, "this comment would be lost: bring it to the head of the file, or edit it by hand",
                 FileLine(file.string(), number));
@@ -115,7 +115,7 @@ Result<ListEdit> BeginEdit(CommandContext& context, const ClientsArguments& argu
   return ListEdit{*std::move(lock), *std::move(file), *std::move(head), *std::move(list)};
 }
 
-// Returns the new content of the file. Parses it with the agents' parser, whose errors are returned.
+// Returns the new content of the file. Returns the error of the agents' parser if the parser rejects this content.
 Result<std::string> TextOf(const ListEdit& edit) {
   std::string text = ClientListText(edit.list, edit.head);
   if (auto read = ParseClientList(text, edit.file.string()); !read) return tl::unexpected(read.error());
@@ -141,8 +141,8 @@ Result<proto::ClientRights> ParseRights(const std::string& name) {
               "--rights");
 }
 
-// Returns the public key for the list. Adds a newly made secret key to `files`, which the caller publishes before it
-// writes the list.
+// Returns the public key for the list. If it makes a new key pair, adds the secret key to `files`, which the caller
+// publishes before it writes the list.
 Result<std::string> PublicKey(const ClientsArguments& arguments, const std::filesystem::path& secret_file,
                               NewFiles& files) {
   if (!arguments.public_key_file.empty()) return ReadPublicKey(arguments.public_key_file);
@@ -152,8 +152,8 @@ Result<std::string> PublicKey(const ClientsArguments& arguments, const std::file
   return keys->public_key;
 }
 
-// Returns the path for a newly made secret key. The default is the user's folder, because files beside the team file
-// are copied to robots. Returns `out`, which may be empty, if no key is made.
+// Returns the path for a new secret key. The default is in the user's folder, because files beside the team file are
+// copied to robots. Returns `out`, which may be empty, if no key is made.
 Result<std::filesystem::path> SecretFile(const ClientsArguments& arguments) {
   if (!arguments.public_key_file.empty() || !arguments.out.empty()) return std::filesystem::path(arguments.out);
   auto folder = UserFolder();

@@ -1,5 +1,5 @@
-// A command of moonctl is a Command with a note; its callback sets the action to run. A group such as "role", which
-// only holds subcommands, has no note.
+// A moonctl command is a Command with a CommandNote (an example and more). Its callback stores the action that main
+// runs. A group such as "role", which only holds subcommands, has no note.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ inline constexpr bool kShows = true;
 // Adds a command whose --help ends with the note's example.
 Command& AddCommand(Command& group, const std::string& name, const std::string& description, CommandNote note);
 
-// Returns the command's note. A group returns the note of its first command. Null: there is no note.
+// Returns the command's note, or for a group the note of its first command. Null: there is no note.
 const CommandNote* NoteOf(const Command& command);
 
 // Ends the --help of every group below `root` with the example of the group's first command.

@@ -10,7 +10,7 @@ class Command;
 inline constexpr char kProgramName[] = "moonctl";
 inline constexpr char kProgramDescription[] = "Operates a team of moondb agents.";
 
-// Adds the global options, all commands and their examples. Requires: `context` outlives `app`.
+// Adds the global options, all commands and the commands' examples to `app`. Requires: `context` outlives `app`.
 void AddCommandLine(Command& app, CommandContext& context);
 
 }  // namespace moondb

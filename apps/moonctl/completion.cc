@@ -6,11 +6,11 @@
 namespace moondb {
 namespace {
 
-// The position of the last word on the command line.
+// The position at which the last word stands on the command line.
 struct Cursor {
   const Command* command = nullptr;
-  const Option* value_of = nullptr;  // The last word is this option's value. Null: it is no value.
-  int argument = 0;                  // Otherwise, the index of the argument that the last word may be.
+  const Option* value_of = nullptr;  // The last word is the value of this option. Null: of no option.
+  int argument = 0;  // If `value_of` is null: the index of the positional argument that the last word may be.
 };
 
 Cursor FindCursor(const Command& root, const std::vector<std::string>& words) {
@@ -33,7 +33,8 @@ Cursor FindCursor(const Command& root, const std::vector<std::string>& words) {
   return cursor;
 }
 
-// Returns the argument at index `place`. An argument with several values takes as many words as it allows.
+// Returns the positional argument to which word number `place` belongs. An argument takes as many words as it allows
+// values. Null: there is no such argument.
 const Option* ArgumentAt(const Command& command, int place) {
   for (const Option* argument : ArgumentsOf(command)) {
     place -= argument->values_max();
@@ -42,7 +43,7 @@ const Option* ArgumentAt(const Command& command, int place) {
   return nullptr;
 }
 
-// Adds the values that a type name lists: "AGENT", "FILE", "TEXT:{ros,png}", "{AGENT,leader,survivor}".
+// Adds the candidates that the option's type name lists: "AGENT", "FILE", "TEXT:{ros,png}", "{AGENT,leader,survivor}".
 void AddValues(const Option& option, const TeamWords& team, Completion& completion) {
   const std::string type = option.type_name();
   const std::size_t open = type.find('{');
@@ -72,7 +73,7 @@ void AddOptions(const Command& command, Completion& completion) {
 Completion Complete(const Command& root, const std::vector<std::string>& words, const TeamWords& team) {
   const Cursor cursor = FindCursor(root, words);
   std::string typed = words.empty() || words.back() == "=" ? "" : words.back();
-  std::string before;  // The prefix "--agent=" of "--agent=ro".
+  std::string before;  // Text that each candidate keeps: "--agent=" if the last word is "--agent=ro".
   Completion all;
   const Option* option = cursor.value_of;
   if (option == nullptr && typed.starts_with("--") && typed.find('=') != std::string::npos) {

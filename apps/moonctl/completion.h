@@ -23,11 +23,11 @@ struct Candidate {
 
 struct Completion {
   std::vector<Candidate> candidates;  // Candidates that begin with the last word.
-  bool is_file = false;               // A path is expected; the shell completes it.
+  bool is_file = false;               // The last word may be a path, which the shell completes.
 };
 
-// `words` follow "moonctl" on the command line. The last word is being typed and may be empty. A separate word "=",
-// which bash makes of "--agent=rover1", is ignored.
+// Returns the candidates for the last of `words`, which follow "moonctl" on the command line. The user is typing the
+// last word, which may be empty. A separate word "=", which bash makes of "--agent=rover1", is ignored.
 Completion Complete(const Command& root, const std::vector<std::string>& words, const TeamWords& team);
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// Answers the shells' completion scripts (apps/moonctl/completion.h).
+// The commands that print completion scripts and answer these scripts' requests (apps/moonctl/completion.h).
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@ namespace moondb {
 
 class Command;
 
-inline constexpr char kCompleteWord[] = "__complete";  // First word of a request to complete the words after it.
+inline constexpr char kCompleteWord[] = "__complete";  // First word of a script's request: complete the words after it.
 
 ExitCode PrintCompletions(const Command& root, const std::vector<std::string>& words, CommandContext& context);
 

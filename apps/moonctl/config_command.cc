@@ -25,8 +25,8 @@ struct ConfigArguments {
   bool is_fixing = false;
 };
 
-// Adds a team id to the file if it has none. Returns the new id, or an empty string if the file is unchanged. Leaves
-// other faults of the file to the next reader.
+// Adds a team id to the file if it has none. Returns the new id, or an empty string if the file is unchanged. Does not
+// report other faults of the file, which its next reader finds.
 Result<std::string> AddTeamId(const std::filesystem::path& file) {
   const auto yaml = ReadTextFile(file);
   if (!yaml) return tl::unexpected(yaml.error());
@@ -40,7 +40,7 @@ Result<std::string> AddTeamId(const std::filesystem::path& file) {
   return *id;
 }
 
-// Adds a missing team id. Every agent needs the same file with the same id.
+// Adds a team id to the team file if it has none. Every agent needs the same file with the same id.
 ExitCode FixConfig(CommandContext& context) {
   if (context.TeamPath().empty()) return context.Report(context.Team().error());
   const auto id = AddTeamId(context.TeamPath());
@@ -130,7 +130,7 @@ Result<void> WriteTeamOfMission(const ConfigArguments& arguments) {
   for (const MissionAgent& agent : mission->agents) {
     *team.add_agents() = AgentOfMission(agent, port++);
     if (agent.is_base_station) continue;
-    // The first two rovers are the initial leader and survivor.
+    // By default the first two rovers are the initial leader and survivor.
     if (team.roles().leader().empty()) {
       team.mutable_roles()->set_leader(agent.name);
     } else if (team.roles().survivor().empty()) {
@@ -156,7 +156,7 @@ void AddConfigCommands(Command& app, CommandContext& context) {
   Command& group = app.AddSubcommand("config", "The team file");
   group.RequireSubcommand();
   auto arguments = std::make_shared<ConfigArguments>();
-  // `config check FILE` means `-t FILE config check`.
+  // Makes `config check FILE` equal to `-t FILE config check`.
   const auto add_reader = [&](const char* name, const char* description, const CommandNote& note,
                               const std::function<ExitCode(CommandContext&)>& run) -> Command& {
     Command& command = AddCommand(group, name, description, note);

@@ -24,7 +24,7 @@ void WriteChoices(const EnumDescriptor& type, JsonWriter& json) {
 
 void WriteMap(const FieldDescriptor& field, JsonWriter& json);
 
-// Writes the members of the schema of one value.
+// Writes the schema members that describe one value of the field: its type and its allowed values.
 void WriteType(const FieldDescriptor& field, JsonWriter& json) {
   switch (field.cpp_type()) {
     case FieldDescriptor::CPPTYPE_MESSAGE:
@@ -48,14 +48,14 @@ void WriteType(const FieldDescriptor& field, JsonWriter& json) {
 
 void WriteRange(const proto::FieldRule& rule, JsonWriter& json) {
   if (!rule.has_low()) return;
-  // Draft 7 has no compact form for "0, or 1 to 86400".
+  // The rule may be "0, or 1 to 86400", which draft 7 cannot express compactly. The schema allows 0 to 86400.
   json.Key("minimum").Number(rule.zero().empty() ? rule.low() : 0).Key("maximum").Number(rule.high());
 }
 
 void WriteList(const FieldDescriptor& field, JsonWriter& json) {
   const proto::FieldRule& rule = RuleOf(field);
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_STRING) {
-    json.Key("type").BeginArray().String("array").String("string").EndArray();  // A single string is a list of one.
+    json.Key("type").BeginArray().String("array").String("string").EndArray();  // A single string is read as a list.
   } else {
     json.Key("type").String("array");
   }
@@ -89,7 +89,7 @@ void WriteField(const FieldDescriptor& field, JsonWriter& json) {
 
 // Begins the schema of an object. The caller adds the properties.
 void BeginProperties(JsonWriter& json) {
-  json.Key("type").BeginArray().String("object").String("null").EndArray();  // "radio:" without values.
+  json.Key("type").BeginArray().String("object").String("null").EndArray();  // YAML reads "radio:" as null.
   json.Key("additionalProperties").Bool(false).Key("properties").BeginObject();
 }
 

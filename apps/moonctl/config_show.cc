@@ -21,7 +21,7 @@ std::string Quoted(const std::string& text) {
   return quoted + "\"";
 }
 
-// Returns the text of a single value. Empty: there is no value to show.
+// Returns the text of a field that is a single value. Empty: there is no value to show.
 std::string ValueText(const Message& message, const FieldDescriptor& field) {
   const auto& reflection = *message.GetReflection();
   switch (field.cpp_type()) {
@@ -132,7 +132,8 @@ std::set<std::string> GivenFields(const std::string& yaml) {
   Places places;
   PlacedErrors errors("");
   ReadYaml(yaml, &raw, &places, &errors);
-  // Parsing sorts the custom types by id (runtime/team/team_check.h), so their indices change.
+  // Parsing sorts the custom types by id (runtime/team/team_check.h), so an index in the file differs from the index in
+  // the parsed configuration.
   constexpr std::string_view kTypes = "custom_types[";
   std::vector<std::uint32_t> ids;
   for (const proto::CustomType& type : raw.custom_types()) ids.push_back(type.id());

@@ -18,7 +18,7 @@ std::set<std::string> GivenFields(const std::string& yaml);
 // `given`. Parsing this YAML gives the same configuration.
 std::string EffectiveYaml(const proto::TeamConfig& team, const std::set<std::string>& given);
 
-// Returns the paths of the values that are not in `given`.
+// Returns the paths of the values that are not in `given`, so the agents use their defaults.
 std::vector<std::string> DefaultedFields(const proto::TeamConfig& team, const std::set<std::string>& given);
 
 }  // namespace moondb

@@ -32,7 +32,7 @@ double CountOf(const proto::StorageStatus& storage, std::optional<DataType> type
   return count;
 }
 
-// Returns a table with one row per data type, shared or not. Agents that do not answer have "?".
+// Returns a table with one row per data type, including types that are not shared. Agents that do not answer have "?".
 std::string RowsText(const CustomTypes& custom_types, const AgentAnswers<proto::AgentStatus>& answers) {
   std::set<DataType> types;
   for (const auto& [agent, status] : answers) {
@@ -52,7 +52,7 @@ std::string RowsText(const CustomTypes& custom_types, const AgentAnswers<proto::
   return table.Text();
 }
 
-// Bytes written per day. The last day in the agent's report counts as today.
+// Bytes that storage wrote per day. The last day in the agent's report counts as today.
 struct WrittenBytes {
   double today = 0;
   double yesterday = 0;

@@ -1,4 +1,4 @@
-// The commands of `moonctl db` that need more than one request to each agent.
+// The longer commands of `moonctl db`: they send several requests to an agent, or work on its database file.
 #pragma once
 
 #include <string>
@@ -26,8 +26,8 @@ struct PruneArguments {
   bool is_dry_run = false;
 };
 
-// The agent given with -a removes records that need not be kept, and moonctl prints what was removed. Returns kRefused
-// if nothing can be removed because the leader or the survivor cannot be asked.
+// Makes the agent given with -a remove the records that need not be kept, and prints what was removed. Returns kRefused
+// if nothing can be removed because the leader or the survivor does not answer the agent.
 ExitCode PruneStore(CommandContext& context, const PruneArguments& arguments);
 
 // Arguments of `db query` and `db backup`, which work on an agent's database file on this machine.

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kKeysMax = 10;  // Per series.
+constexpr std::size_t kKeysMax = 10;  // Differing records listed per series.
 
 struct Side {
   AgentClient agent;
@@ -42,8 +42,8 @@ std::uint64_t CountHeld(const HaveSet& have) {
   return count;
 }
 
-// Removes records from `differing` that an agent no longer holds. They were superseded during the comparison, so they
-// are no difference.
+// Removes from `differing` the records that one of the agents no longer holds. Such records were superseded during the
+// comparison, so they are no difference.
 Result<void> LeaveOutWhatIsGone(Side& first, Side& second, Differences& differences) {
   const auto first_now = first.agent.client->Have();
   if (!first_now) return tl::unexpected(first_now.error());

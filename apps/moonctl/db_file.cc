@@ -65,7 +65,7 @@ std::string TableOf(const QueryAnswer& answer) {
   return table.Text() + (answer.is_cut ? "and more; see --limit\n" : "");
 }
 
-// NULL becomes an empty field, and a blob its bytes in hexadecimal.
+// Returns the rows as CSV. NULL becomes an empty field, and a blob becomes hexadecimal digits.
 std::string CsvOf(const QueryAnswer& answer) {
   std::string text;
   const char* separator = "";

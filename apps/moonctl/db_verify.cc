@@ -17,9 +17,9 @@ struct Verification {
   double damaged = 0;
   double missing = 0;
   double orphaned = 0;
-  double file_check_s = 0;  // Storage answers no other requests during this time.
+  double file_check_s = 0;  // Duration of the file check, during which storage answers no requests.
   double total_s = 0;
-  std::size_t findings_count = 0;     // Agents report only the first findings, so damage may exceed this count.
+  std::size_t findings_count = 0;     // Number of reported findings. Agents report only the first ones.
   std::vector<std::string> findings;  // The first kFindingsShown findings.
 
   bool is_sound() const { return findings.empty(); }
@@ -37,7 +37,8 @@ double SecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-// Verifies one part completely. If a damaged file is unreadable, that error becomes the finding.
+// Verifies one part of the store with as many requests as needed. If the store is too damaged to be read, adds this
+// error as a finding.
 Result<void> VerifyOnePart(Client& client, proto::VerifyPart part, const std::function<void()>& progress,
                            Verification& found) {
   proto::VerifyRequest request;

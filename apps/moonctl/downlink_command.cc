@@ -51,13 +51,13 @@ Result<AgentClient> ConnectToDownlinker(CommandContext& context) {
   return context.Connect(AgentName((*team)->config, base));
 }
 
-// Returns a command to type, such as "moonctl downlink ack 7", with this command's -a.
+// Returns a command for the operator to type, such as "moonctl downlink ack 7". If this command was given -a, adds it.
 std::string Typed(const CommandContext& context, const std::string& words) {
   return "moonctl " + (context.agent.empty() ? "" : "-a " + context.agent + " ") + "downlink " + words;
 }
 
-// kRefused if `path` holds another file. It may be the only copy of a bundle with the same number, made before a store
-// was lost.
+// Returns kRefused if `path` exists with content other than `file`. The existing file may be the only copy of a bundle
+// that had the same number in a store that was lost since.
 Result<void> KeepAnother(const std::string& path, const std::string& file) {
   if (!std::filesystem::exists(path)) return {};
   const auto present = ReadTextFile(path, kBundleBytesMax);
@@ -65,7 +65,7 @@ Result<void> KeepAnother(const std::string& path, const std::string& file) {
   return Fail(ErrorCode::kRefused, "is there already and is another file; give --out", path);
 }
 
-// Fetches a bundle, checks it and writes it. Returns the path.
+// Fetches a bundle from the agent, checks it and writes it to a file. Returns the file's path.
 Result<std::string> Fetch(const AgentClient& from, std::uint32_t number, const std::string& out) {
   Progress progress("bundle " + std::to_string(number));
   const auto file = from.client->FetchBundle(number, [&progress](double bytes, double all) {
@@ -136,7 +136,7 @@ ExitCode GetBundle(CommandContext& context, const DownlinkArguments& arguments) 
   return context.Done(json.text(), "wrote " + *file);
 }
 
-// Checks that the waiting bundle of this number equals the file.
+// Checks that the bundle of this number, which waits at the agent, equals the file.
 Result<void> CheckSame(Client& client, const DownlinkArguments& arguments) {
   const auto file = ReadTextFile(arguments.file, kBundleBytesMax);
   if (!file) return tl::unexpected(InputError(file.error()));
@@ -172,7 +172,7 @@ ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arg
 ExitCode ShowBundle(CommandContext& context, const DownlinkArguments& arguments) {
   const auto file = ReadTextFile(arguments.file, kBundleBytesMax);
   if (!file) return context.Report(InputError(file.error()));
-  // The names of custom types come from the team file. A bundle can be read without them.
+  // The team file gives the custom types their names. A bundle can be read without these names.
   CustomTypes custom_types;
   if (!context.TeamPath().empty()) {
     const auto team = context.Team();

@@ -1,5 +1,5 @@
-// The origin of an exported file, with the agents that its source could not reach. The file may lack their data. Not
-// thread-safe.
+// The origin of an exported file, and the agents that the source of the data could not reach. The file may lack data of
+// these agents. Not thread-safe.
 #pragma once
 
 #include <string>
@@ -18,7 +18,8 @@ struct FileOrigin {
 
 FileOrigin OriginOf(const proto::TeamConfig& team, const AgentClient& source);
 
-// Returns the origin's notes with the notes on the content ("maps" "183") before the last one, out_of_reach.
+// Returns the notes on the origin. Inserts `content`, the notes on the content ("maps" "183"), before the last note,
+// out_of_reach.
 FileNotes NotesOf(const FileOrigin& origin, FileNotes content);
 
 }  // namespace moondb

@@ -12,7 +12,7 @@ IntervalSet Behind(const IntervalSet& seqs, std::uint64_t seq) {
   return seqs.Minus(before);
 }
 
-// Returns the smaller and the larger half of `seqs`. Requires: at least two seqs.
+// Splits `seqs` into two halves: the smaller and the larger seqs. Requires: at least two seqs.
 std::pair<IntervalSet, IntervalSet> Halves(const IntervalSet& seqs) {
   std::pair<IntervalSet, IntervalSet> halves;
   std::uint64_t left = seqs.Count() / 2;  // Number of seqs still missing in the first half.

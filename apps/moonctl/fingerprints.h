@@ -1,5 +1,5 @@
-// Compares the records that two agents both hold without reading them. Compares fingerprints, and halves the ranges
-// whose fingerprints differ.
+// Compares the records that two agents hold without reading the records. Compares fingerprints of ranges, and halves
+// the ranges whose fingerprints differ.
 #pragma once
 
 #include <cstddef>
@@ -14,19 +14,19 @@ namespace moondb {
 
 struct Fingerprint {
   std::uint64_t hash = 0;   // XOR of the hashes of the records. 0: no records.
-  double record_count = 0;  // Less than the number requested if some records are gone.
+  double record_count = 0;  // Records in the fingerprint. Fewer than requested if the agent no longer holds all.
   bool operator==(const Fingerprint&) const = default;
 };
 
-// Requests the fingerprint of the records `seqs` of a stream from one agent.
+// Requests from one agent the fingerprint of the records of `stream` with the given seqs.
 using AskFingerprint = std::function<Result<Fingerprint>(const StreamKey& stream, const IntervalSet& seqs)>;
 
-// Sends requests until all of `seqs` are covered. Returns the errors of Client, and kCorrupt if the agent's answers
-// make no progress.
+// Returns the fingerprint of the records of `stream` with the given seqs. An answer may cover only some of the seqs;
+// then sends further requests. Returns the errors of Client, and kCorrupt if the agent's answers make no progress.
 Result<Fingerprint> FingerprintOf(Client& client, const StreamKey& stream, const IntervalSet& seqs);
 
-// Returns the smallest keys, at most `keys_max`, of records whose contents differ. Sends each side about 2 log2(n)
-// requests per differing record.
+// Compares the records in `held`, which two agents hold. Returns the keys of records whose contents differ: the
+// smallest keys, at most `keys_max`. Sends each agent about 2 log2(n) requests per differing record.
 Result<std::vector<RecordKey>> FindDiffering(const HaveSet& held, const AskFingerprint& first,
                                              const AskFingerprint& second, std::size_t keys_max);
 

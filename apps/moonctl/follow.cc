@@ -14,10 +14,10 @@ namespace {
 
 constexpr std::chrono::seconds kWait(60);
 
-// The process may exit here at any time, because PrintLine writes each line in one call.
+// Handles SIGINT and SIGTERM. The process may exit at any time, because PrintLine writes each line in one call.
 void EndFollow(int) { ::_exit(static_cast<int>(ExitCode::kDone)); }
 
-// Returns false if the reader has closed stdout, or the line cannot be written.
+// Returns false if the line cannot be written, for example because the reader has closed stdout.
 bool PrintLine(const std::string& line) {
   const std::string text = line + "\n";
   return std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0;
@@ -38,7 +38,7 @@ ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadReque
   while (true) {
     const auto page = feed.Next(kWait);
     if (!page && page.error().code != ErrorCode::kTimedOut) return context.Report(page.error());
-    if (!page) {  // A radio that lost a frame, or a busy agent. Report it once.
+    if (!page) {  // The radio lost a frame, or the agent is busy. Report it once.
       const bool is_reported = std::exchange(is_late, true);
       if (!is_reported) std::fprintf(stderr, "moonctl: %s; going on\n", ToString(page.error()).c_str());
       continue;

@@ -57,7 +57,7 @@ Result<Pyfg> ToPyfg(const G2o& g2o, AgentId plain_agent) {
   for (const G2oEdge& edge : g2o.edges) {
     const Result<Matrix6d> covariance = InverseOf(edge.information);
     if (!covariance) return tl::unexpected(covariance.error());
-    // The reader has checked that both ends are vertices.
+    // The reader of the file has checked that both nodes of an edge are vertices.
     pyfg.graph.odometry.push_back(
         {*KeyOf(edge.from, plain_agent), *KeyOf(edge.to, plain_agent), 0, edge.from_from_to, *covariance});
   }

@@ -10,11 +10,13 @@
 
 namespace moondb {
 
-// Converts poses and odometry; g2o has no edge for ranges. kInvalid: an index beyond 2^56, or a singular covariance.
+// Converts poses and odometry. Omits ranges, because g2o has no edge for them. kInvalid if an index exceeds 2^56 or a
+// covariance is singular.
 Result<G2o> ToG2o(const Pyfg& pyfg);
 
-// `plain_agent` is the letter (AgentOfLetter) for vertices whose id is no symbol; 0 rejects such vertices. Timestamps
-// are set to 0. kInvalid: a vertex without an agent, a singular information matrix, or no vertex at all.
+// Converts a g2o graph; timestamps become 0. A vertex whose id is no symbol gets the letter `plain_agent`
+// (AgentOfLetter); 0 rejects such vertices. kInvalid if a vertex has no agent, an information matrix is singular, or
+// there is no vertex.
 Result<Pyfg> ToPyfg(const G2o& g2o, AgentId plain_agent);
 
 }  // namespace moondb

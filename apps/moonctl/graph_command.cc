@@ -21,12 +21,12 @@ struct OptimizeArguments {
   bool is_from_scratch = false;
   std::uint32_t window_nodes = 0;
   bool has_covariance = false;
-  std::vector<std::string> covariance_of;  // A node, such as "rover2:17".
+  std::vector<std::string> covariance_of;  // Names of nodes, such as "rover2:17".
 };
 
 std::string Count(std::size_t count) { return std::to_string(count); }
 
-// Reads a PyFG or g2o file as PyFG.
+// Reads a PyFG or g2o file. Converts g2o to PyFG.
 Result<Pyfg> ReadImported(CommandContext& context, const proto::TeamConfig& team, const std::string& file) {
   if (std::filesystem::path(file).extension() != ".g2o") return ReadPyfg(file);
   AgentId plain_agent = 0;
@@ -168,7 +168,7 @@ struct PairStats {
   double worst_sigmas = 0;  // Largest residual of the rejected ranges, with its sign.
 };
 
-using AgentPair = std::pair<AgentId, AgentId>;  // The smaller id comes first.
+using AgentPair = std::pair<AgentId, AgentId>;  // Two agents, the smaller id first.
 
 struct RejectedRange {
   const RangeEdge* range = nullptr;
@@ -180,7 +180,7 @@ struct RangeStats {
   std::vector<RejectedRange> rejected;
 };
 
-// The result points into `known`.
+// Returns the statistics of all ranges in `known`. The result points into `known`.
 RangeStats FindRangeStats(const KnownGraph& known) {
   RangeStats stats;
   for (const RangeEdge& range : known.graph().ranges) {

@@ -1,4 +1,4 @@
-// The longer commands of `moonctl graph`: export, and solving a graph file without a team.
+// The longer commands of `moonctl graph`: `export`, and `solve`, which solves a graph file without a team.
 #pragma once
 
 #include "apps/moonctl/command_context.h"

@@ -24,8 +24,8 @@ struct ExportArguments {
 
 // The graph that an agent holds, sorted by node. Omits edges whose nodes have not arrived yet.
 struct HeldGraph {
-  PoseGraph graph;                                // With raw or optimized poses, as chosen.
-  std::vector<const PublishedVerdict*> verdicts;  // Verdicts on graph.ranges. Null: no verdict.
+  PoseGraph graph;                                // Has raw or optimized poses, as the user chose.
+  std::vector<const PublishedVerdict*> verdicts;  // One for each of graph.ranges. Null: no verdict.
   std::size_t rejected_count = 0;
   std::size_t waiting_edge_count = 0;  // Edges that are omitted.
   std::set<NodeKey> optimized;         // Nodes that have an optimized pose.
@@ -90,7 +90,8 @@ Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   return pyfg;
 }
 
-// `named` has the same ranges under the names of the graph file.
+// Returns a CSV with all ranges and their verdicts. `named` is the exported graph, which has the same ranges with the
+// letters of the agents.
 std::string VerdictsText(const HeldGraph& held, const Pyfg& named) {
   std::string text = "from,to,timestamp_s,range_m,variance_m2,verdict,residual_sigmas\n";
   for (std::size_t i = 0; i < held.graph.ranges.size(); ++i) {
@@ -107,7 +108,7 @@ std::string VerdictsText(const HeldGraph& held, const Pyfg& named) {
 // The files of an exported graph, and the command's output about them.
 struct GraphFiles {
   std::vector<FileBytes> files;
-  JsonWriter json;  // An open document. The caller adds the notes and closes it.
+  JsonWriter json;  // A JSON object that is still open. The caller adds the notes and closes it.
   std::string text;
 };
 
@@ -127,8 +128,8 @@ FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {
   return notes;
 }
 
-// Writes the notes to a file beside the graph. Comments in the graph file would break common readers: PyFactorGraph's,
-// and for g2o those of the Ceres examples and SE-Sync.
+// Returns the file with the notes, which is written beside the graph. Comments in the graph file would break common
+// programs: PyFactorGraph, and for g2o the Ceres examples and SE-Sync.
 FileBytes OriginFile(const std::string& file, const FileNotes& notes) {
   return {file + ".origin.txt", NotesText(notes)};
 }

@@ -51,7 +51,7 @@ class Importer {
     return NodeKey{found->second, key.index};
   }
 
-  // Returns true if a node lies between the ends. Agents do not accept such an edge as odometry.
+  // Returns true if the file has a node between the nodes of the edge. Agents do not accept such an edge as odometry.
   bool IsLoopClosure(const OdometryEdge& edge) const {
     const auto [first, last] = std::minmax(*Translate(edge.from), *Translate(edge.to));
     const auto next = known_.upper_bound(first);
@@ -63,8 +63,8 @@ class Importer {
     ++count;
   }
 
-  // The landmark with the base station's letter becomes the base station's node. Other landmarks are unknown places,
-  // which no agent can insert.
+  // The landmark with the base station's letter becomes the base station's node. Skips other landmarks, because no
+  // agent can insert a place without a node.
   void AddLandmarks() {
     for (const PyfgLandmark& landmark : pyfg_.landmarks) {
       const auto key = Translate(landmark.key);
@@ -84,7 +84,7 @@ class Importer {
   Result<void> AddNodes() {
     std::map<AgentId, std::vector<const GraphNode*>> by_agent;
     for (const GraphNode& node : pyfg_.graph.nodes) by_agent[node.key.agent].push_back(&node);
-    // The odometry step to a node starts at the nearest earlier node. Edges from other nodes close loops.
+    // For each node, the odometry edge from the nearest earlier node. Other edges to the node are loop closures.
     std::map<NodeKey, const OdometryEdge*> steps;
     for (const OdometryEdge& edge : pyfg_.graph.odometry) {
       if (edge.from.agent != edge.to.agent || edge.to < edge.from) continue;

@@ -19,13 +19,13 @@ struct GraphImport {
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
   std::size_t range_count = 0;
-  // Number of skipped items: sightings, landmarks that are no base station and ranges to them, poses of one rover
-  // measured by another, and loop closures (relative poses between non-consecutive nodes of one rover).
+  // Number of skipped items: sightings, landmarks other than the base station, ranges to such landmarks, poses of one
+  // rover measured by another, and loop closures (relative poses between non-consecutive nodes of one rover).
   std::size_t left_out_count = 0;
 };
 
-// kInvalid if a letter stands for no agent of the team, or no odometry leads from a rover's first node to one of its
-// nodes.
+// Returns the records for the graph. kInvalid if a letter of the file belongs to no agent of the team, or if no
+// odometry leads from a rover's first node to one of its nodes.
 Result<GraphImport> PrepareImport(const proto::TeamConfig& team, const Pyfg& pyfg);
 
 }  // namespace moondb

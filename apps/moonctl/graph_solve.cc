@@ -21,7 +21,7 @@ struct SolveArguments {
 
 bool IsG2o(const std::string& file) { return std::filesystem::path(file).extension() == ".g2o"; }
 
-// A g2o or PyFG file. The other member is empty.
+// The content of a g2o file (`g2o`) or of a PyFG file (`pyfg`).
 struct GraphFile {
   bool is_g2o = false;
   G2o g2o;
@@ -54,7 +54,7 @@ Result<NodeKey> G2oKey(const std::string& text) {
   return Fail(ErrorCode::kInvalid, "'" + text + "' is no id of a vertex", "--fix");
 }
 
-// Converts the file to a graph in which the nodes named by `fixed` are held at their vertices.
+// Converts the file to a graph. The solver keeps the nodes named by `fixed` at their poses in the file.
 Result<StandaloneGraph> ToPlain(GraphFile& file, const std::vector<std::string>& fixed) {
   std::set<NodeKey> keys;
   for (const std::string& text : fixed) {

@@ -26,7 +26,8 @@ proto::RoleAssignment NewestOf(const std::map<std::uint32_t, AgentReport>& repor
   proto::RoleAssignment newest;
   for (const auto& [agent, report] : reports) {
     if (!report.status) continue;
-    // An agent that cannot store an assignment acts on it, except for its own role. Another agent may have stored it.
+    // An agent acts on an assignment that it cannot store, except for its own role. Another agent may have stored the
+    // assignment. So unstored assignments count here.
     const proto::RoleAssignment& roles =
         report.status->has_unstored_roles() ? report.status->unstored_roles() : report.status->roles();
     if (!IsNewer(newest.term(), roles.term())) newest = roles;
@@ -138,7 +139,7 @@ void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status
   }
 }
 
-// Describes messages that only a lying or faulty member sends.
+// Describes rejected messages that only a lying or faulty member of the team sends.
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom& refused) {
   const std::string sender = AgentName(team, refused.agent_id());
   const std::string count = FormatCount(refused.count());
@@ -196,7 +197,7 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
   }
 }
 
-// Adds the findings to the rovers, not to the leader that solved.
+// Adds implausible odometry scales to the findings of their rovers, not to those of the leader that solved.
 void JudgeSolve(const proto::OptimizeReply& solve, std::map<std::uint32_t, Findings>& all) {
   for (const proto::RoverSolution& rover : solve.rovers()) {
     if (IsPlausibleOdometryScale(rover.odometry_scale())) continue;

@@ -13,25 +13,26 @@
 
 namespace moondb {
 
-inline constexpr double kClockOffsetMax_s = 10;  // Between two agents. The travel time of the message is part of it.
-inline constexpr double kNoProgressMax_s = 60;   // For an open session that waits for no window.
+inline constexpr double kClockOffsetMax_s = 10;  // Between two agents, including the message's travel time.
+inline constexpr double kNoProgressMax_s = 60;   // For an open session without a known reason to wait.
 
-// The report of one agent. Missing members are not judged.
+// The answers of one agent. FindingsOn does not judge missing members.
 struct AgentReport {
   std::optional<proto::AgentStatus> status;
   std::optional<proto::ShareStatus> shares;
-  std::optional<proto::OptimizeReply> last_solve;  // Only of the leader.
+  std::optional<proto::OptimizeReply> last_solve;  // Set only for the leader.
   std::uint64_t config_hash = 0;                   // TeamFile::hash of its team file. 0: not reported.
 };
 
-// Returns one line per fault, by agent id. An agent without faults has none. Agents that cannot be reached have no
-// status. A finding of an agent (AgentStatus.findings) is a fault until an operator acknowledges it. `config_hash` is
-// the hash of the file from which `team` was read; 0 disables the comparison with the agents' hashes.
+// Returns the faults of each agent, one line per fault, by agent id. Agents without faults have no entry. An agent that
+// cannot be reached has a report without status. A finding of an agent (AgentStatus.findings) is a fault until an
+// operator acknowledges it. `config_hash` is the hash of the file from which `team` was read; 0 disables the comparison
+// with the agents' hashes.
 std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamConfig& team,
                                                              const std::map<std::uint32_t, AgentReport>& reports,
                                                              std::uint64_t config_hash = 0);
 
-// Returns "hash 9f3a..., here 4c01..." for an agent whose team file differs from the one read here.
+// Returns text such as "hash 9f3a..., here 4c01..." for an agent whose team file differs from the team file read here.
 std::string OtherConfigText(std::uint64_t theirs, std::uint64_t here);
 
 // Returns the term and its issuer: "4 by rover2".

@@ -65,11 +65,11 @@ ExitCode ShowHealth(CommandContext& context) {
 }
 
 struct Acknowledged {
-  std::vector<proto::HealthFinding> findings;  // As shown to the operator.
-  double refused_commands = 0;  // Relayed by other agents, since the agent's start or the last acknowledgment.
+  std::vector<proto::HealthFinding> findings;  // The acknowledged findings.
+  double refused_commands = 0;  // Relayed commands refused since the agent's start or the last acknowledgment.
 };
 
-// Acknowledges what the agent reports now. Findings that arrive in between stay unacknowledged.
+// Acknowledges the findings that the agent reports now. Later findings stay unacknowledged.
 Result<Acknowledged> AcknowledgeAt(Client& client) {
   const Result<proto::AgentStatus> status = client.Status();
   if (!status) return tl::unexpected(status.error());

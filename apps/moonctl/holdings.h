@@ -10,7 +10,7 @@
 
 namespace moondb {
 
-// An origin and a data type. It combines the streams of all epochs.
+// The records of one origin and data type, over the streams of all epochs.
 using Series = std::pair<AgentId, DataType>;
 
 struct Holding {
@@ -19,7 +19,8 @@ struct Holding {
                               // superseded records.
 };
 
-// Returns what each agent holds of each series, in the order of `haves`. Omits series that no agent holds.
+// Returns each agent's holdings of each series. Within a series, the agents are in the order of `haves`. Omits series
+// that no agent holds.
 std::map<Series, std::vector<Holding>> HoldingsOf(const std::vector<HaveSet>& haves);
 
 // Two agents' holdings of one series.

@@ -29,7 +29,8 @@ struct KeysArguments {
 
 // --- keys new ---
 
-// Returns the folder of the team file by default. The team file need not name the agent yet.
+// Returns the folder for an agent's new keys: `out`, otherwise the folder of the team file. The team file need not name
+// the agent yet.
 Result<std::filesystem::path> AgentKeyFolder(const CommandContext& context, const KeysArguments& arguments) {
   if (!arguments.out.empty()) return std::filesystem::path(arguments.out);
   if (!context.TeamPath().empty()) return context.TeamPath().parent_path();
@@ -95,7 +96,8 @@ struct SecretHere {
   std::string wrong;  // Why the key cannot be used. Empty: there is no key, or it is valid.
 };
 
-// Checks whether `file` exists and fits `public_key`. `public_key_of` reads the public key that belongs to the secret.
+// Checks whether `file` exists and holds the secret key that belongs to `public_key`. `public_key_of` reads a secret
+// key and returns its public key.
 template <typename PublicKeyOf>
 SecretHere LookFor(const std::filesystem::path& file, const std::string& public_key, PublicKeyOf public_key_of) {
   std::error_code error;
@@ -120,7 +122,7 @@ SecretHere SigningSecretHere(const std::filesystem::path& file, const std::strin
   });
 }
 
-// Returns the files present ("rover1.sec, rover1.sign"), followed by their faults. "-": none is present.
+// Returns the names of the files that exist ("rover1.sec, rover1.sign"), followed by their faults. "-": none exists.
 std::string SecretsText(const std::vector<std::pair<std::filesystem::path, SecretHere>>& secrets) {
   std::string text;
   for (const auto& [file, secret] : secrets) {
@@ -136,7 +138,8 @@ void WriteSecret(const char* key, const SecretHere& secret, JsonWriter& json) {
   json.Key(key).BeginObject().Key("is_here").Bool(secret.is_here).Key("wrong").String(secret.wrong).EndObject();
 }
 
-// Adds one agent to the output. Returns true if all its secret keys on this machine fit.
+// Adds one agent to the table and the JSON. Returns true if each of the agent's secret keys on this machine fits its
+// public key.
 bool AddAgent(const TeamFile& team, const proto::AgentConfig& agent, Table& table, JsonWriter& json) {
   const std::filesystem::path public_file = team.folder / agent.key();
   const std::filesystem::path secret_file = SecretKeyPath(public_file);
@@ -161,7 +164,7 @@ void AddClient(const proto::ListedClient& client, Table& table, JsonWriter& json
   const auto folder = UserFolder();
   const std::filesystem::path file = folder ? *folder / (client.name() + ".sec") : std::filesystem::path();
   const SecretHere secret = file.empty() ? SecretHere() : CurveSecretHere(file, client.key());
-  // A client of another team may have the same name.
+  // The file may belong to a client of another team with the same name. Such a key does not fit and is not shown.
   const bool is_here = secret.is_here && secret.wrong.empty();
   table.Add({client.name(), RightsName(client.rights()), FingerprintOf(client.key()), is_here ? file.string() : "-"});
   json.BeginObject().Key("name").String(client.name()).Key("rights").String(RightsName(client.rights()));

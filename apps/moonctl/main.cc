@@ -30,9 +30,9 @@ ExitCode Run(int argc, char** argv) {
     return PrintCompletions(app, {words.begin() + 1, words.end()}, context);
   }
   if (const std::optional<ParseStop> stop = app.Parse(argc, argv)) {
-    if (stop->exit_code == 0) return ExitCode::kDone;  // For --help and --version.
+    if (stop->exit_code == 0) return ExitCode::kDone;  // The user gave --help or --version.
     const Command* group = FindCommand(app, words);
-    if (group != nullptr && group->requires_subcommand()) {  // Only "moonctl role", or no words at all.
+    if (group != nullptr && group->requires_subcommand()) {  // Only "moonctl role" or "moonctl".
       std::fputs(group->Help().c_str(), stdout);
       return ExitCode::kDone;
     }
@@ -50,6 +50,6 @@ ExitCode Run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);
-  (void)::prctl(PR_SET_DUMPABLE, 0);  // The memory may hold secret keys. Write no core file of it.
+  (void)::prctl(PR_SET_DUMPABLE, 0);  // The process may hold secret keys. Write no core file.
   return static_cast<int>(moondb::Run(argc, argv));
 }

@@ -61,7 +61,7 @@ std::string Escaped(const std::string& text) {
   return escaped;
 }
 
-// Returns "-a, --agent AGENT"; for an argument only its name.
+// Returns the heading of an option, such as "-a, --agent AGENT". The heading of an argument is its name.
 std::string Heading(const Option& option) {
   std::string names;
   for (const std::string& name : option.short_names()) names += (names.empty() ? "-" : ", -") + name;
@@ -91,13 +91,13 @@ std::string Synopsis(const Command& command) {
   return text;
 }
 
-// A group without options of its own has no section as a command.
+// Returns true if the command gets its own section. A group gets none if it requires a subcommand.
 bool IsCommand(const Command& command) { return command.subcommands().empty() || !command.requires_subcommand(); }
 
 std::string CommandText(const Command& command) {
   std::string text = ".SS " + Escaped(Synopsis(command)) + "\n";
   const Command& group = *command.parent();
-  if (group.parent() != nullptr) text += Escaped(group.description()) + ".\n";  // A name like "off" needs context.
+  if (group.parent() != nullptr) text += Escaped(group.description()) + ".\n";  // A name like "off" needs its group.
   text += Escaped(command.description()) + ".\n";
   text += OptionsText(command);
   if (const CommandNote* note = NoteOf(command)) {

@@ -14,7 +14,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Returns the lease of `agent` in its reply. Durations are 0 if it holds none.
+// Returns the lease of `agent` from the agent's `reply`. Its durations are 0 if the agent holds no lease.
 proto::AgentLease LeaseOf(const proto::AgentConfig& agent, const proto::LeaseReply& reply) {
   for (const proto::AgentLease& lease : reply.leases()) {
     if (lease.agent_id() == agent.id()) return lease;

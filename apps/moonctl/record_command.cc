@@ -38,7 +38,7 @@ Result<DataType> TypeNamed(const std::string& name, const CustomTypes& custom_ty
   return Fail(ErrorCode::kInvalid, "no data type \"" + name + "\"" + DidYouMean(name, DataTypeNames(custom_types)));
 }
 
-// Connects to the agent given with -a. There is no natural default for it.
+// Connects to the agent given with -a. Fails without -a, because no agent is a natural default.
 Result<AgentClient> ConnectToChosen(CommandContext& context) {
   if (!context.agent.empty()) return context.Connect(context.agent);
   return Fail(ErrorCode::kInvalid, "which agent? Give -a rover1");
@@ -116,7 +116,7 @@ ExitCode GetRecord(CommandContext& context, const RecordArguments& arguments) {
         JsonWriter json;
         WriteRecord(stored, record, custom_types, json);
         found = json.text();
-        return Fail(ErrorCode::kNotFound, "no further");  // Ends the reading. The record is found.
+        return Fail(ErrorCode::kNotFound, "no further");  // Stops reading: the record is found.
       });
   if (!found.empty()) return context.Done(found, found);
   if (!read) return context.Report(read.error());

@@ -7,7 +7,8 @@
 namespace moondb {
 namespace {
 
-// Protobuf's JSON shows bytes as base64. Adds them as text if they are UTF-8, as most keys and some payloads are.
+// Writes `bytes` as text, under the key NAME_text, if they are UTF-8, as most keys and some payloads are. Protobuf's
+// JSON shows bytes only as base64.
 void WriteTextOf(const std::string& name, const std::string& bytes, JsonWriter& json) {
   if (!bytes.empty() && IsUtf8(bytes)) json.Key(name + "_text").String(bytes);
 }

@@ -75,7 +75,7 @@ ExitCode ShowHistory(CommandContext& context) {
   return context.Done(ToJson(*shown), table.Text());
 }
 
-// Converts pairs such as "rover2 leader rover3 survivor" to a request.
+// Converts pairs of agent and role, such as "rover2 leader rover3 survivor", to a request.
 Result<proto::RoleSetRequest> ParsePairs(const proto::TeamConfig& team, const std::vector<std::string>& words) {
   if (words.empty() || words.size() % 2 != 0) {
     return Fail(ErrorCode::kInvalid, "expected pairs of an agent and a role, such as: role set rover2 leader");
@@ -97,8 +97,8 @@ Result<proto::RoleSetRequest> ParsePairs(const proto::TeamConfig& team, const st
   return request;
 }
 
-// Converts "swap rover1 rover2" to a request. kRefused unless the two agents are the current leader and survivor,
-// because the operator then assumes outdated roles.
+// Converts the agents of "swap rover1 rover2" to a request. kRefused if they are not the current leader and survivor:
+// the operator then relies on outdated roles.
 Result<proto::RoleSetRequest> ParseSwap(const proto::TeamConfig& team, const std::vector<std::string>& words,
                                         const proto::RoleAssignment& standing) {
   proto::RoleSetRequest request;
@@ -115,7 +115,8 @@ Result<proto::RoleSetRequest> ParseSwap(const proto::TeamConfig& team, const std
   return request;
 }
 
-// Returns the roles on which the request relies: those that the agent given with -a holds, otherwise the team's newest.
+// Returns the roles that the operator's request builds on: the roles that the agent given with -a holds, otherwise the
+// team's newest roles.
 Result<proto::RoleAssignment> StandingRoles(CommandContext& context) {
   if (context.agent.empty()) return context.Roles();
   auto chosen = context.Connect(context.agent);
@@ -125,8 +126,8 @@ Result<proto::RoleAssignment> StandingRoles(CommandContext& context) {
   return held->roles();
 }
 
-// Connects to the agent given with -a. Otherwise tries the agents that may change the roles first, then all others.
-// Within each group the future leader comes first, then the current leader and survivor.
+// Connects to the agent given with -a. Otherwise tries the agents that may change the roles first, then all other
+// agents. Within each group the future leader comes first, then the current leader and survivor.
 Result<AgentClient> ConnectToChange(CommandContext& context, const proto::RoleAssignment& standing,
                                     AgentId new_leader) {
   if (!context.agent.empty()) return context.Connect(context.agent);

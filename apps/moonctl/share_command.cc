@@ -18,7 +18,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::chrono::minutes kLeaseMargin(2);  // For transfers that waited for the end of a lease.
+constexpr std::chrono::minutes kLeaseMargin(2);  // Extra wait for transfers that waited for the end of a lease.
 
 struct ShareArguments {
   std::vector<std::string> from;
@@ -51,8 +51,8 @@ std::string Joined(const std::vector<std::string>& words) {
   return text;
 }
 
-// Connects to the agent given with -a, otherwise to the leader by the newest term that any agent reports. Sets the
-// expected term of `request`.
+// Connects to the agent given with -a, otherwise to the leader in the newest assignment that any agent reports. Sets
+// the expected term of `request` to the agent's term. kRefused if the leader holds another term than that assignment.
 Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& request) {
   std::optional<proto::RoleAssignment> newest;
   if (context.agent.empty()) {
@@ -77,8 +77,8 @@ Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& r
 
 // --- Results of an order ---
 
-// Returns true if the pair gathers records at the leader: in a sync every replication, in a replication the pair whose
-// destination is the agent that took the order.
+// Returns true if the pair only gathers records at the leader. In a sync, each replication does. In a replication, the
+// pair whose destination took the order does.
 bool IsGathering(const proto::PairProgress& pair, proto::SharingKind kind, AgentId asked) {
   return pair.kind() == proto::SHARING_KIND_REPLICATION &&
          (kind == proto::SHARING_KIND_SYNC || pair.destination() == asked);
@@ -89,7 +89,8 @@ AgentId OtherEnd(const proto::PairProgress& pair, AgentId asked) {
   return static_cast<AgentId>(pair.sender() == asked ? pair.destination() : pair.sender());
 }
 
-// Returns the incomplete pairs: "rover1 to rover2 (rover2 drives for 38 s more), rover3 to rover1 (408 records left)".
+// Describes the incomplete pairs: "rover1 to rover2 (rover2 drives for 38 s more), rover3 to rover1 (408 records
+// left)".
 std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgress& progress) {
   std::vector<std::string> pairs;
   for (const proto::PairProgress& pair : progress.pairs()) {
@@ -103,8 +104,8 @@ std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgres
   return Joined(pairs);
 }
 
-// Shows progress: "408 records left, 12.3 kB sent, about 4 s to go, 0 of 6 sessions complete, rover2 drives for 38 s
-// more".
+// Shows the progress of an order: "408 records left, 12.3 kB sent, about 4 s to go, 0 of 6 sessions complete, rover2
+// drives for 38 s more".
 class ShareProgressLine {
  public:
   ShareProgressLine(const proto::TeamConfig& team, proto::SharingKind kind, AgentId asked)
@@ -174,7 +175,7 @@ class SharedReport {
     }
   }
 
-  // Returns true if a destination refused, or did not accept some of the records.
+  // Returns true if a reachable destination refused records or did not accept all of them.
   bool is_failed() const { return is_failed_; }
   ExitCode exit_code() const {
     return unreachable_.empty() && not_gathered_.empty() ? ExitCode::kDone : ExitCode::kUnreachable;
@@ -277,7 +278,7 @@ void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& sess
   json.Key("session").Raw(ToJson(session)).EndObject();
 }
 
-// Shows one agent's sessions of this kind, or a row that says that there are none yet.
+// Adds one agent's sessions of this kind to the table and the JSON. Without sessions, adds a row that says so.
 void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
                   proto::SharingKind kind, Table& table, JsonWriter& json) {
   json.Key("sessions").BeginArray();
@@ -292,7 +293,8 @@ void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const
   json.EndArray().Key("received_records").Number(status.received_records());
 }
 
-// Describes what an agent refused from its peers outside of sessions. Empty: it refused nothing.
+// Describes what the agent refused from its peers outside of sessions, and differing team files and schemas. Empty:
+// nothing.
 std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus& status, proto::SharingKind kind) {
   std::string text;
   const auto add = [&text](double count, const char* what) {
@@ -315,7 +317,7 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus&
   return text;
 }
 
-// Lists the records that each session still has to send, by type. Empty: no session has any.
+// Lists by type how many records each session still has to send. Empty: no session has any.
 std::string BacklogText(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
                         proto::SharingKind kind) {
   std::string text;

@@ -10,11 +10,11 @@
 
 namespace moondb {
 
-// Rates since the destination last answered a Hello. Time out of reach before that does not count; silence since then
-// does. Members are empty if the session is closed, has no answer yet, or has no acknowledged record yet.
+// The pace of a session since its destination last answered a Hello. Time before that answer does not count; silence
+// after it does. Members are empty if the session is closed, or if it has no answer or no acknowledged record yet.
 struct SharePace {
   std::optional<double> bytes_per_s;  // Bytes after coding.
-  std::optional<double> eta_s;        // Assumes the rate of the records so far. Maps are sent last and take longer.
+  std::optional<double> eta_s;        // Time left at the rate of the records so far. Maps come last and take longer.
 };
 SharePace PaceOf(const proto::ShareSession& session);
 

@@ -55,8 +55,8 @@ std::string RemarksOn(const proto::TeamConfig& team, const proto::AgentConfig& a
   return remarks;
 }
 
-// Reports two leaders: either the team is split, or one of them does not know the newest assignment yet. Empty: there
-// is at most one leader.
+// Reports if two agents lead: either the team is split, or one of the two does not know the newest assignment yet.
+// Empty: at most one agent leads.
 std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
   std::string leaders;
   int count = 0;
@@ -68,8 +68,8 @@ std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::
   return count < 2 ? "" : leaders + " lead: they do not reach each other, or have not agreed yet\n";
 }
 
-// Lists the agents that drive, sleep or are paused. An agent's own report counts. For agents that do not answer,
-// another agent's report counts.
+// Lists the agents that drive, sleep or are paused, by their own reports. Agents that do not answer are listed by other
+// agents' reports.
 std::string LeasesText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
   std::map<AgentId, proto::AgentLease> known;
   for (const proto::AgentStatus& status : statuses) {

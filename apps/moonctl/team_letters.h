@@ -9,7 +9,8 @@
 
 namespace moondb {
 
-// Maps a letter's number in the alphabet (AgentOfLetter in model/pyfg.h) to the team's agent.
+// Returns the team's agent for each letter. The keys are the letters' numbers in the alphabet (AgentOfLetter in
+// model/pyfg.h).
 std::map<AgentId, AgentId> AgentsByLetter(const proto::TeamConfig& team);
 
 }  // namespace moondb

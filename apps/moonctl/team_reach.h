@@ -17,18 +17,18 @@
 
 namespace moondb {
 
-// A client and the agent that it talks to.
+// A client, and the agent that answers its requests.
 struct AgentClient {
   const proto::AgentConfig* agent = nullptr;
   std::unique_ptr<Client> client;
-  const proto::AgentConfig* via = nullptr;  // Relays the requests over the radio. Null: a direct connection.
+  const proto::AgentConfig* via = nullptr;  // Relays requests over the radio. Null: a direct connection.
 };
 
 class TeamReach {
  public:
   struct Options {
     Client::Options client;
-    const proto::AgentConfig* via = nullptr;  // Relay for all agents. Null: chosen for each agent.
+    const proto::AgentConfig* via = nullptr;  // Relay for all agents. Null: a relay is chosen for each agent.
     // Called with TeamFile::hash of an answering agent's team file.
     std::function<void(const proto::AgentConfig& agent, std::uint64_t hash)> on_config_hash;
     std::function<void(const proto::AgentConfig& via)> on_relay;  // Called when `via` has relayed a request.
@@ -42,7 +42,7 @@ class TeamReach {
   // Connects directly or through a relay. The text of kUnavailable says whether the agent is on this machine and which
   // agent heard it last. kRefused if the agent does not accept this client.
   Result<AgentClient> Connect(const proto::AgentConfig& agent);
-  // Connects directly, without a relay. Returns the same errors.
+  // Connects directly, without a relay. Returns the same errors as Connect.
   Result<AgentClient> ConnectHere(const proto::AgentConfig& agent);
 
   // Returns the assignment with the newest term among the agents that are directly reachable, or among all agents if
@@ -65,7 +65,7 @@ class TeamReach {
   };
   // The reason why a direct connection to an agent failed.
   struct Absence {
-    bool is_absent = false;  // No process listens for it. False: a process listens, but does not answer.
+    bool is_absent = false;  // No process listens for the agent. False: a process listens, but does not answer.
     bool was_here = false;   // The agent runs or has run on this machine.
     bool runs_here = false;  // The agent runs on this machine, but its socket is missing.
     std::string why;

@@ -14,7 +14,7 @@ struct TraceArguments {
   std::string actor;
 };
 
-// Returns a duration with a unit that suits short handlers: "2.125 s", "12.500 ms", "80 us".
+// Formats a handler's duration with a unit that suits short times: "2.125 s", "12.500 ms", "80 us".
 std::string Took(double seconds) {
   if (seconds >= 1) return FormatFixed(seconds, 3) + " s";
   if (seconds >= 1e-3) return FormatFixed(seconds * 1e3, 3) + " ms";

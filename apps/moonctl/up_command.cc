@@ -23,8 +23,8 @@
 namespace moondb {
 namespace {
 
-// Time limit for the start of all agents, plus a limit per agent: many agents on one small computer slow each other
-// down.
+// Time limit for the start of all agents: a constant plus a part for each agent, because many agents on one small
+// computer slow each other down.
 constexpr std::chrono::seconds kStartTimeout(20);
 constexpr std::chrono::seconds kStartTimeoutPerAgent(1);
 constexpr std::chrono::seconds kStopTimeout(10);
@@ -33,11 +33,11 @@ constexpr std::chrono::milliseconds kStartPollPeriod(20);
 
 struct UpArguments {
   std::string data_folder;    // Empty: moondb-data in the team file's folder.
-  std::string merge_backend;  // Empty: the agent's own default.
-  std::string log_format;     // Passed on to moondb_agent.
+  std::string merge_backend;  // Empty: the default of moondb_agent.
+  std::string log_format;     // Value of moondb_agent's --log-format.
 };
 
-// One agent of this machine and what `up` or `down` did to it.
+// One agent of this machine, and the outcome of `up` or `down` for this agent.
 struct LocalAgent {
   std::string name;
   std::filesystem::path folder;
@@ -45,8 +45,8 @@ struct LocalAgent {
   pid_t pid = 0;
   std::string state;
   std::string role = "-";
-  bool is_ours = false;  // Started by this command.
-  std::string remark;    // A line below the table. Empty: no line.
+  bool is_ours = false;  // This command started the agent.
+  std::string remark;    // A line below the table. Empty: none.
   bool is_failed = false;
   bool has_left = false;  // The agent has left the team. It can be stopped, but is never started.
 };
@@ -68,7 +68,7 @@ Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& 
   return connected->client->Status();
 }
 
-// Returns the process that answers for the agent. 0: none.
+// Returns the id of the process that answers requests to the agent. 0: no process answers.
 pid_t AnsweringProcess(CommandContext& context, const LocalAgent& agent) {
   const auto status = AskStatus(context, agent);
   return status ? static_cast<pid_t>(status->pid()) : 0;
@@ -132,7 +132,7 @@ std::filesystem::path LogFor(const LocalAgent& agent) {
   return log >= 0 ? name : "/dev/null";
 }
 
-// Returns true if all agents know the same assignment and its leader has taken its own term (actors/role). Fills in the
+// Returns true if all agents know the same assignment, and its leader has begun an era (actors/role). Fills in the
 // agents' roles.
 bool IsAgreed(CommandContext& context, std::vector<LocalAgent>& agents) {
   std::set<std::tuple<std::uint64_t, std::uint32_t, std::uint64_t>> terms;
@@ -160,7 +160,7 @@ Result<void> Start(const CommandContext& context, const UpArguments& arguments, 
   if (!arguments.merge_backend.empty()) command.insert(command.end(), {"--merge-backend", arguments.merge_backend});
   if (!arguments.log_format.empty()) command.insert(command.end(), {"--log-format", arguments.log_format});
   agent.log = LogFor(agent);
-  // The agent limits the size of this file by renaming it. A device must not be renamed.
+  // The agent limits the size of its log file by renaming the file. A device must not be renamed.
   if (agent.log != "/dev/null") {
     command.insert(command.end(), {"--log-file", std::filesystem::absolute(agent.log).string()});
   }
@@ -198,7 +198,8 @@ void Shutdown(CommandContext& context, LocalAgent& agent) {
   agent.is_failed = true;
 }
 
-// Shows the agents in `left` below the others. They do not affect the exit code.
+// Prints the agents and returns the exit code. The agents in `left` have left the team: they come last and do not
+// affect the exit code.
 ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent>& agents,
                      const std::vector<LocalAgent>& left = {}) {
   Table table({"AGENT", "PID", "STATE", "ROLE", "DATA"});
@@ -221,7 +222,7 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
   return context.Print(code, json.text(), table.Text() + remarks);
 }
 
-// Moves the agents that have left the team out of `agents`, because they are not started.
+// Removes the agents that have left the team from `agents` and returns them. Such agents are not started.
 std::vector<LocalAgent> TakeLeft(std::vector<LocalAgent>& agents) {
   const auto left =
       std::stable_partition(agents.begin(), agents.end(), [](const auto& agent) { return !agent.has_left; });
@@ -260,7 +261,7 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
     bool has_ended = false;
     Result<void> started;
     const bool is_decided = WaitUntil(deadline, [&] {
-      // The process found at first may have been ending. If no process owns the folder now, start the agent.
+      // The process that owned the folder at first may have ended since. If no process owns it now, start the agent.
       if (!agent.is_ours && OwnerOf(agent.folder) == 0) started = start(agent);
       has_ended = agent.is_ours && HasEnded(agent.pid);
       return !started || has_ended || AnsweringProcess(context, agent) == agent.pid;
@@ -278,8 +279,8 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
   if (std::any_of(agents->begin(), agents->end(), has_failed)) {
     StopOurs(*agents);
   } else {
-    // Wait for agreement on the roles, so that the team can be used at once. A team whose leader runs elsewhere may not
-    // agree yet. That is no failure.
+    // Wait for agreement on the roles, so that the next command finds a leader. A team whose leader runs on another
+    // machine may not agree yet, which is no failure.
     WaitUntil(SteadyClock::now() + kAgreementTimeout, [&] { return IsAgreed(context, *agents); });
   }
   return ShowOutcome(context, *agents, left);

@@ -1,4 +1,4 @@
-// The user's folder in which moonctl keeps data of the user and not of a robot: the secret keys of clients.
+// The folder in which moonctl keeps the secret keys of clients. They belong to the user, not to a robot.
 #pragma once
 
 #include <filesystem>

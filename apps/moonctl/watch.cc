@@ -21,7 +21,8 @@ constexpr std::size_t kBlockBytes = 1 << 20;
 
 volatile sig_atomic_t last_code = 0;
 
-// The process may exit here at any time, because each pass writes its block in one call at its end.
+// Handles SIGINT and SIGTERM. The process may exit at any time, because each run of the command writes its output in
+// one call at the end.
 void EndWatch(int) { ::_exit(last_code); }
 
 std::string Heading(const CommandContext& context, std::chrono::milliseconds period, bool is_first) {

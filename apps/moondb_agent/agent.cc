@@ -30,9 +30,9 @@ namespace {
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
-// Opens the store once, so that a damaged store is reported at once and not after an actor's third restart. Logs at
-// once how the last run ended, because this start may still fail. Returns the path of the store file that was set
-// aside; empty: none.
+// Opens and closes the store before any actor runs, so that Start returns an error if the store is damaged. Logs how
+// the last process ended, even if this start fails later. Returns the path of the store file that was set aside; empty:
+// none.
 Result<std::string> CheckStore(const StorageActor::Options& options) {
   RecordStore::Options store_options = StorageActor::StoreOptions(options);
   std::random_device entropy;
@@ -64,7 +64,7 @@ Result<void> CheckOwnActors(const TeamFile& team, const std::vector<OwnActor>& a
 SpawnOptions SpawnOptionsOf(const StandardActor& actor) {
   SpawnOptions spawn;
   spawn.placement = actor.placement;
-  // The time for solving and merging grows with the mission.
+  // These actors solve and merge, which takes longer as the mission grows.
   if (actor.placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
   return spawn;
 }
@@ -79,7 +79,7 @@ class Agent::Impl {
   ~Impl() {
     if (dumps_on_crash_) DumpTraceOnCrash(nullptr, "");
     if (!has_failed_) stopped_at_ns_ = UtcNowNs();
-    // Actors must stop before the transport is destroyed, because they may still send. Afterwards no thread calls the
+    // Stop the actors before destroying the transport, because actors may still send. After Stop, no thread calls the
     // system.
     if (system_ != nullptr) system_->Stop();
     transport_.reset();
@@ -101,7 +101,7 @@ class Agent::Impl {
     }
     MakeSystem();
     if (auto running = Run(); !running) return running;
-    // Lets clients with another environment find the endpoint. A full disk must not prevent the start.
+    // Clients with other environment variables find the endpoint in this file. A full disk must not prevent the start.
     if (auto reported = WriteEndpoint(options_.data_folder, endpoint_); !reported)
       spdlog::warn("{}", ToString(reported.error()));
     return {};
@@ -148,7 +148,7 @@ class Agent::Impl {
   StandardActorOptions ActorOptions() {
     StandardActorOptions options;
     options.storage = StorageOptions();
-    options.storage.is_checked = true;  // CheckStore has checked it.
+    options.storage.is_checked = true;  // CheckStore has checked the store.
     options.storage.set_aside = set_aside_;
     options.storage.stopped_at_ns = [this]() -> std::optional<std::int64_t> {
       const std::int64_t stopped_at_ns = stopped_at_ns_;
@@ -175,8 +175,8 @@ class Agent::Impl {
     return options;
   }
 
-  // The transport must exist before the system starts, but must not deliver messages before that. Messages that arrive
-  // earlier are dropped, as the transport's contract allows.
+  // Creates the transport, then starts the system. Messages that arrive in between are dropped, as the transport's
+  // contract allows.
   Result<void> Run() {
     ZeroMqTransport::Options options;
     options.self = self_;
@@ -201,13 +201,13 @@ class Agent::Impl {
   DataFolderLock lock_;  // Destroyed last, after the database is closed.
   AgentId self_ = 0;
   std::string endpoint_;
-  std::optional<SigningKey> signing_key_;  // Empty if the team has no keys.
+  std::optional<SigningKey> signing_key_;  // Set if the team has keys.
   std::string set_aside_;                  // The store file that this start set aside; empty: none.
   bool dumps_on_crash_ = false;
-  std::atomic<bool> has_failed_ = false;         // An actor failed permanently: the agent did not stop on request.
+  std::atomic<bool> has_failed_ = false;         // An actor failed permanently, so the agent did not stop on request.
   std::atomic<std::int64_t> stopped_at_ns_ = 0;  // 0: the agent runs, or it failed.
   std::atomic<bool> is_running_ = false;
-  std::atomic<MergeBackend> merge_backend_ = MergeBackend::kCpu;  // The backend in use.
+  std::atomic<MergeBackend> merge_backend_ = MergeBackend::kCpu;  // The backend that the merge actor uses.
   std::unique_ptr<ActorSystem> system_;
   std::unique_ptr<ZeroMqTransport> transport_;
 };
@@ -231,7 +231,7 @@ Result<std::unique_ptr<Agent>> Agent::Start(const TeamFile& team, AgentOptions o
   const DataOwner owner = DataOwnerOf(team.config, *FindAgent(team.config, options.name));
   if (auto marked = MarkDataFolder(options.data_folder, owner); !marked) {
     if (marked.error().code == ErrorCode::kRefused) return tl::unexpected(marked.error());
-    spdlog::warn("{}", ToString(marked.error()));  // The disk may be full. The store itself names its owner.
+    spdlog::warn("{}", ToString(marked.error()));  // The disk may be full. The store also names its owner.
   }
   auto impl = std::make_unique<Impl>(team, std::move(options), std::move(*lock));
   if (auto started = impl->Start(); !started) return tl::unexpected(started.error());

@@ -26,7 +26,7 @@ namespace {
 
 enum ExitCode : int { kStopped = 0, kFailed = 1, kUsage = 2, kBeyondHelp = 70 };
 
-// SIGALRM ends the process if stopping takes longer. That loses no acknowledged record.
+// If stopping takes longer, SIGALRM ends the process. No acknowledged record is lost then.
 constexpr unsigned kStopSecondsMax = 5;
 
 // libzmq aborts the process if it cannot open another file. This limit is far above 16 times the connections that
@@ -68,10 +68,11 @@ int Complain(const AgentProgram& program, int code, const std::string& text) {
   return code;
 }
 
-// Waits for a signal or for a wake-up by one of the agent's threads. Signal handlers do no work.
+// Waits until a signal arrives or one of the agent's threads calls Wake. Signal handlers do no work.
 class StopWaiter {
  public:
-  // Blocks the signals. Requires: no other thread has started, because threads inherit the blocked signals.
+  // Blocks the signals that Wait waits for. Requires: no other thread has started, because threads inherit the blocked
+  // signals.
   StopWaiter() {
     sigset_t signals;
     sigemptyset(&signals);
@@ -88,7 +89,7 @@ class StopWaiter {
   StopWaiter(const StopWaiter&) = delete;
   StopWaiter& operator=(const StopWaiter&) = delete;
 
-  // Thread-safe.
+  // Makes Wait return. Its exit code is the first one other than kStopped, otherwise kStopped. Thread-safe.
   void Wake(int exit_code) {
     int expected = kStopped;
     if (exit_code != kStopped) exit_code_.compare_exchange_strong(expected, exit_code);
@@ -96,7 +97,7 @@ class StopWaiter {
     (void)!::write(event_descriptor_, &one, sizeof(one));
   }
 
-  // Returns the exit code.
+  // Returns the exit code after a signal or a wake-up.
   int Wait() {
     pollfd descriptors[] = {{signal_descriptor_, POLLIN, 0}, {event_descriptor_, POLLIN, 0}};
     while (::poll(descriptors, 2, -1) <= 0) {
@@ -121,7 +122,7 @@ Result<std::filesystem::path> DataFolderOf(const Arguments& arguments, const Tea
 AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program, StopWaiter& waiter) {
   AgentOptions options;
   options.name = arguments.agent;
-  options.merge_backend = *ParseMergeBackend(arguments.merge_backend);  // The command line has been checked.
+  options.merge_backend = *ParseMergeBackend(arguments.merge_backend);  // Valid: the command line was checked.
   options.secret_key_file = arguments.secret_key;
   options.clients_file = arguments.clients_file;
   options.version = program.version;
@@ -133,8 +134,8 @@ AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program
   return options;
 }
 
-// Returns freed buffers of at least kLargeBufferBytes to the system. glibc's own limit grows with the size of freed
-// buffers, up to 32 MiB, and each thread would keep twice that.
+// Makes malloc return freed buffers of at least kLargeBufferBytes to the system. By default, glibc raises its limit
+// with the size of freed buffers, up to 32 MiB, and each thread would keep twice that.
 void GiveLargeBuffersBack() { (void)::mallopt(M_MMAP_THRESHOLD, kLargeBufferBytes); }
 
 void RaiseOpenFiles() {
@@ -164,7 +165,7 @@ std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& pr
 }  // namespace
 
 int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
-  std::signal(SIGPIPE, SIG_IGN);  // The reader of the log may exit; the agent must not.
+  std::signal(SIGPIPE, SIG_IGN);  // If the reader of the log exits, the agent must continue.
   ::umask(S_IRWXG | S_IRWXO);     // Only this user may read the robot's data.
   // The agent's memory holds its secret keys. Write no core file of it, and let only root read it.
   (void)::prctl(PR_SET_DUMPABLE, 0);

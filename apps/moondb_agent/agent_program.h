@@ -24,15 +24,17 @@ struct AgentProgram {
   std::string name = "moondb_agent";  // Name in --help and in front of errors.
   std::string version;                // Shown by --version and in the agent's status.
 
-  // Optional. Adds options to the command line before it is read (Command::AddOption in apps/common/arguments.h).
+  // Optional. Adds options of your program to the command line before it is read (Command::AddOption in
+  // apps/common/arguments.h).
   std::function<void(Command&)> add_options;
 
   // Optional. Makes the actors for AgentOptions::own_actors after the command line and the team file are read. An error
   // is printed and ends the program with exit code 2.
   std::function<Result<std::vector<OwnActor>>(AgentId self, const proto::TeamConfig& team)> make_actors;
 
-  // Optional. The main thread calls on_running once the agent runs and on_stopping before it stops. on_running may
-  // start threads of the program, such as a sensor driver that calls Agent::Post. on_stopping must join them.
+  // Optional. The main thread calls on_running when the agent runs, and on_stopping before the agent stops. The
+  // function on_running may start threads of the program, such as a sensor driver that calls Agent::Post. The function
+  // on_stopping must join these threads.
   std::function<void(Agent&)> on_running;
   std::function<void()> on_stopping;
 };

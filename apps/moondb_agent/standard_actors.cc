@@ -9,7 +9,8 @@
 namespace moondb {
 namespace {
 
-// Longer than the pause between two batches of a sync.
+// The leader solves after no node or edge has been stored for this time. The time is longer than the pause between two
+// batches of a sync.
 constexpr Duration kSolveWhenQuiet = std::chrono::seconds(3);
 
 template <typename ActorType, typename Options>

@@ -1,6 +1,6 @@
 // The list of standard actors of an agent. standard_actors.cc has one row for each actor.
 //
-// moondb_agent, the simulator and the tests of whole teams spawn the actors of this list, so none of these programs can
+// moondb_agent, the simulator and the tests of whole teams start the actors of this list, so none of these programs can
 // omit an actor by accident.
 #pragma once
 
@@ -31,8 +31,8 @@ struct StandardActor {
   ActorFactory factory;
 };
 
-// Options that differ between programs. StandardActors fills in `self`, `team` and the team file's settings for each
-// actor.
+// Options that differ between the programs that start the actors. StandardActors adds `self`, `team` and the team
+// file's settings for each actor.
 struct StandardActorOptions {
   StorageActor::Options storage;
   ClockActor::Options clock;
@@ -48,7 +48,7 @@ struct StandardActorOptions {
   GatewayActor::Options gateway;
 };
 
-// Returns the actors in start order. `config_hash` is TeamFile::hash.
+// Returns the actors in the order in which they start. `config_hash` is TeamFile::hash.
 std::vector<StandardActor> StandardActors(const proto::TeamConfig& team, AgentId self, std::uint64_t config_hash,
                                           StandardActorOptions options);
 

@@ -9,18 +9,18 @@ namespace moondb {
 namespace {
 
 constexpr double kWaitTurn_rad = 1.0;
-constexpr double kSectorWeight_m = 6;    // Extra distance that a rover accepts per radian to stay in its sector.
-constexpr double kCrowdDistance_m = 10;  // Goals of two rovers within this distance are crowded.
+constexpr double kSectorWeight_m = 6;    // Cost of a goal per radian outside the rover's sector.
+constexpr double kCrowdDistance_m = 10;  // The goals of two rovers are crowded if their distance is less.
 constexpr double kCrowdWeight = 1.5;
 constexpr double kGoalJitter_m = 3;
 constexpr double kGoalLeast_m = 1;
-constexpr double kLookAhead_m = 4;  // A rover looks this far along its route for a straight path.
-constexpr double kDetour_m = 0.4;   // Added to the separation when planning around other rovers.
+constexpr double kLookAhead_m = 4;  // A rover looks for a straight path this far along its route.
+constexpr double kDetour_m = 0.4;   // Added to the separation when a rover plans its route around other rovers.
 
 double Wrap(double angle_rad) { return std::remainder(angle_rad, 2 * std::numbers::pi); }
 
 struct RoverState {
-  double sector_rad = 0;  // Direction of the middle of its sector, seen from the base station.
+  double sector_rad = 0;  // Direction of the middle of the rover's sector, seen from the base station.
   Eigen::Vector2d goal_m = Eigen::Vector2d::Zero();
   std::vector<Eigen::Vector2d> route;  // Remaining waypoints, the next one first.
   std::vector<TrackPoint> track;
@@ -74,8 +74,8 @@ class TeamDriver {
     }
   }
 
-  // Returns the end of the rover's next step, or its current position if it must wait. Rovers that have not chosen yet
-  // count as stationary: they take this step into account later, and they can always wait.
+  // Returns the end of the rover's next step, or its current position if it must wait. Rovers that choose later count
+  // as stationary: they will consider this rover's step, and can always wait.
   Eigen::Vector2d ChooseStep(std::size_t index, const std::vector<Eigen::Vector2d>& ends) {
     RoverState& rover = rovers_[index];
     for (int attempt = 0; attempt < 2; ++attempt) {
@@ -128,8 +128,8 @@ class TeamDriver {
     rover.route = routes_.RouteTo(goal, ways);
   }
 
-  // Returns the unseen cell with the lowest cost: a short path, inside the rover's sector, away from other rovers'
-  // goals. Returns a random cell if all cells are seen.
+  // Returns the unseen cell with the lowest cost: near along the paths, inside the rover's sector, away from other
+  // rovers' goals. Returns a random cell if all cells have been seen.
   int ChooseGoal(std::size_t index, const RouteMap::Ways& ways) {
     int best = -1;
     double best_cost = 1e300;
@@ -191,7 +191,7 @@ class TeamDriver {
 
 double LeastDistance(const Eigen::Vector2d& a, const Eigen::Vector2d& a_end, const Eigen::Vector2d& b,
                      const Eigen::Vector2d& b_end) {
-  // In the frame of b, a moves along a straight line.
+  // Seen from b, a moves along a straight line.
   const Eigen::Vector2d start = a - b;
   const Eigen::Vector2d motion = (a_end - b_end) - start;
   const double length_squared = motion.squaredNorm();

@@ -14,7 +14,7 @@
 
 namespace moondb {
 
-// One node of a rover: its pose, and the turn that it makes there before it drives on (0 at the last node).
+// One node of a rover: its pose, and the turn that the rover makes there before it drives on (0 at the last node).
 struct TrackPoint {
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
   double yaw_rad = 0;
@@ -23,12 +23,12 @@ struct TrackPoint {
 
 struct DriveOptions {
   int rover_count = 3;
-  int node_count = 61;           // Per rover.
-  double rover_radius_m = 0.46;  // Encloses a body of 0.75 m x 0.5 m.
-  double separation_m = 1.5;     // Between the centres of two rovers, at all times.
+  int node_count = 61;           // Number of nodes of each rover.
+  double rover_radius_m = 0.46;  // Radius of a circle around a body of 0.75 m x 0.5 m.
+  double separation_m = 1.5;     // Least distance between the centres of two rovers at any time.
   double step_min_m = 0.5;       // Steps are shorter at bends of the route.
   double step_max_m = 1.0;
-  double start_radius_m = 3;  // Distance of the start from the base station.
+  double start_radius_m = 3;  // Distance of the rovers' starts from the base station.
   double seen_radius_m = 3;   // Cells within this distance count as explored.
 };
 

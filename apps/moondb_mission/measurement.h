@@ -37,7 +37,8 @@ struct RangeOptions {
   double burst_mean_m = 1.5;
 };
 
-// Returns the odometry between consecutive nodes of one rover. `true_nodes` are in order and have true poses.
+// Returns one odometry edge between each two consecutive nodes of one rover. `true_nodes` are in order and have true
+// poses.
 std::vector<OdometryEdge> MeasureOdometry(const std::vector<GraphNode>& true_nodes, const OdometryOptions& options,
                                           Random& random);
 

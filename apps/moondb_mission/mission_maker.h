@@ -19,12 +19,12 @@ namespace moondb {
 
 struct MissionOptions {
   std::uint64_t seed = 1;
-  double minutes = 10;        // 1 to 600.
-  double node_period_s = 10;  // 1 to 600. Each rover makes a node and a map per period.
-  int rover_count = 3;        // 1 to 8.
+  double minutes = 10;        // Duration; 1 to 600.
+  double node_period_s = 10;  // 1 to 600. Each rover makes a node and a map once per period.
+  int rover_count = 3;        // Number of rovers; 1 to 8.
   double start_sigma_m = 0.05;
   double start_sigma_rad = 0.01;
-  TerrainOptions terrain;  // base_m is drawn at random.
+  TerrainOptions terrain;  // MakeMission draws base_m at random.
   OdometryOptions odometry;
   RangeOptions ranges;
   CameraOptions camera;
@@ -32,18 +32,18 @@ struct MissionOptions {
 
 struct MadeMission {
   Terrain terrain;
-  Mission mission;                      // Has no folder. The maps' files are named.
+  Mission mission;                      // The mission without a folder. The names of the map files are set.
   std::vector<TraversabilityMap> maps;  // One map for each entry of mission.maps.
 };
 
-// kInvalid, with the option as field, if a number is outside the range of its option, or if there are more than 20000
-// maps.
+// Makes a mission. kInvalid, with the option as field, if a number is outside the range of its option, or if there are
+// more than 20000 maps.
 Result<MadeMission> MakeMission(const MissionOptions& options);
 
 // Writes the mission and its maps. kRefused if the folder is not empty. Other errors are those of WriteMission.
 Result<void> WriteMadeMission(const MadeMission& made, const std::filesystem::path& folder);
 
-// Draws the terrain with the rovers' true tracks.
+// Draws the terrain with the rovers' true tracks, and `caption` as text.
 Image DrawMission(const MadeMission& made, const std::string& caption);
 
 }  // namespace moondb

@@ -36,7 +36,8 @@ double Random::Exponential(double mean) { return -mean * std::log(1 - Uniform())
 int Random::Index(int count) { return std::min(count - 1, static_cast<int>(Uniform() * count)); }
 
 int Random::Poisson(double mean) {
-  // Knuth's product underflows for large means. Split the mean: a sum of Poisson numbers is a Poisson number.
+  // Knuth's algorithm multiplies uniform numbers, and the product underflows for large means. Split the mean: a sum of
+  // Poisson numbers is a Poisson number.
   constexpr double kPartMax = 30;
   int count = 0;
   while (mean > 0) {

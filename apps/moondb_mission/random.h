@@ -13,15 +13,15 @@ class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
 
-  // Returns an independent stream for one purpose. A change to one part of a mission then leaves the other parts
+  // Returns an independent random stream for one purpose. A change to one part of a mission then leaves the other parts
   // unchanged.
   static Random Stream(std::uint64_t seed, std::uint64_t purpose);
 
   double Uniform();                         // Uniform in [0, 1).
   double Uniform(double low, double high);  // Uniform between low and high.
-  double Normal();                          // Mean 0, sigma 1.
+  double Normal();                          // Normal with mean 0 and sigma 1.
   double Exponential(double mean);
-  int Index(int count);  // Uniform in 0 to count - 1.
+  int Index(int count);  // Uniform integer in 0 to count - 1.
   int Poisson(double mean);
   bool Chance(double probability) { return Uniform() < probability; }
 

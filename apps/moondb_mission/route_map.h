@@ -1,6 +1,6 @@
 // RouteMap: the places where a rover's centre may be without a hazard under its body, and the paths between them.
 //
-// A grid of 0.25 m over the explored square. A cell is open if no hazard is within the rover's radius of any of its
+// The explored square is a grid of 0.25 m cells. A cell is open if no hazard is within the rover's radius of any of its
 // points. Every point of an open cell is therefore safe at any heading. Immutable once made.
 #pragma once
 
@@ -20,8 +20,8 @@ struct Disc {
 
 class RouteMap {
  public:
-  // The lengths of the shortest paths from one place to all cells (infinite: no path), and each cell's predecessor on
-  // its path.
+  // For each cell, the length of the shortest path from one place (infinite: no path), and the cell's predecessor on
+  // that path.
   struct Ways {
     std::vector<float> length_m;
     std::vector<int> previous;
@@ -31,12 +31,12 @@ class RouteMap {
 
   int cell_count() const { return side_cells_ * side_cells_; }
   Eigen::Vector2d CenterOf(int cell) const;
-  int CellOf(const Eigen::Vector2d& point_m) const;  // -1: outside the grid.
+  int CellOf(const Eigen::Vector2d& point_m) const;  // Index of the cell. -1: outside the grid.
   bool IsOpen(const Eigen::Vector2d& point_m) const;
   bool IsOpenLine(const Eigen::Vector2d& from_m, const Eigen::Vector2d& to_m) const;
 
-  // Finds the shortest paths by Dijkstra's algorithm over eight neighbours. Paths avoid the discs, in which the start
-  // may lie.
+  // Finds the shortest paths from `from_m` to all cells by Dijkstra's algorithm over eight neighbours. Paths do not
+  // enter the discs in `avoid`, but may start inside one.
   Ways FindWays(const Eigen::Vector2d& from_m, const std::vector<Disc>& avoid) const;
 
   // Returns the centres of the cells on the path from the start to `goal`, without the start.

@@ -45,7 +45,8 @@ class Camera {
     DrawPhantom(random);
   }
 
-  // Calls see(x, y in the camera's level frame, is hazard) for every visible sample, at its measured position.
+  // Calls `see` for every visible sample with the measured position (x, y in the camera's level frame) and whether the
+  // sample looks like a hazard.
   template <typename See>
   void Sweep(See see) const {
     for (double angle = first_rad_; angle <= last_rad_; angle += kRayStep_rad) SweepRay(angle, see);
@@ -87,7 +88,7 @@ class Camera {
   void SweepRay(double angle, See see) const {
     const Eigen::Vector2d direction(std::cos(yaw_rad_ + angle), std::sin(yaw_rad_ + angle));
     const Eigen::Vector2d seen_direction(std::cos(angle), std::sin(angle));
-    double steepest = -1e9;  // Slope of the line of sight over the highest obstacle so far.
+    double steepest = -1e9;  // Slope of the steepest line of sight so far.
     for (double distance_m = options_.range_min_m; distance_m < options_.range_max_m; distance_m += kTerrainCell_m) {
       const Eigen::Vector2d point = eye_m_ + distance_m * direction;
       const bool is_rover = IsOtherRover(point);
@@ -121,7 +122,7 @@ class Camera {
   std::vector<Eigen::Vector2d> others_m_;
 };
 
-// Adds one sample to one layer.
+// Adds one sample to one layer of the map.
 void Enter(const Eigen::Vector2d& point_m, bool is_hazard, double cells_per_m, Grid& grid) {
   const int column = static_cast<int>(std::floor(point_m.x() * cells_per_m)) + grid.width / 2;
   const int row = static_cast<int>(std::floor(point_m.y() * cells_per_m)) + grid.height / 2;

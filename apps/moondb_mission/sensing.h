@@ -20,13 +20,13 @@
 namespace moondb {
 
 struct CameraOptions {
-  double ahead_m = 0.2;   // Position of the map's frame in the body's frame.
-  double height_m = 0.4;  // Above the terrain.
+  double ahead_m = 0.2;   // Distance of the map's frame ahead of the body's frame.
+  double height_m = 0.4;  // Height of the cameras above the terrain.
   double field_of_view_rad = 2.1;
   double range_min_m = 0.3;
   double range_max_m = 10;
   double depth_error_per_m = 0.004;  // Sigma of the distance = this * distance^2: 0.1 m at 5 m, 0.4 m at 10 m.
-  double miss_share = 0.3;      // Missed share of hazards at range_max_m. It decreases with the square of the distance.
+  double miss_share = 0.3;      // Share of hazards missed at range_max_m. It decreases with the square of the distance.
   double false_share = 0.01;    // Share of free patches at range_max_m seen as hazards. It decreases in the same way.
   double phantom_share = 0.05;  // Share of maps with an obstacle that does not exist.
   double rover_radius_m = 0.35;  // Other rovers are discs of this radius.
@@ -36,7 +36,8 @@ struct CameraOptions {
   std::uint32_t finest_resolution_um = 50'000;
 };
 
-// Requires: `map_from_body` is level. `turn_rad` is the turn made at the node, after the map's heading was measured.
+// Returns the map that a rover makes at `node`. Requires: `map_from_body` is level. `turn_rad` is the turn at the node,
+// made after the map's heading was measured.
 TraversabilityMap Sense(const Terrain& terrain, NodeKey node, const Pose& map_from_body, double turn_rad,
                         const std::vector<Eigen::Vector2d>& other_rovers_m, const CameraOptions& options,
                         Random& random);

@@ -9,7 +9,7 @@ namespace moondb {
 namespace {
 
 constexpr double kRockHeightOverDiameter = 0.5;
-constexpr double kEquilibriumCratersPerM2 = 0.0794;  // 10^-1.1, for diameters of at least 1 m.
+constexpr double kEquilibriumCratersPerM2 = 0.0794;  // Number of craters above 1 m: 10^-1.1.
 constexpr double kCraterDepthLeast = 0.02;
 constexpr double kCraterDepthSpan = 0.16;
 constexpr double kRimOverDepth = 0.2;
@@ -21,10 +21,10 @@ constexpr int kSwells = 5;
 
 double RockDecay(double share) { return 1.79 + 0.152 / share; }
 
-// Cumulative number of rocks by diameter, from the smallest diameter upwards.
+// Number of rocks per area up to each diameter, from the smallest diameter upwards.
 struct SizeLadder {
   std::vector<double> diameter_m;
-  std::vector<double> per_m2;  // Rocks below this entry's diameter.
+  std::vector<double> per_m2;  // Number of rocks below the diameter of the entry.
 };
 
 SizeLadder MakeLadder(const TerrainOptions& options, double least_m) {
@@ -36,7 +36,7 @@ SizeLadder MakeLadder(const TerrainOptions& options, double least_m) {
     const double low = ladder.diameter_m.back();
     const double high = low * ratio;
     const double area_share = share * (std::exp(-decay * low) - std::exp(-decay * high));
-    const double rock_area = std::numbers::pi / 4 * low * high;  // Area of a rock in the middle of the class.
+    const double rock_area = std::numbers::pi / 4 * low * high;  // Area of a rock of the mean diameter of the class.
     ladder.diameter_m.push_back(high);
     ladder.per_m2.push_back(ladder.per_m2.back() + area_share / rock_area);
   }
@@ -52,14 +52,14 @@ double DrawDiameter(const SizeLadder& ladder, Random& random) {
   return ladder.diameter_m[above - 1] + part * (ladder.diameter_m[above] - ladder.diameter_m[above - 1]);
 }
 
-// Returns the height relative to the plain at a distance from the centre. The profile has a bowl, a rim, and an apron
-// whose height decreases with the cube of the distance.
+// Returns the crater's height relative to the plain at a distance from its centre. The profile has a bowl, a rim, and
+// an apron whose height decreases with the cube of the distance.
 double CraterProfile(const Crater& crater, double distance_m) {
   const double radius_m = crater.diameter_m / 2;
   const double rim_m = kRimOverDepth * crater.depth_m;
   const double ratio = distance_m / radius_m;
   if (ratio < 1) return rim_m - crater.depth_m * (1 - ratio * ratio);
-  // Scaled to exactly zero at the end of the apron, so that there is no step.
+  // Subtract the apron's height at its end, so that the profile ends at zero without a step.
   const double end = 1 / (kCraterReach * kCraterReach * kCraterReach);
   return rim_m * (1 / (ratio * ratio * ratio) - end) / (1 - end);
 }
@@ -126,7 +126,8 @@ void Terrain::AddSwells(Random& random) {
     const double height_m = random.Uniform(0.02, 0.005 * wavelength_m);
     const double along_x = std::cos(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCell_m;
     const double along_y = std::sin(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCell_m;
-    // sin(x + y) from sines and cosines of x and y. Needs two values per column and per row instead of one per cell.
+    // Computes sin(x + y) from the sines and cosines of x and y: two values per column and per row instead of one per
+    // cell.
     std::vector<float> sine(side_cells_);
     std::vector<float> cosine(side_cells_);
     for (int column = 0; column < side_cells_; ++column) {
@@ -151,7 +152,7 @@ bool Terrain::IsOnLandingGround(const Eigen::Vector2d& center_m, double radius_m
 void Terrain::DrawCraters(Random& random) {
   const double least_m = options_.crater_diameter_min_m;
   const double most_m = options_.crater_diameter_max_m;
-  // N(>D) is proportional to D^-2, so D = Dmin / sqrt(1 - u (1 - (Dmin / Dmax)^2)).
+  // Craters larger than D: N(>D) is proportional to D^-2. So a random D is Dmin / sqrt(1 - u (1 - (Dmin / Dmax)^2)).
   const double span = 1 - (least_m * least_m) / (most_m * most_m);
   const double per_m2 = options_.crater_share * kEquilibriumCratersPerM2 / (least_m * least_m) * span;
   const int count = random.Poisson(per_m2 * 4 * half_m_ * half_m_);

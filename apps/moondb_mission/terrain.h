@@ -40,20 +40,21 @@ struct Crater {
 struct TerrainOptions {
   double side_m = 40;             // Side of the square that rovers explore; 15 to 120.
   double margin_m = 12;           // Width of the terrain around the square, which only cameras see.
-  double rock_area_share = 0.03;  // k; 0.005 (a plain) to 0.1 (a blocky crater's rim).
+  double rock_area_share = 0.03;  // Share covered by rocks (k above): 0.005 (plain) to 0.1 (rim of a blocky crater).
   double rock_diameter_min_m = 0.1;
   double rock_diameter_max_m = 2.5;
-  double crater_share = 1;  // Share of the equilibrium number of craters; 0 to 2.
+  double crater_share = 1;  // Number of craters, relative to the equilibrium number; 0 to 2.
   double crater_diameter_min_m = 1;
   double crater_diameter_max_m = 15;
-  double hazard_height_m = 0.10;                     // Least height that a small rover's wheels cannot climb.
-  double hazard_slope_rad = 0.35;                    // 20 degrees.
+  double hazard_height_m = 0.10;                     // Rocks at least this high are hazards.
+  double hazard_slope_rad = 0.35;                    // Slopes at least this steep are hazards; 20 degrees.
   Eigen::Vector2d base_m = Eigen::Vector2d::Zero();  // Position of the lander.
   double base_radius_m = 0.8;                        // Radius of the lander.
   double landing_radius_m = 5;                       // No rocks and craters within this radius of the lander.
 };
 
-// Returns the expected number of rocks per square metre, from this diameter to the options' largest diameter.
+// Returns the expected number of rocks per square metre with diameters from `diameter_m` to the options' largest
+// diameter.
 double RocksPerSquareMetre(const TerrainOptions& options, double diameter_m);
 
 class Terrain {
@@ -64,13 +65,13 @@ class Terrain {
   const std::vector<Rock>& rocks() const { return rocks_; }
   const std::vector<Crater>& craters() const { return craters_; }
 
-  // Heights in metres: GroundM of the bare terrain, SurfaceM including rocks and the lander. Points outside have the
-  // height of the nearest edge.
+  // Heights in metres. GroundM: the bare terrain. SurfaceM: with rocks and the lander. Points outside have the height
+  // of the nearest edge.
   double GroundM(const Eigen::Vector2d& point_m) const { return ground_m_[OffsetOf(point_m)]; }
   double SurfaceM(const Eigen::Vector2d& point_m) const { return surface_m_[OffsetOf(point_m)]; }
   bool IsHazard(const Eigen::Vector2d& point_m) const { return is_hazard_[OffsetOf(point_m)] != 0; }
 
-  // Returns the explored square as a map with cells of kTerrainCell_m, all known.
+  // Returns the explored square as a map with cells of kTerrainCell_m. No cell is unknown.
   MergedMap HazardMap() const;
 
  private:

@@ -16,7 +16,7 @@ namespace moondb {
 namespace {
 
 Result<TimeSpan> SpanOf(const FeedArguments& arguments) {
-  constexpr double kSecondsMax = 9e9;  // Keeps nanoseconds within 63 bits.
+  constexpr double kSecondsMax = 9e9;  // Times up to this value fit into 63 bits as nanoseconds.
   TimeSpan span{std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max()};
   for (const auto& [seconds, bound] : {std::pair(arguments.from_s, &span.from_ns), {arguments.to_s, &span.to_ns}}) {
     if (!seconds) continue;
@@ -37,7 +37,7 @@ Result<const MissionAgent*> MissionAgentOf(const Mission& mission, const proto::
                                        "; make the team file by moonctl config init --mission");
 }
 
-// Removes the records that the agent already holds as its own. Returns their number.
+// Removes from `records` those that the agent already holds. Returns how many records were removed.
 Result<std::size_t> LeaveOutKnown(Client& client, AgentId agent, std::vector<proto::Record>& records) {
   proto::ReadRequest request;
   request.add_origin_agents(agent);

@@ -1,4 +1,5 @@
-// `moondb_replay feed`: inserts a mission's records at the agents of a running team, each agent its own.
+// `moondb_replay feed`: inserts a mission's records at the agents of a running team. Each agent gets the records of its
+// own robot.
 #pragma once
 
 #include <optional>
@@ -12,9 +13,9 @@ namespace moondb {
 struct FeedArguments {
   std::string mission;
   std::string team;
-  std::optional<double> from_s;     // In mission seconds. Empty: from the start.
-  std::optional<double> to_s;       // Exclusive, in mission seconds. Empty: to the end.
-  std::vector<std::string> agents;  // Empty: all agents.
+  std::optional<double> from_s;     // Start, in mission seconds. Empty: from the first record.
+  std::optional<double> to_s;       // End (exclusive), in mission seconds. Empty: to the last record.
+  std::vector<std::string> agents;  // Names of the agents. Empty: all agents.
 };
 
 // Skips records that the agents already hold, so that an interrupted feed can be repeated. Prints progress on stderr

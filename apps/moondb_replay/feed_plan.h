@@ -14,7 +14,7 @@
 
 namespace moondb {
 
-// Half-open, in nanoseconds of mission time.
+// Interval of mission time in nanoseconds, without its end.
 struct TimeSpan {
   std::int64_t from_ns = 0;
   std::int64_t to_ns = 0;
@@ -26,8 +26,8 @@ struct TimeSpan {
 // ReadMissionMap.
 Result<std::vector<proto::Record>> PlanFeed(const Mission& mission, AgentId agent, const TimeSpan& span);
 
-// Returns a key that identifies a record within a feed: the type, the timestamp and the natural key. Feeding twice then
-// stores nothing twice.
+// Returns a key that identifies a record within a feed: the type, the timestamp and the natural key. With it, a
+// repeated feed stores no record again.
 std::string FeedKey(const proto::Record& record);
 
 }  // namespace moondb

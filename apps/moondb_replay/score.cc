@@ -11,7 +11,7 @@ namespace {
 
 MergeOptions OptionsOf(const proto::TeamConfig& team) {
   MergeOptions options;
-  options.backend = MergeBackend::kCpu;  // Both backends give the same bytes.
+  options.backend = MergeBackend::kCpu;  // The CPU and GL backends give the same bytes.
   options.grid.resolution_um = static_cast<std::uint32_t>(std::lround(team.map().resolution_m() * 1e6));
   options.grid.footprint_length_m = team.map().footprint_m(0);
   options.grid.footprint_width_m = team.map().footprint_m(1);

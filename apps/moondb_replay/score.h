@@ -1,8 +1,8 @@
 // Scores an agent's results on a mission: trajectories and merged maps, at raw and at optimized poses, compared with
 // the truth, which no agent has seen.
 //
-// All maps are merged again here from the records that the agent holds. One result is whether the agent's own merged
-// map is equal, byte for byte. Plain functions on plain values.
+// Merges all maps again from the records that the agent holds. One result is whether the agent's own merged map equals
+// the map that is merged here, byte for byte. Plain functions on plain values.
 #pragma once
 
 #include <vector>
@@ -17,7 +17,7 @@
 
 namespace moondb {
 
-// A stored map of the agent.
+// A map that the agent stores.
 struct HeldMap {
   RecordKey key;
   std::int64_t timestamp_ns = 0;
@@ -36,8 +36,8 @@ using Poses = std::map<NodeKey, Pose>;
 Poses RawPoses(const Held& held);
 Poses NewestPoses(const Held& held);
 
-// Merges the maps whose node has a pose, and the footprints of the rovers' nodes. If `only` is not 0, uses only this
-// rover's maps and nodes.
+// Merges the held maps whose node has a pose in `poses`, and the footprints of the rovers' nodes. If `only` is not 0,
+// uses only this rover's maps and nodes.
 Result<MergedMap> MergeAt(const proto::TeamConfig& team, const Held& held, const Poses& poses, AgentId only = 0);
 
 struct Score {
@@ -47,7 +47,7 @@ struct Score {
   MapAgreement map_after;
   std::size_t map_count = 0;
   std::size_t optimized_count = 0;
-  bool is_agents_map_equal = false;  // The agent's own merged map equals the map merged here.
+  bool is_agents_map_equal = false;  // The agent's own merged map equals `ScoredMaps::after`.
 };
 
 // The merged maps on which a score is based.
@@ -62,7 +62,8 @@ struct Scored {
   ScoredMaps maps;
 };
 
-// `agents_map` is the map that the agent merged itself. kNotFound if the agent holds no node of the mission, or no map.
+// Scores the records that an agent holds. `agents_map` is the map that the agent merged itself. kNotFound if the agent
+// holds no node of the mission, or no map.
 Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, const Held& held,
                          const MergedMap& agents_map);
 

@@ -67,7 +67,7 @@ Result<void> WritePictures(const Setting& setting, const std::filesystem::path& 
   const std::vector<Track> after = RoverTracks(setting, newest);
   const std::vector<Track> truth = RoverTracks(setting, setting.mission.truth);
 
-  // One frame for all pictures puts each place at the same pixel.
+  // All pictures have one frame, so each place is at the same pixel in all of them.
   const MergedMap* all[] = {&maps.before, &maps.after, &maps.truth};
   const MapFrame frame = FrameOf(all, kPictureMarginCells);
   MapPictureOptions options;

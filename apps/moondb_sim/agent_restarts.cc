@@ -17,9 +17,10 @@ namespace {
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-// A working link carries a message at least every 30 s. The transport gives a link up 3 s later.
+// After this time the transport reports a dead link as down. A working link carries a message at least every 30 s, and
+// the transport waits 3 s longer.
 constexpr Duration kLinkDeadline = seconds(33);
-// Limit of queued messages, to which four per agent are added. Ten is usual in a team of four.
+// Limit of queued messages in a mailbox, plus four per agent. Ten queued messages are usual in a team of four.
 constexpr double kMailboxMax = 48;
 
 }  // namespace
@@ -43,7 +44,7 @@ bool AgentRestarts::CheckStore(AgentId agent) {
   storage.team = world_.ConfigOf(agent);
   was_cut_ = false;
   const Result<std::unique_ptr<RecordStore>> store = RecordStore::Open(StorageActor::StoreOptions(storage));
-  // A store that must be repaired or rebuilt cannot open until its disk accepts writes.
+  // A store that must be repaired or rebuilt cannot open before its disk accepts writes again.
   const bool is_broken = broken_.contains(agent) && world_.disk.IsInTrouble(SimulatedWorld::Prefix(agent));
   if (store) broken_.erase(agent);
   if (!store && !was_cut_ && !is_broken) {
@@ -68,7 +69,7 @@ void AgentRestarts::KillFor(AgentId agent, Duration down) {
   Kill(agent);
 }
 
-// May be called in the middle of a handler.
+// Stops the agent whose power was cut. May be called in the middle of a handler.
 void AgentRestarts::OnPowerCut(const std::string& prefix) {
   was_cut_ = true;
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
@@ -97,8 +98,8 @@ void AgentRestarts::OnEnded(AgentId agent) {
   world_.In(seconds(1) + world_.DrawDuration(minutes(2)), [this, agent] { Restart(agent); });
 }
 
-// Reports the link state to the other agents, as the transport does at its deadlines. Without this call the agents
-// depend on their own timers.
+// Reports to the other agents that the link to `agent` is up or down, as the transport does at its deadlines. Without
+// this call the agents depend on their own timers.
 void AgentRestarts::NotifyOthers(AgentId agent, bool is_up) {
   if (is_up) gone_.erase(agent);
   if (!is_up) gone_.insert(agent);
@@ -143,15 +144,14 @@ void AgentRestarts::BreakDisk(AgentId agent, const std::string& fault) {
   if (on_disk_lost) on_disk_lost(agent);
 }
 
-// Marks the database as a backup, as `moonctl db backup` does with its copy. Leaves a damaged database unchanged.
+// Marks the agent's database as a backup, as `moonctl db backup` marks its copy. Leaves a damaged database unchanged.
 void AgentRestarts::MarkBackup(AgentId agent) {
   world_.disk.CutPowerAfter(SimulatedWorld::Prefix(agent), 0);
   Result<std::unique_ptr<Database>> database = Database::Open(SimulatedWorld::PathOf(agent), 0, world_.disk.name());
   if (database && (*database)->QuickCheck()) (void)(*database)->Execute(kForgetIncarnationSql);
 }
 
-// Damages one value in the agent's database. The invariants still require everything that the disk held except the
-// damaged part.
+// Damages one value in the agent's database. The invariants still require the agent to hold all undamaged records.
 void AgentRestarts::BreakDatabase(AgentId agent, const std::string& fault) {
   world_.disk.CutPowerAfter(SimulatedWorld::Prefix(agent), 0);
   // The damage is written to the database, so the disk must accept writes.
@@ -159,7 +159,7 @@ void AgentRestarts::BreakDatabase(AgentId agent, const std::string& fault) {
   world_.disk.SetFailing(SimulatedWorld::Prefix(agent), false);
   Result<std::unique_ptr<Database>> database = Database::Open(SimulatedWorld::PathOf(agent), 0, world_.disk.name());
   HaveLedger ledger;
-  // The database is damaged already, or the agent lost power before it created the tables.
+  // The database is already damaged, or the agent lost power before it created the tables.
   if (!database || !(*database)->QuickCheck() || !ledger.Load(**database)) return;
   world_.invariants.SeeHave(agent, ledger.have());
   if (fault == "damage_record") {
@@ -171,7 +171,7 @@ void AgentRestarts::BreakDatabase(AgentId agent, const std::string& fault) {
   }
 }
 
-// Checks the agent's have-set as soon as its StorageActor answers. The actor may have failed just now.
+// Checks the agent's have-set. If the StorageActor does not answer, because it has just failed, tries again later.
 void AgentRestarts::CheckHave(AgentId agent) {
   if (!world_.team.is_running(agent)) return;
   const std::optional<HaveSet> have = world_.HaveOf(agent);
@@ -179,7 +179,8 @@ void AgentRestarts::CheckHave(AgentId agent) {
   world_.In(seconds(10), [this, agent] { CheckHave(agent); });
 }
 
-// Reports every actor failure that no fault caused. Agents with a disk that is damaged in many places are exempt.
+// Reports every actor failure that no injected fault caused. Agents with a disk that is damaged in many places are
+// exempt.
 void AgentRestarts::CheckFailures(AgentId agent) {
   const bool is_ended = !world_.team.is_running(agent) && !to_restart_.contains(agent);
   const bool is_failing = world_.team.restarts(agent) > failures_[agent];
@@ -191,10 +192,11 @@ void AgentRestarts::CheckFailures(AgentId agent) {
     world_.Violate("starts",
                    "an actor of agent " + std::to_string(agent) + " failed by itself; the last that failed: " + last);
   }
-  if (is_ended) OnEnded(agent);  // Handle the exit as a service manager would.
+  if (is_ended) OnEnded(agent);  // Restart the agent, as a service manager does.
 }
 
-// A flooded agent drops excess messages, and honest senders retransmit them. So runs with a Byzantine agent are exempt.
+// Checks that the agent's mailboxes stay within the limit and drop no message. Runs with a Byzantine agent are exempt:
+// a flooded agent drops messages, and honest senders retransmit them.
 void AgentRestarts::CheckMailboxes(AgentId agent) {
   if (world_.byzantine != 0) return;
   for (const proto::ActorStatus& actor : world_.team.GetSystemStatus(agent).actors) {

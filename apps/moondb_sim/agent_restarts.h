@@ -1,5 +1,5 @@
-// AgentRestarts: power cuts, broken disks and restarts of the simulated agents' processes. Also checks that no actor
-// fails except by an injected fault.
+// AgentRestarts: cuts the power of simulated agents, breaks their disks and restarts their processes. Also checks that
+// no actor fails except by an injected fault.
 #pragma once
 
 #include <cstdint>
@@ -33,12 +33,12 @@ class AgentRestarts {
   void KillWithDisk(AgentId agent, const std::string& fault);
   // Kills the agent, and restarts it after `down`. The other agents learn of the loss within a minute.
   void KillFor(AgentId agent, Duration down);
-  // True if the agent is down and the others know it.
+  // Returns whether the agent is down and the other agents know it.
   bool is_gone(AgentId agent) const { return gone_.contains(agent); }
   // Restarts the agent as soon as its store opens. Does nothing if the agent runs.
   void Restart(AgentId agent);
 
-  // Call before a fault makes an actor of the agent fail.
+  // Registers a failure. Call it before a fault makes an actor of the agent fail.
   void NoteFailure(AgentId agent) { ++failures_[agent]; }
   bool is_damaged(AgentId agent) const { return damaged_.contains(agent); }
   void CheckFailures(AgentId agent);
@@ -55,7 +55,7 @@ class AgentRestarts {
 
   SimulatedWorld& world_;
   SimulatedRobots& robots_;
-  bool was_cut_ = false;                       // Whether any agent lost power since this was set to false.
+  bool was_cut_ = false;                       // Whether any agent lost power since the last reset to false.
   std::map<AgentId, std::string> disk_fault_;  // Faults to apply at each agent's next restart.
   std::map<AgentId, SimulatedDisk::Image> old_disks_;
   std::set<AgentId> to_restart_;          // Agents that are down and will be restarted.

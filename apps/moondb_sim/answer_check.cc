@@ -23,8 +23,8 @@ Wrong CheckInserted(const proto::InsertRequest& request, const proto::InsertRepl
   return std::nullopt;
 }
 
-// Checks a page of one data type that starts at the first row. It may contain only records that the agent holds. A page
-// that is marked complete and starts with the oldest row must contain all of them.
+// Checks a page of one data type that starts at the first row. The page may contain only records that the agent holds.
+// If it is marked complete and starts with the oldest row, it must contain all of them.
 Wrong CheckPage(const proto::ReadRequest& request, const proto::ReadReply& reply, const AgentFacts& facts) {
   if (request.is_history() || request.after_row_id() != 0 || request.data_types_size() != 1) return std::nullopt;
   if (facts.before != facts.after) return std::nullopt;

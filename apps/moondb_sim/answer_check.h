@@ -1,5 +1,5 @@
-// Checks whether an agent's successful answer to a client is true, as far as one instant shows: the invariant
-// answer_true.
+// Checks whether an agent's successful answer to a client is true, as far as the agent's state at the instant of the
+// answer shows: the invariant answer_true.
 //
 // Pure functions. Other checkers cover effects that last: invariants.h covers inserts, map_checker.h maps, and
 // bundle_checker.h bundles.
@@ -13,16 +13,16 @@
 
 namespace moondb::simulation {
 
-// The state of an agent at the instant at which it received a request and answered it.
+// The state of an agent at the instant at which it received and answered a request.
 struct AgentFacts {
   AgentId self = 0;
-  HaveSet before;               // Have-set before the request.
-  HaveSet after;                // Have-set after the answer.
-  proto::RoleAssignment roles;  // Assignment that the agent's actors received last.
+  HaveSet before;               // Have-set before the agent handled the request.
+  HaveSet after;                // Have-set after the agent answered.
+  proto::RoleAssignment roles;  // Assignment that the agent's actors last received.
   proto::Term durable_term;     // Term of the roles on the agent's disk.
 };
 
-// Returns why a successful answer is untrue. Null if it is true, or if requests of this kind are not checked.
+// Returns why a successful answer is untrue. Null if the answer is true, or if requests of this kind are not checked.
 std::optional<std::string> WhyUntrue(const proto::ControlRequest& request, const proto::ControlReply& reply,
                                      const AgentFacts& facts);
 

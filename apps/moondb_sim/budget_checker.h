@@ -1,5 +1,5 @@
-// BudgetChecker: checks that an agent's sessions stay within the radio budget. It counts the batches that the agent
-// sends and receives.
+// BudgetChecker: checks that an agent's sessions stay within the radio budget. It counts the bytes of the batches that
+// the agent sends and receives.
 #pragma once
 
 #include <cstddef>
@@ -14,7 +14,7 @@ namespace moondb::simulation {
 
 class BudgetChecker {
  public:
-  // `burst_bytes`: bytes that all sessions together may send at once after a pause.
+  // `burst_bytes` is the number of bytes that all sessions together may send in one burst after a pause.
   BudgetChecker(double bytes_per_second, double burst_bytes)
       : bytes_per_second_(bytes_per_second), burst_bytes_(burst_bytes) {}
 

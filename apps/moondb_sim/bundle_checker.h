@@ -3,9 +3,9 @@
 //
 // - bundle_kept: A bundle stays available and unchanged until it is acknowledged, across restarts of the process.
 // - bundle_once: No record is in two bundles. When the team is quiescent, each record that the ground station wants is
-//   in one.
+//   in one bundle.
 //
-// A checker covers one disk: OnDiskLost starts over.
+// A checker covers one disk: OnDiskLost resets it.
 #pragma once
 
 #include <cstdint>
@@ -26,24 +26,24 @@ class BundleChecker {
   void OnDiskLost();
   void OnRestart() { ++boot_; }
 
-  // The client sent `request`. Until the answer arrives, its effect is unknown.
+  // Called when the client sends `request`. Until the answer arrives, the effect of the request is unknown.
   void OnAsked(const proto::DownlinkRequest& request);
-  // Checks an answer. `is_at_once`: nothing else happened between the request and the answer.
+  // Checks an answer. `is_at_once` means that nothing else happened between the request and the answer.
   Broken OnReply(const proto::DownlinkRequest& request, const proto::DownlinkReply& reply, bool is_at_once);
-  // The agent answered an acknowledgement of this bundle with the error that it knows no such bundle.
+  // Checks an error answer to an acknowledgement: the agent claims that it knows no bundle of this number.
   Broken OnNotFound(std::uint32_t number) const;
-  // Checks the complete file of a bundle. Null if the bundle is unknown here.
+  // Checks the complete file of a bundle. Returns null if this checker does not know the bundle.
   Broken OnFile(std::uint32_t number, const std::string& file);
 
-  // Returns a fetched bundle that no request has acknowledged yet; 0 if none.
+  // Returns the number of a bundle that was fetched and that no request has acknowledged yet; 0 if none.
   std::uint32_t FetchedBundle() const;
-  // Returns an unacknowledged bundle whose file was not fetched yet; 0 if none.
+  // Returns the number of an unacknowledged bundle whose file was not fetched yet; 0 if none.
   std::uint32_t UnknownBundle() const;
   // Returns whether the agent's process has restarted since the bundle was first reported.
   bool OutlivedProcess(std::uint32_t number) const;
 
-  // Checks that every record of `wanted` is in a bundle. Requires: the team is quiescent. Null if all are, and always
-  // after OnDiskLost, because a restored older disk may know bundles that are unknown here.
+  // Checks that every record of `wanted` is in a bundle. Requires: the team is quiescent. Returns null if all are. Also
+  // returns null after OnDiskLost, because a restored older disk may know bundles that this checker does not know.
   Broken WhyLost(const HaveSet& wanted) const;
 
  private:

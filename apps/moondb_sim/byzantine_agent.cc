@@ -24,8 +24,8 @@ constexpr std::uint64_t kReplayedMax = 8;
 constexpr std::uint64_t kCounterShift = 48;  // Lowest bit of the counter in an epoch (actors/storage/own_epochs.h).
 constexpr int kFloodMessages = 48;
 constexpr int kHugeStreams = 2000;
-constexpr std::uint64_t kDenseNodes = 10;  // Nodes of a dense graph. Edges connect each node with all others.
-constexpr int kDenseMax = 3;  // Dense graphs per run. Solving more would take longer than the rest of the run.
+constexpr std::uint64_t kDenseNodes = 10;  // Number of nodes of a dense graph. Edges connect each node with all others.
+constexpr int kDenseMax = 3;  // Dense graphs per run. Solving more graphs would take longer than the rest of the run.
 constexpr char kBy[] = "anna@hill (key)";
 
 struct Kind {
@@ -174,7 +174,7 @@ AgentId ByzantineAgent::DrawHonestBut(AgentId agent) {
   }
 }
 
-// Draws the key of a record of `origin` that `holder` holds, of a type in ForgedTypes().
+// Draws the key of a record that `holder` holds. The record's origin is `origin`, and its type is in ForgedTypes().
 std::optional<RecordKey> ByzantineAgent::DrawKey(AgentId holder, AgentId origin) {
   const std::optional<HaveSet> have = world_.HaveOf(holder);
   if (!have) return std::nullopt;
@@ -233,8 +233,8 @@ void ByzantineAgent::ForgeRecord(AgentId target) {
   std::optional<RecordKey> key = DrawKey(Draw(2) == 0 ? victim : target, victim);
   if (!key) return;
   const std::uint64_t variant = Draw(4);
-  if (variant == 0) ++key->seq;                                        // The next seq.
-  if (variant == 1) key->seq = 1 + Draw(key->seq);                     // A second content of an existing key.
+  if (variant == 0) ++key->seq;                                        // The next seq of the stream.
+  if (variant == 1) key->seq = 1 + Draw(key->seq);                     // Another content for an existing key.
   if (variant == 2) key->stream.epoch -= 1 + Draw(key->stream.epoch);  // An older epoch.
   if (variant == 3) key->stream.epoch += (1ull << (kCounterShift + Draw(14))) + Draw(64);  // An epoch far ahead.
   if (key->stream.epoch == 0) return;
@@ -280,7 +280,8 @@ void ByzantineAgent::ForgePose(AgentId target) {
   BringRecord(target, key, record);
 }
 
-// Stores must reject the edges, which ByzantineChecker verifies. Readers must ignore the quarantines.
+// Sends edges between other agents' nodes, or quarantines of their maps. Stores must reject the edges, which
+// ByzantineChecker verifies. Readers must ignore the quarantines.
 void ByzantineAgent::Slander(AgentId target) {
   RecordKey key{{world_.byzantine, rng_() >> 1, proto::POSE_GRAPH_EDGE}, 1 + Draw(4)};
   const AgentId victim = DrawHonest();
@@ -326,7 +327,8 @@ void ByzantineAgent::Drop(AgentId target) {
   Bring(target, std::move(batch));
 }
 
-// Uses a type that no map depends on, because MapChecker expects equal maps from agents that hold the same keys.
+// Sends different agents different contents under one key. Uses a type that no map depends on, because MapChecker
+// expects equal maps from agents that hold the same keys.
 void ByzantineAgent::Equivocate(AgentId target) {
   std::optional<RecordKey> key = DrawKey(world_.byzantine, world_.byzantine);
   if (!key) return;
@@ -414,7 +416,7 @@ proto::RoleAssignment ByzantineAgent::Assignment(AgentId target) {
   roles.set_reason(kByzantineReason);
   if (!has_keys) return roles;
   roles.set_follows(present.signature());
-  if (Draw(4) == 0) roles.mutable_term()->set_issuer(present.leader());  // Still signed with its own key.
+  if (Draw(4) == 0) roles.mutable_term()->set_issuer(present.leader());  // Signed by the Byzantine agent anyway.
   roles.set_signature(SigningKeyOf(world_.byzantine).Sign(SignedBytes(world_.config, roles)));
   return roles;
 }
@@ -505,7 +507,7 @@ void ByzantineAgent::Flood(AgentId target) {
   }
 }
 
-// Sends odometry between all of many nodes. Stores accept it, because all nodes are the sender's own.
+// Sends odometry between all pairs of many nodes. Stores accept it, because all nodes are the sender's own.
 void ByzantineAgent::JoinAll(AgentId target) {
   if (dense_count_ == kDenseMax) return;
   ++dense_count_;

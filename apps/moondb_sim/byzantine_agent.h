@@ -1,7 +1,7 @@
 // ByzantineAgent: a rover that an attacker has taken over. Its own actors run as usual. In addition it sends arbitrary
 // messages to the actors of other agents. It sends them under its own identity, since links are authenticated by keys,
 // and only uses messages that may leave an agent (runtime/transport/inbound.h). It knows all records of all agents, and
-// is neither leader nor survivor. Once an honest agent gives it a role it stops lying: SECURITY.md describes the power
+// is neither leader nor survivor. When an honest agent gives it a role, it stops lying: SECURITY.md describes the power
 // of a malicious leader.
 //
 // It uses its own random stream, so adding an attack does not change the rest of a seeded run.
@@ -30,20 +30,20 @@ struct AttackKind {
   std::string what;
 };
 
-// The attacks, in the order of `--list`. Each has a rare state named by RareStateOf.
+// The attacks, in the order of `--list`. RareStateOf names the rare state of each attack.
 const std::vector<AttackKind>& AttackKinds();
 std::string RareStateOf(const AttackKind& kind);
 
 class ByzantineAgent {
  public:
-  // Does nothing if the world has no Byzantine agent.
+  // If the world has no Byzantine agent, this object does nothing.
   ByzantineAgent(SimulatedWorld& world, ByzantineChecker& checker);
 
-  void Start();  // Attacks until the world is quiet.
+  void Start();  // Attacks until SimulatedWorld::is_quiet.
 
-  // An actor of any agent is about to handle `message`.
+  // Called before an actor of any agent handles `message`.
   void OnHandle(const Address& actor, const proto::Message& message);
-  // A message is on its way from `from` to `to`. Returns true if it is an attack.
+  // Called when `from` sends `message` to `to`. Returns true if the message is an attack.
   bool OnRadio(AgentId from, AgentId to, const proto::Message& message);
 
   // The attacks. Requires: `target` is an honest agent.
@@ -89,10 +89,10 @@ class ByzantineAgent {
   std::size_t kind_ = 0;       // Index of the present attack in AttackKinds().
   bool is_attacking_ = false;  // True while an attack sends messages.
   int dense_count_ = 0;        // Dense graphs sent so far.
-  std::deque<Seen> seen_;      // Messages that its own actors handled or sent.
-  // Session ids that other agents opened with it, by agent and actor.
+  std::deque<Seen> seen_;      // Messages that the Byzantine agent's actors handled or sent.
+  // Session ids that other agents opened with the Byzantine agent, by agent and actor.
   std::map<std::pair<AgentId, std::string>, std::uint64_t> sessions_;
-  std::map<std::uint64_t, std::size_t> in_flight_;  // Attack kinds, by hash of the message.
+  std::map<std::uint64_t, std::size_t> in_flight_;  // Kinds of attacks in flight, by hash of the message.
 };
 
 }  // namespace moondb::simulation

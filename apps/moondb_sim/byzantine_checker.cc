@@ -9,8 +9,8 @@ namespace {
 
 std::string ByzantineName(AgentId agent) { return "agent " + std::to_string(agent); }
 
-// Returns whether records of the type are derived by a leader. A rover that never led does not forward such records of
-// a former leader, and the next leader solves again.
+// Returns whether a leader derives records of the type. A rover that never led does not forward such records of a
+// former leader. The next leader derives them again.
 bool IsDerived(DataType type) { return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT; }
 
 }  // namespace
@@ -19,7 +19,8 @@ void ByzantineChecker::OnForged(const proto::Record& record) { forged_.merge(Sta
 
 void ByzantineChecker::OnImpossible(const RecordKey& key) { impossible_.insert(key); }
 
-// A record that the Byzantine agent did not forge is true, whichever agent sends it.
+// Returns whether the Byzantine agent forged the record in another agent's name. All other records are true, whichever
+// agent sends them.
 bool ByzantineChecker::IsMadeUp(const proto::StoredRecord& record) const {
   return record.key().origin_agent() != liar_ && forged_.contains(ContentHash(record.content()));
 }
@@ -34,7 +35,8 @@ void ByzantineChecker::OnStoreRequest(AgentId agent, const proto::Message& messa
       expected.may_store += IsMadeUp(record) || IsSlander(record) ? 0 : 1;
     }
   } else {
-    // Peers may hold different contents of a record that the Byzantine agent gave them.
+    // The Byzantine agent may have given different contents of one record to different peers, so its records may be
+    // refused.
     expected.may_refuse = 0;
     for (const proto::StoredRecord& record : request.records()) {
       expected.may_refuse += record.key().origin_agent() == liar_ ? 1 : 0;
@@ -47,7 +49,7 @@ void ByzantineChecker::OnStoreRequest(AgentId agent, const proto::Message& messa
   expected_[{agent, message.request_id()}] = expected;
 }
 
-// Returns whether the record makes a statement that its origin may not make, whatever its role.
+// Returns whether the record makes a statement that its origin may not make, even with a role.
 bool ByzantineChecker::IsSlander(const proto::StoredRecord& stored) {
   proto::Record record;
   return record.ParseFromString(stored.content()) && CheckRecord(record) &&

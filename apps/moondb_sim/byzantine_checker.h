@@ -2,12 +2,12 @@
 // registers each lie here, so the checker need not guess which records are true.
 //
 // - only_own_lies: No honest agent stores or holds a record that the Byzantine agent forged in an honest agent's name.
-//   None covers a record that never existed.
+//   No honest agent covers a record that never existed.
 // - honest_roles: No honest agent acts on roles that the Byzantine agent decided or ordered.
 // - honest_converge: When the team is quiescent, the leader covers all records of honest origins that any honest agent
-//   holds. If it holds such a record, the content is the same.
+//   holds. If the leader holds such a record, its content is the same.
 //
-// Invariants checks the records that honest origins made and acknowledged.
+// The class Invariants checks the records that honest origins made and acknowledged.
 #pragma once
 
 #include <cstdint>
@@ -23,12 +23,12 @@
 
 namespace moondb::simulation {
 
-// Reason text of role assignments that the Byzantine agent orders. Honest agents forward it with the roles.
+// Reason text of role assignments that the Byzantine agent orders. Honest agents forward this text with the roles.
 inline constexpr char kByzantineReason[] = "by the word of a Byzantine agent";
 
 class ByzantineChecker {
  public:
-  // `liar`: the Byzantine agent; 0 if the team has none, and then no check ever fails.
+  // `liar` is the Byzantine agent. If `liar` is 0, the team has no Byzantine agent, and no check ever fails.
   ByzantineChecker(AgentId liar, Invariants::Report report) : liar_(liar), report_(std::move(report)) {}
 
   // Registers a record forged in an honest agent's name. Requires: its content is unique.
@@ -36,26 +36,26 @@ class ByzantineChecker {
   // Registers a key that no honest agent ever assigns. The Byzantine agent claims to hold or to have dropped it.
   void OnImpossible(const RecordKey& key);
 
-  // The StorageActor of `agent` receives a StoreRequest with a peer's records, and later answers it. OnStoreReply
-  // returns true if the Byzantine agent caused all rejections.
+  // Called when the StorageActor of `agent` receives a StoreRequest with a peer's records, and when it answers.
+  // OnStoreReply returns true if the Byzantine agent caused all rejections.
   void OnStoreRequest(AgentId agent, const proto::Message& message);
   bool OnStoreReply(AgentId agent, const proto::Message& message);
-  // `agent` holds the record, or an honest agent sent it to `agent`.
+  // Checks a record that `agent` holds, or that an honest agent sent to `agent`.
   void OnRecord(AgentId agent, const RecordKey& key, const std::string& content) const;
   void OnRoles(AgentId agent, const proto::RoleAssignment& roles);
-  // `agent` stores `roles`. From now on its disk proves who has held a role, even if the process ends before it acts on
-  // them.
+  // Called when `agent` stores `roles`. Its disk then proves who has held a role, even if the process ends before it
+  // acts on the roles.
   void OnRolesStored(AgentId agent, const proto::RoleAssignment& roles);
 
   void CheckHave(AgentId agent, const HaveSet& have) const;
   void CheckQuiescent(const QuiescentTeam& team) const;
 
-  // True once an honest agent gave the Byzantine agent a role. Its statements count from then on, and it must not lie
-  // any more.
+  // Returns true once an honest agent has given the Byzantine agent a role. Then other agents accept its statements,
+  // and it must not lie any more.
   bool is_trusted() const { return is_trusted_; }
 
  private:
-  // Largest numbers of records of one request that storage may store, and may refuse.
+  // The most records of one request that storage may store, and the most that it may refuse.
   struct Expected {
     std::uint32_t may_store = UINT32_MAX;
     std::uint32_t may_refuse = UINT32_MAX;

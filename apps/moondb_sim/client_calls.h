@@ -13,7 +13,7 @@
 
 namespace moondb::simulation {
 
-// Timeouts of the simulated agents' gateways.
+// Timeouts that the simulated agents' gateways use.
 inline constexpr Duration kClientTimeout = std::chrono::seconds(20);
 inline constexpr Duration kLongClientTimeout = std::chrono::seconds(60);
 
@@ -21,7 +21,7 @@ class ClientCalls {
  public:
   struct Answer {
     proto::ControlReply reply;
-    // True if the answer came at the instant of the request, with no other request at that instant.
+    // True if the answer arrived at the instant of the request, and no other request was sent at that instant.
     bool is_at_once = false;
     Duration took{};
   };
@@ -32,10 +32,10 @@ class ClientCalls {
   // Sends `request` from a new client. Calls `then` with the answer, if one arrives. Does nothing if the agent does not
   // run.
   void Ask(AgentId agent, const proto::ControlRequest& request, Then then);
-  // Runs the team until it is idle, and handles the answers that have arrived.
+  // Runs the team until it is idle, and calls `then` for each answer that has arrived.
   void Run();
 
-  // Drops the open requests to `agent`, which will not be answered.
+  // Drops the open requests to `agent`, whose process has ended.
   void Forget(AgentId agent);
 
  private:

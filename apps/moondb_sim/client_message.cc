@@ -8,7 +8,7 @@
 namespace moondb::simulation {
 namespace {
 
-// Allowance for the mailboxes at both gateways and for the slow radio.
+// Time for the mailboxes at both gateways and for the slow radio.
 constexpr Duration kOnTheWay = std::chrono::seconds(2);
 
 }  // namespace

@@ -12,17 +12,19 @@
 
 namespace moondb::simulation {
 
-// Returns the message of a client on the agent's own machine, which may send every command.
+// Returns the message with which a client on the agent's own machine sends `request`. Such a client may send every
+// command.
 proto::Message ClientMessage(std::uint64_t request_id, const proto::ControlRequest& request);
-// Returns the answer to a client; null for other messages.
+// Returns the answer to a client that `message` holds; null for other messages.
 std::optional<proto::ControlReply> ClientReplyIn(const proto::Message& message);
 
-// Returns the longest time that a gateway with these timeouts may take to answer.
+// Returns the longest time that a gateway may take to answer `request`. The gateway's timeouts are `timeout` and
+// `long_timeout`.
 Duration AnsweredWithin(const proto::ControlRequest& request, Duration timeout, Duration long_timeout);
-// Returns a name for people, such as "downlink for agent 4".
+// Returns a readable name of the request, such as "downlink for agent 4".
 std::string NameOf(const proto::ControlRequest& request);
 
-// Returns the have-set in a RetentionActor's answer to another RetentionActor; null for other messages.
+// Returns the have-set that one RetentionActor sends to another in an answer; null for other messages.
 std::optional<HaveSet> HaveInAnswer(const proto::Message& message);
 
 }  // namespace moondb::simulation

@@ -11,7 +11,7 @@
 namespace moondb::simulation {
 namespace {
 
-constexpr double kWait_s = 55;  // The operator repeats each kind of order every 60 s.
+constexpr double kWait_s = 55;  // How long an order waits. The operator repeats each kind of order every 60 s.
 
 std::string Name(AgentId sender, AgentId destination) {
   return "agent " + std::to_string(sender) + " to agent " + std::to_string(destination);
@@ -68,7 +68,7 @@ void DoneChecker::CheckAnswers() {
                      "agent " + std::to_string(waiting.leader) + " answers that its order is complete, but " + *wrong);
     }
   }
-  // A leader whose actor or process has restarted never answers. Keep only the newest open orders.
+  // Orders to a leader whose actor or process has restarted are never answered. Keep only the newest open orders.
   while (waiting_.size() > 64) waiting_.erase(waiting_.begin());
 }
 
@@ -77,8 +77,8 @@ void DoneChecker::OnRoles(AgentId agent) {
   before_term_of_[agent] = last_;
 }
 
-// The destination of an open order may have held a record and then lost it with its disk. So open orders are no longer
-// checked against earlier have-sets.
+// The destination of an open order may have held a record and lost the record with its disk. So open orders are no
+// longer checked against earlier have-sets.
 void DoneChecker::OnDiskLost(AgentId agent) {
   last_.erase(agent);
   for (auto& [leader, stores] : before_term_of_) stores.erase(agent);
@@ -89,7 +89,7 @@ void DoneChecker::OnDiskLost(AgentId agent) {
 std::optional<std::string> DoneChecker::WhyNotDone(const Waiting& waiting, const proto::ShareProgress& progress) {
   const AgentId leader = waiting.leader;
   const proto::RoleAssignment& roles = world_.roles[leader];
-  // The leader's actors receive new roles one after the other.
+  // The leader's actors receive new roles one after another, so their terms may differ at this instant.
   const bool is_just_changed = roles_changed_at_[leader] == world_.team.now() || !world_.team.is_running(leader);
   if (!is_just_changed && OrderOf(roles.term()) != OrderOf(progress.term())) {
     return "it acts on term " + TermText(roles.term()) + ", and answers for term " + TermText(progress.term());
@@ -131,9 +131,9 @@ std::optional<std::string> DoneChecker::WhyLacking(const Stores& stores, const S
   const auto there = now.find(destination);
   if (at_sender == now.end() || there == now.end()) return std::nullopt;
   for (const auto& [stream, have] : before->second.streams()) {
-    // Skip notes: whether an agent keeps one depends on when its policy changed.
+    // Skip notes: whether an agent keeps a note depends on when its policy changed.
     if (stream.type == kNote || stream.origin == world_.byzantine || !is_meant(RecordKey{stream, 1})) continue;
-    // If the destination dropped a state, it must hold a newer one.
+    // A destination that dropped a state must hold a newer state.
     const StreamHave& covered = there->second.Get(stream);
     const IntervalSet lacking = have.held.Minus(IsState(stream.type) ? covered.held : covered.Covered());
     for (const IntervalSet::Interval& interval : lacking.intervals()) {

@@ -10,7 +10,7 @@ namespace {
 
 // Tolerance for durations, which are sent as seconds in floating point.
 constexpr Duration kFailoverRounding = std::chrono::milliseconds(1);
-// Time that the agent's own actors may take to notify each other.
+// Time that the actors of one agent may take to notify each other.
 constexpr Duration kOverdue = std::chrono::seconds(15);
 
 }  // namespace
@@ -48,7 +48,7 @@ void FailoverChecker::OnOwn(const proto::Message& message, const LeaseChecker& l
     case proto::Message::kPeerEvent:
       return SetConnected(message.peer_event(), now);
     case proto::Message::kDown:
-      lost_.clear();  // The failed actor's announcements are void; connected peers are announced again.
+      lost_.clear();  // Announcements of the failed actor are void. The new one announces connected peers again.
       return;
     default:
       return;

@@ -1,6 +1,6 @@
-// FailoverChecker: checks that one agent takes the lead by itself only with cause, and that it does so in time. These
-// are the invariants failover_has_cause and failover_happens. The checker sees only the messages that the agent's
-// actors handle.
+// FailoverChecker: checks that one agent takes the lead on its own only if it has cause, and that it then does so in
+// time. These are the invariants failover_has_cause and failover_happens. The checker sees only the messages that the
+// agent's actors handle.
 //
 // A checker covers one process lifetime of the agent.
 #pragma once
@@ -21,21 +21,21 @@ class FailoverChecker {
  public:
   FailoverChecker(AgentId self, const proto::TeamConfig& team, MonotonicTime now);
 
-  // An actor of the agent handles `message`. Returns a text if `message` is the agent's own request to lead and it had
-  // no cause.
+  // Called when an actor of the agent handles `message`. Returns a text if `message` is the agent's own request to lead
+  // and the agent had no cause to send it.
   std::optional<std::string> OnHandle(const std::string& actor, const proto::Message& message,
                                       const LeaseChecker& leases, MonotonicTime now);
-  // The actor fails and restarts.
+  // Called when the actor fails and restarts.
   void OnFailure(const std::string& actor, MonotonicTime now);
 
-  // Returns a text if the agent should have taken the lead before now.
+  // Returns a text if the agent should have taken the lead before `now`; null otherwise.
   std::optional<std::string> WhyOverdue(const LeaseChecker& leases, MonotonicTime now) const;
 
   // Returns whether `message` is a survivor's request to its own RoleActor to lead.
   static bool IsFailover(const std::string& actor, const proto::Message& message);
 
  private:
-  // Returns why the agent may not take the lead now. Null if it has had cause for at least `missed`.
+  // Returns why the agent may not take the lead now. Returns null if it has missed the leader for at least `missed`.
   std::optional<std::string> WhyNot(const LeaseChecker& leases, MonotonicTime now, Duration missed) const;
   void OnOwn(const proto::Message& message, const LeaseChecker& leases, MonotonicTime now);
   void SetRoles(const proto::RoleAssignment& roles, MonotonicTime now);
@@ -47,13 +47,12 @@ class FailoverChecker {
   proto::RoleAssignment roles_;
   MonotonicTime roles_since_;
   std::set<AgentId> connected_;
-  std::map<AgentId, MonotonicTime> lost_;  // When each lost agent was disconnected.
+  std::map<AgentId, MonotonicTime> lost_;  // Lost agents, with the time of disconnection.
   // When any of the agent's actors last received a message from each other agent.
   std::map<AgentId, MonotonicTime> heard_;
-  MonotonicTime reached_since_;  // Since when some agent is connected. Not valid if `connected_` is empty.
-  MonotonicTime asked_;          // When the agent last requested to lead.
-  std::optional<std::string>
-      verdict_;  // Result of WhyNot at the agent's last timer, the only time at which it decides.
+  MonotonicTime reached_since_;         // Since when an agent is connected. Not valid if `connected_` is empty.
+  MonotonicTime asked_;                 // When the agent last requested to lead.
+  std::optional<std::string> verdict_;  // Result of WhyNot at the agent's last timer. The agent decides only then.
 };
 
 }  // namespace moondb::simulation

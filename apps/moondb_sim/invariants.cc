@@ -10,12 +10,13 @@
 namespace moondb::simulation {
 namespace {
 
-// Sort key: the order in which an origin made its records of one type.
+// Returns a sort key for the order in which an origin made its records of one type.
 std::pair<std::uint64_t, std::uint64_t> PlaceInSeries(const RecordKey& key) { return {key.stream.epoch, key.seq}; }
 
 bool IsSameSeries(const StreamKey& a, const StreamKey& b) { return a.origin == b.origin && a.type == b.type; }
 
-// The last state of each origin and type; seq 0 if there is none. `seqs` selects the seqs of a stream.
+// The last state of each origin and type; seq 0 if there is none. `seqs` selects which seqs of a stream count, such as
+// the held ones.
 using LastOfSeries = std::map<std::pair<AgentId, DataType>, RecordKey>;
 template <typename SeqsOf>
 LastOfSeries LastStates(const HaveSet& have, const SeqsOf& seqs) {
@@ -31,7 +32,7 @@ LastOfSeries LastStates(const HaveSet& have, const SeqsOf& seqs) {
 
 std::string NameOf(AgentId agent) { return "agent " + std::to_string(agent); }
 
-// Returns text such as "1.0000000000000005.30.2 and 3 more of that stream".
+// Returns text about records of one stream, such as "1.0000000000000005.30.2 and 3 more of that stream".
 std::string Some(const StreamKey& stream, const IntervalSet& seqs) {
   return ToString(RecordKey{stream, seqs.intervals().front().first}) + " and " + std::to_string(seqs.Count() - 1) +
          " more of that stream";
@@ -75,7 +76,7 @@ Records WithoutPrunedOrNotes(const Records& records, const HaveSet& have) {
 IntervalSet HeldOf(const StreamHave& stream) { return stream.held; }
 IntervalSet HadOf(const StreamHave& stream) { return stream.Covered(); }
 
-// Returns the content as the robot gave it: storage adds a signature and a term to quarantines.
+// Returns the content that the robot gave. Storage adds a signature and a term to quarantines, which are removed here.
 std::string WithoutSignature(const RecordKey& key, const std::string& content) {
   proto::Record record;
   if (key.stream.type != proto::MAP_QUARANTINE || !record.ParseFromString(content)) return content;
@@ -136,7 +137,8 @@ void Invariants::SeeRoles(AgentId agent, const proto::RoleAssignment& roles, boo
                                 " to " + std::to_string(roles.term().number()));
   }
   (is_durable ? roles_of_ : unstored_roles_of_)[agent] = roles;
-  // An agent omits its own role if it cannot store it, and omits its own lead until it has a term of its own.
+  // An agent leaves its own role out of the assignment while it cannot store the role. A leader does the same until it
+  // has a term of its own.
   const bool is_whole = roles.leader() != 0 && (is_durable || roles.survivor() != 0);
   const std::string term = roles.term().SerializeAsString();
   if (is_whole) {
@@ -221,7 +223,7 @@ void Invariants::ForgetDropped(AgentId agent, AgentId origin, DataType type) {
   ForgetWhatIsLost();
 }
 
-// Removes records from `inserted_` that no agent certainly has.
+// Keeps in `inserted_` only the records that at least one agent certainly covers and may pass on (CanBring).
 void Invariants::ForgetWhatIsLost() {
   HaveSet kept;
   for (const auto& [key, stream] : inserted_.streams()) {
@@ -321,7 +323,7 @@ void Invariants::CheckPoses(AgentId agent, const HaveSet& have) {
     for (const IntervalSet::Interval& interval : seqs.held.intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
         const auto name = pose_names_.find({stream, seq});
-        if (name == pose_names_.end()) return;  // The insert of this pose was not answered yet.
+        if (name == pose_names_.end()) return;  // The insert of this pose has not been answered.
         PoseVersion& version = newest[name->second.node];
         version = std::max(version, name->second.version);
       }
@@ -395,7 +397,7 @@ void Invariants::CheckRows(AgentId agent, const HaveSet& have, const Records& re
 
 void Invariants::CheckLost(const QuiescentTeam& team) const {
   for (const auto& [key, stream] : inserted_.streams()) {
-    // Skip notes: a leader that keeps all notes never receives those that other agents superseded earlier.
+    // Skip notes: a leader that keeps all notes never receives the notes that other agents superseded earlier.
     if (key.type == kNote) continue;
     IntervalSet pruned;
     IntervalSet held;

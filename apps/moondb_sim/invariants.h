@@ -1,5 +1,5 @@
 // Invariants: conditions that a simulated team must meet, and the state that their checks need. Classes in parentheses
-// check the invariant before them. The team is quiescent when faults have ended and sharing is complete.
+// check the invariant that they follow. The team is quiescent when faults have ended and sharing is complete.
 //
 // - one_content: No record key ever has two contents.
 // - one_assignment: A term has at most one assignment of roles.
@@ -10,37 +10,37 @@
 // - one_pose_a_run: A node has at most one optimized pose per term and run.
 // - pose_goes_up: No agent's newest optimized pose of a node has an older term and run than before.
 // - newest_state: No agent drops a state before it holds a newer one. When the team is quiescent, the leader and the
-//   agent itself hold the newest state of each type and key. The newest is the last that the robot gave, among those
-//   that reached a disk which was not lost since (StateChecker).
+//   agent itself hold the newest state of each type and key. The newest state is the last one that the robot gave and
+//   that reached a disk that was not lost since (StateChecker).
 // - nothing_lost: When the team is quiescent, leader and survivor cover every record that was stored anywhere.
-//   Exceptions: all disks with the record were lost, or the record was pruned wherever it was.
+//   Exceptions: all disks with the record were lost, or all agents that held the record pruned it.
 // - survivor_is_leader: When the team is quiescent, the survivor holds what the leader holds, except what either of
 //   them pruned.
 // - done_is_true: When an agent answers that a sharing order is complete, each destination holds the records that the
 //   sender held when the order was given, or newer records of the same keys (DoneChecker).
-// - stores_after_prune: An agent that pruned much on a full disk again stores records other than maps.
+// - stores_after_prune: An agent whose prune freed much of a full disk again stores records other than maps.
 // - notes_kept: When the team is quiescent, leader and survivor hold all notes that were inserted while their agent
-//   kept all notes. Notes whose every disk was lost are exempt.
+//   kept all notes. Notes that were lost with all disks that held them are exempt.
 // - pruned_is_covered: An agent prunes only records that leader and survivor have just reported as covered
 //   (PruneChecker).
 // - home_again: When the team is quiescent, an agent covers all records of its own that the leader holds.
-// - brought_out: When the team is quiescent, rovers have the leader's optimized poses of their nodes, and the base
-//   station has the records that the policy `ground` requests.
+// - brought_out: When the team is quiescent, rovers hold the leader's optimized poses of their nodes, and the base
+//   station holds the records that the policy `ground` requests.
 // - steps_down: An agent that cannot store a newer assignment is neither leader nor survivor.
-// - history_is_own: When the team is quiescent, the records in an agent's history are its own robot's, undamaged, and
-//   no longer held. The history is within its size limit.
-// - one_leader: When the team is quiescent, all agents run, know their roles, and have the same roles.
+// - history_is_own: When the team is quiescent, the records in an agent's history are undamaged records of its own
+//   robot that its have-set no longer lists as held. The history is within its size limit.
+// - one_leader: When the team is quiescent, all agents run and know the same assignment of roles.
 // - comes_to_rest: When the team is quiescent, no session is open, and only periodic messages are sent.
 // - unacked_bounded: A session has no more bytes in flight than its limit, and no batch exceeds the limit of a batch.
-// - end_is_last: A session sends its last batch when all earlier batches are acknowledged.
+// - end_is_last: A session sends its last batch only after all earlier batches are acknowledged.
 // - mailbox_bounded: No mailbox holds more than 48 messages plus 4 per agent, and none drops any.
-// - nothing_refused: No agent refuses another agent's message or fails to decode it, except for a session that it lost.
-// - quiet_window: An agent sends no Hello and no Batch while it sleeps, or to an agent that it knows to sleep. While
-//   either of them drives or is paused, it sends only batches of states (LeaseChecker).
-// - failover_has_cause: An agent that takes the lead by itself is the survivor, and has missed the leader for
+// - nothing_refused: No agent refuses another agent's message or fails to decode it, unless it lost the session.
+// - quiet_window: An agent sends no Hello and no Batch while it sleeps, or while the receiver sleeps as far as it
+//   knows. While one of the two drives or is paused, it sends only batches of states (LeaseChecker).
+// - failover_has_cause: An agent that takes the lead without an operator is the survivor, and has missed the leader for
 //   leader_timeout_s (FailoverChecker).
 // - failover_happens: A survivor that has missed its leader for leader_timeout_s takes the lead (FailoverChecker).
-// - starts: No actor fails by itself, at its start or later.
+// - starts: No actor fails unless a fault was injected, at its start or later.
 #pragma once
 
 #include <cstdint>
@@ -64,7 +64,7 @@ namespace moondb::simulation {
 struct Violation {
   std::string rule;
   double time_s = 0;
-  std::uint64_t step = 0;  // Messages handled so far.
+  std::uint64_t step = 0;  // Number of messages handled before the violation.
   std::string text;
 };
 
@@ -73,7 +73,7 @@ struct QuiescentTeam {
   AgentId survivor = 0;
   AgentId base = 0;
   std::map<AgentId, HaveSet> have;
-  std::map<AgentId, Records> records;                           // Records read from each agent's store.
+  std::map<AgentId, Records> records;                           // Records in each agent's store.
   std::set<DataType> not_for_ground = {proto::OPTIMIZED_POSE};  // Types that are not sent to the base station.
 };
 
@@ -83,44 +83,47 @@ class Invariants {
 
   using Report = std::function<void(const std::string& rule, std::string text)>;
   struct Team {
-    AgentId liar = 0;  // Byzantine agent, whose statements and records prove nothing; 0 if none.
-    AgentId base = 0;  // Base station; 0 if none.
-    // Agents accept other agents' records only from trusted peers (actors/storage/peer_authority.h).
+    AgentId liar = 0;  // The Byzantine agent, whose statements and records prove nothing; 0 if none.
+    AgentId base = 0;  // The base station; 0 if none.
+    // If true, agents accept other agents' records only from trusted peers (actors/storage/peer_authority.h).
     bool has_keys = false;
   };
   explicit Invariants(Report report) : Invariants(std::move(report), Team()) {}
   Invariants(Report report, const Team& team)
       : report_(std::move(report)), liar_(team.liar), base_(team.base), has_keys_(team.has_keys) {}
 
-  // `where` has the record in its store, or receives it for its store.
+  // Called when `where` has the record in its store, or receives it for its store.
   void SeeRecord(const RecordKey& key, const std::string& content, AgentId where);
-  // `agent` acts on `roles`. Roles that are not durable count only until its RoleActor ends.
+  // Called when `agent` acts on `roles`. Roles that are not durable count only until the agent's RoleActor ends.
   void SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable = true);
   void ForgetUnstoredRoles(AgentId agent) { unstored_roles_of_.erase(agent); }
-  // The robot of `agent` gives it `record`. Requires: calls follow the order in which the robot gives records.
+  // Called when the robot of `agent` gives it `record`. Requires: the calls are in the order in which the robot gives
+  // records.
   void SeeGiven(AgentId agent, const proto::Record& record) {
     if (agent != liar_) states_.OnGiven(agent, record);
   }
-  // The agent confirmed that it stored `record` under `key`. The stored content may differ in the flags that storage
-  // sets (StatementHashes).
+  // Called when the agent confirms that it stored `record` under `key`. The stored content may differ in the flags that
+  // storage sets (StatementHashes).
   void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
-  // The agent confirmed that it stored this note, and its policy keeps all notes.
+  // Called when an agent whose policy keeps all notes confirms that it stored this note.
   void SeeKept(const RecordKey& key) { kept_notes_[key.stream].held.Add(key.seq); }
-  // Exempts an event that was inserted shortly before the end. The operator's last orders need not share it.
+  // Exempts an event that was inserted shortly before the end of the run, because the last orders need not share it.
   void ExcuseLate(const RecordKey& key) { late_[key.stream].held.Add(key.seq); }
-  // `agent` reported this have-set to another agent, or its disk holds it while the agent does not run.
+  // Called when `agent` reports this have-set to another agent, or when its disk holds the have-set while it does not
+  // run.
   void SeeHave(AgentId agent, const HaveSet& have);
 
-  // The agent's disk was replaced. Forgets what the old disk held.
+  // Called when the agent's disk was replaced. Forgets the records that the old disk held.
   void ForgetDisk(AgentId agent);
   void ForgetRoles(AgentId agent) { roles_of_.erase(agent); }
-  // The record's row was damaged. The agent may lack the record, and lacks older records that the record superseded.
+  // Called when the record's row was damaged. The agent may then lack the record, and lacks older records that the
+  // record superseded.
   void ForgetRecord(AgentId agent, const RecordKey& key);
-  // The agent may no longer know which records of that origin and type it dropped.
+  // Called when the agent may no longer know which records of the origin and type it dropped.
   void ForgetDropped(AgentId agent, AgentId origin, DataType type);
 
-  // Returns whether some agent acted on roles that name `agent`. A receiver that lacks these roles still refuses other
-  // agents' records from `agent`, and accepts them later.
+  // Returns whether some agent acted on roles that name `agent`. A receiver that does not know these roles yet refuses
+  // other agents' records from `agent`, and accepts them later.
   bool HasHadRole(AgentId agent) const { return had_role_.contains(agent); }
 
   // Returns whether a record in `have` supersedes the record of `key`.
@@ -128,7 +131,7 @@ class Invariants {
 
   // Checks the complete have-set of `agent`.
   void CheckHave(AgentId agent, const HaveSet& have);
-  // Checks the states in a have-set of `agent`, which must be complete at least for some origins.
+  // Checks the states in a have-set of `agent`. The have-set must be complete for at least some origins.
   void CheckStates(AgentId agent, const HaveSet& have) const;
   void CheckQuiescent(QuiescentTeam team);
 
@@ -164,22 +167,22 @@ class Invariants {
   const AgentId liar_;
   const AgentId base_;
   const bool has_keys_;
-  std::map<RecordKey, std::uint64_t> content_of_;             // Hashes of the contents.
-  std::map<RecordKey, std::set<std::uint64_t>> inserted_as_;  // Hashes of the contents that storage may have made.
-  std::map<std::string, std::pair<AgentId, AgentId>> assignment_of_;  // Leader and survivor, by term.
+  std::map<RecordKey, std::uint64_t> content_of_;                     // Hash of each record's content.
+  std::map<RecordKey, std::set<std::uint64_t>> inserted_as_;          // Hashes of the contents that storage may make.
+  std::map<std::string, std::pair<AgentId, AgentId>> assignment_of_;  // Leader and survivor of each term.
   std::set<AgentId> had_role_;                                        // Agents with a role in `assignment_of_`.
-  std::map<AgentId, proto::RoleAssignment> roles_of_;                 // Durable roles.
+  std::map<AgentId, proto::RoleAssignment> roles_of_;                 // Durable roles of each agent.
   std::map<AgentId, proto::RoleAssignment> unstored_roles_of_;
   StateChecker states_;
   HaveSet late_;
   HaveSet kept_notes_;
-  HaveSet inserted_;                 // Confirmed records, except those whose every disk was lost.
+  HaveSet inserted_;                 // Confirmed records, except those lost with all disks that held them.
   std::map<AgentId, HaveSet> held_;  // Records that each agent certainly covers.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
   std::map<RecordKey, PoseName> pose_names_;
-  std::map<RecordKey, std::pair<Node, Node>> verdict_names_;  // Both nodes of the range that a verdict judges.
+  std::map<RecordKey, std::pair<Node, Node>> verdict_names_;  // By verdict: both nodes of the range.
   struct Poses {
-    HaveSet held;  // Optimized poses at the last check.
+    HaveSet held;  // Optimized poses held at the last check.
     std::map<Node, PoseVersion> newest;
   };
   std::map<AgentId, Poses> poses_of_;

@@ -22,7 +22,7 @@ std::string MergedOf(const HaveSet& have) {
   return ToProto(merged).SerializeAsString();
 }
 
-// Returns the cell from the tile that covers it, or kUnknown without such a tile.
+// Returns the cell at (x, y) from the tile that covers it; kUnknown if no tile covers it.
 Cell CellOf(const std::map<std::pair<std::int64_t, std::int64_t>, Grid>& tiles, std::int64_t x, std::int64_t y) {
   const std::int64_t side = tiles.begin()->second.width;
   const auto floor = [side](std::int64_t cell) { return (cell >= 0 ? cell : cell - side + 1) / side; };

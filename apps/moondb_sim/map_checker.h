@@ -1,6 +1,6 @@
 // MapChecker: checks that an agent's merged map depends only on its records, as clients see them (invariant
 // map_of_records). Agents that hold the same nodes, poses, maps and quarantines give the same map at any time. The
-// tiles sent to a client that follows the map add up to the map.
+// tiles sent to a client that follows the map together equal the map.
 #pragma once
 
 #include <cstdint>
@@ -18,12 +18,12 @@ namespace moondb::simulation {
 
 class MapChecker {
  public:
-  // `agent` gives this merged map while it has `have`. Returns a text if the map is wrong. Requires: if a client
-  // follows the agent's map, OnTiles was called at the same instant.
+  // Checks the merged map that `agent` gives while its have-set is `have`. Returns a text if the map is wrong.
+  // Requires: if a client follows the agent's map, OnTiles was called at the same instant.
   std::optional<std::string> OnMap(AgentId agent, const HaveSet& have, const proto::MergeRequest& request,
                                    const proto::MergeReply& reply);
-  // One client follows the map of each agent. NextTiles returns its next request; OnTiles checks and adds the tiles of
-  // the answer.
+  // One client follows the map of each agent. NextTiles returns the client's next request. OnTiles checks the tiles of
+  // the answer, adds them to the client's map, and returns a text if they are wrong.
   proto::MapTilesRequest NextTiles(AgentId agent) const;
   std::optional<std::string> OnTiles(AgentId agent, const proto::MapTilesReply& reply);
 

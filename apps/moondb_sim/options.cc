@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint64_t kPrunedEvery = 3;
 constexpr std::uint64_t kPolicyChangedEvery = 7;
-// One seed in four: every other one of the even seeds, which have signing keys.
+// One seed in four: every second even seed. Even seeds have signing keys.
 constexpr std::uint64_t kByzantineEvery = 4;
 
 }  // namespace
@@ -62,7 +62,7 @@ double SimOptions::BudgetKbps() const {
 AgentId SimOptions::Byzantine() const {
   if (byzantine == ByzantineSeeds::kNone) return 0;
   if (byzantine == ByzantineSeeds::kSome && seed % kByzantineEvery != 0) return 0;
-  constexpr std::uint64_t kFirst = 3;  // The first rover after leader and survivor of the team file.
+  constexpr std::uint64_t kFirst = 3;  // The first rover that is neither leader nor survivor in the team file.
   return static_cast<AgentId>(kFirst + seed / kByzantineEvery % (static_cast<std::uint64_t>(rovers) - 1));
 }
 
@@ -72,8 +72,9 @@ double SimOptions::FaultsPerHour(const FaultKind& kind) const {
   if (is_faultless) return 0;
   const bool changes_policy = seed % kPolicyChangedEvery == 0;
   if (kind.name == "policy") return changes_policy ? kind.per_hour : 0;
-  // Pruned records hide lost ones from the invariants, so most seeds run without prunes. A pruned note would look lost.
-  // The maps of `full_prune` are costly for the solver, the merger, and the compact codec that some odd seeds use.
+  // The invariants cannot distinguish a lost record from a pruned one, so most seeds run without prunes. A pruned note
+  // would look lost. The maps of `full_prune` are costly for the solver, the merger, and the compact codec that some
+  // odd seeds use.
   if (kind.name == "full_prune" && (has_all_actors() || seed % 2 != 0)) return 0;
   const bool is_prune = kind.name == "prune" || kind.name == "full_prune";
   if (is_prune && (seed % kPrunedEvery != 0 || changes_policy)) return 0;

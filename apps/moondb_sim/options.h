@@ -26,24 +26,24 @@ const std::vector<FaultKind>& FaultKinds();
 
 // Which of the standard actors (apps/moondb_agent/standard_actors.h) the agents have.
 enum class SimulatedActors {
-  kAll,      // All of them; clients send requests through the gateway.
-  kSharing,  // Storage, roles, leases and sharing. Robots and the operator send requests directly to them.
+  kAll,      // All standard actors; clients send requests through the gateway.
+  kSharing,  // Actors for storage, roles, leases and sharing. Robots and the operator send requests to these actors.
 };
 
 // Selects the seeds that have a Byzantine agent (byzantine_agent.h) as an additional rover.
 enum class ByzantineSeeds {
   kNone,
   kSome,  // One seed in four: half of the seeds with signing keys.
-  // Every seed. In seeds without signing keys, attacks do violate invariants.
+  // Every seed. In seeds without signing keys, attacks violate invariants.
   kAll,
 };
 
 struct SimOptions {
   std::uint64_t seed = 1;
   SimulatedActors actors = SimulatedActors::kAll;
-  double hours = 2;  // Simulated time: five sixths with faults, the rest without.
-  int rovers = 3;    // Honest rovers. The base station is not counted; it is the last agent.
-  std::map<std::string, double> faults_per_hour;  // Rates by fault name. Other faults have their default rate.
+  double hours = 2;  // Simulated time. The last sixth has no faults.
+  int rovers = 3;    // Number of honest rovers. The base station comes after them as the last agent.
+  std::map<std::string, double> faults_per_hour;  // Rates by fault name. Other faults have default rates.
   bool is_faultless = false;
   ByzantineSeeds byzantine = ByzantineSeeds::kSome;
   std::set<std::string> attacks;  // Names of the attacks to use; empty means all.
@@ -55,25 +55,27 @@ struct SimOptions {
   bool is_store_checked = true;  // Check the store before each process start.
   bool is_paced = true;          // Limit the sessions to the radio budget.
 
-  // Radio budget of each agent in kbit/s, which the invariants check. It is small, so that only the refill of an empty
-  // disk needs all of it.
+  // Returns the radio budget of each agent in kbit/s, which the invariants check. The budget is so small that the
+  // refill of an empty disk needs all of it, but nothing else does.
   double BudgetKbps() const;
 
-  // Returns the Byzantine rover; 0 if none. The team file gives it no role.
+  // Returns the id of the Byzantine rover; 0 if none. The team file gives this rover no role.
   AgentId Byzantine() const;
   int RoverCount() const { return Byzantine() == 0 ? rovers : rovers + 1; }
 
   double FaultsPerHour(const FaultKind& kind) const;
-  // Returns whether robots insert notes. An agent keeps only the latest notes until its team file changes.
+  // Returns whether robots insert notes and team files change. An agent keeps only the latest notes until its team file
+  // changes.
   bool ChangesPolicy() const;
 
   bool has_all_actors() const { return actors == SimulatedActors::kAll; }
 };
 
-// Parses NAME,NAME... Fails with kInvalid and the list of valid names.
+// Sets the attacks from text of the form NAME,NAME... An unknown name gives kInvalid with the list of valid names.
 Result<void> SetAttacks(const std::string& text, SimOptions& options);
 
-// Parses NAME=RATE with a rate per hour. Fails with kInvalid; for an unknown name the error lists the valid names.
+// Sets the rate per hour of one fault from text of the form NAME=RATE. Invalid text gives kInvalid; for an unknown name
+// the error lists the valid names.
 Result<void> SetFault(const std::string& text, SimOptions& options);
 
 }  // namespace moondb::simulation

@@ -1,5 +1,6 @@
-// OwnInserts: records that each agent's actors inserted into its StorageActor and that were confirmed: solved poses,
-// events, and records of clients. Matches requests and replies by request id, and ignores inserts without one.
+// OwnInserts: tracks the records that each agent's actors insert into its StorageActor (solved poses, events, and
+// records of clients), and reports them once they are confirmed. Matches requests and replies by request id, and
+// ignores inserts without one.
 #pragma once
 
 #include <cstdint>
@@ -14,11 +15,11 @@ namespace moondb::simulation {
 
 class OwnInserts {
  public:
-  // The agent's StorageActor is about to handle the insert request.
+  // Called before the agent's StorageActor handles the insert request.
   void OnRequest(AgentId agent, const proto::Message& message);
-  // An actor of the agent is about to handle the reply. Returns the records that the reply confirms as stored.
+  // Called before an actor of the agent handles the reply. Returns the records that the reply confirms as stored.
   std::vector<std::pair<RecordKey, proto::Record>> OnReply(AgentId agent, const proto::Message& message);
-  // Drops the agent's open requests, which will not be answered. Returns whether there were any.
+  // Drops the agent's open requests, which will not be answered. Returns whether there were open requests.
   bool Forget(AgentId agent);
 
  private:

@@ -55,7 +55,7 @@ void QuiescenceChecks::Check() {
     team.records[agent] = world_.ReadAll(agent);
   }
   byzantine_.CheckQuiescent(team);
-  // Once the Byzantine agent was given a role, its earlier lies may count as true. Nothing is certain then.
+  // If the Byzantine agent was ever given a role, other agents may accept its earlier lies. Then nothing is certain.
   if (!byzantine_.is_trusted()) world_.invariants.CheckQuiescent(team);
   if (world_.options.has_all_actors()) clients_.CheckQuiescent();
   CheckBytesEnd();

@@ -24,16 +24,16 @@ class QuiescenceChecks {
   void Check();
 
  private:
-  // Returns the roles on which all honest agents agree, as their role actors and their other actors know them. Null if
-  // an invariant is violated.
+  // Returns the roles on which all honest agents agree: their RoleActors and their other actors know the same roles.
+  // Returns null if an invariant is violated.
   std::optional<proto::RoleAssignment> CheckRoles();
   void CheckHistory(AgentId agent, const HaveSet& have);
   void CheckBytesEnd();
   void CheckSessions(AgentId agent);
-  // Returns the most bytes that periodic sessions may send in `length` if the leader needs no new states.
+  // Returns the most bytes that periodic sessions may send within `length` if the leader needs no new states.
   std::uint64_t StatesBytesMax(Duration length) const;
-  // Returns the most bytes that the survivor's checks of the leader may take in `length`, with the answers
-  // (FailoverActor).
+  // Returns the most bytes that the survivor's checks of the leader (FailoverActor) and the answers may take within
+  // `length`.
   std::uint64_t LeaderCheckBytesMax(Duration length) const;
 
   SimulatedWorld& world_;

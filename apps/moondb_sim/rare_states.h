@@ -1,5 +1,5 @@
-// RareStates: counts how often a run reached states that are rare and in which bugs hide. A sweep that never reached
-// such a state has not tested it. The counts come from messages that actors handle and the radio carries.
+// RareStates: counts how often a run reached rare states, because bugs hide in such states. A sweep that never reached
+// a rare state has not tested it. The counts come from messages that actors handle and the radio carries.
 #pragma once
 
 #include <cstdint>
@@ -25,17 +25,17 @@ const std::vector<RareState>& RareStateKinds();
 
 class RareStates {
  public:
-  // An actor is about to handle the message.
+  // Called before an actor handles the message.
   void OnHandle(const Address& actor, const proto::Message& message);
   void OnRadio(AgentId from, AgentId to, const proto::Message& message);
   void OnAgentEnded(AgentId agent);
-  // Counts a state that another class observed. Requires: `name` is one of RareStateKinds.
+  // Adds one to the count of a state that another class observed. Requires: `name` is one of RareStateKinds.
   void Count(const std::string& name) { ++counts_[name]; }
 
   const std::map<std::string, int>& counts() const { return counts_; }
 
  private:
-  using Session = std::tuple<AgentId, std::string, AgentId>;  // Sender, its actor, receiver.
+  using Session = std::tuple<AgentId, std::string, AgentId>;  // Sending agent, sending actor, receiving agent.
   struct Fragment {
     std::uint64_t session_id = 0;
     std::uint64_t term = 0;  // Term of the sender when it last sent the fragment.
@@ -50,7 +50,7 @@ class RareStates {
   std::set<Session> ending_;                      // Sessions whose last batch is not acknowledged.
   // Last fragment sent, by receiver and hash of the whole record.
   std::map<std::pair<AgentId, std::uint64_t>, Fragment> fragments_;
-  std::map<AgentId, int> merging_;  // Requests that each agent's MergeActor has not answered.
+  std::map<AgentId, int> merging_;  // Number of unanswered requests at each agent's MergeActor.
   std::map<AgentId, int> solving_;
 };
 

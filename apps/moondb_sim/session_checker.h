@@ -1,5 +1,5 @@
-// SessionChecker: tracks the unacknowledged batches of one agent to another in their present session. It uses only the
-// messages of both agents, not the session's own state.
+// SessionChecker: tracks the unacknowledged batches that one agent sends to another in their present session. It uses
+// only the messages of both agents, not the session's own state.
 #pragma once
 
 #include <cstdint>
@@ -21,11 +21,11 @@ class SessionChecker {
  public:
   explicit SessionChecker(SharingSession::Options limits = {}) : limits_(limits) {}
 
-  // The sender sends a Hello or a batch. OnBatch returns each violated invariant with a text: unacked_bounded,
-  // end_is_last, or nothing_refused for a batch that does not decode.
+  // Called when the sender sends a Hello or a batch. OnBatch returns each violated invariant with a text:
+  // unacked_bounded, end_is_last, or nothing_refused for a batch that does not decode.
   void OnHello(const proto::Hello& hello);
   std::vector<std::pair<std::string, std::string>> OnBatch(const proto::Message& message);
-  // The sender handles an acknowledgement.
+  // Called when the sender handles an acknowledgement.
   void OnHave(const proto::Have& have);
 
  private:
@@ -43,7 +43,8 @@ class SessionChecker {
   // Decoders of the sent batches. They receive every batch, in the order of sending.
   FragmentCollector fragments_{2 * kWholeBytesMax};
   RunDecoders runs_{1, {}};
-  // Compression run that began with a fragmented record of which this session did not carry all fragments.
+  // Compression run of the last fragmented record that cannot be decoded, because this session did not send all its
+  // fragments. Batches of this run cannot be decoded either. 0: none.
   std::uint32_t unheard_run_ = 0;
 };
 

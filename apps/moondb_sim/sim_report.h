@@ -11,10 +11,10 @@
 namespace moondb::simulation {
 
 struct SimReport {
-  std::vector<Violation> violations;     // The first ten at most.
+  std::vector<Violation> violations;     // The first violations, at most ten.
   std::vector<std::string> last_events;  // Messages handled before the first violation.
   std::map<std::string, int> faults;     // How often each fault struck.
-  std::map<std::string, int> rare;       // Counts of those RareStateKinds that the run reached.
+  std::map<std::string, int> rare;       // How often the run reached each rare state.
   std::uint64_t records = 0;             // Records inserted by robots.
   std::uint64_t messages = 0;            // Messages handled by actors.
   std::uint64_t radio_bytes = 0;
@@ -22,7 +22,7 @@ struct SimReport {
   std::uint64_t batch_bytes = 0;  // Bytes of messages with records.
   std::uint64_t trace_hash = 0;
   double pruned = 0;  // Records pruned.
-  int failovers = 0;  // Requests of survivors to lead.
+  int failovers = 0;  // Number of survivors' requests to lead.
   // Seconds to refill an empty survivor over a radio of 1 Mbit/s (SimOptions::measures_refill). Negative if it takes
   // more than a day.
   double refill_s = 0;

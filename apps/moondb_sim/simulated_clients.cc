@@ -18,7 +18,7 @@ using std::chrono::minutes;
 using std::chrono::seconds;
 
 constexpr Duration kAskPeriod = seconds(15);  // Average time between requests.
-constexpr std::uint64_t kSeveralEvery = 8;    // One turn in eight sends several requests, up to kSeveralMax.
+constexpr std::uint64_t kSeveralEvery = 8;    // One round of requests in eight has several, up to kSeveralMax.
 constexpr std::uint64_t kSeveralMax = 5;
 constexpr std::uint64_t kOtherWayEvery = 6;
 constexpr std::uint64_t kSwapAmidFragmentsEvery = 2;
@@ -130,7 +130,7 @@ void SimulatedClients::AskWhatStands(AgentId agent) {
   SendAnyWay(agent, request);
 }
 
-// Sends requests that change nothing, and whose answers the checkers cannot verify.
+// Sends requests that change nothing and whose answers are not verified.
 void SimulatedClients::AskForSights(AgentId agent) {
   proto::ControlRequest request;
   switch (world_.rng() % 7) {
@@ -198,7 +198,7 @@ void SimulatedClients::AskToSwap(AgentId agent) {
   AskAmidChange(*leaders.begin(), request);
 }
 
-// Makes the leader solve and merge while it gives up its role.
+// Makes the leader solve, merge and give up its role at the same instant.
 void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest& change) {
   proto::ControlRequest solve;
   solve.mutable_optimize();
@@ -246,7 +246,7 @@ void SimulatedClients::AskToPrune(AgentId agent) {
   Send(agent, request);
 }
 
-// Sends a request that cannot succeed, or that no client may send.
+// Sends a request that cannot succeed or that clients may not send.
 void SimulatedClients::AskWrongly(AgentId agent) {
   proto::ControlRequest request;
   switch (world_.rng() % 8) {
@@ -316,8 +316,8 @@ void SimulatedClients::CheckAnswer(AgentId agent, const proto::ControlRequest& r
   if (wrong) world_.Violate("answer_true", "agent " + std::to_string(agent) + ", " + NameOf(request) + ": " + *wrong);
 }
 
-// Checks that the leader stores at least as many poses of its newest run as it answered. The Byzantine agent is exempt,
-// even after an honest agent has given it the lead.
+// Checks that the leader stores at least as many poses of its newest run as its answer says. The Byzantine agent is
+// exempt, even after an honest agent has made it leader.
 void SimulatedClients::CheckSolved(AgentId leader, const proto::OptimizeReply& reply) {
   if (leader == world_.byzantine) return;
   std::map<std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>, double> counts;
@@ -417,7 +417,8 @@ void SimulatedClients::Report(AgentId agent, const BundleChecker::Broken& broken
 
 // --- Quiescent team ---
 
-// A restarted MergeActor reads all records again. Its map must equal the one that it had maintained during the run.
+// Restarts each MergeActor, which then reads all records again. The new map must equal the map that the actor
+// maintained during the run.
 void SimulatedClients::CheckQuiescent() {
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
     CheckMap(agent);
@@ -435,7 +436,7 @@ void SimulatedClients::CheckBundlesWhenIdle(AgentId agent) {
     request.set_bytes_max(bytes_max);
     request.set_acknowledge(acknowledge);
     Order(agent, request);
-    // Each fetched file needs another request.
+    // Each file that was fetched requires a further request.
     for (int i = 0; i < kBundlesWhenIdleMax && (i == 0 || checker.UnknownBundle() != 0); ++i) calls_.Run();
   };
   order(0, 0);

@@ -1,7 +1,7 @@
-// SimulatedClients: requests of operators, planners and people at consoles to the simulated agents' gateways, in each
-// run with all actors. They insert, read, inspect, and follow the map. They order solves, leases, prunes and bundles,
-// change roles, and send invalid requests. Usually one request is sent at an instant, sometimes several, now and then
-// through another agent.
+// SimulatedClients: sends requests of operators, planners and people at consoles to the simulated agents' gateways, in
+// each run with all actors. The clients insert, read, inspect, and follow the map. They order solves, leases, prunes
+// and bundles, change roles, and send invalid requests. Usually one request is sent at an instant, sometimes several,
+// now and then through another agent.
 //
 // Each answer is checked against what is known at that instant (answer_check.h, map_checker.h, bundle_checker.h).
 #pragma once
@@ -21,16 +21,16 @@ class SimulatedClients {
  public:
   explicit SimulatedClients(SimulatedWorld& world) : world_(world), calls_(world) {}
 
-  void Start();  // Sends requests until the world is quiet.
+  void Start();  // Sends requests until SimulatedWorld::is_quiet.
 
   void OnAgentEnded(AgentId agent);
   void OnGatewayFailed(AgentId agent) { calls_.Forget(agent); }
-  // A message is on its way from `from` to another agent.
+  // Called when `from` sends a message to another agent.
   void OnRadio(AgentId from, const proto::Message& message);
   void OnDiskLost(AgentId agent) { bundles_[agent].OnDiskLost(); }
 
-  // Checks all agents' maps, and that the base station packs every record that the ground station wants. Requires: the
-  // team is quiescent.
+  // Checks the maps of all agents. Checks that the base station packs every record that the ground station wants.
+  // Requires: the team is quiescent.
   void CheckQuiescent();
 
  private:
@@ -67,14 +67,14 @@ class SimulatedClients {
 
   void Order(AgentId agent, const proto::DownlinkRequest& order);
   void OnDownlinkReply(AgentId agent, const proto::DownlinkRequest& order, const Answer& answer);
-  void FetchUnknown(AgentId agent);  // Fetches unknown bundles, one after the other.
+  void FetchUnknown(AgentId agent);  // Fetches bundles not fetched yet, one after the other.
   void Fetch(AgentId agent, std::uint32_t number, const std::string& begin);
   void CheckBundlesWhenIdle(AgentId agent);
   void Report(AgentId agent, const BundleChecker::Broken& broken);
 
   SimulatedWorld& world_;
   ClientCalls calls_;
-  // Several requests are sent at this instant, so their answers cannot be checked one by one.
+  // True while several requests are sent at one instant, so that their answers cannot be checked one by one.
   bool asks_several_ = false;
   MapChecker maps_;
   std::map<AgentId, BundleChecker> bundles_;

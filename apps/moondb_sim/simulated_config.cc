@@ -5,7 +5,7 @@
 namespace moondb::simulation {
 namespace {
 
-// One seed in three has a survivor that takes the lead by itself.
+// One seed in three has a survivor that takes the lead without an operator.
 constexpr std::uint64_t kFailoverEvery = 3;
 constexpr double kLeaderTimeout_s = 120;
 
@@ -33,8 +33,8 @@ void AddCustomType(proto::TeamConfig& team, DataType id, const std::string& name
   type.set_bytes_max(bytes_max);
 }
 
-// Adds settings for the actors that take no part in sharing: a site to drive in, and data to merge and to pack for the
-// ground station.
+// Adds settings for the actors that take no part in sharing: a site in which rovers drive, and types to merge and to
+// pack for the ground station.
 void AddAllActors(proto::TeamConfig& team) {
   team.set_team_id("0123456789abcdef0123456789abcdef");
   for (proto::AgentConfig& agent : *team.mutable_agents()) {
@@ -91,7 +91,7 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
     // Notes test only sharing, so the ground station gets none.
     team.mutable_custom_types()->rbegin()->set_ground(proto::POLICY_NONE);
   }
-  // Room for some minutes of states, so the oldest ones are removed all the time.
+  // The limit has room for some minutes of states, so agents remove the oldest states all the time.
   team.mutable_retention()->set_history_mb_max(kHistory_mb);
   (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";
   (*team.mutable_keep())["optimized_pose"] = "1h";

@@ -22,19 +22,19 @@ std::atomic<std::uint64_t> disk_count = 0;
 }  // namespace
 
 struct SimulatedDisk::File {
-  // An unsynced change, with the content that it replaced.
+  // An unsynced write or truncation, with the content that it replaced.
   struct Change {
     std::size_t offset = 0;
     std::string now;
     std::string before;  // Replaced bytes.
     std::size_t size_before = 0;
-    bool is_truncation = false;  // Whether the file was cut to `offset`.
+    bool is_truncation = false;  // True if the file was cut to `offset`.
   };
 
   std::string path;
   std::string content;
   std::vector<Change> unsynced;
-  int generation = 0;  // Number of power cuts. Handles from before the last one are dead.
+  int generation = 0;  // Number of power cuts. Handles from before the last cut fail.
 
   void Apply(const Change& change) {
     if (change.is_truncation) {
@@ -142,7 +142,7 @@ struct DiskCalls {
     *size = static_cast<sqlite3_int64>(file->content.size());
     return SQLITE_OK;
   }
-  static int Lock(sqlite3_file*, int) { return SQLITE_OK; }  // There is only one connection.
+  static int Lock(sqlite3_file*, int) { return SQLITE_OK; }  // The database has only one connection.
   static int CheckReservedLock(sqlite3_file*, int* is_locked) {
     *is_locked = 0;
     return SQLITE_OK;

@@ -17,7 +17,7 @@ constexpr double kRangeNoise_m = 0.15;
 constexpr std::int32_t kMapCells = 16;
 constexpr std::uint32_t kMapResolution_um = 200'000;
 constexpr double kHazardRatio = 0.1;
-// One map in 40 has random cells, and exceeds one message with any codec.
+// One map in 40 has random cells. Such a map exceeds one message with any codec.
 constexpr std::uint64_t kRandomMapEvery = 40;
 constexpr std::int32_t kLargeMapCells = 320;
 

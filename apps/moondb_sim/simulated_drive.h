@@ -15,8 +15,8 @@ class SimulatedDrive {
  public:
   explicit SimulatedDrive(SimulatedWorld& world) : world_(world) {}
 
-  // Returns the agent's next node and the edges to it. The first node is at the agent's start. A base station has only
-  // one node.
+  // Returns the agent's next node and the edges to this node. The first node is at the agent's start. A base station
+  // has only one node.
   std::vector<proto::Record> NextNode(AgentId agent);
   // Returns a map of the rover's surroundings at its last node.
   proto::Record MapHere(AgentId rover);

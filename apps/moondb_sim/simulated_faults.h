@@ -21,9 +21,9 @@ class SimulatedFaults {
   // down, and leases remain.
   void End();
 
-  // Returns how an actor of `agent` fails at the message that it is about to handle.
+  // Called before an actor of `agent` handles a message. Returns how the actor fails at this message.
   Fault AtHandler(AgentId agent);
-  // Returns whether `to` receives nothing from `from`.
+  // Returns whether messages from `from` to `to` are lost.
   bool IsDeaf(AgentId from, AgentId to) const { return deaf_.contains({from, to}); }
 
  private:

@@ -41,18 +41,19 @@ using std::chrono::milliseconds;
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-constexpr double kMessagesMaxPerHour = 50'000;  // Limit for each agent; a hundredth of it is usual.
+constexpr double kMessagesMaxPerHour = 50'000;  // Limit for each agent; 500 is usual.
 constexpr Duration kSharePeriod = seconds(60);
 constexpr Duration kInspectPeriod = minutes(1);
-constexpr double kQuietRatio = 1.0 / 6;  // Part of the run at its end that has no faults.
+constexpr double kQuietRatio = 1.0 / 6;  // Last part of the run, which has no faults.
 
-// Time between solves. A solve takes longer than all other work in a minute of a run.
+// Time between solves, which are long: a solve takes longer than all other work in a minute of a run.
 constexpr Duration kSolveApart = minutes(5);
 
 constexpr std::uint64_t kConfigHash = 1;
-// Content that the prune must free: more than twice the bytes that an agent with a full disk reserves for roles.
+// Bytes of content that the prune must free: more than twice the bytes that an agent with a full disk reserves for
+// roles.
 constexpr double kFreedBytesMin = 768 * 1024;
-// Page size of have-sets in one seed of two. The have-set after an hour would fit into one page of the default size.
+// Page size of have-sets in one seed of two. With the default size, the have-set after an hour would fit into one page.
 constexpr std::size_t kSmallPageBytes = 1000;
 // Actors that SimulatedActors::kSharing leaves out.
 const std::set<std::string> kNoPartOfSharing = {actor_name::kEvent, actor_name::kDownlink, actor_name::kPgo,
@@ -132,7 +133,7 @@ class Mission {
   }
 
  private:
-  // Advances time, and checks each answer to the operator at the instant at which it arrives.
+  // Advances time. Stops at each instant at which an answer to the operator arrives, and checks the answer.
   void AdvanceTo(MonotonicTime time) {
     while (time > world_.team.now() &&
            world_.team.RunUntil([this] { return done_.HasAnswers(); }, time - world_.team.now())) {
@@ -141,7 +142,7 @@ class Mission {
     world_.AdvanceTo(time);
   }
 
-  // Returns the end of the run. It is later than `end` if a leader solved shortly before, so that the leader can
+  // Returns the end of the run. The end is later than `end` if a leader solved shortly before, so that the leader can
   // replicate the results to its survivor.
   MonotonicTime EndFrom(MonotonicTime end) const {
     return std::min(std::max(end, derived_at_ + 2 * kSharePeriod), end + 10 * kSharePeriod);
@@ -153,7 +154,7 @@ class Mission {
     StandardActorOptions options;
     options.storage.path = SimulatedWorld::PathOf(agent);
     options.storage.vfs = world_.disk.name();
-    options.storage.is_checked = true;  // CheckStore has checked it.
+    options.storage.is_checked = true;  // CheckStore has checked the store.
     options.sharing.session = world_.options.session;
     if (world_.options.seed % 2 == 0) options.sharing.have_page_bytes_max = kSmallPageBytes;
     options.pgo.solver.thread_count = 1;
@@ -236,7 +237,7 @@ class Mission {
         }
         if (byzantine_checker_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
         if (message.store_reply().rejected_count() == 0) break;
-        // An agent that is short of room refuses records of an origin that takes more than its share.
+        // An agent with little room refuses records of an origin that takes more than its share of the room.
         if (world_.HadDiskTrouble(actor.agent)) break;
         if (HasSigningKeys(world_.config) && world_.invariants.HasHadRole(sender)) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
@@ -301,8 +302,8 @@ class Mission {
     freed.since = world_.team.now();
   }
 
-  // An actor of the agent receives the answer that its insert is stored. Without all actors only robots insert, and
-  // SimulatedRobots reports their inserts.
+  // Called when an actor of the agent learns that its insert is stored. If the agents do not have all actors
+  // (has_all_actors), only robots insert, and SimulatedRobots reports their inserts.
   void SeeInserted(AgentId agent, const proto::Message& message) {
     if (!world_.options.has_all_actors()) return;
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
@@ -350,12 +351,12 @@ class Mission {
     world_.rare_states.OnRadio(from, to, message);
     if (world_.options.has_all_actors()) clients_.OnRadio(from, message);
     const std::string who = "agent " + std::to_string(from) + " to " + std::to_string(to) + ": ";
-    // A Byzantine agent's own statements about its leases prove nothing.
+    // A Byzantine agent may lie about its leases, so messages to and from it are exempt.
     const auto wrong = leases_.at(from).WhyQuiet(message.source_actor(), to, message, world_.team.now());
     if (wrong && !IsByzantine(from) && !IsByzantine(to)) {
       world_.Violate("quiet_window", who + *wrong);
     }
-    const bool is_honest = !IsByzantine(from) && !IsByzantine(to);  // Both ends are honest.
+    const bool is_honest = !IsByzantine(from) && !IsByzantine(to);  // Sender and receiver are honest.
     if (message.has_hello()) checkers_[{from, message.source_actor(), to}].OnHello(message.hello());
     if (message.has_batch()) {
       world_.report.batch_bytes += message.ByteSizeLong();
@@ -474,8 +475,8 @@ class Mission {
 
   std::uint64_t hash_ = 0;
   MonotonicTime derived_at_{};  // When poses or verdicts were last stored.
-  MonotonicTime late_from_{};   // Events inserted from here on need not reach other agents.
-  // Too many messages were sent: the radio drops all further ones, to end the run.
+  MonotonicTime late_from_{};   // Events inserted after this time need not reach other agents.
+  // Too many messages were sent. The radio drops all further messages, to end the run.
   bool is_stormy_ = false;
   // Sessions by sender, actor and receiver.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionChecker> checkers_;

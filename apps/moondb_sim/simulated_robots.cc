@@ -14,19 +14,19 @@ using std::chrono::seconds;
 
 constexpr Duration kInsertPeriod = seconds(10);
 constexpr int kInsertsPerMap = 6;
-constexpr std::uint64_t kQuarantineEvery = 60;  // Average number of turns per quarantine.
+constexpr std::uint64_t kQuarantineEvery = 60;  // One quarantine on average in this number of turns.
 constexpr std::uint64_t kLargeMapEvery = 30;    // One map in 30 has about 15 kB coded; the others have 0.2 kB.
 constexpr std::size_t kOpenMax = 32;
 constexpr std::uint64_t kSilentEvery = 4;  // One seed in four has silent robots.
 constexpr Duration kSilence = std::chrono::hours(1);
-constexpr std::uint64_t kBeacons = 5;  // Different latest keys of beacons.
+constexpr std::uint64_t kBeacons = 5;  // Number of latest keys that beacons use.
 constexpr int kPlainMaps = 16;
 constexpr std::uint32_t kPlainSide_cells = 512;
-constexpr std::uint64_t kNotes = 2;         // Different latest keys of notes.
+constexpr std::uint64_t kNotes = 2;         // Number of latest keys that notes use.
 constexpr std::uint64_t kTurnsPerNote = 3;  // A rover inserts a note every third turn.
 constexpr Duration kOptimizedAfterStart = seconds(2);
 constexpr Duration kOptimizePeriod = minutes(5);
-// Last nodes of each rover that a run optimizes, so each node is optimized twice.
+// Each run optimizes this many last nodes of each rover, so each node is optimized twice.
 constexpr std::uint64_t kOptimizedNodes = 60;
 constexpr std::uint64_t kOptimizedStep = 6;
 constexpr std::uint64_t kTurnsPerNode = 6;  // For driving robots. More nodes would make solving and merging too slow.
@@ -40,10 +40,11 @@ proto::NodeKey Node(AgentId agent, std::uint64_t index) {
   return key;
 }
 
-// Returns whether storage recognises a repeated insert of the record, by its node or edge.
+// Returns whether storage recognises a repeated insert of the record by its node or edge.
 bool HasName(const proto::Record& record) { return record.has_pose_graph_node() || record.has_pose_graph_edge(); }
 
-// Returns the answer to an insert. Null for other messages, and for errors that leave the outcome open.
+// Returns the answer to an insert that `message` holds. Null for other messages, and for errors after which the record
+// may or may not be stored.
 std::optional<proto::InsertReply> InsertReplyIn(const proto::Message& message) {
   if (message.has_insert_reply()) return message.insert_reply();
   const std::optional<proto::ControlReply> reply = ClientReplyIn(message);
@@ -81,7 +82,7 @@ void SimulatedRobots::SetLease(AgentId agent, proto::LeaseKind kind, Duration le
   message.mutable_lease_request()->set_kind(kind);
   message.mutable_lease_request()->set_seconds(std::chrono::duration<double>(length).count());
   (void)world_.team.Post({agent, "driver"}, {agent, actor_name::kLease}, std::move(message));
-  (void)world_.team.Take({agent, "driver"});  // Drop earlier answers.
+  (void)world_.team.Take({agent, "driver"});  // Drop the answers to earlier lease requests.
 }
 
 bool SimulatedRobots::IsSilent() const { return world_.options.seed % kSilentEvery == kSilentEvery - 1; }
@@ -89,7 +90,7 @@ bool SimulatedRobots::IsSilent() const { return world_.options.seed % kSilentEve
 void SimulatedRobots::OnAgentStarted(AgentId agent) {
   if (!IsSilent() || agent == world_.base || world_.is_quiet) return;
   robots_[agent].silent_until = MonotonicTime();
-  // Report the state now, or leave it to the next turn.
+  // Report the state now, or not before the next turn.
   if (world_.rng() % 2 == 0) ReportState(agent);
   world_.In(world_.DrawDuration(kOptimizedAfterStart), [this, agent] {
     if (!world_.is_quiet && world_.Leaders().contains(agent)) OptimizeAt(agent);
@@ -141,7 +142,7 @@ void SimulatedRobots::Drive(AgentId agent, Robot& robot) {
 }
 
 // Inserts the open records. Unanswered nodes and edges are inserted again, because storage recognises repeats.
-// Unanswered maps are not, because they might be stored twice.
+// Unanswered maps are not inserted again, because they might be stored twice.
 void SimulatedRobots::InsertOpen(AgentId agent, Robot& robot) {
   while (robot.open.size() > kOpenMax) robot.open.pop_front();
   for (const proto::Record& record : robot.open) Insert(agent, {record});
@@ -173,7 +174,7 @@ void SimulatedRobots::SetPose(proto::Pose& pose) {
   pose.mutable_orientation()->set_w(1);
 }
 
-// Quarantines maps of any agent. Without MergeActor the choice does not matter.
+// Returns a quarantine of maps of any agent. Without MergeActor the choice of maps does not matter.
 proto::Record SimulatedRobots::Quarantine() {
   proto::Record record;
   record.mutable_map_quarantine()->set_agent_id(world_.DrawAgent());
@@ -181,7 +182,7 @@ proto::Record SimulatedRobots::Quarantine() {
   return record;
 }
 
-// Quarantines some minutes of an agent's maps, or lifts an earlier quarantine.
+// Returns a quarantine of some minutes of an agent's maps, or a record that lifts an earlier quarantine.
 proto::Record SimulatedRobots::QuarantineOfLate() {
   proto::Record record;
   proto::MapQuarantine& quarantine = *record.mutable_map_quarantine();
@@ -204,7 +205,7 @@ proto::Record SimulatedRobots::MapAt(AgentId rover, std::uint64_t index) {
   *map.mutable_node() = Node(rover, index);
   map.mutable_node_from_map()->mutable_position_m();
   map.mutable_node_from_map()->mutable_orientation()->set_w(1);
-  // Now and then, a map does not fit into one message with any codec.
+  // In some turns, the map does not fit into one message with any codec.
   const bool is_large = world_.rng() % kLargeMapEvery == 0;
   const std::uint32_t side_cells = is_large ? 192 : 16;
   for (int i = 0; i < 2; ++i) {
@@ -290,7 +291,7 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
     return;
   }
   if (IsError(reply.error())) {
-    if (agent == world_.byzantine) return;  // The Byzantine agent may have lied to its own store too.
+    if (agent == world_.byzantine) return;  // The Byzantine agent may lie to its own store.
     // A rover without a role may not quarantine other agents' maps, and robots do not check who leads.
     const bool is_refused = reply.error().code() == proto::ERROR_CODE_REFUSED && HasSigningKeys(world_.config);
     if (is_refused && records.front().has_map_quarantine()) return;

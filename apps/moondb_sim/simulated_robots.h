@@ -1,6 +1,6 @@
 // SimulatedRobots: the agents' robots, and an optimizer at the leader. Each rover inserts a state and a node every ten
-// seconds and a map every minute, and repeats inserts that were not answered. In one seed of four, rovers report their
-// state when their agent starts, and then not for an hour. In these seeds a leader optimizes right after its start.
+// seconds and a map every minute, and repeats inserts that were not answered. In one seed of four, a rover reports its
+// state when its agent starts, and then not for an hour. In these seeds a leader optimizes right after its start.
 //
 // With all actors, robots are clients of their agents' gateways and drive (SimulatedDrive). They insert a node with its
 // edges and a map every minute, and leave the pose graph to PgoActor.
@@ -21,15 +21,15 @@ class SimulatedRobots {
  public:
   explicit SimulatedRobots(SimulatedWorld& world) : world_(world), drive_(world) {}
 
-  void Start();                           // Inserts records until the world is quiet.
-  void TakeInsertReplies(AgentId agent);  // Reports stored records to the invariants.
+  void Start();                           // Inserts records until SimulatedWorld::is_quiet.
+  void TakeInsertReplies(AgentId agent);  // Reports records that the agent confirmed as stored.
   // The robot's software or an operator requests a lease from its agent; 0 ends the lease. Does nothing if the agent
   // does not run.
   void SetLease(AgentId agent, proto::LeaseKind kind, Duration length);
   // Inserts maps that take much space on the disk and little on the radio.
   void LearnPlainMaps(AgentId rover);
   void OnAgentStarted(AgentId agent);  // Call before the agent connects to others.
-  void OnAgentEnded(AgentId agent);    // Drops its open requests, which will not be answered.
+  void OnAgentEnded(AgentId agent);    // Drops the agent's open requests.
 
  private:
   struct Robot {

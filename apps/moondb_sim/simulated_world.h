@@ -36,34 +36,35 @@ class SimulatedWorld {
 
   void At(MonotonicTime time, Action action);
   void In(Duration delay, Action action);
-  void AdvanceTo(MonotonicTime time);  // Does nothing if `time` has passed.
+  void AdvanceTo(MonotonicTime time);  // Does nothing if `time` is in the past.
   double NowS() const;                 // Seconds since the start.
   std::int64_t ClockOf(AgentId agent) { return team.utc_now_ns() + clock_offset[agent].count(); }
 
-  double Draw();  // Returns a uniform number from 0 to below 1.
+  double Draw();  // Returns a uniform random number in [0, 1).
   Duration DrawDuration(Duration limit);
   AgentId DrawAgent();
   AgentId DrawOther(AgentId agent);
 
-  // Reports a violated invariant. The report keeps the first few, and the last events before the first.
+  // Reports a violated invariant. The report keeps the first violations, and the last events before the first
+  // violation.
   void Violate(const std::string& rule, std::string text);
-  bool HasEnough() const;  // Returns whether there are enough violations to end the run.
+  bool HasEnough() const;  // Returns whether there are enough violations to end the run early.
   void NoteEvent(const Address& actor, const proto::Message& message);
 
   // Returns the agent's present team file.
   const proto::TeamConfig& ConfigOf(AgentId agent) const {
     return keeps_all_notes.contains(agent) ? config_with_all_notes : config;
   }
-  // Returns whether the agent must accept records other than maps, because a prune has just freed much of its full
+  // Returns whether the agent must accept records other than maps. It must if a prune has just freed much of its full
   // disk.
   bool MustStore(AgentId agent) const;
   // Returns whether the agent's disk was full or failing within the last minute, so it may refuse to store records.
   bool HadDiskTrouble(AgentId agent) const;
   std::set<AgentId> Leaders() const;  // Returns the running agents that act as leader.
-  // Returns the actor's last answer at this instant; empty if it gives none.
+  // Returns the actor's last answer to `question` at this instant; empty if there is no answer.
   proto::Message AskActor(AgentId agent, const char* actor, proto::Message question);
   std::optional<HaveSet> HaveOf(AgentId agent);
-  Records ReadAll(AgentId agent);  // Returns all shared records.
+  Records ReadAll(AgentId agent);  // Returns all shared records that the agent holds.
 
   const SimOptions options;
   const proto::TeamConfig config;                 // Initial team file.
@@ -74,17 +75,17 @@ class SimulatedWorld {
   std::mt19937_64 rng;
   std::multimap<MonotonicTime, Action> schedule;
   std::map<AgentId, proto::RoleAssignment> roles;  // Roles on which each running agent acts.
-  std::map<AgentId, proto::Term> durable_term;     // Term on each agent's disk, as its RoleActor knows.
+  std::map<AgentId, proto::Term> durable_term;     // Term on each agent's disk, according to its RoleActor.
   std::map<AgentId, Duration> clock_offset;
   std::map<AgentId, MonotonicTime> disk_trouble_until;
   struct FreedOnFullDisk {
     double content_bytes = 0;
-    std::optional<MonotonicTime> since;  // When enough bytes were freed.
+    std::optional<MonotonicTime> since;  // When enough bytes were freed to store records again; empty before.
   };
   std::map<AgentId, FreedOnFullDisk> freed_on_full_disk;  // Bytes freed by a prune that runs or has finished.
-  std::set<AgentId> keeps_all_notes;                      // Agents whose team file now keeps all notes.
+  std::set<AgentId> keeps_all_notes;                      // Agents whose team file keeps all notes.
   bool is_quiet = false;                                  // Faults and inserts have ended.
-  bool is_asking = false;                                 // The checks send requests; no actor fails at these.
+  bool is_asking = false;                                 // The checks send requests, during which no actor fails.
   SimulatedDisk disk;
   Invariants invariants;
   RareStates rare_states;

@@ -1,7 +1,7 @@
-// StateChecker: checks that the stored state is the last one that a robot's software gave.
+// StateChecker: checks that the stored state is the last state that a robot's software gave.
 //
 // Records do not show this: a state that is stored again gets another key, and keys may be wrong. So this class numbers
-// the states that robots give, in their order. It recognises a state by its content, which is always unique.
+// the states in the order in which robots give them. It recognises a state by its content, which is always unique.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace moondb::simulation {
 
-using Records = std::map<RecordKey, std::string>;  // Contents by key.
+using Records = std::map<RecordKey, std::string>;  // Contents of records by key.
 
 // Custom type of the simulated team with latest keys, shared with the policy `latest`.
 inline constexpr DataType kBeacon = 1000;
@@ -25,7 +25,8 @@ inline constexpr DataType kBeacon = 1000;
 // Custom type whose policy changes from `latest` to `all`, agent by agent (fault `policy`).
 inline constexpr DataType kNote = 1002;
 
-// Returns whether only an origin's newest record of the type (and latest key) is kept, by epoch and seq.
+// Returns whether records of the type are states: only the newest record of each origin and latest key, by epoch and
+// seq, is kept.
 inline bool IsState(DataType type) { return type == proto::POWER || type == kBeacon; }
 
 // Returns whether an agent may drop records of the type without a prune.
@@ -35,17 +36,18 @@ inline bool MayBeSuperseded(DataType type) {
 
 class StateChecker {
  public:
-  // The robot of `origin` gives `record` to its agent, which may or may not store it. Ignores types that are no states.
+  // Called when the robot of `origin` gives `record` to its agent, which may or may not store the record. Ignores types
+  // that are no states.
   void OnGiven(AgentId origin, const proto::Record& record);
-  // A record was seen anywhere with this hash of its content.
+  // Called when a record with this hash of its content was seen anywhere.
   void OnContent(const RecordKey& key, std::uint64_t content_hash);
-  // `agent` holds the state on its disk, and must hold it or a later one from now on.
+  // Called when `agent` holds the state on its disk. From then on the agent must hold this state or a later one.
   void OnHeld(AgentId agent, const RecordKey& key);
-  // The agent's disk was replaced.
+  // Called when the agent's disk was replaced.
   void ForgetDisk(AgentId agent) { last_on_.erase(agent); }
 
-  // Returns a text if a quiescent `agent` holds an older state of `origin` than some disk held; null otherwise.
-  // `origin` 0 means all origins.
+  // Returns a text if the quiescent `agent` holds an older state of `origin` than the state that some disk held; null
+  // otherwise. `origin` 0 means all origins.
   std::optional<std::string> WhyOld(AgentId agent, AgentId origin, const Records& records) const;
 
  private:
@@ -63,7 +65,7 @@ class StateChecker {
 };
 
 std::uint64_t ContentHash(const std::string& content);
-// Returns the hashes of the contents that storage may make of a robot's record: with and without the flag of a suspect
+// Returns the hashes of all contents that storage may make of a robot's record: with and without the flag of a suspect
 // clock, and with and without the flag of the policy `latest`.
 std::set<std::uint64_t> StatementHashes(const proto::Record& given);
 

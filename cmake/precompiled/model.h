@@ -1,4 +1,5 @@
-// Headers that most files of moondb include. Precompiled (cmake/MoondbCompile.cmake); no file may rely on it.
+// Headers that most files of moondb include. They are precompiled (cmake/MoondbCompile.cmake), but no file may rely on
+// that.
 #pragma once
 
 #include <google/protobuf/arena.h>

@@ -1,4 +1,5 @@
-// Headers that most tests of model/ include. Precompiled (cmake/MoondbCompile.cmake); no file may rely on it.
+// Headers that most tests of model/ include. They are precompiled (cmake/MoondbCompile.cmake), but no file may rely on
+// that.
 #pragma once
 
 #include <gmock/gmock.h>

@@ -1,5 +1,6 @@
-// Headers that most files above model/ include. Precompiled (cmake/MoondbCompile.cmake); no file may rely on it.
-// Statuses are not among them: a new field of a status must not compile everything again (tools/check_rebuild).
+// Headers that most files above model/ include. They are precompiled (cmake/MoondbCompile.cmake), but no file may rely
+// on that. Headers of status messages are excluded: a new field of a status must not recompile everything
+// (tools/check_rebuild).
 #pragma once
 
 #include "cmake/precompiled/model.h"

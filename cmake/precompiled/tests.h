@@ -1,4 +1,4 @@
-// Headers that most tests include. Precompiled (cmake/MoondbCompile.cmake); no file may rely on it.
+// Headers that most tests include. They are precompiled (cmake/MoondbCompile.cmake), but no file may rely on that.
 #pragma once
 
 #include "cmake/precompiled/model_tests.h"

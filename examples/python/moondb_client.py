@@ -23,8 +23,8 @@ import sharing_pb2
 import types_pb2
 
 REQUEST_BYTES_MAX = 32 * 1024 * 1024
-BEYOND_WAIT_S = 30.0  # Time limit for an answer beyond wait_s.
-PAUSES_S = (0.1, 0.3, 1.0, 2.0, 3.0)  # Pauses before a sync or replication request is repeated.
+BEYOND_WAIT_S = 30.0  # Seconds that a call waits for its answer in addition to wait_s.
+PAUSES_S = (0.1, 0.3, 1.0, 2.0, 3.0)  # Pauses before repetitions of a sync or replication request.
 
 
 class AgentError(Exception):
@@ -42,7 +42,7 @@ def team_of(team_file):
 
 
 def endpoint_of(team_file, agent):
-    """Returns the endpoint on which an agent of this machine accepts clients of its own user."""
+    """Returns the endpoint on which an agent of this machine accepts clients that run as the agent's user."""
     folder = os.environ.get("MOONDB_RUN_DIR")
     if not folder and os.environ.get("XDG_RUNTIME_DIR"):
         folder = os.path.join(os.environ["XDG_RUNTIME_DIR"], "moondb")
@@ -76,7 +76,7 @@ class MoondbClient:
         while self._dealer.poll(1000 * (timeout_s or self._timeout_s)):
             answer = control_pb2.ClientMessage.FromString(self._dealer.recv())
             if answer.request_id != self._request_id:
-                continue  # The reply to a call that has timed out.
+                continue  # This is the reply to an earlier call that has timed out.
             if answer.control_reply.team_id != self._team_id:
                 raise ValueError(f"{self._endpoint} is of another team")
             if answer.control_reply.error.code:
@@ -88,11 +88,12 @@ class MoondbClient:
         return self.call(control_pb2.ControlRequest(status={})).status
 
     def insert(self, records):
-        """Stores records as this agent's own, all or none of them. Returns their keys."""
+        """Stores records as records of this agent, all or none. Returns their keys."""
         return self.call(control_pb2.ControlRequest(insert={"records": records})).insert.keys
 
     def follow(self, data_types, wait_s=10.0):
-        """Yields key and bytes of each stored and each new record. Ends after wait_s without new records."""
+        """Yields (key, bytes) of each stored record and then of each new record. Ends after wait_s without a new
+        record."""
         read = {"data_types": data_types, "wait_s": wait_s, "records_max": 100}
         while True:
             page = self.call(control_pb2.ControlRequest(read=read), timeout_s=wait_s + self._timeout_s).read

@@ -47,7 +47,7 @@ def main():
     status = client.status()
     print(f"{status.name} of team {status.team}, moondb {status.version}")
 
-    index = client.next_node_index()  # Nodes of an earlier run have lower indexes.
+    index = client.next_node_index()  # Nodes of earlier runs have lower indexes.
     side = 40
     hazard_ahead = [2 if column > 35 else 1 for row in range(side) for column in range(side)]
     keys = client.insert([

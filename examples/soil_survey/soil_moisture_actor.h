@@ -1,11 +1,12 @@
 // SoilMoistureActor ("soil"): measures the soil's moisture periodically, stores it, and computes each agent's average.
 //
 // Every `period` it reads the sensor and sends StorageActor a record of the team's custom type `soil_moisture`.
-// Measurements of other agents arrive by moondb's sharing. The actor reads all measurements that its own storage
-// receives. It answers AverageRequest, from an actor or a client, with the averages over all of them.
+// Measurements of other agents arrive in the storage of this agent through moondb's sharing. The actor reads all
+// measurements from this storage. It answers AverageRequest, from an actor or a client, with the averages over all of
+// them.
 //
-// Its state is a sum over stored records, which it reads again after a restart. A measurement whose insert failed is
-// logged and lost; the next one follows soon.
+// Its state is a sum over stored records, which the actor reads again after a restart. If an insert fails, the actor
+// logs this and loses the measurement; the next measurement follows soon.
 #pragma once
 
 #include <chrono>
@@ -24,7 +25,7 @@ namespace soil_survey {
 inline constexpr char kActorName[] = "soil";
 inline constexpr char kDataTypeName[] = "soil_moisture";
 
-// Returns the share of water, 0 to 1. Called inside a handler, so it must return at once.
+// Returns the share of water, 0 to 1. Called inside a handler, so it must not block.
 using Sensor = std::function<moondb::Result<double>()>;
 
 class SoilMoistureActor final : public moondb::Actor {

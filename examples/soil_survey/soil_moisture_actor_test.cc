@@ -33,7 +33,7 @@ constexpr AgentId kLeader = 1;
 constexpr AgentId kRover = 2;
 constexpr moondb::DataType kSoilMoisture = 1007;
 
-// A team of two agents. Each measures 0.1 times its id.
+// A team of two agents. The sensor of each agent measures 0.1 times the agent's id.
 class SoilMoistureActorTest : public testing::Test {
  protected:
   SoilMoistureActorTest() : file_(*moondb::ReadTeamFile(TEAM_FILE)) {
@@ -59,7 +59,7 @@ class SoilMoistureActorTest : public testing::Test {
     team_.Spawn(agent, "sync", [sync] { return std::make_unique<moondb::SyncActor>(sync); });
   }
 
-  // Asks the actor of `agent` and returns the number of measurements by agent.
+  // Requests the averages from the actor of `agent`. Returns the number of measurements of each agent.
   std::map<AgentId, std::uint64_t> MeasurementsKnownTo(AgentId agent) {
     Message question;
     question.mutable_custom()->PackFrom(AverageRequest());
@@ -76,9 +76,10 @@ class SoilMoistureActorTest : public testing::Test {
     return measurements;
   }
 
-  // Returns the number of records at `agent`. Sent as that agent, because storage answers no other.
+  // Returns the number of records that `agent` stores. The request has an address of the same agent as its sender,
+  // because storage accepts no others.
   std::uint64_t RecordsStoredAt(AgentId agent) {
-    const Address operator_at{agent, "operator"};  // No actor: a probe.
+    const Address operator_at{agent, "operator"};  // Address of a probe in this test; no actor has it.
     moondb::proto::ControlRequest question;
     question.mutable_status();
     EXPECT_EQ(team_.Post(operator_at, {agent, "storage"}, moondb::MessageOf(question)), SendResult::kAccepted);
@@ -92,7 +93,7 @@ class SoilMoistureActorTest : public testing::Test {
   }
 
   const moondb::TeamFile file_;
-  const Address planner_{kLeader, "planner"};  // No actor: a probe.
+  const Address planner_{kLeader, "planner"};  // Address of a probe in this test; no actor has it.
   moondb::simulation::SimulatedTeam team_{/*seed=*/1};
 };
 

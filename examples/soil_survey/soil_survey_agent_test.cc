@@ -37,7 +37,7 @@ class SoilSurveyAgentTest : public testing::Test {
     return options;
   }
 
-  // Asks the actor as a client until its answer contains an average, for at most 30 s.
+  // Repeats the request as a client until the reply contains an average, for at most 30 s. Returns the last reply.
   static AverageReply AskUntilThereIsAnAverage(const moondb::Agent& agent) {
     AverageReply reply;
     const auto client = moondb::Client::Connect(agent.client_endpoint(), "rover1", {});

@@ -1,8 +1,9 @@
 // SimulatedAgent: one agent of a SimulatedTeam, with its actors, mailboxes and supervision. It corresponds to an
 // ActorSystem in its own process.
 //
-// Every later action is an event in the team's queue. A due event of the agent's process is dropped if that process has
-// crashed since (`life`). A due event of an actor is dropped if its incarnation has ended.
+// Every delayed action is an event in the team's queue. When an event is due, it has no effect if the agent's process
+// has crashed since the event was added (boot()). An actor's timer also has no effect if the actor's incarnation has
+// ended.
 #pragma once
 
 #include <cstdint>
@@ -37,9 +38,9 @@ class AgentSurroundings {
   virtual std::int64_t utc_now_ns() const = 0;  // True UTC, without the agent's clock offset.
   virtual TimerQueue<Event>& events() = 0;
   virtual SendResult Send(const Address& from, const Address& to, proto::Message message) = 0;
-  // Delivers to an actor of the agent, or to the probe at that address. `sender`: see Mailbox::Item.
+  // Delivers `message` to the actor at `to`, or to the probe if no actor has this address. `sender`: see Mailbox::Item.
   virtual SendResult HandOver(const Address& to, OwnedMessage message, const Address* sender) = 0;
-  // Returns an equal address that stays valid as long as any message may wait.
+  // Returns a copy of `sender` that stays valid as long as any message may wait.
   virtual const Address* Remember(const Address& sender) = 0;
   virtual Fault FaultFor(const Address& actor, const proto::Message& message) = 0;
   virtual void Trace(const Address& to, const Address& sender, const proto::Message& message) = 0;
@@ -89,8 +90,8 @@ class SimulatedAgent {
   void Restart(const std::vector<AgentId>& connected);
   void CrashActor(const std::string& actor);
 
-  // A peer connected or disconnected. OnPeerChanged notifies the watchers of peers; OnPeerAtStart notifies only those
-  // that watch later.
+  // Call one of these when a peer connected or disconnected. OnPeerChanged notifies the actors that watch peers;
+  // OnPeerAtStart notifies only actors that begin to watch later.
   void OnPeerChanged(AgentId peer, bool is_connected);
   void OnPeerAtStart(AgentId peer) { (void)monitors_.OnPeerChanged(peer, true); }
   void Watch(const std::string& actor, Topic topic) { Notify(monitors_.Watch(actor, topic)); }
@@ -106,7 +107,7 @@ class SimulatedAgent {
 
   void MakeHost(const SpawnedActor& spawned);
   void StartHost(Host& host);
-  // Processes the result of a handler. Returns true if the actor must be restarted at once. `item` is the handled
+  // Processes the result of a handler. Returns true if the actor must be restarted immediately. `item` is the handled
   // message; null in OnStart and between messages.
   bool SettleHandler(Host& host, Mailbox::Item* item, const std::optional<Error>& failure);
   bool Recover(Host& host, Mailbox::Item* item, const Error& failure);

@@ -20,7 +20,7 @@ struct RadioOptions {
   double duplicate_ratio = 0;  // Probability of a second delivery, up to duplicate_delay_max later.
   Duration duplicate_delay_max = std::chrono::seconds(30);
   double bytes_per_second = 0;  // Bandwidth of each sender; 0: unlimited.
-  // Limit of bytes that wait at one sender. A larger message is accepted if none waits.
+  // Limit of bytes that wait at one sender. A message larger than the limit is accepted if no other waits.
   std::size_t outbox_bytes_max = 256 * 1024;
 };
 
@@ -34,11 +34,12 @@ class SimulatedRadio {
     std::vector<MonotonicTime> arrivals;  // Arrival times; empty if the message is lost.
   };
 
-  // Returns kUnreachable if the link is cut and its ends know it, kFull if the sender's outbox is full.
+  // Sends a message of `bytes` bytes. Flight::result is kUnreachable if the link is cut and its ends know of the cut,
+  // kFull if the sender's outbox is full.
   Flight Transmit(AgentId from, AgentId to, std::size_t bytes, MonotonicTime now);
 
-  // Cuts or restores a link. `is_known`: the ends learn of a cut. Otherwise they continue to send and lose the
-  // messages.
+  // Cuts or restores a link. `is_known`: the agents at both ends know of the cut. Otherwise they continue to send, and
+  // the messages are lost.
   void SetLink(AgentId a, AgentId b, bool is_up, bool is_known);
   bool is_up(AgentId a, AgentId b) const;
 

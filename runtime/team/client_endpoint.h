@@ -11,12 +11,12 @@
 
 namespace moondb {
 
-// Returns the folders in which an agent of this user may have created its socket, this process's own choice first. The
-// other folders serve agents that run with different environment variables.
+// Returns the folders in which an agent of this user may have created its socket. The first one is the folder that this
+// process itself would use. Agents that run with other environment variables use the others.
 std::vector<std::filesystem::path> RunFolders();
 
-// Returns the endpoint in one of these folders: in a subfolder with the team's name and the start of its id. Errors as
-// for ClientEndpoint.
+// Returns the endpoint of an agent's socket in `run_folder`, one of RunFolders(). The socket lies in a subfolder that
+// is named after the team's name and the start of its id. Errors as for ClientEndpoint.
 Result<std::string> ClientEndpointIn(const std::filesystem::path& run_folder, const TeamFile& team,
                                      const std::string& agent_name);
 

@@ -42,12 +42,13 @@ class ClientKeys {
   // Minimum time between two checks of the file.
   static constexpr std::chrono::seconds kLookPeriod{1};
 
-  // Reads the file. If it is missing, invalid or unreadable, the list is empty and the log reports it: an agent always
-  // starts.
+  // Reads the file. A missing, invalid or unreadable file is logged and does not prevent the agent's start; the list is
+  // then empty.
   static ClientKeys Open(std::filesystem::path path, Time now);
 
-  // Returns the client with this public key (Z85), or nothing if the key is not listed. Reads the file again if it
-  // changed. An invalid file leaves the list unchanged; a missing file empties it. Each reading is logged once.
+  // Returns the client with this public key (Z85), or nothing if the key is not listed. Before that, reads the file
+  // again if it changed, and checks this at most once per kLookPeriod. An invalid file leaves the list unchanged; a
+  // missing file empties it. Each reading is logged once.
   std::optional<proto::ListedClient> Find(const std::string& key, Time now);
 
  private:
@@ -61,7 +62,7 @@ class ClientKeys {
 
   explicit ClientKeys(std::filesystem::path path) : path_(std::move(path)) {}
   Version Look() const;
-  // Reads the file and logs the result. Appends `if_wrong` to an error.
+  // Reads the file and logs the result. If the file has an error, appends `if_wrong` to the logged text.
   void Read(const char* if_wrong);
 
   std::filesystem::path path_;

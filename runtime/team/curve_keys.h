@@ -28,7 +28,8 @@ using KeyBytes = std::array<std::uint8_t, 32>;
 std::string ToZ85(const KeyBytes& bytes);
 std::optional<KeyBytes> FromZ85(const std::string& text);
 
-// Read a key file. kInvalid if it is missing or not one key, or if a secret is readable by anyone but its owner.
+// Read a key file. Return kInvalid if the file is missing or does not hold exactly one key, or if a secret key is
+// readable by anyone but its owner.
 Result<std::string> ReadPublicKey(const std::filesystem::path& path);
 Result<std::string> ReadSecretKey(const std::filesystem::path& path);
 

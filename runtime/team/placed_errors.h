@@ -26,12 +26,12 @@ class PlacedErrors {
   // Ignores later errors of `field`.
   void Mute(const std::string& field) { muted_.insert(field); }
 
-  // True if an error of this field or of a part of it is known, or if it is muted.
+  // True if an error was added for this field or for a part of it, or if the field was muted.
   bool Has(const std::string& field) const;
 
   bool empty() const { return errors_.empty(); }
 
-  // Returns one line per error, sorted by place: at most 100, then the number of the rest.
+  // Returns one line per error, sorted by place: at most 100, then a line with the number of further errors.
   std::string Text() const;
 
  private:

@@ -25,7 +25,7 @@ Result<void> CheckPrivateFolder(const std::filesystem::path& folder) {
   if (!is_own_folder || (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
     return Fail(ErrorCode::kInvalid, folder.string() + ": must be a folder of this user's with mode 0700");
   }
-  // If the parent is a link, check the owner of the link too: the owner decides where it leads.
+  // If the parent is a link, check the owner of the link too: the owner decides to which folder the link leads.
   const std::filesystem::path parent = folder.parent_path();
   struct stat link {};
   if (lstat(parent.c_str(), &link) != 0 || stat(parent.c_str(), &status) != 0) {

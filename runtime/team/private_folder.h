@@ -1,4 +1,4 @@
-// Private folders: other users can neither reach the sockets in them nor create their own.
+// Private folders: other users can neither reach the sockets in such a folder nor create sockets there.
 #pragma once
 
 #include <filesystem>

@@ -43,7 +43,7 @@ class SigningKey {
 // True if the text is 40 characters in Z85 that encode a point of the curve.
 bool IsSigningKey(const std::string& public_key);
 
-// Verifies a signature. False also for a malformed key or signature.
+// Returns true if the signature is valid. Returns false also for a malformed key or signature.
 bool IsSignatureOf(const std::string& public_key, std::string_view bytes, std::string_view signature);
 
 // Returns the path of the signing secret: NAME.sign beside the secret CURVE key NAME.sec.

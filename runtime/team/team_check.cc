@@ -26,7 +26,8 @@ namespace {
 constexpr std::size_t kNameLengthMax = 32;
 constexpr std::size_t kKeyFileLengthMax = 255;
 
-// True if `name` can be the name of a custom type. It appears beside the names of built-in types in commands and JSON.
+// True if `name` can be the name of a custom type. Such names appear beside the names of built-in types in commands and
+// JSON.
 bool IsTypeName(const std::string& name) {
   return IsPlainName(name) && std::islower(static_cast<unsigned char>(name[0])) && name.find('-') == std::string::npos;
 }
@@ -165,7 +166,7 @@ class TeamChecker {
     CheckPlace(agent, path);
   }
 
-  // Checks that every agent has a signing key, or none in a team without keys.
+  // Checks that every agent has a signing key or, in a team without keys, that no agent has one.
   void CheckSigningKeys() {
     for (int i = 0; i < team_.agents_size(); ++i) {
       const proto::AgentConfig& agent = team_.agents(i);
@@ -248,7 +249,7 @@ class TeamChecker {
     }
   }
 
-  // `share` is the type's policy, given at the field `share_field`.
+  // Checks the keep rule `text` of a type. `share` is the type's policy, which the field `share_field` gives.
   void CheckKeep(const std::string& field, const std::string& text, proto::Policy share,
                  const std::string& share_field) {
     if (!IsRead(field) || errors_.Has(share_field)) return;
@@ -315,7 +316,8 @@ class TeamChecker {
     }
   }
 
-  // By default the base station commands. If it has left the team, the file must say who commands.
+  // Checks a team without command_from. There the base station commands; if it has left the team, command_from is
+  // required.
   void CheckBaseCommands() {
     const auto& agents = team_.agents();
     const bool has_left = std::any_of(agents.begin(), agents.end(), [](const proto::AgentConfig& agent) {
@@ -338,7 +340,7 @@ class TeamChecker {
                           : name + " is a base station; only a rover can hold this role");
       return nullptr;
     }
-    // Do not report an unknown name if some agent's name could not be read: it may be that one.
+    // Do not report an unknown name if some agent's name could not be read: `name` may be the name of that agent.
     for (int i = 0; i < team_.agents_size(); ++i) {
       if (errors_.Has(AgentPath(i) + ".name")) return nullptr;
     }

@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kTeamFileBytesMax = 1'000'000;
 
-// Checks the key files that the team file names. The text of the team file was checked before.
+// Checks the key files that the team file names. Requires: the text of the team file passed its checks.
 void CheckKeyFiles(const TeamFile& team, const Places& places, PlacedErrors* errors) {
   std::map<std::string, std::string> owners;
   for (int i = 0; i < team.config.agents_size(); ++i) {

@@ -3,7 +3,7 @@
 // Reads the file into proto::TeamConfig by reflection. All errors are reported together, each with its place and, for a
 // misspelt word, a suggestion:
 //   team.yaml:4:10: agents[1].id: expected an integer, got "two"
-// A YAML syntax error is reported alone.
+// If the file has a YAML syntax error, only that error is reported.
 #pragma once
 
 #include <filesystem>
@@ -36,8 +36,8 @@ std::string SerializeTeam(const proto::TeamConfig& team);
 // Returns the built-in and custom types, in the order of their numbers.
 std::vector<DataType> DataTypesOf(const proto::TeamConfig& team);
 
-// Returns which records of a type are shared: by rovers with the leader and by the leader with the survivor (Share), or
-// with the base station (Ground). POLICY_NONE for a type that the team does not know.
+// Returns which records of a type are shared: by rovers with the leader and by the leader with the survivor
+// (SharePolicyOf), or with the base station (GroundPolicyOf). POLICY_NONE for a type that the team does not know.
 proto::Policy SharePolicyOf(const proto::TeamConfig& team, DataType type);
 proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type);
 
@@ -47,8 +47,9 @@ KeepRule KeepRuleOf(const proto::TeamConfig& team, DataType type);
 // Returns the role assignment of the file, with term 0.
 proto::RoleAssignment InitialRoles(const proto::TeamConfig& team);
 
-// Returns kRefused if `roles` is invalid and can never have been valid in this team. Reasons are an unknown agent, no
-// leader, the same agent as leader and survivor, or a base station in either role. `field` is "leader" or "survivor".
+// Returns kRefused if `roles` is invalid, and was invalid even before any agent left the team. Reasons are an unknown
+// agent, no leader, the same agent as leader and survivor, or a base station in either role. `field` is "leader" or
+// "survivor".
 Result<void> CheckRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
 
 // Returns the role of `agent` under `roles`; ROLE_UNSPECIFIED if it is unknown or has left.

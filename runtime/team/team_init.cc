@@ -193,7 +193,7 @@ std::string TeamText(const proto::TeamConfig& team) {
   return text + CustomTypesText(team.custom_types());
 }
 
-// Reads the text and ignores errors. They are reported when the file is checked.
+// Reads the text and ignores its errors, which are reported when the file is checked.
 Places ReadLeniently(const std::string& yaml, proto::TeamConfig* team) {
   Places places;
   PlacedErrors errors("");
@@ -218,8 +218,9 @@ std::string WithLineBelow(const std::string& yaml, Place place, std::size_t inde
   return longer.insert(has_end ? end + 1 : yaml.size(), (has_end ? "" : line_end) + line);
 }
 
-// Returns candidates for `yaml` with `field: value` added beside the field `before` at `place`: on a new line below it,
-// or before it inside braces.
+// Returns two candidates: `yaml` with the text `field` ("name: value") on a new line below the field `before` at
+// `place`, and `yaml` with the text in front of that field, for fields inside braces. Returns none if `before` is not
+// found.
 std::vector<std::string> WithField(const std::string& yaml, const std::string& before, Place place,
                                    const std::string& field) {
   const std::size_t line = BeginOfLine(yaml, place.line);

@@ -1,5 +1,5 @@
-// Writes team files and keys. Adds a missing team id or signing keys to a team file that was written by hand. Reading
-// is in runtime/team/team_config.h.
+// Writes team files and keys. Adds a missing team id or signing keys to a team file that was written by hand. Team
+// files are read by runtime/team/team_config.h.
 #pragma once
 
 #include <filesystem>
@@ -23,12 +23,13 @@ Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count
 // the result is cut to 32 characters. Returns "team" if nothing remains.
 std::string PlainNameOf(const std::string& text);
 
-// Returns the text with a line `team_id: ...` after the team's name, otherwise unchanged. Returns kInvalid if no such
+// Returns `yaml` with a line `team_id: ...` after the team's name, otherwise unchanged. Returns kInvalid if no such
 // line can be added because the name is missing or the text is not YAML. Requires: `yaml` has no team id.
 Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_id);
 
-// Returns the text with a line `signing_key: ...` for each of these agents, by name, otherwise unchanged. Returns
-// kInvalid if such a line cannot be added. Requires: none of these agents has one in `yaml`.
+// Returns `yaml` with a line `signing_key: ...` for each agent in `keys`, otherwise unchanged. `keys` maps names of
+// agents to public keys. Returns kInvalid if such a line cannot be added. Requires: none of these agents has a signing
+// key in `yaml`.
 Result<std::string> WithSigningKeys(const std::string& yaml, const std::map<std::string, std::string>& keys);
 
 // A completed team file, and the agents whose signing keys were added.
@@ -37,9 +38,9 @@ struct SigningKeysAdded {
   std::vector<std::string> agents;
 };
 
-// Returns the text with signing keys for all agents that have none, and adds their secret files to `files`. Returns
-// kInvalid, with all errors, if the result would not be a valid team file, or if the team has no keys. Returns kRefused
-// if a secret file already exists. `file` is the file name in errors; secret files are created beside it.
+// Returns `yaml` with signing keys for all agents that have none, and adds the files of their secrets to `files`.
+// Returns kInvalid, with all errors, if the result would not be a valid team file, or if the team has no keys. Returns
+// kRefused if a secret file already exists. `file` is the file name in errors; secret files are created beside it.
 Result<SigningKeysAdded> AddSigningKeys(const std::string& yaml, const std::filesystem::path& file, NewFiles* files);
 
 // Adds the key files of an agent to `files`: its public key at `public_path`, and its secrets NAME.sec and NAME.sign

@@ -29,7 +29,8 @@ Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesyst
 bool HasSecretKey(const proto::TeamConfig& team, const std::filesystem::path& folder, const proto::AgentConfig& agent);
 
 // Returns the signing key of `self`, or nothing if the team has no signing keys. Reads NAME.sign beside the secret
-// CURVE key, which is found as in ReadTeamKeys. Returns kInvalid also if the key does not match the team file.
+// CURVE key, which is found as in ReadTeamKeys. Returns kInvalid also if the key does not match the public key in the
+// team file.
 Result<std::optional<SigningKey>> ReadSigningKey(const proto::TeamConfig& team, const std::filesystem::path& folder,
                                                  AgentId self, const std::filesystem::path& secret_key_file);
 

@@ -7,9 +7,9 @@
 
 namespace moondb {
 
-// Returns kInvalid, with a way to fix it, if the file or folder belongs to another user than this one or root, or if
-// others may write it. Others are all users, or a group that is not this process's own. A process of root accepts any
-// owner, since root can read all files anyway. Sticky folders and missing files pass.
+// Returns kInvalid, and says how to fix it, if the owner of the file or folder is neither this user nor root, or if
+// others may write to it. "Others" means all users, or a group other than this process's own. A process of root accepts
+// any owner, since root can read all files anyway. Sticky folders and missing files pass.
 Result<void> CheckTrusted(const std::filesystem::path& path);
 
 }  // namespace moondb

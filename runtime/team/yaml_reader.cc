@@ -82,7 +82,7 @@ std::optional<T> ToNumber(const std::string& text, std::errc* code) {
   return value;
 }
 
-// Walks over one document once.
+// Reads one document into a message. Each Reader reads only once.
 class Reader {
  public:
   Reader(Places* places, PlacedErrors* errors) : places_(*places), errors_(*errors) {}
@@ -148,7 +148,7 @@ class Reader {
         errors_.Add(key_place, field_path, "given twice, first in line " + std::to_string(first->second.line));
         continue;
       }
-      // yaml-cpp gives no exact place for a missing value. Use that of its key.
+      // yaml-cpp gives no exact place for a missing value. Use the place of its key.
       const Place value_place = entry.second.IsNull() ? key_place : ToPlace(entry.second.Mark());
       places_[field_path] = value_place;
       read(key, entry.second, value_place, field_path);

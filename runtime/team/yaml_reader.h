@@ -3,7 +3,7 @@
 // Keys are the message's field names. Enumeration values are written in lower case without the prefix of the
 // enumeration (`base_station` for AGENT_KIND_BASE_STATION). UNSPECIFIED values cannot be written. The reader is
 // stricter than yaml-cpp. Unknown and duplicate keys, wrong types, and non-finite or too long numbers are errors. All
-// errors are reported together with their places, except that a YAML syntax error is reported alone.
+// errors are reported together with their places, but if there is a YAML syntax error, only that error is reported.
 //
 // Supports only the features that team files need: messages, repeated fields, text (ASCII), bool, uint32, double,
 // enumerations, and maps whose keys are the values of an enumeration (FieldRule::keys).
@@ -28,7 +28,8 @@ Place PlaceOf(const Places& places, std::string field);
 // Reads the valid fields into `message` and adds the invalid ones to `errors`.
 void ReadYaml(const std::string& yaml, google::protobuf::Message* message, Places* places, PlacedErrors* errors);
 
-// Reads one field from a text as in a file, such as "true" or "[0, 0, 0]". Fails a Check if the text cannot be read.
+// Reads the value of one field from text in the format of a file, such as "true" or "[0, 0, 0]". Fails a Check if the
+// text cannot be read.
 void ReadYamlField(const std::string& yaml, const google::protobuf::FieldDescriptor& field,
                    google::protobuf::Message* message);
 

@@ -20,15 +20,15 @@ namespace moondb {
 namespace {
 
 constexpr int kQueueMessages = 16;  // Queue length per client and direction.
-// Messages of one keyed connection that may wait in libzmq, each up to the size limit. Further replies are dropped: the
-// client does not read.
+// Limits of the messages that wait in libzmq for one keyed connection, each of which may have the maximum size. Further
+// replies are dropped, because the client does not read them.
 constexpr int kKeyedRequestsWaiting = 2;
 constexpr int kKeyedRepliesWaiting = 1;
-// Limit of a request without rights that is still parsed, to answer it with an error.
+// A request of a client without rights is parsed up to this size and answered with an error. A larger one is dropped.
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;
 constexpr int kClientBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
-constexpr std::size_t kClientsMax = 256;  // Clients whose routing ids are kept for replies.
+constexpr std::size_t kClientsMax = 256;  // Limit of clients whose routing ids are kept for replies.
 constexpr int kClientKeepAlive_s = 60;
 constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr std::chrono::milliseconds kHeldPeriod(20);  // Interval between retries of a held reply.
@@ -66,7 +66,7 @@ std::optional<std::uint32_t> NumberOf(std::string_view routing_id) {
   return number;
 }
 
-// Connects to `router` inside this process and returns the number that it assigns to this first connection.
+// Connects to `router` inside this process and returns the number that the router assigns to this first connection.
 Result<std::uint32_t> FirstNumberOf(const ZmqContext& context, ZmqSocket& router) {
   const std::string endpoint = "inproc://first-client";
   if (const auto bound = router.Bind(endpoint); !bound) return tl::unexpected(bound.error());
@@ -102,7 +102,7 @@ Result<std::unique_ptr<ClientListener>> ClientListener::Open(const ZmqContext& c
   Check(is_ipc == (options.identity_of == nullptr), "clients come over ipc, or with a key");
   Result<ZmqSocket> router = ZmqSocket::Make(context, ZMQ_ROUTER);
   if (!router) return tl::unexpected(router.error());
-  // A send to a client that left or does not read fails at once and does not block others.
+  // A send to a client that left or does not read fails immediately and does not block others.
   router->Set(ZMQ_ROUTER_MANDATORY, 1);
   router->Set(ZMQ_RCVHWM, is_ipc ? kQueueMessages : kKeyedRequestsWaiting);
   router->Set(ZMQ_SNDHWM, is_ipc ? kQueueMessages : kKeyedRepliesWaiting);
@@ -172,7 +172,8 @@ void ClientListener::KeepPlace(std::chrono::steady_clock::time_point now) {
   const std::string path = options_.endpoint.substr(std::string_view(kIpc).size());
   if (::lstat(path.c_str(), &status) == 0 || errno != ENOENT) return;
   log_.Warn("transport: the socket for clients was removed: " + path);
-  // Listen again later: libzmq deletes the file asynchronously while it closes, and would delete a new file too.
+  // Listen again later: libzmq deletes the file asynchronously while it closes the old socket, and would delete a new
+  // file too.
   router_.Unbind(options_.endpoint);
   is_listening_ = false;
 }
@@ -256,7 +257,8 @@ bool ClientListener::Hand(Reply& reply) {
   return true;
 }
 
-// Limits held replies per key and in total to the same sizes as replies that wait in libzmq.
+// Keeps a reply until its client has read earlier ones. Drops the reply if too many bytes are held, per key or in
+// total; the limits are those of UnreadReplies.
 void ClientListener::Hold(Reply reply) {
   const std::string key = unread_.KeyOf(std::string(reply.route.text()));
   std::size_t of_key = 0;

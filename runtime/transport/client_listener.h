@@ -6,10 +6,10 @@
 // clients. The limit on open files must therefore be well above the number of clients, including those in their
 // handshake. A client_address belongs on a private network.
 //
-// A ROUTER numbers its connections upwards from a random number. libzmq aborts the process if a connection has claimed
-// the next number as its own routing id. This class therefore reads the first number when it starts; no client knows
-// that number. A message over TCP with a routing id that the ROUTER did not assign is reported as a claimed id
-// (docs/SECURITY.md).
+// A ROUTER numbers its connections upwards from a random number that no client knows. These numbers are the routing
+// ids. libzmq aborts the process if a connection has claimed the next number as its own routing id. This class reads
+// the first number when it starts, and derives from it which ids the ROUTER has assigned. A message over TCP with a
+// routing id that the ROUTER did not assign is reported as a claimed id (docs/SECURITY.md).
 //
 // Send is thread-safe. All other functions: the transport's thread only.
 #pragma once
@@ -51,7 +51,7 @@ class ClientListener {
     std::string secret_key;             // The agent's secret key.
     IdentityOf identity_of;
     // With keys: called when a complete message has arrived over the connection with descriptor `file`, from a client
-    // with `key`.
+    // with `key`. `has_claimed_id`: the client chose its routing id itself.
     std::function<void(int file, std::string_view key, bool has_claimed_id)> on_message;
     // With keys: returns the number of handshakes admitted so far. The ROUTER has assigned at most this many routing
     // ids.
@@ -75,8 +75,8 @@ class ClientListener {
   bool Work(const Transport::Deliver& deliver);
   bool has_replies() const;
 
-  // Listens again if the socket's file was removed, as login managers do at logout. Until then no new client can
-  // connect. Call periodically.
+  // Listens again if the socket's file was removed, for example by a login manager at logout. Until then no new client
+  // can connect. Call periodically.
   void KeepPlace(std::chrono::steady_clock::time_point now);
   // Time at which KeepPlace or Work must run at the latest.
   std::chrono::steady_clock::time_point deadline() const;
@@ -96,7 +96,8 @@ class ClientListener {
   bool Receive(const Transport::Deliver& deliver);
   void OnFrame(const ZmqReceived& received, const Transport::Deliver& deliver);
   void Flush();
-  // Returns true if libzmq accepted the reply or it was dropped, false if its client must read earlier replies first.
+  // Passes a reply to libzmq. Returns true if libzmq accepted the reply or the reply was dropped, false if its client
+  // must read earlier replies first.
   bool Hand(Reply& reply);
   void Hold(Reply reply);
   bool is_keyed() const { return options_.identity_of != nullptr; }
@@ -109,7 +110,8 @@ class ClientListener {
   ClientTable table_;
   RateLimitedLog log_;
   bool is_listening_ = true;
-  std::chrono::steady_clock::time_point looks_at_{};  // Next time KeepPlace checks.
+  // When KeepPlace next checks whether the socket's file exists, or tries to listen again.
+  std::chrono::steady_clock::time_point looks_at_{};
 
   // With keys: replies that wait until their clients have read earlier ones, oldest first. Transport's thread only.
   UnreadReplies unread_;

@@ -20,7 +20,7 @@ class ClientTable {
   ClientTable(std::size_t clients_max, std::size_t clients_of_owner_max, std::string prefix = {})
       : clients_max_(clients_max), clients_of_owner_max_(clients_of_owner_max), prefix_(std::move(prefix)) {}
 
-  // Returns the name of the connection with this routing id. An unknown one gets a new name ("1", "2", ...).
+  // Returns the name of the connection with this routing id. An unknown connection gets a new name ("1", "2", ...).
   std::string NameOf(const std::string& routing_id, const std::string& owner);
 
   std::optional<std::string> RoutingIdOf(const std::string& name) const;

@@ -67,13 +67,14 @@ bool ConnectionLimiter::Admit(std::uint16_t port, const std::string& key, const 
 void ConnectionLimiter::Look(MonotonicTime now) {
   looked_at_ = now;
   for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List(), now)) {
-    Count(cut);  // Count first: a peer that notices its cut is then already in the counters.
+    Count(cut);  // Count first: when the peer notices the cut, the counters then already include it.
     TcpConnections::ShutDown(cut.connection);
   }
   LookAtLinks();
 }
 
-// Stops watching a link that closed, or whose descriptor now belongs to another connection.
+// Adds flooded links to flooded_links_. Stops watching them, and each link that closed or whose descriptor now belongs
+// to another connection.
 void ConnectionLimiter::LookAtLinks() {
   std::erase_if(links_, [&](const auto& entry) {
     const auto& [peer, opened] = entry;

@@ -1,12 +1,12 @@
 // ConnectionLimiter: cuts incoming TCP connections that exceed their limits (connection_rules.h), because libzmq does
 // not limit them. After a cut, libzmq closes the connection and frees the partial message.
 //
-// Also watches the links: the connections that this agent opened to its peers. Only the handshake arrives over a link.
-// A peer that sends more than kLinkBytesMax over one is reported (TakeFloodedLinks).
+// Also watches the links: the connections that this agent opened to its peers. Over a link, a peer sends nothing but
+// its part of the handshake. TakeFloodedLinks reports a peer that sends more than kLinkBytesMax.
 //
-// The guard looks at the connections shortly after data arrive on any of them, then a few times at growing intervals.
-// Without traffic it never looks, and an idle agent sleeps. Between two looks a connection can receive some 10 MB at
-// the rate at which libzmq reads.
+// ConnectionLimiter looks at the connections shortly after data arrive on any of them, then a few times at growing
+// intervals. Without traffic it never looks, and an idle agent sleeps. Between two looks a connection can receive some
+// 10 MB at the rate at which libzmq reads.
 //
 // Transport's thread only, except the cut_* functions, which are thread-safe.
 #pragma once
@@ -34,15 +34,15 @@ class ConnectionLimiter {
   static constexpr Duration kLookAfter = std::chrono::milliseconds(50);
   static constexpr Duration kLookAfterMax = std::chrono::milliseconds(800);
 
-  // `doors` holds the limits of each port. Returns kUnavailable if no more files can be opened.
+  // `listeners` holds the limits of each port. Returns kUnavailable if no more files can be opened.
   static Result<std::unique_ptr<ConnectionLimiter>> Make(std::map<std::uint16_t, ConnectionRules::Listener> listeners);
 
   // Limit of bytes that may arrive over a link. A handshake takes less than 1 KiB.
   static constexpr std::uint64_t kLinkBytesMax = 64 * 1024;
 
-  // libzmq accepted a connection with this file descriptor.
+  // Call when libzmq accepted a connection with this file descriptor.
   void OnAccepted(int file, MonotonicTime now);
-  // libzmq opened the link's connection to `peer` with this file descriptor.
+  // Call when libzmq opened the link's connection to `peer` with this file descriptor.
   void OnLinkConnected(AgentId peer, int file, MonotonicTime now);
   // Returns the agents that sent more than kLinkBytesMax over a link since its connection opened. Reports each
   // connection once.
@@ -51,11 +51,11 @@ class ConnectionLimiter {
   // Descriptor that becomes readable when data arrive. Call OnReadable then.
   int file() const { return connections_->file(); }
   void OnReadable(MonotonicTime now);
-  // Time of the next Work.
+  // Time at which Work must be called next.
   MonotonicTime deadline() const { return looks_at_; }
   void Work(MonotonicTime now);
 
-  // A complete message has arrived over the connection with this descriptor (ConnectionRules::OnMessage).
+  // Call when a complete message has arrived over the connection with this descriptor (ConnectionRules::OnMessage).
   void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false) {
     rules_.OnMessage(file, key, peer_port, has_claimed_id);
   }

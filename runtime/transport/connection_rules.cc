@@ -94,7 +94,7 @@ void ConnectionRules::Update(const std::vector<TcpConnection>& connections, Time
   delivered_.clear();
 }
 
-// Keeps, for each address, as many of the newest admissions as it has silent connections.
+// Removes the oldest admissions of each address that has more admissions than silent connections.
 void ConnectionRules::EndAdmissions() {
   std::map<std::pair<std::uint16_t, std::string>, std::size_t> silent;
   for (const auto& [file, known] : known_) {

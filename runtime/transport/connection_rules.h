@@ -1,21 +1,21 @@
 // ConnectionRules: decides which incoming TCP connections exceed their limits, before or after their keys are known
 // (docs/SECURITY.md). libzmq limits neither the number of connections nor the memory of an incomplete message.
 //
-// Places: each address of the team has reserved places; all other addresses share a fixed number. If there are too many
-// connections, the first to be cut are those that never completed a message and whose address completed none within the
-// last hour. Next are other connections that never completed a message. Among equals, the oldest connection of the
-// network with the most connections is cut. A network is all addresses with the same first 24 bits (IPv6: 64), because
-// one host can use all of them. At most `key_max` connections with a completed message may use one key. Beyond that,
-// the one that was silent for longest is cut, so that no key takes the places of another.
+// Places: each address of the team has reserved places; all other addresses share a fixed number of places. If there
+// are too many connections, the first to be cut are those that never completed a message and whose address completed
+// none within the last hour. Next are other connections that never completed a message. Among equals, the oldest
+// connection of the network with the most connections is cut. A network is all addresses with the same first 24 bits
+// (IPv6: 64), because one host can use all of them. At most `key_max` connections with a completed message may use one
+// key. Beyond that, the connection that was silent for longest is cut, so that no key takes the places of another.
 //
 // A key with `key_max` connections is not admitted again (Admit). The key of a connection is unknown until its first
-// message. An admission therefore counts until a connection from the same address completes its first message with that
-// key. It also ends, oldest first, when the address has fewer silent connections than admissions.
+// message. An admission therefore counts towards `key_max` until a connection from the same address completes its first
+// message with that key. If an address has fewer silent connections than admissions, its oldest admissions end too.
 //
 // Bytes: a connection may receive kFreeBytes beyond its last complete message, which is more than any frame between
-// agents. Larger amounts are a client's large message, data that this agent reads slowly, or a message that never ends.
-// Per port their sum may be `shared_bytes`; above that, the connection with the most bytes is cut. A message of
-// one-byte parts uses about four times its wire size in memory.
+// agents. A connection exceeds this with a client's large message, with data that this agent reads slowly, or with a
+// message that never ends. The connections of a port that exceed it may have `shared_bytes` more in total; above that,
+// the connection with the most bytes is cut. A message of one-byte parts uses about four times its wire size in memory.
 //
 // Holds no sockets and reads no clock: ConnectionLimiter passes the data in.
 #pragma once
@@ -36,7 +36,7 @@ struct TcpConnection {
   int file = -1;
   std::uint16_t port = 0;            // The local port.
   std::string peer;                  // Numeric address of the peer, such as "10.0.0.3".
-  std::uint16_t peer_port = 0;       // Together with `peer` and `file`, distinguishes the connection from a later one.
+  std::uint16_t peer_port = 0;       // Together with `peer` and `file`, distinguishes the connection from later ones.
   std::uint64_t bytes_received = 0;  // Bytes received since the connection opened.
 };
 
@@ -46,7 +46,7 @@ class ConnectionRules {
 
   static constexpr std::uint64_t kFreeBytes = 320 * 1024;
   static constexpr std::chrono::hours kRememberedTime{1};
-  // Limit of remembered addresses. The one silent for longest is forgotten.
+  // Limit of remembered addresses. Beyond it, the address that was silent for longest is forgotten.
   static constexpr std::size_t kRememberedMax = 1024;
 
   struct Listener {
@@ -62,12 +62,12 @@ class ConnectionRules {
     Cause cause = Cause::kTooMany;
   };
 
-  // `doors` holds the limits of each port.
+  // `listeners` holds the limits of each port.
   explicit ConnectionRules(std::map<std::uint16_t, Listener> listeners) : listeners_(std::move(listeners)) {}
 
-  // A complete message has arrived over the connection with descriptor `file`. `key` is the sender's, empty without
-  // CURVE. `peer_port` rules out a later connection with the same descriptor; 0 means unknown. `has_claimed_id`: the
-  // connection chose its own routing id, and must be cut.
+  // Call when a complete message has arrived over the connection with descriptor `file`. `key` is the sender's, empty
+  // without CURVE. `peer_port` rules out a later connection with the same descriptor; 0 means unknown.
+  // `has_claimed_id`: the connection chose its own routing id, and must be cut.
   void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false);
 
   // Admits a connection from `peer` to `port` whose handshake has shown this key, and counts it. Returns false without
@@ -107,7 +107,7 @@ class ConnectionRules {
     std::uint16_t peer_port = 0;
     bool has_claimed_id = false;
   };
-  std::map<int, Delivered> delivered_;  // Messages since the last look, by descriptor.
+  std::map<int, Delivered> delivered_;  // Messages since the last call of Judge, by descriptor.
   // An admitted connection that has not completed a message yet.
   struct Admission {
     std::uint16_t port = 0;

@@ -13,8 +13,8 @@ namespace moondb {
 namespace {
 
 // Returns true for bodies that agents and clients may send. A client's request to another agent travels as a
-// ControlRequest, which the gateway there checks. Users' own actors communicate with `custom`. All other bodies are
-// internal to one agent.
+// ControlRequest, which the other agent's gateway checks. Users' own actors communicate with `custom`. All other bodies
+// are internal to one agent.
 bool MayComeFromOutside(const proto::Message& message) {
   switch (message.body_case()) {
     case proto::Message::kHello:

@@ -1,4 +1,5 @@
-// Parses and validates all messages from peers and clients. Code behind these functions trusts the messages.
+// Parses and validates all messages from peers and clients. All other code trusts the messages that these functions
+// return.
 #pragma once
 
 #include <optional>
@@ -31,7 +32,7 @@ struct ClientIdentity {
 
 // Parses a client's message and addresses it to the gateway of `self`, from {kClients, connection}. Rights and name are
 // those of `client`, whatever the message contains; its agent_id, term, record_id and sql are overwritten or cleared.
-// Errors as for ParsePeerFrame. Messages between transports are also kRefused.
+// Errors as for ParsePeerFrame. Also returns kRefused for messages that only transports send to each other.
 Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string& connection,
                                       const ClientIdentity& client, AgentId self);
 

@@ -9,7 +9,7 @@
 //
 // The credit starts small, for slow radios. It grows when a full credit is reported quickly, which keeps the delay of
 // the bytes in flight at a fraction of a second on any link. Each direction has its own connection, numbered by its
-// sender. The number identifies reports about earlier connections.
+// sender. A report contains this number, and reports about earlier connections are ignored.
 //
 // Accounting only: each call passes the time in. The caller provides the locking.
 #pragma once
@@ -29,14 +29,14 @@ class LinkCredit {
   struct Options {
     std::size_t bytes_min = 32 * 1024;    // Smallest and initial credit: 0.26 s of a 1 Mbps radio.
     std::size_t bytes_max = 1024 * 1024;  // Upper limit; at least bytes_min.
-    // If all bytes of a round are reported within this time, and the credit was used up, the credit doubles. If it
-    // takes more than four times as long, the credit is halved. A 1 Mbps radio takes 260 ms for the smallest credit.
+    // The credit doubles if all bytes of a round are reported within this time and the credit was used up. It is halved
+    // if a round takes more than four times as long. A 1 Mbps radio takes 260 ms for the smallest credit.
     Duration round_fast = std::chrono::milliseconds(25);
   };
 
   explicit LinkCredit(const Options& options) : options_(options), credit_bytes_(options.bytes_min) {}
 
-  // A new connection with the number `link` (not 0) opened. Nothing has been sent over it.
+  // Call when a new connection with the number `link` (not 0) opened. Nothing has been sent over it.
   void Open(std::uint32_t link);
 
   // True if a frame may be sent now. A frame larger than the credit is sent when nothing else is in flight.
@@ -44,7 +44,7 @@ class LinkCredit {
     return unreported_bytes() == 0 || unreported_bytes() + frame_bytes <= credit_bytes_;
   }
   void OnSent(MonotonicTime now, std::size_t frame_bytes);
-  // A frame had to wait for credit.
+  // Call when a frame had to wait for credit.
   void OnBlocked() { was_blocked_ = true; }
 
   // Processes a report of the peer. Returns false, without effect, if the report is about another connection, is older
@@ -56,7 +56,8 @@ class LinkCredit {
   std::size_t credit_bytes() const { return credit_bytes_; }
 
  private:
-  // A measurement from `begun` until all bytes sent by then are reported.
+  // A measurement that starts at `begun` and ends when the peer has reported the first `sent_bytes` bytes of the
+  // connection.
   struct Round {
     MonotonicTime begun;
     std::uint64_t sent_bytes = 0;
@@ -72,7 +73,7 @@ class LinkCredit {
   bool was_blocked_ = false;    // True if a frame waited for credit in this round.
 };
 
-// Keeps the announcement of a large frame to its receiver. An announcement covers the next frame only. Another frame
+// Remembers that a large frame was announced to its receiver. An announcement covers the next frame only. Another frame
 // sent first, or a report without an announcement, cancels it.
 class LargeFrameNotice {
  public:
@@ -88,8 +89,8 @@ class LargeFrameNotice {
 // The receiving end of a link.
 class ReceivedCount {
  public:
-  // Sets the connection over which frames now arrive, by its sender's number. Returns true if it is new; counting then
-  // restarts at 0.
+  // Call with the number of the connection over which a frame arrived. If it is another connection than before,
+  // restarts counting at 0 and returns true.
   bool OnLink(std::uint32_t link);
   void SetReportAfter(std::size_t bytes) { report_after_bytes_ = bytes; }
 

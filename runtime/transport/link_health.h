@@ -3,7 +3,7 @@
 // ZMTP's own heartbeat is not used: under a flood it never detects a frozen peer, and it wakes an idle agent ten times
 // a second. Here a peer must be heard only while an answer is expected: while sent bytes are unreported, or after a
 // request for a report. An idle link is probed rarely. A peer that sends but reports no progress while frames wait for
-// credit is `kStalled` and treated as broken.
+// credit is `kStalled`, and its connection is treated as broken.
 //
 // A peer answers over its own link to this agent. When this agent's link opens, the peer's link may still be in its
 // handshake, which takes seconds on a busy computer with many agents. The first answer may therefore take
@@ -23,10 +23,10 @@ class LinkHealth {
  public:
   struct Options {
     Duration ask_after = std::chrono::seconds(1);  // Silence before the peer is asked, while an answer is expected.
-    // Silence before the peer is lost, while an answer is expected. Longer than ask_after plus one round trip.
+    // Silence before the peer counts as lost, while an answer is expected. Longer than ask_after plus one round trip.
     Duration lost_after = std::chrono::seconds(3);
     Duration keep_alive_after = std::chrono::seconds(30);  // Silence before an idle peer is asked.
-    // Longest silence after the link opened. At least lost_after.
+    // Silence after which a peer that was not heard since the link opened counts as lost. At least lost_after.
     Duration first_answer_after = std::chrono::seconds(15);
   };
 
@@ -46,10 +46,10 @@ class LinkHealth {
   // Updates what is expected: `has_unreported` if sent bytes are unreported, `is_blocked` if frames wait for credit.
   void Expect(MonotonicTime now, bool has_unreported, bool is_blocked);
 
-  // Returns the step to take now, once. After kAsk, the caller must send the request. `patience` extends the deadlines
-  // while a large frame is in flight.
+  // Returns the step to take now. Returns kAsk once per request; the caller must then send the request. `patience`
+  // extends the deadlines while a large frame is in flight.
   Step Check(MonotonicTime now, Duration patience);
-  // Time of the next Check.
+  // Time at which Check must be called next.
   MonotonicTime deadline(Duration patience) const;
 
  private:

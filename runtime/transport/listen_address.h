@@ -1,4 +1,5 @@
-// Prepares addresses for listening.
+// Functions for the endpoints that an agent listens on: free a stale ipc:// path, resolve a host name to a numeric
+// address, and extract port and address.
 #pragma once
 
 #include <cstdint>
@@ -18,9 +19,9 @@ Result<void> ClaimIpcPath(const std::string& endpoint);
 // "tcp://127.0.0.1:7400". Uses the system's resolver. Returns kUnavailable if the name is unknown.
 Result<std::string> NumericEndpoint(const std::string& endpoint);
 
-// Return the port and the numeric address of a TCP endpoint: 7400 and "10.0.0.3" for "tcp://10.0.0.3:7400". The address
-// of localhost is "127.0.0.1". For other endpoints there is no port and the address is empty. NumericAddressOf is also
-// empty for any other host name: it does no lookup.
+// TcpPortOf returns the port of a TCP endpoint, NumericAddressOf its numeric address: 7400 and "10.0.0.3" for
+// "tcp://10.0.0.3:7400". The address of localhost is "127.0.0.1". For endpoints other than TCP they return nothing and
+// "". NumericAddressOf also returns "" for other host names, because it does no lookup.
 std::optional<std::uint16_t> TcpPortOf(const std::string& endpoint);
 std::string NumericAddressOf(const std::string& endpoint);
 

@@ -17,16 +17,17 @@ inline constexpr std::size_t kOutboundClasses = 8;
 inline constexpr std::size_t kControlClass = 0;
 std::size_t OutboundClassOf(const proto::Message& message);
 
-// Returns the key of a message, which replaces a waiting message with the same key. An empty key replaces none. Only
-// messages whose newest instance contains all information of an older one have a key. A role announcement carries the
-// whole assignment, a lease announcement both leases, and a Hello ends the session of the previous Hello. An
-// acknowledgment (Have) covers one batch only and has no key.
+// Returns the replacement key of a message. A message replaces the waiting message with the same key; a message with an
+// empty key replaces none. Only messages whose newest instance contains all information of an older one have a key. A
+// role announcement carries the whole assignment, a lease announcement both leases, and a Hello ends the session of the
+// previous Hello. An acknowledgment (Have) covers one batch only and has no key.
 std::string ReplaceKeyOf(const proto::Message& message);
 
 // Limit of a frame that holds several messages. A larger message has its own frame.
 inline constexpr std::size_t kSharedFrameBytesMax = 32 * 1024;
 
-// The wire format of proto::PeerFrame: the link number, which the connection adds when it sends, then the messages.
+// The wire format of proto::PeerFrame: the link number, which PeerConnection adds when it sends the frame, then the
+// messages.
 inline constexpr char kLinkNumberTag = proto::PeerFrame::kLinkNumberFieldNumber << 3 | 5;
 inline constexpr std::size_t kLinkNumberBytes = 1 + 4;
 inline constexpr std::uint32_t kPeerFrameTag = proto::PeerFrame::kMessagesFieldNumber << 3 | 2;

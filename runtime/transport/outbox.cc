@@ -30,7 +30,7 @@ void Outbox::CountOut(const Entry& entry) {
   control_bytes_ -= entry.frame.size();
 }
 
-// A linear search. Few waiting messages have a key, and control messages do not wait behind bulk data.
+// Searches linearly: few waiting messages have a key, and control messages do not wait behind bulk data.
 Outbox::Entry* Outbox::FindWaiting(const Entry& entry) {
   if (entry.key.empty()) return nullptr;
   std::deque<Entry>& waiting = classes_[entry.outbound_class];
@@ -38,7 +38,8 @@ Outbox::Entry* Outbox::FindWaiting(const Entry& entry) {
   return found == waiting.end() ? nullptr : &*found;
 }
 
-// Returns the last waiting frame if the entry may be appended to it. Only the last one preserves the order.
+// Returns the last waiting frame of the class if the entry may be appended to it, otherwise null. Appending to an
+// earlier frame would change the order of messages.
 Outbox::Entry* Outbox::FrameToShare(const Entry& entry) {
   std::deque<Entry>& waiting = classes_[entry.outbound_class];
   if (waiting.empty() || !entry.key.empty() || !waiting.back().key.empty()) return nullptr;

@@ -19,9 +19,9 @@ namespace moondb {
 class Outbox {
  public:
   struct Options {
-    std::size_t bytes_max = 256 * 1024;  // A larger message fits alone.
+    std::size_t bytes_max = 256 * 1024;  // A larger message is accepted if nothing waits.
     std::size_t messages_max = 4096;
-    std::size_t reserve_bytes = 32 * 1024;  // Bytes reserved for control messages, whatever else waits.
+    std::size_t reserve_bytes = 32 * 1024;  // Control messages are accepted up to this size, whatever else waits.
     std::size_t reserve_messages = 256;
   };
 
@@ -40,7 +40,8 @@ class Outbox {
   // Adds an entry with one message. Returns kAccepted or kFull; a refused entry is not changed.
   SendResult Push(Entry&& entry);
 
-  const Entry* Front() const;  // First entry of the first non-empty class; null if empty. Valid until the next call.
+  // First entry of the first non-empty class; null if empty. Valid until the outbox changes.
+  const Entry* Front() const;
   Entry* Front();
   void PopFront();
   std::size_t Clear();  // Returns the number of dropped messages.

@@ -38,8 +38,8 @@ void SetUp(const PeerConnection::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_TCP_MAXRT, kUnacknowledgedMax_ms);
   dealer->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.frame_bytes_max));
   if (options.address.find('[') != std::string::npos) dealer->Set(ZMQ_IPV6, 1);
-  // Without CURVE the connection's routing id is the only identity. The peer's ROUTER then replaces our earlier
-  // connection if it has not seen it close.
+  // Without CURVE the connection's routing id is the only identity. If the peer's ROUTER has not noticed that this
+  // agent's earlier connection closed, the new connection replaces it.
   if (!options.own_keys) return dealer->Set(ZMQ_ROUTING_ID, std::to_string(options.self));
   dealer->Set(ZMQ_CURVE_SERVERKEY, options.peer_key);
   dealer->Set(ZMQ_CURVE_PUBLICKEY, options.own_keys->public_key);

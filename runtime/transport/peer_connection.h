@@ -1,8 +1,9 @@
-// PeerConnection: the sockets of the connection to one peer, and the schedule of reconnection.
+// PeerConnection: the sockets of the connection to one peer, and the times at which it reconnects.
 //
-// A DEALER and its monitor serve one connection. When it breaks they are closed, with all data that libzmq and the
-// kernel still hold for it, and recreated 100 ms later. After each connection over which nothing was heard the delay
-// doubles, up to 30 s. Until a connection is established, libzmq retries by itself, every 100 ms to 4 s.
+// A DEALER and its monitor serve one connection. When the connection breaks, both are closed, which drops all data that
+// libzmq and the kernel still hold for it. They are recreated 100 ms later. After each connection during which the peer
+// was not heard, the delay doubles, up to 30 s. Until a connection is established, libzmq retries by itself, every 100
+// ms to 4 s.
 //
 // Not thread-safe: the caller provides the locking.
 #pragma once
@@ -35,18 +36,18 @@ class PeerConnection {
   // Closes existing sockets and starts to connect. Returns kUnavailable if sockets cannot be created; Connect is then
   // due again in 30 s.
   Result<void> Connect(MonotonicTime now);
-  // Closes the sockets. Connect is due after the delay.
+  // Closes the sockets. Connect is due after the current delay.
   void Disconnect(MonotonicTime now);
   // Closes the sockets. Connect is due in 30 s, even if the peer is heard earlier.
   void DisconnectForLong(MonotonicTime now);
-  // The peer was heard: resets the delay, and makes Connect due now if it was waiting. `is_at_once`: also if libzmq is
-  // waiting to retry.
+  // Call when the peer was heard. Resets the delay, and makes Connect due now if there are no sockets. With
+  // `is_at_once`, Connect is due now even if sockets exist, because libzmq may be waiting to retry.
   void OnHeard(MonotonicTime now, bool is_at_once);
 
-  // Time at which Connect is due; empty while sockets exist.
+  // Time at which Connect is due. Empty while sockets exist, unless OnHeard made Connect due.
   std::optional<MonotonicTime> connect_at() const { return connect_at_; }
 
-  // The handshake succeeded. The socket is assumed to have room.
+  // Call when the handshake succeeded. The socket is assumed to have room.
   void OnOpened() { is_full_ = false; }
   // Returns the next event of the monitor, or nothing if none waits.
   std::optional<ZmqEvent> ReceiveEvent() { return monitor_ ? monitor_->ReceiveEvent() : std::nullopt; }

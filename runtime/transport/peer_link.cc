@@ -19,11 +19,13 @@ using std::chrono::seconds;
 // Number of small messages in a row that are sent in their own frames before a burst is assumed.
 constexpr int kSentAtOnce = 4;
 constexpr Duration kBurstPause = std::chrono::microseconds(20);
-// Wait of a small message in a burst for others that share its frame.
+// How long a small message in a burst waits for others to share its frame.
 constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
-// Lowest usable rate of a radio. It determines how long one large frame may keep everything else silent.
+// Lowest usable rate of a radio. While a large frame is in flight, deadlines are extended by the time that it takes at
+// this rate.
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
-// For how long two processes with one key are reported. They replace each other's connection every few seconds.
+// For how long Status reports, after each detection, that two processes use one key. Such processes replace each
+// other's connection every few seconds.
 constexpr std::chrono::minutes kTwoProcessesShown(10);
 constexpr int kReturnsOfRestartsMax = 4;  // Two restarts within kTwoProcessesShown cause at most this many returns.
 
@@ -86,7 +88,7 @@ SendResult PeerLink::Send(const proto::Message& message) {
       if (result == SendResult::kTooLong) WarnOfTooLong(message, bytes);
       return result;
     }
-    // The transport's thread already knows when to look, from the first waiting message.
+    // The first waiting message has already scheduled the transport's thread.
     if (outbox_.messages() > 1 && flush_at_ > now && credit_.HasRoomFor(outbox_.bytes())) return result;
     UpdateExpectation(now);
     due = Deadline();
@@ -193,7 +195,7 @@ void PeerLink::OnReport(const proto::LinkReport& report, std::uint32_t link_numb
     ++counts_.refused_reports;
     return;
   }
-  // A peer that reached us can be reached, and waits for our reports.
+  // A peer that connected to this agent can be reached, and waits for its reports.
   if (received_count_.OnLink(link_number) && !is_open_) is_hurried_ = true;
   if (report.report_after_bytes() != 0) received_count_.SetReportAfter(report.report_after_bytes());
   if (report.is_asking()) reports_.Request();

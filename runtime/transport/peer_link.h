@@ -2,12 +2,13 @@
 // the peer.
 //
 // When a connection breaks (runtime/transport/peer_connection.h), or its peer is silent for too long
-// (runtime/transport/link_health.h), the link reconnects. If the peer reaches this agent first, the link reconnects at
-// once. The link counts as connected after the handshake, in which CURVE has verified that the other end holds the
-// peer's secret key.
+// (runtime/transport/link_health.h), the link reconnects. If the peer reaches this agent first, the link reconnects
+// immediately. The link counts as connected after the handshake, in which CURVE has verified that the other end holds
+// the peer's secret key.
 //
 // At most one credit of bytes is in flight (runtime/transport/link_credit.h); the rest waits in the outbox. The outbox
-// is cleared when the connection is lost. Senders retransmit anyway, and stale frames would only delay that.
+// is cleared when the connection is lost. Senders retransmit anyway, and stale frames would only delay the
+// retransmissions.
 //
 // Send and Status are thread-safe. All other functions: the transport's thread only. If nothing waits, a sender passes
 // its frame directly to the socket. In a burst, small messages wait up to 0.1 ms for others to share their frame. A
@@ -39,7 +40,8 @@ namespace moondb {
 
 class PeerLink {
  public:
-  // Burst of logged changes of an unstable link. Further changes are logged at a limited rate.
+  // Number of connects and disconnects of an unstable link that are logged in a burst. Further ones are logged at a
+  // limited rate.
   static constexpr int kLoggedChangesAtOnce = 20;
 
   struct Options {
@@ -58,20 +60,20 @@ class PeerLink {
   SendResult Send(const proto::Message& message);
   proto::PeerStatus Status() const;
 
-  // A frame of this peer with `count` messages arrived. `is_on_link`: it arrived over the connection that the peer's
-  // reports describe, not over one that was replaced.
+  // Call when a frame of this peer with `count` messages arrived. `is_on_link`: the frame arrived over the peer's
+  // newest connection, which its reports describe, and not over a replaced one.
   void OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on_link);
   void OnReport(const proto::LinkReport& report, std::uint32_t link_number, bool is_on_link);
-  // A replaced process with the peer's key returned (LinkOrder::returns).
+  // Call when a replaced process with the peer's key returned (LinkOrder::returns).
   void OnReturn();
-  // A frame was rejected. Its bytes still count as received.
+  // Call when a frame was rejected. Its bytes still count as received.
   void OnRejected(std::size_t frame_bytes, bool is_on_link);
 
   // Processes the monitor's events of the connection.
   void OnMonitorReadable();
-  // Returns the descriptor of the connection if one opened since the last call.
+  // Returns the descriptor of the connection if a connection opened since the last call.
   std::optional<int> TakeConnectedFile();
-  // The peer sent data over this link, which carries none from it. Closes the connection for 30 s.
+  // Call when the peer sent data over this link, on which only this agent may send. Closes the connection for 30 s.
   void OnFlooded(MonotonicTime now);
   void OnSocketReadable();
 
@@ -119,7 +121,7 @@ class PeerLink {
   // Counters of received data. Written by the transport's thread only.
   struct Received {
     std::atomic<std::int64_t> heard_ns{-1};  // Last time the peer was heard, on the steady clock; negative: never.
-    // Last time two processes were detected, on the steady clock; negative: never.
+    // Last time that two processes with the peer's key were detected, on the steady clock; negative: never.
     std::atomic<std::int64_t> two_processes_ns{-1};
     MonotonicTime returned_at;
     int returns = 0;  // Number of successive returns, each at most kTwoProcessesShown after the previous one.

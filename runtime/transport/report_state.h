@@ -1,4 +1,5 @@
-// ReportState: decides when a link must send a report (proto::LinkReport), and keeps what the last one contained.
+// ReportState: decides when a link must send a report (proto::LinkReport), and remembers what the last report
+// contained.
 //
 // Bookkeeping of the sending end. Not thread-safe: the caller provides the locking.
 #pragma once
@@ -13,7 +14,7 @@ namespace moondb {
 
 class ReportState {
  public:
-  // A new connection opened. The first report must precede everything else on it.
+  // Call when a new connection opened. Its first report must precede everything else on it.
   void OnOpened();
   bool is_opening_due() const { return is_opening_due_; }
 
@@ -23,9 +24,10 @@ class ReportState {
   bool IsDue(const LinkCredit& credit) const {
     return is_opening_due_ || is_asking_peer_ || is_due_ || reported_credit_bytes_ != credit.credit_bytes();
   }
-  // `coming_bytes` is the size of the next frame if that must be announced, otherwise 0.
+  // Returns the report to send. `coming_bytes` is the size of the next frame if that frame must be announced, otherwise
+  // 0.
   proto::LinkReport Make(const LinkCredit& credit, const ReceivedCount& received, std::uint64_t coming_bytes) const;
-  // The last result of Make was passed to the socket.
+  // Call when the last result of Make was passed to the socket.
   void OnSent(const LinkCredit& credit, std::uint64_t coming_bytes);
 
   void OnFrameSent() { large_frame_notice_.OnFrameSent(); }
@@ -36,7 +38,7 @@ class ReportState {
   bool is_opening_due_ = false;
   bool is_due_ = false;
   bool is_asking_peer_ = false;
-  std::size_t reported_credit_bytes_ = 0;  // Credit from which the peer derives its report interval.
+  std::size_t reported_credit_bytes_ = 0;  // Credit in the last report. The peer derives its report interval from it.
   LargeFrameNotice large_frame_notice_;
 };
 

@@ -75,7 +75,8 @@ std::optional<TcpConnection> TcpConnections::Read(int file) {
   const std::optional<Endpoint> own = EndpointOf(*own_address);
   const std::optional<Endpoint> peer = EndpointOf(*peer_address);
   if (!own || !peer) return std::nullopt;
-  // One-shot: epoll reports the next arrival once. A descriptor that libzmq closes is removed from epoll automatically.
+  // One-shot: epoll reports only the next arrival of data. A descriptor that libzmq closes is removed from epoll
+  // automatically.
   epoll_event event{};
   event.events = EPOLLIN | EPOLLET | EPOLLONESHOT;
   event.data.fd = file;

@@ -31,12 +31,12 @@ class TcpConnections {
   TcpConnections(const TcpConnections&) = delete;
   TcpConnections& operator=(const TcpConnections&) = delete;
 
-  // Descriptor that becomes readable when data arrive on a connection after List, Look or Read has read it. Drain
-  // resets it.
+  // Descriptor that becomes readable when data arrive on a connection after List, Look or Read has read the
+  // connection's state. Drain makes the descriptor unreadable again.
   int file() const { return epoll_; }
   void Drain();
 
-  // A connection to one of the ports was accepted with this descriptor. Other descriptors are ignored.
+  // Call when libzmq accepted a connection with this descriptor. Connections to other ports are ignored.
   void OnAccepted(int file);
   // Returns the established connections to the ports, and watches each. Opens no files.
   std::vector<TcpConnection> List();

@@ -10,7 +10,7 @@ std::optional<std::uint64_t> UnreadReplies::AckedBytesOf(int file) {
 }
 
 void UnreadReplies::OnRequest(const std::string& route, const std::string& key, int file) {
-  // A descriptor belongs to one connection. An earlier one with the same descriptor is closed.
+  // A descriptor belongs to one connection. An earlier connection with the same descriptor has closed.
   std::erase_if(connections_, [&](const auto& entry) { return entry.second.file == file && entry.first != route; });
   Connection& connection = connections_[route];
   connection.key = key;

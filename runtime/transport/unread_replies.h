@@ -2,7 +2,7 @@
 //
 // libzmq and the kernel buffer replies that a client does not read. Each reply passed to libzmq counts for its
 // connection until the client's system has acknowledged its bytes (TCP_INFO). There is a limit per key and one for all
-// keys. A reply larger than the limit is allowed if no other waits. Not thread-safe.
+// keys. A reply larger than the limit is allowed if no other reply waits. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +26,8 @@ class UnreadReplies {
 
   explicit UnreadReplies(AckedBytes acked_bytes = AckedBytesOf) : acked_bytes_(std::move(acked_bytes)) {}
 
-  // A request arrived with this routing id, from a client with this key, over the connection with descriptor `file`.
+  // Call when a request arrived with this routing id, from a client with this key, over the connection with descriptor
+  // `file`.
   void OnRequest(const std::string& route, const std::string& key, int file);
   // Returns true if libzmq may take one more reply of this size for this routing id. True for a routing id without
   // requests.

@@ -1,7 +1,7 @@
 // WakeUp: a file descriptor with which any thread can wake one sleeping thread.
 //
-// The sleeper announces until when it will sleep. Other threads ring only for work that is due earlier. An awake thread
-// is never rung, and a later deadline costs nothing.
+// The sleeper announces until when it will sleep. Other threads make the descriptor readable (they ring) only for work
+// that is due earlier. They do not ring while the thread is awake or if the work is due later.
 #pragma once
 
 #include <atomic>

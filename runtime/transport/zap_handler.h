@@ -1,9 +1,9 @@
 // ZapHandler: decides which CURVE keys are admitted, and sets their user ids (ZeroMQ RFC 27).
 //
-// libzmq asks the handler by inproc messages during each handshake; without a handler it would admit every key. The key
-// of an agent gets the agent's id as User-Id, which libzmq attaches to each frame of the connection. On sockets of the
-// domain kClientDomain, keys of clients are admitted instead, with the key itself (Z85) as User-Id. A temporary refusal
-// uses ZAP's temporary error, after which libzmq retries later.
+// libzmq asks the handler by inproc messages during each handshake; without a handler, libzmq would admit every key.
+// The key of an agent gets the agent's id as User-Id, which libzmq attaches to each frame of the connection. On sockets
+// of the domain kClientDomain, keys of clients are admitted instead, with the key itself (Z85) as User-Id. A temporary
+// refusal uses ZAP's temporary error, after which libzmq retries later.
 #pragma once
 
 #include <functional>
@@ -30,8 +30,8 @@ class ZapHandler {
   using OnRefused = std::function<void(bool is_client)>;
 
   // Binds in `context`; must be called before any socket uses CURVE. `agents` maps public keys in Z85 to ids. Calls
-  // `on_refused` for each handshake with an unknown key, before the answer is sent. A refused peer has thus already
-  // been counted.
+  // `on_refused` for each handshake with an unknown key, before the answer is sent. When a peer receives a refusal, the
+  // refusal has thus already been counted.
   static Result<ZapHandler> Make(const ZmqContext& context, std::map<std::string, AgentId> agents,
                                  OnRefused on_refused);
   void LetClientsIn(AdmitClient admit_client) { admit_client_ = std::move(admit_client); }
@@ -56,7 +56,7 @@ class ZapHandler {
   OnRefused on_refused_;
 };
 
-// Returns the agent of a User-Id, or 0 if it names none.
+// Returns the agent of a User-Id, or 0 if the User-Id names no agent.
 AgentId AgentOfUserId(std::string_view user_id);
 
 }  // namespace moondb

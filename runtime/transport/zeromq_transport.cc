@@ -37,18 +37,18 @@ namespace {
 
 constexpr int kPeerQueueMessages = 16;  // Received frames of one connection that may wait for delivery.
 constexpr int kKeepAlive_s = 60;
-// The current connection, its replacement, and two more for a reconnect.
+// Limit of connections per agent: the current connection, its replacement, and two more for a reconnect.
 constexpr std::size_t kConnectionsPerAgent = 4;
-constexpr std::size_t kStrangersMax = 32;     // Connections to the agent's peer address from outside the team.
-constexpr std::size_t kKeyedClientsMax = 64;  // Connections to client_address.
+constexpr std::size_t kStrangersMax = 32;     // Limit of connections to the agent's peer address from outside the team.
+constexpr std::size_t kKeyedClientsMax = 64;  // Limit of connections to client_address.
 // Limits of the messages and time per turn of a socket. Some frames take 14 ms to parse.
 constexpr std::size_t kBatchMessages = 256;
 constexpr Duration kTurnTime = std::chrono::milliseconds(5);
 // Upper limit of the bytes that CURVE adds to a frame. libzmq applies ZMQ_MAXMSGSIZE to the encrypted frame, and closes
 // the connection if it is exceeded.
 constexpr std::size_t kCurveBytes = 64;
-// Shared bytes of all agents beyond the free bytes of each connection. Covers the largest credit of a link that this
-// agent reads slowly.
+// Value of ConnectionRules::Listener::shared_bytes for the connections of agents. Covers the largest credit of a link
+// that this agent reads slowly.
 constexpr std::uint64_t kAgentsSharedBytes = 1024 * 1024;
 static_assert(kPeerFrameBytesMax + kCurveBytes < ConnectionRules::kFreeBytes, "each frame can be delivered");
 static_assert(LinkCredit::Options().bytes_max <= kAgentsSharedBytes);
@@ -100,7 +100,7 @@ class ZeroMqTransport::Impl {
     thread_.join();
   }
 
-  // The start of the thread transfers all sockets to it.
+  // Opens all sockets and starts the thread, which then owns the sockets.
   Result<void> Start(const std::string& team_folder) {
     Check(FindAgent(team_, options_.self) != nullptr, "the agent itself is in the team");
     if (!team_.insecure()) {
@@ -121,7 +121,7 @@ class ZeroMqTransport::Impl {
   SendResult Send(const Address& to, const proto::Message& message) {
     Check(!message.has_link_report(), "only transports send link reports");
     if (to.agent == kClients) {
-      SendResult sent = SendResult::kUnreachable;  // Result of a ClientListener that does not know the client.
+      SendResult sent = SendResult::kUnreachable;  // The result of each ClientListener that does not know the client.
       for (const auto& listener : listeners_) {
         if (sent == SendResult::kUnreachable) sent = listener->Send(to.actor, message);
       }
@@ -162,9 +162,9 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Opens the socket that receives frames of peers. With keys it is a DEALER. This assigns no routing ids, which a peer
-  // could claim, and each frame names its connection (LinkOrder). Without keys it is a ROUTER: the routing id that a
-  // connection claims names its agent.
+  // Opens the socket that receives frames of peers. With keys it is a DEALER, which assigns no routing ids that a peer
+  // could claim; each frame contains the number of its connection (LinkOrder). Without keys it is a ROUTER: the routing
+  // id that a connection claims names its agent.
   Result<void> OpenPeerListener() {
     Result<ZmqSocket> listener = ZmqSocket::Make(context_, keys_ ? ZMQ_DEALER : ZMQ_ROUTER);
     if (!listener) return tl::unexpected(listener.error());
@@ -264,7 +264,8 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Sets the connection limits of each port. Agents whose address is a host name use places of the shared pool.
+  // Sets the connection limits of each port. Agents whose address is a host name use the places that all other
+  // addresses share.
   Result<void> OpenGuard() {
     std::map<std::uint16_t, ConnectionRules::Listener> listeners;
     const proto::AgentConfig& self = *FindAgent(team_, options_.self);
@@ -491,7 +492,7 @@ class ZeroMqTransport::Impl {
   std::unique_ptr<ConnectionLimiter> guard_;
 
   std::vector<pollfd> files_;
-  bool is_busy_ = false;   // Peers have just sent something.
+  bool is_busy_ = false;   // True if data from peers ended the last sleep.
   bool has_more_ = false;  // A socket may have more messages.
   struct Refused {
     std::atomic<std::uint64_t> agents = 0;  // Refused handshakes of connections from agents.

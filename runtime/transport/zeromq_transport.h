@@ -36,8 +36,8 @@ class ZeroMqTransport final : public Transport {
   struct Options {
     AgentId self = 0;
     std::string client_endpoint;  // ipc://...; empty: no clients over ipc.
-    // Larger frames are not sent; receiving one closes the connection. A keyed client's limit is at most
-    // kKeyedRequestBytesMax.
+    // Size limits. Larger frames are not sent; receiving a larger frame closes the connection. For requests of clients
+    // with keys, the limit is at most kKeyedRequestBytesMax.
     std::size_t frame_bytes_max = kPeerFrameBytesMax;         // Limit of a frame between agents.
     std::size_t client_message_bytes_max = 32 * 1024 * 1024;  // Limit of a request or reply.
     Outbox::Options outbox;                                   // Limits per peer of messages that wait for credit.

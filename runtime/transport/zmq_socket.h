@@ -80,12 +80,13 @@ class ZmqSocket {
 
   // Returns kUnavailable for errors such as "Address already in use".
   Result<void> Bind(const std::string& endpoint);
-  // Stops listening; existing connections stay. libzmq closes asynchronously, and deletes the file of an ipc socket.
+  // Stops listening; existing connections stay open. libzmq stops asynchronously, and deletes the file of an ipc
+  // socket.
   void Unbind(const std::string& endpoint);
   Result<void> Connect(const std::string& endpoint);
 
-  // Creates a socket that reports the events `events` (ZMQ_EVENT_*) of this socket's connections from now on.
-  // `endpoint` must be an unused inproc endpoint. Close the monitor after this socket.
+  // Creates a socket that reports the events `events` (ZMQ_EVENT_*) that occur after this call on this socket's
+  // connections. `endpoint` must be an unused inproc endpoint. Close the monitor after this socket.
   Result<ZmqSocket> MakeMonitor(const ZmqContext& context, const std::string& endpoint, int events);
   // Returns the next event of a monitor, or nothing if none waits.
   std::optional<ZmqEvent> ReceiveEvent();

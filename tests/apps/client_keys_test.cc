@@ -78,7 +78,7 @@ TEST_F(ClientKeysProcessTest, AKeyGrantsItsRightsUntilItIsRevoked) {
   const auto shown = MoonctlJson(0, {"status", "-a", "rover1"});
   const auto& agent = shown.fields().at("agents").list_value().values(0).struct_value().fields().at("status");
   EXPECT_GE(agent.struct_value().fields().at("refused_clients").number_value(), 2);
-  MoonctlExpecting(0, With(folder_ / "new.sec", {"down"}));  // Needs no key: it stops processes of this machine.
+  MoonctlExpecting(0, With(folder_ / "new.sec", {"down"}));  // `down` needs no key: it stops processes of this machine.
 }
 
 TEST_F(ClientKeysProcessTest, ListsClientsAndReportsErrors) {
@@ -109,7 +109,7 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndReportsErrors) {
               AllOf(HasSubstr("--key"), HasSubstr("no such file")));
   environment_["MOONDB_CLIENT_KEY"] = folder_ / "none.sec";
   EXPECT_THAT(error(2, {"role", "swap"}), AllOf(HasSubstr("MOONDB_CLIENT_KEY"), HasSubstr("no such file")));
-  MoonctlExpecting(0, {"clients", "list"});  // It needs no key.
+  MoonctlExpecting(0, {"clients", "list"});  // `clients list` needs no key.
   environment_.erase("MOONDB_CLIENT_KEY");
   // If the client list cannot be written, no secret key may remain and no listed client may be lost.
   const std::string list = *ReadTextFile(folder_ / "clients.yaml");
@@ -124,7 +124,7 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndReportsErrors) {
   ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", "clients: [{nmae: x}]\n").has_value());
   EXPECT_THAT(error(2, {"clients", "list"}), HasSubstr("clients.yaml:1:"));
   EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("did you mean \"name\"?"));
-  MoonctlExpecting(0, {"up", "-a", "rover1"});  // It accepts no client over TCP; its log gives the reason.
+  MoonctlExpecting(0, {"up", "-a", "rover1"});  // rover1 starts, but accepts no client over TCP.
   EXPECT_THAT(*ReadTextFile(folder_ / "moondb-data" / "rover1" / "agent.log"),
               AllOf(HasSubstr("clients.yaml:1:"), HasSubstr("no client is admitted")));
 }
@@ -153,7 +153,7 @@ TEST_F(ClientKeysProcessTest, FollowsNewRecordsUntilInterrupted) {
   Child text(
       {"/bin/bash", "-c", std::string("set -o pipefail; ") + MOONCTL_PROGRAM + " record list -f -a rover1 | head -n 1"},
       environment_, folder_ / "text");
-  // Each new record is shown at once. Records stored before the command started to follow are not shown.
+  // Both commands show each new record without delay, and no record that was stored before they started to follow.
   std::string key;
   EXPECT_TRUE(Until([&] {
     key = MoonctlExpecting(0, insert);

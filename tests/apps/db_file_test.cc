@@ -24,7 +24,7 @@ class DbFileTest : public ProcessTeam {
  protected:
   bool HasProgram(const std::string& name) { return Run({"/bin/sh", "-c", "command -v " + name}).exit_code == 0; }
 
-  // Compares copies of both stores with an independent program.
+  // Compares copies of the leader's and the survivor's store with tools/diff_stores, which uses SQLite's sqldiff.
   Outcome DiffStores(const std::string& name) {
     const auto leader = folder_ / (name + "_leader.sqlite"), survivor = folder_ / (name + "_survivor.sqlite");
     MoonctlExpecting(0, {"-a", "rover1", "db", "backup", leader});
@@ -67,7 +67,8 @@ TEST_F(DbFileTest, WritesCsvThatAnotherProgramReads) {
 TEST_F(DbFileTest, LeaderAndSurvivorAreTheSameToSqldiff) {
   if (!HasProgram("sqldiff") || !HasProgram("sqlite3")) GTEST_SKIP() << "sqlite3 or sqldiff is not installed";
   MoonctlExpecting(0, {"up"});
-  // Each agent inserts rows before it receives those of others, so both stores contain them in different orders.
+  // Each agent inserts its rows before it receives rows of others. The leader's and the survivor's store therefore
+  // contain the rows in different orders.
   for (int rover = 1; rover <= 3; ++rover) {
     const std::string name = "rover" + std::to_string(rover);
     for (int index = 0; index < 3; ++index) {

@@ -20,12 +20,12 @@ using Words = std::vector<std::string>;
 
 // rover1 leads, rover2 is the designated survivor, and rover3 is killed or frozen.
 struct Case {
-  Words words;    // The command's own words first; % is the number of the pass, @ the test's folder, KEY a record of
-                  // rover3.
+  Words words;    // The words after `moonctl`, the command's name first. % stands for the number of the pass, @ for the
+                  // test's folder, KEY for the key of a record of rover3.
   int when_well;  // Exit code if all agents are well.
   int when_killed;
   int when_frozen;
-  std::string says;  // Part of its text output if all agents are well.
+  std::string says;  // A part of the command's text output if all agents are well.
 };
 
 constexpr int kDone = 0, kFailed = 1, kUnreachable = 3;
@@ -107,7 +107,7 @@ const std::vector<Case>& Cases() {
 // Commands that start or stop agents; other tests cover them.
 const std::set<std::string> kUpAndDown = {"up", "down"};
 
-// Returns whether a complete JSON document is {"error": ...}.
+// Returns true if `text` is {"error": ...}. Expects that `text` is one complete JSON document.
 bool IsErrorJson(const std::string& text) {
   google::protobuf::Value value;
   EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(text, &value).ok()) << text.substr(0, 300);
@@ -146,7 +146,7 @@ class EveryCommandTest : public ProcessTeam {
     return Moonctl(words);
   }
 
-  // Runs each command for text output, then for JSON.
+  // Runs all commands with text output, then all with JSON output. `expected` is the member of Case with the exit code.
   void RunAll(int Case::*expected) {
     std::vector<bool> are_errors;
     for (const bool is_json : {false, true}) {
@@ -188,14 +188,14 @@ TEST_F(EveryCommandTest, ReportsItsResultWithAllWithDeadAndWithFrozenAgents) {
 
   const pid_t frozen = PidOf("rover3");
   ASSERT_EQ(::kill(frozen, SIGSTOP), 0);
-  timeout_ = "600ms";  // Short: many commands wait until this timeout.
+  timeout_ = "600ms";  // Short, because many commands wait until it has passed.
   RunAll(&Case::when_frozen);
   ASSERT_EQ(::kill(frozen, SIGCONT), 0);
   MoonctlExpecting(kDone, {"down"});
   MoonctlExpecting(kUnreachable, {"status"});
 }
 
-// Fails if a new command is missing from the table above.
+// Fails if Cases() lacks a new command.
 TEST(EveryCommandListTest, KnowsEveryCommand) {
   CommandContext context("");
   Command app;

@@ -1,4 +1,4 @@
-// A team as in the field: each agent on its own machine, and an operator at one of them.
+// Tests of a team as in a mission: each agent runs on its own machine, and an operator works at one of the machines.
 
 #include <gmock/gmock.h>
 #include <signal.h>
@@ -20,12 +20,12 @@ using Words = std::vector<std::string>;
 constexpr char kThroughRover2[] = "moonctl: through rover2, over the radio\n";
 const std::vector<std::string> kNames = {"rover1", "rover2", "rover3", "base"};
 
-// Each machine is a folder of the test with the team file, that agent's secret key, its data and its sockets.
+// A folder simulates each machine. It holds the team file and one agent's secret keys, data and sockets.
 class FourMachinesTest : public ProcessTeam {
  protected:
   void SetUp() override {
     ProcessTeam::SetUp();
-    environment_.clear();  // The operator's shell; each agent has its own run folder.
+    environment_.clear();  // The operator's shell. Each agent gets a run folder of its own.
     LetCommandsComeThrough("base, rover2");
     for (const std::string& name : kNames) {
       std::filesystem::create_directories(MachineOf(name));
@@ -52,7 +52,7 @@ class FourMachinesTest : public ProcessTeam {
     for (auto& [name, agent] : agents_) (void)agent->Wait();
   }
 
-  // Sets the agents of the team file's command_from.
+  // Sets command_from in the team file to these agents.
   void LetCommandsComeThrough(const std::string& names) {
     std::string yaml = *ReadTextFile(team_file_);
     const std::string line = "command_from: [base]";
@@ -69,7 +69,7 @@ class FourMachinesTest : public ProcessTeam {
         command, std::map<std::string, std::string>{{"MOONDB_RUN_DIR", MachineOf(name) / "run"}}, MachineOf(name));
   }
 
-  // Runs a command of the operator at that machine.
+  // Runs `moonctl` with these words on the machine of the agent `name`.
   Outcome At(const std::string& name, Words words) {
     words.insert(words.begin(), {"-t", MachineOf(name) / "team.yaml"});
     return Moonctl(std::move(words));

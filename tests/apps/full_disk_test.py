@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""Real agents whose disk is full, fails, is read-only, or loses the store's file while it is open: what is there is read,
-shared and pruned, an agent starts, roles move on, and inserting goes on when the disk works again.
+"""Real agents whose disk is full, fails, is read-only, or loses the store's file while it is open. Such an agent
+starts, reads, shares and prunes its records, and follows role changes. It accepts inserts when the disk works again.
 
 Usage: full_disk_test.py PROGRAMS [--trials N] [--json FILE] [--only NAME] [--disk tmpfs|ext4|btrfs]
 
-PROGRAMS is the folder of moonctl and moondb_agent. Needs to mount (root); a file system that cannot be made here is left
-out, and says so. With --trials each case runs N times and FILE gets how often which step was right.
+PROGRAMS is the folder of moonctl and moondb_agent. Needs root, to mount file systems. Reports and leaves out file
+systems that cannot be created here. With --trials each case runs N times, and FILE receives how often each step
+succeeded.
 Exit codes: 0 passed, 1 failed, 77 skipped.
 """
 import argparse
@@ -78,7 +79,7 @@ class Disk:
         (self.folder / "fill").unlink()
 
     def remount(self, options):
-        # After a process has ended, its threads may close files a moment later.
+        # Retry, because files of a process may stay open for a moment after the process has ended.
         deadline = time.monotonic() + 10
         while run("mount", "-o", f"remount,{options}", self.folder, check=False).returncode != 0:
             if time.monotonic() > deadline:
@@ -183,7 +184,7 @@ class Team:
         self.moonctl("sync", "now", "--wait")
         self.moonctl("replicate", "now", "--wait")
         for _ in range(3):
-            self.insert()  # Not shared with any agent yet.
+            self.insert()  # No other agent has these records yet.
         goal = min(16 << 20, os.statvfs(self.data).f_blocks * os.statvfs(self.data).f_frsize // 8)
         self.until("the reserve is made", lambda: self.storage().get("reserve_bytes", 0) >= goal)
 
@@ -213,9 +214,9 @@ def expect(is_so, what):
 
 
 def share(team, takes_roles):
-    """The agent's records reach the others: a rover's own to the leader and on to the survivor, a leader's to the survivor.
+    """Checks that the agent's records reach rover2: a rover's records through the leader, a leader's records directly.
 
-    One whose disk takes no new term does not lead after its start, and says so: another gets the lead."""
+    A leader that cannot store a new term must not lead after its start, and must report this. Then rover2 leads."""
     if team.name == "rover1" and not takes_roles:
         team.until("it says that it cannot store its term", lambda: (team.status() or {}).get("unstored_roles"))
         expect(team.status("rover1")["role"] == "ROLE_ROVER", "it leads in a term that it cannot store")
@@ -257,7 +258,7 @@ def full(team, seen, number):
     team.end(signal.SIGKILL if number % 2 else signal.SIGTERM)
     team.disk.fill()
     starts_and_serves(team, seen, takes_roles=True)
-    if number % 2 == 0:  # Start again without the reserve, on a full disk.
+    if number % 2 == 0:  # Start the agent again on a full disk without the reserve.
         team.disk.fill()
         team.end(signal.SIGKILL)
         team.disk.fill()
@@ -290,7 +291,7 @@ def failing(team, seen, number):
     team.end(signal.SIGKILL if number % 2 else signal.SIGTERM)
     starts_and_serves(team, seen, takes_roles=False)
     refuses(team, ["error"])
-    # Depose the agent while its disk fails; it must act on that at once.
+    # Change the leader while the agent's disk fails. All agents, including this one, must follow the new leader.
     if team.name == "rover1":
         team.moonctl("role", "set", "rover3", "leader", "rover2", "survivor", "-a", "rover3")
     else:

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Holds each program to what cmake/MoondbHarden.cmake builds it with, as readelf shows it.
+"""Checks with readelf that each program has the protections that cmake/MoondbHarden.cmake sets.
 
-Usage: hardening_test.py PROGRAMS [--no-fortify]    PROGRAMS is the folder of moonctl and the others; --no-fortify: of a
-                                                    build without optimisation, or with a sanitizer.
-Exit codes: 0 all hold, 1 not, 77 skipped (readelf is missing).
+Usage: hardening_test.py PROGRAMS [--no-fortify]    PROGRAMS is the folder of moonctl and the others; --no-fortify: for
+                                                    a build without optimisation or with a sanitizer.
+Exit codes: 0 all programs have them, 1 some lack one, 77 skipped (readelf is missing).
 """
 import pathlib
 import platform
@@ -12,8 +12,8 @@ import shutil
 import subprocess
 import sys
 
-# Instruction that a compiler puts at permitted targets of indirect jumps. The C library also decides whether the
-# processor checks them: that of Debian 12 does not on x86.
+# Instruction that a compiler puts at permitted targets of indirect jumps. Whether the processor checks the targets also
+# depends on the C library. Debian 12's C library does not turn the check on for x86.
 LANDINGS = {"x86_64": bytes.fromhex("f30f1efa"), "aarch64": bytes.fromhex("3f2303d5")}
 LANDINGS_MIN = 100
 NAMES = ["moondb_agent", "moonctl", "moondb_mission", "moondb_replay", "moondb_sim"]

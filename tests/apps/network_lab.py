@@ -2,8 +2,8 @@
 
     with network_lab.lab(programs) as (team, network): ...
 
-Processes and namespaces are removed afterwards, even after an error in the body or during set-up. The next run removes
-those of a killed run.
+Processes and namespaces are removed afterwards, even after an error in the body or during set-up. If a run is killed,
+the next run removes the killed run's namespaces and their processes.
 """
 import contextlib
 import json
@@ -46,7 +46,7 @@ def address(agent):
 
 
 class Network:
-    """The network: one namespace per agent, and one with the bridge between them."""
+    """The network: one namespace per agent, and one with the bridge that connects them."""
 
     def __init__(self):
         self.hub = f"moondb{os.getpid()}hub"
@@ -104,14 +104,15 @@ def remove_left_behind():
 
 class Team:
     def __init__(self, programs, folder, network, agent_program="moondb_agent"):
-        self.environment = None  # Environment of the agents; None for this program's.
+        self.environment = None  # Environment of the agents. None: that of this program.
         self.programs, self.folder, self.network = pathlib.Path(programs), folder, network
         self.agent_program = self.programs / agent_program
         self.file = folder / "team.yaml"
         self.agents = {}
         run(self.programs / "moonctl", "config", "init", "--agents", len(NAMES), self.file)
         text = self.file.read_text(encoding="utf-8")
-        # Otherwise the leader could store solved poses between the end of a transfer and the comparison of stores.
+        # Turn off periodic solves. Otherwise the leader could store solved poses between a transfer and the comparison
+        # of stores.
         text = text.replace("solve_by_itself: true", "solve_by_itself: false")
         for i in range(len(NAMES)):
             text = text.replace(f"tcp://127.0.0.1:{7400 + i}", f"tcp://{address(i)}:7400")
@@ -185,7 +186,7 @@ class Team:
             time.sleep(0.2)
 
     def records(self, agent):
-        """Returns {(origin, epoch, type, seq): hash} of shared records, without events: these appear at any time."""
+        """Returns {(origin, epoch, type, seq): hash} of shared records. Omits events, which appear at any time."""
         found = {}
         file = self.folder / NAMES[agent] / "moondb.sqlite"
         with contextlib.closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as db:
@@ -208,7 +209,7 @@ def scratch_folder():
 
 @contextlib.contextmanager
 def lab(programs, agent_program="moondb_agent"):
-    """Yields a team with agents not yet started, and its network. Raises Unsupported before it changes anything."""
+    """Yields a team with agents not yet started, and its network. Raises Unsupported if the network cannot be made."""
     if os.geteuid() != 0 or not shutil.which("ip") or not shutil.which("tc"):
         raise Unsupported("needs root, ip and tc (package iproute2)")
     with contextlib.ExitStack() as stack:

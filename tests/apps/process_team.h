@@ -1,5 +1,6 @@
-// ProcessTeam: a folder with a team file for real processes: three rovers and a base station, with CURVE. It uses ipc
-// sockets in that folder and therefore no ports. At the end it kills all processes that still run.
+// ProcessTeam: base of tests with real processes. It makes a folder with the team file of three rovers and a base
+// station, with CURVE and with ipc sockets in that folder, so it needs no ports. At the end it kills all agents that
+// still run.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -18,7 +19,7 @@
 
 namespace moondb {
 
-// Replaces the loopback addresses that `config init` writes by ipc sockets in `folder`.
+// Replaces the loopback addresses that `config init` writes by ipc sockets in `folder`, and turns off periodic solves.
 void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::path& folder);
 
 class ProcessTeam : public testing::Test {
@@ -26,7 +27,7 @@ class ProcessTeam : public testing::Test {
   void SetUp() override;
   void TearDown() override;
 
-  // Runs `moonctl` with the team file. `MOONDB_RUN_DIR` is in the folder.
+  // Runs `moonctl` for this team. The run folder (MOONDB_RUN_DIR) lies in `folder_`.
   Outcome Moonctl(std::vector<std::string> arguments);
   // Runs `moonctl`, expects `exit_code`, and returns stdout.
   std::string MoonctlExpecting(int exit_code, std::vector<std::string> arguments);
@@ -38,11 +39,11 @@ class ProcessTeam : public testing::Test {
   Outcome Run(std::vector<std::string> command);
 
   std::unique_ptr<Client> Connect(const std::string& name);
-  // Returns the process id of a running agent, from its lock file.
+  // Returns the process id of the agent, from its data folder's lock. 0: the agent is not running.
   pid_t PidOf(const std::string& name);
-  void Kill(const std::string& name);  // Sends SIGKILL and waits for the end.
+  void Kill(const std::string& name);  // Sends SIGKILL and waits until the agent has ended.
 
-  // Polls until `condition` holds, for at most `limit`.
+  // Polls until `condition` holds, for at most `limit`. Returns false if it never held.
   static bool Until(const std::function<bool()>& condition, std::chrono::seconds limit = std::chrono::seconds(30));
 
   std::set<RecordKey> KeysHeldBy(const std::string& name);

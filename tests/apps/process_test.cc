@@ -71,7 +71,7 @@ std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed, AgentId agen
 TEST_F(ProcessTest, AMapReachesTheLeaderAndThenTheSurvivor) {
   MoonctlExpecting(0, {"up"});
   EXPECT_THAT(MoonctlExpecting(0, {"status"}), HasSubstr("designated_survivor"));
-  // The survivor also receives rover3's records, so insert one there.
+  // Insert a record at rover3 too. The survivor must receive it through the leader.
   const std::string state =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"}));
   EXPECT_EQ(MoonctlExpecting(0, {"record", "next-node", "-a", "rover2"}), "0\n");
@@ -150,7 +150,7 @@ TEST_F(ProcessTest, HealthReportsToScriptsByItsExitCode) {
   EXPECT_FALSE(MoonctlJson(1, {"health"}).fields().at("is_healthy").bool_value());
 }
 
-// Overwrites eight kilobytes in the middle of a stopped agent's file with noise.
+// Overwrites 8192 bytes of a stopped agent's store with noise, from offset 4096.
 void DamageStore(const std::filesystem::path& file, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::string noise(8192, '\0');
@@ -195,8 +195,8 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
   EXPECT_THAT(Moonctl({"health", "-a", "rover2"}).out, Not(HasSubstr("ended without stopping")));
   EXPECT_THAT(Moonctl({"health", "-a", "rover3"}).out, HasSubstr("set aside")) << "rover2's alone were";
   EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge"}), HasSubstr("set aside"));
-  // An acknowledgment does not hide that records are missing. Whether they are still missing, already back, or not yet
-  // known to be missing depends on when the others reach this agent.
+  // An acknowledgment does not hide that records are missing. Whether the records are still missing, already back, or
+  // not yet known to be missing depends on when other agents reach rover3.
   EXPECT_TRUE(Until([this] {
     return Moonctl({"health", "-a", "rover3"}).out.find("records of this agent that its disk never had") !=
                std::string::npos ||
@@ -204,7 +204,7 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
   })) << Moonctl({"health", "-a", "rover3"}).out;
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; })) << Moonctl({"health"}).out;
-  // The acknowledgment outlives the agent, and the log keeps what was acknowledged.
+  // The acknowledgment survives a restart of the agent, and the log keeps the acknowledged finding.
   MoonctlExpecting(0, {"down", "-a", "rover3"});
   MoonctlExpecting(0, {"up"});
   ASSERT_TRUE(Until([this] { return Moonctl({"health", "-a", "rover3"}).exit_code == 0; }));
@@ -260,7 +260,7 @@ TEST_F(ProcessTest, LosesNothingAcknowledgedWhenTheLeaderIsKilledDuringASync) {
   update();
   std::cout << "acknowledged when the leader died: " << acknowledged << " of 600\n";
 
-  // Acknowledged records are available as soon as the leader is back, whatever was in flight.
+  // Acknowledged records are available as soon as the leader is back, whichever batches were in flight when it died.
   const auto leader = StartAgent("rover1");
   ASSERT_TRUE(Until([&] { return Moonctl({"status", "-a", "rover1"}).exit_code == 0; }));
   EXPECT_GE(static_cast<double>(KeysHeldBy("rover1").size()), acknowledged);
@@ -286,7 +286,7 @@ TEST_F(ProcessTest, TheSurvivorCanLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(0, {"role", "set", "rover2", "leader", "rover3", "survivor"});
   const std::string key =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "power", "{\"battery_ratio\": 0.5}", "-a", "rover3"}));
-  // rover1 is dead. Everything else is shared, and the exit code reports that records are missing.
+  // rover1 is dead. The records of all other agents are shared, and the exit code reports that records are missing.
   MoonctlExpecting(3, {"sync", "now", "--wait"});
   MoonctlExpecting(0, {"record", "get", key, "-a", "rover2"});
   // All reachable records are replicated; records held only by rover1 may follow later.
@@ -302,7 +302,8 @@ TEST_F(ProcessTest, TheSurvivorCanLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(4, {"graph", "optimize", "-a", "rover1"});
 }
 
-// A leader in a new term requests all records from all agents, which outlasts the command that started it.
+// A leader in a new term requests all records from all agents. This takes longer than the order of one `sync now`, so
+// --wait must wait for it too.
 TEST_F(ProcessTest, WaitsUntilALeaderThatLostItsDiskHasCollectedAllRecords) {
   MoonctlExpecting(0, {"up"});
   constexpr std::uint64_t kSeed = 20261122;
@@ -398,7 +399,7 @@ TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
   agent->Signal(SIGTERM);
   const Outcome outcome = agent->Wait();
   EXPECT_EQ(outcome.exit_code, 0) << outcome.error;
-  // The documented limit is one second; a loaded machine gets three.
+  // The documented limit is one second. The test allows three, because the machine may be loaded.
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
 }
 
@@ -429,15 +430,15 @@ TEST_F(ProcessTest, RefusesASecondAgentOnTheSameDataOrAddress) {
   const Outcome same_address = StartAgent("rover1", {"--data-dir", folder_ / "other"})->Wait();
   EXPECT_EQ(same_address.exit_code, 1) << same_address.error;
   EXPECT_EQ(std::count(same_address.error.begin(), same_address.error.end(), '\n'), 1) << same_address.error;
-  // The first agent is not affected.
+  // The first agent still answers.
   EXPECT_EQ(Moonctl({"status", "-a", "rover1"}).exit_code, 0);
 }
 
-// Simulates an agent after `kill -9`, whose process holds its files for a moment longer.
+// Simulates an agent whose process still holds its files for a moment after `kill -9`.
 TEST_F(ProcessTest, StartsAnAgentWhoseProcessIsStillEnding) {
   std::optional<DataFolderLock> ending = *DataFolderLock::Take(folder_ / "moondb-data" / "rover1");
   auto up = std::async(std::launch::async, [this] { return Moonctl({"up", "-a", "rover1"}); });
-  (void)up.wait_for(std::chrono::milliseconds(500));  // By then moonctl has probably looked for running agents.
+  (void)up.wait_for(std::chrono::milliseconds(500));  // Within 500 ms moonctl has probably looked for the agent.
   ending.reset();
   const Outcome outcome = up.get();
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
@@ -471,7 +472,7 @@ TEST_F(ProcessTest, StopsTheOthersWhenOneCannotStart) {
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
 }
 
-// The agent gets back those of its records that the team holds.
+// The agent gets its own records back from the agents that hold them.
 TEST_F(ProcessTest, SetsADamagedDatabaseAsideAndIsFilledAgain) {
   MoonctlExpecting(0, {"up"});
   std::string key = MoonctlExpecting(0, {"-a", "rover3", "record", "insert", "temperature", R"({"celsius": -40.5})"});
@@ -483,7 +484,7 @@ TEST_F(ProcessTest, SetsADamagedDatabaseAsideAndIsFilledAgain) {
   std::ofstream(database) << std::string(8192, 'x');
   MoonctlExpecting(0, {"up"});
   EXPECT_TRUE(std::filesystem::exists(database.string() + ".damaged-1"));
-  // The leader must first learn that it leads again.
+  // Retry: after its restart, the leader does not know at first that it leads.
   EXPECT_TRUE(Until([&] {
     (void)Moonctl({"sync", "now", "--wait"});
     return MoonctlExpecting(0, {"-a", "rover3", "record", "list", "temperature"}).find(key) != std::string::npos;
@@ -650,7 +651,7 @@ TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfAKilledLeader) {
   }));
 }
 
-// A stopped process keeps its connections; only unanswered requests reveal the failure.
+// A stopped process keeps its connections. Only unanswered requests show that it hangs.
 TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfALeaderThatHangs) {
   ASSERT_NO_FATAL_FAILURE(UpWithAutomaticFailover());
   const pid_t leader = PidOf("rover1");
@@ -658,7 +659,7 @@ TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfALeaderThatHangs) {
   const auto is_replaced = [this] {
     return MoonctlExpecting(0, {"role", "show", "-a", "rover2"}).find("rover2  leader ") != std::string::npos;
   };
-  // Failover takes 4/3 of the timeout plus 3 s. An idle link would be closed only after 33 s.
+  // Failover takes 4/3 of leader_timeout_s plus 3 s. An idle link would be closed only after 33 s.
   EXPECT_TRUE(Until(is_replaced, std::chrono::seconds(15)));
   ASSERT_EQ(kill(leader, SIGCONT), 0);
 }

@@ -20,7 +20,8 @@ struct Outcome {
 // A child process. The destructor kills it.
 class Child {
  public:
-  // Adds `environment` to the test's own. Writes output to out.txt and error.txt in `folder`.
+  // Starts `command` with the test's environment and `environment`. Writes its output to out.txt and error.txt in
+  // `folder`.
   Child(std::vector<std::string> command, const std::map<std::string, std::string>& environment,
         std::filesystem::path folder);
   ~Child();

@@ -1,4 +1,4 @@
-// Tests the completion scripts in their shells and the manual page in groff, each if it is installed.
+// Tests the completion scripts in their shells and the manual page in groff. Skips programs that are not installed.
 
 #include <gmock/gmock.h>
 

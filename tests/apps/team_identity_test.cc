@@ -61,7 +61,7 @@ TEST_F(TeamIdentityTest, TwoTeamsOfOneNameOnOneMachineDoNotMeet) {
 
 TEST_F(TeamIdentityTest, AnAgentOfAnotherTeamReceivesNoRequests) {
   MoonctlExpecting(0, {"-a", "rover1", "up"});
-  // Both team ids have the same prefix, so their sockets have the same path.
+  // The other team's id has the same prefix, so its sockets have the same paths.
   const std::string id = ReadTeamFile(team_file_)->config.team_id();
   std::filesystem::create_directories(other_.parent_path());
   std::filesystem::copy(team_file_, other_);

@@ -12,7 +12,7 @@ namespace moondb {
 
 class Terminal {
  public:
-  // Adds `environment` to the test's own.
+  // Starts `command` with the test's environment and `environment`.
   Terminal(std::vector<std::string> command, const std::map<std::string, std::string>& environment);
   ~Terminal();  // Ends the program if it still runs.
   Terminal(const Terminal&) = delete;

@@ -40,7 +40,7 @@ std::string Text(const Struct& json, const std::string& name) { return Field(jso
 
 class TrustTest : public ProcessTeam {
  protected:
-  // Number of nodes; more than one slice of a verification.
+  // Number of nodes, more than a verification checks in one slice.
   static constexpr int kNodes = 2500;
 
   void Start() {
@@ -62,7 +62,7 @@ class TrustTest : public ProcessTeam {
     MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"});
   }
 
-  // Changes a byte of a node's content in the file of a running agent, without its knowledge.
+  // Changes a byte of a node's content directly in the file of a running agent.
   void ChangeAByte(const std::string& agent, const RecordKey& key) {
     const std::string path = DefaultDataRoot(team_file_.parent_path()) / agent / "moondb.sqlite";
     sqlite3* database = nullptr;
@@ -104,7 +104,7 @@ TEST_F(TrustTest, ShowsSentAndAcknowledgedRecordsPerPair) {
 
 TEST_F(TrustTest, ShowsTheHistoryOfRolesWithReasons) {
   MoonctlExpecting(0, {"up"});
-  // First wait until the leader has a new term.
+  // Wait until the leader has the new term that it takes at its start.
   ASSERT_TRUE(Until([&] { return Moonctl({"role", "history"}).out.find("start of the leader") != std::string::npos; }));
   MoonctlExpecting(0, {"role", "swap", "--reason", "a full battery"});
   const auto history = List(MoonctlJson(0, {"role", "history", "-a", "rover2"}), "history");
@@ -161,7 +161,7 @@ TEST_F(TrustTest, FindsDamageInAStore) {
   ASSERT_EQ(agents.size(), 4u);
   EXPECT_FALSE(Field(agents[0], "is_sound").bool_value());
   EXPECT_EQ(Number(agents[0], "damaged"), 1);
-  EXPECT_GT(Number(agents[0], "held"), kNodes);  // Holds the nodes and also events.
+  EXPECT_GT(Number(agents[0], "held"), kNodes);  // rover1 holds the nodes and also events.
   EXPECT_TRUE(Field(agents[2], "is_sound").bool_value());
   MoonctlExpecting(0, {"db", "verify", "-a", "rover3"});
 

@@ -1,4 +1,4 @@
-// --watch and colours, as people and scripts see them.
+// Tests --watch and colours on a terminal, as people see them, and in a pipe, as scripts see them.
 
 #include <gmock/gmock.h>
 #include <signal.h>

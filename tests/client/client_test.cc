@@ -53,7 +53,7 @@ TEST(ClientTest, ReportsADeadAgentThatLeftItsSocket) {
   FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>{}; });
   const std::string path = agent.endpoint().substr(6);
   agent.Stop();
-  // Recreate the socket file: libzmq removes it at the end, a killed process does not.
+  // Create a socket file on which no process listens, as a killed process leaves it.
   const int left = ::socket(AF_UNIX, SOCK_STREAM, 0);
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -127,7 +127,7 @@ proto::ControlReply ErrorReply(proto::ErrorCode code, const std::string& text, c
   return reply;
 }
 
-// A leader that reports progress in `steps` answers before an order is complete.
+// A leader whose orders are complete in the `steps`-th progress report.
 class SharingAgent {
  public:
   explicit SharingAgent(int steps) : steps_(steps) {}
@@ -210,7 +210,7 @@ TEST(OrdersTest, DoesNotRepeatAnOrderIndefinitely) {
   EXPECT_EQ(sharing.orders, 6);
 }
 
-// A deposed leader would collect no records and share only its own.
+// A deposed leader would not collect the team's records. It would share only its own.
 TEST(OrdersTest, ADeposedLeaderIsNotAskedAgain) {
   SharingAgent sharing(1);
   FakeAgent agent([&](const proto::ClientMessage& message) {
@@ -236,7 +236,7 @@ TEST(OrdersTest, AChangeOfRolesWithALostReplyHappensOnce) {
     const proto::ControlRequest& request = message.control_request();
     proto::ControlReply reply;
     if (request.has_role_set()) {
-      if (++sets == 1) {  // The change is made, but the reply is lost.
+      if (++sets == 1) {  // The agent changes the roles, but its reply is lost.
         roles.set_leader(2);
         roles.set_survivor(1);
         roles.mutable_term()->set_number(2);
@@ -265,7 +265,7 @@ TEST(OrdersTest, AChangeOfRolesWithALostReplyHappensOnce) {
   EXPECT_EQ(roles.leader(), 2u) << "it was not undone";
 }
 
-// Answers with rows 1 to 5, two per page. A request that waits for more ends without rows.
+// Answers with rows 1 to 5, two per page. A request for later rows gets an empty page.
 std::vector<std::string> AnswerRead(const proto::ClientMessage& request) {
   const proto::ReadRequest& read = request.control_request().read();
   proto::ControlReply reply;
@@ -399,7 +399,7 @@ TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
   EXPECT_EQ(received.custom().latest_key(), "hole 3");
   EXPECT_EQ(received.custom().metadata(), "percent");
 
-  // The client looks up names before it sends anything.
+  // The client looks up the type's name before it sends the record.
   EXPECT_EQ(client->TypeNamed("soil"), DataType{1000});
   custom.type = "sol";
   EXPECT_EQ(client->InsertCustom(custom).error().text, "no data type \"sol\"");
@@ -482,7 +482,8 @@ TEST(ClientTest, ReportsAnAnswerThatDoesNotDecode) {
   EXPECT_EQ(status.error().code, ErrorCode::kCorrupt);
 }
 
-// A server that implements ZMTP 3 itself: libzmq sends a message only after all of its frames are known.
+// A server that sends a message without end. It implements ZMTP 3 itself, because libzmq sends a message only after it
+// has all frames of the message.
 class EndlessMessageServer {
  public:
   EndlessMessageServer() {
@@ -516,7 +517,7 @@ class EndlessMessageServer {
     const std::string frame =
         std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(65'536, 'x');  // Flag: more frames follow.
     bool stands = Send(client, greeting) && Send(client, ready);
-    // The client sends its greeting and READY before it accepts messages.
+    // Wait for the client's greeting and READY. Only then does the client accept messages.
     std::array<char, 256> block{};
     for (std::size_t received = 0; stands && received <= greeting.size();) {
       const ssize_t size = recv(client, block.data(), block.size(), 0);

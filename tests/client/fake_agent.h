@@ -1,4 +1,5 @@
-// FakeAgent: a ROUTER on an ipc socket in its own folder that answers as the test specifies. Runs one thread.
+// FakeAgent: takes the place of an agent in tests of clients. It listens with a ROUTER on an ipc socket in a folder of
+// its own, and a thread sends the answers that the test specifies.
 #pragma once
 
 #include <sys/socket.h>
@@ -35,7 +36,7 @@ class FakeAgent {
   std::string endpoint() const { return "ipc://" + temporary_.File("agent"); }
   int requests() const { return requests_; }
 
-  // Closes the socket. Its file remains, as after a kill.
+  // Ends the thread and closes the socket.
   void Stop() {
     is_stopping_ = true;
     if (thread_.joinable()) thread_.join();

@@ -27,7 +27,7 @@ void RunBatch(std::string_view bytes) {
   if (batch) CheckCodesAgain(*batch);
 }
 
-// Input: batches of one run, each with record count (1 byte), size (2 bytes) and coded bytes.
+// Input: the batches of one compression run, each with record count (1 byte), size (2 bytes) and coded bytes.
 void RunRun(std::string_view bytes) {
   BatchDecoder decoder;
   while (!bytes.empty()) {
@@ -80,7 +80,7 @@ void RunRows(std::string_view bytes) {
   Check(TakeRows(kContentBytesMax, again) == rows && again.is_good(), "rows come back when coded again");
 }
 
-// Input: codec, plain or a zstd frame (1 byte), record count (2 bytes), coded bytes.
+// Input: codec (1 byte: even for plain, odd for a zstd frame), record count (2 bytes), coded bytes.
 void RunPlain(std::string_view bytes) {
   const proto::Codec codec = TakeNumber(1, bytes) % 2 == 0 ? proto::CODEC_PLAIN : proto::CODEC_ZSTD;
   const auto count = static_cast<std::uint32_t>(TakeNumber(2, bytes));
@@ -102,7 +102,7 @@ void RunReference(std::string_view bytes) {
   Check(joined && *joined == bytes, "a map that was taken apart can be joined");
 }
 
-// Input: data type (2 bytes), the statement of the record with kFuzzedSqlKey.
+// Input: data type (2 bytes), then the SQL statement of a record with kFuzzedSqlKey.
 void RunSql(std::string_view bytes) {
   RecordKey key = kFuzzedSqlKey;
   key.stream.type = static_cast<DataType>(TakeNumber(2, bytes));

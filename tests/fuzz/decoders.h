@@ -1,5 +1,5 @@
-// Decoders of bytes from peers and clients, each behind an entry that accepts any bytes. libFuzzer (`cmake --preset
-// fuzz`) and fuzz_smoke_test.cc run them.
+// Decoders of bytes from peers and clients, each wrapped in a function that accepts any bytes. libFuzzer (`cmake
+// --preset fuzz`) and fuzz_smoke_test.cc call these functions.
 #pragma once
 
 #include <cstddef>
@@ -10,18 +10,18 @@
 
 namespace moondb {
 
-// Key of the record in the statements of the corpus "sql", except for its data type.
+// Key of the record in each statement of the corpus "sql". Only the data type may differ.
 inline const RecordKey kFuzzedSqlKey{{2, 0x5F3C9A1E0B7D4C21u, 0}, 1};
 
 struct FuzzedDecoder {
-  const char* name;  // Also the name of its folder in tests/fuzz/corpus.
-  // Fails a Check if a decoded value differs after it is coded and decoded again.
+  const char* name;  // Name of the decoder, and of its folder in tests/fuzz/corpus.
+  // Runs the decoder. If a decoded value changes when it is coded and decoded again, a Check fails.
   void (*run)(std::string_view bytes);
 };
 
 const std::vector<FuzzedDecoder>& FuzzedDecoders();
 
-// Removes and returns the next number of `byte_count` bytes. Returns 0 at the end of the input.
+// Removes a number of `byte_count` bytes from the front of `bytes` and returns it. At the end of the input, returns 0.
 std::size_t TakeNumber(std::size_t byte_count, std::string_view& bytes);
 
 }  // namespace moondb

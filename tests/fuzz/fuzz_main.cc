@@ -1,4 +1,4 @@
-// Main file of a libFuzzer program; MOONDB_FUZZED names its decoder.
+// Main file of a libFuzzer program. The macro MOONDB_FUZZED names the decoder to run.
 #include <google/protobuf/stubs/logging.h>
 
 #include <cstddef>
@@ -9,7 +9,7 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const moondb::FuzzedDecoder* const decoder = [] {
-    google::protobuf::SetLogHandler(nullptr);  // Silences protobuf, as agents do (runtime/log.cc).
+    google::protobuf::SetLogHandler(nullptr);  // Silences protobuf's log, as agents do (runtime/log.cc).
     for (const moondb::FuzzedDecoder& each : moondb::FuzzedDecoders()) {
       if (std::strcmp(each.name, MOONDB_FUZZED) == 0) return &each;
     }

@@ -5,8 +5,9 @@ from team import CLIENT_PORT, STEP_LIMIT_S, AgentError, Failure, MoondbClient
 
 
 class KeyedClient(MoondbClient):
-    """At rover1's client_address. `call(request)` asks and waits for the ControlReply; each client is a connection, from
-    another computer where `from_address` is given."""
+    """A client with its own key at rover1's client_address, over one connection. `call(request)` sends a request
+    and waits for the ControlReply. With `from_address`, the connection comes from that address, as from another
+    computer."""
 
     def __init__(self, team, key_name, timeout_s=STEP_LIMIT_S, from_address="127.0.0.1"):
         public, secret = team.client_keys(key_name)

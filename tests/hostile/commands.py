@@ -10,10 +10,10 @@ from team import HONEST, NAMES, TAKEN, Failure
 
 TAKES_ROVER3 = True
 ROVER2, ROVER3, BASE = 2, 3, 4
-CLIENTS = 0xFFFF0010  # kClients of runtime/address.h.
-VIEW, COMMAND = 1, 3  # ClientRights.
+CLIENTS = 0xFFFF0010  # Same as kClients of runtime/address.h.
+VIEW, COMMAND = 1, 3  # Values of the enum ClientRights.
 WAIT_S = 60
-WAITING_READS = 600  # Above pending_max of actors/gateway/gateway_actor.h.
+WAITING_READS = 600  # More than pending_max of actors/gateway/gateway_actor.h.
 ACTORS = ["storage", "sync", "replica", "pgo", "merge", "role", "failover", "lease", "gateway", "clock", "event", "downlink",
           "retention", "", "nobody", "@leader"]
 
@@ -44,7 +44,7 @@ def stops_every_agent(team, scale):
     with Member(team, TAKEN) as member:
         for agent in HONEST:
             member.ask(agent, stop={})
-        time.sleep(1)  # A stopping agent answers before it stops.
+        time.sleep(1)  # An agent replies to a stop request before it stops.
     expect_alive(team)
 
 
@@ -167,7 +167,7 @@ def huge_answers(team, scale):
             try:
                 team.call("rover1", for_agent=ROVER3, **({"status": {}} if i % 2 else {"trace": {}}))
             except Failure:
-                pass  # The status that rover3 reports, or an error that it is unreadable.
+                pass  # Expected: the error in rover3's reply, or an error that the reply is unreadable.
 
 
 def traces_without_end(team, scale):

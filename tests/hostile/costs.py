@@ -18,7 +18,8 @@ from team import TAKEN, Failure
 TAKES_ROVER3 = True
 ROVER3 = 3
 STREAMS = 60_000
-ELSEWHERE = "127.0.0.2"  # Clients at the address of a flood would share its connection limit.
+# Another loopback address. At the flooding client's address, this client would share its connection limit.
+ELSEWHERE = "127.0.0.2"
 BOMB_BYTES = 17 << 20
 
 
@@ -50,7 +51,7 @@ def floods_the_log(team, scale):
 
 
 def ask_beside(team, count, scale):
-    """One client opens so many connections and asks over each, while another waits for a record, and asks."""
+    """One client opens `count` connections and asks over each, while another client waits for a record and asks."""
     with contextlib.ExitStack() as stack:
         carl = stack.enter_context(KeyedClient(team, "sharer", from_address=ELSEWHERE))
         last = carl.ask(read={"records_max": 1, "is_newest_first": True}).read.row_ids[0]

@@ -17,8 +17,8 @@ from team import NAMES, Failure
 
 READ_LIMIT_S = 10
 READ_MB_MAX = 256
-# Prints the exit code of a program and its peak of memory in kB. A process counts the memory of the one that started it as
-# its own: this one is small, the attackers' is not.
+# Starts a program and prints its exit code and its peak memory in kB. The kernel counts the memory of the starting
+# process as the started program's own. This starter is small; the attacking process is not.
 MEASURED = """
 import os, subprocess, sys
 process = subprocess.Popen(sys.argv[1:], stdout=sys.stderr)
@@ -41,7 +41,7 @@ def stopped(team, agent="rover1"):
 
 
 def refuses_to_start(team, agent, why):
-    """Raises Failure if the agent starts in spite of the attack."""
+    """Tries to start the agent. Raises Failure if it starts in spite of the attack."""
     done = team.moonctl("-a", agent, "up", "--merge-backend", "cpu", check=False)
     if done.returncode == 0 and team.is_alive(agent):
         team.moonctl("-a", agent, "down")
@@ -121,7 +121,7 @@ def hostile_stores(team, scale):
                 maps = written.execute("SELECT count(*) FROM local_traversability_map").fetchone()[0]
                 written.executescript(sql)
             if team.moonctl("-a", "rover1", "up", "--merge-backend", "cpu", check=False).returncode != 0:
-                continue  # A refusal is also a valid outcome.
+                continue  # An agent may also refuse to start with such a store.
             begin = time.monotonic()
             with contextlib.suppress(Failure):
                 team.insert_node("rover1")
@@ -135,7 +135,7 @@ def hostile_stores(team, scale):
     finally:
         team.moonctl("-a", "rover1", "down", check=False)
         for path in store.parent.glob("moondb.sqlite*"):
-            path.unlink()  # Also removes stores that were set aside.
+            path.unlink()  # Also removes damaged stores that the agent has renamed.
         shutil.copy(copy, store)
         copy.unlink()
         team.moonctl("-a", "rover1", "up", "--merge-backend", "cpu")
@@ -143,7 +143,7 @@ def hostile_stores(team, scale):
 
 
 def expect_refused(team, what, program, *words):
-    """Checks that the program which reads the file soon exits with a regular error and uses little memory."""
+    """Runs a program that reads the file. Checks that it soon exits with a regular error and uses little memory."""
     process = subprocess.Popen([sys.executable, "-c", MEASURED, str(team.programs / program), *map(str, words)],
                                env=team.environment, cwd=team.folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                stderr=subprocess.DEVNULL, text=True, start_new_session=True)
@@ -168,7 +168,7 @@ def png(width, height, data):
 
 
 class Mission:
-    """A mission folder that is valid except for an attacker's file."""
+    """A mission folder that is valid except for one file from an attacker."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -280,7 +280,7 @@ def hostile_bundles(team, scale):
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
 
 
-AT_REST = True  # These attackers stop the agent with which others would share.
+AT_REST = True  # While these attackers run, the other agents do not share, because the attackers stop an agent.
 def huge_files(team, scale):
     """300 MB of zeros, which take no room on the disk, stand in place of a team file, a mission's, a graph or a bundle."""
     with tempfile.TemporaryDirectory(prefix="moondb-hostile-huge-") as name:
@@ -299,7 +299,7 @@ def huge_files(team, scale):
 ATTACKERS = [files_that_others_may_write, links_in_the_data_folder, hostile_stores, hostile_missions, hostile_yaml,
              hostile_bundles, huge_files]
 
-# These attackers run hundreds of programs one after the other.
+# These attackers run only in a long test, because they start hundreds of programs one after the other.
 ONLY_AT_LENGTH = [hostile_missions, hostile_bundles]
 
 NOT_YET = {huge_files: "`graph import` and `moondb_replay feed` read a file whole before they look at it: 535 MB of memory"}

@@ -11,14 +11,15 @@ from team import HONEST, TAKEN, Failure
 
 TAKES_ROVER3 = True
 ROVER3 = 3
-HANDSHAKES, FRAMES = 4_000, 96_000  # Numbers at full scale.
+HANDSHAKES, FRAMES = 4_000, 96_000  # Numbers of handshakes and frames with --scale 1.
 HANDSHAKE_TIMEOUT_S = 0.2
 HANDSHAKES_AT_ONCE = 32
-ANSWER_EVERY = 5000  # Frames between two answers, which show that earlier frames were processed.
+# Number of frames after which rover1 must answer a request, which proves that it has processed them.
+ANSWER_EVERY = 5000
 
 
 def changed(data, chance=random):
-    """The bytes with one to four changes: bits, bytes, parts left out, repeated or made up."""
+    """Returns the bytes with one to four changes: bits or bytes changed, parts left out, repeated or invented."""
     data = bytearray(data)
     for _ in range(chance.randint(1, 4)):
         at = chance.randrange(len(data) + 1)
@@ -54,7 +55,7 @@ class ChangedConnection(zmtp.Connection):
 
 
 def handshake(team, number, seed):
-    """Runs one handshake with one changed step, and sends nothing after it."""
+    """Runs one handshake in which one step is changed, and then sends nothing more."""
     chance = random.Random(seed + number)
     keys = team.keys(TAKEN) if number % 2 else zmtp.key_pair()
     connections = []
@@ -109,7 +110,7 @@ def right_messages(member, session):
 
 
 def changed_frame(right):
-    """Returns a frame of changed messages. Mostly the frame itself is valid, so decoding gets further."""
+    """Returns a frame of changed messages. In most cases the frame itself is valid, so the decoder reads further."""
     one = random.choice(right)
     kind = random.randrange(4)
     if kind == 0:

@@ -9,7 +9,7 @@ from team import HONEST, TAKEN, Failure
 
 TAKES_ROVER3 = True
 ROVER1, ROVER3 = 1, 3
-OWN_EPOCH = 3  # REFUSAL_CAUSE_OWN_EPOCH of proto/status.proto.
+OWN_EPOCH = 3  # Same as REFUSAL_CAUSE_OWN_EPOCH of proto/status.proto.
 SESSION_TIMEOUT_S = 10
 
 
@@ -17,8 +17,8 @@ class Receiver:
     """The receiving end of sessions that other agents start with this member."""
 
     def __init__(self, member, make_have, is_refusing=False):
-        """`make_have` gives the fields of the Have with which a Hello is answered, and a batch, unless batches are refused
-        so that the other agent sends a new Hello."""
+        """`make_have` returns the fields of the Have that answers a Hello or a batch. With `is_refusing`, batches
+        are refused, so that the other agent sends a new Hello."""
         self.member, self.make_have, self.is_refusing = member, make_have, is_refusing
         self.greeted, self.greetings = threading.Event(), 0
         member.answers["hello"] = self._on_hello
@@ -61,7 +61,7 @@ def acknowledges_what_it_never_got(team, scale):
         receiver = Receiver(member, lambda: {"have": everything(team)})
         for agent in HONEST:
             receiver.ask(agent)
-        for agent in ("rover1", "base"):  # Both ask the survivor before pruning.
+        for agent in ("rover1", "base"):  # Both agents ask the survivor before pruning.
             team.prune_everything(agent)
 
 
@@ -131,5 +131,5 @@ def refuses_for_ever(team, scale):
 ATTACKERS = [acknowledges_what_it_never_got, home_haves, malformed_haves, haves_never_asked, refuses_for_ever]
 PRUNING = [acknowledges_what_it_never_got]
 
-# These attackers are slow before they show anything.
+# These attackers run only in a long test, because they need much time before they have an effect.
 ONLY_AT_LENGTH = [malformed_haves]

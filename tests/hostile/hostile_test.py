@@ -29,16 +29,18 @@ from snippets_test import SKIPPED, in_own_network, taken_port  # noqa: E402
 PACKAGES = ["nacl", "zmq", "google.protobuf", "zstandard"]
 MODULES = ["listener", "records", "havesets", "sessions", "roles", "commands", "costs", "clients", "files", "fuzz"]
 RSS_MB_MAX = 64
-RSS_MB_LEFT_MAX = 4  # Memory that earlier attackers may leave behind.
+# Memory in MB by which earlier attackers may have enlarged the agent's process. Above this, the agent is restarted.
+RSS_MB_LEFT_MAX = 4
 LOG_BYTES_MAX = 64 * 1024
 DISK_BYTES_MAX = 64 * 1024 * 1024
-SHARE_S_MAX = 20  # Limit for sharing while an attack runs.
-STATUS_QUESTIONS, PAUSE_S = 5, 0.1  # Between two times of sharing, and after each question.
+SHARE_S_MAX = 20  # Time limit in seconds for sharing while an attack runs.
+# Number of status requests after each sharing, and the pause in seconds after each request.
+STATUS_QUESTIONS, PAUSE_S = 5, 0.1
 
 
 class Bystander:
-    """While an attack runs, asks the attacked agent for its status over ipc and lets the honest agents share, again and
-    again. Keeps the longest time of each."""
+    """While an attack runs, repeats status requests to the attacked agent over ipc and sharing among the honest
+    agents. Keeps the longest duration of each."""
 
     def __init__(self, team):
         self.team, self.share_s, self.status_s, self.failure = team, 0, 0, None
@@ -68,8 +70,8 @@ class Bystander:
 
 
 def lost_records(team, before, of_team):
-    """A line for each honest agent that lost records, or holds others under their keys; `of_team`: where nobody has them
-    any more."""
+    """Yields a line for each honest agent that lost records, or that holds other contents under their keys. With
+    `of_team`, a record counts as lost only if no honest agent holds it any more."""
     now = {agent: team.records(agent) for agent in before}
     if of_team:
         before, now = [{"the team": {key: digest for held in agents.values() for key, digest in held.items()}}
@@ -105,8 +107,8 @@ def still_shares(team):
 
 
 def refresh(team):
-    """A new process of the attacked agent, where an attacker left it larger: memory to be used again would hide what the
-    next one makes it take. How long quiet sharing takes, in seconds."""
+    """Restarts the attacked agent if an attacker enlarged its process: memory that it can reuse would hide the
+    memory that the next attacker makes it use. Then shares without an attack, and returns the duration in seconds."""
     if team.rss_mb("rover1") > team.fresh_rss_mb + RSS_MB_LEFT_MAX:
         team.restart("rover1")
         team.settle()
@@ -115,8 +117,9 @@ def refresh(team):
 
 
 def attack(team, attacker, scale, prunes, is_idle, rss_mb_max):
-    """Returns the state of the team; "broken" lists the violated conditions. `prunes`: the operator removes records meanwhile;
-    `is_idle`: the others do not share meanwhile, since the attacked agent is stopped, or another one leads."""
+    """Runs an attacker. Returns measurements of the team; "broken" lists the violated conditions. `prunes`: the
+    operator removes records during the attack. `is_idle`: the other agents do not share during the attack, because
+    the attacked agent is stopped or another agent leads."""
     from team import HONEST, Failure
     quiet_s = refresh(team)
     team.forget_peak("rover1")
@@ -159,7 +162,7 @@ def chosen(options):
 
 
 def report(module, attacker, result):
-    """Prints the result. Returns whether it counts as a failure."""
+    """Prints the result. Returns True if it counts as a failure."""
     reason = getattr(module, "NOT_YET", {}).get(attacker)
     if reason and result["broken"]:
         result["not_yet"] = reason

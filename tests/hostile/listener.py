@@ -121,7 +121,7 @@ def replayed_connections(team, scale):
                 stranger.send_raw(data)
             if not stranger.is_closed_within(3):
                 raise Failure("a connection that repeats another's bytes is admitted")
-    true.send_raw(made[0].sent[-1])  # A message with a nonce that was already used.
+    true.send_raw(made[0].sent[-1])  # Sends a message again with a nonce that was already used.
     true.close()
     if team.connects("rover2", "rover1") != lost_before:
         raise Failure("rover2's link to rover1 was lost")
@@ -162,7 +162,7 @@ def foreign_routing_ids(team, scale):
         raise Failure(f"the others' links came up {before} times before, and {after} times after")
 
 
-# First numbers, in order, that a ROUTER or REP of libzmq assigns to its connections if rand() is not seeded.
+# The first numbers that a ROUTER or REP of libzmq assigns to its connections if rand() is not seeded, in order.
 UNSEEDED_NUMBERS = [0x6b8b4567, 0xe43c9869, 0xf4b0dc51, 0x2ae8944a]
 
 
@@ -203,5 +203,5 @@ ATTACKERS = [claimed_ids_of_a_client, claimed_ids_of_a_member, messages_under_cl
              endless_parts_of_a_client, tiny_parts_of_a_client,
              replayed_connections, endless_metadata, foreign_routing_ids]
 
-# These attackers show nothing with a smaller scale.
+# These attackers run only in a long test, because they have no effect with a smaller scale.
 ONLY_AT_LENGTH = [tiny_parts_of_a_member, tiny_parts_of_a_client]

@@ -24,9 +24,9 @@ from team import NAMES, Failure
 
 ANSWER_TIMEOUT_S = 10
 LINK_TIMEOUT_S = 20
-KEPT_MESSAGES = 20000  # Limit of received messages that no call has consumed.
+KEPT_MESSAGES = 20000  # Maximum number of received messages that are kept until a call consumes them.
 REPORT_AFTER_BYTES = 8192
-LINK_NUMBER_TAG = 2 << 3 | 5  # Tag of PeerFrame.link_number, a fixed32.
+LINK_NUMBER_TAG = 2 << 3 | 5  # Tag of the field PeerFrame.link_number, a fixed32.
 LINK_NUMBER_BYTES = 5
 SYNC, REPLICATION = 1, 2
 ACTOR_OF_KIND = {SYNC: "sync", REPLICATION: "replica"}
@@ -50,7 +50,9 @@ class Member:
         self.links = {}
         self.messages = collections.deque(maxlen=KEPT_MESSAGES)
         self.received = threading.Condition()
-        self.answers = {}  # By a body's name: what is called with each message of that body, in the receiving thread.
+        # Functions by the name of a message body. The receiving thread calls the function with each message of that
+        # body.
+        self.answers = {}
         self.last_request_id = random.getrandbits(40)
         self.is_over = threading.Event()
         self.receiver = threading.Thread(target=self._receive, daemon=True)
@@ -89,13 +91,13 @@ class Member:
         self.send_frame(agent, frame_of(self.message(agent, actor, source, **fields)))
 
     def send_frame(self, agent, frame):
-        """Sends any bytes as one frame after the link number."""
+        """Sends `frame`, which may be any bytes, after the link number."""
         link = self.links[agent]
         with link.lock:
             link.socket.send(struct.pack("<BI", LINK_NUMBER_TAG, link.number) + frame)
 
     def ask(self, agent, timeout_s=ANSWER_TIMEOUT_S, source="gateway", **request):
-        """Sends a request that this agent claims to relay, and returns the ControlReply."""
+        """Sends a request as if this agent relayed it for a client. Returns the ControlReply."""
         asked = control.ControlRequest(for_agent=NAMES.index(agent) + 1, team_id=self.team.team_id,
                                        **{"by": "anna@hill", **request})
         self.last_request_id += 1
@@ -105,7 +107,8 @@ class Member:
         return control.ControlReply.FromString(answer.control_reply)
 
     def ask_until_answered(self, agent, timeout_s, **request):
-        """Asks again every 5 s, since a link under attack may lose a message; fails after timeout_s without an answer."""
+        """Repeats the request every 5 s, since a link under attack may lose a message. Fails if no reply arrives
+        within timeout_s."""
         end = time.monotonic() + timeout_s
         while True:
             try:
@@ -140,7 +143,8 @@ class Member:
         return NAMES[heard.hop_sender - 1]
 
     def vouch_for_everything(self):
-        """Answers have-set requests before a prune with all possible seqs of the requester's streams."""
+        """Makes this member answer have-set requests, which precede a prune, with all possible seqs of the
+        requester's streams."""
         def answer(asked):
             request = control.ControlRequest.FromString(asked.control_request)
             if request.WhichOneof("request") != "have":
@@ -160,7 +164,7 @@ class Member:
         self.router.curve_server, self.router.curve_secretkey = True, secret
         self.router.router_handover = True
         host, port = self.team.address(self.name)
-        for _ in range(50):  # The real agent's port may be closing still.
+        for _ in range(50):  # The real agent may not have closed its port yet.
             with contextlib.suppress(zmq.ZMQError):
                 return self.router.bind(f"tcp://{host}:{port}")
             time.sleep(0.1)
@@ -181,7 +185,7 @@ class Member:
         link.unreported_bytes = 0
         report = {"reported_link": link.reported_link, "received_bytes": link.received_bytes,
                   "report_after_bytes": REPORT_AFTER_BYTES}
-        with contextlib.suppress(zmq.ZMQError):  # Again when the agent asks.
+        with contextlib.suppress(zmq.ZMQError):  # If the send fails, the report is sent when the agent asks again.
             self.send(agent, "", link_report=report)
 
     def _receive(self):
@@ -217,7 +221,8 @@ class Member:
 
 
 class Session:
-    """The sending end of a session: a Hello, whole have-set `have`, and then batches."""
+    """The sending side of a session: sends a Hello, receives the agent's whole have-set `have`, and then sends
+    batches."""
     last_id = random.getrandbits(48)
 
     def __init__(self, member, agent, kind=SYNC, **hello):
@@ -252,7 +257,8 @@ class Session:
         return self._answer(lambda have: have.batch_number == number).have.have
 
     def last_of(self, origin, name):
-        """(epoch, last seq) of the newest stream of that origin and type that the agent said it has; None: of none."""
+        """Returns (epoch, last seq) of the newest stream of this origin and type in the agent's have-set; None if
+        there is none."""
         number = types.DataType.Value(name)
         known = [(stream.epoch, max(interval.last for interval in [*stream.held, *stream.dropped]))
                  for stream in self.have.streams if stream.origin_agent == origin and stream.data_type == number]
@@ -264,5 +270,5 @@ class Session:
 
 
 def frame_of(*many):
-    """The messages of a PeerFrame, without the link number."""
+    """Returns a PeerFrame with these messages in wire format, without the link number."""
     return message.PeerFrame(messages=many).SerializeToString()

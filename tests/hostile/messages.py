@@ -30,7 +30,7 @@ import types_pb2 as types  # noqa: E402
 
 SEQ_MAX = (1 << 63) - 1
 WIRE_VERSION = 1
-FREE_CELLS = b"\x55"  # Four free cells in one byte.
+FREE_CELLS = b"\x55"  # One byte that codes four free cells.
 
 xxhash = ctypes.CDLL("libxxhash.so.0")
 xxhash.XXH64.restype = ctypes.c_uint64
@@ -46,7 +46,7 @@ def hash_of(key, content):
 
 
 def stored(origin, epoch, seq, body, data_type=None):
-    """A StoredRecord with the hash that fits; the type is that of the body unless another one is named."""
+    """Returns a StoredRecord with a valid hash. Without `data_type`, its type is that of the body."""
     name = body.WhichOneof("body")
     number = types.DataType.Value(name.upper()) if data_type is None else data_type
     key = ids.RecordKey(origin_agent=origin, epoch=epoch, data_type=number, seq=seq)
@@ -68,7 +68,7 @@ def node(agent, index, x=0.0, y=0.0):
 
 
 def edge(agent, index):
-    """Odometry from the node to the next one, a metre ahead."""
+    """Returns the odometry from the node to the next node, one metre ahead."""
     covariance = [0.0] * 21
     for diagonal in (0, 6, 11, 15, 18, 20):
         covariance[diagonal] = 1e-4
@@ -80,7 +80,7 @@ def edge(agent, index):
 
 
 def map_at(agent, index, cells=40):
-    """A map of one free layer, around a node."""
+    """Returns a map with one layer around a node; all its cells are free."""
     layer = {"width_cells": cells, "height_cells": cells, "resolution_um": 50000,
              "cells": FREE_CELLS * (cells * cells // 4)}
     return record.Record(timestamp_ns=now_ns(),
@@ -97,7 +97,7 @@ def temperature(celsius):
 
 
 def have_stream(origin, epoch, data_type, last, first=1):
-    """A StreamHave that holds all seqs from `first` to `last`."""
+    """Returns a StreamHave that holds all seqs from `first` to `last`."""
     return have.StreamHave(origin_agent=origin, epoch=epoch, data_type=data_type,
                             held=[{"first": first, "last": last}])
 

@@ -11,8 +11,8 @@ TAKES_ROVER3 = True
 ROVER1, ROVER2, ROVER3, BASE = 1, 2, 3, 4
 NODE = types.POSE_GRAPH_NODE
 EVENT = types.AGENT_EVENT
-MERGED_MAPS_MAX = 65_535  # As in actors/merge/map_collection.h.
-EPOCH = 1 << 48  # Above each epoch that a new team has.
+MERGED_MAPS_MAX = 65_535  # Same as maps_max in actors/merge/map_collection.h.
+EPOCH = 1 << 48  # Above all epochs that a new team uses.
 
 
 def own_epoch(session):
@@ -200,7 +200,7 @@ def dense_graph(team, scale):
         epoch = own_epoch(session)
         bring(epoch, [messages.node(ROVER3, 50_000 + i, x=i) for i in range(1000)])
         bring(epoch, edges)
-    for _ in range(20):  # An agent that has just started does not lead yet.
+    for _ in range(20):  # An agent that has just started is not the leader yet.
         solved = team.moonctl("-a", "rover1", "graph", "optimize", check=False)
         if solved.returncode == 0:
             break
@@ -298,6 +298,6 @@ ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_
              streams_of_its_own, quarantine_in_anothers_name, quarantines_of_others, lifts_of_others, edges_of_others, dense_graph,
              many_maps, absurd_records, undeclared_types]
 ONLY_AT_LENGTH = [streams_of_its_own, many_maps]
-RSS_MB_MAX_OF = {many_maps: 160}  # The merged map holds what it is merged from: 1.5 kB for each of 65,535 maps.
-# These attackers leave many own records on every disk, which would enlarge the have-sets of later attackers.
+RSS_MB_MAX_OF = {many_maps: 160}  # The merged map keeps its 65,535 input maps in memory, about 1.5 kB each.
+# These attackers leave many of rover3's records on every disk, which would enlarge the have-sets during later attacks.
 LEAVES_MUCH = [streams_of_its_own, dense_graph, many_maps]

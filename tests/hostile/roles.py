@@ -9,17 +9,18 @@ from team import HONEST, TAKEN, Failure
 
 TAKES_ROVER3 = True
 ROVER1, ROVER2, ROVER3, BASE = 1, 2, 3, 4
-TERM_JUMP = 1_000_000  # kTermJumpMax of actors/role/role_logic.h.
+TERM_JUMP = 1_000_000  # Same as kTermJumpMax of actors/role/role_logic.h.
 TERM_GROWTH_MAX = 100
-CHANGES_MAX = 21  # kAtOnce of actors/role/change_budget.h, and one more within a minute.
-REIGN_SHIFT = 32  # kEraShift of model/term.h.
+# One more than kAtOnce of actors/role/change_budget.h, because the budget grows by one within a minute.
+CHANGES_MAX = 21
+REIGN_SHIFT = 32  # Same as kEraShift of model/term.h.
 TERM_MAX = (1 << 52) - 1
 MAP_WIDTH_MAX_M = 500
 SIGNATURE_BYTES = 64
 
 
 def roles_of(team):
-    """{agent: (leader, survivor)} of the honest agents."""
+    """Returns {agent: (leader, survivor)} of the honest agents."""
     return {agent: (roles.leader, roles.survivor) for agent in HONEST for roles in [team.status(agent).roles]}
 
 
@@ -31,7 +32,8 @@ def expect_roles(team, before):
 
 
 def assignment(team, follows, leader, survivor, issuer=ROVER3, number=None, era_begins=False):
-    """Returns an assignment signed by rover3's key, regardless of its issuer, with the next number or the given one."""
+    """Returns an assignment signed with rover3's key, whatever its issuer. Its number is `number`, or else the next
+    one."""
     next_number = ((follows.term.number >> REIGN_SHIFT) + 1) << REIGN_SHIFT if era_begins else follows.term.number + 1
     roles = term.RoleAssignment(
         term={"number": next_number if number is None else number, "issuer": issuer,
@@ -42,7 +44,8 @@ def assignment(team, follows, leader, survivor, issuer=ROVER3, number=None, era_
 
 
 def announce(team, *make):
-    """Announces each make(the present roles) to each honest agent, and lets them act on it."""
+    """For each function in `make`, announces make(the present roles) to each honest agent. Fails if an agent's
+    roles change."""
     before = roles_of(team)
     with Member(team, TAKEN) as member:
         present = member.ask("rover1", status={}).status.roles
@@ -92,7 +95,7 @@ def roles_as_a_record(team, scale):
 
 
 def lead(team, leader, survivor, at="rover1"):
-    """The operator gives the roles at that agent; waits until rover1 acts on it."""
+    """Assigns the roles at agent `at`, as an operator. Waits until rover1 acts on them, and returns the roles."""
     team.moonctl("-a", at, "role", "set", f"rover{leader}", "leader", f"rover{survivor}", "survivor", check=False)
     for _ in range(100):
         roles = team.status("rover1").roles
@@ -133,7 +136,7 @@ def terms_to_the_end(team, scale):
             member.send("rover1", "role", role_announce={"roles": roles})
             shown = [member.ask("rover1", status={}).status.roles.term.number for _ in range(3)]
             if shown[-1] == number:
-                break  # Later terms would be refused too.
+                break  # Stop here: the agents would refuse later terms too.
             number = shown[-1]
     number = team.status("rover1").roles.term.number
     if number > first + TERM_GROWTH_MAX:
@@ -211,5 +214,7 @@ def vouches_as_survivor(team, scale):
 ATTACKERS = [roles_of_its_own, roles_in_anothers_name, roles_of_the_file, roles_as_a_record, changes_as_records,
              terms_to_the_end, chains_never_asked, endless_chain, poses_of_a_high_term, vouches_as_survivor]
 PRUNING = [vouches_as_survivor]
-LEADS = [changes_as_records]  # rover3 is made the leader.
-LEAVES_MUCH = [changes_as_records]  # rover3 has led, and former leaders have more authority.
+LEADS = [changes_as_records]  # In these attacks rover3 is made the leader.
+# The team is rebuilt after these attacks: rover3 has led, and as a former leader it would keep more authority than a
+# rover.
+LEAVES_MUCH = [changes_as_records]

@@ -14,7 +14,8 @@ DAY_NS = 86_400 * 10**9
 
 
 def answers(team, member):
-    """rover1 has taken in all that was sent before; what came while its mailboxes were full it may have dropped."""
+    """Waits for a reply of rover1. It has then processed or, if its mailboxes were full, dropped all earlier
+    messages."""
     for _ in range(5):
         with contextlib.suppress(Failure):
             return member.ask("rover1", timeout_s=5, status={})
@@ -105,7 +106,7 @@ def frames_of_many_parts(team, scale):
 def absurd_frames(team, scale):
     """rover3 sends frames whose lengths are wrong, groups 100,000 deep, megabytes of unknown fields, lists without end."""
     def within_message(body):
-        """Appends the body to a Message with a valid address."""
+        """Returns a frame with a message that has a valid address, followed by `body`."""
         return frame_of(message.Message(hop_sender=ROVER3, destination_actor=b"sync"))[2:] + body
 
     def framed(body):
@@ -116,12 +117,12 @@ def absurd_frames(team, scale):
 
     absurd = [
         b"\x0b" * 100_000,                                   # Groups that begin and never end.
-        b"\xda\x3e\x80\x80\x80\x08" + bytes(1000),           # A body of 16 MB, of which 1 kB is there.
-        b"\xf2\x03" * 100_000,                               # Bodies within bodies.
-        b"\x82\x7d\xc0\x9a\x0c" + bytes(200_000),            # 200 kB of a field that there is not.
+        b"\xda\x3e\x80\x80\x80\x08" + bytes(1000),           # A body that claims 16 MB but contains 1 kB.
+        b"\xf2\x03" * 100_000,                               # Bodies nested in bodies.
+        b"\x82\x7d\xc0\x9a\x0c" + bytes(200_000),            # An unknown field of 200 kB.
         b"\x08\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff",  # A number that does not end.
-        b"\x98\x7d\x01" * 80_000,                            # A field that there is not, 80,000 times.
-        b"\xea\x03\x02\x2a\x00" * 50_000,                    # One body after the other.
+        b"\x98\x7d\x01" * 80_000,                            # An unknown field, 80,000 times.
+        b"\xea\x03\x02\x2a\x00" * 50_000,                    # 50,000 bodies in one message.
         b"\x00" * 1000, b"\xff" * 1000,
     ]
     with Member(team, TAKEN) as member:

@@ -33,9 +33,9 @@ NAMES = ["rover1", "rover2", "rover3", "base"]
 HONEST = ["rover1", "rover2", "base"]
 TAKEN = "rover3"
 FIRST_PORT = 7400
-CLIENT_PORT = 7500  # Client port of rover1.
+CLIENT_PORT = 7500  # Port of rover1's client_address.
 STEP_LIMIT_S = 60
-NODES = 10  # Nodes of each rover before any attack.
+NODES = 10  # Number of nodes of each rover before the first attack.
 KEPT_TABLES = ["pose_graph_node", "pose_graph_edge", "local_traversability_map", "map_quarantine", "agent_event"]
 
 
@@ -44,7 +44,8 @@ class Failure(Exception):
 
 
 def with_usual_limits():
-    """Programs begin with the open files that most systems allow; an attacker has more."""
+    """Sets the limit on open files that most systems have, for programs about to start. An attacker has a higher
+    limit."""
     resource.setrlimit(resource.RLIMIT_NOFILE, (1024, HARD_FILES))
 
 
@@ -55,7 +56,7 @@ resource.setrlimit(resource.RLIMIT_NOFILE, (HARD_FILES, HARD_FILES))
 class Team:
     def __init__(self, programs, folder):
         self.programs, self.folder = programs, folder
-        self.is_taken = False  # Whether an attacker has the place of rover3.
+        self.is_taken = False  # True if an attacker has taken the place of rover3.
         self.last_node, self.fresh_rss_mb = NODES, 0
         self.environment = {**os.environ, "MOONDB_TEAM": str(folder / "team.yaml"),
                             "MOONDB_RUN_DIR": str(folder / "run")}
@@ -80,7 +81,7 @@ class Team:
             self.moonctl("clients", "add", name, "--rights", rights, "--out", f"{name}.sec")
         self.moonctl("up", "--merge-backend", "cpu")
         self.is_taken = False
-        self.fresh_rss_mb = self.rss_mb("rover1")  # Before anything was asked of it.
+        self.fresh_rss_mb = self.rss_mb("rover1")  # Memory of the agent before it has received any request.
         for agent in ("rover1", "rover2", "rover3"):
             number = NAMES.index(agent) + 1
             self.insert(agent, [*(messages.node(number, i, x=i) for i in range(1, NODES + 1)),
@@ -102,12 +103,12 @@ class Team:
 
     def down(self):
         self.moonctl("down", check=False)
-        for agent in NAMES:  # One that an attacker stopped or froze.
+        for agent in NAMES:  # An attacker may have stopped or frozen an agent, so kill those that still run.
             with contextlib.suppress(OSError, ValueError, Failure):
                 os.kill(self.pid(agent), signal.SIGKILL)
 
     def restart(self, agent):
-        """A new process: what an attacker made of the one before does not count for the next."""
+        """Restarts the agent, so that an attacker's effect on its process does not count for the next attacker."""
         self.moonctl("-a", agent, "down", check=False)
         self.moonctl("-a", agent, "up", "--merge-backend", "cpu")
 
@@ -125,7 +126,7 @@ class Team:
     # --- What the honest agents do ---
 
     def call(self, agent, **request):
-        """The ControlReply to the agent's own user, who may ask for everything."""
+        """Sends a request as the agent's own user, who has all rights. Returns the ControlReply."""
         endpoint = (self.data_folder(agent) / "agent.endpoint").read_text().strip()
         client = MoondbClient(endpoint, self.team_id.hex(), timeout_s=STEP_LIMIT_S)
         try:
@@ -139,13 +140,13 @@ class Team:
         return self.call(agent, insert={"records": records}).insert.keys
 
     def insert_node(self, agent):
-        """One that the agent never had; its record key."""
+        """Inserts a node that the agent never had. Returns its record key."""
         self.last_node += 1
         return self.insert(agent, [messages.node(NAMES.index(agent) + 1, self.last_node, x=self.last_node % 50)])[0]
 
     def share(self, limit_s=STEP_LIMIT_S):
-        """Inserts at rover2 and at the leader, and waits until leader and survivor have the records, else Failure. Returns how long
-        it took, in seconds."""
+        """Inserts a node each at rover2 and at the leader, and shares until leader and survivor have both. Returns
+        the duration in seconds. Raises Failure after limit_s."""
         awaited = {"rover1": ("rover2", self.insert_node("rover2")), "rover2": ("rover1", self.insert_node("rover1"))}
         begin = time.monotonic()
         self.call("rover2", share={"kind": "SHARING_KIND_SYNC"})
@@ -160,7 +161,8 @@ class Team:
             time.sleep(0.02)
 
     def settle(self):
-        """After a start, when links come up and the leader takes a new term: until all is shared. How long it took."""
+        """Repeats share() until it succeeds: after a start, links must come up and the leader takes a new term.
+        Returns the duration in seconds of the successful share()."""
         end = time.monotonic() + STEP_LIMIT_S
         while True:
             try:
@@ -171,7 +173,7 @@ class Team:
                 time.sleep(0.2)
 
     def prune_everything(self, agent):
-        """As the operator at that agent would; it may refuse."""
+        """Requests a prune of all records, as the agent's operator would. The agent may refuse."""
         self.moonctl("-a", agent, "db", "prune", *(word for table in KEPT_TABLES for word in ("--type", table)),
                      check=False)
 
@@ -235,13 +237,13 @@ class Team:
         return (self.data_folder(agent) / "agent.log").read_text(errors="replace").splitlines()[-lines:]
 
     def connects(self, agent, peer):
-        """How often the agent's link to this peer came up since the agent started."""
+        """Returns how often the agent's link to this peer has come up since the agent started."""
         status = json.loads(self.moonctl("-a", agent, "status", "--json").stdout)
         shown = next(shown for shown in status["agents"] if shown["name"] == agent)["status"]
         return next(int(link["connects"]) for link in shown["peers"] if link["name"] == peer)
 
     def answers(self, agent):
-        """How long the agent takes to say its status over ipc, in seconds."""
+        """Returns the time in seconds until the agent answers a status request over ipc."""
         begin = time.monotonic()
         self.moonctl("-a", agent, "status")
         return time.monotonic() - begin
@@ -259,7 +261,7 @@ class Team:
         return tuple(zmtp.from_z85(key.decode()) for key in self.z85_keys(name))
 
     def sign(self, agent, roles):
-        """With that agent's key, as runtime/team/role_signature.h has it."""
+        """Signs `roles` with that agent's key, as in runtime/team/role_signature.h."""
         seed = zmtp.from_z85((self.folder / f"{agent}.sign").read_text().split()[0])
         roles.ClearField("signature")
         signed = b"moondb roles 1" + self.team_id.hex().encode() + roles.SerializeToString()

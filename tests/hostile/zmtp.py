@@ -41,7 +41,7 @@ class Connection:
         self.socket = accepted or socket.create_connection(address, timeout=timeout_s)
         self.nonce = 0
         self.nonce_prefix = b"CurveZMQMESSAGEC"
-        self.session_keys = None  # (the server's public, this side's secret) once the handshake is done.
+        self.session_keys = None  # After the handshake: (the server's public key, this side's secret key).
 
     def close(self):
         self.socket.close()
@@ -82,7 +82,7 @@ class Connection:
             return True
 
     def part(self, payload, more=False):
-        """One part of a message as it goes onto the wire."""
+        """Returns one part of a message in wire format."""
         self.nonce += 1
         short = struct.pack(">Q", self.nonce)
         public, secret = self.session_keys
@@ -95,7 +95,8 @@ class Connection:
 
 
 def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S, make=Connection, properties=()):
-    """`make` gives the Connection of which the handshake is made; `properties`, pairs of bytes, go into its metadata."""
+    """Connects and runs the client's side of the handshake. `make` creates the Connection. `properties` are pairs
+    of bytes that are added to the handshake's metadata."""
     connection = make(address, timeout_s)
     connection.send_raw(GREETING)
     connection.receive_raw(64)
@@ -126,7 +127,8 @@ def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S, make
 
 
 def accept(accepted, secret):
-    """The server's side of the handshake over an accepted socket. Accepts any key, and stores it as `peer_key`."""
+    """Runs the server's side of the handshake over an accepted socket. Accepts any key, and stores it as
+    `peer_key`."""
     connection = Connection(None, accepted=accepted)
     connection.send_raw(GREETING[:32] + b"\x01" + GREETING[33:])
     connection.receive_raw(64)

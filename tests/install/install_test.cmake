@@ -12,7 +12,7 @@ file(REMOVE_RECURSE ${WORK_FOLDER})
 set(prefix ${WORK_FOLDER}/prefix)
 run(${CMAKE_COMMAND} --install ${BUILD_FOLDER} --prefix ${prefix} --component development)
 
-# A public header that includes one that is not installed would fail at the user's.
+# A public header must not include a header that is not installed, because users could not compile it.
 set(include ${prefix}/include/moondb)
 file(GLOB_RECURSE headers RELATIVE ${include} ${include}/*.h)
 if(NOT headers)

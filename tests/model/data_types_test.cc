@@ -1,5 +1,5 @@
-// Checks that each built-in data type has all its required entries. Iterates over the enumeration and the bodies of a
-// record.
+// Checks that each built-in data type has a table row, a body in proto::Record and all else that a data type needs.
+// Iterates over the enumeration and the bodies of a record.
 #include "model/data_types.h"
 
 #include <gmock/gmock.h>
@@ -40,7 +40,7 @@ std::vector<std::string> AgentFieldsIn(const Message& message, const std::string
     const std::string at = path + "." + field->name();
     const bool is_role = field->name() == "issuer" || field->name() == "leader" || field->name() == "survivor";
     const bool is_solves =
-        path.find("role_assignment") == std::string::npos;  // Agents in a solve's term need no check.
+        path.find("role_assignment") == std::string::npos;  // Agents in the term of a solve need no check.
     if (field->name() == "agent_id" || (is_role && !is_solves)) fields.push_back(at);
     if (field->is_repeated() || field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
     const auto inner = AgentFieldsIn(message.GetReflection()->GetMessage(message, field), at);

@@ -21,7 +21,7 @@ using testing::HasSubstr;
 constexpr MapSite kSite = {7.4, 301, 0.3};
 const FileNotes kNotes = {{"agent", "rover1"}, {"out of reach", "<rover3> & \"base\""}};
 
-// Returns a map with more rows than one strip.
+// Returns a map with more rows than fit into one strip of a TIFF.
 MergedMap TallMap() {
   MergedMap map{Grid(5, 150), 50'000, -7, 13};
   for (std::size_t i = 0; i < map.grid.cells.size(); ++i) map.grid.cells[i] = static_cast<Cell>(i * i % 3);

@@ -88,7 +88,7 @@ TEST(HavePageTest, CutsAStreamThatFitsIntoNone) {
   EXPECT_EQ(Join(pages), have);
 }
 
-// Records may arrive between two pages.
+// Records that arrive between two pages may merge intervals.
 TEST(HavePageTest, ContinuesInsideIntervalsThatHaveMerged) {
   HavePageWriter writer({{1, 7, proto::POWER}, 50}, 1000);
   StreamHave have;
@@ -99,8 +99,8 @@ TEST(HavePageTest, ContinuesInsideIntervalsThatHaveMerged) {
   EXPECT_EQ(writer.page().streams(0).held(0).last(), 100u);
 }
 
-// A have-set with streams of one interval each, and one stream with the maximum number of intervals, with the longest
-// numbers.
+// A have-set with the maximum number of streams. Two streams have the maximum number of intervals, the others one
+// interval each. All numbers have the maximum length on the wire.
 TEST(HavePageTest, TheLargestHaveSetIsWithinTheLimits) {
   HaveSet have;
   const std::uint64_t epoch = UINT64_MAX - kHaveStreamsMax;

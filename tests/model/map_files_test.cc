@@ -52,7 +52,7 @@ TEST_F(MapFilesTest, PngKeepsEveryByteOfEachKind) {
   for (const int channels : {1, 3, 4}) {
     Image image(31, 17, channels);
     for (std::size_t i = 0; i < image.bytes.size(); ++i) image.bytes[i] = static_cast<std::uint8_t>(i * 7);
-    // Avoid full transparency, under which colours may get lost.
+    // Avoid full transparency, because colours of transparent pixels may get lost.
     if (channels == 4) {
       for (std::size_t i = 3; i < image.bytes.size(); i += 4) image.bytes[i] = i % 8 == 3 ? 255 : 128;
     }

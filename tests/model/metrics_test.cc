@@ -55,8 +55,9 @@ TEST(MetricsTest, ForgivesTwoCellsInEachDirectionAndNoMore) {
 }
 
 TEST(MetricsTest, AgreesWithAHandComputedCase) {
-  // Map hazards are at 0, 3 and 9; the first two are within 2 of the true ones. True hazards are at 1, 2, 15 and 16;
-  // the first two have a map hazard nearby. Precision 2/3, recall 1/2, F1 4/7, IoU (4/7) / (2 - 4/7) = 0.4.
+  // Map hazards are at 0, 3 and 9; the first two are within 2 cells of a true hazard. True hazards are at 1, 2, 15 and
+  // 16; the first two are within 2 cells of a map hazard.
+  // Precision 2/3, recall 1/2, F1 4/7, IoU (4/7) / (2 - 4/7) = 0.4.
   const MergedMap map = MapOf({"#..#.....#......."});
   const MergedMap truth = MapOf({".##............##"});
   const Result<MapAgreement> agreement = CompareMaps(map, truth);
@@ -70,8 +71,8 @@ TEST(MetricsTest, AgreesWithAHandComputedCase) {
 }
 
 TEST(MetricsTest, CountsKappaOverCellsKnownInBoth) {
-  // Cells known in both: 10. Hazard in both: 3; free in both: 4; hazard only in the map: 1; only in the truth: 2.
-  // Observed agreement 0.7, by chance 0.4 * 0.5 + 0.6 * 0.5 = 0.5, so kappa is 0.4.
+  // Cells known in map and truth: 10. Hazard in both: 3; free in both: 4; hazard only in the map: 1, only in the
+  // truth: 2. Observed agreement 0.7, by chance 0.4 * 0.5 + 0.6 * 0.5 = 0.5, so kappa is 0.4.
   const MergedMap map = MapOf({"####......  ##"});
   const MergedMap truth = MapOf({"###.##....##  "});
   const Result<MapAgreement> agreement = CompareMaps(map, truth, 0);

@@ -121,8 +121,8 @@ TEST_F(MissionTest, ReadsBackAMapsGridsTheRightWayUp) {
   EXPECT_EQ(map->layers[1].resolution_um, 100'000u);
   EXPECT_EQ(map->node_from_map.position_m.x(), 0.2);
   const Result<Image> image = ReadPng(folder_ / "maps/B0001.png");
-  EXPECT_EQ(*image->At(0, 0), 0);    // Row 0 of the picture is the largest y.
-  EXPECT_EQ(*image->At(2, 2), 254);  // The finest layer is the topmost picture.
+  EXPECT_EQ(*image->At(0, 0), 0);    // Row 0 of the picture has the largest y.
+  EXPECT_EQ(*image->At(2, 2), 254);  // The topmost layer in the picture is the finest.
   EXPECT_EQ(*image->At(2, 4), 254);
   EXPECT_EQ(*image->At(1, 1), 205);
 }

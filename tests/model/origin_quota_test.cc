@@ -20,7 +20,7 @@ struct Weighed {
   std::uint64_t weight = 1;
 };
 
-// Returns the records that are kept after all were added in this order.
+// Adds the records to a quota in this order. Returns those that the quota keeps at the end.
 std::set<RecordKey> KeptOf(std::uint64_t limit, const std::vector<Weighed>& records) {
   OriginQuota<RecordKey> quota(limit);
   std::set<RecordKey> kept;
@@ -34,7 +34,8 @@ std::set<RecordKey> KeptOf(std::uint64_t limit, const std::vector<Weighed>& reco
   return kept;
 }
 
-// Returns the records to keep by the definition of the quota: tries each level and uses the highest at which all fit.
+// Returns the records to keep by the definition of the quota. Tries levels (a maximum weight per origin) from the
+// highest down, and uses the first level at which all origins together fit into the limit.
 std::set<RecordKey> ExpectedKept(std::uint64_t limit, const std::vector<Weighed>& records) {
   std::map<AgentId, std::uint64_t> weights;
   std::uint64_t heaviest = 0;

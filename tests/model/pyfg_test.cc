@@ -30,7 +30,7 @@ std::string TextOf(const std::string& text) {
   return pyfg ? "no error" : pyfg.error().text;
 }
 
-// Adds a line to kSpatial, which has seven lines; the new line is the eighth.
+// Returns kSpatial, which has seven lines, with `line` as the eighth.
 std::string WithLine(const std::string& line) { return kSpatial + line + "\n"; }
 
 void ExpectSameGraph(const Pyfg& a, const Pyfg& b) {

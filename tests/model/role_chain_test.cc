@@ -63,7 +63,7 @@ TEST(RoleChainTest, RejectsDecisionsOfOtherAgents) {
   era.set_leader(1);
   era.set_signature("b");
   EXPECT_EQ(chain.Add(era), Standing::kNever) << "only an agent that may command begins an era";
-  // In the assignment that it claims to follow, rover 1 is already deposed.
+  // Rover 1 issues an assignment that follows the one that deposed it.
   const proto::RoleAssignment deposed = After(ChainOptions().initial, 2, 2, 3, "c");
   EXPECT_EQ(chain.Add(deposed), Standing::kCounts);
   EXPECT_EQ(chain.Add(After(deposed, 1, 1, 3, "d")), Standing::kNever);

@@ -38,7 +38,7 @@ TEST(TypeSchemaTest, AgentsForwardUnknownCustomTypesButNotBuiltInOnes) {
   EXPECT_TRUE(TypesNotFor(none, SchemasOf(Types({{1000, "soil"}}))).empty());
   EXPECT_TRUE(TypesNotFor(SchemasOf(Types({{1000, "soil"}})), none).empty());
   const DataType last = none.rbegin()->data_type();
-  none.RemoveLast();  // The schema of an agent that lacks the last type.
+  none.RemoveLast();  // `none` now lists the schemas of an agent that lacks the last type.
   EXPECT_EQ(TypesNotFor(SchemasOf(Types({})), none), std::set<DataType>{last});
   EXPECT_TRUE(TypesNotFor(none, SchemasOf(Types({}))).empty());
   EXPECT_TRUE(TypesNotFor(SchemasOf(Types({})), {}).empty()) << "none reported: the same";

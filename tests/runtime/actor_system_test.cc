@@ -29,7 +29,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
 
-constexpr seconds kPatience(60);  // Limit for events that happen at once. Only a broken runtime reaches it.
+constexpr seconds kPatience(60);  // Limit for events that take almost no time. Only a broken runtime reaches it.
 
 // Values that handlers report to the test, in order.
 template <typename T>
@@ -141,7 +141,7 @@ TEST_F(ActorSystemTest, ActorsReplyToEachOther) {
 }
 
 TEST_F(ActorSystemTest, AnActorRunsOnOneThreadAtATime) {
-  // The counter has no lock. With a second thread counts would be lost, and thread sanitizer would report it.
+  // The counter has no lock. Two threads at a time would lose counts, and thread sanitizer would report the race.
   int handled = 0;
   std::promise<void> done;
   system_.Spawn("counter", {.messages_max = 100'000}, OnEachMessage([&](Context&, const proto::Message&) {
@@ -168,7 +168,7 @@ TEST_F(ActorSystemTest, BusyActorsLetOthersRun) {
   system.Spawn("greedy", {},
                Scripted([](Context& context) { (void)context.Send(context.self(), {}); },
                         [](Context& context, const proto::Message&) {
-                          (void)context.Send(context.self(), {});  // The actor is never idle.
+                          (void)context.Send(context.self(), {});  // Keeps the actor busy.
                         }));
   system.Spawn("modest", {}, OnEachMessage([&](Context&, const proto::Message&) { heard.set_value(); }));
   system.Start(nullptr);
@@ -194,7 +194,7 @@ TEST_F(ActorSystemTest, ActorsStartInOrderBeforeMessagesFlow) {
   system_.Stop();
 }
 
-// Reports the threads on which it lived.
+// An actor that reports the thread of its constructor, its handlers and its destructor.
 class ThreadBoundActor final : public Actor {
  public:
   explicit ThreadBoundActor(Heard<std::thread::id>* threads) : threads_(threads) {
@@ -218,7 +218,8 @@ TEST_F(ActorSystemTest, OwnThreadActorIsConstructedRunAndDestroyedOnOneThread) {
   system_.Start(nullptr);
   ASSERT_EQ(system_.Post("gl", Numbered(1)), SendResult::kAccepted);
   ASSERT_EQ(system_.Post("gl", Numbered(2)), SendResult::kAccepted);
-  // Constructed, started, failed, destroyed; constructed, started, message.
+  // Threads of the first actor's constructor, start, failing message and destructor, then of the second actor's
+  // constructor, start and message.
   std::vector<std::thread::id> ids = threads.Next(7);
   system_.Stop();
   ids.push_back(threads.Next());
@@ -328,7 +329,8 @@ TEST_F(ActorSystemTest, APermanentlyFailedActorIsReportedOnce) {
     system.Spawn(name, {}, Scripted([](Context&) { throw std::runtime_error("never works"); }, nullptr));
   }
   system.Start(nullptr);  // Start returns although the actors fail.
-  EXPECT_THAT(heard_.Next(), ContainsRegex("1/(a|b) has failed permanently: never works"));  // Restarts are jittered.
+  // Restart delays are jittered, so either actor may be the first to fail permanently.
+  EXPECT_THAT(heard_.Next(), ContainsRegex("1/(a|b) has failed permanently: never works"));
   EXPECT_EQ(system.Post("a", {}), SendResult::kUnreachable);
   EXPECT_EQ(system.Post("b", {}), SendResult::kUnreachable);
   system.Stop();
@@ -348,14 +350,14 @@ TEST_F(ActorSystemTest, StartThatFailsLessThanOncePerPeriodIsRetriedAtOnce) {
                      if (++made < 4) throw std::runtime_error("not yet");
                    },
                    nullptr));
-  system.Start(nullptr);  // Start returns.
+  system.Start(nullptr);  // Start returns although the actor fails three times.
   EXPECT_EQ(made, 4);
   system.Stop();
 }
 
 TEST_F(ActorSystemTest, SecondRestartIsDelayed) {
   std::atomic<int> made = 0;
-  std::vector<MonotonicTime> started;  // Start times of this actor only.
+  std::vector<MonotonicTime> started;  // Start times of the actor's incarnations.
   system_.Spawn("fragile", {}, [&] {
     ++made;
     return std::make_unique<ScriptedActor>(
@@ -369,7 +371,7 @@ TEST_F(ActorSystemTest, SecondRestartIsDelayed) {
   system_.Start(nullptr);
   EXPECT_EQ(heard_.Next(), "started");
   ASSERT_THAT(started, SizeIs(3));
-  EXPECT_GE(started[2] - started[1], milliseconds(80));  // 100 ms, which jitter shortens to 80 ms at most.
+  EXPECT_GE(started[2] - started[1], milliseconds(80));  // Jitter shortens 100 ms by at most 20 ms.
   system_.Stop();
 }
 
@@ -470,7 +472,7 @@ TEST_F(ActorSystemTest, RepliesReturnToTheClientOrPeerThatAsked) {
 }
 
 TEST_F(ActorSystemTest, WatchersAreNotifiedOfPeerChanges) {
-  system_.OnPeerChanged(3, true);  // Happens before any actor watches.
+  system_.OnPeerChanged(3, true);  // No actor watches yet.
   system_.OnPeerChanged(4, true);
   system_.OnPeerChanged(4, false);
   for (const std::string name : {"role", "replica", "merge"}) {
@@ -488,7 +490,7 @@ TEST_F(ActorSystemTest, WatchersAreNotifiedOfPeerChanges) {
   EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role+3", "replica+3"));
   system_.OnPeerChanged(2, true);
   EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role+2", "replica+2"));
-  system_.OnPeerChanged(2, true);  // Not a change.
+  system_.OnPeerChanged(2, true);  // Agent 2 is connected already.
   system_.OnPeerChanged(2, false);
   EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role-2", "replica-2"));
   system_.Stop();
@@ -509,7 +511,7 @@ TEST_F(ActorSystemTest, RestartedActorIsNotifiedAgainOfPeersItWatches) {
   EXPECT_EQ(heard_.Next(), "+2");
 }
 
-// The published message and its publisher, as "roles 2 of 1/role".
+// Returns the published message and its publisher, as "roles 2 of 1/role".
 std::string NewsText(Context& context, const proto::Message& message) {
   const std::string what = message.has_roles_changed()
                                ? "roles " + std::to_string(message.roles_changed().roles().leader())
@@ -624,7 +626,7 @@ TEST_F(ActorSystemTest, ControlOvertakesABatchBeingHandled) {
                 Scripted([](Context& context) { context.WatchPeers(); },
                          [&](Context&, const proto::Message& message) {
                            if (message.request_id() == 1) all_posted.Pass();
-                           if (message.request_id() == 2) {  // Message 2 belongs to a batch with 3 and 4.
+                           if (message.request_id() == 2) {  // The actor takes messages 2, 3 and 4 in one batch.
                              is_in_handler.Open();
                              gate.Pass();
                            }
@@ -684,7 +686,7 @@ TEST_F(ActorSystemTest, ActorsNeverWaitForRoom) {
   system_.Spawn("full", options, OnEachMessage(nullptr));
   system_.Spawn("sender", {},
                 Scripted(
-                    [&](Context& context) {  // Runs before messages flow.
+                    [&](Context& context) {  // OnStart, which runs before any message is handled.
                       heard_.Add(ToString(context.Send({1, "full"}, {})));
                       heard_.Add(ToString(context.Send({1, "full"}, {})));
                     },
@@ -842,8 +844,8 @@ TEST_F(ActorSystemTest, ASystemThatWasNeverStartedStops) {
 }
 
 TEST_F(ActorSystemTest, ManyActorsHandleManyMessagesDespiteFailures) {
-  // Eight actors pass tokens at random, and one of 5000 handlers fails. No token may be handled twice at the same time.
-  // The system stops while the actors still run.
+  // Eight actors pass tokens at random, and one in 5000 handler calls fails. No token may be handled twice at the same
+  // time. The system stops while the actors still run.
   ActorSystem::Options options = DefaultOptions();
   options.worker_count = 4;
   options.restarts_max = 1'000'000;

@@ -155,7 +155,7 @@ TEST(MailboxTest, TimersAreNotLimitedAndUseNoRoom) {
   EXPECT_EQ(mailbox.counts().dropped, 0u);
 }
 
-// This holds whether or not the reader has taken over the waiting messages, and for every overflow rule.
+// Messages are merged under every overflow rule, whether or not the reader has taken over the waiting messages.
 TEST(MailboxTest, RecordsStoredIsMergedIntoOneMessageAndNotLimited) {
   for (const SpawnOptions& options : {SpawnOptions{.messages_max = 1, .bytes_max = 1}, LatestByKey(1)}) {
     SCOPED_TRACE(options.overflow == Overflow::kLatestByKey ? "by key" : "");
@@ -242,7 +242,7 @@ TEST(MailboxTest, LatestOfAKeyReplacesTheWaitingOne) {
   EXPECT_EQ(mailbox.counts().dropped, 1u);
   EXPECT_EQ(mailbox.counts().bytes, 25u);
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(3, 2));
-  EXPECT_EQ(Push(mailbox, Keyed("a", 5)), SendResult::kAccepted);  // A message that was taken is not replaced any more.
+  EXPECT_EQ(Push(mailbox, Keyed("a", 5)), SendResult::kAccepted);  // Message 3 was taken, so 5 cannot replace it.
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(5));
 }
 
@@ -317,7 +317,7 @@ TEST(MailboxTest, NudgeIsNotMissed) {
   Mailbox mailbox({});
   EXPECT_TRUE(mailbox.Nudge());
   EXPECT_FALSE(mailbox.Nudge());
-  // The nudge came while the reader was awake, which may have missed it.
+  // The reader was awake when the nudge came, and may have missed it.
   EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/false));
   EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/false));
 }
@@ -378,7 +378,7 @@ TEST(MailboxTest, LosesNoMessageWithManySendersAndASleepingReader) {
   EXPECT_LE(mailbox.counts().waiting_max, 50u);
 }
 
-// Compares the mailbox with a model: a list in which the newest message of a key takes the place of the waiting one.
+// Compares the mailbox with a model: a list in which a new message replaces the waiting message with the same key.
 TEST(MailboxTest, RandomUseAgreesWithAModel) {
   const auto seed = std::random_device()();
   SCOPED_TRACE("seed " + std::to_string(seed));

@@ -13,9 +13,9 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kTexts = 4;  // Texts per message. Each is an object that may be reused.
+constexpr std::size_t kTexts = 4;  // Text fields of a message. A reused message may keep their string objects.
 
-// Sets the field to a value that allocates memory if possible.
+// Sets the field to a value. If the field's type can, the value allocates memory.
 void Fill(proto::Message* message, const google::protobuf::FieldDescriptor& field) {
   const auto& reflection = *message->GetReflection();
   switch (field.cpp_type()) {
@@ -72,8 +72,8 @@ TEST(OwnedMessageTest, HasOneOwner) {
   EXPECT_FALSE(second);
 }
 
-// More messages than are exchanged at once move between the threads in both directions. Each message has its own
-// memory, and none is lost.
+// One thread makes messages and another releases them, more than the threads exchange in one step. Each message has its
+// own memory, and none is lost.
 TEST(OwnedMessageTest, ManyMessagesMoveBetweenThreads) {
   constexpr std::uint64_t kCount = 1000;
   for (int round = 0; round < 3; ++round) {

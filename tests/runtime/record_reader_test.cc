@@ -33,10 +33,11 @@ constexpr DataType kNotRead = proto::POWER;
 const Address kStorage{kSelf, actor_name::kStorage};
 const Address kReader{kSelf, "reader"};
 
-// Storage's data types by row id, which outlive its actor. A record's seq is its row id.
+// The content of a simulated storage, which survives a restart of the actor: the data type of each row, by row id.
+// A record's seq is its row id.
 struct FakeStore {
   std::map<std::uint64_t, DataType> rows;
-  std::vector<std::uint64_t> asked_after;  // Start row of each ReadRequest.
+  std::vector<std::uint64_t> asked_after;  // after_row_id of each ReadRequest.
   std::optional<Error> error;
 
   std::uint64_t last_row() const { return rows.empty() ? 0 : rows.rbegin()->first; }
@@ -65,7 +66,7 @@ class ReaderActor final : public Actor {
  public:
   struct Seen {
     std::vector<std::uint64_t> seqs;
-    std::vector<std::string> results;  // Results of the readings that ended.
+    std::vector<std::string> results;  // Results of completed reads.
     std::size_t others = 0;            // Answers and timers that the reader leaves to its actor.
     std::uint64_t refused_seq = 0;     // Seq that the actor refuses. 0: none.
   };
@@ -120,7 +121,7 @@ class RecordReaderTest : public testing::Test {
     team_.AddAgent(kSelf);
   }
 
-  // Spawns a simulated storage. Otherwise storage is a probe, and the test sends the answers.
+  // Spawns a simulated storage. Without this call, a probe takes the place of storage, and the test sends the answers.
   void SpawnStorage(SpawnOptions options = {}) {
     team_.Spawn(kSelf, actor_name::kStorage, OnEachMessage([this](Context& context, const proto::Message& message) {
                   if (message.has_custom()) {
@@ -144,7 +145,7 @@ class RecordReaderTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // Adds a row and then publishes the news, as a transaction of storage does.
+  // Adds a row and then publishes RecordsStored, as a transaction of storage does.
   void Commit(Context& context) {
     AddRows(1);
     context.Publish(News(store_.last_row()));
@@ -172,10 +173,10 @@ class RecordReaderTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // Messages that the probe in storage's place received.
+  // Returns the messages that the probe in storage's place received.
   std::vector<proto::Message> TakeQuestions() { return team_.Take(kStorage); }
 
-  // A page with these rows.
+  // Returns the answer to `question`: a page with these rows.
   static proto::Message Answer(const proto::Message& question, const std::vector<std::uint64_t>& rows,
                                bool is_complete = true) {
     proto::Message answer;
@@ -242,8 +243,8 @@ TEST_F(RecordReaderTest, FollowsNewRecords) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1, 2, 3, 4, 5));
 }
 
-// The mailbox merges later RecordsStored into the waiting one. That message may therefore precede a page that lacks the
-// new rows.
+// The mailbox merges a later RecordsStored into one that already waits. The merged message may then arrive before a
+// page that lacks the new rows.
 TEST_F(RecordReaderTest, NewsThatPrecedeAPageWithoutTheNewRowsAreNotLost) {
   SpawnReader(/*is_following=*/true);
   const proto::Message question = TakeQuestions().at(0);
@@ -283,7 +284,7 @@ TEST_F(RecordReaderTest, RequestsALostPageAgain) {
   const std::vector<proto::Message> again = TakeQuestions();
   ASSERT_THAT(again, SizeIs(1));
   EXPECT_EQ(again[0].read_request().after_row_id(), 1u);
-  PostFromStorage(Answer(lost, {2}));  // The late answer.
+  PostFromStorage(Answer(lost, {2}));  // The page was not lost, only late.
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
   PostFromStorage(Answer(again[0], {2}));
   EXPECT_THAT(seen_->seqs, ElementsAre(1, 2));
@@ -492,7 +493,7 @@ TEST_F(RecordReaderTest, IgnoresAnswersWhileStopped) {
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
 }
 
-// Storage never sends such a page. If the reader continued after it, it would ask forever.
+// Storage never sends a page without a record. A reader that continued after such a page would send requests forever.
 TEST_F(RecordReaderTest, APageWithoutARecordIsTheLast) {
   SpawnReader(/*is_following=*/false);
   Order("read");

@@ -201,7 +201,7 @@ TEST_F(SimulatedTeamTest, ACutLinkLosesMessagesInFlightAndNotifiesBothEnds) {
                          }));
   }
   team_.RunUntilIdle();
-  // All agents are connected at first.
+  // At the start of a simulated team, all agents are connected.
   EXPECT_THAT(heard, ElementsAre("1/sync+2", "1/sync+3", "2/sync+1", "2/sync+3"));
   heard.clear();
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
@@ -296,7 +296,7 @@ TEST_F(SimulatedTeamTest, ExceptionsAreFailuresAndTheSecondRestartWaits) {
   const MonotonicTime start = team_.now();
   for (int i = 1; i <= 3; ++i) ASSERT_EQ(team_.Post({1, "test"}, {1, "fragile"}, Numbered(i)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(5));
-  // After 100 and 200 ms, each with a jitter of up to 20 %.
+  // The second and third restart are delayed by 100 and 200 ms, each with a jitter of up to 20 %.
   ASSERT_THAT(started, SizeIs(4));
   EXPECT_EQ(started[0], start);
   EXPECT_EQ(started[1], start);

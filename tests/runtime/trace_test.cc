@@ -60,7 +60,7 @@ TEST(TraceRingTest, KeepsTheLastRecords) {
   TraceRing ring;
   for (std::uint64_t i = 0; i < TraceRing::kRecords + 10; ++i) ring.Add(Record(i));
   const std::vector<TraceRecord> records = ring.Read();
-  // The slot that may be written next is not read.
+  // Read skips the oldest record, because a writer may be overwriting it.
   ASSERT_THAT(records, SizeIs(TraceRing::kRecords - 1));
   EXPECT_EQ(records.front().request_id, 11u);
   EXPECT_EQ(records.back().request_id, TraceRing::kRecords + 9);
@@ -83,7 +83,7 @@ TEST(TraceRingTest, ReadersNeverSeeAPartlyWrittenRecord) {
       ASSERT_EQ(record.time, record.duration);
       ASSERT_EQ(record.bytes, static_cast<std::uint32_t>(record.request_id));
       ASSERT_EQ(record.time, static_cast<std::int64_t>(record.request_id));
-      ASSERT_TRUE(last == 0 || record.request_id > last);  // Records may be overwritten before they are read.
+      ASSERT_TRUE(last == 0 || record.request_id > last);  // Some records may be overwritten unread.
       last = record.request_id;
     }
   }
@@ -177,7 +177,7 @@ TEST(DeadLettersTest, KeepsTheLastLettersWithinLimits) {
   proto::TraceReply reply;
   letters.Report(request, {}, &reply);
   ASSERT_THAT(reply.dead_letters(), SizeIs(1));
-  EXPECT_EQ(reply.dead_letters(0).from_actor(), "?");  // The name from a peer is not valid text.
+  EXPECT_EQ(reply.dead_letters(0).from_actor(), "?");  // The peer sent a name that is not valid text.
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-"""build_times must print the last time of each step, the largest first, and name files that are compiled as one."""
+"""build_times must print the last time of each step, largest first, and name files that are compiled as one unit."""
 import pathlib
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""check_actors must name an actor that lacks any of its places."""
+"""check_actors must name an actor that is missing in one of the places that list all actors."""
 import pathlib
 import shutil
 import subprocess

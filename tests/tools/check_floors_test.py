@@ -1,4 +1,4 @@
-"""check_floors must see each kind of wrong include, and nothing wrong in this tree."""
+"""check_floors must report each kind of wrong include, and find none in this tree."""
 import pathlib
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""check_format must see a file that clang-format would change, and only tracked ones."""
+"""check_format must report tracked files that clang-format would change, and ignore untracked files."""
 import pathlib
 import shutil
 import subprocess

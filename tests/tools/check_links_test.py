@@ -1,4 +1,4 @@
-"""check_links must see each kind of broken link, and none where there is none."""
+"""check_links must report each kind of broken link, and accept intact links."""
 import pathlib
 import subprocess
 import sys

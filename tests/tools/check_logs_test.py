@@ -1,4 +1,4 @@
-"""check_logs must name a file that logs more by itself than is known."""
+"""check_logs must name a file that has more log lines without rate limit than its list allows."""
 import pathlib
 import shutil
 import subprocess

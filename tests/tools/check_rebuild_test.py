@@ -1,4 +1,4 @@
-"""check_rebuild must count what includes and imports reach, and find nothing wrong in this tree."""
+"""check_rebuild must count the files that includes and imports reach, and find no exceeded limit in this tree."""
 import pathlib
 import subprocess
 import sys

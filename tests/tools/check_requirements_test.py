@@ -1,4 +1,4 @@
-"""check_requirements must see each kind of name that is not there."""
+"""check_requirements must report each kind of name (test, suite, script, path) that does not exist."""
 import pathlib
 import subprocess
 import sys

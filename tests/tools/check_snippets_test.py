@@ -1,4 +1,4 @@
-"""check_snippets must see each kind of wrong snippet, and nothing wrong in this tree."""
+"""check_snippets must report each kind of wrong snippet, and find none in this tree."""
 import pathlib
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""tools/tidy must take the project's spelling of names, and report faults and other spellings."""
+"""tools/tidy must accept names in the project's spelling, and report faults and names in other spellings."""
 import json
 import pathlib
 import shutil

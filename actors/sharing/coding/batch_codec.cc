@@ -21,8 +21,8 @@ constexpr std::size_t kHashBytes = 8;
 constexpr std::size_t kChecksumBytes = 4;
 constexpr std::size_t kRowsKeptMax = 64 * 1024;  // Bytes of rows kept as the zstd prefix for a run's next batch.
 constexpr std::size_t kHeadBytes = 48;           // Upper bound of the header bytes of an uncompressed batch.
-// Estimated compression ratios before any record was coded. A ratio that is too low costs little for rows: only cells
-// take long to code again.
+// Estimated compression ratios before any record was coded. For rows a ratio that is too low costs little time, because
+// only cells take long to code again.
 constexpr double kRowRatioAtFirst = 0.1;
 constexpr double kFrameRatioAtFirst = 0.5;
 
@@ -105,7 +105,7 @@ struct Rows {
   std::string plain;  // The uncompressed bytes of all rows.
   std::uint32_t checksum = 0;
   Columns columns;
-  std::vector<std::string> contents;  // For maps with coded cells: the record without cells.
+  std::vector<std::string> contents;  // If a map's cells are coded separately: the record without cells.
 };
 
 std::string WriteRows(const Columns& columns, std::uint32_t checksum, const std::vector<std::string_view>& contents) {
@@ -166,7 +166,7 @@ Result<void> JoinMaps(std::string_view cells, MapRunDecoder& run, Rows& rows, st
   return {};
 }
 
-// Makes the batch and checks its hashes against the checksum.
+// Makes the batch from its rows and checks the hashes against the checksum.
 Result<proto::RecordBatch> ToBatch(Rows rows) {
   proto::RecordBatch batch;
   std::vector<std::uint64_t> hashes;
@@ -203,7 +203,7 @@ void BatchEncoder::BeginRun(const proto::StoredRecord* reference) {
   if (map) run_.emplace(previous_, &map->layers, trials_);
 }
 
-// The parts of the records of one batch. The cells of its maps are already in the run.
+// The parts of the records of one batch, except the cells of its maps, which the run has already coded.
 struct BatchEncoder::Parts {
   Columns columns;
   std::vector<std::uint64_t> hashes;
@@ -219,7 +219,7 @@ std::string BatchEncoder::Encode(const proto::RecordBatch& batch) {
 }
 
 CodedRows BatchEncoder::EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max) {
-  // Encoding changes the run only if there are maps. Then keep a copy of the encoder for another try.
+  // Only maps change the run. If there are maps, keep a copy of the encoder for another attempt.
   const auto is_map = [](const proto::StoredRecord& record) {
     return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
   };
@@ -266,7 +266,8 @@ bool BatchEncoder::AddRecord(const proto::StoredRecord& record, std::size_t byte
   if (!fits(CellBytes() + (map ? last_map_bytes_ : 0))) return false;
   if (map) {
     if (!run_) run_.emplace(previous_, nullptr, trials_);
-    // The map may need more bytes than the map before. Keep a copy of the run if that could exceed the limit.
+    // The map may need more bytes than the last map. Keep a copy of the run if twice those bytes would exceed the
+    // limit.
     const std::size_t bytes_before = CellBytes();
     std::optional<MapRunEncoder> before;
     if (!fits(bytes_before + 2 * last_map_bytes_)) before = run_;
@@ -306,8 +307,8 @@ std::string BatchEncoder::Finish(const Parts& parts) {
   return bytes;
 }
 
-// Learns a ratio that is a tenth above the measured one. If a batch does not fit, its maps are coded twice, so an
-// estimate that is too high is cheaper than one that is too low.
+// Stores a ratio that is a tenth above the measured one. After an estimate that is too low a batch does not fit, and
+// its maps must be coded again. An estimate that is too high costs less.
 void BatchEncoder::LearnRowRatio(const Parts& parts, std::size_t packed_bytes) {
   const auto& types = parts.columns.types;
   const bool is_of_one_type = std::adjacent_find(types.begin(), types.end(), std::not_equal_to<>()) == types.end();
@@ -347,7 +348,7 @@ Result<proto::RecordBatch> BatchDecoder::Decode(std::string_view coded, std::uin
   const Result<void> begun =
       header->maps == kMapsWithReference ? BeginRun(header->reference, reference) : ContinueRun(header->maps_before);
   if (!begun) return tl::unexpected(begun.error());
-  // Put the run back only if everything decodes. After an error the run has ended.
+  // The run is restored below only if the whole batch decodes. After an error the run has ended.
   std::optional<MapRunDecoder> run = std::exchange(run_, std::nullopt);
   Result<Rows> rows = TakeRowsOf(reader, record_count, rows_before_);
   if (!rows) return tl::unexpected(rows.error());

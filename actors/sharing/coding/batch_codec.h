@@ -6,15 +6,15 @@
 //   rows    := record count, checksum, columns (number_column.h) of origins, epochs, types, seqs, hashes
 //              and "the cells of this record are coded", then the contents (row_codec.h)
 //
-// In a run, the zstd frame of a batch refers to the rows of the batch before. Batches of a run that have coded cells
-// must be decoded in the order of encoding. Each says how many maps of the run came before it, and a decoder that has
-// seen another number refuses it. After a lost batch, or to make a batch independent, the sender begins a new run. A
-// batch with 0 earlier maps begins a run at the decoder too.
+// In a run, the zstd frame of a batch refers to the rows of the previous batch. Batches with coded cells must be
+// decoded in the order of encoding. Each of them contains the number of earlier maps of the run, and a decoder that has
+// decoded another number of maps refuses the batch. After a lost batch, or to make a batch independent, the sender
+// begins a new run. A batch with 0 earlier maps begins a run at the decoder too.
 //
 // Decoding restores every content byte for byte, or fails. A map's record is split only if joining the parts gives the
-// same bytes (map_record.h). Other contents are split into their fields (row_shape.h). A hash is sent as its XOR with
-// HashRecord, which is mostly 0, and the checksum covers all hashes. The codec does not validate the records
-// themselves. Not thread-safe. Encoder and decoder can be copied for a trial.
+// same bytes (map_record.h). Other contents are split into their fields (row_shape.h). Instead of a record's hash, its
+// XOR with HashRecord is sent, which is nearly always 0. The checksum covers all hashes. The codec does not validate
+// the records. Not thread-safe. Encoder and decoder can be copied for a trial.
 #pragma once
 
 #include <cstddef>
@@ -54,9 +54,9 @@ class BatchEncoder {
  public:
   explicit BatchEncoder(MapRunEncoder::Previous previous);
 
-  // Begins a new run, so the next batch can be decoded without earlier ones. With a reference, only a decoder that
-  // holds that map can decode the batch. Requires: `reference` is a map's record or null. A reference that the map
-  // codec cannot code is ignored.
+  // Begins a new run, so the next batch can be decoded without earlier batches. With a reference, only a decoder that
+  // gets the same map can decode the next batch. Requires: `reference` is a map's record or null. A reference that the
+  // map codec cannot code is ignored.
   void BeginRun(const proto::StoredRecord* reference = nullptr);
 
   // Encodes a whole batch. Requires: at most kRowsMax records, with at most kBatchContentBytesMax bytes of contents.
@@ -64,8 +64,8 @@ class BatchEncoder {
   std::string Encode(const proto::RecordBatch& batch);
 
   // Encodes as many of the first records as fit into `bytes_max`, give or take one, but at least one, whatever its
-  // size. Takes hardly longer than encoding only these records: maps are coded one by one until no other is expected to
-  // fit. The coded size of rows is estimated from the last batch of their type.
+  // size. Takes little more time than encoding only these records: maps are coded one by one until the next map is not
+  // expected to fit. The coded size of rows is estimated from the last batch of their type.
   CodedRows EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:
@@ -85,8 +85,8 @@ class BatchEncoder {
   std::optional<MapReference> reference_;
   std::uint64_t maps_before_ = 0;
   std::string rows_before_;
-  // For size estimates: compressed bytes per content byte by data type, without cells, and the cell bytes of the last
-  // map.
+  // For size estimates: the compressed bytes per content byte, without cells, by data type; and the coded bytes of the
+  // last map's cells.
   std::map<DataType, double> row_ratios_;
   std::size_t last_map_bytes_ = 0;
 };

@@ -8,7 +8,7 @@ constexpr std::uint32_t kCountLimit = 250;
 constexpr int kLearningShift = 15;          // Learning rate of the weights, as a power of two.
 constexpr std::int16_t kWeightMax = 30000;  // Limits the weights, which would overflow otherwise.
 constexpr int kRareShift = 9;               // Probabilities of rare bits adapt by 1/512.
-constexpr int kRareMin = 3;                 // Lowest probability of rare bits: none costs more than 15 bits.
+constexpr int kRareMin = 3;                 // Lowest probability of rare bits, so none costs more than 15 bits.
 
 // Returns the weight moved by input * error / 2^kLearningShift, rounded. Uses the high half of twice the product, plus
 // one if the low half is at least half of its range.
@@ -56,7 +56,7 @@ BitModel::Sums BitModel::Multiply(const Inputs& inputs, const std::int16_t* firs
 
 void BitModel::Adjust(const Inputs& inputs, Errors errors, std::int16_t* first, std::int16_t* second) {
   const std::int16_t* input = reinterpret_cast<const std::int16_t*>(inputs.data());
-  // Collect the results outside of the weights: a store between the loads would prevent vectorisation.
+  // Collect the results in separate arrays: storing a weight between the loads would prevent vectorisation.
   std::array<std::int16_t, kInputs> first_moved, second_moved;
   for (std::size_t i = 0; i < kInputs; ++i) {
     first_moved[i] = Moved(first[i], input[i], errors.first);

@@ -4,9 +4,9 @@
 // slowly. Two sets of weights, each selected by a context, mix the logits of all models. A last table refines the mean
 // of the two mixes. Probabilities, weights and table all learn from the coded bit. All arithmetic uses integers.
 //
-// Each cell takes two decisions, which have separate tables. Predictions with and without a previous map have separate
-// weights. A run's model begins as a copy of TrainedModel() (trained_tables.h). The contents of that model and every
-// number in this file are part of the wire format. Takes 1 MB. Not thread-safe.
+// Each cell is coded as two binary decisions, which have separate tables. Predictions with and without a previous map
+// have separate weights. A run's model begins as a copy of TrainedModel() (trained_tables.h). The contents of that
+// model and every number in this file are part of the wire format. Takes 1 MB. Not thread-safe.
 //
 // Predict and Update take most of the time to code a map. They are in the header so the compiler can inline them into
 // the loop over the cells and keep contexts in registers.
@@ -28,15 +28,15 @@ inline constexpr std::size_t kDecisionCount = 2;
 inline constexpr std::size_t kModelsAlone = 10;
 inline constexpr std::size_t kModelsWithPrevious = 14;
 inline constexpr std::size_t kInputs = 16;      // Inputs of a mix: one per model, a constant bias, and zeros.
-inline constexpr std::size_t kChoiceCount = 2;  // Number of mixes, each of which selects one set of weights.
+inline constexpr std::size_t kChoiceCount = 2;  // Number of mixes. Each mix selects one set of weights.
 
-// Numbers of contexts of each model, of each choice of weights, and of the last table.
+// Table sizes: the contexts of each model, the sets of weights of each mix, and the contexts of the last table.
 inline constexpr std::array<std::uint32_t, kModelsWithPrevious> kContextCounts = {
     2916, 11664, 4096, 10368, 3456, 11664, 13824, 3888, 2916, 8192, 5184, 5184, 8192, 6912};
 inline constexpr std::array<std::uint32_t, kChoiceCount> kWeightSetCounts = {144, 256};
 inline constexpr std::uint32_t kRefinementCount = 324;
 
-// The contexts of one decision. Each is below its number of contexts. Without a previous map only the first
+// The contexts of one decision. Each is a number below the table size above. Without a previous map only the first
 // kModelsAlone models are used.
 struct BitContexts {
   Decision decision = Decision::kIsKnown;
@@ -75,16 +75,16 @@ class BitModel {
   // valid for Update of this model only.
   struct Prediction;
   Prediction Predict(const BitContexts& contexts);
-  // Trains the model with the actual bit. Requires: no other Predict of the same decision came between Predict and
-  // Update. A Predict of the other decision may.
+  // Trains the model with the actual bit. Requires: Predict was not called again for the same decision after this
+  // prediction was made. Calls for the other decision are allowed.
   void Update(const Prediction& prediction, int bit);
 
-  // Prediction of nearly certain bits: one adaptive probability per decision, without mixing.
+  // Returns the probability that a nearly certain bit is 1: one adaptive probability per decision, without mixing.
   int PredictRare(Decision decision) const { return rare_[static_cast<std::size_t>(decision)]; }
   void UpdateRare(Decision decision, int bit);
 
-  // Sets the count at which a context's adaptation stops slowing down; at most kCountMax. Training uses a higher limit
-  // than coding.
+  // Sets the highest count of a context, at most kCountMax. From this count on, adaptation does not slow down further.
+  // Training uses a higher limit than coding.
   void SetCountLimit(std::uint32_t limit) { count_limit_ = limit; }
 
   // The parts of the model that the initial tables store: all slots, all weights in units of 1/16384, and the
@@ -124,7 +124,7 @@ class BitModel {
   static const std::array<std::uint16_t, kCountMax + 1> kRates;
   static const std::array<std::uint32_t, kModelsWithPrevious> kSlotOffsets;
 
-  // The weighted sums, and below the errors, of the two mixes.
+  // The weighted sums of the two mixes (Sums) and their errors (Errors).
   struct Sums {
     std::int32_t first, second;
   };

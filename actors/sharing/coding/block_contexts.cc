@@ -63,7 +63,7 @@ BlockContexts::Numbers BlockContexts::Widen(const std::uint8_t* cells) {
 
 void BlockContexts::LookUpCoarser(const Block& block) {
   Coarser& c = coarser_;
-  Numbers here, east{}, west{};  // Elements of coarser_row_.
+  Numbers here, east{}, west{};  // Packed values from coarser_row_.
   here.fill(kNoCoarser);
   c.half_x.fill(0);
   c.half_y.fill(0);

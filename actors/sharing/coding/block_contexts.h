@@ -5,8 +5,8 @@
 // to eight numbers at a time. Only the inputs from the row's own cells are added cell by cell.
 //
 // Neighbours are named as in layer_coder.h; west2 is the second cell to the west, north_east2 the cell east of
-// north_east. Nearly all models use the coarser cell at the same place, and in which quarter of it the cell lies. In
-// addition each model uses the cells listed by its number:
+// north_east. Nearly all models use the coarser cell at the same place, and the quarter of this coarser cell in which
+// the cell lies. In addition each model uses the following cells:
 //   Model 0: west, north, north_west, north_east, west2, north2.
 //   Model 1: west, north, north_east; coarser cells east, south, south_east.
 //   Model 2: 12 cells around, reduced to one bit each.
@@ -42,7 +42,7 @@ struct Quadrant {
   int number = 0;
 };
 
-// The nearest known cells: those before it in its own row, and those towards the sensor along its ray.
+// The known cells nearest to a cell: the cells before it in its own row, and those towards the sensor along its ray.
 struct NearCells {
   int west, west2, west3;
   int ray1, ray2, ray3;
@@ -56,8 +56,8 @@ class BlockContexts {
     Quadrant quadrant;
     std::int32_t column, row;  // Position of the first cell.
     std::size_t size;          // Number of cells, at most kBlock.
-    // The cells north of the block, from the first cell outwards, and the row north of those. Both can be read from 2
-    // cells before the first cell to kBlock + 3 cells behind it.
+    // The cells north of the block, from the first cell outwards, and the cells of the next row to the north. Both can
+    // be read from 2 cells before the first cell to kBlock + 3 cells behind it.
     const std::uint8_t* north;
     const std::uint8_t* north2;
     const RayTable::Ray* rays;
@@ -73,7 +73,8 @@ class BlockContexts {
   bool IsQuiet(std::size_t i) const { return around_.is_quiet[i] != 0; }
   // True if the block's cell `i` can be a hazard.
   bool MayBeHazard(std::size_t i) const { return !layer_.are_hazards_nested || coarser_.here[i] >= 2; }
-  // SetShared sets the contexts that both decisions have in common, SetOwn those of one decision. Call SetShared first.
+  // SetShared sets the contexts that both decisions have in common. Then SetOwn sets the other contexts for one
+  // decision.
   template <bool kHasPrevious>
   void SetShared(std::size_t i, const NearCells& near, BitContexts& contexts);
   template <bool kHasPrevious>
@@ -97,7 +98,7 @@ class BlockContexts {
     Numbers here, east, south, south_east, west, north, north_east, south_west, north_west;
     Numbers last, state;
   };
-  // The contexts without the contributions of NearCells.
+  // The contexts, still without the contributions of NearCells.
   struct Ready {
     std::array<Numbers, kModelsWithPrevious> models;
     std::array<std::array<Numbers, kModelsWithPrevious>, kDecisionCount> own;

@@ -1,9 +1,9 @@
-// CellMemory: what a run remembers of one place, in one byte: the cell of the last map, the cell on which earlier maps
-// agreed (the belief), and how often it was confirmed.
+// CellMemory: the memory of a run for one place, in one byte: the last map's cell, the cell value on which earlier maps
+// agreed (the belief), and how often the belief was confirmed.
 //
-// A single map is noisy; a cell on which several maps agree predicts the next map better. Memory moves with the maps:
-// the memory of a map is its own cells merged over the memory of the previous map on which it was placed. Integers
-// only, so both ends compute the same.
+// A single map is noisy; a cell on which several maps agree predicts the next map better. The memory moves with the
+// maps: the memory of a map consists of its own cells, merged with the memory of the previous map at the same places.
+// Only integers are used, so both ends compute the same.
 #pragma once
 
 #include <array>
@@ -27,7 +27,7 @@ constexpr std::uint32_t LastOrUnknown(CellMemory memory) {
   return LastCell(memory) == kNotCovered ? 0 : LastCell(memory);
 }
 
-// Returns the memory after a map whose cell at this place is `cell`.
+// Returns the memory of a place after another map, which has the value `cell` there.
 constexpr CellMemory Remember(CellMemory memory, std::uint8_t cell) {
   constexpr int kSurest = 3;
   int belief = memory >> 2 & 3;
@@ -43,8 +43,8 @@ constexpr CellMemory Remember(CellMemory memory, std::uint8_t cell) {
   return static_cast<CellMemory>(cell | belief << 2 | confirmed << 4);
 }
 
-// Maps a memory to a state below kMemoryStates, which combines the last cell with the belief: the same cell (never,
-// once or more often confirmed), or one of the other cells.
+// Makes a table from each memory to its state, a number below kMemoryStates. A state combines the last cell with the
+// belief, which is the same value (confirmed never, once or more often) or one of the other values.
 constexpr std::array<std::uint8_t, 64> MakeMemoryStates() {
   std::array<std::uint8_t, 64> states{};
   for (int memory = 0; memory < 64; ++memory) {

@@ -94,7 +94,8 @@ class LayerCoder {
     if (coder_.Code(value != kUnknown ? 1 : 0, known.probability) == 0) return model_.Update(known, 0);
     *cell = kFree;
     if (!blocks_.MayBeHazard(i)) return model_.Update(known, 1);
-    // Update with the first decision only after the second is coded, so the processor can work on both at once.
+    // Update the model for the first decision only after the second is coded, so the processor can work on both in
+    // parallel.
     blocks_.SetOwn<kHasPrevious>(Decision::kIsHazard, i, near, contexts);
     const BitModel::Prediction hazard = model_.Predict(contexts);
     const int bit = coder_.Code(value == kHazard ? 1 : 0, hazard.probability);
@@ -116,8 +117,8 @@ class LayerCoder {
   BitModel& model_;
   CellPlane& cells_;
   BlockContexts blocks_;
-  // The window holds half a row and the kWindowRows - 1 rows next to it towards the middle. Columns are ordered from
-  // the middle outwards, with the plane's margin at both ends.
+  // The window holds half of a row, and the same half of the kWindowRows - 1 rows next to it towards the middle.
+  // Columns are ordered from the middle outwards, with the plane's margin at both ends.
   std::int32_t stride_;
   std::vector<std::uint8_t> window_;
   std::array<std::ptrdiff_t, kWindowRows * kWindowRows> ray_offsets_;  // Offsets in window_, by Ray::cells_in.

@@ -1,10 +1,10 @@
 // CodeLayer: codes the cells of one layer with a range coder, predicting each cell from data that both ends already
 // have.
 //
-// Rows are coded from the middle outwards, first those of rising row numbers. Within a row, cells are coded from the
-// middle outwards, first those of rising columns. The cells between a cell and the sensor are therefore always coded
-// before it, and the four quadrants are mirror images. Neighbours are named as in the quadrant of rising columns and
-// rows: west and north point to the middle.
+// Rows are coded from the middle outwards: first from the middle to the last row, then from the middle to the first
+// row. The cells of each row are coded in the same order of columns. The cells between a cell and the sensor are
+// therefore always coded before it, and the four quadrants are mirror images. Neighbours are named as in the quadrant
+// of rising columns and rows: west and north point to the middle.
 //
 // Encoder and decoder run the same code. `Coder` is RangeEncoder, RangeDecoder or a type with the same Code().
 #pragma once
@@ -19,8 +19,8 @@
 
 namespace moondb {
 
-// For each column (or row) of a layer: the column (or row) of the next coarser layer that contains its middle, and in
-// which half of it the middle lies.
+// For each column of a layer: the column of the next coarser layer that contains its middle, and the half of that
+// coarser column in which the middle lies. The same for rows.
 struct CoarserIndex {
   std::vector<std::int32_t> index;  // -1 if the middle lies outside of the coarser layer.
   std::vector<std::uint8_t> half;
@@ -31,10 +31,12 @@ struct LayerContext {
   const CellPlane* coarser = nullptr;  // The next coarser layer; null if there is none.
   const CoarserIndex* columns = nullptr;
   const CoarserIndex* rows = nullptr;
-  const CellPlane* previous = nullptr;  // Memory of the previous map, placed on this layer's cells; null: none.
+  // Memory of the previous map, placed on this layer\'s cells; null if no previous map is used.
+  const CellPlane* previous = nullptr;
   const CellPlane* coarser_previous = nullptr;
   std::uint32_t depth = 0;  // Number of finer layers, at most 3.
-  // True if a cell is a hazard only where its coarser cell is one. The hazard bit of all other cells is then not coded.
+  // True if each hazard cell lies in a hazard cell of the coarser layer. The hazard bit of all other cells is then not
+  // coded.
   bool are_hazards_nested = false;
 };
 

@@ -13,7 +13,7 @@ namespace moondb {
 
 inline constexpr int kProbabilityBits = 16;
 inline constexpr int kProbabilityOne = 1 << kProbabilityBits;
-inline constexpr int kLogitMax = 2815;   // A logit of 11, or a probability of one in 60,000.
+inline constexpr int kLogitMax = 2815;   // A logit of 11: the probability of a 0 bit is one in 60,000.
 inline constexpr int kSquashMax = 3000;  // Squash returns the same probability for all larger logits.
 
 // Makes the table of probabilities for the logits -kSquashMax to kSquashMax.

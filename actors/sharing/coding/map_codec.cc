@@ -94,7 +94,7 @@ CoarserIndex MakeCoarserIndex(std::int32_t side, std::int64_t resolution, std::i
                               std::int64_t coarser_resolution) {
   CoarserIndex index;
   for (std::int32_t i = 0; i < side; ++i) {
-    // Distance from the coarser layer's edge to the cell's middle, in half micrometres.
+    // The position of the cell's middle, measured from the coarser layer's edge, in half micrometres.
     const std::int64_t place = (2 * i + 1 - side) * resolution + coarser_side * coarser_resolution;
     const bool is_inside = place >= 0 && place < 2 * coarser_side * coarser_resolution;
     index.index.push_back(is_inside ? static_cast<std::int32_t>(place / (2 * coarser_resolution)) : -1);
@@ -244,7 +244,7 @@ PreviousTrials::Way MapRunEncoder::WayOfNext() const {
 
 std::optional<std::size_t> MapRunEncoder::MapsBackTo(std::uint32_t source) const {
   const auto newest = std::find(sources_.rbegin(), sources_.rend(), source);
-  // If no map has this source, `newest` is rend(), and maps_back is the place of the reference, if there is one.
+  // If no map has this source, `newest` is rend(), and maps_back is the number for the reference, if there is one.
   const std::size_t maps_back = static_cast<std::size_t>(newest - sources_.rbegin()) + 1;
   if (maps_back > earlier_.size()) return std::nullopt;
   return maps_back;

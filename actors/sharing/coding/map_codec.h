@@ -2,14 +2,14 @@
 // from the cells around it, from the coarser layer, and from an earlier map of the same run.
 //
 // A run is a sequence of maps whose model keeps adapting from one map to the next. A run is sent as one or several
-// strings, which the decoder must decode in the same order. It begins with the initial model (trained_tables.h), and
-// restarts by itself if the next map would exceed the run's limits. Only the cells of a map are coded. The decoder must
-// know the sizes and resolutions of the layers beforehand.
+// strings, which the decoder must decode in the same order. It begins with the initial model (trained_tables.h). If the
+// next map would exceed the run's limits, encoder and decoder each restart the run. Only the cells of a map are coded.
+// The decoder must know the sizes and resolutions of the layers beforehand.
 //
 //   map        := reference placement? nested* layer* checksum        (all in one stream of the range coder)
 //   reference  := 0 | 1, 5 bits: how many maps back, less one
 //   placement  := x and y (12 bits each), yaw (10 bits)               (placement.h)
-//   nested     := 1 bit for each layer with a coarser one: its hazards lie only where that has hazards
+//   nested     := 1 bit for each layer with a coarser one: its hazards lie only in hazards of that layer
 //   layer      := the cells, coarsest layer first                     (layer_coder.h)
 //   checksum   := the low 16 bits of XXH64 over all cells, finest layer first
 //
@@ -41,8 +41,8 @@ inline constexpr std::uint64_t kCodedCellsMax = kRunCellsMax;    // Cells of one
 inline constexpr std::uint64_t kCodedMapCellsMax = 1024 * 1024;  // Cells of all layers of one map.
 inline constexpr std::int32_t kCodedMapSideMax = 4096;           // Width and height of a layer, in cells.
 
-// Returns true if the layers' sizes are within the limits above and those of grid.h. Other maps must be sent in another
-// form. Does not read the cells.
+// Returns true if the layers' sizes are within the limits above and those of grid.h. All other maps must be sent in
+// another form. Does not read the cells.
 bool IsCodable(const std::vector<MapLayer>& layers);
 
 // Returns the number of cells of all layers.
@@ -51,7 +51,7 @@ std::uint64_t CellCountOf(const std::vector<MapLayer>& layers);
 // The state of a run, which is the same at both ends. Takes at most 10 MB, or 42 MB if layers are two cells wide.
 class MapRun {
  public:
-  // For training only: both ends would have to change the model in the same way.
+  // For training only, since both ends would have to change the model in the same way.
   BitModel& model() { return model_; }
 
  protected:
@@ -86,7 +86,7 @@ class MapRun {
 // Encodes the maps of a run. An encoder can be copied to encode a map on trial.
 class MapRunEncoder : public MapRun {
  public:
-  // When a map is predicted from the previous map of its source.
+  // Which maps are predicted from the previous map of their source.
   //   kNever         Each map is coded alone.
   //   kWhereItPays   Each map is coded both ways, and the smaller result is kept. Takes three times as long.
   //   kWhileItPays   Like kWhereItPays, but skips the trial for some maps if it gains little (previous_trials.h).
@@ -97,9 +97,9 @@ class MapRunEncoder : public MapRun {
   explicit MapRunEncoder(Previous previous, const std::vector<MapLayer>* reference = nullptr,
                          const PreviousTrials& trials = {});
 
-  // Adds a map to the string that Finish returns. `source` identifies the map's origin: the newest earlier map of the
-  // same source is tried as its previous map, or else the reference. Requires: IsCodable(layers), every cell is
-  // unknown, free or a hazard, and the string's maps have at most kCodedCellsMax cells.
+  // Adds a map to the string that Finish returns. `source` identifies the map's origin. The newest earlier map of the
+  // same source serves as its previous map; if there is none, the reference does. Requires: IsCodable(layers), every
+  // cell is unknown, free or a hazard, and the string's maps have at most kCodedCellsMax cells.
   void Add(const std::vector<MapLayer>& layers, std::uint32_t source = 0);
   // Bytes of the coded string so far.
   std::size_t byte_count() const { return coder_.byte_count(); }
@@ -108,7 +108,8 @@ class MapRunEncoder : public MapRun {
 
  private:
   PreviousTrials::Way WayOfNext() const;
-  // How many maps back in the run the newest map of the source is; nullopt if there is none.
+  // Returns how many maps back in the run the newest map of the source is. Nullopt if the run has no map of the source
+  // and no reference.
   std::optional<std::size_t> MapsBackTo(std::uint32_t source) const;
   // Codes a map that has a previous map. Returns the reference and placement that were used, or nullopt if the map was
   // coded alone.

@@ -11,9 +11,9 @@
 
 namespace moondb {
 
-// A map's record, split.
+// A map's record, split into the layers with their cells and the rest.
 struct SplitMap {
-  std::string frame;             // The record's content without the cells of its layers.
+  std::string frame;             // The rest: the record's content without the cells of its layers.
   std::vector<MapLayer> layers;  // The layers with cells, but without centres.
 };
 

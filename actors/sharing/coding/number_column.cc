@@ -13,7 +13,8 @@ constexpr std::size_t kWayCount = 3;
 std::uint64_t Zigzag(std::uint64_t value) { return value << 1 ^ (0 - (value >> 63)); }
 std::uint64_t Unzigzag(std::uint64_t value) { return value >> 1 ^ (0 - (value & 1)); }
 
-// Codes or decodes the numbers of a column in order. Arithmetic wraps around, so any two numbers have a difference.
+// Codes or decodes the numbers of a column in order. Unsigned arithmetic wraps around, so the difference of any two
+// numbers is defined.
 struct ColumnWalk {
   std::uint64_t last = 0;
   std::uint64_t last_difference = 0;

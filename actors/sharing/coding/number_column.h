@@ -3,7 +3,7 @@
 //   column := way, first number, width, width planes of (count - 1) bytes, the lowest bytes first
 //
 // The field `way` says how the numbers after the first are coded: as differences between neighbouring numbers, as
-// differences of these differences (both in zigzag form), or as XOR with the number before. The encoder uses the way
+// differences of these differences (both in zigzag form), or as XOR with the preceding number. The encoder uses the way
 // with the fewest bits. Numbers that are constant or grow evenly become zeros. A double is coded as its 64 bits. Pure
 // functions.
 #pragma once
@@ -20,7 +20,7 @@ namespace moondb {
 void PutColumn(const std::vector<std::uint64_t>& numbers, std::string& bytes);
 
 // Reads a column of `count` numbers. Marks the reader as failed if the column is malformed. Takes at most 8 bytes of
-// memory per number, whatever the bytes are.
+// memory per number, even if the bytes are malformed.
 std::vector<std::uint64_t> TakeColumn(std::size_t count, ByteReader& reader);
 
 }  // namespace moondb

@@ -65,7 +65,7 @@ GridWalk MakeGridWalk(const CodedLayer& earlier, const CodedLayer& later, std::u
   return walk;
 }
 
-// Writes the memory of an earlier layer to all placed cells that this layer covers.
+// Writes the memory of an earlier layer to all cells of `placed` that this layer covers.
 void Overlay(const CodedLayer& earlier, const GridWalk& walk, CellPlane& placed) {
   const std::uint64_t width = static_cast<std::uint64_t>(earlier.cells.width());
   const std::uint64_t height = static_cast<std::uint64_t>(earlier.cells.height());

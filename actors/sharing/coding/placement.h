@@ -35,7 +35,7 @@ struct MapPlacement {
   bool operator==(const MapPlacement&) const = default;
 };
 
-// Cosine and sine of a yaw, in units of 1/16384.
+// Cosine and sine of a yaw angle, in units of 1/16384.
 struct Rotation {
   std::int64_t cosine = 0;
   std::int64_t sine = 0;
@@ -43,9 +43,9 @@ struct Rotation {
 inline constexpr int kRotationBits = 14;
 Rotation RotationOf(std::int32_t yaw);
 
-// Returns the earlier map's memory at the middles of the later layer's cells. Each cell uses the finest earlier layer
-// that covers it and is not finer than the later layer; kNoMemory if none covers it. `unit_um` is the resolution of the
-// later map's finest layer.
+// Returns the earlier map's memory at the middles of the later layer's cells. The memory of each cell comes from the
+// finest earlier layer that covers the cell and is not finer than the later layer. It is kNoMemory if no such layer
+// covers the cell. `unit_um` is the resolution of the later map's finest layer.
 CellPlane Place(const CodedLayers& earlier, const CodedLayer& later, std::uint32_t unit_um,
                 const MapPlacement& placement);
 

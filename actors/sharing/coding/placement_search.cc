@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kPointsMax = 128;      // Hazards of a layer that are sampled.
 constexpr std::size_t kPointsMin = 6;        // Fewer hazards do not determine a placement.
 constexpr std::int32_t kReachCells = 6;      // Largest shift in cells of the coarsest layer, in each direction.
-constexpr std::int32_t kCoarseTurnStep = 8;  // Yaw step of the coarse search: 8/1024 turn or 2.8 degrees.
+constexpr std::int32_t kCoarseTurnStep = 8;  // Yaw step of the coarse search: 8/1024 turn, which is 2.8 degrees.
 constexpr std::size_t kCandidates = 3;
 constexpr std::int8_t kOnHazard = 4;
 constexpr std::int8_t kBesideHazard = 2;
@@ -67,8 +67,8 @@ class Field {
     return worth_.data() + static_cast<std::ptrdiff_t>(row + kReachCells) * stride_ + column + kReachCells;
   }
 
-  // Returns the score cell at a point, or null outside of the layer. The point is relative to the middle, in half
-  // micrometres and units of 1/2^kRotationBits.
+  // Returns a pointer to the score of the cell at a point, or null outside of the layer. `x` and `y` are relative to
+  // the middle, in half micrometres and units of 1/2^kRotationBits.
   const std::int8_t* Under(std::int64_t x, std::int64_t y) {
     const std::int64_t unit = 2 * resolution_um_;
     const std::int64_t column = ((x >> kRotationBits) + width_ * resolution_um_);
@@ -142,7 +142,8 @@ class Search {
   }
 
  private:
-  // Returns the best placement of each of the best yaws, and of yaw 0: a rolling map does not rotate.
+  // Returns the best placements for the yaws with the highest scores, and the best one for yaw 0, since a rolling map
+  // does not rotate.
   std::vector<Candidate> Coarse() {
     std::vector<Candidate> best;
     if (levels_.back().points.size() < kPointsMin) return best;
@@ -181,8 +182,8 @@ class Search {
     return static_cast<std::int32_t>(std::clamp<std::int64_t>(units, kLeast, kMost));
   }
 
-  // Improves each candidate by hill climbing, in steps of half cells of level `first` and of `turn`. Sorts the
-  // candidates by score, best first.
+  // Improves each candidate by hill climbing. Position steps are half a cell of level `first`; yaw steps are `turn`.
+  // Sorts the candidates by score, best first.
   void Refine(std::size_t first, std::size_t end, std::int32_t turn, std::vector<Candidate>& candidates) {
     const std::int32_t step = std::max(1, Units(1, levels_[first].field) / 2);
     for (Candidate& candidate : candidates) {

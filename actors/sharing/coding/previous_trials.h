@@ -1,10 +1,10 @@
 // PreviousTrials: decides for which maps an encoder tries prediction from the previous map, since a trial is expensive.
 //
 // A trial places the previous map and codes the map with and without it, which takes three times as long as coding the
-// map alone. The previous map halves the bytes if maps scroll over one grid. It gains only 2 to 8 % if maps turn with
-// the robot. After two trials in a row that gain less than kGainMin, the next kRestMaps maps are coded alone. After a
-// trial that gains at least kGainLarge, the next kTrustMaps maps are coded with the previous map without a comparison.
-// Not thread-safe.
+// map alone. The previous map halves the bytes if maps scroll over one grid. It saves only 2 to 8 % of the bytes if
+// maps turn with the robot. After two trials in a row that gain less than kGainMin, the next kRestMaps maps are coded
+// alone. After a trial that gains at least kGainLarge, the next kTrustMaps maps are coded with the previous map without
+// a comparison. Not thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -23,7 +23,7 @@ class PreviousTrials {
   // How to code the next map that has a previous map.
   Way next() const { return rest_ > 0 ? Way::kAlone : trust_ > 0 ? Way::kWithPrevious : Way::kBoth; }
 
-  // A map was coded both ways, with these sizes.
+  // Call when a map was coded both ways, with the resulting sizes.
   void Compared(std::size_t bytes_alone, std::size_t bytes_with_previous) {
     const double alone = static_cast<double>(bytes_alone);
     const double gain = alone - static_cast<double>(bytes_with_previous);
@@ -32,7 +32,7 @@ class PreviousTrials {
     if (gain >= kGainLarge * alone) trust_ = kTrustMaps;
   }
 
-  // A map was coded only one way: as `way` says, or alone because the previous map could not be placed.
+  // Call when a map was coded only one way: in the way `way`, or alone because the previous map could not be placed.
   void Coded(Way way, bool is_placed) {
     if (way == Way::kAlone) {
       if (rest_ > 0) --rest_;

@@ -1,8 +1,9 @@
 // A 32-bit binary range coder without carries: a written byte never changes.
 //
-// Each bit is coded with the probability that it is 1, from 1 to 65535 in units of 1/65536. The decoder never fails. It
-// reads zeros behind the end of its bytes, and damaged or truncated input decodes to wrong bits, so the caller needs a
-// checksum. Encoder and decoder do one multiplication and at most four byte shifts per bit, whatever the input.
+// Each bit is coded with the probability that it is 1, from 1 to 65535 in units of 1/65536. The decoder never fails.
+// Behind the end of its bytes it reads zeros, and damaged or truncated input decodes to wrong bits. The caller
+// therefore needs a checksum. Encoder and decoder do one multiplication and at most four byte shifts per bit, whatever
+// the input.
 #pragma once
 
 #include <cstddef>
@@ -41,7 +42,7 @@ class RangeEncoder {
 
   // Returns the complete string and resets the encoder. Trailing zero bytes are removed.
   std::string Finish() {
-    // The first bytes of low_ and high_ differ, so this byte followed by zeros lies between them.
+    // The first bytes of low_ and high_ differ, so a number with this first byte and zeros after it lies between them.
     if (low_ != 0) bytes_.push_back(static_cast<char>((low_ >> 24) + 1));
     low_ = 0;
     high_ = 0xFFFFFFFF;

@@ -9,7 +9,7 @@ namespace {
 // Limits of the distance classes, in cells.
 constexpr std::array<std::int32_t, 7> kDistanceLimits = {2, 4, 8, 14, 22, 32, 44};
 
-// `x` and `y` are the distances from the centre to the cell's middle, in half cells.
+// Returns the ray of a cell. `x` and `y` are the distances from the centre to the cell's middle, in half cells.
 RayTable::Ray MakeRay(std::int32_t x, std::int32_t y) {
   RayTable::Ray ray{};
   const std::int32_t longer = std::max({x, y, 1});

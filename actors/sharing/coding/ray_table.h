@@ -1,4 +1,5 @@
-// RayTable: the position of each cell of a layer relative to the layer's centre, at which the sensor usually stands.
+// RayTable: for each cell of a layer, its bearing and distance from the layer's centre, where the sensor usually is,
+// and the cells between them.
 //
 // A cell's value depends most on the cells between it and the sensor. The table covers one quadrant; the others are
 // symmetric.
@@ -16,7 +17,8 @@ class RayTable {
   static constexpr std::size_t kSteps = 3;
 
   struct Ray {
-    // Offsets of the cells that are 1, 2 and 3 steps nearer to the centre: columns + 4 * rows towards it, each 0 to 3.
+    // Offsets of the cells that are 1, 2 and 3 steps nearer to the centre. An offset is columns + 4 * rows, both
+    // counted towards the centre from 0 to 3.
     std::array<std::uint8_t, kSteps> cells_in;
     std::uint8_t bearing;   // Bearing class within the quadrant, 0 to 7.
     std::uint8_t distance;  // Distance class, 0 to 7.

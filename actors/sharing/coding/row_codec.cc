@@ -47,7 +47,7 @@ class RowEncoder {
   }
 
  private:
-  // Returns the index of the row's table, and stores the row's values in values_.
+  // Returns the index of the table for the row's shape, and stores the row's values in values_.
   std::size_t TableFor(std::string_view row) {
     if (!tables_.empty() && ReadRow(row, tables_[last_table_].shape, values_)) return last_table_;
     RowShape shape = FindShape(row, *proto::Record::descriptor());

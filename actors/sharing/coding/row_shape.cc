@@ -171,7 +171,8 @@ class RowReader {
   std::size_t depth_ = 0;
 };
 
-// Writes a row backwards, from its end: the length of a message is then known before its length field is written.
+// Writes a row backwards, from its end, because the length of a message is then known before its length field is
+// written.
 class RowMaker {
  public:
   RowMaker(const RowValues& values, char* end)

@@ -1,8 +1,9 @@
 // RowShape: the structure of a record's protobuf encoding: tags in their order and nesting, without values.
 //
 // Rows of one shape differ only in their values, so the values can be stored in columns. Shape and values restore the
-// content byte for byte, with all fields in their order, including unknown fields. A row is stored as one field of
-// bytes if it is not in the shortest encoding or exceeds the limits of a shape. Pure functions.
+// content byte for byte, with all fields in their order, including unknown fields. If a row is not in the shortest
+// encoding or exceeds the limits of a shape, its shape is a single kContent: the row is stored as bytes. Pure
+// functions.
 #pragma once
 
 #include <google/protobuf/descriptor.h>
@@ -59,7 +60,7 @@ ValueCount CountValues(const RowShape& shape);
 // Returns the shape of a row. `type` describes the row's message; it distinguishes nested messages from other bytes.
 RowShape FindShape(std::string_view row, const google::protobuf::Descriptor& type);
 
-// Reads the values of a row. Returns false if the row is not of this shape. If true, MakeRow restores exactly `row`
+// Reads the values of a row. Returns false if the row is not of this shape. Otherwise MakeRow restores exactly `row`
 // from the shape and the values.
 bool ReadRow(std::string_view row, const RowShape& shape, RowValues& values);
 
@@ -70,7 +71,7 @@ std::size_t RowBytesMax(const RowShape& shape, const RowValues& values);
 
 void PutShape(const RowShape& shape, std::string& bytes);
 // Reads a shape. Marks the reader as failed if the shape exceeds a limit above, the wire type of a tag does not match
-// its part, or a kEnd does not match.
+// its part, or the kMessage and kEnd parts do not match.
 RowShape TakeShape(ByteReader& reader);
 
 }  // namespace moondb

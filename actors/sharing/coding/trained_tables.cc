@@ -13,19 +13,19 @@ namespace {
 constexpr std::string_view kAlphabet =
     "!#$%&'()*+,-./0123456789:;<=>@ABCDEFGHIJKLMNOPQRSTUVWXYZ[]^_`abcdefghijklmnopqrstuvwxyz{|}~";
 
-// A slot with statistics is one character: its logit in steps of kLevelStep (half a natural logit).
+// A trained slot is written as one character: its logit in steps of kLevelStep (half a natural logit).
 constexpr int kLevelStep = 128;
 constexpr int kLevelMax = 20;
 constexpr int kLevels = 2 * kLevelMax + 1;
-// Count that all trained slots start with. It is low, since the first maps of a run describe the run's kind of maps
-// better than the training maps do.
+// The count of all trained slots at the start of a run. It is low, because the first maps of a run show the kind of its
+// maps better than the training maps do.
 constexpr int kTrainedCount = 11;
 constexpr std::uint32_t kCountMin = 5;  // Slots with a lower count are written as untrained.
 // The other characters of the alphabet stand for 1, 2, 4, ... untrained slots in a row.
 constexpr std::array<std::size_t, 8> kRuns = {1, 2, 4, 8, 16, 64, 256, 1024};
 static_assert(kLevels + kRuns.size() <= kAlphabet.size());
 
-// A weight is two characters, and so is a rare probability.
+// A weight or a rare probability is written as two characters.
 constexpr int kWeightStep = 8;
 constexpr int kBase = 91;
 constexpr int kTableWeightMax = kBase * kBase / 2;
@@ -39,7 +39,7 @@ std::array<int, 256> MakeDigits() {
   return digits;
 }
 
-// Returns false for weights that only pad a set to kInputs weights.
+// Returns false for a weight that only fills up its set to kInputs weights.
 bool IsUsed(std::size_t weight, std::size_t weight_count) {
   return weight % kInputs <= (weight < weight_count / 2 ? kModelsAlone : kModelsWithPrevious);
 }

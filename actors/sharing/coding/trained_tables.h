@@ -9,12 +9,12 @@
 
 namespace moondb {
 
-// Returns the initial model, which the first call reads. Thread-safe.
+// Returns the initial model. The first call parses it from kTrainedTables. Thread-safe.
 const BitModel& TrainedModel();
 
-// Convert a model's slots, weights and rare probabilities to text, with reduced precision, and text to a new model.
-// Used by the training tool and by TrainedModel. ReadTables ends the program (Check) on text that WriteTables did not
-// write.
+// WriteTables converts a model's slots, weights and rare probabilities to text, with reduced precision. ReadTables
+// makes a new model from such a text. Used by the training tool and by TrainedModel. ReadTables ends the program
+// (Check) on text that WriteTables did not write.
 std::string WriteTables(BitModel& model);
 BitModel ReadTables(std::string_view text);
 

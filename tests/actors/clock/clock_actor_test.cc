@@ -1,4 +1,4 @@
-// Agents with storage and clock: which records are marked as timestamped by a suspect clock when a clock jumps.
+// Tests with storage and clock actors: which records are marked as timestamped by a suspect clock after a clock jumps.
 #include "actors/clock/clock_actor.h"
 
 #include <gtest/gtest.h>
@@ -46,7 +46,7 @@ class ClockActorTest : public testing::Test {
     return replies.empty() ? proto::Message() : replies[0];
   }
 
-  // For each record of `agent`, in the order of inserting: whether it is marked as suspect.
+  // Returns for each record of `agent`, in insertion order, whether the record is marked as suspect.
   std::vector<bool> Marked(AgentId agent) {
     proto::Message question;
     question.mutable_read_request();

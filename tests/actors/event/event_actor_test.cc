@@ -92,7 +92,7 @@ TEST(EventActorRestartTest, ReportsItsOwnFailure) {
 
 TEST_F(EventActorTest, ReportsRolesThatItsOwnAgentIssuedAfterTheFirst) {
   (void)Notified();
-  Roles(3, /*issuer=*/1, /*leader=*/2);  // The roles from before the start.
+  Roles(3, /*issuer=*/1, /*leader=*/2);  // The roles from before the start are not reported.
   Roles(4, /*issuer=*/2, /*leader=*/2);
   Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
   Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
@@ -101,7 +101,7 @@ TEST_F(EventActorTest, ReportsRolesThatItsOwnAgentIssuedAfterTheFirst) {
 
 TEST_F(EventActorTest, ReportsNewlyRefusedRecordsOnceAMinute) {
   (void)Notified();
-  Rejected(5);  // The count since the agent started. The event actor itself may have restarted.
+  Rejected(5);  // The count covers the time since the agent started, so the first count is not reported.
   EXPECT_THAT(Notified(), IsEmpty());
   Rejected(8);
   EXPECT_THAT(Notified(), ElementsAre("3 records were refused by storage"));

@@ -18,7 +18,8 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-// Agent 1 with storage and events. Agents 2 and 3 are only connected or not. The test plays the lease actor.
+// Agent 1 with its storage and event actors. Tests only connect and disconnect agents 2 and 3. The test itself plays
+// the lease actor.
 class FindingsTest : public testing::Test {
  protected:
   FindingsTest() {
@@ -214,7 +215,7 @@ TEST_F(FindingsTest, ReportThatAnAcknowledgmentCouldNotBeStored) {
   Minutes(3);
   const auto findings = Findings();
   ASSERT_EQ(findings.size(), 1u);
-  // The insert fails without being stored, and its sender gets no reply. Nothing is acknowledged.
+  // Storage fails before it handles the insert of the acknowledgment, and sends no reply. Nothing is acknowledged.
   bool has_failed = false;
   team_.SetFault([&](const Address& actor, const proto::Message& message) {
     const bool is_it = actor.actor == actor_name::kStorage && message.has_insert_request() && !has_failed;

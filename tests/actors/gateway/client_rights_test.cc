@@ -8,8 +8,8 @@
 namespace moondb {
 namespace {
 
-// Listed by hand, so that every new request is assigned deliberately. A request in none of these sets needs the right
-// `command`.
+// Requests by the right that they need. They are listed by hand, so that every new request is assigned deliberately. A
+// request in none of these sets needs the right `command`.
 const std::set<std::string> kView = {"status",  "read",      "role_show", "share_status", "graph_stats",
                                      "trace",   "have",      "verify",    "fingerprint",  "merge",
                                      "map_why", "map_stats", "map_tiles", "read_bundle",  "share_progress"};

@@ -47,7 +47,7 @@ std::vector<std::string> ActorsOf(const proto::ControlRequest& request) {
   return actors;
 }
 
-// Names the options that a new request in proto/control.proto lacks.
+// If a new request in proto/control.proto lacks an option, the failure names that option.
 TEST(CommandTableTest, EveryRequestHasItsRow) {
   for (int i = 0; i < Requests().field_count(); ++i) {
     const FieldDescriptor* field = Requests().field(i);
@@ -108,7 +108,7 @@ TEST(CommandTableTest, PutsARequestIntoTheMessageBodyOfItsType) {
   EXPECT_FALSE(QuestionsOf(request, false)[0].message.have_request().is_for_peer());
 }
 
-// A map of several megabytes is not copied on its way to storage.
+// Moving avoids a copy of maps, which may have several megabytes.
 TEST(CommandTableTest, MovesTheRequestsContentIntoTheQuestion) {
   proto::ControlRequest request;
   std::string& cells = *request.mutable_insert()->add_records()->mutable_custom()->mutable_payload();

@@ -499,7 +499,7 @@ class FeedTest : public GatewayActorTest {
     if (type != 0) request.mutable_read()->add_data_types(type);
     return request;
   }
-  // Storage's answer to its last request.
+  // Answers the request `asked` as storage does, with a page of `records` records.
   void AnswerPage(const proto::Message& asked, int records) {
     proto::Message page;
     page.mutable_read_reply()->set_is_complete(true);
@@ -538,9 +538,9 @@ TEST_F(FeedTest, WaitsUntilARecordOfItsTypesIsStored) {
   EXPECT_EQ(AskedOfStorage(), 0u);
   ReportStored(proto::TEMPERATURE);
   const proto::Message again = Asked(actor_name::kStorage);
-  ReportStored(proto::TEMPERATURE);  // A record was stored after the request.
+  ReportStored(proto::TEMPERATURE);  // The answer to the last request may lack this record.
   EXPECT_EQ(AskedOfStorage(), 0u);
-  AnswerPage(again, 0);  // The new record has another origin.
+  AnswerPage(again, 0);  // The page is empty, because the new record has another origin.
   AnswerPage(Asked(actor_name::kStorage), 1);
   EXPECT_EQ(OnlyAnswer().read().row_ids(0), 8u);
   ReportStored(proto::TEMPERATURE);
@@ -639,7 +639,7 @@ TEST_F(FeedTest, LimitsThePendingRequestsOfEachClient) {
               testing::HasSubstr("too many requests of this client wait for an answer of"));
   EXPECT_EQ(ask("k7", "dave", relayed), "");
 
-  // Another agent has the limits of a single client, whichever actors it names.
+  // All requests from another agent count as requests of one client, whichever actors send them.
   const auto ask_as = [&](const Address& requester) {
     proto::ControlRequest asked = Feed(30);
     asked.set_for_agent(2);
@@ -652,7 +652,7 @@ TEST_F(FeedTest, LimitsThePendingRequestsOfEachClient) {
   EXPECT_THAT(ask_as({1, "asker2"}), testing::HasSubstr("of this client"));
 }
 
-// A client with a key, and the immediate answers to its requests.
+// A client with a key. The tests read the immediate answers to its requests.
 class KeyedClientTest : public GatewayActorTest {
  protected:
   proto::ControlReply RequestWith(proto::ClientRights rights, const proto::ControlRequest& request) {
@@ -750,7 +750,7 @@ TEST_F(GatewayActorTest, LogsACommandAndItsClientBeforeCarryingItOut) {
   EXPECT_THAT(relayed.agent_event().text(), testing::EndsWith(", through rover2"));
   EXPECT_TRUE(CheckRecord(relayed).has_value());
 
-  request.mutable_status();  // A request that only asks a question.
+  request.mutable_status();  // A request that changes nothing.
   request.clear_for_agent();
   Request(request);
   for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) EXPECT_FALSE(asked.has_insert_request());
@@ -761,7 +761,7 @@ class CommandFromTest : public GatewayActorTest {
  protected:
   CommandFromTest() : GatewayActorTest(/*has_base=*/true) {}
 
-  // The answer to a request from the gateway of agent `from`.
+  // Sends `request` as the gateway of agent `from`. Returns the answer.
   proto::ControlReply Relay(AgentId from, const proto::ControlRequest& request) {
     RequestAs({from, actor_name::kGateway}, request, 6);
     team_.AdvanceTime(seconds(1));
@@ -777,7 +777,7 @@ class CommandFromTest : public GatewayActorTest {
     return request;
   }
 
-  // The status, with empty parts from all other actors.
+  // Requests the status. All other actors answer with empty parts.
   proto::ControlReply AskForStatus() {
     proto::ControlRequest status;
     status.mutable_status();
@@ -874,7 +874,7 @@ TEST_F(GatewayActorTest, RelaysARequestToAnotherAgentAndReturnsItsAnswer) {
   EXPECT_TRUE(team_.Take({1, actor_name::kStorage}).empty());
   const auto asked = team_.Take({2, actor_name::kStorage});
   ASSERT_EQ(asked.size(), 1u);
-  EXPECT_EQ(asked[0].read_request().content_bytes_max(), kRelayedContentBytesMax);  // 1 MB for an agent's own clients.
+  EXPECT_EQ(asked[0].read_request().content_bytes_max(), kRelayedContentBytesMax);  // Its own clients get 1 MB.
   proto::Message page;
   page.set_request_id(asked[0].request_id());
   page.mutable_read_reply()->set_is_complete(true);
@@ -910,7 +910,7 @@ TEST_F(GatewayActorTest, RefusesAnAnswerTooLongForTheRadio) {
   }
 }
 
-// The longest answer fits together with its envelope.
+// The longest relayed answer, including its envelope, fits into one message between agents.
 TEST_F(GatewayActorTest, TheLongestAnswerFitsIntoAMessageBetweenAgents) {
   const std::size_t longest = GatewayActor::Options().relay_bytes_max;
   SpawnGateway(2, longest);
@@ -1023,7 +1023,7 @@ TEST_F(GatewayActorTest, NamesTheAnsweringAgentInEachReply) {
 
 TEST_F(GatewayActorTest, RelaysOnlyForItsOwnTeam) {
   (void)team_.Take({2, actor_name::kGateway});
-  proto::ControlRequest request = Optimize();  // A request of a client that names no team.
+  proto::ControlRequest request = Optimize();  // The client's request names no team.
   request.set_for_agent(2);
   Request(request);
   team_.AdvanceTime(seconds(1));

@@ -23,7 +23,7 @@ proto::TeamConfig Team() {
   return team;
 }
 
-// The field that the error names. "ok" if there is no error.
+// Returns the field that CheckRequest's error names, or "ok" if there is no error.
 std::string FieldOf(const proto::ControlRequest& request) {
   const auto checked = CheckRequest(Team(), /*self=*/1, request);
   if (checked) return "ok";

@@ -21,7 +21,7 @@ constexpr auto kDriving = proto::LEASE_KIND_DRIVING;
 constexpr auto kSleeping = proto::LEASE_KIND_SLEEPING;
 constexpr auto kPaused = proto::LEASE_KIND_PAUSED;
 
-// A team of rovers 1 to 3. Their other actors are probes.
+// A team of rovers 1 to 3 with LeaseActors. Their other actors are probes.
 class LeaseTeam {
  public:
   explicit LeaseTeam(std::uint64_t seed) : team_(seed) {
@@ -199,7 +199,7 @@ TEST_F(LeaseActorTest, IsSilentOnceAllAgentsHaveConfirmed) {
   Set(2, kDriving, 600);
   team_.AdvanceTime(seconds(1));
   const std::uint64_t bytes = team_.radio_bytes();
-  team_.AdvanceTime(minutes(30));  // The expiry costs no bytes either.
+  team_.AdvanceTime(minutes(30));  // The lease expires, which sends no bytes either.
   EXPECT_EQ(team_.radio_bytes(), bytes);
 }
 
@@ -224,7 +224,7 @@ TEST_F(LeaseActorTest, AcceptsRequestsAndEventsOnlyFromItsOwnAgent) {
 }
 
 TEST_F(LeaseActorTest, IgnoresALateAnnouncement) {
-  // Agent 2 itself hears nothing, so only this test announces its leases.
+  // Agent 2 receives no messages, so only this test announces agent 2's leases.
   team_.SetFilter([](AgentId, AgentId to, const proto::Message&) { return to != 2; });
   Announce(2, 1, 500, 100);
   Announce(2, 1, 501, 0);
@@ -232,7 +232,7 @@ TEST_F(LeaseActorTest, IgnoresALateAnnouncement) {
   EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
   Announce(2, 1, 502, 60);
   team_.AdvanceTime(seconds(20));
-  Announce(2, 1, 502, 60);  // Repeats the announcement. Its time counts from the first copy.
+  Announce(2, 1, 502, 60);  // A repeated announcement. The time counts from its first copy.
   EXPECT_EQ(Known(1, 2), std::pair(40L, 0L));
 }
 
@@ -252,8 +252,8 @@ TEST_F(LeaseActorTest, CorrectsALateAnnouncementFromBeforeTheRestart) {
   EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
 }
 
-// Random leases over a radio that loses, repeats and fails, with crashes. Afterwards the radio works, and all agents
-// must agree.
+// Random leases, actor crashes and link failures over a radio that loses, repeats and delays messages. Afterwards the
+// radio works, and all agents must agree on the leases.
 class LeaseActorChaosTest : public testing::TestWithParam<int> {};
 
 TEST_P(LeaseActorChaosTest, AllAgreeInTheEnd) {
@@ -283,14 +283,15 @@ TEST_P(LeaseActorChaosTest, AllAgreeInTheEnd) {
     team.team_.radio() = simulation::RadioOptions();
     team.team_.Heal();
     for (AgentId agent = 1; agent <= kAgents; ++agent) {
-      if (!team.team_.is_running(agent)) team.team_.Restart(agent);  // Its LeaseActor failed too often.
+      if (!team.team_.is_running(agent)) team.team_.Restart(agent);  // Stopped: its LeaseActor failed too often.
     }
     team.team_.AdvanceTime(minutes(5));
     for (AgentId agent = 1; agent <= kAgents; ++agent) {
       const auto own = team.Known(agent, agent);
       for (AgentId other = 1; other <= kAgents; ++other) {
         const auto known = team.Known(other, agent);
-        // The time counts from the first announcement heard, which may have arrived late.
+        // An agent counts another agent's remaining time from the first announcement that it received, which may have
+        // arrived late.
         EXPECT_NEAR(known.first, own.first, 400) << agent << " as " << other << " knows it";
         EXPECT_NEAR(known.second, own.second, 400) << agent << " as " << other << " knows it";
       }

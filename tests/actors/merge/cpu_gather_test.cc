@@ -26,8 +26,8 @@ TEST(CpuGatherTest, AgreesWithBruteForceInEveryCell) {
   }
 }
 
-// Compares blocks, boxes, anchors and conventions with geometry computed by angles. Only cells at borders may differ by
-// rounding.
+// Compares the merge with MergeByGeometry, which computes with angles. Covers blocks, boxes, anchors and conventions.
+// Only cells at borders may differ, because of rounding.
 TEST(CpuGatherTest, AgreesWithGeometryAwayFromBorders) {
   std::mt19937_64 seeds(2);
   std::size_t certain = 0;

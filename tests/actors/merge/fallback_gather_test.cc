@@ -33,7 +33,7 @@ class FragileGather final : public GatherBackend {
 
 class FallbackGatherTest : public testing::Test {
  protected:
-  // Merges another world than the last call.
+  // Adds the map, or withdraws the map that the last call added. Then merges.
   void Merge() {
     has_map_ = !has_map_;
     if (has_map_) {

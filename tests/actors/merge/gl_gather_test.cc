@@ -54,7 +54,7 @@ TEST_F(GlGatherTest, ATargetOfAFewTilesIsReused) {
   }
 }
 
-// With pages of the smallest size the texture is rebuilt repeatedly, and withdrawn maps leave it.
+// With pages of the smallest size, the texture is rebuilt repeatedly and drops withdrawn maps.
 TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
   const std::shared_ptr<GlGather> gl = *GlGather::Create({.atlas_page_texels_max = 512});
   ExpectSameInRandomWorlds(gl, 300, 15);
@@ -71,7 +71,7 @@ TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
   }
 }
 
-// The first rounds do not draw that many maps.
+// The first rounds draw fewer maps than this test places over one cell.
 TEST_F(GlGatherTest, GathersHundredsOfMapsOverOneCell) {
   World world;
   std::mt19937_64 rng(302);
@@ -93,7 +93,7 @@ TEST_F(GlGatherTest, GathersLayersMuchFinerThanTheGrid) {
   }
 }
 
-// A tile must not name blocks that it does not use: Merger gathers again only tiles in which a withdrawn map won.
+// A tile must name only blocks that won a cell. Merger gathers again only tiles in which a withdrawn map won.
 TEST_F(GlGatherTest, ATileNamesOnlyBlocksThatWonACell) {
   std::vector<std::unique_ptr<PlacedThing>> things;
   for (const auto& [rows, timestamp_ns] : {std::pair{"#.", 3}, {"##", 2}, {"  ", 1}}) {

@@ -23,7 +23,7 @@ proto::Term MakeTerm(std::uint64_t number) {
 
 class MapCollectionTest : public testing::Test {
  protected:
-  // x in metres of the position at which the only map is placed.
+  // Returns x, in metres, of the only map's position.
   double PlacedX(bool use_raw_poses = false) {
     return collection_.Select({use_raw_poses, {}}).maps.at(0).map_from_node.position_m.x();
   }
@@ -167,8 +167,8 @@ TEST_F(MapCollectionTest, LimitsNodesOptimizedPosesAndQuarantines) {
   EXPECT_EQ(collection.CountLeftOut(), (std::map<AgentId, std::uint64_t>{{2, 1}, {3, 1}, {4, 1}}));
 }
 
-// If a node's record is evicted, its other record counts. If the record that lifts a quarantine is evicted, the
-// quarantine counts again.
+// If a node's record is evicted, another record of that node counts. If the record that lifts a quarantine is evicted,
+// the quarantine counts again.
 TEST_F(MapCollectionTest, DependsOnTheSetOfRecordsAndNotOnTheirOrder) {
   const std::uint64_t first_seed = std::random_device()();
   const TraversabilityMap map = DrawMap({"."}, 50'000);

@@ -23,7 +23,7 @@ using std::chrono::seconds;
 constexpr AgentId kSelf = 1;
 constexpr std::uint32_t kCell_um = 100'000;
 
-// Records of the simulated StorageActor, and how the actor behaves.
+// Records of FakeStorageActor, and settings that say how it answers.
 struct FakeStore {
   std::vector<proto::StoredRecord> records;  // Record i has row id i + 1.
   std::vector<proto::ReadRequest> reads;
@@ -144,7 +144,7 @@ class MergeActorTest : public testing::Test {
 
   proto::RecordKey LastKey() const { return store_->records.back().key(); }
 
-  // The answer to a question of any kind. Nothing while the actor delays its answer.
+  // Sends `question` and returns the answer. Returns nullopt while the actor delays its answer.
   std::optional<proto::Message> AskAnything(proto::Message question) {
     question.set_request_id(78);
     EXPECT_EQ(team_.Post(kRequester, {kSelf, actor_name::kMerge}, std::move(question)), SendResult::kAccepted);
@@ -173,7 +173,7 @@ class MergeActorTest : public testing::Test {
     return AskAnything(std::move(question))->map_stats_reply();
   }
 
-  // Tiles that changed since the last call. Nothing while the actor delays its answer.
+  // Returns the tiles that changed since the last call. Returns nullopt while the actor delays its answer.
   std::optional<proto::MapTilesReply> Tiles(double wait_s = 0) {
     tiles_request_.set_wait_s(wait_s);
     proto::Message question;
@@ -249,7 +249,7 @@ TEST_F(MergeActorTest, AMapDoesNotWinByASuspectTimestamp) {
   StoreNode(1, 0);
   StoreNode(2, 0);
   StoreMap(1, {"###", "###", "###"});
-  StoreMap(2, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer by its suspect timestamp.
+  StoreMap(2, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer, but its timestamp is suspect.
   Start();
   EXPECT_NE(Decode(Merge()).front().find('#'), std::string::npos);
 }
@@ -470,7 +470,7 @@ TEST_F(MergeActorTest, ExplainsTheValueOfACell) {
   for (const AgentId agent : {1u, 2u, 4u}) StoreNode(agent, 0);
   StoreMap(1, {"###", "###", "###"});
   StoreMap(2, {"...", "...", "..."}, 2 * kCell_um);                         // A coarser map.
-  StoreMap(4, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer by its suspect timestamp.
+  StoreMap(4, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer, but its timestamp is suspect.
   StoreOptimizedPose(2, 0.1, /*run=*/1);
   Start();
   const proto::MapWhyReply why = Why(0.22, 0.17);
@@ -594,7 +594,7 @@ TEST_F(MergeActorTest, ReportsTheMapsAndWonCellsOfEachAgent) {
   StoreMap(1, {"###", "###", "###"});
   StoreMap(1, {"...", "...", "..."});
   StoreMap(2, {"#"});
-  StoreMap(4, {"#"});  // Waits for its node.
+  StoreMap(4, {"#"});  // Not placed until its node arrives.
   StoreMap(1, {"."});
   StoreQuarantine(Quarantine(1, 6, 6));
   Start();
@@ -638,7 +638,7 @@ TEST_F(MergeActorTest, ReportsTheTilesThatChangedSinceAVersion) {
   ASSERT_EQ(third.tiles_size(), 1);
   EXPECT_TRUE(third.tiles(0).zstd_cells().empty()) << "nothing is known there any more";
 
-  tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);  // The id of another actor lifetime.
+  tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);  // An id from another start of the actor.
   EXPECT_EQ(Tiles()->tiles_size(), first.tiles_size() - 1);
   tiles_request_.clear_merger_id();
   tiles_request_.mutable_region()->set_x_min_m(99);

@@ -54,7 +54,7 @@ class MergeEqualityTest : public testing::Test {
     }
   }
 
-  // Merges half of the maps at wrong poses first. Then puts all maps at their own poses, with merges in between.
+  // Merges half of the maps at wrong poses first. Then puts each map at its own pose, and merges after every few maps.
   static MergeResult MergeOneByOne(const std::shared_ptr<GatherBackend>& backend, const World& world) {
     Merger merger(world.grid, backend);
     for (std::size_t i = 0; i < world.maps.size(); i += 2) {

@@ -30,8 +30,8 @@ Pose RandomPose(std::mt19937_64& rng, double x_m, double y_m, double reach_m) {
   return pose;
 }
 
-// A pose with a right-angle heading at multiples of half a cell. Cell centres then lie exactly on borders, which tests
-// half-open intervals.
+// Returns a pose whose heading is a multiple of 90 degrees and whose position is a multiple of half a cell. Cell
+// centres then lie exactly on borders, which tests half-open intervals.
 Pose AlignedPose(std::mt19937_64& rng, double x_m, double y_m, double half_cell_m) {
   const auto snap = [&](double around_m) { return (std::round(around_m / half_cell_m) + Dice(rng, 80)) * half_cell_m; };
   return Pose::FromPlanar(snap(x_m), snap(y_m), Dice(rng, 4) * M_PI_2);
@@ -56,7 +56,7 @@ MapLayer RandomLayer(std::mt19937_64& rng, std::uint32_t grid_um, bool is_aligne
   const double ratio = std::exp2(Uniform(rng, -3, 3));
   layer.resolution_um =
       is_aligned || Dice(rng, 2) == 0 ? grid_um << Dice(rng, 4) : static_cast<std::uint32_t>(grid_um * ratio);
-  // Large layers are fine, so that the worlds stay small.
+  // Large layers get small cells, so that the worlds stay small.
   if (layer.grid.height > 512) layer.resolution_um = grid_um / 4;
   if (!is_aligned && Dice(rng, 2) == 0) {
     layer.center_x_m = Uniform(rng, -1, 1);
@@ -85,7 +85,8 @@ Answer Ask(const PlacedRectangle& placed, std::int64_t x, std::int64_t y) {
   return seen;
 }
 
-// Priority of a cell; the larger key wins. The map's own order of layers and blocks comes last.
+// Priority of a cell: of two cells, the one with the larger key wins. The last three elements order the layers and
+// blocks of one map.
 using Key = std::tuple<std::int64_t, std::int64_t, AgentId, RecordKey, int, std::int64_t, std::int64_t>;
 
 Key KeyOf(const LocalMap& map, const LayerBlock& block) {
@@ -98,7 +99,7 @@ Key KeyOf(const LocalMap& map, const LayerBlock& block) {
           -block.column};
 }
 
-// The cell's value. Unknown if no block covers the cell.
+// Returns the cell's value, or kUnknown if no block covers the cell.
 Cell CellOf(const LocalMap& map, std::size_t level, std::int32_t column, std::int32_t row) {
   for (const PackedBlock& cells : map.blocks) {
     const LayerBlock& block = cells.block();
@@ -126,7 +127,7 @@ Turned Flatten(const Pose& pose) {
   return {pose.position_m.x(), pose.position_m.y(), std::cos(yaw), std::sin(yaw)};
 }
 
-// Coordinates of (x_m, y_m) in the layer's cells, from its lower left corner.
+// Converts (x_m, y_m) to coordinates in cells of the layer, measured from the layer's lower left corner.
 std::pair<long double, long double> Locate(const Turned& frame, const LocalLayer& layer, long double x_m,
                                            long double y_m) {
   const long double dx = x_m - frame.x;

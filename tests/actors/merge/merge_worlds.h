@@ -29,9 +29,9 @@ struct World {
   std::vector<Footprint> footprints;
 };
 
-// A world with layers of any size (including 1 x N and larger than a block), offset, resolution and heading, equal
-// timestamps and tilted poses. In one of three worlds all cell centres lie on borders, and one of three lies 1,000 km
-// from the origin. The sides have a few hundred cells.
+// A world with layers of any size (including 1 x N and larger than a block), offset, resolution and heading, and with
+// equal timestamps and tilted poses. In one of three worlds all cell centres lie on borders. One of three worlds lies
+// 1,000 km from the origin. Each side has a few hundred cells.
 World MakeRandomWorld(std::mt19937_64& rng);
 
 // A world with layers up to 200 times finer than the merged map, and with footprints of many cells.
@@ -43,13 +43,13 @@ MergeResult MergeBy(std::shared_ptr<GatherBackend> backend, const World& world);
 // All cells of the merger's merged map.
 MergeResult ReadAll(const Merger& merger);
 
-// Number of cells that differ in value, map or layer. All cells if the sizes or origins differ.
+// Returns how many cells differ in value, map or layer. Returns the number of all cells if the sizes or origins differ.
 std::size_t CountDifferences(const MergeResult& a, const MergeResult& b);
 
-// Looks each cell of the extent up in every block, in 64-bit integers, and takes the value with the largest key.
+// Looks up each cell of the extent in every block, in 64-bit integers, and takes the value with the largest key.
 MergeResult MergeByBruteForce(const World& world);
 
-// Merges from the poses themselves, with trigonometry in long double and without rounding to integers. `is_certain` is
+// Result of MergeByGeometry, which uses trigonometry in long double and does not round to integers. `is_certain` is
 // false for a cell whose centre lies closer than `margin_cells` to a border of a map's cell or of a footprint.
 struct GeometricMerge {
   std::vector<Cell> cells;

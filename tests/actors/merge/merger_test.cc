@@ -19,7 +19,7 @@ PlacedMap PlaceDrawing(const std::vector<std::string>& rows, const RecordKey& ke
   return {*MakeLocalMap(key, timestamp_ns, DrawMap(rows, 50'000, key.stream.origin), {}), pose};
 }
 
-// Puts, moves or withdraws a map or a footprint of `world`, both in `now` and in the merger.
+// Adds, moves or withdraws a random map or footprint of `world`, both in `now` and in the merger.
 void ChangeSomething(std::mt19937_64& rng, const World& world, World& now, Merger& merger) {
   const auto roll = rng() % 10;
   if (roll < 7) {
@@ -190,7 +190,7 @@ TEST(MergerTest, WinsAreCountedCellByCell) {
   EXPECT_EQ(wins[2].cells, 0u);
 }
 
-// A map with one known cell, as large as a tile, in each of 63 x 63 pages.
+// A map whose cells are as large as a tile. It has one known cell in each of 63 x 63 pages.
 std::shared_ptr<const LocalMap> SparseMap(const RecordKey& key) {
   MapLayer layer{Grid(252, 252), 3'200'000, 0, 0};
   for (std::int32_t row = 0; row < 252; row += 4) {

@@ -67,7 +67,7 @@ class PolicyPictureTest : public testing::Test {
     legend_.push_back(what);
   }
 
-  // The merge of `part`, cropped to the extent of the whole world.
+  // Merges `part` and returns the cells within the extent of the whole world.
   Rows Show(const World& part, std::shared_ptr<GatherBackend> backend) const {
     Merger whole(world_.grid, backend);
     whole.Assign(world_.maps, world_.footprints);
@@ -157,8 +157,8 @@ TEST_F(PolicyPictureTest, AnOlderFinerFreeCellWinsOverANewerCoarserHazard) {
   ExpectPicture("fine_free_against_coarse_hazard", "An older, finer free cell stands against a newer, coarser hazard.");
 }
 
-// Read literally, "v_t' if v_t = v_t'" of Eq. (1) gives a fine hazard the newer, coarser tag of a map that confirms it.
-// The next coarse map would then free the hazard.
+// Eq. (1) says "v_t' if v_t = v_t'". Read literally, a fine hazard takes the tag of a newer, coarser map that confirms
+// the hazard. The next coarse map would then free the hazard.
 TEST_F(PolicyPictureTest, AnEqualValueDoesNotTakeTheCoarserTag) {
   Put("fine: a rock", 1, 10, {"            ", "   ##       ", "            ", "            "});
   Put("newer, coarse: a rock too", 1, 20, {"  #   ", "      "}, kCoarse);

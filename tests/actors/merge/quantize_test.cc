@@ -66,7 +66,7 @@ TEST(QuantizeTest, AHeadingStraightUpBecomesZero) {
   EXPECT_NEAR(std::hypot(planar.cos_yaw, planar.sin_yaw), 1, 1e-12);
 }
 
-// Compares the integers with trigonometry. The error is a few units in the last place per step.
+// Compares QuantizeAt's integers with trigonometry. The error may grow by one unit in the last place per step.
 TEST(QuantizeTest, IntegersFollowTheGeometry) {
   constexpr std::uint64_t kSeed = 11;
   SCOPED_TRACE(testing::Message() << "seed " << kSeed);

@@ -7,7 +7,8 @@
 namespace moondb {
 namespace {
 
-// A robot that drives a wide arc and is already placed. The bodies, points and a second robot, are ranged from it.
+// A robot that drives a wide arc and is already placed. The robot measures ranges to bodies that are not placed: points
+// and a second robot.
 class ArrangementTest : public testing::Test {
  protected:
   ArrangementTest() {
@@ -38,7 +39,7 @@ class ArrangementTest : public testing::Test {
     graph_.ranges.push_back({from, to, range_m, 0.1});
   }
 
-  // Resets the node to the origin, where the points of a body's own frame begin.
+  // Resets the node's state to the origin. Points in a body's own frame begin there.
   void Forget(std::size_t node) { state_[node] = ToBlock(Pose{}); }
 
   std::vector<Arrangement> Arrange() { return ArrangeParts(graph_, active_, placed_, heads_, state_, options_); }

@@ -70,7 +70,7 @@ TEST_F(ChordalTest, PlacesASightedPoint) {
 
 TEST_F(ChordalTest, ComposesFromPlacedNodesAndLeavesUnconnectedOnes) {
   AddPose({2, 0});
-  graph_.steps.push_back({0, 2, Pose::FromPlanar(9, 9, 0), 50, 100});  // A step that is not along the robot's way.
+  graph_.steps.push_back({0, 2, Pose::FromPlanar(9, 9, 0), 50, 100});  // A step between nodes that are not consecutive.
   active_.assign(5, true);
   PlainState state(5, ToBlock(Pose{}));
   std::vector<bool> placed = {true, false, false, false, false};

@@ -19,8 +19,8 @@ Eigen::Quaterniond Pitch(double angle) {
 
 class GroundTest : public testing::Test {
  protected:
-  // Adds odometry steps along x with noise, over terrain with the slope `slope_at`. The raw poses are the sum of the
-  // steps.
+  // Adds noisy odometry steps along x over terrain with the slope `slope_at`. A raw pose is the composition of all
+  // steps before it.
   void Drive(AgentId agent, std::uint64_t seed, std::uint64_t count, const std::function<double(double)>& slope_at) {
     std::mt19937_64 rng(seed);
     // Noise of a quaternion component, which is half the angle.

@@ -262,7 +262,7 @@ TEST_F(PgoActorTest, ContinuesAsANewLeaderFromTheLastSolution) {
   pose.set_run(1);
   StoreRecord(record, 2);
   const proto::OptimizeReply reply = Optimize();
-  // The solve corrects the node's pose, which is newer than run 1.
+  // The solve replaces the wrong pose of run 1 with the pose of a newer run.
   EXPECT_EQ(reply.updated_pose_count(), 1) << reply.ShortDebugString();
 }
 

@@ -117,7 +117,7 @@ StandaloneGraph LongLoop(int count) {
   return graph;
 }
 
-// Composes the first steps from the first node on.
+// Composes the steps of the chain, starting at the first node.
 PlanarState Composed(const StandaloneGraph& graph) {
   PlanarState state(graph.nodes.size(), Eigen::Vector3d::Zero());
   Pose pose;

@@ -159,8 +159,8 @@ TEST_F(PoseGraphSolverTest, MovesOnlyTheNewestNodesInAWindow) {
 TEST_F(PoseGraphSolverTest, StartsFromTheLastSolution) {
   const ScenarioOptions options{.seed = 11, .scale_errors = {0.03, 0.03, 0.03}};
   const Scenario scenario = MakeScenario(options);
-  // After half of the records the solve starts from odometry again. After nine tenths, enough is known for the verdicts
-  // to count.
+  // If the last solution covers only half of the records, the next solve starts from odometry again. If it covers nine
+  // tenths, enough is known for its verdicts to count, and the next solve starts from it.
   for (const auto& [last_ns, initial_values] : {std::pair(500'000'000'000, SolveInitialValues::kOdometry),
                                                 std::pair(900'000'000'000, SolveInitialValues::kLastSolution)}) {
     Scenario earlier = scenario;
@@ -433,8 +433,8 @@ TEST_F(PoseGraphSolverTest, ReportsThatATeamWithoutStartsMayRotateAboutTheBaseSt
   }
 }
 
-// Kinds of damage to the graph. Only the damaged record is lost, and the text names it. The rest is solved as without
-// it.
+// Kinds of damage to the graph. The solver skips only the damaged record and names it in rover 1's text. The poses are
+// the same as without the damage.
 struct Damage {
   const char* name;
   std::function<void(PoseGraph&)> add;

@@ -44,7 +44,7 @@ TEST_P(RealMissionsTest, EndsNearTheTruth) {
   EXPECT_LT(solved_m, GetParam().error_max_m);
 }
 
-// Solves as a leader does that solves after each sync.
+// Solves repeatedly, as a leader does after each sync.
 TEST_P(RealMissionsTest, EndsNearTheTruthSolveBySolve) {
   const char* data = std::getenv("MOONDB_DATA");
   if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no real missions to solve";

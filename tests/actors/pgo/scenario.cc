@@ -32,7 +32,7 @@ class Generator {
     return i < options_.scale_errors.size() ? options_.scale_errors[i] : 0;
   }
 
-  // A pose on hills that are 2 m high and 60 m apart. Its z axis is normal to the surface.
+  // A pose on hills that are 2 m high and 60 m apart. The pose's z axis is normal to the surface.
   static Pose OnGround(double x, double y, double yaw) {
     const double k = 2 * M_PI / 60;
     const double slope_x = 2 * k * std::cos(k * x);
@@ -101,7 +101,7 @@ class Generator {
     return raw * edge.from_from_to;
   }
 
-  // Position and heading from odometry. Roll and pitch are the true ones with the noise of a gravity measurement.
+  // Returns `raw` with the roll and pitch of `true_pose`, plus the noise of a gravity measurement.
   Pose WithTiltOf(const Pose& raw, const Pose& true_pose) {
     const double correction = raw.Yaw() - true_pose.Yaw();
     const Eigen::Quaterniond heading(Eigen::AngleAxisd(correction, Eigen::Vector3d::UnitZ()));
@@ -141,7 +141,8 @@ class Generator {
     scenario_.is_outlier.push_back(is_outlier);
   }
 
-  // Noise of a pair's next range: a first-order autoregression. White noise if the correlation is 0.
+  // Returns the noise of the pair's next range, drawn from a first-order autoregression. The noise is white if the
+  // correlation is 0.
   double RangeNoise(AgentId a, AgentId b) {
     double& last_m = last_noise_m_[{a, b}];
     const double r = options_.correlation;

@@ -1,4 +1,5 @@
-// Scenario: a small team that drives over hills, drawn from a seed. Tests compare the solver's poses with its truth.
+// Scenario: a small team that drives over hills, drawn from a seed. Tests compare the solver's poses with the
+// scenario's true poses.
 #pragma once
 
 #include <cstdint>
@@ -20,18 +21,18 @@ struct ScenarioOptions {
   double outlier_ratio = 0;  // Share of ranges that are too long by outlier_min_m to outlier_max_m.
   double outlier_min_m = 1;
   double outlier_max_m = 5;
-  double correlation = 0;  // Correlation of the noise of a pair's consecutive ranges. Its sigma stays range_sigma_m.
+  double correlation = 0;  // Correlation of a pair's consecutive range errors, whose sigma stays range_sigma_m.
   std::vector<double> scale_errors = {};  // Scale error s of each rover. 0 for rovers beyond the list.
-  double step_noise_m = 0.02;             // Per step in x and y. In z it is half of that.
-  double yaw_noise_rad = 0.004;           // Per step.
-  double tilt_noise_rad = 0.002;  // Per step of odometry. The tilt of raw poses follows gravity within 0.01 rad.
-  double bias_sigma_m = 0;        // Range bias of each pair.
+  double step_noise_m = 0.02;             // Sigma per step in x and y; half of it in z.
+  double yaw_noise_rad = 0.004;           // Sigma per step.
+  double tilt_noise_rad = 0.002;  // Sigma per odometry step. The tilt of raw poses follows gravity within 0.01 rad.
+  double bias_sigma_m = 0;        // Sigma of each pair's range bias.
   Eigen::Vector3d antenna_m = Eigen::Vector3d(0.3, 0.2, 0.5);
   bool has_base_station = true;
   double start_sigma_m = 0.05;  // Error of the configured start positions.
   double start_sigma_rad = 0.01;
-  // If true, each rover circles in its own sector about the base station. Otherwise all start in one line and drive
-  // wide arcs. A rotation of the whole team about the base station is then determined only by the starts.
+  // If true, each rover circles in its own sector about the base station. Otherwise all rovers start in one line and
+  // drive wide arcs; only their start poses then determine a rotation of the whole team about the base station.
   bool is_around_base = false;
 };
 

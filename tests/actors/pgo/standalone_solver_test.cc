@@ -67,7 +67,8 @@ PlainOptions OneThread() {
   return options;
 }
 
-// The largest error in the distances from node 0 to the other nodes. A common rigid motion does not change them.
+// The largest error in the distances from node 0 to the other nodes. A common rigid motion does not change these
+// distances.
 double ShapeErrorM(const StandaloneGraph& graph, const std::vector<Pose>& poses) {
   double error_m = 0;
   for (std::size_t i = 1; i < poses.size(); ++i) {
@@ -159,7 +160,7 @@ TEST_P(StandaloneSolverTest, SolvesDisconnectedParts) {
   EXPECT_EQ(solution.text, "3 parts that nothing joins: how they stand to each other is not known");
 }
 
-// Landmarks that are connected only by ranges.
+// The graph has only landmarks, which are connected by ranges.
 TEST_P(StandaloneSolverTest, SolvesAGraphOfPointsOnly) {
   Drive drive(GetParam());
   const double height_m = GetParam() ? 0 : 2;
@@ -185,7 +186,8 @@ TEST_P(StandaloneSolverTest, ReportsThatAMirroredShapeFitsAsWell) {
     if (i > 0) drive.graph().steps.push_back({nodes[i - 1], nodes[i], Pose::FromPlanar(1, 0, 0), 100, 50});
     pose = pose * Pose::FromPlanar(1, 0, 0);
   }
-  // In space this takes two points: moving one point on a circle about the line only rotates the whole graph.
+  // In space the mirrored shape needs two points. A single point on the other side of the line would only be a rotation
+  // of the whole graph.
   for (const Eigen::Vector3d& at : {Eigen::Vector3d(8, 5, 0), Eigen::Vector3d(12, -3, 0)}) {
     const std::size_t point = drive.AddPoint(at);
     for (const std::size_t node : nodes) drive.Range(node, point);
@@ -206,8 +208,8 @@ TEST_P(StandaloneSolverTest, SolvesGraphsOfOneAndNoNode) {
   EXPECT_EQ(one.poses.size(), 1u);
 }
 
-// One iteration does not reach the minimum: the solver runs the chordal start, the start from odometry, and the better
-// one's end again.
+// One iteration does not reach the minimum. The solver therefore runs three starts: the chordal start, the start from
+// odometry, and a start from the end of the better one.
 TEST_P(StandaloneSolverTest, AddsAnOdometryStartIfTheChordalStartDoesNotConverge) {
   Drive drive(GetParam());
   const auto nodes = drive.AddRobot(1, Pose{}, 40);
@@ -274,7 +276,7 @@ TEST(StandaloneSolverStopTest, StopsOnRequest) {
 
 struct PublicSet {
   const char* file;
-  double best_cost;  // Certified by SE-Sync; on sets with ranges the best that is known.
+  double best_cost;  // Certified by SE-Sync. For sets with ranges: the lowest known cost.
   double slack;
   int iterations_max = 60;  // Sum over all starts; about twice the number needed.
   InformationCheck check = InformationCheck::kPositiveDefinite;

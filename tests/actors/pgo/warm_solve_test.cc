@@ -1,5 +1,5 @@
-// Solves that start from an earlier solution: what stays, what may move, and how the solver recovers from a wrong
-// solution.
+// Tests solves that start from an earlier solution: which poses stay, which may move, and how the solver recovers from
+// a wrong solution.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -143,7 +143,8 @@ TEST_F(WarmSolveTest, CorrectsARoverThatDriftedWithoutRanges) {
   EXPECT_LT(LargestMoveM(Solve(scenario).poses, solution.poses), 0.1);
 }
 
-// A solve from this solution is refused every time, but a solve from odometry is not.
+// The last solution is random. A solve that starts from it is refused every time, but a solve from odometry is
+// accepted.
 TEST_F(WarmSolveTest, RecoversFromAnUnusableLastSolution) {
   const Scenario scenario = MakeScenario({.seed = 32, .node_count = 60});
   std::mt19937_64 rng(32);
@@ -191,7 +192,7 @@ TEST_F(WarmSolveTest, DoesNotRotateATeamThatMayRotateAboutTheBaseStation) {
 TEST_F(WarmSolveTest, DoesNotMoveTheTeamThoughSlightlyBetterPlacementsExist) {
   Scenario scenario = MakeScenario({.seed = 35, .start_sigma_m = 0.3, .is_around_base = true});
   const Solution solved = Solve(scenario);
-  // The whole team lies 3 cm beside its best position, well within the uncertainty of its starts.
+  // Moves the whole team 3 cm away from its best position, well within the uncertainty of its starts.
   LastSolution last = ToLast(solved);
   const Pose base = scenario.agents.at(4).start.value();
   const Pose turn = base * Pose::FromPlanar(0, 0, 0.004) * base.Inverse();

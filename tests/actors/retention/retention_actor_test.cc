@@ -30,7 +30,8 @@ bool AsksForHave(const proto::Message& message) {
   return request && request->has_have();
 }
 
-// Rovers 1 to 3 with storage, roles and retention. The test itself carries records between them. Merge is a probe.
+// Rovers 1 to 3 with storage, roles and retention. The test itself carries records between them, and a probe takes the
+// place of the merge actor.
 class RetentionActorTest : public testing::Test {
  protected:
   RetentionActorTest() {
@@ -157,7 +158,7 @@ class RetentionActorTest : public testing::Test {
     Bring(kRover, kSurvivor);
   }
 
-  // Returns true if the rover's storage has published since the last call that records were pruned.
+  // Waits a minute. Returns true if the rover's storage reported since the last call that records were pruned.
   bool HearsOfPruned() {
     team_.AdvanceTime(minutes(1));
     const std::vector<proto::Message> heard = team_.Take({kRover, "reader"});
@@ -165,7 +166,7 @@ class RetentionActorTest : public testing::Test {
                        [](const proto::Message& message) { return message.records_stored().is_pruned(); });
   }
 
-  // Makes the actor fail once, at its next message of that kind.
+  // Makes `actor` fail once, with `fault`, at its next message with this body.
   void FailOnce(const Address& actor, proto::Message::BodyCase body, simulation::Fault fault) {
     team_.SetFault([actor, body, fault, is_done = false](const Address& at, const proto::Message& message) mutable {
       if (is_done || at != actor || message.body_case() != body) return simulation::Fault::kNone;
@@ -204,7 +205,7 @@ class RetentionActorTest : public testing::Test {
     return answer ? answer->status().storage() : proto::StorageStatus();
   }
 
-  // Loses all have-sets on the radio from now on, or none.
+  // From now on the radio loses all have-sets if `is_lost`, and none otherwise.
   void LoseHaveSets(bool is_lost) {
     team_.SetFilter([is_lost](AgentId, AgentId, const proto::Message& message) {
       const auto reply = ControlReplyOf(message);
@@ -491,7 +492,7 @@ TEST_F(RetentionActorTest, AsksNoAgentIfTheTeamFileSetsNoLimits) {
   EXPECT_LT(team_.radio_bytes() - bytes, 10'000u);
 }
 
-// Half of a budget of 1 MB is for maps, and maps use it all.
+// Half of the 1 MB budget is for maps, and the maps exceed their half.
 TEST_F(RetentionActorTest, RemovesMapsFirstAndKeepsGraphAndStates) {
   config_.mutable_retention()->set_store_mb_max(1);
   config_.mutable_retention()->set_map_part_max(0.5);
@@ -554,7 +555,7 @@ TEST_F(RetentionActorTest, RemovesFullyOccludedMaps) {
   for (const proto::StoredRecord& left : RecordsOf(kRover)) EXPECT_NE(left.key().seq(), occluded.seq());
 }
 
-// Merging keeps the records that it has read. It must hear of a prune whatever fails.
+// The merge actor keeps the records that it has read. It must hear of every prune, even if another actor fails.
 TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnyType) {
   Start();
   Insert(kRover, ReportOf(1));

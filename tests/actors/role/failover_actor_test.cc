@@ -43,14 +43,14 @@ class FailoverActorTest : public testing::Test, protected RoleTeam {
     team_.AdvanceTime(std::chrono::milliseconds(10));
   }
 
-  // Cuts the agent off from all others, which notice it.
+  // Cuts the agent's links to all others, and notifies both ends.
   void Lose(AgentId agent) {
     for (const AgentId other : Agents()) {
       if (other != agent) team_.SetLink(agent, other, false);
     }
   }
 
-  // Records in `checks_` from now on which agent sends a leader check to which ("2?1"), and who replies ("1!2").
+  // From now on records each leader check in `checks_`: "2?1" if agent 2 checks agent 1, "1!2" if agent 1 replies.
   void CountChecks() {
     team_.SetFilter([this](AgentId from, AgentId to, const proto::Message& message) {
       if (message.has_leader_check()) {
@@ -134,7 +134,7 @@ TEST_F(FailoverActorTest, ReplacesALeaderThatHasLeftThoughItWasNeverHeard) {
 }
 
 TEST_F(FailoverActorTest, DoesNotNameAnAgentThatHasLeftSurvivor) {
-  config_.mutable_agents(2)->set_left(true);  // The only other rover.
+  config_.mutable_agents(2)->set_left(true);  // Rover 3, the only other rover, has left.
   StartWithFailover();
   Lose(3);
   Lose(1);
@@ -254,7 +254,7 @@ TEST_F(FailoverActorTest, ASurvivorThatReachesNoAgentDoesNotTakeTheLead) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
-// Without the leader's checks an idle link would be given up only after 33 s.
+// Without leader checks, an idle link to the leader would be given up only after 33 s.
 TEST_F(FailoverActorTest, TheSurvivorChecksTheLeaderThreeTimesPerTimeout) {
   StartWithFailover();
   CountChecks();

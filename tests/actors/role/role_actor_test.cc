@@ -17,7 +17,7 @@ using std::chrono::milliseconds;
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-// An actor in PgoActor's place that keeps the leaders in published roles.
+// Takes PgoActor's place. Adds the leader of each published role assignment to `leaders`.
 class FakePgoActor final : public Actor {
  public:
   explicit FakePgoActor(std::shared_ptr<std::vector<AgentId>> leaders) : leaders_(std::move(leaders)) {}
@@ -92,7 +92,7 @@ TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndRepor
   EXPECT_EQ(shown.confirmed_by_size(), 0);
   EXPECT_THAT(Show(2).confirmed_by(), testing::Not(testing::Contains(1)));
 
-  // The agent makes no new term in another agent's name, and refers the operator to another agent.
+  // The agent issues no term in another agent's name. It refers the operator to another agent instead.
   Swap(1);
   EXPECT_THAT(Refusal(1).text, testing::HasSubstr("ask another agent"));
   team_.AdvanceTime(minutes(5));

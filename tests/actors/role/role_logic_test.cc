@@ -23,7 +23,7 @@ proto::RoleAssignment Roles(AgentId leader, AgentId survivor, std::uint64_t numb
   return roles;
 }
 
-// Options in a team of agents 1 to 3 that agent 1 leads. Agent 9 does not exist.
+// Options of agent `self` in a team of agents 1 to 3, led by agent 1. Agent 9 does not exist.
 RoleLogic::Options Options(AgentId self) {
   RoleLogic::Options options;
   options.self = self;
@@ -85,7 +85,7 @@ TEST_F(RoleLogicTest, FallsBackToTheTeamFileIfItForbidsTheStoredRoles) {
   EXPECT_EQ(logic.OnLoaded({Roles(9, 2, 5, 1)}, 77, 0).apply->leader(), 1u);
   proto::RoleSetRequest request;
   request.set_leader(3);
-  EXPECT_EQ(logic.Propose(request, 0)->term().number(), 6u);  // Number 5 counts as used.
+  EXPECT_EQ(logic.Propose(request, 0)->term().number(), 6u);  // Term number 5 counts as used.
 }
 
 TEST_F(RoleLogicTest, IsSilentBeforeStorageAnswered) {
@@ -137,7 +137,7 @@ TEST_F(RoleLogicTest, RefusesARequestThatExpectsOtherRoles) {
 }
 
 TEST_F(RoleLogicTest, RefusesInvalidRoles) {
-  // Makes the present survivor the leader without naming a new survivor.
+  // The present survivor would become the leader, but no new survivor is named.
   EXPECT_EQ(Propose(2, 0).error().field, "survivor");
   EXPECT_EQ(Propose(0, 1).error().code, ErrorCode::kRefused);
   EXPECT_EQ(Propose(9, 0).error().field, "leader");
@@ -166,7 +166,7 @@ TEST_F(RoleLogicTest, KeepsItsRolesWhenStoringFails) {
   logic_.Adopt(*Propose(3, 0));
   logic_.OnSaveFailed();
   EXPECT_EQ(logic_.current().leader(), 1u);
-  // The failed assignment may be on the disk nevertheless, under number 6.
+  // Storing number 6 failed, but it may be on the disk nevertheless.
   EXPECT_EQ(Propose(3, 0)->term().number(), 7u);
 }
 
@@ -205,7 +205,7 @@ TEST_F(RoleLogicTest, IssuesANewTermBeforeItLeadsInATermFromBeforeItsRestart) {
   EXPECT_EQ(logic_.OnSaved().apply->term().number(), 7u);
 }
 
-// The agent may already have led in the announced term, if its disk was lost since.
+// If the agent has lost its disk, it may already have led in the announced term.
 TEST_F(RoleLogicTest, LeadsOnlyInTermsThatItIssuedItself) {
   proto::RoleAssignment named = Roles(kSelf, 1, 6, 3);
   named.set_reason("as the operator said");
@@ -237,7 +237,7 @@ TEST_F(RoleLogicTest, RepeatsTheAnnouncementUntilAllConfirm) {
   EXPECT_TRUE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 1), /*is_reply=*/true))->announcements.empty());
   const auto again = logic_.OnAnnounceTimer();
   EXPECT_THAT(Notified(again), ElementsAre(3));
-  EXPECT_EQ(*again.announce_timer, std::chrono::seconds(20));  // The delay after 5 and 10 seconds.
+  EXPECT_EQ(*again.announce_timer, std::chrono::seconds(20));  // The third delay, after 5 and 10 seconds.
   EXPECT_THAT(Notified(*logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1)))), ElementsAre(3));
   EXPECT_FALSE(logic_.OnAnnounceTimer().announce_timer);
   EXPECT_THAT(logic_.Show(false).confirmed_by(), ElementsAre(1, 2, 3));
@@ -257,7 +257,7 @@ TEST_F(RoleLogicTest, ShowsItsHistory) {
   EXPECT_EQ(logic_.Show(false).history_size(), 0);
 }
 
-// The leader of the stored roles.
+// Agent 1, which is the leader in its stored roles.
 class RoleLogicLeaderTest : public testing::Test {
  protected:
   RoleLogicLeaderTest() { started_ = logic_.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0); }
@@ -330,10 +330,10 @@ TEST_F(RoleLogicTest, SteppingDownNamesOnlyConnectedAgents) {
   RoleLogic logic(Options(1));
   logic.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0);
   EXPECT_EQ(logic.ProposeStepDown({}, "", 0).error().code, ErrorCode::kUnavailable);
-  const auto to_third = logic.ProposeStepDown({3}, "", 0);  // The survivor is away.
+  const auto to_third = logic.ProposeStepDown({3}, "", 0);  // The survivor is not connected.
   ASSERT_TRUE(to_third);
   EXPECT_EQ(to_third->leader(), 3u);
-  EXPECT_EQ(to_third->survivor(), 1u);  // This agent stays as survivor, because no other agent is connected.
+  EXPECT_EQ(to_third->survivor(), 1u);  // This agent becomes the survivor, because no other agent is connected.
 }
 
 TEST_F(RoleLogicTest, SurvivorStepsDownInFavourOfAThird) {
@@ -352,7 +352,7 @@ TEST_F(RoleLogicTest, AnAgentWithoutARoleGivesUpNone) {
   EXPECT_EQ(logic.ProposeStepDown({1, 2}, "", 0).error().code, ErrorCode::kNotFound);
 }
 
-// Agent 1 has left the team, which it led.
+// Agent 1 led the team and has left it.
 TEST(RoleLogicLeftTest, NamesNoAgentThatHasLeftButKeepsItsAssignments) {
   RoleLogic::Options options = Options(kSelf);
   options.left = {1};

@@ -15,12 +15,12 @@
 
 namespace moondb {
 
-// Role assignments that StorageActor keeps, on a disk that survives a crash.
+// A simulated disk that survives a crash, with the role assignments that FakeStorageActor keeps on it.
 struct Disk {
   std::vector<proto::RoleAssignment> roles;
   bool is_failing = false;
   bool is_silent = false;
-  bool is_flooding = false;  // Fills PgoActor's control lane before RoleActor hears that its roles are stored.
+  bool is_flooding = false;  // If true, fills PgoActor's control lane before RoleActor hears that its roles are stored.
 };
 
 class FakeStorageActor final : public Actor {

@@ -20,7 +20,7 @@ using testing::HasSubstr;
 
 constexpr AgentId kBase = 9;
 
-// Stands for a signature. Tests never sign as another agent.
+// Returns a text that stands for `agent`'s signature. Tests never sign as another agent.
 std::string SignAs(AgentId agent, proto::RoleAssignment roles) {
   roles.clear_signature();
   return "agent " + std::to_string(agent) + ": " + std::to_string(std::hash<std::string>()(roles.SerializeAsString()));
@@ -36,8 +36,8 @@ class SignedTeam {
     for (const AgentId agent : agents_) Start(agent, {});
   }
 
-  // Restarts the agent with the contents of its disk: the assignments that it acted on, and those that it holds as
-  // records.
+  // Restarts the agent with a given disk. `disk` holds the assignments that the agent acted on, `records` those that it
+  // holds as records.
   void Start(AgentId agent, std::vector<proto::RoleAssignment> disk,
              const std::vector<proto::RoleAssignment>& records = {}) {
     logics_[agent] = std::make_unique<RoleLogic>(OptionsOf(agent));
@@ -67,7 +67,7 @@ class SignedTeam {
     return options;
   }
 
-  // Stops the agent. The others restart with a team file that marks it as left.
+  // Stops the agent. The others restart with a team file that marks this agent as left.
   void Leave(AgentId gone) {
     left_.insert(gone);
     logics_.erase(gone);
@@ -106,8 +106,8 @@ class SignedTeam {
     return {};
   }
 
-  // The liar announces `roles` to all agents, whatever it holds itself. If asked for the chain, it sends its earlier
-  // forgeries.
+  // The liar announces `roles` to all agents, even if it holds other roles itself. If asked for the chain, the liar
+  // sends its earlier forgeries.
   void Announce(AgentId liar, const proto::RoleAssignment& roles) {
     lies_[roles.signature()] = roles;
     proto::RoleAnnounce announce;
@@ -125,7 +125,7 @@ class SignedTeam {
     Settle();
   }
 
-  // Storage does not answer until FinishSaving.
+  // From now on storage does not answer until FinishSaving is called.
   void HoldSaving() { is_saving_held_ = true; }
   void FinishSaving(AgentId agent) {
     is_saving_held_ = false;
@@ -228,7 +228,7 @@ class SignedTeam {
   int announce_timers_ = 0;
 };
 
-// An assignment signed with the liar's own key, as an agent with a role could issue it after `follows`.
+// Returns a successor of `follows`, signed with the liar's own key, as only an agent with a role may issue it.
 proto::RoleAssignment ForgedAfter(const proto::RoleAssignment& follows, AgentId liar, AgentId leader, AgentId survivor,
                                   bool is_command = false) {
   proto::RoleAssignment roles = RoleChain::Next(follows, is_command);
@@ -319,7 +319,7 @@ TEST(SignedRolesTest, ReturnToAnAgentThatWasWipedAtRevision5000) {
   team.Heal();
   EXPECT_EQ(team.Term(3), team.Term(1));
   EXPECT_GT(team.chain_pages(), pages + 10) << "a chain of 5,000 comes page by page";
-  // Its disk now holds enough for the next start.
+  // Agent 3's disk now holds enough for a start without other agents.
   team.Divide({3});
   team.Start(3, team.disk(3));
   EXPECT_EQ(team.Term(3), term);
@@ -468,7 +468,7 @@ TEST(SignedRolesTest, IssuedByAnAgentThatLeftStayValidUntilTheBaseStationSuperse
   team.Leave(1);
   EXPECT_EQ(team.Term(3), before) << "read back from its disk";
   EXPECT_EQ(team.LeaderAt(3), 1u);
-  // A wiped agent receives the term from the others, with the chain that the agent that left had issued.
+  // A wiped agent receives the term from the others, with the chain that agent 1 issued before it left.
   team.Start(4, {});
   team.Heal();
   EXPECT_EQ(team.Term(4), before);

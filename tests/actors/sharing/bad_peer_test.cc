@@ -1,4 +1,5 @@
-// Tests that an agent's status shows the protocol violations of a team member, and that nothing grows because of them.
+// Tests that an agent's status shows the protocol violations of a team member, and that these violations fill neither
+// the agent's store nor its memory.
 #include <gtest/gtest.h>
 
 #include "actors/sharing/codec.h"
@@ -16,7 +17,7 @@ using std::chrono::seconds;
 constexpr AgentId kGood = 1;
 constexpr AgentId kBad = 3;
 
-// Agent 1 is real. Each test chooses the messages of agent 3.
+// Agent 1 has real sharing actors. Each test chooses the messages of agent 3.
 class BadPeerTest : public testing::Test {
  protected:
   BadPeerTest() {
@@ -179,7 +180,7 @@ TEST_F(BadPeerTest, ShowsAcknowledgmentsOfRecordsThatWereNeverSent) {
   EXPECT_EQ(Status().sessions(0).acknowledged_records(), 0);
 }
 
-// Each page announces one more page.
+// Each page of the have-set announces one more page.
 TEST_F(BadPeerTest, RefusesAHaveSetWithoutEnd) {
   store_->Insert(kGood, proto::POWER, "own");
   Say(ShareOrder(proto::SHARING_KIND_SYNC));

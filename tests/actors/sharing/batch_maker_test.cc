@@ -130,7 +130,8 @@ TEST_F(BatchMakerTest, ReportsDropsInSmallMessages) {
 }
 
 TEST_F(BatchMakerTest, ReportsDropsOnlyWithTheLastRecords) {
-  // Records that compress well come first. The maker therefore fetches more records than fit, before the noise follows.
+  // Records that compress well come first, and noise follows. The maker therefore fetches more records than fit into
+  // one batch.
   for (int i = 0; i < 2000; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, std::string(90, 'x'));
   for (int i = 0; i < 40; ++i) source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(500));
   source_.Drop(source_.Insert(kSelf, proto::POWER, "old"));

@@ -50,7 +50,7 @@ class BudgetTest : public testing::Test {
     }
   }
 
-  // The highest number of bytes that an agent sent and received within ten seconds.
+  // The highest number of bytes that the agent sent and received within any ten seconds.
   double MostInTenSeconds(AgentId agent) const {
     std::deque<const Sent*> window;
     double bytes = 0;
@@ -175,12 +175,12 @@ TEST_F(BudgetTest, ARestartedSharingActorSharesTheBudgetAgain) {
     return ShareStatusOf(team_, agent, actor).sessions(0).bytes_per_second_max();
   };
   EXPECT_EQ(rate(2, actor_name::kSync), kBudget / 2);
-  // The leader's replica actor forgets its senders. The sync actor on the same agent learns of that.
+  // The leader's replica actor forgets its senders. The leader's sync actor notices this and grants the whole budget.
   team_.CrashActor({kLeader, actor_name::kReplica});
   team_.SetLink(3, kLeader, false);
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(rate(2, actor_name::kSync), kBudget);
-  // The reverse also holds: a restarted actor learns which sessions the other actor serves.
+  // The reverse also holds: the restarted replica actor learns which sessions the sync actor serves.
   team_.CrashActor({kLeader, actor_name::kReplica});
   team_.AdvanceTime(seconds(1));
   team_.SetLink(3, kLeader, true);

@@ -98,7 +98,7 @@ TEST(BundleFileTest, RefusesEveryDamagedByteAndEveryTruncation) {
   }
 }
 
-// The checksum matches, as if an attacker had computed it.
+// The file's checksum is correct, as if an attacker had computed it.
 TEST(BundleFileTest, RefusesAHaveSetThatDoesNotMatchItsRecords) {
   BundleWriter writer(Head(), 10'000);
   ASSERT_EQ(writer.Add(Batch(1, 3, 30)), 3);

@@ -67,7 +67,7 @@ TEST(CodecTest, RefusesEveryDamagedByteOfAFrame) {
     std::string damaged = coded.bytes;
     damaged[i] = static_cast<char>(damaged[i] ^ 0x10);
     const auto decoded = DecodeBatch(coded.codec, damaged, 20);
-    // A changed flag in the frame's header that has no effect may pass, but the records must be the same.
+    // A changed header flag without effect may pass, but then the records must be the same.
     if (decoded) {
       EXPECT_EQ(decoded->SerializeAsString(), batch.SerializeAsString()) << i;
     }
@@ -81,7 +81,7 @@ TEST(CodecTest, RefusesAFrameThatWouldDecodeToTooMuch) {
   EXPECT_EQ(decoded.error().text, "would decode to more than 18 MiB");
 }
 
-// A frame of a few hundred bytes that would take a gigabyte of memory here.
+// A frame of a few hundred bytes whose empty records would take a gigabyte of memory.
 TEST(CodecTest, RefusesMillionsOfEmptyRecords) {
   std::string plain;
   for (int i = 0; i < 8'000'000; ++i) plain += std::string_view("\x0A\x00", 2);

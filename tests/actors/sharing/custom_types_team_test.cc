@@ -112,7 +112,7 @@ class CustomTypesTeamTest : public testing::Test {
     return answers.empty() ? proto::Message() : answers.back();
   }
 
-  AgentId other_name_at_ = 0;  // The agent whose team file gives the first type another name.
+  AgentId other_name_at_ = 0;  // The agent whose team file names the first type differently; 0: none.
   simulation::SimulatedTeam team_{/*seed=*/5};
 };
 
@@ -139,7 +139,8 @@ TEST_F(CustomTypesTeamTest, SendsTheBaseStationOnlyTheNewestIfGroundIsLatest) {
   Start(/*without_types=*/0);
   for (int i = 1; i <= 20; ++i) Insert(kRover, kSoil, std::to_string(i), "hole " + std::to_string(i % 2));
   Insert(kLeader, kSoil, "the leader's own");
-  // The first sync sends the base station the records that the leader held before. The second sends the rest.
+  // The first sync sends the base station only the records that the leader held when the sync began. The second sync
+  // sends the rest.
   SyncAndReplicate();
   SyncAndReplicate();
   EXPECT_EQ(PayloadsAt(kLeader, kSoil).size(), 21u);
@@ -166,7 +167,7 @@ TEST_F(CustomTypesTeamTest, ALeaderThatDoesNotKnowTheTypeCarriesIt) {
 
 TEST_F(CustomTypesTeamTest, NotifiesReadersOfNewRecords) {
   Start(/*without_types=*/0);
-  (void)team_.Take({kRover, "listener"});  // Removes the messages from the start.
+  (void)team_.Take({kRover, "listener"});  // Discards the messages that were published at the start.
   Insert(kRover, kSoil, "a");
   const auto reported = team_.Take({kRover, "listener"});
   ASSERT_EQ(reported.size(), 1u);

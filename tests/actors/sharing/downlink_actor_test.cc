@@ -15,7 +15,7 @@ using std::chrono::minutes;
 
 constexpr AgentId kSelf = 3;  // The base station.
 
-// Uses the real StorageActor. The gateway is a probe.
+// A DownlinkActor with the real StorageActor. The gateway is a probe.
 class DownlinkActorTest : public testing::Test {
  protected:
   DownlinkActorTest() {

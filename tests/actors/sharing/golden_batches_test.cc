@@ -1,6 +1,6 @@
 // Batches of wire version 1 in each form, as bytes written by an agent of that version. Code that cannot read them, or
-// reads other records from them, implements another wire version (docs/COMPATIBILITY.md). The bytes that zstd writes
-// are not compared, because versions of zstd differ in them.
+// reads other records from them, implements another wire version (docs/COMPATIBILITY.md). The tests do not compare the
+// bytes that zstd writes, because they depend on the version of zstd.
 #include <gtest/gtest.h>
 
 #include "actors/sharing/codec.h"
@@ -29,7 +29,8 @@ std::string ToHex(const std::string& bytes) {
   return hex;
 }
 
-// A map of blocks that move past. Each next map shows a little more of them.
+// Map number `index` of a robot that drives past blocks. Each map shows a little more of the blocks than the map
+// before.
 Layers RollingMap(int index) {
   return DrawLayers(2, 24, 24, [index](int layer, int column, int row) {
     const int x = (((column - 12) << layer) + 4 * index + 1024) >> 3;
@@ -38,7 +39,7 @@ Layers RollingMap(int index) {
   });
 }
 
-// Two maps and three rows from `index` on. The second batch has the maps and rows that follow those of the first.
+// A batch of two maps and three rows, numbered from `index` on. The second batch continues the numbers of the first.
 proto::RecordBatch BatchFrom(int index) {
   proto::RecordBatch batch;
   for (int i = index; i < index + 2; ++i) *batch.add_records() = MapOf(RollingMap(i), i);

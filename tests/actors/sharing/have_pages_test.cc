@@ -1,4 +1,4 @@
-// A have-set that is sent in pages: one session requests it from its destination page by page.
+// Tests have-sets that are sent in pages. A session requests its destination's have-set page by page.
 #include <gtest/gtest.h>
 
 #include "proto/types.pb.h"
@@ -43,7 +43,7 @@ class HavePagesTest : public SessionFixture {
     return sent.empty() ? proto::Hello() : sent.back().hello();
   }
 
-  // Answers Hellos until another message is sent. Returns the number of pages.
+  // Answers Hellos until the session sends another kind of message. Returns the number of pages.
   int AnswerAll() {
     int pages = 0;
     for (; !sent_.empty() && sent_.back().has_hello(); ++pages) Take(session_.OnHave(PageFor(NextHello()), now_));
@@ -104,7 +104,7 @@ TEST_F(HavePagesTest, RepeatedAndLatePagesChangeNothing) {
     for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
     EXPECT_EQ(sent_.size(), sent) << "a page that came twice is not answered";
   }
-  // Late pages during the transfer still count as statements of what the destination has.
+  // Pages that arrive late, during the transfer, still count as reports of the destination's records.
   for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
   ExpectOneRecordMoreAndTheEnd();
   EXPECT_EQ(Status().refused_haves(), 0);

@@ -82,8 +82,8 @@ TEST_F(InFlightBatchesTest, SendsALostBatchAgainBeforeTheRestEnds) {
   EXPECT_EQ(Status().resends(), 1);
 }
 
-// A batch with nothing remaining means that the destination has everything. No earlier batch may be unacknowledged
-// then.
+// A batch with 0 remaining records says that the destination then has everything. The session must not send it while an
+// earlier batch is unacknowledged.
 TEST_F(InFlightBatchesTest, SendsTheEndOnlyWhenAllEarlierBatchesAreAcknowledged) {
   for (int i = 0; i < 3; ++i) source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(3000));
   Order();

@@ -106,7 +106,7 @@ TEST_F(LargeHaveSetTest, IsRequestedAgainFromARestartedSurvivor) {
   *survivor_ = MemoryStore();  // The survivor loses its disk.
   team_.Crash(kSurvivor);
   team_.Restart(kSurvivor);
-  // Records named on the first page, which arrived before the restart, are missing now.
+  // The first page arrived before the restart. The records that it names are missing now.
   EXPECT_TRUE(team_.RunUntil([this] { return !survivor_->records().empty(); }, minutes(10)));
   EXPECT_EQ(survivor_->records().begin()->first, leader_->records().begin()->first);
 }

@@ -31,7 +31,7 @@ class MemoryStore {
     have_[key.stream].dropped.Add(key.seq);
   }
 
-  // The store rejects records of this type from peers.
+  // From now on the store rejects records of this type from peers.
   void Reject(DataType type) { rejected_type_ = type; }
 
   proto::HaveReply Have(const proto::HaveRequest& request = {}) const {
@@ -114,7 +114,7 @@ class MemoryStore {
   const HaveSet& have() const { return have_; }
 
  private:
-  // Records that were held when an order to a destination began (MissingRequest.mark).
+  // The store's have-set when an order to a destination began (MissingRequest.mark).
   struct Mark {
     std::uint64_t number = 0;
     HaveSet have;

@@ -1,4 +1,4 @@
-// Requests that wait until an order to share is done: when they are answered, and with which answer.
+// Tests requests that wait until an order to share is done: when the agent answers them, and with which answer.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -38,7 +38,7 @@ class OrderWaitTest : public testing::Test {
       team_.Spawn(agent, actor_name::kLease, [options] { return std::make_unique<LeaseActor>(options); });
     }
     team_.AdvanceTime(seconds(1));
-    // A team's leader begins a term of its own.
+    // The leader begins its term.
     for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(kLeader, kSurvivor, 1));
     team_.AdvanceTime(seconds(10));
   }
@@ -265,7 +265,7 @@ TEST_F(OrderWaitTest, AnAgentThatRefusesToShareDoesNotCountAsGathered) {
   EXPECT_EQ(PairOf(reply, kRover, kLeader).why(), "does not share");
 }
 
-// An order of an earlier term covers only the records that were held when it began.
+// An order of an earlier term covers only the records that were held when the order began.
 TEST_F(OrderWaitTest, AnEarlierOrderDoesNotCountAsGathering) {
   InsertAt(kRover, 300);
   team_.radio().bytes_per_second = 3'000;
@@ -273,7 +273,7 @@ TEST_F(OrderWaitTest, AnEarlierOrderDoesNotCountAsGathering) {
   (void)team_.Post({kRover, "operator"}, {kRover, actor_name::kReplica}, earlier);
   team_.AdvanceTime(seconds(1));
   InsertAt(kRover, 50);
-  // The rover does not receive the leader's own orders while it carries out the earlier one.
+  // The rover does not receive the leader's own orders while it carries out the earlier order.
   bool is_deaf = true;
   team_.SetFilter([&is_deaf](AgentId, AgentId to, const proto::Message& message) {
     return !is_deaf || to != kRover || !message.has_share_request();

@@ -1,5 +1,5 @@
-// Orders to share: the terms in which they are accepted, the sessions that complete them, and what a new leader
-// gathers.
+// Tests orders to share: in which terms agents accept them, which sessions complete them, and which records a new
+// leader gathers.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -88,7 +88,7 @@ TEST_F(SharingOrdersTest, AgentsAcceptOrdersFromEachOtherInAnyTerm) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 5u);
 }
 
-// The reply to the actor's request at its start is queued behind data, and a role change overtakes it.
+// A sharing actor requests the roles at its start. The reply is queued behind data, and a role change overtakes it.
 TEST_F(SharingOrdersTest, AnOldAnswerDoesNotOvertakeNewRoles) {
   NotifyRoles(team_, config_, 3, Roles(3, 2, 5));
   for (const char* actor : {actor_name::kSync, actor_name::kReplica}) {
@@ -151,7 +151,8 @@ TEST_F(SharingOrdersTest, StatusShowsForHowLongAnAgentCannotBeAsked) {
   EXPECT_NEAR(status.sessions(0).waits_for_s(), 590, 1);
 }
 
-// For --wait: a client reads the completed order, then sends its order. An earlier session may end between the two.
+// A client with --wait first reads which order is completed, then sends its own order. A session of an earlier order
+// may end in between.
 TEST_F(SharingOrdersTest, ASessionOfAnEarlierOrderDoesNotCompleteALaterOne) {
   InsertAt(2, 100);
   team_.radio().bytes_per_second = 3'000;
@@ -161,7 +162,7 @@ TEST_F(SharingOrdersTest, ASessionOfAnEarlierOrderDoesNotCompleteALaterOne) {
   ASSERT_TRUE(HasReached(LeadersOrderAt(2).ordered(), earlier));
   ASSERT_FALSE(HasReached(LeadersOrderAt(2).completed(), earlier));
 
-  // The later order is lost again and again while the session of the earlier one continues.
+  // The later order is lost again and again while the session of the earlier order continues.
   team_.SetFilter(
       [](AgentId, AgentId to, const proto::Message& message) { return to != 2 || !message.has_share_request(); });
   const std::uint64_t later = Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC)).order();
@@ -203,7 +204,7 @@ TEST_F(SharingOrdersTest, ALateCopyOfAnOrderChangesNothing) {
   EXPECT_EQ(LeadersOrderAt(2).completed(), later);
 }
 
-// A leader gathers from one agent at a time. An agent that makes no progress is skipped for the next one.
+// A leader gathers from one agent at a time. If an agent makes no progress, the leader goes on to the next one.
 TEST_F(SharingOrdersTest, ARefusedBatchIsNoProgress) {
   InsertAt(kLeader, 10);
   // The survivor does not receive the leader's request.

@@ -11,7 +11,7 @@ namespace moondb {
 namespace {
 
 constexpr std::uint64_t kEpochs = 300;
-constexpr std::uint64_t kLater = UINT64_MAX;  // Number of a note after all others.
+constexpr std::uint64_t kLater = UINT64_MAX;  // Higher than the number of any note.
 
 class PeerNotesTest : public SessionFixture {
  protected:
@@ -104,7 +104,8 @@ TEST_F(PeerNotesTest, NotesTheWholeHaveSetAgainWhenStorageRequestsIt) {
   EXPECT_EQ(notes[0].handed_over_size(), handed_over - int(first.batch().record_count())) << "the records in flight";
 }
 
-// Several differences may have been refused by storage before it received the reply to its first request.
+// Storage may refuse several differences, and request the whole have-set after each, before it receives the answer to
+// its first request.
 TEST_F(PeerNotesTest, IgnoresRequestsThatAnEarlierAnswerAlreadyCovers) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
   Order();
@@ -127,7 +128,7 @@ TEST_F(PeerNotesTest, NotesNothingBeforeTheDestinationAnswers) {
   EXPECT_TRUE(TakeNotes().empty());
   AnswerHello();
   EXPECT_FALSE(TakeNotes().empty());
-  Take(session_.OnConnected(now_));  // The session starts over.
+  Take(session_.OnConnected(now_));  // The session starts over and does not know the destination's have-set.
   Take(session_.OnPeerHaveRequest(kLater));
   EXPECT_TRUE(TakeNotes().empty());
 }

@@ -187,9 +187,9 @@ class RealTeam {
     return sent;
   }
 
-  // Bytes of the have-sets since the last call, by sender and receiver.
+  // Bytes of the have-sets sent since the last call, by sender and receiver.
   std::map<std::pair<AgentId, AgentId>, std::size_t> TakeHaveBytes() { return std::exchange(have_bytes_, {}); }
-  // Number of records in batches since the last call, by receiver.
+  // Number of records in batches sent since the last call, by receiver.
   std::map<AgentId, std::uint64_t> TakeRecordsTo() { return std::exchange(records_to_, {}); }
 
   // Sends the leader's orders, and waits long enough for an idle radio to carry them out.
@@ -201,7 +201,7 @@ class RealTeam {
     team_.AdvanceTime(minutes(2));
   }
 
-  // Every record that an agent ever acknowledged is still there.
+  // Expects that every running agent still covers all records that it ever acknowledged.
   void ExpectNothingAcknowledgedIsLost() {
     for (const auto& [agent, claimed] : claimed_) {
       if (!team_.is_running(agent)) continue;
@@ -277,7 +277,7 @@ class RealTeam {
     }
   }
 
-  // The answer to a client of `agent`. Empty if there is no answer.
+  // Sends `question` from a client of `agent`. Returns the answer, or an empty message if there is no answer.
   proto::Message Ask(AgentId agent, const char* actor, const proto::Message& question) {
     (void)team_.Post({agent, "client"}, {agent, actor}, question);
     team_.RunUntilIdle();
@@ -290,7 +290,7 @@ class RealTeam {
   std::filesystem::path folder_;
   simulation::SimulatedTeam team_;
   std::map<AgentId, std::uint64_t> next_index_;
-  std::map<AgentId, HaveSet> claimed_;  // All records in any have-set that each agent ever sent.
+  std::map<AgentId, HaveSet> claimed_;  // By agent: all records in the have-sets that the agent ever sent.
   std::map<std::pair<AgentId, AgentId>, std::size_t> have_bytes_;
   std::map<AgentId, std::uint64_t> records_to_;
 };
@@ -307,7 +307,7 @@ TEST(RealTeamTest, LeaderThenSurvivorHaveEverythingAndNothingIsSentTwice) {
   team.InsertOptimizedPoses(1, 2, 50, 2);
   team.SyncAndReplicate();
   team.ExpectConverged();
-  // Only the newest state of each rover and the poses of the newest run.
+  // Agent 2 holds only the newest power state of each rover and only the optimised poses of the newest run.
   std::map<DataType, int> counts;
   for (const auto& [key, content] : team.ReadAll(2)) ++counts[key.stream.type];
   EXPECT_EQ(counts[proto::POWER], 3);
@@ -317,7 +317,7 @@ TEST(RealTeamTest, LeaderThenSurvivorHaveEverythingAndNothingIsSentTwice) {
   team.ExpectNothingIsSentTwice();
 }
 
-// The codec that is the baseline of every benchmark transfers the same records.
+// The paper's SQL codec, the baseline of every benchmark, transfers the same records.
 TEST(RealTeamTest, ThePapersSqlCodecTransfersEverythingToo) {
   RealTeam team(/*seed=*/7, proto::CODEC_PAPER_SQL);
   team.Settle();
@@ -343,7 +343,7 @@ TEST(RealTeamTest, ANewLeaderIsSentOnlyMissingRecords) {
   team.InsertNodes(3, 7);
   team.SyncAndReplicate();
   team.ExpectConverged();
-  EXPECT_EQ(team.SentRecords(), sent + 7 * 3);  // To the new leader, the new survivor and the base station.
+  EXPECT_EQ(team.SentRecords(), sent + 7 * 3);  // New leader, new survivor and base station get 7 each.
 }
 
 // A log per destination, as in the paper, would send each rover's whole history to the new leader again.
@@ -414,7 +414,7 @@ int SeedCount() {
   return text == nullptr ? 6 : std::max(1, std::atoi(text));
 }
 
-// Both quarantines of the same maps reach every agent, whether a rover or the base station made them.
+// A rover and the base station quarantine the same maps. Both quarantines reach every agent.
 TEST(RealTeamTest, AQuarantineOfMapsReachesEveryAgentFromAnyOrigin) {
   RealTeam real(/*seed=*/1);
   real.InsertNodes(3, 5);
@@ -423,7 +423,7 @@ TEST(RealTeamTest, AQuarantineOfMapsReachesEveryAgentFromAnyOrigin) {
   real.InsertQuarantine(/*at=*/kBase, /*maps_of=*/1);
   real.SyncAndReplicate();
   real.TakeHaveBytes();
-  real.SyncAndReplicate();  // Records that reached the leader are forwarded to the other agents.
+  real.SyncAndReplicate();  // Forwards the records that reached the leader to the other agents.
   for (AgentId agent = 1; agent <= kAgents; ++agent) EXPECT_EQ(real.QuarantinesAt(agent), 2u) << "agent " << agent;
   for (const auto& [pair, bytes] : real.TakeHaveBytes())
     EXPECT_LT(bytes, 1000u) << "only its streams are reported beside it";

@@ -86,7 +86,7 @@ TEST_F(ReplicaActorTest, ANewLeaderGathersAllRecordsOfTheTeamOnce) {
   InsertAtLeader(1);
   team_.AdvanceTime(seconds(100));
   EXPECT_EQ(stores_[3]->records().size(), 31u);
-  // Repeats the assignment, as after a start with a disk that may be empty.
+  // The same leader gets a new term, as after a start with a disk that may be empty.
   NotifyRoles(team_, config_, 3, Roles(3, 2, 4));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(stores_[3]->records().size(), 34u);
@@ -123,7 +123,7 @@ TEST_F(ReplicaActorTest, GathersFromTheSurvivorFirstAndNoRecordTwice) {
 TEST_F(ReplicaActorTest, KeepsGatheringWhileOneAgentDoesNotAnswer) {
   InsertAtLeader(10);
   stores_[4]->Insert(4, proto::POSE_GRAPH_NODE, "of the base station");
-  team_.SetLink(3, 2, false, /*tell=*/false);  // Cuts the link to the survivor, which is asked first.
+  team_.SetLink(3, 2, false, /*tell=*/false);  // Cuts the link to the survivor, which the leader asks first.
   NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   team_.AdvanceTime(seconds(50));
   EXPECT_TRUE(stores_[3]->records().empty());
@@ -135,8 +135,8 @@ TEST_F(ReplicaActorTest, KeepsGatheringWhileOneAgentDoesNotAnswer) {
   EXPECT_EQ(stores_[3]->records().size(), 32u);
 }
 
-// The leader does not wait for an unreachable agent: the next agent's turn comes at once. It asks the former when it
-// returns.
+// The leader does not wait for an unreachable agent, but asks the next agent immediately. It asks the unreachable agent
+// when that agent is connected again.
 TEST_F(ReplicaActorTest, GathersFromReachableAgents) {
   InsertAtLeader(10);
   stores_[2]->Insert(2, proto::POWER, "of the survivor");
@@ -164,7 +164,7 @@ TEST_F(ReplicaActorTest, AFlappingAgentDoesNotKeepOthersWaiting) {
   EXPECT_EQ(stores_[3]->records().size(), 30u);
 }
 
-// The new leader's order arrives before the message about its term.
+// The new leader's order reaches the other agents before the message about its term.
 TEST_F(ReplicaActorTest, SendsTheNewLeaderEverythingThoughItLearnsItsTermLater) {
   InsertAtLeader(10);
   team_.radio().bytes_per_second = 2'000;

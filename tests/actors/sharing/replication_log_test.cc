@@ -1,4 +1,4 @@
-// The notes that sessions make about their peers, as the real storage keeps and shows them.
+// Tests the notes that sessions make about their peers: the real storage keeps the notes and shows them in a view.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,7 +26,8 @@ using std::chrono::minutes;
 constexpr AgentId kLogSelf = 1;
 constexpr AgentId kPeer = 2;
 
-// A session's notes for a log that may fail to write them or may restart. Some notes are lost.
+// Delivers a session's notes about a peer to storage's log. Some notes are lost, and the log may refuse to write or may
+// restart.
 class NotesOverTime {
  public:
   explicit NotesOverTime(std::uint64_t seed) : rng_(seed) { Restart(); }
@@ -81,7 +82,7 @@ class NotesOverTime {
 
   StreamKey Any() { return {3, 1 + rng_() % 40, proto::POSE_GRAPH_NODE}; }
 
-  // Streams as they appear in an acknowledgment, which sends each stream in full.
+  // Returns random streams with new records. As in an acknowledgment, each stream is complete.
   HaveSet AnyNews() {
     HaveSet heard;
     for (auto streams = rng_() % 3 + 1; streams > 0; --streams) {
@@ -114,7 +115,8 @@ class NotesOverTime {
     }
   }
 
-  // The view shows the last accepted note. Later notes that were not accepted changed nothing.
+  // Expects that the view shows the have-set as of the last accepted note. Notes that were not accepted changed
+  // nothing.
   void ExpectTruth() { EXPECT_EQ(Shown(), taken_); }
 
   std::mt19937_64 rng_;
@@ -190,7 +192,7 @@ class ReplicatingTeam {
     return *FromProto(team_.Take({kPeer, "test"}).at(0).have_reply().have());
   }
 
-  // Ends both agents and returns what agent 1 shows of agent 2.
+  // Stops both agents. Returns the records that agent 2 covers according to agent 1's database.
   Covered EndAndShow() {
     for (const AgentId agent : {kLogSelf, kPeer}) team_.Crash(agent);
     const Result<std::unique_ptr<Database>> database = Database::Open(PathOf(kLogSelf));
@@ -205,7 +207,8 @@ class ReplicatingTeam {
  private:
   std::string PathOf(AgentId agent) const { return folder_.File("agent" + std::to_string(agent) + ".db"); }
 
-  // Stores the newest state of agent 3, and drops for its earlier epochs, which that state superseded.
+  // Stores agent 3's newest state at `agent`, and marks the records of agent 3's earlier epochs as dropped, because
+  // that state superseded them.
   void StoreOldEpochs(AgentId agent, std::uint64_t epochs) {
     proto::Message message;
     proto::StoreRequest& request = *message.mutable_store_request();

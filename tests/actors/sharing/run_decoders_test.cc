@@ -23,7 +23,7 @@ class RunDecodersTest : public testing::Test {
     return batch;
   }
 
-  // Returns false if the batch depends on others that are missing.
+  // Returns false if the batch depends on other batches that are missing.
   bool IsDecoded(AgentId sender, const proto::Batch& batch) {
     const auto records = runs_.Decode(sender, batch, batch.coded(), now_);
     if (!records) {

@@ -27,8 +27,8 @@ inline std::string Noise(std::size_t size) {
   return bytes;
 }
 
-// A session with a store on each side. The source's storage answers at once. The destination answers when a test calls
-// it.
+// A session with a store on each side. The source's storage answers immediately. The destination answers only when a
+// test calls a function such as AnswerHello, Store or Acknowledge.
 class SessionFixture : public testing::Test {
  protected:
   void Order() { Take(session_.Order(proto::RecordFilter(), now_)); }
@@ -132,7 +132,7 @@ class SessionFixture : public testing::Test {
     return DecodeBatch(batch.codec(), batch.coded(), batch.record_count()).has_value();
   }
 
-  // Stores and acknowledges until no message is sent any more. Returns all batches.
+  // The destination stores and acknowledges until the session sends no more messages. Returns all batches.
   std::vector<proto::Message> RunToEnd() {
     std::vector<proto::Message> batches;
     while (!sent_.empty()) {
@@ -144,7 +144,7 @@ class SessionFixture : public testing::Test {
     return batches;
   }
 
-  // The destination stores and acknowledges at once. Returns the coded bytes that arrived before `end`.
+  // The destination stores and acknowledges each batch immediately. Returns the coded bytes that arrived before `end`.
   std::size_t BytesUntil(SharingSession::Time end) {
     std::size_t bytes = 0;
     while (now_ < end) {
@@ -182,7 +182,7 @@ class SessionFixture : public testing::Test {
     return options;
   }
 
-  // Requires: nothing is ordered yet. The default is the compact codec.
+  // Replaces the session by one with `codec`. Requires: nothing is ordered yet. The default is the compact codec.
   void UseCodec(proto::Codec codec) {
     SharingSession::Options options = Options();
     options.codec = codec;

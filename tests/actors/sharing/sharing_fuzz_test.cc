@@ -32,7 +32,7 @@ using std::chrono::seconds;
 
 constexpr AgentId kReceiver = 1;
 constexpr AgentId kSender = 2;
-// Limits on what one input may cause.
+// Limits on the actions and the have-set bytes that one input may cause.
 constexpr std::size_t kActionsMax = 32;
 constexpr std::size_t kHaveBytesMax = 64 * 1024;
 
@@ -158,7 +158,8 @@ class Conversation {
     }
   }
 
-  // Runs two correct agents from now on, until the session is complete. Returns false if it does not complete.
+  // From now on delivers only what two correct agents send, until the session is complete. Returns false if it does not
+  // complete.
   bool GoodEnd() {
     air_.clear();
     TakeOfSession(session_.Close());
@@ -200,8 +201,8 @@ class Conversation {
     proto::Message message;
   };
 
-  // A have-set that claims one of the receiving agent's own epochs makes that agent reissue its states under other
-  // keys.
+  // Returns true if a correct agent wrote this record. A state may have another key: a have-set that claims one of an
+  // agent's own epochs makes that agent reissue its states under other keys.
   bool IsGenuine(const RecordKey& key, const std::string& content) const {
     const auto found = genuine_.find(key);
     if (found != genuine_.end()) return found->second == content;
@@ -227,7 +228,7 @@ class Conversation {
     return flying;
   }
 
-  // Invents a message: a mutation of one heard before, a new body, or noise.
+  // Invents a message: a mutation of an earlier message, a new body, or noise.
   Flying Invent() {
     Flying flying{mutator_.Draw(2) == 0 ? kReceiver : kSender, {}};
     if (mutator_.Draw(3) == 0) {

@@ -99,7 +99,7 @@ class SharingReceiverTest : public testing::Test {
     return asked.empty() ? 0 : asked[0].message.request_id();
   }
 
-  // Opens a session, with an answer from storage too. Returns the answer to the Hello.
+  // Opens a session, including the answer from storage. Returns the answer to the Hello.
   proto::Have Open(AgentId sender, std::uint64_t session_id) {
     const SharingActions answered = receiver_.OnHaveReply(OpenSession(sender, session_id), proto::HaveReply());
     EXPECT_EQ(answered.size(), 1u);
@@ -179,7 +179,8 @@ TEST_F(SharingReceiverTest, RefusesToContinueAnUnknownSession) {
   EXPECT_EQ(receiver_.OnBatch(2, Batch(9, 1), now_)->size(), 1u) << "the session that is known stays";
 }
 
-// A thousand bytes that decode to sixteen million. The receiver decodes the first few, then the sender must wait.
+// Batches of a thousand bytes that decode to sixteen million bytes. The receiver decodes the first few batches; then
+// the sender must wait.
 TEST_F(SharingReceiverTest, LimitsTheBytesDecodedPerSenderAndMinute) {
   proto::RecordBatch records;
   *records.add_records()->mutable_key() = ToProto(RecordKey{{2, 9, proto::POWER}, 1});
@@ -373,7 +374,7 @@ TEST_F(SharingReceiverTest, IgnoresALateHello) {
   OpenSession(2, 11);
   EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
   EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
-  // No radio delays a message that long, so the newer Hello must have been damaged.
+  // No radio delays a message by a minute, so the Hello of session 11 must have been a damaged one.
   now_ += seconds(61);
   EXPECT_EQ(receiver_.OnHello(2, Hello(10), now_).size(), 1u);
 }

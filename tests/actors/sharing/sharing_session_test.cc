@@ -108,7 +108,7 @@ TEST_F(SharingSessionTest, StartsOverAtOnceWhenTheDestinationIsReachedAgain) {
   Take(session_.OnConnected(now_));
   AnswerHello();
   RunToEnd();
-  Take(session_.OnConnected(now_));  // No order is unfinished.
+  Take(session_.OnConnected(now_));  // Starts nothing, because no order is unfinished.
   EXPECT_TRUE(TakeSent().empty());
 }
 

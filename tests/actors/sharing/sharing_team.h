@@ -1,5 +1,5 @@
-// A team of rovers and a base station for tests of the sharing actors. It does not include the actors' headers, so a
-// change in them does not recompile every test.
+// A team of rovers and a base station for tests of the sharing actors. This header does not include the actors'
+// headers, so a change in them does not recompile every test.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +34,7 @@ proto::Message ShareOrder(proto::SharingKind kind, AgentId destination = 0);
 // Sends an order to an agent as its operator does, runs the team until it is idle, and returns the answer.
 proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, const proto::Message& order);
 
-// Include proto/share_status.pb.h to read the result's fields.
+// Returns the status of a sharing actor. Include proto/share_status.pb.h to read its fields.
 proto::ShareStatus ShareStatusOf(simulation::SimulatedTeam& team, AgentId agent, const char* actor);
 
 void NotifyRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,

@@ -176,8 +176,8 @@ TEST_F(StandingOrderTest, AnOrderWithoutStatesWaitsInAWindowForStates) {
   EXPECT_TRUE(TakeSent().empty());
 }
 
-// The destination's have-set does not cover origins that the session did not ask about, so their records may not be
-// missing.
+// If the session asks only about some origins, the destination's have-set covers only these. Records of other origins
+// may be present although this have-set does not name them.
 TEST_F(StandingOrderTest, AsksOnlyForTheOriginsInItsFilterAndAgainForOthers) {
   for (int i = 0; i < 20; ++i) {
     const RecordKey other = source_.Insert(kSelf + 1, proto::POSE_GRAPH_NODE, Noise(60));

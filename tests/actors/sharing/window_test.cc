@@ -1,5 +1,5 @@
-// Windows: how leases for driving and sleeping, and pauses, reported by a robot to one agent affect the sessions of
-// another.
+// Tests windows. A robot reports leases for driving and sleeping, and pauses, to its agent. These reports also limit
+// the sessions of other agents.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -119,7 +119,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
     return asked;
   }
 
-  // Expects that no batches follow those that were already handed over.
+  // Expects that no further batches follow those in flight.
   void ExpectSilence(seconds duration) {
     team_.AdvanceTime(seconds(2));
     const int bulky = bulky_;

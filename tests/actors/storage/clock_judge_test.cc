@@ -14,7 +14,7 @@ constexpr std::int64_t kUtc_ns = 1'767'225'600'000'000'000;  // 2026-01-01.
 
 class ClockJudgeTest : public testing::Test {
  protected:
-  // Adds the clock of `peer`, which is `ahead` of the right time.
+  // Adds a report of `peer`'s clock, which is `ahead` of the right time.
   void Hear(AgentId peer, nanoseconds ahead = {}) { judge_.NotePeer(peer, Utc(ahead), now_); }
   ClockJudge::Verdict Judge(nanoseconds ahead = {}) { return judge_.Judge(Utc(ahead), now_); }
   bool IsSuspect(nanoseconds ahead = {}) { return !Judge(ahead).suspect.empty(); }

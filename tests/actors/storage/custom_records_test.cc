@@ -1,4 +1,4 @@
-// Tests how the store handles records of custom data types, declared in its team file or only carried for others.
+// Tests records of custom data types that the store's team file declares, or that the store only carries for others.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -181,7 +181,7 @@ TEST(CustomRecordsTest, CarriesRecordsOfTypesThatItsTeamFileDoesNotDeclare) {
 }
 
 TEST(CustomRecordsTest, AcceptsLargerPayloadsFromPeersThanFromItsOwnRobot) {
-  // A team file with a lowered size limit must not lose records that were stored under the old limit.
+  // If a team file lowers the size limit, records that were stored under the old limit must not be lost.
   auto store = OpenStore(StoreOptionsOf(1));
   const RecordKey key{StreamKey{2, 77, kSoil}, 1};
   EXPECT_EQ(StoreOne(*store, Packed(key, CustomRecordOf(kSoil, std::string(65, 'x')))).stored_count(), 1u);

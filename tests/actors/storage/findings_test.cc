@@ -109,7 +109,7 @@ TEST_F(LastRunTest, OrdersEventsByEpochAndNotByWhenTheyWereStored) {
       Packed({{1, 5, proto::AGENT_EVENT}, 2}, MakeEvent(proto::EVENT_KIND_COMMAND, "sync now", "", kNow_ns))};
   {
     auto store = Start();
-    StoreOne(*store, former[0]);  // Makes the epoch of this process a later one.
+    StoreOne(*store, former[0]);  // This process therefore begins an epoch above 5.
     Notify(*store, proto::EVENT_KIND_STARTED, "started");
     ASSERT_TRUE(store->WriteDownStop(kNow_ns));
     StoreOne(*store, former[1]);
@@ -135,7 +135,7 @@ TEST_F(LastRunTest, ADamagedFileThatWasSetAsideIsTheFirstEventOfTheNewFile) {
 
 TEST_F(LastRunTest, AFileSetAsideByAStartThatLoggedNoEventIsReportedByTheNextStart) {
   std::ofstream(path_, std::ios::binary) << std::string(8192, '\x5a');
-  (void)OpenStore(Options());  // Killed before it could write an event.
+  (void)OpenStore(Options());  // The process is killed before it can write an event.
   {
     auto store = Start();
     ASSERT_EQ(Findings(*store).size(), 1u);

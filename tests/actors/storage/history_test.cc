@@ -192,7 +192,7 @@ TEST(HistoryTest, OldestStatesMakeRoomForNewOnes) {
   EXPECT_EQ(static_cast<std::uint64_t>(page.records_size()), HistoryCount(*store));
   EXPECT_TRUE(std::is_sorted(page.row_ids().begin(), page.row_ids().end()));
   EXPECT_EQ(Superseded(*store, /*is_newest_first=*/true).front(), 298);
-  // The counters match the table, and a new process reads the same counters.
+  // The count in the store's status matches the table.
   EXPECT_EQ(*store->database().Number("SELECT count(*) FROM history"), HistoryCount(*store));
 }
 

@@ -22,7 +22,7 @@ class LogCheckTest : public testing::Test {
   LogCheckTest() {
     {
       const auto running = OpenStore(StoreOptionsOf(1, folder_.File("running")));
-    }  // The schema is in the file, not in the log.
+    }  // Closing the store moves the schema from the log into the file.
     const auto running = OpenStore(StoreOptionsOf(1, folder_.File("running")));
     for (std::uint64_t i = 1; i <= kRecords; ++i) InsertOne(*running, NodeRecord(1, i));
     std::filesystem::copy_file(folder_.File("running"), path_);
@@ -35,7 +35,7 @@ class LogCheckTest : public testing::Test {
   }
   void Write(const std::string& log) const { std::ofstream(path_ + "-wal", std::ios::binary) << log; }
 
-  // Number of records after a start. Sets `damage` to the damage that the store reports.
+  // Opens the store. Returns its number of records, and sets `damage` to the damage that the store reports.
   std::size_t RecordsAfterAStart(std::vector<std::string>& damage) const {
     const auto store = OpenStore(StoreOptionsOf(1, path_));
     damage = store->damage();
@@ -72,7 +72,7 @@ TEST_F(LogCheckTest, FindsNothingIfTheLastTransactionIsTorn) {
 TEST_F(LogCheckTest, FindsNothingInFramesOfAnEarlierLog) {
   std::string log = Read();
   const std::size_t half = kHeaderBytes + (log.size() / kFrameBytes / 2) * kFrameBytes;
-  for (std::size_t at = half; at < log.size(); at += kFrameBytes) ++log[at + 8];  // The frame's salts.
+  for (std::size_t at = half; at < log.size(); at += kFrameBytes) ++log[at + 8];  // Changes the frame's salt.
   Write(log);
   EXPECT_EQ(FindLogDamage(path_), "");
 }
@@ -89,8 +89,8 @@ TEST_F(LogCheckTest, AStartReportsEachFlippedBitThatLosesRecords) {
   for (int i = 0; i < 60; ++i) {
     std::string flipped = whole;
     std::size_t byte = i == 0 ? 17 : random() % whole.size();  // The first round flips a bit of the header.
-    // Bytes 4 to 7 of a frame mark the end of a transaction. A flip there splits the last transaction in two and is
-    // reported.
+    // Skips bytes 4 to 7 of a frame, which mark the end of a transaction. A flip in them splits the last transaction in
+    // two, which the store reports.
     if (byte >= kHeaderBytes && (byte - kHeaderBytes) % kFrameBytes / 4 == 1) byte += 4;
     flipped[byte] = static_cast<char>(flipped[byte] ^ (1 << random() % 8));
     std::ofstream(path_, std::ios::binary) << database;

@@ -28,7 +28,7 @@ double Celsius(RecordStore& store) { return static_cast<double>(Number(store, "S
 
 HaveSet HaveOf(const RecordStore& store) { return *FromProto(store.GetHave().have()); }
 
-// Exchanges records until neither store lacks anything of the other.
+// Exchanges records until each store covers all records of the other.
 void Exchange(RecordStore& a, RecordStore& b) {
   for (int round = 0; round < 100; ++round) {
     const bool is_moving = Bring(a, b);
@@ -169,7 +169,7 @@ TEST_F(LostDiskTest, AStateWinsTwoRestartsAfterABackupWasRestored) {
   EXPECT_EQ(Celsius(*peer_), 70);
 }
 
-// An unmarked copy: the original file knew everything that the copy holds.
+// The copy is unmarked, because BackUpStore did not make it. The original file knew everything that the copy holds.
 TEST_F(LostDiskTest, AStateWinsAfterAnUnmarkedCopyWasRestored) {
   Live(2);
   CopyAside("copy.db");
@@ -373,7 +373,7 @@ TEST_F(LostDiskTest, ALeadersPosesOfANewerTermWinInALowerEpoch) {
   }
   Wipe();
   InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, /*term=*/6, 1, 60));
-  InsertOne(*store_, OptimizedPoseRecord({kSelf, 2}, /*term=*/4, 9, 49));  // Assigned before the agent heard of term 6.
+  InsertOne(*store_, OptimizedPoseRecord({kSelf, 2}, /*term=*/4, 9, 49));  // Solved before the agent heard of term 6.
   const std::uint64_t low = store_->GetHave().epoch();
   Exchange(*store_, *peer_);
   for (RecordStore* store : {store_.get(), peer_.get()}) {

@@ -131,7 +131,7 @@ TEST(OwnEpochsTest, FindsWhereAnOlderCopyDiverged) {
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
   const std::uint64_t others_third = Epoch(3, kOurs, second, second, 0);
-  own.Learn(others_third);  // This file is an older copy; the file that it was copied from had gone on.
+  own.Learn(others_third);  // This file is an older copy. The original file had gone on to a third epoch.
   own.Learn(Epoch(4, kOurs, others_third));
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t third = Epoch(3, kOurs, second, second, 1);
@@ -151,7 +151,8 @@ TEST(OwnEpochsTest, FindsWhereEachOfSeveralOlderCopiesDiverged) {
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
 }
 
-// The copy that began the highest epoch had reissued this file's states as soon as it heard of the other copy.
+// A later copy of this file began the highest epoch. That copy had reissued this file's states as soon as it heard of
+// the other copy.
 TEST(OwnEpochsTest, EndangersNoEpochThatTheHighestEpochKnew) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first, first, 0);
@@ -203,7 +204,7 @@ TEST(OwnEpochsTest, FindsThatACopyDivergedThoughItsFirstEpochIsUnknown) {
   EXPECT_THAT(own.Endangered().certain, ElementsAre(second));
 }
 
-// States from before the backup were known to the disk onto which it was restored.
+// The disk onto which a backup is restored knows the states from before the backup.
 TEST(OwnEpochsTest, DoesNotEndangerEpochsFromARestoredBackup) {
   const std::uint64_t first = Epoch(1, kLost, 0);
   const std::uint64_t second = Epoch(2, kLost, first);
@@ -276,8 +277,8 @@ class Robot {
     }
   }
 
-  // Learns all epochs. Expects as endangered exactly the epochs that the highest epoch of another disk did not know. A
-  // guess is allowed only if two epochs share a mark.
+  // Learns all epochs. Expects that OwnEpochs reports as endangered exactly the epochs that the highest epoch of
+  // another disk did not know. A guess is allowed only if two epochs share a mark.
   void Check() {
     Hear();
     const auto highest = std::find_if(knew_.rbegin(), knew_.rend(),
@@ -306,7 +307,7 @@ class Robot {
   struct Disk {
     OwnEpochs own;
     std::set<std::uint64_t> begun;           // Epochs in this disk's history.
-    std::set<std::uint64_t> of_incarnation;  // Those that its present incarnation began.
+    std::set<std::uint64_t> of_incarnation;  // Epochs that its present incarnation began.
     std::set<std::uint64_t> known;
   };
 

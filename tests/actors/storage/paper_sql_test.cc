@@ -243,7 +243,7 @@ TEST(PaperSqlTest, RefusesLongStatementsBeforeSqliteReadsThem) {
       long_one(begin + "(1, 1, 1) RETURNING 1", ",1"),
       long_one("INSERT INTO temperature (celsius", ",celsius"),
       long_one("INSERT INTO temperature (celsius) SELECT 1", " UNION SELECT 1"),
-      // These contexts look like quotes, but SQLite does not treat them as such. They must not hide the commas.
+      // In these statements the quote character does not begin a string. It must not hide the commas from the check.
       long_one(begin + "(\"'\"", ",1"),
       long_one(begin + "([']", ",1"),
       long_one(begin + "(`'`", ",1"),

@@ -242,7 +242,7 @@ TEST(PeerAuthorityTest, ReportsAClaimedOwnEpochUntilItsRecordsArrive) {
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
-// The note that agent 2 holds agent 1's nodes 1 to `last` of `epoch`.
+// Returns a note that agent 2 holds agent 1's nodes 1 to `last` of `epoch`.
 proto::PeerHave NoteOfNodes(std::uint64_t epoch, std::uint64_t last) {
   proto::PeerHave note;
   note.set_peer(2);
@@ -427,7 +427,7 @@ TEST(PeerAuthorityTest, ReportsOriginsWhoseRecordsReadersLeaveOut) {
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
-// A ledger with `streams` as the number of streams of each origin.
+// Returns a ledger with the given number of streams of each origin.
 HaveLedger LedgerOf(const std::map<AgentId, std::uint64_t>& streams) {
   HaveLedger ledger;
   for (const auto& [origin, count] : streams) {
@@ -456,7 +456,7 @@ TEST(PeerAuthorityTest, ReservesHalfOfTheDiskInEqualPartsForOtherAgents) {
   options.self = 1;
   options.team = {1, 2, 3, 9};
   PeerAuthority authority(options);
-  constexpr std::uint64_t kRoom = 8000;  // Reserves 1,000 for each agent and shares 4,000.
+  constexpr std::uint64_t kRoom = 8000;  // 1,000 are reserved for each agent, and 4,000 are shared.
   EXPECT_TRUE(authority.CheckDiskRoom(2, {{2, 4999}}, kRoom));
   EXPECT_FALSE(authority.CheckDiskRoom(2, {{2, 5000}}, kRoom));
   EXPECT_TRUE(authority.CheckDiskRoom(3, {{2, 5000}, {3, 999}}, kRoom)) << "another's part is kept for it";
@@ -465,7 +465,7 @@ TEST(PeerAuthorityTest, ReservesHalfOfTheDiskInEqualPartsForOtherAgents) {
   EXPECT_TRUE(authority.CheckDiskRoom(2, {{1, 7000}, {2, 4999}}, kRoom)) << "and take no shared room";
 }
 
-// The store of agent 1 with a budget of 2 MB. Rover 3 fills it until the store refuses its records.
+// The store of agent 1 with a budget of 2 MB. Rover 3 fills the budget until the store refuses its records.
 class DiskRoomTest : public testing::Test {
  protected:
   void SetUp() override { Open(); }

@@ -1,4 +1,4 @@
-// Rows of the view replication_log, which shows the records that peers hold, for comparison with a have-set.
+// Reads from table peer_have which records peers cover, for comparison with a have-set.
 #pragma once
 
 #include <map>
@@ -23,7 +23,7 @@ inline Covered ShownIn(Database& database, AgentId peer) {
   return shown;
 }
 
-// Covered records by stream. Leaves out streams without any.
+// Returns the covered records by stream, without streams that have none.
 inline Covered HadOf(const HaveSet& have) {
   Covered covered;
   for (const auto& [stream, of_stream] : have.streams()) {

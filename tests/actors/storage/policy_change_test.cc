@@ -24,7 +24,7 @@ constexpr AgentId kSurvivor = 2;
 
 class PolicyChangeTest : public testing::Test {
  protected:
-  // Opens the agent's store as a start with this policy for temperatures would.
+  // Opens the agent's store with this policy for temperatures in its team file.
   std::unique_ptr<RecordStore> Start(AgentId agent, proto::Policy policy) {
     RecordStore::Options options =
         StoreOptionsOf(agent, folder_.File(std::to_string(agent) + ".sqlite"), /*seed=*/++starts_);

@@ -12,7 +12,7 @@
 namespace moondb {
 namespace {
 
-// The contents by key that all stores must agree on.
+// Returns the contents of all shared records by key. All stores must agree on them.
 std::map<std::string, std::string> Shared(RecordStore& store) {
   std::map<std::string, std::string> shared;
   for (const proto::StoredRecord& record : Contents(store)) {
@@ -44,7 +44,7 @@ class Exchange {
     }
   }
 
-  // Exchanges records until no store lacks any. Returns false if that state is not reached.
+  // Exchanges records until no store lacks any. Returns false if some store still lacks records after 1,000 rounds.
   bool Quieten() {
     bag_.clear();
     for (int round = 0; round < 1000; ++round) {
@@ -143,7 +143,7 @@ TEST(RecordExchangeTest, AStateIsNotSupersededByALostState) {
   }
   InsertOne(*origin, TemperatureRecord(2));
   proto::StoreRequest reported;
-  *reported.mutable_dropped() = origin->GetMissing({})->dropped();  // Its batch overtook the one with the second state.
+  *reported.mutable_dropped() = origin->GetMissing({})->dropped();  // Overtakes the batch with the second state.
   ASSERT_EQ(reported.dropped_size(), 1);
   EXPECT_FALSE(IsError(second->Store(reported).reply.error()));
   origin.reset();
@@ -158,7 +158,7 @@ TEST(RecordExchangeTest, TheLeaderAlwaysHasAStateOfAnAgentOnceItReceivedOne) {
   for (int i = 1; i <= 20; ++i) {
     InsertOne(*origin, TemperatureRecord(i));
     if (i % 3 == 0) Bring(*origin, *leader, 1);
-    // Once the leader has a state, it never lacks one.
+    // Once the leader has received a state, it always has one.
     EXPECT_EQ(*leader->database().Number("SELECT count(*) FROM temperature"), i < 3 ? 0 : 1);
   }
   while (Bring(*origin, *leader)) {

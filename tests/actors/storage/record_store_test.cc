@@ -163,7 +163,7 @@ TEST(RecordStoreTest, RefusesOwnOdometryThatSkipsANode) {
 TEST(RecordStoreTest, BeginsAnEpochAboveThoseThatPeersKnow) {
   auto store = OpenStore(StoreOptionsOf(2));
   const std::uint64_t first = InsertOne(*store, TemperatureRecord(1)).epoch();
-  // The disk was lost before: a peer still has records of its ninth epoch.
+  // The agent's disk was lost before. A peer still has records of the lost disk's ninth epoch.
   const std::uint64_t forgotten = (9ull << 48) | 5;
   StoreOne(*store, Packed(Key(2, proto::TEMPERATURE, 3, forgotten), TemperatureRecord(30)));
   const proto::RecordKey next = InsertOne(*store, TemperatureRecord(2));
@@ -204,7 +204,7 @@ TEST(RecordStoreTest, InsertsAllRecordsOrNone) {
   EXPECT_EQ(bad.error().code(), proto::ERROR_CODE_INVALID);
   EXPECT_EQ(bad.error().field(), "records[1].temperature.celsius");
   EXPECT_EQ(bad.keys_size(), 0);
-  // The store refuses the second node inside the transaction, after it wrote a row.
+  // The store refuses the second node inside the transaction, after it wrote the first node's row.
   const proto::InsertReply twice = InsertAll(*store, {NodeRecord(2, 1, 0), NodeRecord(2, 1, 5)});
   EXPECT_EQ(twice.error().field(), "records[1].pose_graph_node");
   EXPECT_TRUE(Contents(*store).empty());
@@ -479,7 +479,7 @@ TEST(RecordStoreTest, SetsADamagedFileAsideAndRefusesAnotherAgentsFile) {
   EXPECT_EQ(other.error().code, ErrorCode::kRefused);
   EXPECT_NE(other.error().text.find("belongs to agent 2"), std::string::npos);
 
-  // The root page of the first table with many rows.
+  // Overwrites the root page of the table of nodes.
   std::int64_t page = 0;
   {
     auto store = OpenStore(StoreOptionsOf(2, path));
@@ -636,7 +636,7 @@ TEST(RecordStoreTest, ReturnsOnlyTheRequestedStreams) {
   EXPECT_EQ(store->GetHave(request).have().streams_size(), 2);
 }
 
-// Because of the mark a session to a destination can end while the robot goes on inserting.
+// The mark lets a session to a destination end although the robot goes on inserting records.
 TEST(RecordStoreTest, RecordsInsertedAfterAMarkAreNotMissing) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, NodeRecord(2, 1));
@@ -661,7 +661,7 @@ TEST(RecordStoreTest, RecordsInsertedAfterAMarkAreNotMissing) {
   EXPECT_EQ(store->GetMissing(request)->records_size(), 4) << "no mark";
 }
 
-// The marked state was superseded. Without the newer state the destination would have none of that key.
+// The marked state was superseded. Without the newer state the destination would have no state of that key.
 TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, TemperatureRecord(1));
@@ -676,7 +676,8 @@ TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   EXPECT_EQ(reply.dropped_size(), 1);
 }
 
-// Under policy `all`, with only the newest sent to a destination, a marked record may no longer be the newest one.
+// If a destination gets only the newest records of a type under policy `all`, a marked record may no longer be the
+// newest one.
 TEST(RecordStoreTest, ANewerRecordThanTheMarkedOneIsMissingUnderPolicyAll) {
   RecordStore::Options options = StoreOptionsOf(2);
   options.policies[proto::TEMPERATURE] = proto::POLICY_ALL;
@@ -716,7 +717,7 @@ TEST(RecordStoreTest, ReturnsItsHaveSetInPages) {
   EXPECT_GT(pages, 4);
 }
 
-// A stream with very many gaps. The size of an acknowledgment does not grow with their number.
+// A stream with very many gaps. The size of an acknowledgment does not grow with the number of gaps.
 TEST(RecordStoreTest, AcknowledgesOnlyTheBatchsIntervalsOfALargeStream) {
   auto store = OpenStore(StoreOptionsOf(2));
   const auto store_each_second = [&](std::uint64_t first, std::uint64_t last) {

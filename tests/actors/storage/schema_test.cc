@@ -105,7 +105,8 @@ TEST(SchemaTest, RefusesAnotherProgramsFile) {
   EXPECT_EQ(*database->Number("PRAGMA user_version"), 7);
 }
 
-// Files at the store's path that the store must refuse. Compares their bytes before and after.
+// Files at the store's path that the store must refuse. Opening the store must not change the bytes of the file or its
+// log.
 class RefusedFileTest : public testing::Test {
  protected:
   void ExpectRefusedAndNotTouched() {

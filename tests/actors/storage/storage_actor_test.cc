@@ -153,7 +153,7 @@ class EpochReportTest : public StorageActorTest {
     (void)team_.Post({from, "storage"}, {2, "storage"}, std::move(report));
     team_.AdvanceTime(std::chrono::seconds(1));
   }
-  // An epoch of another disk, with a counter that is higher by 5.
+  // Returns an epoch of another disk. Its counter is higher by 5 than that of `epoch`.
   static std::uint64_t OfAnotherDisk(std::uint64_t epoch) {
     const EpochParts parts = PartsOf(epoch);
     return EpochOf({parts.counter + 5, parts.tag ^ 1, 0, 0}, epoch);

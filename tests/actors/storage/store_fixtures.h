@@ -30,14 +30,14 @@ proto::Record CustomRecordOf(DataType type, const std::string& payload, const st
 proto::RecordKey InsertOne(RecordStore& store, const proto::Record& record, bool is_local = false);
 proto::InsertReply InsertAll(RecordStore& store, const std::vector<proto::Record>& records);
 
-// A record as a peer would send it, if its origin has the policies of StoreOptionsOf.
+// Returns the record as a peer sends it, if the record's origin has the policies of StoreOptionsOf.
 proto::StoredRecord Packed(const RecordKey& key, proto::Record record);
 proto::StoreReply StoreOne(RecordStore& store, const proto::StoredRecord& record);
 
 // All records in `store`, oldest first.
 std::vector<proto::StoredRecord> Contents(RecordStore& store);
 
-// Sends `to` one page of the records that it lacks from `from`. Returns true if there were any.
+// Sends `to` one page of the records of `from` that `to` lacks. Returns true if there were any.
 bool Bring(RecordStore& from, RecordStore& to, std::uint32_t records_max = 0);
 
 }  // namespace moondb

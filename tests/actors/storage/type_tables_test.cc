@@ -16,7 +16,7 @@ namespace {
 using testing::ElementsAreArray;
 using testing::SizeIs;
 
-// Columns of the table after those that all tables have, for example "celsius REAL".
+// Returns the table's own columns, for example "celsius REAL". Leaves out the columns that all tables have.
 std::vector<std::string> ColumnsIn(Database& database, const std::string& table) {
   std::vector<std::string> columns;
   Query query = database.Prepare("SELECT name || ' ' || type FROM pragma_table_info('" + table +
@@ -26,7 +26,7 @@ std::vector<std::string> ColumnsIn(Database& database, const std::string& table)
   return columns;
 }
 
-// The declared columns with their SQL type only: "celsius REAL" for "celsius REAL NOT NULL".
+// Returns the declared columns with their SQL type only: "celsius REAL" for "celsius REAL NOT NULL".
 std::vector<std::string> DeclaredColumns(const TypeTable& table) {
   std::vector<std::string> columns;
   for (const std::string_view column : Split(table.columns, ',')) {

@@ -14,7 +14,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-// Sums of the replies for all parts, requested until each part is complete.
+// Sums over all replies of a complete verification.
 struct Found {
   double rows = 0, held = 0, damaged = 0, missing = 0, orphaned = 0;
   int slices = 0;
@@ -47,7 +47,7 @@ Found VerifyAll(RecordStore& store) {
   return found;
 }
 
-// The fingerprint of seqs `first` to `last` of a stream, requested until it is complete. Adds the number of replies to
+// Requests the fingerprint of seqs `first` to `last` of a stream until it is complete. Adds the number of replies to
 // `answers`.
 proto::FingerprintReply FingerprintOf(RecordStore& store, const StreamKey& stream, std::uint64_t first,
                                       std::uint64_t last, int* answers = nullptr) {
@@ -94,7 +94,7 @@ class VerifyTest : public testing::Test {
 TEST_F(VerifyTest, FindsNothingInASoundStore) {
   EXPECT_EQ(VerifyAll(*store_).rows, 0);
   for (int i = 0; i < 5; ++i) InsertOne(*store_, NodeRecord(2, i));
-  for (int i = 0; i < 3; ++i) InsertOne(*store_, TemperatureRecord(i));  // Supersedes two of them.
+  for (int i = 0; i < 3; ++i) InsertOne(*store_, TemperatureRecord(i));  // The third state supersedes the other two.
   InsertOne(*store_, CustomRecordOf(1000, "wet"));
   InsertOne(*store_, NodeRecord(2, 9), /*is_local=*/true);
   StoreOne(*store_, Packed({{3, 7, proto::POSE_GRAPH_NODE}, 4}, NodeRecord(3, 4)));
@@ -131,7 +131,7 @@ TEST_F(VerifyTest, FindsMissingRowsAndOrphanedRows) {
   const Found found = VerifyAll(*store_);
   EXPECT_EQ(found.missing, 2);
   EXPECT_EQ(found.orphaned, 1);
-  EXPECT_EQ(found.damaged, 1);  // The hash covers the key too.
+  EXPECT_EQ(found.damaged, 1);  // The orphaned row: its hash covers another key.
   EXPECT_THAT(found.findings, testing::IsSupersetOf({ToString({nodes, 2}) + ": it is held, but there is no row",
                                                      ToString({nodes, 5}) + ": it is held, but there is no row"}));
 }

@@ -26,7 +26,7 @@ std::size_t FaultsOfAKind() {
   const char* text = std::getenv("MOONDB_FAULTS");
   return text == nullptr ? 2 : static_cast<std::size_t>(std::max(1, std::atoi(text)));
 }
-// From "storage insert_request" to the numbers of these messages.
+// Maps a kind of message, for example "storage insert_request", to the numbers of its messages.
 using Kinds = std::map<std::string, std::vector<std::uint64_t>>;
 
 Kinds KindsOf(const std::vector<std::string>& handled) {
@@ -51,7 +51,8 @@ std::vector<Strike> ChooseStrikes(const Kinds& kinds, bool kills_agent) {
   return strikes;
 }
 
-// Cuts a rover's link in the middle of an order, then loses the leader: early, half-way and at the end.
+// Cuts a rover's link in the middle of an order, then loses the leader. The parameter sets when: early, half-way or at
+// the end.
 class LossesTest : public testing::TestWithParam<int> {};
 
 TEST_P(LossesTest, TheSurvivorSolvesAndMergesAllRecordsThatItAcknowledged) {
@@ -73,7 +74,7 @@ TEST(MissionTest, SucceedsWithoutFaults) {
 
 class CrashTest : public testing::TestWithParam<std::uint64_t> {
  protected:
-  // Without this, each deliberate failure would log a warning.
+  // Otherwise each deliberate failure would log a warning.
   static void SetUpTestSuite() { spdlog::set_level(spdlog::level::critical); }
 
   // Runs one mission. Returns false once enough missions have failed.
@@ -88,7 +89,7 @@ class CrashTest : public testing::TestWithParam<std::uint64_t> {
     return ++failed_ < 5;
   }
 
-  // Strikes this shard's share of all messages, one message per mission.
+  // Strikes each message of this shard, in a mission of its own.
   void StrikeEach(bool kills_agent) {
     const std::vector<Strike> strikes = ChooseStrikes(KindsOf(RunMission(kSeed, {}).handled), kills_agent);
     for (std::size_t i = GetParam(); i < strikes.size(); i += kShards) {
@@ -110,7 +111,7 @@ class CrashTest : public testing::TestWithParam<std::uint64_t> {
 TEST_P(CrashTest, ActorsFailAtAnyMessage) { StrikeEach(/*kills_agent=*/false); }
 TEST_P(CrashTest, AgentsAreKilledAtAnyMessage) { StrikeEach(/*kills_agent=*/true); }
 
-// Faults that strike states left by earlier faults. MOONDB_SEEDS sets the number of missions.
+// Faults strike states that earlier faults left. MOONDB_SEEDS sets the number of missions.
 TEST_P(CrashTest, SeveralFaultsStrikeOneMission) {
   const char* text = std::getenv("MOONDB_SEEDS");
   const std::uint64_t seeds = text == nullptr ? 6 : static_cast<std::uint64_t>(std::max(1, std::atoi(text)));

@@ -37,7 +37,8 @@ constexpr int kTriesMax = 30;  // An agent may be killed at each of several star
 constexpr Duration kClientPatience = seconds(6);
 constexpr Duration kDownTime = seconds(3);  // Time until a killed agent restarts.
 
-// Commits to a real disk are slow. In memory they are fast, and survive a crash of the simulated agent equally.
+// Returns a folder in memory if there is one. Commits are faster there than on a disk, and survive a crash of the
+// simulated agent as well.
 std::filesystem::path FolderOfFolders() {
   const std::filesystem::path memory("/dev/shm");
   std::error_code ignored;
@@ -56,7 +57,8 @@ class NoFindings final : public Actor {
   }
 };
 
-// An actor in whose handlers the agent's process can end. Calls `after_handler` as each handler returns or throws.
+// Wraps an actor so that the agent's process can end in one of its handlers. Calls `after_handler` when a handler
+// returns or throws.
 class MortalActor final : public Actor {
  public:
   MortalActor(std::unique_ptr<Actor> actor, std::function<void()> after_handler)
@@ -242,8 +244,7 @@ class Mission {
 
   // --- Time ---
 
-  // Runs until `condition` holds. Returns false if `limit` passes first. Restarts killed agents when their time has
-  // come.
+  // Runs until `condition` holds. Returns false if `limit` passes first. Restarts killed agents at their restart times.
   bool RunUntil(const std::function<bool()>& condition, Duration limit) {
     const MonotonicTime end = team_.now() + limit;
     while (true) {
@@ -276,7 +277,7 @@ class Mission {
     return reply ? *reply : proto::ControlReply();
   }
 
-  // Sends each request from a client of its own, all at once. Returns the answers, with nothing for requests without an
+  // Sends each request from a client of its own, all at once. Returns the answers; nullopt for a request that got no
   // answer in time.
   std::vector<std::optional<proto::ControlReply>> Call(AgentId agent,
                                                        const std::vector<proto::ControlRequest>& requests) {
@@ -381,7 +382,7 @@ class Mission {
     return record;
   }
 
-  // Inserts the records of a rover that drives from node `first` to before node `end`.
+  // Inserts the records of a drive of `rover` from node `first` to the node before `end`.
   void InsertDrive(AgentId rover, std::uint64_t first, std::uint64_t end) {
     std::vector<proto::Record> graph;
     std::vector<proto::Record> maps;
@@ -415,7 +416,7 @@ class Mission {
     (void)Ask(Leader(), request);
   }
 
-  // Solves. Storage must then hold as many poses of the newest run as the reply counts.
+  // Solves the pose graph. Storage must then hold as many poses of the newest run as the reply reports.
   void Optimize() {
     const AgentId leader = Leader();
     proto::ControlRequest request;
@@ -585,7 +586,7 @@ class Mission {
     }
   }
 
-  // The records that were checked before must be on the disks.
+  // Cuts the power of all agents. `records`, which were checked before, must still be on their disks.
   void CheckPowerCut(const std::map<AgentId, Records>& records) {
     for (AgentId agent = 1; agent <= kAgents; ++agent) team_.Crash(agent);
     for (AgentId agent = 1; agent <= kAgents; ++agent) team_.Restart(agent);
@@ -606,8 +607,8 @@ class Mission {
     }
   }
 
-  // `agent` must hold all records whose insert a robot saw acknowledged, or have held them until newer ones replaced
-  // them.
+  // `agent` must hold all records whose insert was acknowledged to a robot. Under policy `latest` it is enough that the
+  // agent's have-set covers the record.
   void CheckAcknowledged(AgentId agent, const std::map<AgentId, Records>& records,
                          const std::map<AgentId, HaveSet>& have) {
     for (const auto& [key, content] : acknowledged_) CheckHas(agent, key, records, have);
@@ -626,7 +627,7 @@ class Mission {
       if (key.stream.origin == origin) CheckHas(origin, key, records, have);
     }
     for (const auto& [key, content] : records.at(origin)) {
-      // This also covers records that were not acknowledged.
+      // Also checks records that were not acknowledged.
       if (key.stream.origin == origin) CheckHas(2, key, records, have);
     }
     for (const auto& [key, stream] : claimed_[origin].streams()) {

@@ -16,7 +16,7 @@
 namespace moondb {
 
 struct Strike {
-  std::uint64_t message = 0;  // Number of the message among all that actors handle, from 1.
+  std::uint64_t message = 0;  // Number of the message, from 1, among all messages that actors handle.
   simulation::Fault fault = simulation::Fault::kNone;
   bool kills_agent = false;  // Ends the agent's process, which restarts 3 s later. Otherwise only the actor fails.
 };
@@ -25,15 +25,15 @@ struct MissionReport {
   std::vector<std::string> handled;  // Each message before the faults stopped, for example "storage insert_request".
   std::vector<std::string> struck;   // For each strike, the actor, the message and the time.
   std::vector<std::string> faults;   // Violated invariants. Empty if all hold.
-  std::size_t kept_count = 0;        // For RunLosses: records of other agents that the survivor holds.
+  std::size_t kept_count = 0;        // For RunLosses: number of other agents' records that the survivor holds.
 };
 
 // Runs a mission to its end in a temporary folder. Equal arguments give equal runs.
 MissionReport RunMission(std::uint64_t seed, const std::vector<Strike>& strikes);
 
 // Runs a mission in which rover 3's link is cut permanently once its `batches`-th batch is in flight to the collecting
-// leader. The leader is lost permanently once the survivor has acknowledged that many replicated batches. Then the
-// survivor takes the lead, solves and merges. All records that it acknowledged must be there and be used.
+// leader. The leader is lost permanently once the survivor has acknowledged `batches` replicated batches. Then the
+// survivor takes the lead, solves and merges. It must hold and use all records that it acknowledged.
 MissionReport RunLosses(std::uint64_t seed, int batches);
 
 std::string ToString(const Strike& strike);

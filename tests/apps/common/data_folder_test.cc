@@ -77,7 +77,7 @@ TEST_F(DataOwnerTest, LeavesAnotherTeamsDataAlone) {
 TEST_F(DataOwnerTest, DoesNotChooseBetweenCopies) {
   team_.mutable_agents(1)->set_name("scout");
   Mark("rover2", 2);
-  Mark("rover2.old", 2);  // A folder that was set aside: its name is not an agent's name.
+  Mark("rover2.old", 2);  // Ignored, because an agent's name has no dot.
   EXPECT_EQ(FindDataFolder(root_, team_, team_.agents(1)).value(), root_ / "rover2");
   Mark("copy", 2);
   EXPECT_EQ(FindDataFolder(root_, team_, team_.agents(1)).error().code, ErrorCode::kRefused);

@@ -50,7 +50,7 @@ TEST_F(CommandLineTest, EndsEveryHelpWithAnExample) {
 }
 
 TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
-  std::vector<std::pair<std::string, std::string>> examples;  // Pairs of the command's path and an example.
+  std::vector<std::pair<std::string, std::string>> examples;  // Each command's path and example.
   VisitCommands(app_, [&examples](const Command& command) {
     if (command.subcommands().empty() || !command.requires_subcommand()) {
       examples.emplace_back(PathOf(command), NoteOf(command)->example);
@@ -62,7 +62,7 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
     CommandContext context{"."};
     Command app(kProgramName, kProgramDescription);
     AddCommandLine(app, context);
-    // The shell handles the part after >.
+    // The shell, not moonctl, handles the redirection after >.
     const auto stop = app.Parse(example.substr(0, example.find(" > ")));
     ASSERT_FALSE(stop.has_value()) << stop->error;
     EXPECT_TRUE(context.action != nullptr);

@@ -59,7 +59,7 @@ TEST(FingerprintsTest, FindsDifferencesByBisection) {
   EXPECT_EQ(asked, 2);
 
   Hashes damaged = sound;
-  damaged[450] ^= 1;  // Not compared by the test.
+  damaged[450] ^= 1;  // Differing does not compare seq 450.
   EXPECT_THAT(Differing(sound, damaged, 10, asked), ElementsAre());
   damaged[1] ^= 1 << 9;
   damaged[400] ^= 1;
@@ -82,7 +82,7 @@ TEST(FingerprintsTest, ReturnsAnErrorAtOnce) {
   EXPECT_EQ(FindDiffering(held, Asking(sound, asked), failing, 10).error().code, ErrorCode::kTimedOut);
 }
 
-// An agent that answers with hashes equal to the seqs, for `per_answer` seqs at a time.
+// Returns the answers of an agent whose records have their seq as hash. Each answer covers `per_answer` records.
 FakeAgent::Answer InParts(std::uint64_t per_answer) {
   return [per_answer](const proto::ClientMessage& request) {
     const proto::StreamHave& stream = request.control_request().fingerprint().stream();

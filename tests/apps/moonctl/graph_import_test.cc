@@ -19,7 +19,8 @@ proto::TeamConfig Team(int rovers, bool has_base) {
   return team;
 }
 
-// Two rovers with one step each, a base station, an unknown landmark, and ranges between all of them.
+// Two rovers (A, B) with one odometry step each, a base station (L) and an unknown landmark (M). Ranges lead from A to
+// B, from B to L and from A to M.
 constexpr char kGraph[] =
     "VERTEX_SE2 0 A0 1 2 0\n"
     "VERTEX_SE2 10 A1 50 50 0\n"
@@ -53,7 +54,7 @@ TEST(GraphImportTest, SeparatesOdometryFromLoopClosuresAndSkipsObservationsOfOth
   const auto import = PrepareImport(Team(2, true), *pyfg);
   ASSERT_TRUE(import.has_value()) << ToString(import.error());
   EXPECT_EQ(import->odometry_count, 3u);
-  EXPECT_EQ(import->left_out_count, 5u);  // M0, its range, A1's view of B1, two loops between A0 and A2.
+  EXPECT_EQ(import->left_out_count, 5u);  // M0 and its range, A1's view of B1, and two loop closures (A0, A2).
   const auto& last = import->records.at(10)[2].pose_graph_node();
   EXPECT_EQ(last.node().index(), 2u);
   EXPECT_NEAR(last.map_from_node().position_m().x(), 5, 1e-12);
@@ -70,7 +71,7 @@ TEST(GraphImportTest, ComposesRawPosesFromOdometryAndNeverTakesLaterVertices) {
   EXPECT_EQ(import->left_out_count, 2u);  // The landmark M0 and its range.
 
   const auto& rover2 = import->records.at(20);
-  ASSERT_EQ(rover2.size(), 4u);  // Two nodes, a step, the range to the base station.
+  ASSERT_EQ(rover2.size(), 4u);  // Two nodes, an odometry step and the range to the base station.
   const auto& node = rover2[1].pose_graph_node();
   EXPECT_EQ(node.node().index(), 1u);
   EXPECT_NEAR(node.map_from_node().position_m().x(), 5, 1e-12);

@@ -41,7 +41,7 @@ TEST(HoldingsTest, SupersededRecordsAreNotLacking) {
   EXPECT_EQ(row[0].held, 1u);
   EXPECT_EQ(row[0].lacking, 0u);
   EXPECT_EQ(row[1].held, 1u);
-  EXPECT_EQ(row[1].lacking, 1u);  // Only seq 3: seqs 1, 2 and 4 are not lacking.
+  EXPECT_EQ(row[1].lacking, 1u);  // Only seq 5: seqs 1, 2 and 4 are superseded.
   HaveSet nothing;
   nothing[{3, 7, kState}].dropped.Add({1, 4});
   EXPECT_TRUE(HoldingsOf({nothing, HaveSet()}).empty());

@@ -57,7 +57,8 @@ TEST_F(MapFilesTest, EachFormatHoldsTheNotes) {
   }
 }
 
-// Files that exist when a signal handler runs, as an interrupted process would leave them.
+// Paths of the two files of an export. The signal handler LookAtFiles checks whether an interrupted process would leave
+// only one of the files.
 char picture_file[256];
 char text_file[256];
 std::atomic<int> half_count = 0;
@@ -103,7 +104,7 @@ TEST_F(MapFilesTest, SaysWhatToDoWhereNothingCanBeWritten) {
 TEST_F(MapFilesTest, LeavesTheFilesOfAnEarlierTimeWhereOneCannotBeWritten) {
   ASSERT_TRUE(WriteMapFiles(Export("nav2")));
   const std::string before = *ReadTextFile(File("map.pgm"));
-  std::filesystem::create_directories(File("map.yaml.new.part"));  // Blocks the path of the second file.
+  std::filesystem::create_directories(File("map.yaml.new.part"));  // The second file cannot be written.
   MapExport other = Export("nav2");
   other.map.grid.At(10, 10) = Cell::kHazard;
   ASSERT_FALSE(WriteMapFiles(other));

@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-// Returns true if no hazard cell's centre lies under the body of 0.75 m x 0.5 m.
+// Returns true if no hazard cell lies under a rover's body (0.75 m x 0.5 m) at this pose.
 bool IsBodySafe(const Terrain& terrain, const Eigen::Vector2d& position_m, double yaw_rad) {
   const Pose pose = Pose::FromPlanar(position_m.x(), position_m.y(), yaw_rad);
   for (double x = -0.375; x <= 0.376; x += 0.025) {
@@ -47,7 +47,7 @@ TEST_P(DriveTest, RoversKeepApartAndOffHazardsAndExplore) {
         const Eigen::Vector2d position = from.position_m + (to.position_m - from.position_m) * (part / 10.0);
         EXPECT_TRUE(IsBodySafe(terrain, position, to.yaw_rad));
       }
-      // Turning on the spot sweeps every heading in between.
+      // A turn on the spot passes through all headings between its start and its end.
       for (int part = 0; part <= 10; ++part) {
         EXPECT_TRUE(IsBodySafe(terrain, from.position_m, from.yaw_rad + from.turn_rad * part / 10.0));
       }
@@ -88,7 +88,7 @@ TEST(CrowdedDriveTest, RoversWaitRatherThanComeTooNear) {
       }
     }
     EXPECT_GE(least_m, options.separation_m - 1e-9);
-    EXPECT_LT(least_m, options.separation_m + 0.5);  // The rovers are close enough to make waiting necessary.
+    EXPECT_LT(least_m, options.separation_m + 0.5);  // Rovers come so close that some must wait.
     EXPECT_GT(steps, 100);
   }
 }

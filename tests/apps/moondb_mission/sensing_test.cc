@@ -12,7 +12,7 @@ TerrainOptions FlatOptions() {
   TerrainOptions options;
   options.side_m = 40;
   options.crater_share = 0;
-  options.rock_diameter_min_m = 2.49;  // Rocks are very rare, and absent from the landing area.
+  options.rock_diameter_min_m = 2.49;  // Only the largest rocks, none in the landing area.
   options.landing_radius_m = 25;
   return options;
 }
@@ -67,7 +67,7 @@ TEST_F(SensingTest, OtherRoversAreObstacles) {
 }
 
 TEST_F(SensingTest, ErrorGrowsWithDistance) {
-  // Returns the spread of the measured distance to the lander's near side.
+  // Returns the standard deviation of the measured distance to the lander's near side.
   const auto spread_m = [this](double distance_m) {
     CameraOptions options = PerfectCamera();
     options.depth_error_per_m = 0.004;

@@ -76,7 +76,7 @@ TEST(TerrainTest, HighRocksAreHazardsAndLowOnesAreNot) {
     EXPECT_NEAR(terrain.SurfaceM(rock.center_m) - terrain.GroundM(rock.center_m), rock.height_m, 0.25 * rock.height_m);
   }
   EXPECT_GT(hazards, 20);
-  // Hazards cover the same cells as the high rocks and the lander; low rocks add none.
+  // Hazard cells cover about the area that the rock model gives for high rocks. Low rocks add no hazard cells.
   const MergedMap map = terrain.HazardMap();
   double hazard_cells = 0;
   for (const Cell cell : map.grid.cells) hazard_cells += cell == Cell::kHazard;
@@ -92,8 +92,8 @@ TEST(TerrainTest, OnlySteepCratersAreHazards) {
   const Terrain terrain = Terrain::Make(options, random);
   int steep = 0, gentle = 0;
   for (const Crater& crater : terrain.craters()) {
-    // The steepest place of a crater lies inside its rim: slope 4 depth / diameter * (1 + rim), at 0.45 of the
-    // diameter.
+    // A crater is steepest inside its rim, 0.45 diameters from the centre. The slope there is
+    // 4 depth / diameter * (1 + rim).
     if (crater.diameter_m < 3 || crater.center_m.cwiseAbs().maxCoeff() > 15) continue;
     int around = 0;
     for (int i = 0; i < 36; ++i) {

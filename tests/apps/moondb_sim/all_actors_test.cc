@@ -16,7 +16,8 @@ namespace {
 
 constexpr std::uint64_t kSeeds = 24;
 
-// Returns the number of seeds: a fraction of MOONDB_SIM_SEEDS, which counts runs with sharing actors only.
+// Returns the number of seeds: kSeeds, or a twelfth of MOONDB_SIM_SEEDS. That variable is the number of seeds of the
+// test with sharing actors only.
 std::uint64_t SeedCount() {
   const char* text = std::getenv("MOONDB_SIM_SEEDS");
   return text == nullptr ? kSeeds : static_cast<std::uint64_t>(std::max(1, std::atoi(text) / 12));

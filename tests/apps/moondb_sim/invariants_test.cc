@@ -47,7 +47,8 @@ class RulesTest : public testing::Test {
     rules_.SeeRecord(key, record.SerializeAsString(), agent);
   }
 
-  // Checks an idle team: agent 1 leads, 2 survives, and 3 is the base station. Each holds its have-set as rows.
+  // Checks an idle team of leader 1, survivor 2 and base station 3 with these have-sets. Each agent stores the records
+  // that its have-set holds.
   void Rest(const HaveSet& leaders, const HaveSet& survivors, const HaveSet& bases) {
     QuiescentTeam team{1, 2, 3, {{1, leaders}, {2, survivors}, {3, bases}}, {}};
     for (const auto& [agent, have] : team.have) {

@@ -47,7 +47,7 @@ TEST(MapCheckerTest, MapsAtRawPosesAreComparedSeparately) {
   EXPECT_EQ(checker.OnMap(1, Maps(3), raw, Merged(11)), std::nullopt);
 }
 
-// The tiles have two cells per side; some have negative coordinates.
+// The tiles have two cells per side, and the left tile has a negative coordinate.
 TEST(MapCheckerTest, TilesAreTheMap) {
   MergedMap merged;
   merged.grid = Grid(3, 1);

@@ -27,7 +27,7 @@
 namespace moondb::simulation {
 namespace {
 
-// Forwards every call; mutants override the calls that they break.
+// A context that forwards every call to the real one. Mutants override the calls that they break.
 class OtherContext : public Context {
  public:
   explicit OtherContext(Context& context) : context_(context) {}
@@ -70,8 +70,8 @@ class OtherActor : public Actor {
   const std::unique_ptr<Actor> actor_;
 };
 
-// Hooks that inspect each message that an actor receives or sends, and may change it. A message is dropped if the hook
-// returns false.
+// `hears` inspects each message that an actor receives, `says` each message that it sends. Both may change the message,
+// and drop it by returning false.
 struct Hooks {
   std::function<bool(Context& context, proto::Message& message)> hears;
   std::function<bool(Context& context, const Address& to, proto::Message& message)> says;
@@ -114,7 +114,7 @@ class HookedActor final : public OtherActor {
   const Hooks hooks_;
 };
 
-// Reuses an epoch after its disk was lost.
+// Draws the same random numbers at each start, and so the same epoch again after its disk was lost.
 class WithoutEpochs final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -132,7 +132,7 @@ class WithoutEpochs final : public OtherActor {
   }
 };
 
-// Trusts what a destination once acknowledged, as a log per destination would.
+// Believes that a destination still covers all records that it ever acknowledged, as a log per destination would.
 class CachedAcknowledgments final : public OtherActor {
  public:
   using Cache = std::map<std::pair<Address, AgentId>, HaveSet>;
@@ -151,7 +151,7 @@ class CachedAcknowledgments final : public OtherActor {
   const std::shared_ptr<Cache> cache_;
 };
 
-// Acknowledges a peer's records, and stores them a moment later.
+// Acknowledges a peer's records half a second before it stores them.
 class AcknowledgesBeforeTheCommit final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -185,7 +185,7 @@ class AcknowledgesBeforeTheCommit final : public OtherActor {
   std::vector<proto::Message> waiting_;
 };
 
-// Accepts the assignment that it received last, regardless of its term.
+// Accepts the role assignment that arrived last, regardless of the assignment's term.
 class WithoutTerms final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -203,8 +203,8 @@ class WithoutTerms final : public OtherActor {
   std::uint64_t highest_ = 0;
 };
 
-// A restarted leader reuses its last term. Until it saves a term, the mutant lowers the number of its last term in
-// messages to the actor. Its random epoch is the same after each restart.
+// A restarted leader reuses its last term. Until the leader saves a term, the mutant lowers the term's number in
+// messages to the role actor. The actor draws the same random epoch after each restart.
 class WithoutANewTerm final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -242,7 +242,7 @@ class WithoutANewTerm final : public OtherActor {
   bool has_term_ = false;
 };
 
-// Keeps the state of a rover with the newest timestamp.
+// Keeps each rover's power state with the newest timestamp, and drops its other power states.
 class NewestByClock final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -276,7 +276,8 @@ class NewestByClock final : public OtherActor {
   std::map<AgentId, std::int64_t> newest_ns_;
 };
 
-// A destination keeps only the last note of each origin and key in a batch, even of notes that are not states.
+// A destination keeps only the last note of each origin and latest key in a store request. It should keep all notes
+// that are not states.
 bool TakeTheLastNotes(Context&, proto::Message& message) {
   if (!message.has_store_request()) return true;
   proto::StoreRequest& request = *message.mutable_store_request();
@@ -302,7 +303,7 @@ bool TakeTheLastNotes(Context&, proto::Message& message) {
   return true;
 }
 
-// Stores an optimized pose only if it holds the node, but always reports the pose as covered.
+// Stores an optimized pose only if the pose's node arrived before, but always reports the pose as covered.
 class UpdateNeedsItsRow final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -346,7 +347,8 @@ class UpdateNeedsItsRow final : public OtherActor {
   std::set<std::string> nodes_;
 };
 
-// Keeps other optimized poses than its storage. The poses that it dropped count as dropped in its answers.
+// Base of mutants that decide which optimized poses to keep. Poses that a mutant drops are missing in read replies, and
+// have-sets report them as dropped.
 class DropsPoses : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -380,15 +382,14 @@ class DropsPoses : public OtherActor {
           if (!mutant_.dropped_.Get(key.stream).dropped.Contains(key.seq)) continue;
           records->DeleteSubrange(i, 1);
           if (i + 1 < row_ids->size())
-            row_ids->erase(row_ids->begin() + i);  // Keep the last row: it shows how far the rows were read.
+            row_ids->erase(row_ids->begin() + i);  // Keep the last row id, which shows how far storage has read.
         }
       }
       void AddTo(proto::HaveSet& reported) const {
         HaveSet have = *FromProto(reported);
         for (const auto& [stream, dropped] : mutant_.dropped_.streams()) {
           const IntervalSet covered = have.Get(stream).Covered();
-          have[stream].dropped.Add(
-              covered.Minus(covered.Minus(dropped.dropped)));  // Only records that are on the disk.
+          have[stream].dropped.Add(covered.Minus(covered.Minus(dropped.dropped)));  // Only records that storage covers.
           have[stream].held = have[stream].held.Minus(dropped.dropped);
         }
         reported = ToProto(have);
@@ -409,7 +410,7 @@ class DropsPoses : public OtherActor {
   HaveSet dropped_;
 };
 
-// Keeps the optimized pose of a node that arrived last, regardless of its author and term.
+// Keeps each node's optimized pose that arrived last, regardless of the pose's author and term.
 class LastPoseHeard final : public DropsPoses {
  public:
   using DropsPoses::DropsPoses;
@@ -424,7 +425,7 @@ class LastPoseHeard final : public DropsPoses {
   std::map<std::string, RecordKey> last_;  // Key of the last pose, by node.
 };
 
-// Among one agent's optimized poses of a node, keeps the one with the highest epoch, regardless of its term.
+// If one agent solved a node's pose several times, keeps the pose with the highest epoch, regardless of the term.
 class PosesByEpoch final : public DropsPoses {
  public:
   using DropsPoses::DropsPoses;
@@ -441,7 +442,7 @@ class PosesByEpoch final : public DropsPoses {
   std::map<std::pair<AgentId, std::string>, RecordKey> highest_;
 };
 
-// Does not send states that its storage reissued under a new key. The team never receives the reissued state.
+// If storage reissues a state under a new key, the agent does not send the reissued state to the team.
 class KeepsReissuedToItself final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -459,7 +460,7 @@ class KeepsReissuedToItself final : public OtherActor {
       }
 
      private:
-      // Identifies a record regardless of the marks that the agent added.
+      // Returns the record's content without the marks that the agent added.
       static std::string Name(proto::Record record) {
         record.clear_is_clock_suspect();
         record.clear_is_state();
@@ -484,11 +485,11 @@ class KeepsReissuedToItself final : public OtherActor {
   }
 
  private:
-  std::map<std::string, RecordKey> first_keys_;  // First key of each content.
+  std::map<std::string, RecordKey> first_keys_;  // The key under which each content was first inserted.
 };
 
-// For each epoch that a peer reports, its storage also receives a report of the next epoch, which covers nothing. So
-// states are reissued regardless of what the authors of later states knew.
+// For each epoch that a peer reports, storage also receives an invented later epoch that covers no other epoch. Storage
+// then reissues states regardless of what the authors of later states knew.
 class ReissuesWhateverWasKnown final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -505,7 +506,7 @@ class ReissuesWhateverWasKnown final : public OtherActor {
   }
 };
 
-// Drops the older state at once when a newer one arrives, and stores the newer one later.
+// Drops an older state as soon as a newer one arrives, but stores the newer one 2 s later.
 class DropsBeforeTheSuperseder final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -515,7 +516,7 @@ class DropsBeforeTheSuperseder final : public OtherActor {
       DroppingFirst(Context& context, const DropsBeforeTheSuperseder& mutant)
           : OtherContext(context), mutant_(mutant) {}
       SendResult Reply(OwnedMessage message) override {
-        if (sender() == self()) return SendResult::kAccepted;  // The message that the timer delivered.
+        if (sender() == self()) return SendResult::kAccepted;  // Drop the answer to a delayed message.
         if (message->has_have_reply()) mutant_.Drop(*message->mutable_have_reply()->mutable_have());
         if (message->has_store_reply()) mutant_.Drop(*message->mutable_store_reply()->mutable_covered());
         return OtherContext::Reply(std::move(message));
@@ -566,7 +567,7 @@ class DropsBeforeTheSuperseder final : public OtherActor {
   std::map<StreamKey, std::uint64_t> newest_;
 };
 
-// Answers an insert whose commit failed as if it was stored under the next key.
+// Answers a failed insert of a node as if the node had been stored under the next key.
 class AcknowledgesFailedInserts final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -620,7 +621,7 @@ class TimersMultiply final : public OtherActor {
   }
 };
 
-// Waits for only a small part of the required time.
+// Sets each timer to a tenth of the required time.
 class WaitsTooShort final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -641,7 +642,7 @@ bool IsSharing(const std::string& name) { return name == actor_name::kSync || na
 
 using Applies = std::function<void(SimOptions& options)>;
 
-// Wraps each actor of that name in a mutant.
+// Wraps each actor named `actor_name` in a MutantActor.
 template <typename MutantActor>
 Applies Wrapped(const char* actor_name) {
   return [actor_name](SimOptions& options) {
@@ -668,9 +669,9 @@ Applies Says(const char* actor_name, decltype(Hooks::says) says) {
   return Hooked(actor_name, {nullptr, std::move(says)});
 }
 
-// Each batch reports the order that its destination gave last as ended.
+// Each batch reports that the last order of its destination has ended.
 void ReportTheEndTooSoon(SimOptions& options) {
-  using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // Order by agent and requester.
+  using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // Last order, by agent and requester.
   const auto orders = std::make_shared<Ends>();
   Hooks hooks;
   hooks.hears = [orders](Context& context, proto::Message& message) {
@@ -688,7 +689,7 @@ void ReportTheEndTooSoon(SimOptions& options) {
   Hooked(actor_name::kSync, std::move(hooks))(options);
 }
 
-// Removes incomplete pairs from every answer.
+// Removes incomplete pairs from every progress report, and reports completion.
 bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
   if (!message.has_share_reply() || !message.share_reply().has_progress()) return true;
   proto::ShareProgress& progress = *message.mutable_share_reply()->mutable_progress();
@@ -702,7 +703,7 @@ bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
 // Does not send states that were stored after the order was accepted.
 void KeepNewStatesBack(SimOptions& options) {
   struct Storage {
-    std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // Last row of each order, by destination and kind.
+    std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // Last mark, by destination and kind.
     std::map<std::pair<AgentId, int>, std::set<RecordKey>> came_after;
     std::pair<AgentId, int> asked;
   };
@@ -735,11 +736,11 @@ void KeepNewStatesBack(SimOptions& options) {
   Hooked(actor_name::kStorage, std::move(hooks))(options);
 }
 
-// An agent that could not store a record for lack of space refuses all records for a while.
+// For 55 s after a failed insert on a full disk, an agent refuses all inserts.
 void StoreNothingAfterAFullDisk(SimOptions& options) {
   for (const char* fault : {"full", "failing"}) options.faults_per_hour[fault] = 0;
   options.faults_per_hour["full_prune"] = 3;
-  // Shorter than the time that the rules allow an agent after its disk has space again.
+  // Shorter than the minute after a disk fault in which the rules still allow refused inserts.
   static constexpr std::chrono::seconds kRefuses(55);
   const auto full = std::make_shared<std::map<AgentId, MonotonicTime>>();
   Hooks hooks;
@@ -769,7 +770,7 @@ void CacheAcknowledgments(SimOptions& options) {
   };
 }
 
-// Passes to sync and replica actors only the leases that `keeps` leaves.
+// Sync and replica actors receive the leases of all agents only after `keeps` has changed them.
 void HearLeases(SimOptions& options, std::function<void(AgentId self, proto::LeasesChanged& changed)> keeps) {
   Hooks hooks;
   hooks.hears = [keeps = std::move(keeps)](Context& context, proto::Message& message) {
@@ -803,7 +804,7 @@ bool IsOrderToPeer(Context& context, const Address& to, const proto::Message& me
   return message.has_share_request() && to.agent != context.self().agent;
 }
 
-// Removes the issuer from terms, so terms with the same number are equal.
+// Gives all terms the same issuer, so terms with the same number are equal.
 bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   const auto strip = [](proto::RoleAssignment& roles) {
     if (roles.term().number() == 0) return;
@@ -816,7 +817,7 @@ bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   return true;
 }
 
-// Does not notify the agent's own actors of roles that it gives up because it cannot store them.
+// If the agent gives up roles because it cannot store them, its own actors are not notified.
 bool KeepRoles(Context&, const Address&, proto::Message& message) {
   const proto::RoleAssignment& roles = message.roles_changed().roles();
   return !message.has_roles_changed() || (roles.leader() != 0 && roles.survivor() != 0);
@@ -832,7 +833,7 @@ bool AskForNoMaps(Context&, proto::Message& message) {
   return true;
 }
 
-// Removes poses from read answers at agent 2.
+// Removes the content of optimized poses from the read replies that an actor of agent 2 receives.
 bool LeavePosesOut(Context& context, proto::Message& message) {
   if (context.self().agent != 2 || !message.has_read_reply()) return true;
   for (proto::StoredRecord& record : *message.mutable_read_reply()->mutable_records()) {
@@ -841,7 +842,7 @@ bool LeavePosesOut(Context& context, proto::Message& message) {
   return true;
 }
 
-// The gateway treats messages that another agent relays as the base station's.
+// The gateway treats requests that another agent relays as if the base station had sent them.
 class RelaysForTheBase final : public OtherActor {
  public:
   RelaysForTheBase(std::unique_ptr<Actor> actor, AgentId base) : OtherActor(std::move(actor)), base_(base) {}
@@ -867,7 +868,7 @@ class RelaysForTheBase final : public OtherActor {
   const AgentId base_;
 };
 
-// Accepts roles that a Byzantine agent announces as if the base station had decided and signed them.
+// Changes role assignments from a Byzantine agent: they then look decided and signed by the base station.
 void TakeRolesOfAnybody(SimOptions& options) {
   options.attacks = {"announce"};
   const auto base = static_cast<AgentId>(options.RoverCount() + 1);
@@ -881,7 +882,7 @@ void TakeRolesOfAnybody(SimOptions& options) {
   })(options);
 }
 
-// Accepts a quarantine that a Byzantine agent forged as if its origin had signed it.
+// Signs quarantines in the name of their origins before storage checks them, so storage accepts forged quarantines.
 bool SignQuarantines(const proto::TeamConfig& config, proto::Message& message) {
   if (!message.has_store_request() || !HasSigningKeys(config)) return true;
   for (proto::StoredRecord& stored : *message.mutable_store_request()->mutable_records()) {
@@ -896,7 +897,7 @@ bool SignQuarantines(const proto::TeamConfig& config, proto::Message& message) {
   return true;
 }
 
-// Agent 2 accepts forged poses as if the leader of the newest assignment had solved them.
+// Agent 2 treats forged poses as solved by the leader of the newest role assignment.
 void TakePosesOfAnybody(SimOptions& options) {
   options.attacks = {"pose"};
   Hears(actor_name::kMerge, [newest = proto::RoleAssignment()](Context& context, proto::Message& message) mutable {
@@ -914,7 +915,7 @@ void TakePosesOfAnybody(SimOptions& options) {
   })(options);
 }
 
-// Accepts a Byzantine agent's record about nodes of others as if the agent of the first node had sent it.
+// Storage treats a Byzantine agent's edge between other agents' nodes as a record of the first node's agent.
 bool TakeStatements(Context&, proto::Message& message) {
   if (!message.has_store_request()) return true;
   for (proto::StoredRecord& stored : *message.mutable_store_request()->mutable_records()) {
@@ -928,7 +929,7 @@ bool TakeStatements(Context&, proto::Message& message) {
   return true;
 }
 
-// Agent 2 counts quarantines of a Byzantine agent as if the base station had given them.
+// Agent 2 treats quarantines of a Byzantine agent as issued by the base station.
 void CountQuarantinesOfAnybody(SimOptions& options) {
   options.byzantine = ByzantineSeeds::kAll;
   options.attacks = {"slander"};
@@ -943,7 +944,7 @@ void CountQuarantinesOfAnybody(SimOptions& options) {
   })(options);
 }
 
-// Agent 2 merges the maps that arrived first when there are more maps than it has room for.
+// If agent 2 has no room for all maps, it merges the maps that arrived first.
 void MergeTheMapsThatCameFirst(SimOptions& options) {
   Hears(actor_name::kMerge, [came = std::set<RecordKey>()](Context& context, proto::Message& message) mutable {
     if (context.self().agent != 2 || !message.has_read_reply()) return true;

@@ -1,5 +1,6 @@
-// Mutants: actors that break one rule on purpose. Nearly all wrap the real actor, so no production program contains
-// code that breaks the rule. The simulator must report the violation by a rule about the broken behaviour.
+// Mutants: actors that break one rule on purpose, to test whether the simulator reports it. Nearly all wrap the real
+// actor, so production programs contain no code that breaks rules. The reported violation must be of a rule about the
+// broken behaviour.
 #pragma once
 
 #include <functional>
@@ -17,7 +18,7 @@ struct Mutant {
   std::string what;
   std::vector<std::string> invariants;  // The first reported violation is of one of these rules.
   std::uint64_t seeds = 0;              // At least one of the seeds from 1 to `seeds` breaks the rule.
-  // Installs the mutant for one run. State that must outlast its actors is created here, so each run starts without it.
+  // Installs the mutant for one run. Creates state that outlives the run's actors, so that runs do not share it.
   std::function<void(SimOptions& options)> apply;
   SimulatedActors actors = SimulatedActors::kSharing;
   bool is_of_lies = false;        // Runs with a Byzantine agent; other mutants run without one.

@@ -43,8 +43,8 @@ TEST(SimulatedDiskTest, KeepsWhatWasSyncedAndNoHalfTransaction) {
         if (is_full) durable = i;
       }
       disk.CutPower("a/");
-      EXPECT_FALSE(
-          Insert(*database, 99, Database::Durability::kFull));  // Handles from before the crash no longer work.
+      EXPECT_FALSE(Insert(*database, 99,
+                          Database::Durability::kFull));  // A database that was open at the power cut no longer works.
     }
     const auto database = Open(disk);
     ASSERT_TRUE(database->QuickCheck());

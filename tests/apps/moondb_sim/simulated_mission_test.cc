@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint64_t kShards = 10;
 
-// Returns the total number of seeds, which MOONDB_SIM_SEEDS sets.
+// Returns the number of seeds of all shards together: MOONDB_SIM_SEEDS, or 280.
 std::uint64_t SeedCount() {
   const char* text = std::getenv("MOONDB_SIM_SEEDS");
   return text == nullptr ? 280 : static_cast<std::uint64_t>(std::max(1, std::atoi(text)));

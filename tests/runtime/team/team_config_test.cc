@@ -472,7 +472,7 @@ TEST_F(TeamFileTest, InitialTeamIsReadBack) {
     EXPECT_EQ(PublicKeyOf(ReadSecretKey(SecretKeyPath(public_path)).value()).value(),
               ReadPublicKey(public_path).value());
   }
-  // The team file, twelve key files and no other file.
+  // The folder holds the team file, twelve key files and no other file.
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(team->folder), {}), 13);
 }
 
@@ -658,7 +658,7 @@ TEST_F(TeamFileTest, SecretsThatOthersCanReadAreRefused) {
 TEST_F(TeamFileTest, MissingAndTooLargeFilesAreErrors) {
   EXPECT_EQ(ReadTeamFile(folder_ / "none.yaml").error().code, ErrorCode::kNotFound);
   EXPECT_THAT(ReadTeamFile(folder_).error().text, HasSubstr("not a regular file"));
-  // Whether the file exists cannot be determined.
+  // A link to itself: whether the file exists cannot be determined.
   std::filesystem::create_symlink("loop.yaml", folder_ / "loop.yaml");
   EXPECT_THAT(ReadTeamFile(folder_ / "loop.yaml").error().text, HasSubstr("symbolic links"));
   Write(folder_ / "large.yaml", kGood + std::string(1'000'000, '#'));

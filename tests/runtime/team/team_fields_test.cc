@@ -1,4 +1,4 @@
-// Checks for each field of proto/team.proto that its key in the team file has everything that it needs.
+// Checks each field of proto/team.proto: its description, its range, its default and its key in the example team file.
 #include <gtest/gtest.h>
 
 #include <regex>

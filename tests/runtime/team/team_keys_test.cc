@@ -36,7 +36,7 @@ class TeamKeysTest : public ::testing::Test {
 
   const TemporaryFolder temporary_;
   const std::filesystem::path folder_ = temporary_.path();
-  std::filesystem::path secret_key_file_;  // If empty, it lies beside the public key.
+  std::filesystem::path secret_key_file_;  // Empty: the secret key lies beside the public key.
   proto::TeamConfig team_;
 };
 

@@ -24,7 +24,7 @@ class ConnectionRulesTest : public testing::Test {
   void Receive(int file, std::uint64_t bytes) { open_.at(file).bytes_received += bytes; }
   void Deliver(int file, const std::string& key = {}) { rules_.OnMessage(file, key); }
 
-  // The files of the connections to cut, which are then closed.
+  // Returns the files of the connections that the rules cut, all for `cause`. Closes these connections if `frees_`.
   std::vector<int> Judge(Cause cause) {
     std::vector<TcpConnection> now;
     for (const auto& [file, connection] : open_) now.push_back(connection);
@@ -146,7 +146,7 @@ TEST_F(ConnectionRulesTest, AMessageOfAnEarlierConnectionWithTheSameFileDoesNotC
   for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.9", kClientPort);
   for (int i = 0; i < 2; ++i) Deliver(10 + i, "sharer");
   EXPECT_THAT(TooManyOfKey(), IsEmpty());
-  // This connection was opened, answered and closed between two calls of Judge.
+  // An earlier connection with file 12 was opened, heard and closed between two calls of Judge.
   rules_.OnMessage(12, "sharer", /*peer_port=*/999);
   Open(12, "10.0.0.9", kClientPort);
   EXPECT_THAT(TooManyOfKey(), IsEmpty());
@@ -214,7 +214,7 @@ TEST_F(ConnectionRulesTest, AReusedFileIsAnotherConnection) {
   Deliver(10);
   Receive(10, 1000);
   EXPECT_THAT(TooMany(), IsEmpty());
-  Open(10, "192.168.1.66");  // The connection before it was closed.
+  Open(10, "192.168.1.66");  // The earlier connection with this file was closed.
   for (const int file : {11, 12, 13, 14}) Deliver(file);
   Open(20, "192.168.1.66");
   EXPECT_THAT(TooMany(), ElementsAre(10));
@@ -265,7 +265,7 @@ TEST_F(ConnectionRulesTest, ListenersAreCountedSeparately) {
   EXPECT_THAT(TooMuch(), IsEmpty());
 }
 
-// libzmq takes a moment to close the connection.
+// While libzmq is still closing a reported connection, it is not reported again and its bytes do not count.
 TEST_F(ConnectionRulesTest, ReportsACutConnectionOnce) {
   frees_ = false;
   Open(10, "10.0.0.2");

@@ -32,7 +32,7 @@ TEST(InboundTest, AcceptsMessagesOfUsersActors) {
   EXPECT_EQ(parsed->front()->destination_actor(), "soil");
 }
 
-// Unknown fields are fields of a later version.
+// A peer with a later version of moondb may send unknown fields.
 TEST(InboundTest, DropsUnknownFields) {
   proto::Message message = From(2);
   message.GetReflection()->MutableUnknownFields(&message)->AddVarint(900, 1);

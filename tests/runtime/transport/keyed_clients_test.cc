@@ -51,7 +51,8 @@ class KeyedClientsTest : public TransportFixture {
     return {ReadPublicKey(team_.folder / team_.config.agents(0).key()).value(), own};
   }
 
-  // The message that the agent receives for a request in which the client claims to be an operator with all rights.
+  // Sends a request in which the client claims to be an operator with all rights. Returns the message that the agent's
+  // transport delivers for it.
   OwnedMessage HeardOf(RawDealer& client) {
     proto::ControlRequest status;
     status.mutable_status();
@@ -128,7 +129,7 @@ TEST_F(KeyedClientsTest, ARevokedKeyLosesItsRightsAndItsReplacementIsAdmitted) {
   EXPECT_EQ(rights, proto::CLIENT_RIGHTS_NONE);
   proto::Message large;
   large.set_control_request(std::string(100'000, 'x'));
-  client.Send(large.SerializeAsString());  // This request is not even parsed.
+  client.Send(large.SerializeAsString());  // The agent does not even parse this request.
   const OwnedMessage short_one = HeardOf(client);
   ASSERT_NE(short_one, nullptr);
   EXPECT_LT(short_one->control_request().size(), 100u);
@@ -146,7 +147,7 @@ TEST_F(KeyedClientsTest, AConnectionThatChoseItsRoutingIdIsIgnoredAndCut) {
   ZeroMqTransport& transport = StartWithClients();
   const RawDealer::Keys keys = With(anna_);
   int cut = 0;
-  // The last one has the form of the ids that the agent assigns.
+  // The last of these routing ids has the form of the ids that the agent assigns.
   for (const std::string& claimed : {std::string("anna"), std::string("\0abc", 4), std::string("\0abcd", 5)}) {
     SCOPED_TRACE(++cut);
     RawDealer client(address_, &keys, claimed);
@@ -175,7 +176,7 @@ TEST_F(KeyedClientsTest, AKeyHasFifteenConnectionsAndTheNextWaitsUntilOneEnds) {
   EXPECT_GE(transport.Listener().deferred_client_handshakes(), 1);
   standing.pop_back();
   while (next.NextEvent() != ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
-    // libzmq retries the handshake by itself.
+    // Wait until libzmq's retry of the handshake succeeds.
   }
   for (const auto& client : standing) EXPECT_NE(HeardOf(*client), nullptr) << "an idle client is not cut";
 }

@@ -60,7 +60,8 @@ TEST(LinkCreditTest, RestartsWithEachConnection) {
   EXPECT_TRUE(credit.HasRoomFor(100));
 }
 
-// Uses the whole credit `rounds` times. Each use is reported after `round`. Returns the final credit.
+// Sends the whole credit `rounds` times. The peer reports the bytes of each round after the time `round`. Returns the
+// final credit.
 std::size_t CreditAfterRounds(LinkCredit& credit, int rounds, Duration round, bool is_blocked = true) {
   MonotonicTime now = kNow;
   std::uint64_t sent = 0;
@@ -128,7 +129,7 @@ TEST(LargeFrameNoticeTest, CoversOnlyTheNextFrame) {
   notice.OnReportSent(50'000);
   EXPECT_TRUE(notice.Covers(50'000));
   EXPECT_FALSE(notice.Covers(60'000)) << "another frame has become the next one";
-  notice.OnFrameSent();  // A control message leaves while the socket has no room for the large frame.
+  notice.OnFrameSent();  // A control message is sent while the socket has no room for the large frame.
   EXPECT_FALSE(notice.Covers(50'000));
   notice.OnReportSent(50'000);
   notice.OnReportSent(0);

@@ -16,7 +16,7 @@ class LinkHealthTest : public ::testing::Test {
     health_.OnHeard(now_);
   }
 
-  // Advances the time to the next deadline. Returns the step that is due then.
+  // Advances the time to the next deadline. Returns the step that is due at that time.
   Step Next(Duration patience = Duration::zero()) {
     if (health_.deadline(patience) > now_) {
       now_ = health_.deadline(patience);
@@ -138,7 +138,7 @@ TEST_F(LinkHealthTest, WaitsLongerWhileALargeFrameIsInFlight) {
 
 TEST_F(LinkHealthTest, AllowsThePeerItsTimeToAnswerALateQuestion) {
   Expect(/*has_unreported=*/true);
-  now_ += seconds(20);  // As if the process had been stopped and continued.
+  now_ += seconds(20);  // Simulates a process that was stopped and continued.
   EXPECT_EQ(Next(), Step::kAsk);
   EXPECT_EQ(Next(), Step::kLost);
   EXPECT_EQ(SinceStart(), seconds(22));

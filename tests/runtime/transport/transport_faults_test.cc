@@ -20,7 +20,7 @@ using std::chrono::milliseconds;
 
 constexpr std::size_t kCreditBytes = 8 * 1024;
 
-// Agent 1 is a transport. Each test plays agent 2, with a DEALER that sends arbitrary bytes.
+// Agent 1 is a real transport. Each test takes the place of agent 2, with a DEALER that sends arbitrary bytes.
 class TransportFaultsTest : public TransportFixture {
  protected:
   TransportFaultsTest() {
@@ -45,7 +45,7 @@ class TransportFaultsTest : public TransportFixture {
     return accepted;
   }
 
-  // The report of agent 2's transport that `received_bytes` of `reported_link` have arrived.
+  // Returns a frame in which agent 2 reports that it received `received_bytes` over the connection `reported_link`.
   static std::string Report(std::uint32_t link, std::uint32_t reported_link, std::uint64_t received_bytes) {
     proto::Message message = Message(2, 1);
     message.clear_record_id();
@@ -62,7 +62,7 @@ class TransportFaultsTest : public TransportFixture {
 
   SendResult SendToPeer(const proto::Message& message) { return transports_[1]->Send({2, "sync"}, message); }
 
-  // Expects that agent 2 is given up although it keeps sending, because it reports none of the received bytes.
+  // Expects that agent 1 gives agent 2 up although agent 2 keeps sending, because agent 2 reports no received bytes.
   void ExpectGivenUpAlthoughItTalks(RawDealer& dealer) {
     std::atomic<bool> is_over = false;
     std::thread talk([&] {
@@ -122,8 +122,8 @@ TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpUnderAFlood) {
   EXPECT_LE(status.sent_bytes(), kCreditBytes * status.connects());
 }
 
-// Uses the deadline of the field, 3 s, and allows for a busy machine. A peer that has never answered normally gets more
-// time.
+// Uses the default deadline, 3 s, and allows for a busy machine. With default options, a peer that has never answered
+// gets more time.
 TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpInTimeWhileAnotherFloods) {
   options_.health.first_answer_after = options_.health.lost_after;
   Start(1, options_);
@@ -259,7 +259,7 @@ TEST_F(TransportFaultsTest, ARestartedPeerReplacesItsOldConnectionUnderTheSameId
   const std::string messages = ToPeerFrame(Message(2, 1, 200));
   later.Send(OnLink(8, messages));
   ASSERT_NE(ears_[1].Take(), nullptr);
-  // A message over another connection is delivered, but its reports do not count.
+  // Messages over a connection without a routing id are delivered, but reports over it do not count.
   RawDealer nameless(AddressOf(1));
   nameless.Send(Report(/*link=*/9, 0, 0));
   nameless.Send(OnLink(9, ToPeerFrame(Message(2, 1, 300))));
@@ -289,7 +289,7 @@ TEST_F(TransportFaultsTest, SendsMoreOnlyAsThePeerReports) {
     for (; count < status.sent_messages(); ++count) bytes += ToPeerFrame(router.ReceiveMessage()).size();
     dealer.Send(Report(/*link=*/7, router.last_link(), bytes));
     if (count < 50) {
-      // The next message was sent because of the report.
+      // The report gave credit for the next message.
       bytes += ToPeerFrame(router.ReceiveMessage()).size();
       ++count;
     }

@@ -51,7 +51,7 @@ class Ear {
     };
   }
 
-  // Returns the next message. Null if none arrives.
+  // Waits for the next message and returns it. Null if none arrives.
   OwnedMessage Take() {
     std::unique_lock lock(mutex_);
     if (!changed_.wait_for(lock, kPatience, [&] { return !messages_.empty(); })) return nullptr;
@@ -73,7 +73,7 @@ class Ear {
     return changed_.wait_for(lock, kPatience, [&] { return times_connected_[peer] >= times; });
   }
 
-  // Returns true if the peer was ever lost, even if it is connected again.
+  // Waits until the peer was lost at least once. Returns true even if the peer is connected again.
   bool WaitUntilLost(AgentId peer) {
     std::unique_lock lock(mutex_);
     return changed_.wait_for(lock, kPatience, [&] { return times_lost_[peer] > 0; });
@@ -93,7 +93,7 @@ class Ear {
   std::map<AgentId, int> times_lost_;
 };
 
-// Receives one message part. Nothing if none arrives within the socket's timeout.
+// Receives one message part. Returns nullopt if none arrives within the socket's timeout.
 inline std::optional<std::string> ReceiveFrom(void* socket, int flags = 0) {
   zmq_msg_t part;
   zmq_msg_init(&part);
@@ -105,7 +105,7 @@ inline std::optional<std::string> ReceiveFrom(void* socket, int flags = 0) {
   return text;
 }
 
-// A proto::PeerFrame with this link number. Requires: `messages` is a result of ToPeerFrame.
+// Returns a serialized PeerFrame with this link number. Requires: `messages` is a result of ToPeerFrame.
 inline std::string OnLink(std::uint32_t link_number, const std::string& messages) {
   std::string frame(kLinkNumberBytes, '\0');
   WriteLinkNumber(link_number, frame.data());
@@ -160,7 +160,7 @@ class RawDealer {
 
   std::string Receive() { return ReceiveFrom(socket_).value_or(""); }
 
-  // The next ZMQ_EVENT_*. 0 if none arrives.
+  // Waits for the socket's next ZMQ_EVENT_* and returns it. 0 if none arrives.
   int NextEvent() {
     const std::optional<std::string> event = ReceiveFrom(monitor_);
     if (!event || event->size() < 2) return 0;
@@ -176,7 +176,7 @@ class RawDealer {
   void* monitor_ = nullptr;
 };
 
-// A ROUTER socket without moondb and CURVE: a peer that reads only when the test calls it.
+// A ROUTER socket without moondb and CURVE: a peer that reads only when the test calls Receive.
 class RawRouter {
  public:
   struct Frame {
@@ -200,13 +200,13 @@ class RawRouter {
     zmq_ctx_term(context_);
   }
 
-  // Sends over the connection of a received frame.
+  // Sends `bytes` over the connection from which a frame with this `route` was received.
   void Send(const std::string& route, const std::string& bytes) {
     EXPECT_EQ(zmq_send(socket_, route.data(), route.size(), ZMQ_SNDMORE), static_cast<int>(route.size()));
     EXPECT_EQ(zmq_send(socket_, bytes.data(), bytes.size(), 0), static_cast<int>(bytes.size()));
   }
 
-  // The next message. Empty if none arrives.
+  // Returns the next message with its route. Both are empty if none arrives.
   Frame Receive(int flags = 0) {
     if (waiting_.empty()) {
       const std::string route = ReceiveFrom(socket_, flags).value_or("");
@@ -222,7 +222,7 @@ class RawRouter {
     return next;
   }
 
-  // The next message that is not a report of the transport.
+  // Returns the next message that is not a report of the transport.
   proto::Message ReceiveMessage() {
     for (Frame frame = Receive(); !frame.route.empty(); frame = Receive()) {
       if (!frame.message.has_link_report()) return frame.message;
@@ -232,7 +232,7 @@ class RawRouter {
     return {};
   }
 
-  // The next report for which `is_wanted` returns true. Skips other frames.
+  // Returns the next report for which `is_wanted` returns true. Skips other frames.
   proto::LinkReport ReceiveReport(const std::function<bool(const proto::LinkReport&)>& is_wanted) {
     for (Frame frame = Receive(); !frame.route.empty(); frame = Receive()) {
       if (!frame.message.has_link_report()) continue;
@@ -251,7 +251,7 @@ class RawRouter {
   void* context_;
   void* socket_;
   int frames_ = 0;
-  std::deque<Frame> waiting_;  // Remaining messages of the last frame.
+  std::deque<Frame> waiting_;  // Messages of the last frame that Receive has not returned yet.
   proto::LinkReport last_report_;
   std::uint32_t last_link_ = 0;
 };

@@ -1,4 +1,4 @@
-// The fields of all messages between agents and clients, compared with the fields of the wire version
+// Compares the fields of all messages between agents and clients with the fields of the wire version
 // (docs/COMPATIBILITY.md).
 #include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>
@@ -37,12 +37,13 @@ bool MayTravel(const FieldDescriptor& body) {
   return ParsePeerFrame(ToPeerFrame(message), 2).has_value();
 }
 
-// Lines such as "Batch.codec = 3 Codec" and "Codec.CODEC_PLAIN = 1".
+// Lists the fields and enumerators of the wire format as lines such as "Batch.codec = 3 Codec" and
+// "Codec.CODEC_PLAIN = 1".
 class WireLines {
  public:
   WireLines() {
     AddMessage(*proto::PeerFrame::descriptor());
-    AddMessage(*proto::RecordBatch::descriptor());  // The content of Batch.coded.
+    AddMessage(*proto::RecordBatch::descriptor());  // Serialized in Batch.coded.
     AddMessage(*proto::ClientMessage::descriptor());
   }
   const std::set<std::string>& lines() const { return lines_; }
@@ -98,7 +99,7 @@ std::string GoldenFile() {
          ".txt";
 }
 
-// New fields may change until a release freezes them.
+// New fields may change until a release adds them to the golden file.
 TEST(WireFormatTest, HasTheFieldsOfItsVersion) {
   const auto text = ReadTextFile(GoldenFile());
   ASSERT_TRUE(text) << ToString(text.error());
@@ -110,7 +111,8 @@ TEST(WireFormatTest, HasTheFieldsOfItsVersion) {
       << "changed or removed: that takes another wire version (docs/COMPATIBILITY.md)";
 }
 
-// A step of each release: --gtest_also_run_disabled_tests --gtest_filter=WireFormatTest.DISABLED_HoldStill
+// Writes the golden file. Run this at each release, with --gtest_also_run_disabled_tests and
+// --gtest_filter=WireFormatTest.DISABLED_HoldStill.
 TEST(WireFormatTest, DISABLED_HoldStill) {
   std::ofstream out(GoldenFile());
   for (const std::string& line : LinesOfToday()) out << line << "\n";

@@ -110,8 +110,7 @@ TEST_F(ZeroMqTransportTest, ReachesAPeerAgainAfterItsRestart) {
   }
 }
 
-// After a robot's disk was copied, two processes have the same key. They number their connections from different
-// starts.
+// After a robot's disk was copied, two processes have the same key, but each numbers its connections on its own.
 TEST_F(ZeroMqTransportTest, DetectsTwoProcessesWithOneKey) {
   Start(1);
   const RawDealer::Keys keys = KeysOf(2, 1);
@@ -139,7 +138,7 @@ TEST_F(ZeroMqTransportTest, RefusesAKeyFromOutsideTheTeam) {
 
 TEST_F(ZeroMqTransportTest, RefusesAnAgentThatHasLeftAndDoesNotConnectToIt) {
   Start(2);
-  team_.config.mutable_agents(1)->set_left(true);  // Rover2's own team file is still the old one.
+  team_.config.mutable_agents(1)->set_left(true);  // Rover2 itself still has the old team file.
   Start(1);
   Start(3);
   ASSERT_TRUE(ears_[1].WaitForPeer(3, true));
@@ -161,7 +160,7 @@ TEST_F(ZeroMqTransportTest, DoesNotTrustAPeerWithTheWrongKey) {
   std::ofstream(team_.folder / "rover2.sec") << other.secret_key;
   std::filesystem::permissions(team_.folder / "rover2.sec", std::filesystem::perms(0600));
   Start(2);
-  Start(3);  // Rover3 reads the new key. Its connection shows when rover2 could have connected.
+  Start(3);  // Rover3 reads the new key. Once rover3 is connected to both, rover2 has had time to connect to rover1.
   ASSERT_TRUE(ears_[3].WaitForPeer(2, true));
   ASSERT_TRUE(ears_[3].WaitForPeer(1, true));
   EXPECT_FALSE(Peer(1, 2).is_connected());
@@ -283,7 +282,7 @@ TEST_F(ZeroMqTransportTest, ReportsThatThePeerIsTooSlow) {
   ZeroMqTransport::Options options;
   options.outbox.bytes_max = 100'000;
   Start(1, options);
-  // A peer that does not read, because its transport's thread is blocked in a delivery.
+  // A peer that does not read, because its transport's thread is blocked in the delivery of a message.
   std::mutex gate;
   std::unique_lock closed(gate);
   ZeroMqTransport::Options slow_options;
@@ -312,7 +311,7 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
   RawDealer first(options.client_endpoint);
   RawDealer second(options.client_endpoint);
 
-  // The message is treated as a client's message to the gateway, whatever it claims.
+  // The transport treats the message as a client's message to the gateway, whatever sender and receiver it claims.
   proto::Message request = Message(/*hop_sender=*/2, /*to=*/3);
   request.set_agent_id(2);
   request.set_source_actor("storage");

@@ -11,8 +11,7 @@ namespace moondb {
 
 using Layers = std::vector<MapLayer>;
 
-// Layers whose resolutions double from one to the next, beginning at 5 cm. `draw` returns each cell by layer, column
-// and row.
+// Returns layers with resolutions of 5 cm, 10 cm, 20 cm and so on. `draw` returns the cell at a layer, column and row.
 template <typename Draw>
 Layers DrawLayers(int layer_count, int width, int height, Draw draw) {
   Layers layers;

@@ -210,7 +210,8 @@ TEST(MapCodecTest, SurvivesRandomBytes) {
   }
 }
 
-// Blocks that move past with some noise. Drawn in integers, so the maps are the same on every machine.
+// Maps of blocks that move past the robot, with some noise. Drawn in integers, so the maps are the same on every
+// machine.
 std::vector<Layers> RollingBlocks() {
   std::vector<Layers> maps;
   for (int i = 0; i < 8; ++i) {

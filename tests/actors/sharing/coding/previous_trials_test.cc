@@ -7,7 +7,7 @@ namespace {
 
 using Way = PreviousTrials::Way;
 
-// Number of maps that are coded in `way` before another way is due.
+// Codes maps in `way` until another way is due. Returns how many maps it coded.
 int CountOf(Way way, PreviousTrials& trials) {
   int count = 0;
   for (; trials.next() == way && count < 1000; ++count) trials.Coded(way, /*is_placed=*/true);

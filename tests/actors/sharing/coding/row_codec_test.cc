@@ -78,7 +78,7 @@ TEST(RowCodecTest, RestoresUnknownFieldsInTheirPlaces) {
 }
 
 TEST(RowCodecTest, RestoresBytesThatAreNotCanonical) {
-  // The varint of a bool in two bytes.
+  // A bool whose varint has two bytes instead of one.
   const std::string overlong("\x09\x01\x02\x03\x04\x05\x06\x07\x08\x10\x81\x00", 12);
   const std::string cut = NodeRecord(1, *std::make_unique<std::mt19937_64>(1)).SerializeAsString().substr(0, 30);
   const std::string group("\x0B\x0C", 2);
@@ -88,8 +88,8 @@ TEST(RowCodecTest, RestoresBytesThatAreNotCanonical) {
 }
 
 TEST(RowCodecTest, RestoresRowsThatDifferOnlyInTheirNesting) {
-  const std::string outside("\x62\x02\x08\x01\x10\x01", 6);  // A message with one field, followed by another field.
-  const std::string inside("\x62\x04\x08\x01\x10\x01", 6);   // A message with both fields.
+  const std::string outside("\x62\x02\x08\x01\x10\x01", 6);  // A nested message with one field, and a field after it.
+  const std::string inside("\x62\x04\x08\x01\x10\x01", 6);   // A nested message with both fields.
   ExpectRoundTrip({outside, inside, outside});
 }
 
