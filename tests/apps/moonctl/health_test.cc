@@ -112,9 +112,9 @@ TEST_F(HealthTest, FindsClocksThatDifferTooMuch) {
   clock.set_offset_s(kClockOffsetMax_s);
   EXPECT_THAT(Of(1), IsEmpty());
   clock.set_offset_s(75);
-  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s behind rover2's (reported 30 s ago"));
+  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s behind rover2's (reported 30 s ago)"));
   clock.set_offset_s(-75);
-  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s ahead of rover2's (reported 30 s ago"));
+  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s ahead of rover2's (reported 30 s ago)"));
 }
 
 TEST_F(HealthTest, OneWrongClockIsAFindingOnItsAgentAlone) {
