@@ -51,23 +51,19 @@ Result<void> History::Load(Database& database, const HaveSet& have) {
   types_.clear();
   draft_.reset();
   not_dropped_.clear();
-  Query sums = database.Prepare(std::string("SELECT data_type, count(*), sum(") + kRowBytes +
-                                "), min(row_id) FROM history GROUP BY data_type");
+  Query rows = database.Prepare(std::string("SELECT data_type, row_id, ") + kRowBytes + ", epoch, seq FROM history");
   while (true) {
-    const Result<bool> row = sums.Step();
-    if (!row) return tl::unexpected(row.error());
-    if (!*row) break;
-    OfType& type = types_[static_cast<DataType>(sums.Integer(0))];
-    type.sum = {sums.Unsigned(1), sums.Unsigned(2)};
-    type.oldest_row_id = sums.Unsigned(3);
-  }
-  Query keys = database.Prepare("SELECT data_type, epoch, seq, row_id FROM history WHERE seq > 0");
-  while (true) {
-    const Result<bool> row = keys.Step();
+    const Result<bool> row = rows.Step();
     if (!row) return tl::unexpected(row.error());
     if (!*row) return {};
-    const RecordKey key{{self_, keys.Unsigned(1), static_cast<DataType>(keys.Integer(0))}, keys.Unsigned(2)};
-    if (!have.Get(key.stream).dropped.Contains(key.seq)) not_dropped_[key] = keys.Unsigned(3);
+    const auto data_type = static_cast<DataType>(rows.Integer(0));
+    const std::uint64_t row_id = rows.Unsigned(1);
+    OfType& type = types_[data_type];
+    if (type.sum.count == 0 || row_id < type.oldest_row_id) type.oldest_row_id = row_id;
+    type.sum.count += 1;
+    type.sum.bytes += rows.Unsigned(2);
+    const RecordKey key{{self_, rows.Unsigned(3), data_type}, rows.Unsigned(4)};
+    if (key.seq != 0 && !have.Get(key.stream).dropped.Contains(key.seq)) not_dropped_[key] = row_id;
   }
 }
 
