@@ -1,6 +1,6 @@
 // EventActor ("event"): writes the event log of this agent, as records of the type `agent_event`.
 //
-// It logs three kinds of things:
+// EventActor logs three kinds of things:
 //   - the start of the agent;
 //   - each role assignment that this agent issued;
 //   - once a minute, the failures since the last time: restarted actors, refused or damaged records and messages, and

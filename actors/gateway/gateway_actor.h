@@ -1,10 +1,10 @@
 // GatewayActor: the entry point for this agent's clients (moonctl, a robot's software, planners).
 //
-// It receives Message{control_request} from a client, parses and checks the request (model/control_message.h), and
-// forwards it to the responsible actor under a request id of the gateway. The client's answer is Message{control_reply}
-// under the client's request id (actors/gateway/command_table.h). An error inside the reply is copied to
-// ControlReply.error, so a client has a single place to look. For the agent's status, it merges the parts of
-// StorageActor, RoleActor, LeaseActor and EventActor with the system's own data.
+// GatewayActor receives Message{control_request} from a client, parses and checks the request
+// (model/control_message.h), and forwards it to the responsible actor under a request id of the gateway. The client's
+// answer is Message{control_reply} under the client's request id (actors/gateway/command_table.h). An error inside the
+// reply is copied to ControlReply.error, so a client has a single place to look. For the agent's status, it merges the
+// parts of StorageActor, RoleActor, LeaseActor and EventActor with the system's own data.
 //
 // A request for another agent of the team (ControlRequest.for_agent) is relayed to that agent's gateway over the radio,
 // and the answer is returned to the client. An operator at the base station thus reaches the whole team. A request is

@@ -1,8 +1,8 @@
 // KnownGraph: the pose graph in this agent's storage, with all poses and verdicts that leaders have published.
 //
-// It is filled from records in any order, each once. Published poses and verdicts are read back like any other record.
-// A new or restarted leader therefore continues from the previous leader's solution, except for moves too small to be
-// published (publication.h). Single-threaded.
+// KnownGraph is filled from records in any order, each once. Published poses and verdicts are read back like any other
+// record. A new or restarted leader therefore continues from the previous leader's solution, except for moves too small
+// to be published (publication.h). Single-threaded.
 //
 // Nodes and edges have separate limits. Beyond a limit, the agents with the most records keep only their newest records
 // (model/origin_quota.h), so the graph depends only on the set of records. Published poses and verdicts have limits

@@ -1,8 +1,8 @@
 // SolvePoseGraph: estimates all rovers' trajectories from odometry and ranges (paper, Section 5.2: poses, VIO edges and
 // UWB edges handed to Ceres).
 //
-// It minimises the following cost over the poses x, each rover's odometry scale s and the bias b of each pair of
-// radios:
+// The solver minimises the following cost over the poses x, each rover's odometry scale s and the bias b of each pair
+// of radios:
 //
 //   F = 1/2 ( sum_odometry |r|^2 + sum_range |r|^2                      actors/pgo/factors.h
 //           + sum_rover |start prior|^2 + sum_node |gravity|^2 + sum (s / 2 %)^2 + sum (b / 0.1 m)^2 )

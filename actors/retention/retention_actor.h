@@ -4,9 +4,9 @@
 //
 // Before it prunes, it requests the current have-sets of the leader and of the designated survivor (except its own)
 // from their RetentionActors over the radio. It uses ControlRequest.have, since a HaveRequest may not leave an agent.
-// It requests have-sets that are older than a minute again. Storage then removes only records that all of these
-// have-sets cover. Unless the limit is an age, leader or survivor must still hold the record, so a size limit never
-// removes the last copy.
+// RetentionActor requests have-sets again that are older than a minute. Storage then removes only records that all of
+// these have-sets cover. Unless the limit is an age, leader or survivor must still hold the record, so a size limit
+// never removes the last copy.
 //
 // Nothing is removed if leader or survivor is not assigned, is unreachable, does not answer, or acts on other roles.
 // PruneReply.text then names the agent. Nothing is removed either for `roles_held_min` after leader or survivor

@@ -20,8 +20,8 @@
 //
 // Durability before acting applies to gaining a role, not to losing one. If an assignment of another agent cannot be
 // stored, this agent acts on it without any role of its own: it is neither leader nor survivor, and confirms nothing.
-// It stores the assignment as soon as the disk accepts writes. If it restarts before that, it starts with the older
-// assignment on its disk. If this agent cannot store a new term that it issued itself, it does not lead.
+// This agent stores the assignment as soon as the disk accepts writes. If it restarts before that, it starts with the
+// older assignment on its disk. If this agent cannot store a new term that it issued itself, it does not lead.
 //
 // Pure logic: each input returns the actions to take. Not thread-safe.
 #pragma once
@@ -188,7 +188,7 @@ class RoleLogic {
   // always know.
   bool IsFromBeforeRestart(const proto::RoleAssignment& roles) const;
   bool IsConfirmedByAll() const;                             // Ignores agents that have left.
-  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // Whether this agent issued the term since its start.
+  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // The agent issued the term since its start.
   // Returns the roles that this agent acts on: the newest known roles, without a role of this agent that could not be
   // stored.
   proto::RoleAssignment InForce() const;

@@ -51,7 +51,7 @@ proto::PairProgress MakeRow(AgentId sender, AgentId destination, proto::SharingK
 double BudgetOf(const proto::TeamConfig& team) { return team.radio().budget_kbps() * 1000 / 8; }
 
 // Data types that may be sent while the sender or the destination drives: built-in states under the policy `latest`.
-// They are small, and each agent has at most one record of each type.
+// These records are small, and each agent has at most one of each type.
 std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   std::vector<DataType> types;
   for (const DataType type : BuiltInDataTypes()) {

@@ -5,7 +5,7 @@
 // The policy `latest` decides what is shared; History decides what stays on the robot's own disk, to answer questions
 // after the mission, such as how cold the night was. The rest of storage ignores these rows. They are in no have-set,
 // are never sent, are not verified against the have-set, are not counted as records, and take no part in superseding.
-// They are lost with the disk. A superseded record moves here in the same transaction that stores its successor.
+// The rows are lost with the disk. A superseded record moves here in the same transaction that stores its successor.
 // Records of other agents are never kept here.
 //
 // A row keeps its row id, so the order of row ids is the order of storing. Rows are clustered by type, so a query for

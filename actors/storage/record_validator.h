@@ -13,7 +13,7 @@
 namespace moondb {
 
 // Runs CheckRecord. Also returns kInvalid, with the field named, if the record names an agent that is not in `team`.
-// Whether its origin may write the record is left to CheckSpeaker (model/record_authority.h).
+// CheckSpeaker (model/record_authority.h) decides whether the origin may write the record.
 Result<void> CheckTeamRecord(const proto::Record& record, const std::set<AgentId>& team);
 
 // Returns the record inside `stored`, which came from a peer.

@@ -60,7 +60,7 @@ class Option {
 
   // Checks of the option's values. Each check applies to every value.
   template <OptionBound T>
-  Option& Within(T low, T high);  // Both bounds are allowed values.
+  Option& Within(T low, T high);  // The bounds `low` and `high` are allowed values.
   Option& Positive();
   Option& OneOf(const std::vector<std::string>& values);
   Option& ExistingFolder();

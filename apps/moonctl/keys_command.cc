@@ -90,7 +90,7 @@ ExitCode MakeKeys(CommandContext& context, const KeysArguments& arguments) {
 
 // --- keys show ---
 
-// Whether a secret key is on this machine, and whether it is valid.
+// State of a secret key on this machine: present or not, valid or not.
 struct SecretHere {
   bool is_here = false;
   std::string wrong;  // Why the key cannot be used. Empty: there is no key, or it is valid.

@@ -59,7 +59,7 @@ TEST_F(KeysProcessTest, ShowsTeamFileLinesThatMatchAnAgentsKeys) {
   EXPECT_EQ(ModeOf(folder_ / "rover4.sign"), 0600u);
   const std::string signing_key = made.fields().at("signing_key").string_value();
   Edit("\n# Initial leader", "  - {id: 9, name: rover4, address: \"ipc://" + (folder_ / "p9").string() +
-                            "\", key: \"rover4.pub\", signing_key: \"" + signing_key + "\"}\n\n# Initial leader");
+                                 "\", key: \"rover4.pub\", signing_key: \"" + signing_key + "\"}\n\n# Initial leader");
   const Result<TeamFile> team = ReadTeamFile(team_file_);
   ASSERT_TRUE(team) << team.error().text;
   EXPECT_TRUE(ReadTeamKeys(team->config, team->folder, 9, ""));
