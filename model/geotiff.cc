@@ -10,7 +10,7 @@
 #include <cstring>
 #include <memory>
 
-#include "model/map_picture.h"
+#include "model/cell_colors.h"
 #include "model/text.h"
 
 namespace moondb {

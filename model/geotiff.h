@@ -1,7 +1,7 @@
 // Exports a merged map as GeoTIFF, so GIS programs can show it at its position on the Moon.
 //
 // The file has one band of bytes, one pixel per cell: 0 unknown (GDAL's no-data value), 1 free, 2 hazard, with the
-// colours of model/map_picture.h. Coordinates are metres east and north of the site, in the azimuthal equidistant
+// colours of model/cell_colors.h. Coordinates are metres east and north of the site, in the azimuthal equidistant
 // projection centred there, on a sphere of 1,737,400 m radius. The frame `map` is a plane that touches the Moon at the
 // site; this projection preserves distances and directions from the site. A ModelTransformation tag holds the rotation
 // to north, so the raster is not resampled.

@@ -60,4 +60,18 @@ inline constexpr int kHazardToleranceCells = 2;
 Result<MapAgreement> CompareMaps(const MergedMap& map, const MergedMap& truth,
                                  int tolerance_cells = kHazardToleranceCells);
 
+// How a cell of a merged map compares with the same cell of the true map.
+enum class HazardMatch : std::uint8_t {
+  kUnknown = 0,  // Unknown in both maps.
+  kFree = 1,     // A hazard in neither map.
+  kHit = 2,      // A hazard of one map, with a hazard of the other within the tolerance.
+  kMissed = 3,   // A hazard of the true map, with none of the merged map within the tolerance.
+  kPhantom = 4,  // A hazard of the merged map, with none of the true map within the tolerance.
+};
+
+// Returns one value per cell of the grids, in their order. Fails with kInvalid as CompareMaps does, and if the two maps
+// do not cover the same cells.
+Result<std::vector<HazardMatch>> MatchHazardCells(const MergedMap& map, const MergedMap& truth,
+                                                  int tolerance_cells = kHazardToleranceCells);
+
 }  // namespace moondb

@@ -68,9 +68,10 @@ TEST_F(ReplayTest, MakesAMissionsTrajectoriesAndMapBetterOnTwoAgentsAlike) {
     EXPECT_TRUE(figures.fields().at("is_agents_map_equal").bool_value());
     EXPECT_LT(Figure(figures, "after", "ate_m"), Figure(figures, "before", "ate_m"));
     EXPECT_GT(Figure(figures, "after", "hazard_iou"), Figure(figures, "before", "hazard_iou"));
-    for (const char* picture : {"merged_before.png", "merged_after.png", "merged_truth.png", "before_after.png",
-                                "trajectories.png", "rover1.png"}) {
-      EXPECT_TRUE(std::filesystem::exists(out / picture)) << picture;
+    for (const std::string name :
+         {"merged_before", "merged_after", "merged_truth", "before_after", "trajectories", "rover1"}) {
+      EXPECT_TRUE(std::filesystem::exists(out / (name + ".png"))) << name;
+      EXPECT_TRUE(std::filesystem::exists(out / (name + ".svg"))) << name;
     }
     RecordProperty("figures_" + agent, *ReadTextFile(out / "score.json"));
     std::cout << scored.out;

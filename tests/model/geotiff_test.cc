@@ -10,7 +10,7 @@
 #include <fstream>
 #include <numbers>
 
-#include "model/map_picture.h"
+#include "model/cell_colors.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {
