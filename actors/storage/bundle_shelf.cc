@@ -51,8 +51,8 @@ Result<HaveSet> AcknowledgedHave(Database& database) {
   }
 }
 
-// Returns `have` with the seqs added that this agent has dropped in the same streams. No later bundle can contain these
-// seqs, and without the gaps the have-set needs few intervals.
+// Returns `have`, plus the seqs that `own` has dropped in the same streams. No later bundle can contain a dropped seq.
+// With the gaps closed, the have-set needs few intervals.
 HaveSet WithoutGaps(const HaveSet& have, const HaveSet& own) {
   HaveSet filled;
   for (const auto& [stream, state] : have.streams()) {

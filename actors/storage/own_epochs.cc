@@ -23,13 +23,14 @@ constexpr std::uint32_t kMarkMax = 0x3FFF;
 // Returns a hash that is stored with the epoch, to detect a changed byte in the table own_epoch.
 std::uint64_t HashOf(std::uint64_t epoch) { return HashRecord({{0, epoch, 0}, 0}, "begun"); }
 
-// The epochs of this incarnation that another epoch certainly or possibly knew: all with counters up to these numbers.
+// The epochs of this incarnation that another epoch knew when it began. It certainly knew all epochs with counters up
+// to `certain`, and possibly all with counters up to `possible`.
 struct Knowledge {
   std::uint64_t certain = 0;
   std::uint64_t possible = 0;
 };
 
-// Computes which epochs of this incarnation each epoch knew. Requires: epochs are added in rising order.
+// Computes the Knowledge of each epoch. Requires: epochs are added in rising order.
 class Ancestry {
  public:
   explicit Ancestry(std::uint32_t own_tag) : own_tag_(own_tag) {}
@@ -93,7 +94,8 @@ class Ancestry {
     return latest->second.knew;
   }
 
-  // Several epochs may have this hash. Only what all these epochs knew is certain.
+  // Returns the knowledge of the epoch with this hash; null if no such epoch is known. Several epochs may have the
+  // hash. Only the epochs that all of them knew are certainly known.
   template <typename Key>
   static Found Find(const std::map<Key, std::vector<Known>>& known, const Key& key, std::uint64_t counter) {
     Found knew;
@@ -109,8 +111,8 @@ class Ancestry {
   }
 
   const std::uint32_t own_tag_;
-  std::map<std::pair<std::uint64_t, std::uint32_t>, std::vector<Known>> by_base_mark_;  // By counter and base mark.
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<Known>> by_mark_;       // By tag and mark.
+  std::map<std::pair<std::uint64_t, std::uint32_t>, std::vector<Known>> by_base_mark_;  // Key: counter, base mark.
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<Known>> by_mark_;       // Key: tag, mark.
   std::map<std::uint32_t, std::vector<Known>> by_mark_of_any_tag_;
   std::map<std::uint32_t, Known> foreign_by_tag_;  // The highest foreign epoch of each tag.
 };
@@ -211,8 +213,8 @@ Result<OwnEpochs::Next> OwnEpochs::Draw(std::mt19937_64& random) const {
     const std::uint64_t previous = begun_.empty() ? 0 : *begun_.rbegin();
     return Next{EpochOf({PartsOf(base).counter + 1, tag, BaseMarkOf(base), MarkOf(previous)}, random()), tag};
   }
-  // The counter is used up. Continue above the highest epoch in random steps. The bits of such epochs no longer contain
-  // valid tags.
+  // The counter is used up. Continue above the highest epoch in random steps. The bits of such an epoch no longer
+  // contain a valid tag.
   const std::uint64_t left = std::numeric_limits<std::uint64_t>::max() - base;
   if (left == 0) return Fail(ErrorCode::kInternal, "no epochs are left for this agent's records");
   return Next{base + 1 + random() % std::min<std::uint64_t>(left, 0xFFFF'FFFF), tag};

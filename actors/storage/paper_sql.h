@@ -9,11 +9,11 @@
 //
 // A peer's statement never reaches the store. It runs in an empty in-memory database that has only this one table. An
 // authorizer permits only the insert: no function, no subquery, no further statement. SQLite's limits are lowered and
-// its steps are bounded. The text outside of quotes may be only as long as the table's columns need. The statement must
-// insert exactly one row, with the announced record_id and agent_id. The row is converted to a record, which is checked
-// like any other record (record_validator.h).
+// its steps are bounded. The length of the text outside of quotes is limited. The statement must insert exactly one
+// row, with the announced record_id and agent_id. The row is converted to a record, which is checked like any other
+// record (record_validator.h).
 //
-// Pure functions. Thread-safe.
+// Thread-safe.
 #pragma once
 
 #include <cstddef>

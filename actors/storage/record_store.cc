@@ -34,11 +34,12 @@ namespace {
 constexpr std::size_t kRejectionsKept = 8;
 constexpr std::uint64_t kRowIdMax = std::uint64_t{1} << 62;
 constexpr int kInsertRecordsMax = 65536;
-constexpr std::uint64_t kRowBytes = 100;             // Approximate size of a row beside its content.
-constexpr std::uint64_t kRoomBytesMin = 256 * 1024;  // Minimum bytes of history to remove for a record.
+constexpr std::uint64_t kRowBytes = 100;  // Approximate size of a row beside its content.
+// If the disk is full, at least this many bytes of history are removed to make room for a record.
+constexpr std::uint64_t kRoomBytesMin = 256 * 1024;
 
-// Returns whether `record` repeats the stored record. `is_clock_suspect` and `is_state` may differ, since the agent
-// sets them by its clock and its policy. `content` is the serialised `record`.
+// Returns whether `record` repeats the stored record. `content` is the serialised `record`. `is_clock_suspect` and
+// `is_state` may differ, since the storing agent sets these two fields itself.
 bool IsRepeated(const std::string& stored_content, const proto::Record& record, const std::string& content) {
   if (stored_content == content) return true;
   proto::Record stored;
@@ -63,8 +64,8 @@ std::string SetAsideText(const std::string& aside) {
          "; an empty one was begun, and what no other agent had is in that file alone";
 }
 
-// Returns whether `states` contain a shared state of a greater order. Requires: all states have the origin, type and
-// latest key of the state with `order`.
+// Returns whether `states` contains a shared state (seq is not 0) of a greater order. Requires: all states have the
+// origin, type and latest key of the state with `order`.
 bool IsSuperseded(const RecordOrder& order, const std::vector<RecordTable::Row>& states) {
   return std::any_of(states.begin(), states.end(),
                      [&order](const auto& state) { return state.key.seq != 0 && state.order() > order; });
@@ -135,7 +136,7 @@ class RecordStore::Writing {
     return DeleteRow(table, row);
   }
 
-  // Bytes used, by origin. Requires: RoomToShare counted them.
+  // Returns the bytes used, by origin. Requires: RoomToShare was called before this transaction.
   const std::map<AgentId, std::uint64_t>& used_bytes() const { return *used_bytes_; }
   // Indices of the nodes of this agent that this transaction inserts.
   const std::set<std::uint64_t>& nodes() const { return nodes_; }
@@ -194,8 +195,8 @@ Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
     spdlog::error("storage: {}: {}", options.path, log_damage);
     (*store)->damage_.push_back(log_damage);
   }
-  // If this process opened the file before, do not replace it by an empty one: other actors have read rows that would
-  // then be missing. Only a new process begins an empty file.
+  // Only a new process replaces a damaged file by an empty one. In a running process, other actors may have read rows
+  // that an empty file lacks.
   if (store || store.error().code != ErrorCode::kCorrupt || options.is_checked) return store;
   const Result<std::string> aside = Database::SetAside(options.path, options.vfs);
   if (!aside) return tl::unexpected(aside.error());
