@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// SQLite passes `methods` back as file->pMethods. Write finds the owner from this pointer.
+// SQLite passes a pointer to `methods` (file->pMethods) to Write, which finds the owner through this pointer.
 struct CountingFiles::FileTail {
   sqlite3_io_methods methods{};
   const sqlite3_io_methods* base_methods = nullptr;

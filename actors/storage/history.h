@@ -59,8 +59,8 @@ class History {
   // Returns the highest row id, or 0 if there are no rows.
   Result<std::uint64_t> MaxRowId(Database& database) const;
 
-  // Inside the caller's transaction: copies a row that is about to be deleted from `table` into the history, if the
-  // rules keep rows of its type. Requires: the row's origin is `self`.
+  // Inside the caller's transaction: copies a row that is about to be deleted from `table`, if the rules keep it.
+  // Requires: the row's origin is `self`.
   Result<void> Take(Database& database, const RecordTable& table, const RecordTable::Row& row);
   // Inside the caller's transaction: removes the row of `key`, because the record is stored again. Does nothing if the
   // history has no such row.

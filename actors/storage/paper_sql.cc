@@ -116,8 +116,8 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
-// With kMany, a real number gets so many digits that SQLite converts the literal exactly. Of some thousand shorter
-// literals, SQLite converts about one to a neighbouring number.
+// With few digits, SQLite converts about one literal in some thousand to a neighbouring number. With kMany, it converts
+// every literal exactly.
 enum class Digits { kFew, kMany };
 
 std::string Real(double value, Digits digits) {
