@@ -484,8 +484,8 @@ Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport
   for (const std::uint64_t epoch : report.epochs()) {
     if (!own_epochs_.IsKnown(epoch)) unknown.push_back({{options_.self, epoch, 0}, 0});
   }
-  // Compute `unknown` before LearnOwnEpochs: a learned epoch counts as known, even if no peer has returned any of its
-  // records yet.
+  // `unknown` must be computed before LearnOwnEpochs: a learned epoch counts as known, even if no peer has returned any
+  // of its records yet.
   authority_.NoteOwnBeyond(peer, unknown, /*is_all=*/false);
   return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }

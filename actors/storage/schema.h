@@ -28,14 +28,14 @@ namespace moondb {
 inline constexpr std::int64_t kStoreApplicationId = 0x6D6F6F6E;  // "moon"
 inline constexpr int kStoreVersion = 3;
 
-// Checks that the file is new, or a store of this version with its tables, indexes and views. Further tables, indexes
-// and views belong to the user and are ignored. Changes nothing. kRefused: a store of another version, or the file of
-// another program. kCorrupt: a damaged header or a damaged statement of the schema, which would later make SQLite fail
-// with misleading errors.
+// Checks that the file is new, or a store of this version with its tables, indexes and views. Additional tables,
+// indexes and views belong to the user and are ignored. Changes nothing. Fails with kRefused for a store of another
+// version or the file of another program. Fails with kCorrupt if the header or a statement of the schema is damaged;
+// such damage would later make SQLite fail with misleading errors.
 Result<void> CheckSchema(Database& database);
 
-// Makes a new file a store, in one transaction, so that a crash leaves it either new or complete. Does nothing to any
-// other file.
+// Makes a new file a store, in one transaction. After a crash the file is either new or a complete store. Does nothing
+// to a file that is not new.
 Result<void> MakeSchema(Database& database);
 
 }  // namespace moondb

@@ -10,12 +10,12 @@
 
 namespace moondb {
 
-// Returns whether the file has an owner. kRefused if the owner is another agent: two agents that number records in
-// copies of one file would give two records the same name.
+// Returns whether the file has an owner. Fails with kRefused if the owner is another agent: two agents that number
+// records in copies of one file would give two records the same name.
 Result<bool> CheckOwner(Database& database, AgentId self);
 
-// Makes `self` the owner and stores team and types. Writes nothing if all of this is stored already, so a start on a
-// full disk succeeds.
+// Makes `self` the owner, and stores team and types. Writes nothing if the file already contains the same owner, team
+// and types, so a start on a full disk succeeds.
 Result<void> WriteOwner(Database& database, AgentId self, const std::set<AgentId>& team, const CustomTypes& types);
 
 }  // namespace moondb
