@@ -1,9 +1,9 @@
 // SharingRules decides which records of each data type this store keeps and passes on.
 //
 // Each type of the team has a policy. A custom type that this agent's team file does not declare (any more) is
-// *carried*: its policy is unknown here, so records of other agents are kept unchanged and passed on to agents that
-// lack them. A carried record is dropped if a peer reports that it is superseded. This agent's own rows of a carried
-// type are kept and not shared.
+// *carried*: its policy is unknown here. Other agents' records of the type are kept unchanged and passed on to agents
+// that lack them. A carried record is dropped if a peer reports that it is superseded. This agent's own rows of a
+// carried type are kept and not shared.
 #pragma once
 
 #include <map>
