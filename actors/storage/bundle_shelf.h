@@ -1,8 +1,8 @@
 // Stores the bundles for a ground station (actors/sharing/downlink_actor.h) until the station acknowledges them. Also
 // remembers which records the acknowledged bundles held.
 //
-// Each function that writes is one transaction that survives a power cut. All functions may return the errors of
-// Database, and the errors named below.
+// Each function that writes is one transaction that survives a power cut. All functions fail as Database does, or with
+// the errors named below.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kBundlePartBytesMax = 128 * 1024;  // Bytes of one ReadBundleReply.
+inline constexpr std::size_t kBundlePartBytesMax = 128 * 1024;  // Maximum size of one ReadBundleReply.
 
 // Saves a new bundle. Fails with kInvalid if a bundle with this number or a higher number was saved before.
 Result<void> SaveBundle(Database& database, const proto::SaveBundleRequest& request);

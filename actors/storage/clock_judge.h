@@ -27,7 +27,7 @@ class ClockJudge {
   // A time on this agent's monotonic clock.
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
-  // `base_station` 0 means that the team has none.
+  // `base_station` is 0 if the team has no base station.
   explicit ClockJudge(AgentId base_station) : base_station_(base_station) {}
 
   // Remembers that the clock of `peer` shows `utc_ns` (since 1970) now. An implausible value removes the peer's last
@@ -45,7 +45,7 @@ class ClockJudge {
 
   struct Verdict {
     std::string suspect;      // Why the clock is suspect, as text for people; empty if trusted.
-    bool has_jumped = false;  // The clock jumped since the last call of Judge.
+    bool has_jumped = false;  // True if the clock jumped since the last call of Judge.
   };
   // Judges this agent's clock, which shows `utc_ns`.
   Verdict Judge(std::int64_t utc_ns, Time now);

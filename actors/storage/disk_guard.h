@@ -29,8 +29,8 @@ namespace moondb {
 // Returns true if the disk caused the error (full, not writable or failing). The same write may then succeed later.
 bool IsOfTheDisk(const Error& error);
 
-// Lists the files beside a database that an operator may delete, largest first, with sizes: "moondb.sqlite.damaged-1
-// (12 MB) and agent.log (3 MB) in /data/rover1". Empty if there are none.
+// Returns a text that lists the files beside a database that an operator may delete, largest first:
+// "moondb.sqlite.damaged-1 (12 MB) and agent.log (3 MB) in /data/rover1". Returns an empty text if there are none.
 std::string DeletableFiles(const std::string& database_path);
 
 class DiskGuard {
@@ -40,6 +40,7 @@ class DiskGuard {
 
   enum class Kind { kMap, kRecord };
   // Returns an error if no record of that kind may be stored now: kFull, or kInternal if the file system is read-only.
+  // Does nothing else.
   Result<void> CheckRoom(Database& database, Kind kind) const;
 
   // Gives up the reserve if the file has room for records, but the disk has no room for the write-ahead log. Returns

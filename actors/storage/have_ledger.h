@@ -16,7 +16,7 @@ class HaveLedger {
  public:
   // Loads the have-set from the table. Skips damaged rows.
   Result<void> Load(Database& database);
-  // Returns whether Load found no damaged row.
+  // Returns true if Load found no damaged row.
   bool is_sound() const { return is_sound_; }
   // Replaces the whole table and the draft by `have`, inside the caller's transaction. Call Keep after the commit.
   Result<void> Replace(Database& database, const HaveSet& have);

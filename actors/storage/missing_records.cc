@@ -100,7 +100,7 @@ class MissingFinder {
   // Returns true if only some of the stream's records pass the filter.
   bool IsPartial(const StreamKey& stream) const { return AgentMeant(stream) != 0; }
 
-  // Returns the only agent whose poses and verdicts pass the filter; 0 if those of all agents pass.
+  // Returns the agent to whose poses and verdicts the filter limits this stream; 0 if the filter has no such limit.
   AgentId AgentMeant(const StreamKey& stream) const {
     return FindRecordTable(stream.type)->knows_agent() && !IsOwn(stream) ? filter_.optimized_poses_of_agent() : 0;
   }

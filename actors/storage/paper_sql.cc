@@ -311,7 +311,7 @@ int Authorize(void* table, int action, const char* name, const char*, const char
 
 int Stop(void*) { return 1; }
 
-// Opens an in-memory database that has only this table, without rows.
+// Opens an in-memory database that contains only `table`, without rows.
 DatabaseHandle OpenFor(const PaperTable& table) {
   sqlite3* opened = nullptr;
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_MEMORY | SQLITE_OPEN_NOMUTEX;

@@ -29,13 +29,13 @@ namespace moondb {
 
 inline constexpr std::size_t kPaperSqlBytesMax = 8 * 1024 * 1024;
 
-// Returns the INSERT statement for `record`. Null if RecordOf would not return the same record. Reasons are unknown
-// fields, a body that is not of the key's type, more repeated values than the table has columns, NaN, or a statement
-// longer than kPaperSqlBytesMax.
+// Returns the INSERT statement for `record`. Returns null if RecordOf would not return the same record: if the record
+// has unknown fields, a body that is not of the key's type, more repeated values than the table has columns, or NaN, or
+// if the statement is longer than kPaperSqlBytesMax.
 std::optional<std::string> SqlOf(const proto::StoredRecord& record);
 
-// Returns the record that the statement inserts. kCorrupt if the statement does not have the form that SqlOf writes, or
-// if the row does not belong to `key`.
+// Returns the record that the statement inserts. Fails with kCorrupt if the statement does not have the form that SqlOf
+// writes, or if the row does not belong to `key`.
 Result<proto::StoredRecord> RecordOf(std::string_view sql, const RecordKey& key);
 
 }  // namespace moondb

@@ -42,14 +42,14 @@ namespace moondb {
 
 class PeerAuthority {
  public:
-  // Returns whether records of the type are signed, so that any agent may supply them.
+  // Returns whether records of the type are signed. Any agent may supply signed records.
   static bool IsSignedType(DataType type) { return type == proto::ROLE_ASSIGNMENT || type == proto::MAP_QUARANTINE; }
 
   static constexpr std::size_t kOwnBeyondMax = 64;  // Maximum number of keys per peer (NoteOwnBeyond).
 
   struct Options {
     AgentId self = 0;
-    AgentId base = 0;  // 0 if the team has no base station.
+    AgentId base = 0;  // The base station; 0 if the team has none.
     std::set<AgentId> team;
     RoleChain::Options roles = RoleChain::WithoutKeys();
     // Used only in a team with signing keys. `is_signed` checks an assignment's signature with its issuer's key.
@@ -64,7 +64,7 @@ class PeerAuthority {
   // Loads the role assignments in the store: the assignments that this agent acted on, and the assignments stored as
   // records.
   Result<void> Load(Database& database);
-  // Call after an assignment is committed. `is_record` is true if it was stored as a record.
+  // Call after an assignment is committed. `is_record` is true if the assignment was stored as a record.
   void NoteAssignment(const proto::RoleAssignment& roles, bool is_record);
   void NoteIfSigned(const proto::RoleAssignment& roles);
   // Returns `roles` and its predecessors, newest first. The list ends at the first assignment of its era, or before the
@@ -94,8 +94,8 @@ class PeerAuthority {
   const proto::Term& newest_term() const { return chain_.newest().term(); }
   // Counts a record that its origin had no role to write (CheckSpeaker).
   void CountStatement(AgentId origin) { CountRefused(origin, Cause::kStatement, 0); }
-  // Remembers the report of a reader (an actor): how many stored records of each origin it ignores because of the
-  // origin's role. Replaces the reader's last report.
+  // Remembers the report of a reader (an actor): how many stored records of each origin the reader ignores because of
+  // the origin's role. Replaces the reader's last report.
   void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report);
 
   // Remembers own records of this agent that `peer` reported although this disk never held them. Each key is the last
@@ -116,7 +116,7 @@ class PeerAuthority {
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // Counts by sender, cause and origin.
   // Keys of NoteOwnBeyond: the last seq of each peer and stream; 0 if only the epoch is known.
   std::map<AgentId, std::map<StreamKey, std::uint64_t>> own_beyond_;
-  std::map<std::string, proto::LeftOutReport> left_out_;  // Last reports by reader.
+  std::map<std::string, proto::LeftOutReport> left_out_;  // Last report of each reader.
 };
 
 }  // namespace moondb

@@ -726,7 +726,7 @@ void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   }
 }
 
-// Returns the records of the request that pass validation. Rejects and counts the others.
+// Returns the records of the request that pass validation. Rejects and counts the other records.
 std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequest& request, Stored& result) {
   std::vector<Opened> opened;
   for (const proto::StoredRecord& stored : request.records()) {

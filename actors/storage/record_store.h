@@ -61,7 +61,7 @@ class RecordStore {
   struct Options {
     std::string path;  // The file. Its folder must exist. ":memory:" for tests.
     std::string vfs;   // VFS name, as for Database::Open.
-    AgentId self = 0;  // The owner of the store. The file remembers it.
+    AgentId self = 0;  // This agent. The file stores it as its owner.
     // All agents of the team, this one included. Records from or about any other agent are refused.
     std::set<AgentId> team;
     // Sharing policies of the built-in types. Types without a policy are not shared.
@@ -151,14 +151,14 @@ class RecordStore {
   // this agent leader or survivor, it is also stored as a record, with its predecessors that are not yet records. Peers
   // need these records to check that this agent may supply other agents' records.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
-  // Remembers how many records a reader ignores; see PeerAuthority::NoteLeftOut.
+  // Remembers the number of records that a reader ignores; see PeerAuthority::NoteLeftOut.
   void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) {
     authority_.NoteLeftOut(reader, report);
   }
-  // Fills in how many records of each peer this store refused; see PeerAuthority::Describe.
+  // Fills in the number of refused records per peer; see PeerAuthority::Describe.
   void DescribeRefused(proto::AgentStatus& status) const { authority_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();
-  // Applies a report of what a peer has; see PeerLog::Note.
+  // Applies a session's report of the records that a peer has; see PeerLog::Note.
   Result<bool> NotePeerHave(const proto::PeerHave& note);
   // `day` is today, in days since 1970. StorageStatus shows the bytes written per day.
   Result<proto::StorageStatus> GetStatus(std::uint32_t day = 0);
@@ -171,8 +171,8 @@ class RecordStore {
                                   std::size_t rows_max = SIZE_MAX);
   // Rewrites an existing value, to test whether the disk accepts writes.
   Result<void> TryToWrite();
-  // Call periodically. Removes some rows that history no longer keeps. Returns true if there may be more such rows.
-  // `utc_now_ns` is null if this agent does not know the time.
+  // Call periodically. Removes some rows that the history's rules no longer keep. Returns true if there may be more
+  // such rows. `utc_now_ns` is null if this agent does not know the time.
   Result<bool> TrimHistory(std::optional<std::int64_t> utc_now_ns);
   // Call if space is short. Removes the oldest rows of history until `bytes` bytes are freed or history is empty.
   // Returns the bytes freed. Durable on return.
@@ -253,7 +253,7 @@ class RecordStore {
   // Returns the have-set at the time of the request's mark; null if the request has no mark. If the mark is new, saves
   // the current have-set under it.
   const HaveSet* MarkedBy(const proto::MissingRequest& request);
-  // Returns the stream's state as it is reported to peers (HaveRequest.is_for_peer).
+  // Returns the state of a stream to report to peers (HaveRequest.is_for_peer).
   StreamHave ForPeer(DataType type, const StreamHave& have) const;
   Result<void> StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);
   Result<void> StoreOne(AgentId sender, const Opened& opened, std::optional<std::uint64_t> room_bytes, Writing& writing,
@@ -287,7 +287,7 @@ class RecordStore {
   std::uint64_t next_row_id_ = 1;
   std::uint64_t rejected_count_ = 0;
   std::uint64_t pruned_count_ = 0;
-  std::uint64_t map_bytes_ = 0;  // Bytes of the contents of maps.
+  std::uint64_t map_bytes_ = 0;  // Bytes of the contents of all map rows.
   // Bytes of the contents of all rows except history, plus kRowBytes per row, by origin. Null until they are counted.
   std::optional<std::map<AgentId, std::uint64_t>> used_bytes_;
   // Indices of this agent's nodes; null until they are read.

@@ -20,7 +20,7 @@ void BindCustom(const proto::Record& record, std::string_view content, Query& qu
 
 constexpr char kCustomColumns[] = "data_type, metadata, payload_at, payload_bytes";
 
-// Returns SQL that makes a JSON object of the columns of a row.
+// Returns SQL for a JSON object with the columns of a row.
 std::string JsonSql(const std::vector<std::string>& columns) {
   std::string sql;
   for (const std::string& column : columns) sql += (sql.empty() ? "json_object('" : ", '") + column + "', " + column;

@@ -1,8 +1,8 @@
 // RecordTable stores and finds records in one SQL table: the table of one built-in data type, or the table of all
 // custom types.
 //
-// The columns beside `content` are derived from the content on insertion (schema.h). Functions that write run inside
-// the caller's transaction. All functions fail as Database does.
+// The columns other than `content` are derived from the content on insertion (schema.h). Functions that write run
+// inside the caller's transaction. All functions fail as Database does.
 #pragma once
 
 #include <cstdint>
@@ -82,7 +82,8 @@ class RecordTable {
                      AgentId agent) const;
   Result<std::uint64_t> CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                       std::uint64_t last, AgentId agent) const;
-  // Reads rows with the columns 0 row_id, 1 seq, 2 timestamp_ns, 3 the content's bytes. Does not read contents.
+  // Reads rows with the columns 0 row_id, 1 seq, 2 timestamp_ns, 3 length of the content in bytes. Does not read
+  // contents.
   Query ReadHeads(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last) const;
   // Fails with kNotFound if there is no such row.
   Result<proto::Record> ReadRecord(Database& database, std::uint64_t row_id) const;

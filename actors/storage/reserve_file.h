@@ -19,7 +19,6 @@ namespace moondb {
 inline constexpr std::uint64_t kReserveBytesMax = 16ull << 20;
 inline constexpr std::uint64_t kReservePartBytes = 1ull << 20;  // Bytes that one call of Grow adds and syncs.
 
-// Returns the intended size of the reserve for a disk of `capacity_bytes`.
 std::uint64_t ReserveBytesFor(std::uint64_t capacity_bytes);
 
 class ReserveFile {

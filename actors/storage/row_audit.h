@@ -28,7 +28,7 @@ class RowAudit {
   // Returns true if nothing needs repair.
   bool is_sound() const { return is_ledger_sound_ && damaged_rows_.empty() && damaged_history_.empty(); }
   std::uint64_t row_id_max() const { return row_id_max_; }  // 0 if there are no rows.
-  // The repaired have-set: the seqs of the undamaged rows, and those dropped seqs of the file's have-set that remain
+  // The repaired have-set: the seqs of the undamaged rows, and the dropped seqs of the file's have-set that remain
   // valid.
   const HaveSet& have() const { return have_; }
 

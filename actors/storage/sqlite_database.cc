@@ -246,8 +246,8 @@ Result<void> Database::OpenConnection(const std::string& vfs) {
   sqlite3_db_config(connection_, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
   sqlite3_progress_handler(connection_, kStepsBetweenLooks, OnSteps, this);
   sqlite3_busy_timeout(connection_, kBusyTimeout_ms);
-  // In exclusive mode WAL needs no shared memory. A custom VFS may not have shared memory, and a full disk has no room
-  // for it.
+  // In exclusive mode WAL needs no shared memory. A custom VFS may not support shared memory, and a full disk has no
+  // room for it.
   if (!vfs.empty() || access_ != Access::kShared) return Execute("PRAGMA locking_mode=EXCLUSIVE");
   return {};
 }
@@ -477,7 +477,8 @@ Result<void> Database::CheckFile(const char* ending, std::optional<FileIdentity>
 }
 
 tl::unexpected<Error> Database::NotInPlace(const char* ending, const std::string& what) {
-  LeaveAsItIs();  // A file that is now at this path may have its own log.
+  // Another file that is now at this path may have its own log.
+  LeaveAsItIs();
   return Fail(ErrorCode::kCorrupt, (*ending == 0 ? "database " : "the log of a database, ") + path_ + ending + ", " +
                                        what +
                                        " while this agent had it open, so new records would be lost. Put the file "

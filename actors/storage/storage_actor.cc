@@ -43,7 +43,8 @@ std::string Megabytes(double bytes) {
 
 constexpr std::uint64_t kHistoryDropBytes = 1024 * 1024;
 
-// Removes history before records are refused for lack of room. Pages that become free within the file count as room.
+// Removes history if the disk is short of room, before records are refused. Pages that become free within the file
+// count as room.
 void DropHistoryWhereShort(const DiskGuard& disk, RecordStore& store) {
   const Result<void> room = disk.CheckRoom(store.database(), DiskGuard::Kind::kMap);
   if (room || room.error().code != ErrorCode::kFull) return;
@@ -326,7 +327,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     *message.mutable_missing_reply() = *std::move(reply);
   } else {
     Note(context, "what is missing", reply.error());
-    // Report no records, but 1 as remaining, so the session asks again.
+    // Return no records and 1 remaining record, so the session asks again.
     message.mutable_missing_reply()->set_remaining(1);
   }
   Answer(context, std::move(message));

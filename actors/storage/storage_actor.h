@@ -71,8 +71,7 @@ class StorageActor final : public Actor {
   explicit StorageActor(Options options);
   ~StorageActor() override;
 
-  // Returns the options for opening the same store before the actor runs. A program does this at its start, to show an
-  // error.
+  // Returns options with which a program can open the same store before the actor runs, to show an error at its start.
   static RecordStore::Options StoreOptions(const Options& options);
 
   void OnStart(Context& context) override;

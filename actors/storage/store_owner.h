@@ -1,5 +1,5 @@
-// Stores the owner of a database file: the agent that numbers its records. Also stores the team and its custom types,
-// for people who query the file.
+// Stores the owner of a database file: the agent whose own records get their keys from this file. Also stores the team
+// and its custom types, for people who query the file.
 #pragma once
 
 #include <set>

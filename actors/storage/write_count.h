@@ -28,7 +28,7 @@ class WriteCount {
   std::map<std::uint32_t, std::uint64_t> Days(const Database& database, std::uint32_t day) const;
 
  private:
-  std::map<std::uint32_t, std::uint64_t> days_;  // The saved days.
+  std::map<std::uint32_t, std::uint64_t> days_;  // Bytes written on each day, as last saved.
   // The part of Database::WrittenBytes that `days_` includes.
   std::uint64_t counted_ = 0;
   std::uint64_t seen_ = 0;  // Database::WrittenBytes at the end of the last save.
