@@ -15,7 +15,8 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kBundlePartBytesMax = 128 * 1024;  // Maximum size of one ReadBundleReply.
+// Maximum bytes of a bundle's file in one ReadBundleReply.
+inline constexpr std::size_t kBundlePartBytesMax = 128 * 1024;
 
 // Saves a new bundle. Fails with kInvalid if a bundle with this number or a higher number was saved before.
 Result<void> SaveBundle(Database& database, const proto::SaveBundleRequest& request);

@@ -4,8 +4,8 @@
 // Records that are inserted while the clock is suspect are marked (Record.is_clock_suspect). The timestamp of a marked
 // record never counts as newer than another timestamp. The clock is suspect
 //   - before 2024, because it was never set;
-//   - if more clocks differ from it by over a minute than agree with it (its own clock counts as agreeing); in a tie,
-//     if it differs from the base station's clock;
+//   - if more clocks of the team differ from it by over a minute than agree with it (this agent's clock counts as
+//     agreeing); in a tie, if it differs from the base station's clock;
 //   - after a jump of more than a minute, until another agent's clock agrees with it.
 // Between two reports of a peer, the peer's clock is extrapolated with this agent's monotonic clock. A plausible but
 // wrong clock is not detected before the first report of a peer.

@@ -8,9 +8,11 @@
 //
 // Room is the free disk space plus the free pages within the file, since a database file never shrinks. If SQLite
 // reports a full disk in spite of these limits, the reserve (actors/storage/reserve_file.h) is deleted, so role
-// assignments and prunes can be written. It is later rebuilt part by part.
+// assignments and prunes can be written. The reserve is later rebuilt part by part.
 //
-// A database in memory has no disk, so nothing is refused. For one thread at a time.
+// A database in memory has no disk, so nothing is refused.
+//
+// For one thread at a time.
 #pragma once
 
 #include <optional>
@@ -40,7 +42,6 @@ class DiskGuard {
 
   enum class Kind { kMap, kRecord };
   // Returns an error if no record of that kind may be stored now: kFull, or kInternal if the file system is read-only.
-  // Does nothing else.
   Result<void> CheckRoom(Database& database, Kind kind) const;
 
   // Gives up the reserve if the file has room for records, but the disk has no room for the write-ahead log. Returns

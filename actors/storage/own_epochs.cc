@@ -23,8 +23,8 @@ constexpr std::uint32_t kMarkMax = 0x3FFF;
 // Returns a hash that is stored with the epoch, to detect a changed byte in the table own_epoch.
 std::uint64_t HashOf(std::uint64_t epoch) { return HashRecord({{0, epoch, 0}, 0}, "begun"); }
 
-// The epochs of this incarnation that another epoch knew when it began. It certainly knew all epochs with counters up
-// to `certain`, and possibly all with counters up to `possible`.
+// The epochs of this incarnation that another epoch knew when it began. The other epoch certainly knew all epochs with
+// counters up to `certain`, and possibly all epochs with counters up to `possible`.
 struct Knowledge {
   std::uint64_t certain = 0;
   std::uint64_t possible = 0;
@@ -94,8 +94,8 @@ class Ancestry {
     return latest->second.knew;
   }
 
-  // Returns the knowledge of the epoch with this hash; null if no such epoch is known. Several epochs may have the
-  // hash. Only the epochs that all of them knew are certainly known.
+  // Returns the Knowledge of the epoch with this `key` and a counter below `counter`; null if there is none. Marks are
+  // hashes, so several epochs may have the key. Only the epochs that all of them knew are certainly known.
   template <typename Key>
   static Found Find(const std::map<Key, std::vector<Known>>& known, const Key& key, std::uint64_t counter) {
     Found knew;

@@ -71,9 +71,9 @@ class OwnEpochs {
   void Learn(std::uint64_t epoch);  // Adds a foreign epoch. Does nothing if this file's history began the epoch.
 
   // Epochs of this incarnation whose states are in danger: the highest foreign epoch is above them but did not know
-  // them. Older states stored under the foreign epoch would replace their states. Lower foreign epochs need no check,
-  // because the disk that began the highest foreign epoch has already reissued or replaced the states that they did not
-  // know.
+  // them. Older states stored under the foreign epoch would replace their states. Lower foreign epochs need no check.
+  // The disk that began the highest foreign epoch has already reissued or replaced the states that the lower epochs did
+  // not know.
   struct Danger {
     std::set<std::uint64_t> certain;
     // Epochs that may be in danger. Too little is known about the base of the foreign epoch to decide.

@@ -419,7 +419,7 @@ Result<void> RecordStore::Reissue() {
   return {};
 }
 
-// Returns the endangered states that no newer state has superseded, in the order of insertion.
+// Returns the endangered states (OwnEpochs::Danger) that no newer state has superseded, in the order of insertion.
 Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
   std::vector<RecordKey> found;
   const OwnEpochs::Danger danger = own_epochs_.Endangered();

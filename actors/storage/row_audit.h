@@ -47,7 +47,7 @@ class RowAudit {
   HaveSet have_;
   std::uint64_t row_id_max_ = 0;
   bool is_ledger_sound_ = true;
-  std::vector<std::pair<const RecordTable*, std::uint64_t>> damaged_rows_;  // Table and row id of each.
+  std::vector<std::pair<const RecordTable*, std::uint64_t>> damaged_rows_;  // Table and row id of each damaged row.
   std::vector<History::Found> damaged_history_;
   std::set<std::pair<AgentId, DataType>> gone_;  // Origins and types that have lost rows.
 };

@@ -152,9 +152,9 @@ class Database {
   // Fails with kCorrupt if, since Open, another program removed, moved, replaced or truncated the file or its log.
   // Later writes would then be lost. Costs two calls of stat.
   Result<void> CheckInPlace();
-  // Maximum number of steps of SQLite's virtual machine in one call of Query::Step, which fails with kCorrupt above it.
-  // On a file that another program changed, a statement might never end. On an intact store no statement needs so many
-  // steps: reading a whole file takes some fifty steps per row. kStepsMax steps take minutes.
+  // Maximum number of steps of SQLite's virtual machine in one call of Query::Step. A call that needs more fails with
+  // kCorrupt. On a file that another program changed, a statement might never end. On an intact store no statement
+  // needs so many steps: reading a whole file takes some fifty steps per row. kStepsMax steps take minutes.
   static constexpr std::uint64_t kStepsMax = 10'000'000'000;
   void SetStepsMax(std::uint64_t steps) { steps_max_ = steps; }  // For tests.
   // Bytes of the pages in use, in the file and in the log. Free pages are not counted.

@@ -26,8 +26,8 @@ enum TimerKind : std::uint32_t { kScrub = 1, kSaveWritten = 2, kTend = 3, kTrimH
 constexpr std::size_t kRowsOnFullDisk = 200;
 
 constexpr double kMegabyte = 1e6;
-// RetentionActor prunes the store to below this fraction of its budget. If more is used, too few records may be
-// removed.
+// RetentionActor prunes the store to below this fraction of its budget. If the store takes more, RetentionActor could
+// not remove enough records.
 constexpr double kBudgetUsedMax = 0.9;
 
 std::uint32_t DayOf(std::int64_t utc_ns) {
@@ -213,8 +213,8 @@ void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) 
   if (event.is_connected()) ReportEpochs(context, event.peer());
 }
 
-// Sends the peer a report of those epochs of its own records that are known here. Called whenever a link to the peer
-// opens, so a lost report is repeated, and before records of the peer are returned to it.
+// Sends the peer an EpochReport: the epochs of the peer's own records that this store covers. Called whenever a link to
+// the peer opens, so a lost report is repeated, and before records of the peer are returned to it.
 void StorageActor::ReportEpochs(Context& context, AgentId peer) {
   proto::Message report;
   report.set_ms_type(proto::CONTROL);

@@ -27,7 +27,7 @@ struct TypeTable {
 // Returns the tables in the order of the types' numbers.
 const std::vector<TypeTable>& TypeTables();
 
-// Returns the column names in SQL such as "celsius REAL NOT NULL, ...", here "celsius".
+// Returns the names of the columns in `columns`: {"celsius"} for "celsius REAL NOT NULL".
 std::vector<std::string> ColumnNames(const std::string& columns);
 
 }  // namespace moondb

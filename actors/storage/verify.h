@@ -14,7 +14,7 @@
 namespace moondb {
 
 inline constexpr std::uint32_t kVerifyRecordsMax = 2000;  // Maximum records per reply.
-// Maximum bytes of contents per reply. A larger record makes a reply of its own.
+// Limit of the bytes of contents per reply. One record may exceed this limit.
 inline constexpr std::uint32_t kVerifyBytesMax = 4 * 1024 * 1024;
 inline constexpr int kVerifyFindingsMax = 100;  // Maximum findings named per reply.
 
