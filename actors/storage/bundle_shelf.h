@@ -15,8 +15,7 @@
 
 namespace moondb {
 
-// Maximum bytes of a bundle's file in one ReadBundleReply.
-inline constexpr std::size_t kBundlePartBytesMax = 128 * 1024;
+inline constexpr std::size_t kBundlePartBytesMax = 128 * 1024;  // Maximum bytes of a bundle's file per ReadBundleReply.
 
 // Saves a new bundle. Fails with kInvalid if a bundle with this number or a higher number was saved before.
 Result<void> SaveBundle(Database& database, const proto::SaveBundleRequest& request);

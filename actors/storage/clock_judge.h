@@ -59,7 +59,7 @@ class ClockJudge {
   std::map<AgentId, Peer> peers_;
   // This agent's UTC minus its monotonic clock at the last call of Judge; null if its UTC was implausible.
   std::optional<std::int64_t> offset_ns_;
-  // Sum of the clock's jumps since another agent's clock last agreed with it.
+  // Sum of the jumps of this agent's clock since another agent's clock last agreed with it.
   double unproven_jump_s_ = 0;
   // True if the UTC clock was implausible at the last call of Judge.
   bool was_never_set_ = false;

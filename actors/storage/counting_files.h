@@ -27,7 +27,7 @@ class CountingFiles {
   std::uint64_t written_bytes() const { return written_bytes_; }
 
  private:
-  // `base` must be the first member: SQLite passes a pointer to it to Open, which casts the pointer to Vfs.
+  // `base` must be the first member: SQLite passes a pointer to `base` to Open, which casts the pointer to Vfs.
   struct Vfs {
     sqlite3_vfs base{};
     CountingFiles* owner = nullptr;

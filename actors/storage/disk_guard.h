@@ -72,7 +72,7 @@ class DiskGuard {
   struct Room {
     std::uint64_t disk_bytes = 0;     // Free bytes on the disk.
     std::uint64_t bytes = 0;          // `disk_bytes` plus the free pages within the file.
-    std::uint64_t log_bytes = 0;      // Size of the write-ahead log. SQLite can overwrite it.
+    std::uint64_t log_bytes = 0;      // Size of the write-ahead log, which SQLite can overwrite.
     std::uint64_t reserve_bytes = 0;  // The intended size of the reserve.
   };
   std::optional<Room> RoomOf(Database& database) const;

@@ -1,5 +1,6 @@
-// History: this agent's own states that newer states have superseded under the policy `latest`. The team file says how
-// long they are kept (TeamConfig.keep). They answer questions after the mission, such as how cold the night was.
+// History: this agent's own states that newer states have superseded under the policy `latest`. TeamConfig.keep in the
+// team file sets how long states are kept. The history answers questions after the mission, such as how cold the night
+// was.
 //
 // Rows of the history are in no have-set, are never sent to peers, and are lost with the disk. Other agents' records
 // are never kept here. A superseded record moves here in the transaction that stores its successor.
@@ -68,13 +69,14 @@ class History {
   // Inside the caller's transaction: removes the oldest rows until at least `bytes` bytes are freed or no rows are
   // left. Returns the number of bytes freed.
   Result<std::uint64_t> Drop(Database& database, std::uint64_t bytes);
-  // Inside the caller's transaction: removes at most kHistoryTrimRowsMax rows that are older than their type's rule
-  // allows or exceed bytes_max. Returns true if more rows may have to be removed. `utc_now_ns` is null if this agent
-  // does not know the time; Trim then removes no row by age. A row whose timestamp comes from a suspect clock is not
-  // removed by age either, unless its type keeps no rows at all.
+  // Inside the caller's transaction: removes rows that are older than their type's rule allows, and the oldest rows
+  // while the history exceeds bytes_max. Removes at most kHistoryTrimRowsMax rows. Returns true if more rows may have
+  // to be removed. If `utc_now_ns` is null (this agent does not know the time), no row is removed by age. A row whose
+  // timestamp comes from a suspect clock is not removed by age either, unless its type keeps no rows at all.
   Result<bool> Trim(Database& database, std::optional<std::int64_t> utc_now_ns);
   bool NeedsTrim() const;  // Returns false if Trim would find nothing to remove.
-  // Inside the caller's transaction: executes an operator's prune with `request.is_history`. A dry run removes nothing.
+  // Inside the caller's transaction: removes the rows that an operator's request with `is_history` selects. A dry run
+  // removes nothing.
   Result<proto::PruneReply> Prune(Database& database, const proto::PruneRequest& request, std::int64_t utc_now_ns);
   // Applies the draft. Call after the commit of a transaction.
   void Keep();

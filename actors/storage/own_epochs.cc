@@ -86,7 +86,7 @@ class Ancestry {
   Found PreviousOf(const EpochParts& parts) const {
     if (parts.previous_mark == 0) return std::nullopt;
     Found previous = Find(by_mark_, std::pair(parts.tag, parts.previous_mark), parts.counter);
-    // In a restored backup, the epoch before the first one has another tag.
+    // The first epoch of a restored backup follows an epoch with another tag.
     if (!previous) previous = Find(by_mark_of_any_tag_, parts.previous_mark, parts.counter);
     if (previous) return previous;
     const auto latest = foreign_by_tag_.find(parts.tag);
@@ -194,7 +194,7 @@ OwnEpochs::Danger OwnEpochs::Endangered() const {
   return danger;
 }
 
-// Draws a tag that no known epoch has. Accepts any tag once half of all tags are taken.
+// Draws a tag that no known epoch has. If half of all tags are taken, the tag may be one of them.
 std::uint32_t OwnEpochs::DrawTag(std::mt19937_64& random) const {
   std::set<std::uint32_t> taken;
   for (const std::uint64_t epoch : begun_) taken.insert(PartsOf(epoch).tag);

@@ -1,10 +1,10 @@
-// PeerLog: the log of which records each peer is known to have, and which records open sessions have sent to it. The
-// view replication_log shows the log.
+// PeerLog: the log of which records each peer is known to have, and which records open sessions have sent to the peer.
+// The view replication_log shows the log.
 //
 // The log is used for display, and for the uncertain cases of OwnEpochs::Danger. A power cut may remove entries; the
 // next session restores them. A session first reports all records that its peer has (a full report), then numbered
-// differences (proto::PeerHave). If a difference does not have the number after the last report's number, it is not
-// applied, and the session must send a full report.
+// differences (proto::PeerHave). If a difference does not have the number after the last report's number, the
+// difference is not applied, and the session must send a full report.
 #pragma once
 
 #include <cstdint>

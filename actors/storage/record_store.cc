@@ -717,7 +717,7 @@ void RecordStore::Reject(Error error, Stored& result) {
 }
 
 // Notes the signed assignments in the request. Call before the records are checked, because an assignment may decide
-// which of them are accepted.
+// which records are accepted.
 void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   for (const proto::StoredRecord& stored : request.records()) {
     if (stored.key().data_type() != proto::ROLE_ASSIGNMENT) continue;
@@ -765,7 +765,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   for (const RecordKey& key : result.never_valid) touched.insert(key.stream);
   HaveSet dropped;
   for (const proto::StreamHave& stream : request.dropped()) {
-    // Ignore drops of a type that may not be dropped here. The sender's team file may have another policy for it.
+    // Ignore drops of a type that may not be dropped here. The sender's team file may have another policy for the type.
     if (!rules_.MayBeDropped(static_cast<DataType>(stream.data_type()))) continue;
     const Result<void> checked = CheckDropped(request.sender(), stream, dropped);
     if (!checked) Reject(checked.error(), result);

@@ -1,10 +1,11 @@
 // RecordStore: everything that an agent stores, in one SQLite file: records, the have-set, roles, and what peers have
 // (paper, Sections 3 and 4).
 //
-// Records are immutable and named by (origin, epoch, data type, seq). Each call that writes is one transaction. If it
-// fails, file and memory are as before, and the store remains usable.
+// Records are immutable and named by (origin, epoch, data type, seq). Each call that writes is one transaction. If the
+// transaction fails, file and memory are as before, and the store remains usable.
 //   - Epochs: the first shared insert of a process begins an epoch above every own epoch known here (own_epochs.h). If
-//     a peer knows a later own epoch, the disk was lost or restored, and the next insert begins an epoch above it.
+//     a peer knows a later own epoch, the disk was lost or restored, and the next insert begins an epoch above that
+//     epoch.
 //   - Reissuing: if a later epoch of this agent cannot have known the newest states of an earlier epoch, these states
 //     are stored again under a new epoch. An older state that a peer returns thus never replaces a newer state. If
 //     reissuing fails, the call stores nothing, and later calls retry.
@@ -96,7 +97,7 @@ class RecordStore {
   const std::optional<Error>& start_trouble() const { return start_trouble_; }
   // Path of the damaged file that Open set aside; empty if there was none.
   const std::string& set_aside() const { return set_aside_; }
-  // Damage that Open found, one sentence each.
+  // One sentence for each damage that Open found.
   const std::vector<std::string>& damage() const { return damage_; }
 
   // Call once at the start of a process, before its actors run. Logs the damage that Open found, and whether the
@@ -280,7 +281,7 @@ class RecordStore {
   PeerAuthority authority_;
   WriteCount write_count_;
   std::mt19937_64 random_;
-  std::uint64_t epoch_ = 0;  // 0 until the next shared insert begins an epoch.
+  std::uint64_t epoch_ = 0;  // Current epoch of own records; 0 until a shared insert begins it.
   OwnEpochs own_epochs_;
   bool is_reissue_due_ = false;  // True if a newly known epoch may endanger states.
   proto::RecordsStored reissued_;

@@ -9,7 +9,8 @@
 
 namespace moondb {
 
-inline constexpr int kRoleHistoryMax = 16384;  // Older assignments are deleted.
+// Maximum number of stored assignments. Older assignments are deleted.
+inline constexpr int kRoleHistoryMax = 16384;
 
 // Adds an assignment, inside the caller's transaction. Returns false, and changes nothing, if `roles` equals the newest
 // assignment. Fails as Database does.

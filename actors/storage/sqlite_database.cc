@@ -28,7 +28,7 @@ constexpr int kStepsBetweenLooks = 100'000;
 constexpr std::uint64_t kPageBytes = 4096;  // Default of SQLite.
 // SQLite moves the log into the file when the log reaches this length.
 constexpr std::uint64_t kLogPagesMax = 1000;
-constexpr std::uint64_t kLogPagesMin = 16;  // On a tiny disk this limit is lower, but not below this.
+constexpr std::uint64_t kLogPagesMin = 16;  // kLogPagesMax is reduced to this on a tiny disk.
 // After a checkpoint, SQLite truncates a longer log to this length.
 constexpr std::uint64_t kLogBytesKept = 16ull << 20;
 

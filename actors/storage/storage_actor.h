@@ -57,7 +57,8 @@ class StorageActor final : public Actor {
     Duration history_period = std::chrono::minutes(1);
     // Pause between two parts of a history trim. A part removes at most kHistoryTrimRowsMax rows.
     Duration history_pause = std::chrono::seconds(1);
-    // The damaged file that the start of this process set aside, shown in the status.
+    // Path of the damaged file that was set aside at the start of this process; empty if there was none. Shown in the
+    // status.
     std::string set_aside;
     // Returns the UTC time at which the process began to stop in an orderly way; null if it did not. Called when the
     // actor ends. The actor logs this time as the last event of the store.
