@@ -5,9 +5,9 @@
 // transaction begins. If another transaction follows the wrong frame, a power cut cannot be the cause: bits of the log
 // were changed, and durable records are lost.
 //
-// Damage in the last transaction looks like an interrupted write and is not reported. After a power cut, transactions
-// that are not synced one by one (the log of what peers have, the count of bytes written) may be reported as damaged,
-// although no record is lost.
+// Damage in the last transaction looks like an interrupted write and is not reported. Transactions that are not synced
+// one by one (the log of what peers have, the count of bytes written) may be reported as damaged after a power cut. No
+// record is lost in this case.
 //
 // The format is documented at https://sqlite.org/fileformat2.html#walformat.
 #pragma once

@@ -7,9 +7,9 @@
 // the filter may hide the successors. No dropped seqs are reported for `newest_only_types` either, because this agent
 // still holds their older records.
 //
-// If the request has a mark (MissingRequest.mark), records that were inserted after the mark are left out, so a session
-// ends even if the robot keeps inserting records. Types under the policy `latest` or in `newest_only_types` ignore the
-// mark, because a newer record may have replaced one that existed at the mark.
+// If the request has a mark (MissingRequest.mark), records that were inserted after the mark are left out. Otherwise a
+// session would not end while the robot inserts records. Types under the policy `latest` or in `newest_only_types`
+// ignore the mark, because a newer record may have replaced a record that existed at the mark.
 #pragma once
 
 #include "actors/storage/sharing_rules.h"

@@ -1,20 +1,20 @@
-// OwnEpochs keeps the known epochs of this agent's own records. It records which epochs this file's history began, and
-// finds states that a later epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
+// OwnEpochs keeps the known epochs of this agent's own records: epochs that this file's history began, and *foreign*
+// epochs. It finds states that a later epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
 //
 // The 64 bits of an epoch identify its ancestry:
-//   - 16 bits: counter, one above the counter of its *base*, the highest own epoch known when it began;
-//   - 10 bits: tag of the incarnation that began it;
-//   - 8 bits: derived from the mark of its base; 0 if it had no base;
-//   - 14 bits: mark of the previous epoch in its file's history; 0 if it is the first;
+//   - 16 bits: counter, one above the counter of its *base*, which is the highest own epoch known when the epoch began;
+//   - 10 bits: tag of the incarnation that began the epoch;
+//   - 8 bits: derived from the mark of the base; 0 if there was no base;
+//   - 14 bits: mark of the previous epoch in its file's history; 0 for the first epoch;
 //   - 16 random bits, so that two diverging copies of one file do not use the same epoch twice.
-// A *mark* is a hash of all bits of an epoch. An *incarnation* is one history of a database file. The incarnation's tag
-// is drawn with its first epoch. A file that was created empty starts a new incarnation. A copy made by `moonctl db
-// backup` also starts a new incarnation, because the tag is removed from the copy (kForgetIncarnationSql).
+// A *mark* is a hash of all bits of an epoch. An *incarnation* is one history of a database file; its tag is drawn with
+// its first epoch. A file that was created empty starts a new incarnation. A copy made by `moonctl db backup` also
+// starts a new incarnation, because the tag is removed from the copy (kForgetIncarnationSql).
 //
 // A *foreign* epoch is an epoch of this agent that a peer reports or returns and that this file's history did not
 // begin. It began on another disk of this agent, or in a copy of this file that kept the tag. A foreign epoch knew the
-// records of its base, of the previous epoch in its file, and of all epochs that the base or the previous epoch knew.
-// If the previous epoch is not known here, the highest known epoch below it with the same tag is used instead.
+// records of its base, of the previous epoch in its file, and of all epochs that these two epochs knew. If the previous
+// epoch is not known here, the highest known epoch below the foreign epoch with the same tag is used instead.
 //
 // Load and Write run inside the caller's transaction and fail as Database does. The other functions use no database.
 #pragma once

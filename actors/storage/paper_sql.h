@@ -1,13 +1,13 @@
-// The paper's literal form of a record: one populated INSERT into the table of its data type (paper, Section 4). It
-// serves as a baseline for the other codecs.
+// The paper's literal form of a record: one populated INSERT into the table of its data type (paper, Section 4). It is
+// a baseline for comparison with the other codecs.
 //
 //   INSERT INTO temperature (record_id, agent_id, timestamp_ns, celsius) VALUES ('3.00061c40f0d7cf6b.1.17', 3, 17...,
 //   -40.5)
 //
-// There is a column for each field that has a value, named by the field's path within the record's body. Bytes, and the
+// Each field that has a value has a column, whose name is the field's path within the record's body. Bytes, and the
 // cells of a map at one byte each, are written as X'..'. A submessage whose fields have no values is written as 1.
 //
-// A peer's statement never reaches the store. It runs in an empty in-memory database that has only this one table. An
+// A peer's statement never runs in the store. It runs in an empty in-memory database that has only this one table. An
 // authorizer permits only the insert: no function, no subquery, no further statement. SQLite's limits are lowered and
 // its steps are bounded. The length of the text outside of quotes is limited. The statement must insert exactly one
 // row, with the announced record_id and agent_id. The row is converted to a record, which is checked like any other

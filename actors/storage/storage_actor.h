@@ -1,8 +1,8 @@
 // StorageActor: the only owner of an agent's database. It answers the requests of proto/storage.proto, retention.proto
 // and downlink.proto, and the ControlRequest `status` with its part of AgentStatus.
 //
-// From peers it accepts only EpochReport. When a link opens, each side reports which epochs of the other agent's own
-// records it knows. An agent whose disk was lost or restored thus learns of its later epochs.
+// The actor accepts only EpochReport from peers. When a link opens, each side reports which epochs of the other agent's
+// own records it knows. An agent whose disk was lost or restored thus learns of its later epochs.
 //
 // Each reply is sent after the commit that it reports. If a write fails, the reply contains the error and the actor
 // continues. If the file cannot be opened, the actor fails. The process ends if the file is found damaged, or if
@@ -10,9 +10,9 @@
 // (Options::scrub_period), to detect damage while another disk still holds the lost records.
 //
 // If the disk is nearly full, the actor first refuses maps, then all records, of its own robot and of peers
-// (actors/storage/disk_guard.h). If only maps are refused, it stores the other records of a peer's batch and replies
-// with an error; the sender retries the maps with a growing delay. Role assignments and prunes are stored as long as
-// the disk accepts any write, and the reserve is given up for them.
+// (actors/storage/disk_guard.h). While only maps are refused, the actor stores the other records of a peer's batch and
+// replies with an error. The sender retries the maps with a growing delay. Role assignments and prunes are stored as
+// long as the disk accepts any write, and the reserve is given up for them.
 //
 // Records that are inserted while this agent's clock is suspect are marked. Spawn this actor with its own thread,
 // because commits wait for the disk.
