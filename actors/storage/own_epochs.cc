@@ -194,7 +194,7 @@ OwnEpochs::Danger OwnEpochs::Endangered() const {
   return danger;
 }
 
-// Draws a tag that no known epoch has. If half of all tags are taken, the tag may be one of them.
+// Draws a tag that no known epoch has. If half of all tags are taken, the drawn tag may be taken too.
 std::uint32_t OwnEpochs::DrawTag(std::mt19937_64& random) const {
   std::set<std::uint32_t> taken;
   for (const std::uint64_t epoch : begun_) taken.insert(PartsOf(epoch).tag);

@@ -46,8 +46,8 @@ std::uint64_t EpochOf(const EpochParts& parts, std::uint64_t random);
 
 inline constexpr std::uint32_t kEpochTagMax = 0x3FF;
 inline constexpr std::uint64_t kEpochCounterMax = 0xFFFF;
-// A claimed epoch is accepted only if it exceeds the highest epoch at the start of this process by at most this number,
-// which equals 16384 process starts on a lost disk. Without this limit, a false claim could use up all epochs.
+// A claimed epoch may exceed the highest epoch at the start of this process by at most this number. It equals 16384
+// process starts on a lost disk. Without this limit, a false claim could use up all epochs.
 inline constexpr std::uint64_t kOwnEpochJumpMax = 1ull << (48 + 14);
 // Maximum number of foreign epochs in memory. Only the highest are kept, so claims of peers cannot fill the memory.
 inline constexpr std::size_t kForeignEpochsMax = 4096;

@@ -397,8 +397,8 @@ Result<void> RecordStore::LearnOwnEpochs(const std::set<std::uint64_t>& epochs) 
     own_epochs_.Learn(epoch);
     is_reissue_due_ = true;
   }
-  // If records were inserted under a lower epoch, they would count as older than the records that peers already have.
-  // The next insert therefore begins a new epoch.
+  // Records inserted under a lower epoch would count as older than the records that peers already have. The next insert
+  // therefore begins a new epoch.
   if (epoch_ < own_epochs_.highest()) epoch_ = 0;
   if (!is_reissue_due_) return {};
   const Result<void> done = Reissue();
