@@ -4,7 +4,8 @@
 // A batch of one large record is coded once and cut into fragments. Each fragment is sent as a batch with its own
 // number, counts against the credit, and is acknowledged. A fragment identifies the whole coded batch by hash and size.
 // The receiver accepts fragments only in order, keeps them in memory, and decodes the whole when the last fragment has
-// arrived. Its answer to a Hello reports how many bytes of which whole it holds, so the sender can continue there.
+// arrived. The receiver's answer to a Hello reports the hash of the whole and how many of its bytes have arrived, so
+// the sender can continue there.
 //
 // The receiver holds at most one whole per sender, of at most kWholeBytesMax, and at most `bytes_max` for all senders.
 // If there is no room, it discards the unfinished whole that was begun first, and the sender of that whole has to start

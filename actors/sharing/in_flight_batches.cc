@@ -89,7 +89,8 @@ void InFlightBatches::NoteRefused(const BatchContents& batch) {
   for (const RecordKey& key : batch.keys) {
     if (!Has(have_, key)) refused_[key.stream].held.Add(key.seq);
   }
-  AddDropped(batch.dropped, refused_);  // The destination may have a reason to keep a record that is dropped here.
+  // Do not send the intervals again: the destination may keep these records for a reason.
+  AddDropped(batch.dropped, refused_);
 }
 
 std::size_t InFlightBatches::GiveUpBefore(std::uint32_t number) {

@@ -88,8 +88,8 @@ class SharingActor : public Actor {
   // number of bytes that an order of the closed sessions could still send; 0 if one of these orders had no limit;
   // nullopt if no closed session had an order.
   std::optional<std::uint64_t> CloseByRole(Context& context);
-  // Opens a session by role for `order`, which a client gave earlier. The order is then complete only when this session
-  // is complete too.
+  // Like Open with `is_by_role`, but for `order`, which a client gave earlier. The order is then complete only when
+  // this session is complete too.
   void OpenAgain(Context& context, std::uint64_t order, AgentId destination, proto::RecordFilter filter);
   // Returns the number of the client's order that is being carried out now; 0 if there is none, or if a peer gave the
   // order.

@@ -63,16 +63,16 @@ class SharingSession {
     std::size_t batch_bytes_max = 4 * 1024;                // Coded bytes. Larger records are sent in fragments.
     // Slowest rate that deadlines assume. A slower radio makes the session start over too early.
     std::size_t bytes_per_second_min = 16 * 1024;
-    std::vector<DataType> state_types;                     // Types that may be sent in a window of kStatesOnly.
-    proto::Codec codec = proto::CODEC_COMPACT;             // Codec of the sent batches.
-    PaperSql paper_sql;                                    // Used for CODEC_PAPER_SQL.
-    TypeSchemas schemas;                                   // This agent's schema of each data type.
+    std::vector<DataType> state_types;          // Types that may be sent in a window of kStatesOnly.
+    proto::Codec codec = proto::CODEC_COMPACT;  // Codec of the sent batches.
+    PaperSql paper_sql;                         // Used for CODEC_PAPER_SQL.
+    TypeSchemas schemas;                        // This agent's schema of each data type.
   };
 
   using Window = StandingOrder::Window;
 
-  // Requires: `first_id` is random. The session's ids count up from it, so they differ from the ids of an earlier
-  // process.
+  // Requires: `first_id` is random. The session's ids count up from `first_id`, so they differ from the ids of an
+  // earlier process.
   SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
 
   // Gives the session an order, and starts the session if it is closed. An open session asks storage for missing
@@ -101,8 +101,8 @@ class SharingSession {
   void SetRate(double bytes_per_second, Time now);
   // Sets the window to the destination, which is initially open.
   SharingActions SetWindow(Window window, Time now);
-  // Call when the destination reconnected. An open session starts over immediately. If it has collected a part of the
-  // destination's have-set, it requests the next page instead.
+  // Call when the destination reconnected. An open session starts over immediately. A session that has collected a part
+  // of the destination's have-set requests the next page instead.
   SharingActions OnConnected(Time now);
   // Call when deadline() is reached. Earlier calls have no effect.
   SharingActions OnTimer(Time now);
