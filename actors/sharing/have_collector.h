@@ -1,9 +1,9 @@
 // HaveCollector: assembles a destination's have-set from the pages in which it arrives (model/have_page.h).
 //
-// The collector waits for one page at a time, and ignores duplicate and late pages. It refuses a page that names a
-// record outside the page's own key range, an empty page that is not the last, and a page that would make the number of
-// pages or the have-set larger than its limit. These checks bound the memory for one destination, even if the
-// destination sends pages endlessly. Plain value.
+// The collector waits for one page at a time, and ignores duplicate and late pages. The collector refuses a page that
+// names a record outside the page's own key range, and an empty page that is not the last. It also refuses a page that
+// would exceed the limit of pages or of the have-set's size. These checks bound the memory for one destination, even if
+// the destination sends pages endlessly. Plain value.
 #pragma once
 
 #include <utility>

@@ -43,8 +43,8 @@ class PeerOrders {
   // Call when the peer answered an order. `is_taken`: the peer accepted the order. Returns true if the order `number`
   // was waiting for an answer.
   bool TakeAnswer(AgentId peer, std::uint64_t number, bool is_taken);
-  // Call when the peer reported the end of the order `number`. Removes the open order to the peer if its number is not
-  // higher.
+  // Call when the peer reported the end of the order `number`. Removes the open order to the peer if its number is
+  // `number` or lower.
   void TakeEnd(AgentId peer, std::uint64_t number);
   void Cancel(AgentId peer) { orders_.erase(peer); }
   void CancelAll() { orders_.clear(); }

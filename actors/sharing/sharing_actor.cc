@@ -350,8 +350,8 @@ OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order&
     AddObstacle(context, agent, row);
     const auto refusal = order_refusals_.find(agent);
     if (kind_ == proto::SHARING_KIND_REPLICATION && refusal != order_refusals_.end()) row.set_why(refusal->second);
-    // If an agent drives or sleeps, its records are gathered later, when its window opens. The order does not wait for
-    // this.
+    // If an agent drives or sleeps, its records are gathered when its window opens. The order does not wait for these
+    // records.
     row.set_is_stopped(!row.why().empty());
   }
   return rows;

@@ -161,7 +161,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   }
   const bool is_late = batch.batch_number() <= incoming.last_run_batch;
   Result<proto::RecordBatch> records = Decode(sender, message, whole, is_late);
-  // Earlier batches of the run are missing.
+  // kNotFound: earlier batches of the run are missing.
   const bool lacks_run = !records && records.error().code == ErrorCode::kNotFound;
   budget.Charge(records ? records->ByteSizeLong() : lacks_run ? coded_bytes : DecodeBudget::kDamagedBytes);
   if (lacks_run) {

@@ -2,7 +2,7 @@
 //
 // The effect of a ShareRequest{SYNC} depends on the agent and the sender.
 //   From a client at a rover or the base station: the agent sends its own records to the leader or to `destination`.
-//   From a client at the leader, with another `destination`: the leader sends this agent the records described below.
+//   From a client at the leader, with another `destination`: the leader sends that agent the records described below.
 //   From a client at the leader, without another destination ("collect"): the leader orders every other agent, or those
 //       in from_agents, to send their own records, and repeats the order until each agent answers. The leader also
 //       sends each rover the rover's newest optimized poses and edge verdicts, and the base station the records that

@@ -13,8 +13,7 @@ namespace moondb {
 const BitModel& TrainedModel();
 
 // WriteTables converts a model's slots, weights and rare probabilities to text, with reduced precision. ReadTables
-// makes a new model from such a text. Used by the training tool and by TrainedModel. ReadTables ends the program
-// (Check) on text that WriteTables did not write.
+// makes a new model from this text. ReadTables ends the program (Check) on text that WriteTables did not write.
 std::string WriteTables(BitModel& model);
 BitModel ReadTables(std::string_view text);
 
