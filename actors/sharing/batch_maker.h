@@ -46,7 +46,7 @@ class BatchMaker {
 
   // Makes the next batch from storage's answer, if there is anything to send. A batch of several records has at most
   // `bytes_max` coded bytes. `is_part_of_order`: the answer covers only a part of the order, so the batch does not end
-  // the order. Returns true if nothing remains to be sent after the ready batch.
+  // the order. Returns false if storage must be asked for further missing records.
   bool Make(const proto::MissingReply& reply, std::size_t bytes_max, bool is_part_of_order);
   // Makes a batch without records that does not end the order. Discards the ready batch and the fragments not yet sent.
   void MakeEmpty(std::size_t bytes_max);
@@ -54,8 +54,8 @@ class BatchMaker {
   // bytes.
   void MakeNextFragment(std::size_t bytes_max);
   const std::optional<MadeBatch>& ready() const { return ready_; }
-  // Removes the ready batch and returns it. Its number is the value of next_number() before the call. Requires: a batch
-  // is ready.
+  // Removes and returns the ready batch. Its number is the value of next_number() before the call. Requires: a batch is
+  // ready.
   MadeBatch Take();
   std::uint32_t next_number() const { return next_number_; }
 
@@ -102,7 +102,8 @@ class BatchMaker {
   std::uint64_t session_id_ = 0;
   std::uint32_t next_number_ = 1;
   SharingEncoder encoder_;
-  // Each batch of maps begins a new run, because the destination keeps no runs for this session or lost one.
+  // Each batch of maps begins a new run, because the destination keeps no decoder for this session's runs, or lacks a
+  // batch of a run.
   bool is_each_by_itself_ = false;
   double coded_ratio_ = 0.5;  // Coded bytes per content byte, smoothed.
   std::optional<MadeBatch> ready_;

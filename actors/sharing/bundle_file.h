@@ -1,6 +1,6 @@
-// Bundles for a ground station. A bundle is one file of records within a byte budget, in the compact form of batches,
-// with its have-set and a checksum over all bytes (proto/bundle.proto defines the format). The functions open no files.
-// Not thread-safe.
+// Bundles for a ground station. A bundle is a file of limited size that contains records in the compact form
+// (coding/batch_codec.h), their have-set, and a checksum over all bytes. proto/bundle.proto defines the format. The
+// functions open no files. Not thread-safe.
 #pragma once
 
 #include <cstddef>

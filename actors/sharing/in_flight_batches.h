@@ -28,8 +28,8 @@ struct BatchContents {
   bool leans_on_others = false;  // The batch can be decoded only after the earlier batches of its run.
 };
 
-// Adds the contents of a batch to `have`. A record that is held in `have` and dropped in the batch, or the reverse,
-// ends up in both interval sets.
+// Adds the contents of a batch to `have`. A record that is held in `have` and dropped in the batch, or the reverse, is
+// then in both interval sets of `have`.
 void AddContents(const BatchContents& batch, HaveSet& have);
 
 class InFlightBatches {
@@ -60,7 +60,7 @@ class InFlightBatches {
 
   struct Acknowledged {
     std::size_t batches = 0;
-    std::size_t records = 0;  // Number of records that the destination now holds or dropped.
+    std::size_t records = 0;  // Number of records that the destination now holds or has dropped.
     std::size_t bytes = 0;    // Coded bytes.
   };
   // Removes the batch `number`, and each other batch of which the destination now holds or dropped all records. Returns

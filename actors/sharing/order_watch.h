@@ -88,8 +88,8 @@ class OrderWatch {
   void Add(Order order);
   // Adds a waiting request. Fails with kFull if too many requests wait, and with kNotFound if the order is unknown.
   Result<void> Wait(Request request);
-  // Ends all orders with is_by_role that were given in another term than `term`. Requests for them are answered with
-  // `error`.
+  // Ends all orders with is_by_role that were given in another term than `term`. Requests for these orders are answered
+  // with `error`.
   void EndTerm(const proto::Term& term, const Error& error);
   bool is_waiting() const { return !requests_.empty(); }
   // Updates the progress of the orders and returns the answers that are due. Returns none if the last update was less

@@ -29,7 +29,7 @@ class PeerOrders {
     AgentId self = 0;  // This agent, to which the peers are to send their records.
     proto::SharingKind kind = proto::SHARING_KIND_UNSPECIFIED;
     Duration resend_after = std::chrono::seconds(5);
-    Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this.
+    Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this value.
   };
 
   explicit PeerOrders(const Options& options) : options_(options) {}

@@ -25,7 +25,7 @@ class RadioShare {
   // Sets the number of moving sessions that the other sharing actor reported.
   void SetMovingElsewhere(std::size_t moving) {
     moving_elsewhere_ = moving;
-    // The other actor may have restarted and forgotten this actor's number. MustNotify then returns true.
+    // The other actor may have restarted and forgotten this actor's number, so make MustNotify return true.
     if (moving == 0 && notified_.value_or(0) > 0) notified_.reset();
   }
   std::size_t moving_elsewhere() const { return moving_elsewhere_; }

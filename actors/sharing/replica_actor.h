@@ -9,8 +9,8 @@
 // In each of its terms a leader gathers: it asks every other agent once for all records that the agent holds. This
 // recovers records that only a deposed leader had collected, or that were lost with the leader's disk. The leader asks
 // one agent after another, the survivor first, so no two agents send the same records. An agent is asked only while it
-// is connected and its window is open (IsWindowOpen). If the asked agent makes no progress for some time (patience_),
-// the leader asks the next agent, and this agent again later.
+// is connected and the window to it is open (IsWindowOpen). If the asked agent makes no progress for some time
+// (patience_), the leader asks the next agent, and asks this agent again later.
 //
 // ReplicaActor notifies SyncActor which agents are still to be asked. A client's order without a byte limit is complete
 // only when the records that were gathered meanwhile have reached the survivor.

@@ -1,5 +1,5 @@
-// SessionCounts: counters of one session for status reports. The counters since the answer restart at 0 each time the
-// destination answers a Hello. All other counters start at 0 with the actor. Plain value.
+// SessionCounts: counters of one session for status reports. The counters of AddSinceAnswerTo restart at 0 each time
+// the destination answers a Hello. All other counters start at 0 with the actor. Plain value.
 #pragma once
 
 #include <chrono>

@@ -267,8 +267,8 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   (void)context.Reply(std::move(reply));
 }
 
-// The leader repeats an order when it reconnects, since this agent's process may have restarted. Returns true if the
-// order is a repetition of one that a session is carrying out.
+// The leader repeats an order when this agent reconnects, since this agent's process may have restarted. Returns true
+// if the order is a repetition of one that a session is carrying out.
 bool SharingActor::IsBeingCarriedOut(ShareOrderId id) {
   const Outgoing* outgoing = id.agent == options_.self || id.number == 0 ? nullptr : FindOutgoing(id.agent);
   return outgoing != nullptr && outgoing->session.StateOf(id) == StandingOrder::Reached::kOpen;
@@ -296,7 +296,7 @@ void SharingActor::WatchOrder(const Context& context, const proto::ShareRequest&
   order.term = roles_.term();
   order.is_by_role = request.destination() == 0 || request.destination() == options_.self;
   order.pairs = std::move(pairs_in_hand_);
-  // An order with a byte limit may end before all records are gathered, so it does not wait for gathering.
+  // An order with a byte limit may end before all records are gathered, so such an order does not wait for gathering.
   order.is_gathering_meant = order.is_by_role && is_leading() && request.bytes_max() == 0;
   order.gathering_of = {request.from_agents().begin(), request.from_agents().end()};
   for (OrderWatch::Pair& pair : order.pairs) {
@@ -627,7 +627,7 @@ std::optional<proto::OrderEnd> SharingActor::OrderEndBy(AgentId peer) const {
 void SharingActor::OnShareReply(Context& context, const proto::Message& message) {
   const AgentId peer = context.sender().agent;
   const proto::ShareReply& reply = message.share_reply();
-  // The peer does not know the current roles yet. The order to it stays unanswered and is sent again.
+  // The peer does not know the current roles yet. The order stays unanswered and is sent again.
   if (reply.error().code() == proto::ERROR_CODE_UNAVAILABLE) return;
   if (!orders_.TakeAnswer(peer, message.request_id(), !IsError(reply.error()))) return;
   ArmOrdersTimer(context);

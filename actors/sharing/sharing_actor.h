@@ -69,7 +69,7 @@ class SharingActor : public Actor {
   // Called if a peer answered an order of this actor with an error other than kUnavailable.
   virtual void OnOrderRefused(Context&, AgentId) {}
   virtual void OnStarted(Context&) {}
-  // Returns the agents whose records this agent, as leader, still has to gather in this term; nullopt if not known yet.
+  // Returns the agents whose records this agent, as leader, still has to gather in this term; nullopt while unknown.
   virtual std::optional<std::vector<AgentId>> YetToGather() const = 0;
   // Adds the status fields that only one kind of sharing has.
   virtual void AddStatus(const Context&, proto::ShareStatus&) const {}
@@ -77,9 +77,9 @@ class SharingActor : public Actor {
   // Called when a timer of StartStepTimer expires. `step` is the number that was passed to StartStepTimer.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
-  // Starts a session to the destination, or gives the open session a further order. During Share, the session's order
-  // gets the id of the order that Share carries out; otherwise no client waits for the session. `is_by_role`:
-  // CloseByRole closes the session. `bytes_max`: see SharingSession::Order.
+  // Starts a session to the destination, or gives the open session a further order. If Share calls Open, the session
+  // serves the order that Share carries out. Otherwise no client waits for the session. `is_by_role`: CloseByRole
+  // closes the session. `bytes_max`: see SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
   // Sends this agent's latest states without an order (SharingSession::BringPeriodic).
@@ -120,7 +120,7 @@ class SharingActor : public Actor {
   std::string TermText(const proto::Term& term) const;  // Text such as "4 by rover2".
 
  private:
-  // A runtime timer for a deadline that changes.
+  // A runtime timer for a deadline that changes. `armed` is the time to which the timer is set.
   struct DeadlineTimer {
     TimerId timer = 0;
     std::optional<MonotonicTime> armed;
@@ -156,7 +156,7 @@ class SharingActor : public Actor {
   void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
   void OnTimer(Context& context, const proto::Timer& timer);
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
-  // Checks that the sender of the current message, whose term is `term`, may order this agent to share. Returns
+  // Checks that the sender of the current message may order this agent to share. `term` is the message's term. Returns
   // kUnavailable if `term` is newer than this agent's term, so the sender may be its leader; otherwise kRefused.
   Result<void> CheckOrderer(const Context& context, const proto::Term& term) const;
   bool IsBeingCarriedOut(ShareOrderId id);

@@ -84,8 +84,8 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
     const bool is_late = age > 0 && age < kStaleSessions && now - known->second.last_heard < options_.idle_after;
     if (is_repeated || is_late) return {};
   }
-  // The Hello requests a later page, but the session is unknown here. The sender may have got the earlier pages before
-  // this agent's disk was lost, so the session must start over.
+  // The Hello requests a later page, but the session is unknown here. The sender may have received the earlier pages
+  // before this agent's disk was lost, so the session must start over.
   if (have_from != RecordKey() && !(is_known && age == 0)) return RefuseUnknown(sender, hello.session_id());
   if (!is_known && !MakeRoom(now)) {
     return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});

@@ -9,9 +9,9 @@
 namespace moondb {
 namespace {
 
-// Limits of the content bytes of one MissingRequest, for any compression ratio. They bound the memory and the coding
-// time of one batch: at most 300,000 map cells, about 15 ms at each end. With more cells per batch, decoding the two
-// batches that fit into the credit would take longer than sending them, and the radio would idle.
+// Limits of the content bytes of one MissingRequest, for any compression ratio. The limits bound the memory and the
+// coding time of one batch: at most 300,000 map cells, about 15 ms at each end. With more cells per batch, decoding the
+// two batches that fit into the credit would take longer than sending them, and the radio would idle.
 constexpr double kContentBytesMin = 512;
 constexpr double kContentBytesMax = 72 * 1024;
 constexpr std::uint32_t kRecordsMax = 1024;
@@ -384,8 +384,9 @@ bool SharingSession::MayLeave(const MadeBatch& batch) const {
   return batch.message.remaining() > 0 && in_flight_.HasRoomFor(batch.contents.bytes);
 }
 
-// Returns the size limit of the next batch in coded bytes: the credit and the order's remaining bytes, within fixed
-// limits. MayLeave does not check the credit if no batch is in flight, so this limit does.
+// Returns the size limit of the next batch in coded bytes: the credit or, if lower, the order's remaining bytes,
+// between kBatchBytesMin and batch_bytes_max. If no batch is in flight, MayLeave does not check the credit, so this
+// limit keeps the batch within the credit.
 std::size_t SharingSession::BatchBytesMax() const {
   const std::size_t credit = in_flight_.credit_bytes();
   const std::size_t left = std::min<std::uint64_t>(order_.bytes_left().value_or(credit), credit);

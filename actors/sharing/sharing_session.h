@@ -118,7 +118,7 @@ class SharingSession {
   StandingOrder::Reached StateOf(ShareOrderId id) const { return order_.StateOf(id); }
   // True if the destination refused at least two messages without progress in between.
   bool is_refused_again() const { return is_open() && resend_delay_.is_refused_again(); }
-  // True if the session uses the radio now. It then gets a part of the radio budget.
+  // True if the session uses the radio now. Such a session gets a part of the radio budget.
   bool is_moving() const { return is_answered() && !order_.is_waiting(); }
   // Types whose schema differs at the destination, as of its last answer.
   const std::set<DataType>& other_schema_types() const { return order_.other_schema_types(); }
@@ -159,7 +159,7 @@ class SharingSession {
   void SendWhatMayLeave(Time now, SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
   // Ends the session, because the byte limit of its order is used up. If the destination gave the order, first sends
-  // the destination a batch that reports this.
+  // the destination a batch that reports the end.
   void EndLimited(Time now, SharingActions& actions);
   bool MayLeave(const MadeBatch& batch) const;
   std::size_t BatchBytesMax() const;
@@ -182,8 +182,8 @@ class SharingSession {
   BatchMaker maker_;
   InFlightBatches in_flight_;
   PeerNotes notes_;
-  // True from the report to the destination that the byte limit is used up until the next order or restart of the
-  // session.
+  // True after the destination was notified that the byte limit is used up. Reset by the next order and by a restart of
+  // the session.
   bool is_limit_reported_ = false;
   double own_rate_ = 0;
   double granted_rate_ = 0;

@@ -39,8 +39,8 @@ class StandingOrder {
   StandingOrder(std::vector<DataType> state_types, std::uint64_t first_mark)
       : state_types_(std::move(state_types)), mark_(first_mark) {}
 
-  // Sets the order. `is_added`: an order is open, and the new one replaces it. If the open order has no limit, the new
-  // one has none either. `bytes_max` 0: no limit.
+  // Sets the order. `is_added`: the new order replaces an open order. If the open order has no limit, the new order has
+  // none either. `bytes_max` 0: no limit.
   void Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added);
   // The state of the order `id`. If a later order of the same agent has replaced it, the later order's state counts.
   // kUnknown: the session was never given this order.
@@ -55,7 +55,7 @@ class StandingOrder {
   bool SetWindow(Window window);
   // In a window of kStatesOnly, lets the session send again if the order's filter includes a state type.
   void LookAgain();
-  // Call when all states were sent. The session then waits with the other records until the window opens.
+  // Call when all states were sent. The order's other records then wait until the window opens.
   void HoldBackTheRest() { is_waiting_ = true; }
   bool is_waiting() const { return is_waiting_; }  // True while nothing may be sent.
   bool is_waiting_for_states() const { return is_waiting_ && window_ == Window::kStatesOnly; }
@@ -70,7 +70,7 @@ class StandingOrder {
   // have-set of all their streams, or because the window now admits more records.
   bool NeedsNewStart() const;
   bool is_periodic() const { return scope_ == Scope::kPeriodicStates; }
-  // True if the session sends only states; sending them does not complete an order.
+  // True if the session sends only states. Sending all states does not complete an order.
   bool is_for_states() const { return scope_ != Scope::kAll; }
   // Meant() and mark() return the filter and the mark for the next MissingRequest. Storage remembers under the mark
   // which records existed at the time of the order (MissingRequest.mark). Each order has a new mark. Mark 0: states

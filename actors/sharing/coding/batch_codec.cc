@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kHashBytes = 8;
 constexpr std::size_t kChecksumBytes = 4;
-// Limit in bytes for keeping the rows of a batch as the zstd prefix for the run's next batch.
+// Rows of at most this many bytes are kept as the zstd prefix for the run's next batch.
 constexpr std::size_t kRowsKeptMax = 64 * 1024;
 constexpr std::size_t kHeadBytes = 48;  // Upper bound of the header bytes of an uncompressed batch.
 // Estimated coded bytes per content byte before any record was coded: of records, and of maps without their cells. A

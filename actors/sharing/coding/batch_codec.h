@@ -1,5 +1,5 @@
-// The compact form of a batch of records: rows as columns (row_codec.h), and the cells of maps coded by the map codec
-// (map_codec.h), whose runs continue from batch to batch.
+// The compact form of a batch of records. It contains the records as rows, stored column by column (row_codec.h), and
+// the cells of maps, coded by the map codec (map_codec.h). The map codec's runs continue from batch to batch.
 //
 //   batch   := maps, size of rows * 2 + (1: as a zstd frame), rows, cells
 //   maps    := 0: no cells are coded | 1, number of earlier maps of the run | 2, reference: begins a run
@@ -62,7 +62,7 @@ class BatchEncoder {
   std::string Encode(const proto::RecordBatch& batch);
 
   // Encodes about as many of the first records as fit into `bytes_max` bytes, but at least one. The result exceeds
-  // `bytes_max` only if it has one record. Codes maps one by one until the next map is not expected to fit.
+  // `bytes_max` only if it contains a single record. Codes maps one by one until the next map is not expected to fit.
   CodedRows EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:
@@ -87,8 +87,8 @@ class BatchEncoder {
   std::size_t last_map_bytes_ = 0;
 };
 
-// Returns the map that a decoder must hold to decode this batch, or nullopt if it needs none. kCorrupt if the batch's
-// header is malformed.
+// Returns the map that a decoder must hold to decode this batch, or nullopt if the batch refers to no map. Returns
+// kCorrupt if the batch's header is malformed.
 Result<std::optional<MapReference>> ReferenceOf(std::string_view coded);
 
 class BatchDecoder {

@@ -72,10 +72,10 @@ class BlockContexts {
   // True if the neighbouring rows, the coarser layer and the previous map are all unknown around the block's cell `i`.
   // Does not check the cell's own row.
   bool IsQuiet(std::size_t i) const { return around_.is_quiet[i] != 0; }
-  // False if nested hazards (LayerContext) rule out that the block's cell `i` is a hazard.
+  // False if hazards are nested (LayerContext) and the coarser cell at the place of the block's cell `i` is no hazard.
   bool MayBeHazard(std::size_t i) const { return !layer_.are_hazards_nested || coarser_.here[i] >= 2; }
-  // SetShared sets the contexts that both decisions have in common. Then SetOwn sets the other contexts for one
-  // decision.
+  // SetShared sets the contexts that both decisions have in common. Call SetOwn afterwards to set the other contexts of
+  // one decision.
   template <bool kHasPrevious>
   void SetShared(std::size_t i, const NearCells& near, BitContexts& contexts);
   template <bool kHasPrevious>
@@ -84,7 +84,7 @@ class BlockContexts {
  private:
   using Numbers = std::array<std::uint16_t, kBlock>;
 
-  // For each cell of the block: the known cells around it, and its place relative to the sensor.
+  // For each cell of the block: the already coded cells around it, and its position relative to the sensor.
   struct Around {
     Numbers north, north_west, north_west2, north_east, north_east2, north_east3, north2, north2_west, north2_east;
     Numbers bearing, distance;
@@ -126,7 +126,7 @@ class BlockContexts {
   }
 
   const LayerContext& layer_;
-  // Row of the coarser layer. Each number packs a cell with its inner and its outer neighbour, two bits each.
+  // A row of the coarser layer. Each number packs a cell and its north and south neighbours, two bits each.
   std::vector<std::uint8_t> coarser_row_;
   Around around_{};
   Coarser coarser_{};

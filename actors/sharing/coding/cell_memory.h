@@ -44,8 +44,8 @@ constexpr CellMemory Remember(CellMemory memory, std::uint8_t cell) {
 }
 
 // Makes the table that assigns to each CellMemory a state, a number below kMemoryStates. If the belief equals the last
-// cell, the state depends on whether it was confirmed never, once or more often. Otherwise the state depends on the
-// belief's value.
+// cell, the state depends on how often the belief was confirmed: never, once or more often. Otherwise the state depends
+// on the belief's value.
 constexpr std::array<std::uint8_t, 64> MakeMemoryStates() {
   std::array<std::uint8_t, 64> states{};
   for (int memory = 0; memory < 64; ++memory) {

@@ -41,7 +41,7 @@ struct LayerContext {
 };
 
 // Codes a layer and fills `cells`. An encoder reads the cells from `source`. Requires: all of `cells` are unknown, and
-// `source` has the same size.
+// `source` has the size of `cells`.
 template <typename Coder>
 void CodeLayer(const LayerContext& context, const RayTable& rays, const CellPlane& source, Coder& coder,
                BitModel& model, CellPlane& cells);

@@ -62,7 +62,7 @@ class MapRun {
     MapPlacement placement;
   };
 
-  // `reference`: a map that both ends already hold; it counts as the first map of the run. Null: none. Requires:
+  // `reference`: a map that encoder and decoder already hold, as the first map of the run; null: none. Requires:
   // IsCodable(*reference).
   explicit MapRun(const std::vector<MapLayer>* reference);
 
@@ -90,10 +90,10 @@ class MapRunEncoder : public MapRun {
  public:
   // How the previous map of the same source is used to predict a map.
   //   kNever         Codes each map alone.
-  //   kWhereItPays   Codes each map alone and with its previous map, and keeps the smaller result. Takes three times as
-  //   long. kWhileItPays   Like kWhereItPays, but skips the comparison for some maps if it gains little
-  //   (previous_trials.h). kWherePlaced   Uses the previous map whenever it can be placed, even if that costs bytes.
-  //   For training.
+  //   kWhereItPays   Codes each map with and without its previous map, and keeps the smaller result. Takes three times
+  //                  as long as kNever.
+  //   kWhileItPays   Like kWhereItPays, but skips the comparison for some maps if it gains little (previous_trials.h).
+  //   kWherePlaced   Uses the previous map whenever it can be placed, even if that costs bytes. For training.
   enum class Previous { kNever, kWhereItPays, kWhileItPays, kWherePlaced };
 
   // `trials`: results of trials in earlier runs; used with kWhileItPays.
@@ -131,8 +131,8 @@ class MapRunDecoder : public MapRun {
   explicit MapRunDecoder(const std::vector<MapLayer>* reference = nullptr) : MapRun(reference) {}
 
   // Fills the cells of the next maps of the run. Requires: the layers have the same sizes and resolutions as at the
-  // encoder. Returns kCorrupt if sizes exceed the limits, a map refers to a map that is not here, a checksum does not
-  // match, or bytes follow the last map. After an error the run has ended and every further call fails.
+  // encoder. Returns kCorrupt if sizes exceed the limits, a map refers to a map that is not in the run, a checksum does
+  // not match, or bytes follow the last map. After an error the run has ended and every further call fails.
   Result<void> Decode(std::string_view coded, std::vector<std::vector<MapLayer>*>& maps);
 
  private:

@@ -1,8 +1,8 @@
-// MapPlacement: the pose of a later map relative to an earlier one. Place resamples the earlier map's memory to the
+// MapPlacement: the pose of a later map relative to an earlier map. Place resamples the earlier map's memory to the
 // later map's grid.
 //
 // The encoder searches for the placement (FindPlacement) and sends it; the decoder only applies it. Placing uses
-// integers, so both ends get the same result. The search may change without a change of the wire format.
+// integers, so encoder and decoder get the same result. The search may change without a change of the wire format.
 #pragma once
 
 #include <cstdint>

@@ -68,7 +68,7 @@ class Field {
   }
 
   // Returns a pointer to the score of the cell at a point, or null outside of the layer. `x` and `y` are relative to
-  // the middle, in half micrometres and units of 1/2^kRotationBits.
+  // the layer's middle, in units of 1/2^kRotationBits of half a micrometre.
   const std::int8_t* Under(std::int64_t x, std::int64_t y) {
     const std::int64_t unit = 2 * resolution_um_;
     const std::int64_t column = ((x >> kRotationBits) + width_ * resolution_um_);
@@ -117,7 +117,7 @@ struct Candidate {
   std::int32_t score = 0;
 };
 
-// One layer of both maps: the scores of the earlier map, the hazards of the later one.
+// One layer of both maps: the scores of the earlier map, the hazards of the later map.
 struct Level {
   Field field;
   std::vector<Point> points;

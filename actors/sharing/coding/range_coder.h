@@ -41,7 +41,7 @@ class RangeEncoder {
 
   // Returns the complete string and resets the encoder. Trailing zero bytes are removed.
   std::string Finish() {
-    // The first bytes of low_ and high_ differ, so a number with this first byte and zeros after it lies between them.
+    // The first bytes of low_ and high_ differ, so this byte followed by zeros is a number between low_ and high_.
     if (low_ != 0) bytes_.push_back(static_cast<char>((low_ >> 24) + 1));
     low_ = 0;
     high_ = 0xFFFFFFFF;

@@ -1,5 +1,5 @@
 // The initial model of each run, trained by bench/learn_map_tables on generated maps. The model is part of the wire
-// format. Its text lies in trained_tables_data.cc.
+// format. It is stored as text in trained_tables_data.cc.
 #pragma once
 
 #include <string>
