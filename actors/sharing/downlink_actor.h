@@ -12,8 +12,8 @@
 // bundles wait. Bundle numbers count from 1, and start at 1 again after the disk was lost, so a bundle is identified by
 // its number and its hash together.
 //
-// Accepts requests only from actors of this agent. Serves one request at a time; at most orders_max requests wait.
-// Requests fail with these errors.
+// Accepts requests only from actors of this agent. Serves one request at a time, from a queue of at most orders_max
+// requests. Requests fail with these errors.
 //   `kInvalid`: the size is outside the limits of actors/sharing/bundle_file.h or too small for the next record, or the
 //       request has both fields.
 //   `kRefused`: `ground` asks for no records, or too many bundles wait for an acknowledgment.

@@ -89,7 +89,8 @@ void InFlightBatches::NoteRefused(const BatchContents& batch) {
   for (const RecordKey& key : batch.keys) {
     if (!Has(have_, key)) refused_[key.stream].held.Add(key.seq);
   }
-  // Do not send the intervals again: the destination may keep these records for a reason.
+  // Count the dropped intervals as refused, so they are not sent again. The destination may have a reason to keep a
+  // record.
   AddDropped(batch.dropped, refused_);
 }
 

@@ -5,8 +5,8 @@
 // records that an acknowledgment added, so they stay small while the have-set grows for years.
 //
 // Notes are numbered. If storage missed a note (because storage was restarted, or its mailbox was full), it requests
-// the whole have-set, and names the note that it could not use. All notes of one step of the session go into one
-// PeerHave message. Plain value.
+// the whole have-set, and names the note that it could not use. All notes that one input of the session causes go into
+// one PeerHave message. Plain value.
 #pragma once
 
 #include <cstdint>

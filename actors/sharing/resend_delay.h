@@ -30,9 +30,9 @@ class ResendDelay {
   void ForgetRefusals() { refusals_ = 0; }
   // True if the destination refused at least two batches in a row.
   bool is_refused_again() const { return refusals_ > 1; }
-  // Call when a batch or a page was acknowledged. `has_records`: the acknowledged batch contained records, not only a
-  // fragment. A destination acknowledges fragments even if it cannot store their record, so after a refusal only
-  // acknowledged records count as progress.
+  // Call when a batch was acknowledged, or when a page of the have-set arrived. `has_records`: the acknowledged batch
+  // contained records, not only a fragment. A destination acknowledges fragments even if it cannot store their record,
+  // so after a refusal only acknowledged records count as progress.
   void NoteProgress(bool has_records) {
     if (has_records || refusals_ == 0) Reset();
   }

@@ -1,8 +1,8 @@
 // SharingActor: base class of SyncActor and ReplicaActor. Sends records to peers and receives records from peers.
 //
-// The actor exchanges messages with the peers' actors of the same name. The protocol is in state machines that the
-// actor owns (SharingSession, SharingReceiver, PeerOrders, RadioShare); the actor sends their messages and supplies
-// timers and roles. There is one outgoing session per destination.
+// The actor exchanges messages with the peers' actors of the same name. The protocol is implemented by state machines
+// that the actor owns (SharingSession, SharingReceiver, PeerOrders, RadioShare); the actor sends their messages and
+// supplies timers and roles. There is one outgoing session per destination.
 //
 // A restart loses the actor's orders, but no acknowledged records. A session waits while a lease of this agent or of
 // the destination (driving, sleeping, paused) shuts the window between them. If neither agent sleeps, the session may

@@ -10,8 +10,8 @@ namespace moondb {
 namespace {
 
 // Limits of the content bytes of one MissingRequest, for any compression ratio. The limits bound the memory and the
-// coding time of one batch: at most 300,000 map cells, about 15 ms at each end. With more cells per batch, decoding the
-// two batches that fit into the credit would take longer than sending them, and the radio would idle.
+// coding time of one batch: at most 300,000 map cells, about 15 ms at both agents. With more cells per batch, decoding
+// the two batches that fit into the credit would take longer than sending them, and the radio would idle.
 constexpr double kContentBytesMin = 512;
 constexpr double kContentBytesMax = 72 * 1024;
 constexpr std::uint32_t kRecordsMax = 1024;
