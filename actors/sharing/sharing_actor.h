@@ -77,9 +77,9 @@ class SharingActor : public Actor {
   // Called when a timer of StartStepTimer expires. `step` is the number that was passed to StartStepTimer.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
-  // Starts a session to the destination, or gives the open session a further order. If Share calls Open, the session
-  // serves the order that Share carries out. Otherwise no client waits for the session. `is_by_role`: CloseByRole
-  // closes the session. `bytes_max`: see SharingSession::Order.
+  // Starts a session to the destination, or gives the open session a further order. During OnShareRequest and
+  // OpenAgain, the session serves the order in_hand_. At other times, nobody waits for the session. `is_by_role`:
+  // CloseByRole closes the session. `bytes_max`: see SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
   // Sends this agent's latest states without an order (SharingSession::BringPeriodic).
@@ -104,7 +104,7 @@ class SharingActor : public Actor {
   void CancelOrders(Context& context);
   void StartStepTimer(Context& context, Duration delay, std::uint64_t step);
   // Returns true if the window to the peer is open: no lease of this agent or the peer (driving, sleeping, paused)
-  // forbids sharing between them.
+  // restricts sharing between them.
   bool IsWindowOpen(const Context& context, AgentId peer) const;
   // Returns a text such as "rover2 drives for 40 s more", or an empty text if the window is open.
   std::string WhyWindowIsShut(const Context& context, AgentId peer) const;
