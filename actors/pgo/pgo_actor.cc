@@ -302,8 +302,8 @@ void PgoActor::Answer(Context& context, const Requester& requester, const proto:
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(requester.request_id);
   *message.mutable_optimize_reply() = reply;
-  (void)context.Send(requester.address,
-                     std::move(message));  // Ignore a failed send: the requester may have disconnected.
+  // Ignore a failed send: the requester may have disconnected.
+  (void)context.Send(requester.address, std::move(message));
 }
 
 }  // namespace moondb
