@@ -26,8 +26,8 @@ constexpr std::size_t kRangesOfBodyMin = 10;
 
 // Returns element k of a low-discrepancy sequence in [0, 1). Sequences of different `dimension` are uncorrelated.
 double Spread(int k, int dimension) {
-  // The steps are powers of the inverse of the generalised golden ratio (Roberts, 2018).
-  constexpr double kBase = 1.0 / 1.1347241384015194;  // Generalised golden ratio of five dimensions.
+  // The steps are powers of the inverse of the generalised golden ratio in five dimensions (Roberts, 2018).
+  constexpr double kBase = 1.0 / 1.1347241384015194;
   return std::fmod(0.5 + std::pow(kBase, dimension % 5 + 1) * (k + 1) + 0.37 * (dimension / 5) * (k + 1), 1.0);
 }
 
@@ -203,7 +203,7 @@ class Arranger {
     problem.AddParameterBlock(&no_bias, 1);
     problem.SetParameterBlockConstant(&no_bias);
     for (auto& [body, frame] : frames) {
-      // A landmark that no pose observes is a body with a single point. The head of any other body is a pose.
+      // A body whose head is a point is a single landmark.
       problem.AddParameterBlock(frame.data(), kPoseSize,
                                 graph_.nodes[body].is_point ? &point_manifold : &body_manifold);
     }

@@ -26,7 +26,7 @@ class BlockMatrix {
   BlockMatrix(const std::vector<int>& sizes, const std::vector<NodePair>& pairs);
 
   Eigen::Index size() const { return lower_.rows(); }
-  // Index of the node's first unknown; -1 if the node has none.
+  // Returns the index of the node's first unknown; -1 if the node has none.
   Eigen::Index FirstOf(std::size_t node) const { return first_[node]; }
   const Eigen::SparseMatrix<double>& lower() const { return lower_; }
 

@@ -1,4 +1,4 @@
-// Detects from a rover's own trajectory whether its ground is level.
+// Detects from a rover's trajectory whether the rover drives on level ground.
 #pragma once
 
 #include <vector>
@@ -16,7 +16,7 @@ namespace moondb {
 // detect even a gentle hill whose slope is below the noise of one step. A rover also counts as on slopes if its first
 // pose is tilted by more than three `gravity_sigma_rad`, or if it has no odometry.
 //
-// Not detected: a slope below these limits, and a slope whose changes stay below the odometry noise over every span.
+// Not detected: a slope whose changes stay below the odometry noise over every span.
 std::vector<bool> FindLevelGround(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                   double gravity_sigma_rad);
 

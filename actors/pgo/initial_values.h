@@ -1,4 +1,4 @@
-// Initial values of a solve: the last solution, extended by odometry to nodes that it does not contain.
+// Initial values of a solve: poses from the last solution, extended to new nodes by odometry.
 #pragma once
 
 #include <cstddef>
@@ -46,12 +46,12 @@ StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents,
 // 1. the last solution;
 // 2. a neighbour's pose composed with odometry, scaled as in the last solution;
 // 3. across a gap in the odometry, the difference of the raw poses;
-// 4. if no node of the rover has a pose, the start, for the rover's first node.
+// 4. the rover's start, if no node of the rover has a pose yet.
 InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                 const std::vector<StartPrior>& starts, const std::map<NodeKey, Pose>& last_solution);
 
-// Returns each pair's constant range error at `poses`: the maximum a posteriori estimate over the ranges whose flag in
-// `counts` is true, with a zero-mean prior with standard deviation bias_sigma_m.
+// Returns the constant range error of each pair of agents at `poses`: the maximum a posteriori estimate over the ranges
+// whose flag in `counts` is true, with a zero-mean prior with standard deviation bias_sigma_m.
 PairNumbers EstimateBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const std::vector<Pose>& poses,
                            const std::vector<bool>& counts, double bias_sigma_m);
 

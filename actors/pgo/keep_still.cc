@@ -39,7 +39,7 @@ std::vector<Move> FindMoves(const CheckedGraph& graph, const Group& group, const
   return moves;
 }
 
-// Returns the motion (a rotation about z and a translation) that brings the solved positions closest to the last
+// Returns the motion (a rotation about z and a translation) that moves the solved positions closest to the last
 // positions. With `pivot_m`, the motion is only a rotation about `pivot_m`.
 Pose FindWayBack(const std::vector<Move>& moves, const std::optional<Eigen::Vector3d>& pivot_m) {
   Eigen::Vector3d last_m = Eigen::Vector3d::Zero();

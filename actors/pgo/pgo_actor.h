@@ -110,7 +110,7 @@ class PgoActor final : public Actor {
   std::size_t written_count_ = 0;
   proto::OptimizeReply reply_;  // Reply to the request being processed.
 
-  // Wait before a periodic solve until no more records arrive.
+  // State of the wait for a pause in arriving records, after which a periodic solve starts.
   struct Quiet {
     bool is_awaited = false;      // True if the timer for the next periodic solve is running.
     MonotonicTime oldest_news{};  // Arrival time of the oldest record that no solve has seen.

@@ -57,8 +57,8 @@ struct SolverOptions {
   GravityReference gravity_reference = GravityReference::kChosen;
   double gravity_sigma_rad = 0.02;  // Standard deviation of roll and pitch about gravity_reference.
   double ambiguous_cost = 10;       // Two solutions whose robust F differs by less are considered ambiguous.
-  // Limits of keep_still.h. A rigid motion above still_move_m or still_move_rad is undone if F then rises by less than
-  // still_cost.
+  // Limits of KeepStill (keep_still.h). A rigid motion above still_move_m or still_move_rad is undone if F then rises
+  // by less than still_cost.
   double still_move_m = 0.01;
   double still_move_rad = 0.002;
   double still_cost = 0.25;
@@ -66,9 +66,9 @@ struct SolverOptions {
   // on the first pose after a gap in the odometry.
   double loose_sigma_m = 10;
   double loose_sigma_rad = 1;
-  // Number of newest nodes of each rover to solve, for a quick answer. Nodes without a previous solution are variable
-  // too. Scales, biases and all other poses are held constant. 0: all nodes are variable. All nodes are also variable
-  // if less than 80 % of them have been solved before, or if a rover without a configured start might belong elsewhere.
+  // If not 0, only this many newest nodes of each rover, and all nodes without a previous solution, are variable. The
+  // solve is then quick. Scales, biases and all other poses are held constant. Ignored if less than 80 % of the nodes
+  // have been solved before, or if a rover without a configured start might belong elsewhere.
   std::size_t window_nodes = 0;
   // Nodes whose covariance is also computed. This takes about as long as a warm solve.
   std::vector<NodeKey> covariance_of = {};
@@ -97,7 +97,7 @@ enum class Anchoring {
 // Initial values of the returned solution.
 enum class SolveInitialValues {
   kOdometry,        // Start poses and odometry.
-  kLastSolution,    // The last solution. It has 80 % of the free nodes or more.
+  kLastSolution,    // The last solution, which contains at least 80 % of the free nodes.
   kArrangedRovers,  // Rovers without a known start were placed by their ranges.
 };
 

@@ -27,7 +27,7 @@ namespace moondb {
 struct PlainNode {
   NodeKey key;  // Agent 0 and the vertex id for a g2o vertex.
   Pose vertex;  // Pose in the file: ground truth or a solution.
-  // Time of the node in ns, or its position in a file without timestamps. Used only for ordering.
+  // Time of the node in ns, or index of the node in a file without timestamps. Used only for ordering.
   std::int64_t time = 0;
   bool is_point = false;
   bool is_fixed = false;  // True if the node is held at `vertex`.

@@ -228,7 +228,7 @@ class StandaloneSolver {
   }
 
   // Runs one start to its end. If the start reaches a prefix solution from which another start has already continued,
-  // it stops and returns infinite cost, because it would only repeat the other start.
+  // this start stops and returns infinite cost, because it would only repeat the other start.
   Start RunStart(double part, ActiveNodes active, PlainState state) {
     PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
     int iterations = fit.iterations;

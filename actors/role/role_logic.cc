@@ -299,7 +299,7 @@ RoleLogic::Actions RoleLogic::OnSaveFailed() {
     ActWithoutOwnRole(failed, actions);
     actions.store_timer = options_.store_after;
   } else if (is_waiting_to_lead_) {
-    // This agent may still lead in an earlier term. It must stop, because that term is superseded.
+    // This agent may still lead in an earlier term. The agent must stop leading, because that term is superseded.
     const bool is_first = !std::exchange(own_unstored_, failed).has_value();
     if (is_first) actions.apply = InForce();
     actions.leader_timer = options_.leader_wait;

@@ -50,7 +50,7 @@ class RoleLogic {
     proto::RoleAssignment initial;                                    // The team file's roles, in term 0.
     std::function<Result<void>(const proto::RoleAssignment&)> check;  // Fails if the team file forbids these roles.
     // `sign` returns this agent's signature of an assignment. `is_signed` returns whether an assignment has a valid
-    // signature of its issuer. Null in a team without keys.
+    // signature of its issuer. Both are null in a team without keys.
     std::function<std::string(const proto::RoleAssignment&)> sign;
     std::function<bool(const proto::RoleAssignment&)> is_signed;
     std::function<bool(AgentId)> may_command = [](AgentId) { return true; };  // True if command_from names the agent.
@@ -86,9 +86,9 @@ class RoleLogic {
 
   // The actions that the caller must take, in the order of the members.
   struct Actions {
-    std::optional<proto::RoleAssignment> save;  // Store this, then call OnSaved or OnSaveFailed.
+    std::optional<proto::RoleAssignment> save;  // Assignment to store; then call OnSaved or OnSaveFailed.
     std::optional<ChainQuestion> question;
-    std::optional<proto::RoleAssignment> apply;  // Act on these roles. They are durable, or give this agent no role.
+    std::optional<proto::RoleAssignment> apply;  // Roles to act on: stored, or without a role of this agent.
     std::vector<Announcement> announcements;
     std::optional<Duration> announce_timer;  // Delay to OnAnnounceTimer; replaces a running timer.
     std::optional<Duration> leader_timer;    // Delay to OnLeaderTimer.
@@ -191,7 +191,7 @@ class RoleLogic {
   void Notify(AgentId to, bool is_reply, Actions& actions) const;
   void NotifyUnconfirmed(Actions& actions);
   void Confirm(AgentId agent, Actions& actions);
-  // Issues the current roles in a new term. `is_start`: true because this agent has started, false because another
+  // Issues the current roles in a new term. `is_start`: true if the reason is a start of this agent, false if another
   // agent made this agent leader.
   void TakeNewTerm(bool is_start, Actions& actions);
 
@@ -224,7 +224,7 @@ class RoleLogic {
   std::vector<proto::RoleAssignment> history_;
   std::set<AgentId> confirmed_;  // Agents known to hold current_.
   std::optional<Saving> saving_;
-  std::optional<proto::RoleAssignment> unstored_;      // Newer than current_, of another issuer, could not be stored.
+  std::optional<proto::RoleAssignment> unstored_;      // Newer assignment of another issuer that could not be stored.
   std::optional<proto::RoleAssignment> own_unstored_;  // This agent's own new term that could not be stored.
   Duration announce_delay_{};
 };
