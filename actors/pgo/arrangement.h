@@ -17,7 +17,7 @@ namespace moondb {
 struct Arrangement {
   double cost = 0;  // Robust cost of the range errors.
   PlainState state;
-  // Keyed by the head of the body. A body that no ranges join to a placed node has no entry.
+  // Keyed by the body's entry in `heads`. A body that no ranges join to a placed node has no entry.
   std::map<std::size_t, Pose> map_from_body;
 };
 

@@ -113,7 +113,7 @@ class PgoActor final : public Actor {
   // State of the wait for a pause in arriving records, after which a periodic solve starts.
   struct Quiet {
     bool is_awaited = false;      // True if the timer for the next periodic solve is running.
-    MonotonicTime oldest_news{};  // Arrival time of the oldest record that no solve has seen.
+    MonotonicTime oldest_news{};  // Arrival time of the oldest record that no solve has read.
     MonotonicTime newest_news{};
     std::optional<MonotonicTime> last_periodic;
   };

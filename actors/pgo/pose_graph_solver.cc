@@ -78,7 +78,7 @@ struct Attempt {
   SolveInitialValues initial_values = SolveInitialValues::kOdometry;
   InitialValues initial;
   std::vector<StartPrior> starts;
-  SolverOptions options;  // Copy of the options, with the window of this attempt.
+  SolverOptions options;  // The caller's options, with window_nodes of this attempt.
   std::unique_ptr<CostTerms> terms;
   StagedResult staged;
   // Robust cost of the solution. If the attempt was not accepted, the robust cost at its initial values.
@@ -130,7 +130,8 @@ class Solver {
     return IsBetter(*cold, *best, margin) ? std::move(cold) : std::move(best);
   }
 
-  // Solves from `initial`, and from each arrangement of the unknown rovers. Returns the best attempt.
+  // Solves from `initial`, and from each arrangement of the rovers without a configured start. Returns the best
+  // attempt.
   AttemptPointer BestFrom(const InitialValues& initial) const {
     std::vector<InitialValues> elsewhere;
     if (!unknown_.empty()) {
@@ -146,7 +147,8 @@ class Solver {
     for (const InitialValues& initial_values : elsewhere) {
       if (IsStopped()) break;
       attempts.push_back(Try(initial_values, SolveInitialValues::kArrangedRovers, /*window_nodes=*/0));
-      // If the last solution contains an unknown rover, accept another place only if that place is clearly better.
+      // If the last solution has placed a rover without a configured start, accept another place only if that place is
+      // clearly better.
       const double margin = best == 0 && is_warm && attempts[0]->staged.is_accepted ? options_.ambiguous_cost : 0;
       if (IsBetter(*attempts.back(), *attempts[best], margin)) best = attempts.size() - 1;
     }
@@ -195,8 +197,8 @@ class Solver {
                                        FindFree(checked_, rovers_, attempt.initial, options.window_nodes), options);
   }
 
-  // Returns the start priors of all rovers. The prior of an unknown rover is at its initial values, with sigmas so
-  // large that the prior costs nothing.
+  // Returns the start priors of all rovers. The prior of a rover without a configured start is the rover's initial
+  // pose, with sigmas so large that the prior costs nothing.
   std::vector<StartPrior> StartsAt(const InitialValues& initial) const {
     std::vector<StartPrior> starts = starts_;
     for (const std::size_t i : unknown_) {
@@ -270,7 +272,7 @@ class Solver {
   const CheckedGraph checked_;
   std::vector<Rover> rovers_;
   std::vector<StartPrior> starts_;
-  // Unknown rovers, as indices in rovers_: rovers that have no configured start and that ranges join to others.
+  // Indices in rovers_ of the rovers that have no configured start and that ranges join to others.
   std::vector<std::size_t> unknown_;
   InitialValues initial_;
   Solution solution_;

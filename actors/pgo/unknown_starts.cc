@@ -58,7 +58,7 @@ std::map<AgentId, AgentId> FindTeams(const CheckedGraph& graph) {
   return teams;
 }
 
-// Returns the unknown rovers that stay in place and around which the other unknown rovers are arranged.
+// Returns the rovers of `unknown` that stay in place. The other rovers of `unknown` are arranged around them.
 std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                const std::vector<StartPrior>& starts, const std::vector<std::size_t>& unknown,
                                const InitialValues& initial) {
@@ -84,7 +84,7 @@ std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rove
   return result;
 }
 
-// Input of ArrangeParts. Unknown rovers are bodies; all other nodes are placed.
+// Input of ArrangeParts. Rovers without a configured start are bodies; all other nodes are placed.
 struct Bodies {
   std::vector<bool> placed;
   std::vector<std::size_t> heads;

@@ -2,7 +2,8 @@
 // when the leader is lost. With `manual` this actor does nothing.
 //
 // The survivor acts if all these conditions hold without interruption for roles.leader_timeout_s:
-//   - The leader is not connected, but was connected at some time since this agent started, or has left the team.
+//   - The leader is not connected. A leader that has not been connected since this agent started does not count as
+//     lost, unless it has left the team.
 //   - Neither leader nor survivor may be silent on purpose (sleeping, or driving in radio silence; model/leases.h).
 //   - Another agent is connected, if the team has any. A survivor that reaches no agent is itself cut off, and would
 //     depose a healthy leader when it reconnects.

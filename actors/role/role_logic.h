@@ -10,9 +10,9 @@
 // An agent that lacks the predecessor of an announced assignment requests the chain of predecessors from the announcer,
 // page by page. Until the chain is complete, the agent keeps its current assignment.
 //
-// After a restart, the leader first waits for `leader_wait`, or until all agents agree. Unless the leader learns of a
-// newer term, it then issues the same roles in a new term, so data from before and after the restart never have the
-// same term. The team file's roles have term 0.
+// After a start, the leader first waits for `leader_wait`, or until all agents agree. Unless the leader learns of a
+// newer term, it then issues the same roles in a new term, so data from before and after a restart never have the same
+// term. The team file's roles have term 0.
 //
 // If an assignment of another agent cannot be stored, this agent acts on the assignment, but without any role of its
 // own, until the disk accepts writes. If this agent cannot store a new term that it issued itself, it does not lead.
@@ -110,9 +110,8 @@ class RoleLogic {
 
   // Returns the assignment that fulfils `request`; the caller passes it to Adopt, which stores it. Fails with
   // kUnavailable before OnLoaded and while another assignment is being stored. Fails with kInvalid for a contradictory
-  // request. Fails with kRefused for impossible roles, and for a request whose `expected` differs from the current
-  // assignment; both errors name the field. Also fails with kRefused while a newer assignment is known that cannot be
-  // stored.
+  // request. Fails with kRefused for impossible roles, if `expected` differs from the current assignment, if this agent
+  // may not decide roles, and while this agent cannot store a newer assignment.
   Result<proto::RoleAssignment> Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const;
   // Returns the assignment by which this agent hands its role to one of the `connected` agents. A leader hands over to
   // the designated survivor if possible, otherwise to another agent that may lead. This agent becomes the survivor only
@@ -168,8 +167,8 @@ class RoleLogic {
   proto::RoleAssignment Issue(proto::RoleAssignment roles, bool is_command) const;
   // Starts to store an announced assignment that is valid, if the issuer's budget allows it.
   void AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
-  // Adopts the newest valid assignment if it is newer than the current one. If the issuer's budget is used up, the
-  // announce timer retries.
+  // Adopts the newest valid assignment if it is newer than the current one. If the issuer's budget is used up,
+  // OnAnnounceTimer retries.
   void AdoptNewestKnown(Actions& actions);
   // Takes one change from the issuer's budget. Returns false if the budget is used up.
   bool TakeChange(AgentId issuer);
