@@ -52,8 +52,8 @@ class CostTerms {
 
   const State& initial() const { return initial_; }
 
-  // Minimises over all terms except the ranges whose flag in `uses_range` is false. Updates `state` in place. Tries
-  // Levenberg-Marquardt first, and dogleg if Levenberg-Marquardt does not converge.
+  // Minimises the cost over all terms except the ranges whose flag in `uses_range` is false. Updates `state` in place.
+  // Tries Levenberg-Marquardt first, and dogleg if Levenberg-Marquardt does not converge.
   StageResult Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const;
 
   // Returns the settings of a stage that starts from the initial values and runs to full tolerance.

@@ -52,7 +52,6 @@ class KnownGraph {
   // kept.
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
-  // Returns all nodes and edges.
   PoseGraph graph() const { return SelectForSolve({UINT64_MAX, UINT64_MAX}).graph; }
   // Returns a graph whose solve stays within `size`. The graph contains all nodes, the odometry from each node to the
   // next, and the newest other edges of each origin, up to a limit per origin. The limit starts at the largest number

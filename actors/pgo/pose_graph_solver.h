@@ -114,7 +114,6 @@ struct RoverResult {
   std::string text;  // Describes problems with this rover's data or place. Empty if there are none.
 };
 
-// Verdict on one range.
 struct RangeVerdict {
   NodeKey from;
   NodeKey to;

@@ -17,7 +17,7 @@
 namespace moondb {
 
 struct PlainOptions {
-  int thread_count = 2;  // Number of Ceres threads.
+  int thread_count = 2;
   int iterations_max = 200;
   // Polled once per iteration. If it returns true, the solve ends without convergence.
   std::function<bool()> stop_requested = {};

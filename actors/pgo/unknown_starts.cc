@@ -84,7 +84,7 @@ std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rove
   return result;
 }
 
-// Input of ArrangeParts. Rovers without a configured start are bodies; all other nodes are placed.
+// Input of ArrangeParts. The rovers to arrange are bodies; all other nodes are placed.
 struct Bodies {
   std::vector<bool> placed;
   std::vector<std::size_t> heads;

@@ -90,9 +90,9 @@ class RoleLogic {
     std::optional<ChainQuestion> question;
     std::optional<proto::RoleAssignment> apply;  // Roles to act on: stored, or without a role of this agent.
     std::vector<Announcement> announcements;
-    std::optional<Duration> announce_timer;  // Delay to OnAnnounceTimer; replaces a running timer.
-    std::optional<Duration> leader_timer;    // Delay to OnLeaderTimer.
-    std::optional<Duration> store_timer;     // Delay to OnStoreTimer.
+    std::optional<Duration> announce_timer;  // Delay until OnAnnounceTimer; replaces a running timer.
+    std::optional<Duration> leader_timer;    // Delay until OnLeaderTimer.
+    std::optional<Duration> store_timer;     // Delay until OnStoreTimer.
   };
 
   explicit RoleLogic(Options options);
@@ -183,8 +183,8 @@ class RoleLogic {
   bool IsFromBeforeRestart(const proto::RoleAssignment& roles) const;
   bool IsConfirmedByAll() const;                             // Ignores agents that have left.
   bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // True if this agent issued the term since its start.
-  // Returns the roles that this agent acts on: the newest known roles, without a role of this agent that could not be
-  // stored.
+  // Returns the roles that this agent acts on: the newest known roles. If these roles could not be stored, this agent's
+  // own role in them is cleared.
   proto::RoleAssignment InForce() const;
   void ActWithoutOwnRole(const proto::RoleAssignment& unstored, Actions& actions);
   void Notify(AgentId to, bool is_reply, Actions& actions) const;
