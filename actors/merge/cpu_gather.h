@@ -20,8 +20,8 @@ namespace moondb {
 // Returns the kernels that this processor can run, the best one last: "scalar", "sse2", "avx2", "avx512".
 std::vector<const GatherKernel*> AvailableKernels();
 
-// Returns true if, for at least one cell of the tile at `box`, `block` has a known value and `tile` has either no value
-// or the value of a block of lower priority.
+// Returns false only if `block` cannot win a cell of the tile at `box`; may return true even then. `tile`: the merged
+// tile; null if it has no known cell.
 bool WouldWinIn(const PlacedBlock& block, const CellBox& box, const Tile* tile);
 
 // Returns the squares of the tile at `box`, one bit each, in which `block` may have a known cell.

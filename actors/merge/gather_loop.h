@@ -1,5 +1,5 @@
-// Code that is compiled into each of the kernel files that gather_kernel.h describes, one per instruction set. See the
-// warning about linkage in gather_kernel.h.
+// Code that each kernel file includes and compiles for its own instruction set. Nothing in this header may have
+// external linkage (reason: gather_kernel.h).
 #pragma once
 
 #include <cstdint>
@@ -34,8 +34,8 @@ struct SquareReach {
   std::int64_t v_high;
 };
 
-// Returns true if the steps are small enough for 32-bit coordinates modulo 1024 cells. For a square that touches the
-// block, such coordinates distinguish cells inside the block from cells outside.
+// Returns true if 32-bit coordinates suffice. They wrap around after 1024 cells of the block. With small steps, no cell
+// of a square that touches the block wraps around into the block.
 [[maybe_unused]] inline bool HasSmallSteps(const SquareReach& reach) {
   return reach.u_high - reach.u_low < 500 * kCell;
 }
@@ -57,7 +57,7 @@ struct SquareReach {
   return touched;
 }
 
-// Looks up the cells one by one, for any step and any processor. Values of cells outside `wanted` are unspecified.
+// Looks up the cells one by one, for steps of any size. Values of cells outside `wanted` are unspecified.
 [[maybe_unused]] inline Seen SeeOneByOne(const KernelBlock& block, std::int64_t first_u, std::int64_t first_v,
                                          std::uint64_t wanted) {
   Seen seen;
@@ -118,8 +118,8 @@ struct SquarePlace {
          (block.v + 9 * reach.v_high >= 0) & (block.v + 9 * reach.v_low < block.height_q);
 }
 
-// Applies a block to a tile. A View is constructed once per tile from a block and provides See(u, v, wanted) for a
-// square that touches the block. It also provides static Touched(block, reach) and StoreWinners(winners, taken,
+// Applies a block to a tile (GatherKernel::gather). View is the kernel's class, with the constructor View(block,
+// reach), the member See(u, v, wanted), and the static members Touched(block, reach) and StoreWinners(winners, taken,
 // winner).
 template <typename View>
 KernelResult GatherInto(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner) {
