@@ -108,7 +108,7 @@ class Gatherer {
 
 std::vector<const GatherKernel*> AvailableKernels() {
   std::vector<const GatherKernel*> kernels = {ScalarKernel()};
-  // Even Avx2Kernel() and Avx512Kernel() may contain instructions of their sets. Check the processor before the call.
+  // Even a call of Avx2Kernel() or Avx512Kernel() may execute instructions of that set. Check the processor first.
   [[maybe_unused]] const auto add = [&kernels](const GatherKernel* kernel) {
     if (kernel != nullptr) kernels.push_back(kernel);
   };

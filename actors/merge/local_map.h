@@ -47,9 +47,9 @@ inline constexpr std::int32_t kStripColumns = 16;
 inline constexpr std::int32_t kStripPaddingWords = 16;
 
 // Cells of a block, and a coarse bitmap with which a merge skips unknown areas. One bit of the bitmap covers 4 x 4
-// cells, or 8 x 8 cells if a side of the block exceeds 256 cells. The bit is about the 8 x 8 squares of the merged map
-// whose lowest row and column are in the bit's cells. It is clear only if such a square reads no known cell. Each
-// bitmap row has 64 bits.
+// cells, or 8 x 8 cells if a side of the block exceeds 256 cells. The bit stands for the squares (8 x 8 cells of the
+// merged map) whose lowest row and column in the block are in the bit's cells. The bit is clear only if no such square
+// reads a known cell. Each bitmap row has 64 bits.
 class PackedBlock {
  public:
   // `reach_cells`: maximum distance, in columns or rows, between two cells that one 8 x 8 square of the merged map

@@ -61,7 +61,7 @@ class MapCollection {
   // Timestamp assigned by the map's origin.
   struct Timestamp {
     std::int64_t ns = 0;
-    bool is_clock_suspect = false;  // If true, a merge treats the map as older than all other maps.
+    bool is_clock_suspect = false;  // If true, a merge treats the map as older than all maps with a trusted timestamp.
   };
 
   struct Quarantine {

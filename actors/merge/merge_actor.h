@@ -1,6 +1,6 @@
-// MergeActor: maintains the merged map of all records of this agent (paper, Section 5) and answers requests about it:
-// the map itself (MergeRequest), the sources of a cell's value, map statistics, changes since a version, and the fully
-// occluded maps (for RetentionActor). Spawn the actor with kOwnThread.
+// MergeActor: maintains the merged map of all records of this agent (paper, Section 5) and answers requests about it.
+// Requests ask for the map itself (MergeRequest), the sources of a cell's value, map statistics, changes since a
+// version, or the fully occluded maps. Spawn the actor with kOwnThread.
 //
 // Before it answers, the actor reads the new records from StorageActor into a MapCollection and updates a Merger. A
 // reply covers all records that were stored when the request was sent. A MergeRequest for some agents or for raw poses

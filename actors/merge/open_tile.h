@@ -26,7 +26,7 @@ struct OpenTile {
   const std::vector<OrderedBlock>* list = nullptr;  // Blocks of the tile's page.
   std::size_t next = 0;                             // Index in `list` of the next block.
   std::uint64_t open = ~std::uint64_t{0};           // Squares with unknown cells, one bit each.
-  std::unique_ptr<Tile> tile;                       // Null until the first list of blocks for the tile is made.
+  std::unique_ptr<Tile> tile;                       // Null until a block is listed for the tile.
   bool is_for_cpu = false;
   // Squares drawn in the current round, one bit each. In the target they occupy consecutive places from first_place on.
   std::uint64_t squares = 0;

@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-// Maximum distance of a pose from the origin, in cells. Casts to int64 cannot overflow within it. HasPage checks a
+// Maximum distance of a pose from the origin, in cells. Casts to int64 cannot overflow within it. HasPages checks a
 // lower limit.
 constexpr double kFarthestCells = 1e15;
 

@@ -16,8 +16,12 @@
 //
 // One prune runs at a time. Each request to storage is atomic, so a restart leaves no step half done.
 //
-// Errors in replies: kInvalid (a data type that is never pruned), kFull (a prune is running), kUnavailable (storage or
-// merge actor missing), kTimedOut (an actor of this agent did not answer), and the errors of these actors.
+// Errors in replies:
+// - kInvalid: the order names a data type that is never pruned;
+// - kFull: a prune is running;
+// - kUnavailable: the storage, role or merge actor does not accept a request;
+// - kTimedOut: one of these actors did not answer;
+// - any error of these actors.
 #pragma once
 
 #include <map>
