@@ -88,7 +88,7 @@ void EventActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const bool is_new = OrderOf(roles.term()) != OrderOf(roles_.term());
   const bool is_first = roles_.term().number() == 0 && roles_.leader() == 0;
   roles_ = roles;
-  // The first assignment that arrives was in force before this agent started.
+  // The first assignment that this actor receives is not new: it was in force before the actor started.
   if (!is_new || is_first || roles.term().issuer() != options_.self) return;
   const std::string reason = roles.reason().empty() ? "" : ": " + roles.reason();
   Log(context, proto::EVENT_KIND_ROLES,

@@ -110,7 +110,7 @@ class EventActor final : public Actor {
                double count, const std::string& text);
 
   const Options options_;
-  std::map<std::pair<std::string, std::string>, double> counts_;  // Last known values, by source and counter.
+  std::map<std::pair<std::string, std::string>, double> counts_;  // Last value of each counter, by source and name.
   std::set<std::string> heard_;                                   // Sources that have reported at least once.
   proto::RoleAssignment roles_;
   Leases leases_;
@@ -122,7 +122,7 @@ class EventActor final : public Actor {
   std::uint64_t asked_version_ = 0;
   std::uint64_t findings_request_id_ = 0;  // Id of the last FindingsRequest.
   std::vector<Requester> requesters_;
-  std::map<std::uint64_t, Acknowledgment> acknowledgments_;  // By id of the InsertRequest.
+  std::map<std::uint64_t, Acknowledgment> acknowledgments_;  // Keyed by the id of the InsertRequest.
   std::uint64_t next_request_id_ = 0;
 };
 

@@ -23,8 +23,8 @@
 
 namespace moondb {
 
-// Checks a request. `asked`: the agent that must answer it. Returns kInvalid, with the field, for an unknown request,
-// for a request to an agent outside the team, and for a violation of the request's own rule
+// Checks a request. `asked`: the agent that must answer the request. Returns kInvalid, with the field, for an unknown
+// request, for a request to an agent outside the team, and for a violation of the request's own rule
 // (actors/gateway/request_check.h).
 Result<void> CheckRequest(const proto::TeamConfig& team, AgentId asked, const proto::ControlRequest& request);
 

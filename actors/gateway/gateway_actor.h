@@ -91,7 +91,7 @@ class GatewayActor final : public Actor {
   // A client's request that waits for actors of this agent or for another agent.
   struct Pending {
     Address client;
-    std::string client_name;  // Name of the client's key; empty if it has none.
+    std::string client_name;  // Name of the client's key; empty if the client has no key.
     std::uint64_t client_request_id = 0;
     proto::ControlRequest::RequestCase request = proto::ControlRequest::REQUEST_NOT_SET;
     AgentId relayed_to = 0;             // Agent whose gateway must answer; 0 if actors of this agent must answer.
@@ -102,7 +102,7 @@ class GatewayActor final : public Actor {
     std::optional<Feed> feed;  // Set while a read with wait_s waits or is repeated.
     // Text of the command in this agent's event log; empty if the request is not a command for this agent.
     std::string command;
-    std::string by;  // Client or agent that gave the command, as in the event log.
+    std::string by;  // Name of the client or agent that gave the command.
   };
 
   void OnControlRequest(Context& context, const proto::Message& message);

@@ -40,7 +40,8 @@ struct KernelResult {
 
 struct GatherKernel {
   const char* name;
-  // Sets unknown cells in the squares of `open` to the block's known values, and records `winner` as the source.
+  // Sets unknown cells in the squares of `open` to the block's known values, and stores `winner` as the source of these
+  // cells.
   KernelResult (*gather)(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner);
   // Returns true if the block knows a cell that is not in `known` (Tile::known), or a cell of a square in `weaker` (one
   // bit per square).

@@ -34,13 +34,13 @@ struct SquareReach {
   std::int64_t v_high;
 };
 
-// Returns true if 32-bit coordinates suffice. They wrap around after 1024 cells of the block. With small steps, no cell
-// of a square that touches the block wraps around into the block.
+// Returns true if 32-bit coordinates suffice. Such coordinates wrap around after 1024 cells of the block. With small
+// steps, no cell of a square that touches the block wraps around into the block.
 [[maybe_unused]] inline bool HasSmallSteps(const SquareReach& reach) {
   return reach.u_high - reach.u_low < 500 * kCell;
 }
 
-// Returns, one bit each, the squares of the tile whose bounding box (in the block's frame) overlaps the block.
+// Returns the squares of the tile, one bit each, whose bounding box in the block's frame overlaps the block.
 [[maybe_unused]] inline std::uint64_t TouchedOneByOne(const KernelBlock& block, const SquareReach& reach) {
   std::uint64_t touched = 0;
   for (int y = 0; y < 8; ++y) {
@@ -102,8 +102,8 @@ struct SquarePlace {
   std::int64_t v;
 };
 
-// Looks up a square in the coarse bitmap. Returns false only if the block has no known cell in the square; may return
-// true even then. Requires: the square touches the block.
+// Looks up a square in the coarse bitmap. Returns false only if the block has no known cell in the square. A result of
+// true is not certain. Requires: the square touches the block.
 [[maybe_unused]] inline bool MayKnow(const KernelBlock& block, const SquareReach& reach, const SquarePlace& place) {
   const std::int64_t u = place.u + reach.u_low;
   const std::int64_t v = place.v + reach.v_low;
@@ -112,7 +112,7 @@ struct SquarePlace {
   return (block.coarse_rows[row] >> column & 1) != 0;
 }
 
-// Returns true if the tile's bounding box (in the block's frame) overlaps the block.
+// Returns true if the tile's bounding box in the block's frame overlaps the block.
 [[maybe_unused]] inline bool MeetsTile(const KernelBlock& block, const SquareReach& reach) {
   return (block.u + 9 * reach.u_high >= 0) & (block.u + 9 * reach.u_low < block.width_q) &
          (block.v + 9 * reach.v_high >= 0) & (block.v + 9 * reach.v_low < block.height_q);

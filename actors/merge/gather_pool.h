@@ -1,6 +1,6 @@
 // GatherPool: a few permanent threads for work that splits into many similar parts. The calling thread works as well
-// and waits for the other threads. Threads sleep between calls. They are not pinned to processors, because the robot's
-// own software runs on the same machine.
+// and waits for the other threads. Threads sleep between calls. Threads are not pinned to processors, because the
+// robot's own software runs on the same machine.
 #pragma once
 
 #include <condition_variable>

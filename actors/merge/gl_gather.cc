@@ -220,8 +220,8 @@ class GlGather::Painter {
     return {};
   }
 
-  // Fills entries_ and square_lists_ for a draw. If looking up a block rebuilds the atlas, all positions found before
-  // are invalid and the lists are built again.
+  // Fills entries_ and square_lists_ for a draw. If the upload of a block rebuilds the atlas, the positions in the
+  // lists become invalid, and the lists are built again.
   Result<void> MakeLists(std::span<OpenTile*> tiles, const RoundLimits& limits) {
     for (OpenTile* tile : tiles) {
       if (tile->tile != nullptr && tile->tile->blocks.size() + limits.tile_blocks > kTileBlocksMax) {

@@ -24,7 +24,7 @@ class EglContext;
 class GlGather final : public GatherBackend {
  public:
   struct Options {
-    // Maximum width and height of the render target in cells, at least 64. The driver may limit them further.
+    // Maximum width and height of the render target in cells, at least 64. The driver's limits may be lower.
     std::int32_t target_cells_max = 4096;
     // Maximum side of an atlas page in texels, at least kBlockSideCellsMax.
     std::int32_t atlas_page_texels_max = 1024;

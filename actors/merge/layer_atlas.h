@@ -34,7 +34,7 @@ class LayerAtlas {
   // pages is not enough, and kUnavailable for driver errors.
   Result<Spot> Find(const PlacedBlock& placed);
 
-  // Number of rebuilds of the texture. If it has changed, all positions found before are invalid.
+  // Number of rebuilds of the texture. A rebuild invalidates the positions that Find returned before.
   std::uint64_t generation() const { return generation_; }
 
   GLuint texture() const { return texture_.id(); }

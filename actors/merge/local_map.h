@@ -1,10 +1,9 @@
 // LocalMap: a local traversability map in the form used for merging. It is immutable, and its layers are cut into
 // blocks with 2 bits per cell.
 //
-// A block has at most kBlockSideCellsMax cells per side (the range of Q10.22) and at least one known cell. Neighbouring
-// blocks share one column or row, so rounding of their two transforms leaves no seam. Cells are stored in strips of 16
-// columns. One 32-bit word holds 16 cells of one row, the leftmost in the lowest bits. The words of a strip are in row
-// order.
+// A block has at most kBlockSideCellsMax cells per side and at least one known cell. Neighbouring blocks share one
+// column or row, so rounding of their two transforms leaves no seam. Cells are stored in strips of 16 columns. One
+// 32-bit word holds 16 cells of one row, the leftmost in the lowest bits. The words of a strip are in row order.
 //
 // Value types, usable on any thread.
 #pragma once
@@ -61,7 +60,8 @@ class PackedBlock {
   std::int32_t strip_words() const { return block_.height; }  // Number of words from one strip to the next.
   const std::uint32_t* words() const { return words_.data() + kStripPaddingWords; }
   const std::uint64_t* coarse_rows() const { return coarse_rows_.data(); }
-  int coarse_shift() const { return coarse_shift_; }  // One bit covers 2^coarse_shift x 2^coarse_shift cells.
+  // One bit of the bitmap covers 2^coarse_shift x 2^coarse_shift cells.
+  int coarse_shift() const { return coarse_shift_; }
   std::size_t bytes() const {
     return words_.capacity() * sizeof(std::uint32_t) + coarse_rows_.capacity() * sizeof(std::uint64_t);
   }
@@ -103,8 +103,8 @@ struct LocalMap {
   std::size_t bytes() const;  // Memory use in bytes.
 };
 
-// Returns kInvalid, with the name of the field, if a layer is too fine for the grid: more than kStepCellsMax cells of
-// the layer along one grid cell. The sizes and the number of layers are checked earlier, by the record validator
+// Converts a map for merging. Returns kInvalid, with the name of the field, if more than kStepCellsMax cells of a layer
+// lie along one grid cell. The record validator has checked the sizes and the number of layers
 // (model/traversability_map.h).
 Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t timestamp_ns,
                                                      const TraversabilityMap& map, const MergeGrid& grid);

@@ -102,7 +102,8 @@ std::vector<PlacedMap> WinnersOf(const std::vector<const Tile*>& tiles) {
   return maps;
 }
 
-// For each block in Tile::blocks: the index of its map in the list of maps (kNoSlot for a footprint), and its level.
+// For each block in Tile::blocks: the index of its map in the list of maps (kNoSlot for a footprint), and the level of
+// the block.
 using Winners = std::vector<std::pair<std::uint32_t, std::uint8_t>>;
 
 Winners SlotsOf(const Tile& tile, const std::vector<PlacedMap>& maps) {

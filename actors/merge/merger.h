@@ -51,7 +51,7 @@ struct MergeResult {
   // kNoSlot and level 0. A cell won by a footprint has kNoSlot and kFootprintLevel.
   std::vector<std::uint32_t> slots;
   std::vector<std::uint8_t> levels;
-  // Maps that win a cell in this region, sorted by record key, at the poses that were used.
+  // Maps that win a cell in this region, with the poses that were used, sorted by record key.
   std::vector<PlacedMap> maps;
 
   bool operator==(const MergeResult& other) const;  // Compares maps by their keys.
@@ -111,7 +111,7 @@ class Merger {
   // those of GatherBackend::Gather, and kFull for more than kPagesMax pages.
   Result<MergeSummary> Merge(const StopPredicate& stop);
 
-  // Bounding box of all cells of all maps, including unknown ones, and of all footprints.
+  // Bounding box of all cells of all maps, including unknown cells, and of all footprints.
   const CellBox& extent() const { return extent_; }
   // Number of times that empty pages were dropped to stay within kPagesMax. ChangedSince does not report the earlier
   // changes in dropped pages.

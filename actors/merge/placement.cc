@@ -10,8 +10,8 @@
 namespace moondb {
 namespace {
 
-// Maximum distance of a pose from the origin, in cells. Casts to int64 cannot overflow within it. HasPages checks a
-// lower limit.
+// Maximum distance of a pose from the origin, in cells. Within this distance, casts to int64 cannot overflow. HasPages
+// checks a stricter limit.
 constexpr double kFarthestCells = 1e15;
 
 bool IsFinite(const Pose& pose) { return pose.position_m.allFinite() && pose.orientation.coeffs().allFinite(); }

@@ -53,7 +53,7 @@ struct PlacedThing {
   PlacedMap placed;  // placed.map is null if this is a footprint.
   NodeKey node;      // Node of the footprint; not set for a map.
   std::vector<PlacedBlock> blocks;
-  CellBox extent;           // Bounding box of all cells, including unknown ones.
+  CellBox extent;           // Bounding box of all cells, including unknown cells.
   bool is_retired = false;  // Set by Merger when the map or footprint is withdrawn.
 };
 

@@ -146,7 +146,7 @@ bool RetentionActor::IsDryRun() const { return !job_.plan.empty() && job_.plan.f
 // --- Requests of other agents ---
 
 // While it prunes, this agent reports an empty have-set. Otherwise two agents could delete each other's last copy. If
-// two agents ask each other at the same time, the one with the larger id gives up its prune.
+// two agents ask each other at the same time, the agent with the larger id gives up its prune.
 void RetentionActor::OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id) {
   const bool asks_peer = stage_ == Stage::kPeers && job_.peers.contains(peer);
   if (asks_peer && peer < options_.self) Refuse(context, AgentName(options_.team, peer) + " removes something, too");
@@ -315,7 +315,7 @@ void RetentionActor::DoStep(Context& context) {
     *request.add_acknowledged() = ToProto(covered);
     for (const auto& [stream, state] : covered.streams()) held[stream].held.Add(state.held);
   }
-  // Records beyond an age limit may lose all copies. For any other limit a peer must still hold a copy.
+  // An age limit may remove the last copy of a record. With any other limit, a peer must still hold a copy.
   if (step.request.older_than_s() == 0) *request.add_acknowledged() = ToProto(held);
   if (step.until_bytes > 0) request.set_content_bytes_max(step.until_bytes - job_.removed_bytes);
   Enter(context, Stage::kPruning, options_.own_timeout);

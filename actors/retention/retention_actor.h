@@ -2,14 +2,15 @@
 // (actors/retention/retention_plan.h), and on request by an operator's PruneOrder. The reply to an order is a
 // PruneReply.
 //
-// Before a prune, the actor requests the have-sets of the leader and of the designated survivor, except its own, from
-// their RetentionActors. Storage then removes only records that all of these have-sets cover. Unless the limit is an
-// age, the leader or the survivor must still hold the record, so a size limit never removes the last copy. An order to
-// prune this agent's history (PruneOrder.is_history) asks no peer, because no other agent has a copy.
+// Before a prune, the actor requests the have-sets of the leader and of the designated survivor from their
+// RetentionActors, unless that agent is this agent. Storage then removes only records that all of these have-sets
+// cover. Unless the limit is an age, one of these agents must still hold the record, so a size limit never removes the
+// last copy. An order to prune this agent's history (PruneOrder.is_history) asks no peer, because no other agent has a
+// copy.
 //
 // Nothing is removed if the leader or the survivor is not assigned, cannot be reached, does not answer, acts on other
-// roles, or sends a malformed have-set. Nothing is removed either for `roles_held_min` after one of them changed. An
-// agent thus cannot take a role only to confirm a prune. PruneReply.text gives the reason.
+// roles, or sends a malformed have-set. Nothing is removed either for `roles_held_min` after the leader or the survivor
+// changed. An agent thus cannot take a role only to confirm a prune. PruneReply.text gives the reason.
 //
 // The actor also answers other agents' requests for this agent's have-set. While this agent prunes, the answer is an
 // empty have-set.
@@ -113,7 +114,7 @@ class RetentionActor final : public Actor {
   void Begin(Context& context, Job job);
   void DoStep(Context& context);
   void AddPruned(const proto::PruneReply& reply);
-  // Ends the job without an error; `text` says why nothing can be removed.
+  // Ends the job without an error. `text`: the reason why nothing can be removed.
   void Refuse(Context& context, const std::string& text);
   void GiveUp(Context& context, const Error& error);
   void Finish(Context& context);

@@ -6,8 +6,9 @@
 // down to kBudgetLow * S, in this order:
 //   1. maps that win no cell of the merged map, if drop_occluded_maps is set;
 //   2. maps beyond their part of kBudgetLow * S, oldest first;
-//   3. records of any type, oldest first. The sizes of contents and of file pages differ a little; the next check
-//      corrects the difference.
+//   3. records of any type, oldest first.
+//
+// The sizes of contents and of file pages differ a little; the next check corrects the difference.
 #pragma once
 
 #include <vector>
