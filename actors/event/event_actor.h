@@ -4,14 +4,14 @@
 // minute it logs new failures: actor restarts, refused or damaged records and messages, and sharing sessions that ended
 // early. Failures of one kind become one event with a count. GatewayActor logs commands.
 //
-// A peer counts as lost if its connection has been down for `lost_after`. Time is not counted while the peer or this
-// agent sleeps, nor while one of them drives in a team with radio silence while driving.
+// A peer counts as lost if its connection has been down for `lost_after` while no silence was expected. Silence is
+// expected while the peer or this agent sleeps, or drives in a team with radio silence while driving.
 //
 // Answers the ControlRequest `status` with the findings (model/event.h): losses and damage that no operator has
 // acknowledged. StorageActor computes the findings from the stored events (actors/storage/findings.h). Answers an
 // AcknowledgeRequest after the acknowledging event is stored, or with kFull if too many acknowledgments wait.
 //
-// An event that storage refuses is lost. Failures from before a restart of this actor are not logged after it.
+// An event that storage refuses is lost. After a restart, this actor does not log failures from before the restart.
 #pragma once
 
 #include <map>

@@ -228,7 +228,8 @@ std::string GatewayActor::WriteDown(Context& context, const proto::ControlReques
 // Logs a failed command. The command was already logged before it was executed.
 void GatewayActor::WriteDownFailure(Context& context, const Pending& pending) {
   const Error error = FromProto(pending.reply.error());
-  if (error.code == ErrorCode::kTimedOut) return;  // No failure: the command may have been executed.
+  // A timeout is not logged as a failure: the command may have been executed.
+  if (error.code == ErrorCode::kTimedOut) return;
   const bool is_refused = error.code == ErrorCode::kRefused;
   WriteDownRefused(context, (is_refused ? "refused " : "failed: ") + pending.command + ": " + OneLine(error.text),
                    pending.by);

@@ -4,32 +4,23 @@
 // (actors/gateway/command_table.h). Answers with Message{control_reply} under the client's request id. An actor's error
 // is copied to ControlReply.error.
 //
-// Relaying: a request for another agent (ControlRequest.for_agent) is sent to that agent's gateway over the radio, and
-// the answer is returned to the client. A request is relayed only once. CheckRelayRights decides which relayed requests
-// an agent executes. No relayed message may exceed `relay_bytes_max`.
+// A request for another agent (ControlRequest.for_agent) is relayed to that agent's gateway over the radio, and the
+// answer is returned to the client. A request is relayed only once. CheckClientRights and CheckRelayRights
+// (actors/gateway/client_rights.h) decide which requests are executed. A request for another team
+// (ControlRequest.team_id) is refused. Each command is logged as an event before it is executed
+// (actors/gateway/command_log.h).
 //
-// Security: a client with a key may send only the requests that the key's rights allow
-// (actors/gateway/client_rights.h). A request for another team (ControlRequest.team_id) is refused before it has any
-// effect. Each reply contains the answering agent's team id and the hash of its team file.
-//
-// Logging: a command is logged as an event before it is executed (actors/gateway/command_log.h). The agent that checked
-// a client's key logs the key's name, for example "anna (key)". An agent that receives the command through a relay
-// cannot verify the name and logs "anna". Commands that an agent may not relay are logged as refused.
-//
-// Waiting: a request to share or to change roles with wait_s waits at its actor. If that actor fails, the reply is
-// kUnavailable. A read with wait_s is a feed (actors/gateway/feed.h): the gateway keeps the read until a matching
-// record is stored, and replies with an empty page after wait_s.
-//
-// Each request has a timeout. The number of waiting requests is limited, in total and per client. After a restart of
-// this actor, waiting requests are lost; clients need timeouts of their own.
+// A read with wait_s waits in the gateway (actors/gateway/feed.h). Other requests with wait_s wait at their actor; if
+// that actor fails, the reply is kUnavailable. Each request has a timeout. The number of waiting requests is limited,
+// in total and per client. A restart of this actor loses all waiting requests; clients need timeouts of their own.
 //
 // The gateway itself returns these errors:
 // - kCorrupt: the request does not decode;
 // - kInvalid: the request violates a rule (actors/gateway/request_check.h);
 // - kRefused: the client's key lacks the rights, the sending agent may not relay the request, or the request is for
 //   another team or agent;
-// - kFull: too many requests wait at the gateway or at the actor, or the reply is too long for the radio;
-// - kUnavailable: the actor does not exist, or the target agent cannot be reached or was lost;
+// - kFull: too many requests wait at the gateway or at the actor, or the request or reply is too long for the radio;
+// - kUnavailable: the actor does not exist or failed, or the target agent cannot be reached or was lost;
 // - kNotFound: the target of a custom request is not an actor of the user;
 // - kTimedOut: the actor or the target agent did not answer.
 #pragma once

@@ -20,8 +20,8 @@ namespace moondb {
 // Returns the kernels that this processor can run, the best one last: "scalar", "sse2", "avx2", "avx512".
 std::vector<const GatherKernel*> AvailableKernels();
 
-// Returns false only if `block` cannot win a cell of the tile at `box`. A result of true is not certain. `tile`: the
-// merged tile; null if it has no known cell.
+// Returns true if `block` may win a cell of the tile at `box`, and false if it certainly wins none. `tile`: the merged
+// tile; null if the tile has no known cell.
 bool WouldWinIn(const PlacedBlock& block, const CellBox& box, const Tile* tile);
 
 // Returns the squares of the tile at `box`, one bit each, in which `block` may have a known cell.

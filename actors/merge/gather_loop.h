@@ -102,8 +102,8 @@ struct SquarePlace {
   std::int64_t v;
 };
 
-// Looks up a square in the coarse bitmap. Returns false only if the block has no known cell in the square. A result of
-// true is not certain. Requires: the square touches the block.
+// Looks up a square in the coarse bitmap. Returns true if the block may have a known cell in the square, and false if
+// it certainly has none. Requires: the square touches the block.
 [[maybe_unused]] inline bool MayKnow(const KernelBlock& block, const SquareReach& reach, const SquarePlace& place) {
   const std::int64_t u = place.u + reach.u_low;
   const std::int64_t v = place.v + reach.v_low;

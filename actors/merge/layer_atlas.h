@@ -54,7 +54,7 @@ class LayerAtlas {
   const std::int32_t page_texels_;
   const std::int32_t pages_max_;
   std::int32_t pages_ = 0;
-  // Position of the next block.
+  // Position for the block that is added next.
   Spot next_;
   std::int32_t shelf_height_ = 0;
   GlTexture texture_;

@@ -3,8 +3,6 @@
 //
 // A square has 64 bits "known", 64 bits "hazard" and 64 winner numbers, each row by row from the lowest y. A winner
 // number is an index in the tile's list of blocks, so 16 bits suffice for any number of maps.
-//
-// Value types.
 #pragma once
 
 #include <array>

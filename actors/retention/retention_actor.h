@@ -3,10 +3,10 @@
 // PruneReply.
 //
 // Before a prune, the actor requests the have-sets of the leader and of the designated survivor from their
-// RetentionActors, unless that agent is this agent. Storage then removes only records that all of these have-sets
-// cover. Unless the limit is an age, one of these agents must still hold the record, so a size limit never removes the
-// last copy. An order to prune this agent's history (PruneOrder.is_history) asks no peer, because no other agent has a
-// copy.
+// RetentionActors. If this agent has one of these roles, it asks only the other agent. Storage then removes only
+// records that the requested have-sets cover. Unless the limit is an age, an asked agent must still hold the record, so
+// a size limit never removes the last copy. An order to prune this agent's history (PruneOrder.is_history) asks no
+// agent, because no other agent has a copy.
 //
 // Nothing is removed if the leader or the survivor is not assigned, cannot be reached, does not answer, acts on other
 // roles, or sends a malformed have-set. Nothing is removed either for `roles_held_min` after the leader or the survivor
