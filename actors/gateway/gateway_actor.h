@@ -7,7 +7,7 @@
 // A request for another agent (ControlRequest.for_agent) is relayed to that agent's gateway over the radio, and the
 // answer is returned to the client. A request is relayed only once. CheckClientRights and CheckRelayRights
 // (actors/gateway/client_rights.h) decide which requests are executed. A request for another team
-// (ControlRequest.team_id) is refused. Each command is logged as an event before it is executed
+// (ControlRequest.team_id) is refused. Commands are logged as events before they are executed
 // (actors/gateway/command_log.h).
 //
 // A read with wait_s waits in the gateway (actors/gateway/feed.h). Other requests with wait_s wait at their actor; if
