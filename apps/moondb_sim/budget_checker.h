@@ -18,7 +18,8 @@ class BudgetChecker {
   BudgetChecker(double bytes_per_second, double burst_bytes)
       : bytes_per_second_(bytes_per_second), burst_bytes_(burst_bytes) {}
 
-  // Adds a batch that the agent sends or receives. Returns a text if the batches of the last minute exceed the budget.
+  // Call when the agent sends or receives a batch of `bytes` bytes. Returns a description if the batches of the last
+  // minute exceed the budget; null otherwise.
   std::optional<std::string> OnBatch(std::size_t bytes, MonotonicTime now);
 
  private:
