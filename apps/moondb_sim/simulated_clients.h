@@ -1,7 +1,7 @@
 // SimulatedClients: sends requests of operators, planners and people at consoles to the simulated agents' gateways, in
 // each run with all actors. The clients insert, read, inspect, and follow the map. They order solves, leases, prunes
-// and bundles, change roles, and send invalid requests. Usually one request is sent at an instant, sometimes several,
-// now and then through another agent.
+// and bundles, change roles, and send invalid requests. Usually one request is sent at an instant, sometimes several.
+// Some requests are sent to another agent, which relays them to the agent that they are for.
 //
 // Each answer is checked against what is known at that instant (answer_check.h, map_checker.h, bundle_checker.h).
 #pragma once
@@ -39,7 +39,7 @@ class SimulatedClients {
 
   void Work();
 
-  // Each function sends one kind of request.
+  // Each of these functions sends one kind of request.
   void AskToInsert(AgentId agent);
   void AskToInsertTooMuch(AgentId agent);
   void AskForPage(AgentId agent);
@@ -58,7 +58,7 @@ class SimulatedClients {
   void AskWrongly(AgentId agent);
 
   void Send(AgentId agent, proto::ControlRequest request, ClientCalls::Then then = {});
-  // Sends the request, sometimes through another agent.
+  // Sends the request to `agent`, sometimes through another agent that relays it.
   void SendAnyWay(AgentId agent, proto::ControlRequest request, ClientCalls::Then then = {});
   void CheckAnswer(AgentId agent, const proto::ControlRequest& request, const std::optional<HaveSet>& before,
                    const Answer& answer);

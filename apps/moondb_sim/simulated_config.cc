@@ -18,10 +18,10 @@ constexpr double kHistory_mb = 0.02;
 // In one seed of four, agents use the compact codec, which takes half of a run's time. The others use zstd.
 constexpr std::uint64_t kCompactEvery = 4;
 
-// In one seed of two, agents sign role assignments. The others are teams without keys.
+// In one seed of two, the team has signing keys.
 constexpr std::uint64_t kKeysEvery = 2;
 
-// Adds a type with the same policy for sharing and for the ground station.
+// Adds a custom type. `policy` applies to sharing in the team and to the ground station.
 void AddCustomType(proto::TeamConfig& team, DataType id, const std::string& name, proto::Policy policy,
                    std::uint32_t priority, std::uint32_t bytes_max) {
   proto::CustomType& type = *team.add_custom_types();
@@ -91,7 +91,7 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
     // Notes test only sharing, so the ground station gets none.
     team.mutable_custom_types()->rbegin()->set_ground(proto::POLICY_NONE);
   }
-  // The limit has room for some minutes of states, so agents remove the oldest states all the time.
+  // The history has room for only some minutes of states, so agents keep removing the oldest states.
   team.mutable_retention()->set_history_mb_max(kHistory_mb);
   (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";
   (*team.mutable_keep())["optimized_pose"] = "1h";
