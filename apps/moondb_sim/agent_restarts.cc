@@ -192,7 +192,7 @@ void AgentRestarts::CheckFailures(AgentId agent) {
     world_.Violate("starts",
                    "an actor of agent " + std::to_string(agent) + " failed by itself; the last that failed: " + last);
   }
-  if (is_ended) OnEnded(agent);  // OnEnded schedules a restart, as a service manager does.
+  if (is_ended) OnEnded(agent);
 }
 
 // Checks that the agent's mailboxes stayed within the limit and dropped no message. Exempts runs with a Byzantine

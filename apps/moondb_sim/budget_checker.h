@@ -25,7 +25,7 @@ class BudgetChecker {
  private:
   double bytes_per_second_;
   double burst_bytes_;
-  std::deque<std::pair<MonotonicTime, std::size_t>> batches_;  // Batches of the last minute, with their bytes.
+  std::deque<std::pair<MonotonicTime, std::size_t>> batches_;  // Time and bytes of each batch of the last minute.
   std::size_t bytes_ = 0;                                      // Sum of the bytes in `batches_`.
 };
 

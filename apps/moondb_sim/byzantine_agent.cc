@@ -418,7 +418,7 @@ proto::RoleAssignment ByzantineAgent::Assignment(AgentId target) {
   roles.set_reason(kByzantineReason);
   if (!has_keys) return roles;
   roles.set_follows(present.signature());
-  if (Draw(4) == 0) roles.mutable_term()->set_issuer(present.leader());  // False: the Byzantine agent signs.
+  if (Draw(4) == 0) roles.mutable_term()->set_issuer(present.leader());  // Wrong issuer: the Byzantine agent signs.
   roles.set_signature(SigningKeyOf(world_.byzantine).Sign(SignedBytes(world_.config, roles)));
   return roles;
 }

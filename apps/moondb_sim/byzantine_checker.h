@@ -21,7 +21,8 @@
 
 namespace moondb::simulation {
 
-// Reason text of role assignments that the Byzantine agent orders. Honest agents forward this text with the roles.
+// Reason text of the role changes that the Byzantine agent orders. An agent that executes such an order copies the text
+// into its role assignment.
 inline constexpr char kByzantineReason[] = "by the word of a Byzantine agent";
 
 class ByzantineChecker {
@@ -35,11 +36,11 @@ class ByzantineChecker {
   // record.
   void OnImpossible(const RecordKey& key);
 
-  // Call when `agent` handles a StoreRequest with a peer's records, and when it handles the StoreReply. OnStoreReply
-  // returns true if the Byzantine agent may have caused all rejections.
+  // Call OnStoreRequest when `agent` handles a StoreRequest with a peer's records, and OnStoreReply when `agent`
+  // handles the StoreReply. OnStoreReply returns true if the Byzantine agent may have caused all rejections.
   void OnStoreRequest(AgentId agent, const proto::Message& message);
   bool OnStoreReply(AgentId agent, const proto::Message& message);
-  // Checks a record that `agent` holds, or that an honest agent sent to `agent`.
+  // Checks invariant only_own_lies for a record that `agent` holds, or that an honest agent sent to `agent`.
   void OnRecord(AgentId agent, const RecordKey& key, const std::string& content) const;
   void OnRoles(AgentId agent, const proto::RoleAssignment& roles);
   // Call when `agent` stores `roles`, even if it does not act on them yet.

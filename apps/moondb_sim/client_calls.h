@@ -32,8 +32,8 @@ class ClientCalls {
   // Sends `request` from a new client to the agent's gateway. Calls `then` with the answer, if an answer arrives. Does
   // nothing if the agent does not run.
   void Ask(AgentId agent, const proto::ControlRequest& request, Then then);
-  // Runs the team until it is idle, and calls `then` for each answer that has arrived. While requests are open, repeats
-  // this every second.
+  // Runs the team until it is idle, and calls `then` for each answer that has arrived. Runs again every second while
+  // requests are open.
   void Run();
 
   // Drops the open requests to `agent`. Call when its process or its gateway has ended.

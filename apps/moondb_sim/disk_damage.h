@@ -15,8 +15,8 @@ namespace moondb::simulation {
 // Changes one byte in the content of a shared record. Returns the record's key.
 std::optional<RecordKey> DamageRecord(Database& database, std::mt19937_64& rng);
 
-// Stream of the damaged interval. DamageInterval replaces the first or the last seq of one interval in the have-set by
-// another number, which may be negative or huge.
+// A damaged interval of the have-set, with its stream. DamageInterval replaces the first or the last seq of the
+// interval by another number, which may be negative or huge.
 struct DamagedInterval {
   StreamKey stream;
   bool is_dropped = false;

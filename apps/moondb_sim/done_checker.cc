@@ -79,8 +79,7 @@ void DoneChecker::OnRoles(AgentId agent) {
   before_term_of_[agent] = last_;
 }
 
-// A destination may have lost records with its disk after the order was given. Clear the have-sets of open orders, so
-// that these records are not expected.
+// Clears the have-sets of open orders, because the agent may have lost records that these have-sets would require.
 void DoneChecker::OnDiskLost(AgentId agent) {
   last_.erase(agent);
   for (auto& [leader, stores] : before_term_of_) stores.erase(agent);

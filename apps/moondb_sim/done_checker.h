@@ -24,8 +24,8 @@ class DoneChecker {
 
   // Sends a sharing order of the operator to `leader`. Requires: `leader` leads.
   void Order(AgentId leader, proto::SharingKind kind);
-  // Receives the answers to orders. Returns true if there are any; then call CheckAnswers at the same instant. Must not
-  // be called while an actor handles a message.
+  // Receives the answers to orders, and returns whether there are any. If true, the caller must call CheckAnswers at
+  // the same instant. Must not be called while an actor handles a message.
   bool HasAnswers();
   void CheckAnswers();
 

@@ -224,7 +224,8 @@ void Invariants::ForgetDropped(AgentId agent, AgentId origin, DataType type) {
   ForgetWhatIsLost();
 }
 
-// Keeps in `inserted_` only the records that are in `held_` of an agent from which others accept them (CanBring).
+// Keeps in `inserted_` only the records that some agent certainly covers (`held_`) and that other agents accept from
+// this agent (CanBring).
 void Invariants::ForgetWhatIsLost() {
   HaveSet kept;
   for (const auto& [key, stream] : inserted_.streams()) {

@@ -178,7 +178,7 @@ class Invariants {
   StateChecker states_;
   HaveSet late_;
   HaveSet kept_notes_;
-  HaveSet inserted_;                 // Confirmed records, except those lost with all disks that held them.
+  HaveSet inserted_;                 // Confirmed records, without the lost records (ForgetWhatIsLost).
   std::map<AgentId, HaveSet> held_;  // Records that each agent certainly covers.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
   std::map<RecordKey, PoseName> pose_names_;

@@ -1,6 +1,6 @@
 // MapChecker: checks that an agent's merged map depends only on the records that the agent holds (invariant
-// map_of_records). Agents that hold the same nodes, poses, maps and quarantines must return the same map. All tiles
-// that were sent to a client that follows the map must together equal the map.
+// map_of_records). Agents that hold the same nodes, poses, maps and quarantines must return the same map. The tiles
+// that a following client received must together equal the map.
 #pragma once
 
 #include <cstdint>
@@ -24,8 +24,8 @@ class MapChecker {
   std::optional<std::string> OnMap(AgentId agent, const HaveSet& have, const proto::MergeRequest& request,
                                    const proto::MergeReply& reply);
   // One simulated client follows the map of each agent. NextTiles returns the client's next request. OnTiles adds the
-  // tiles of the answer to the client's map, and returns a description if they cannot be decoded or are incomplete;
-  // null otherwise.
+  // tiles of the answer to the client's map, and returns a description if the tiles cannot be decoded or are
+  // incomplete; null otherwise.
   proto::MapTilesRequest NextTiles(AgentId agent) const;
   std::optional<std::string> OnTiles(AgentId agent, const proto::MapTilesReply& reply);
 
@@ -44,7 +44,8 @@ class MapChecker {
   std::map<AgentId, Followed> followed_;
 };
 
-// Compares the tiles that a client received with the merged map. Returns the first difference; null if none.
+// Compares the tiles that a client received with the merged map. Returns a description of the first difference; null if
+// there is none.
 std::optional<std::string> WhyOther(const std::map<std::pair<std::int64_t, std::int64_t>, Grid>& tiles,
                                     const MergedMap& merged);
 

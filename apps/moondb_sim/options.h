@@ -64,8 +64,8 @@ struct SimOptions {
   int RoverCount() const { return Byzantine() == 0 ? rovers : rovers + 1; }
 
   double FaultsPerHour(const FaultKind& kind) const;
-  // Returns whether rovers insert notes and the fault `policy` replaces team files. An agent keeps only the latest
-  // notes until its team file is replaced, and all notes afterwards.
+  // Returns whether rovers insert notes (kNote) and the fault `policy` replaces team files. An agent keeps only the
+  // newest note of each latest key until its team file is replaced, and all notes afterwards.
   bool ChangesPolicy() const;
 
   bool has_all_actors() const { return actors == SimulatedActors::kAll; }

@@ -45,8 +45,8 @@ void SessionChecker::OnHave(const proto::Have& have) {
   if (!heard || have.session_id() != session_id_) return;
   have_.Merge(*heard);
   std::erase_if(in_flight_, [&](const auto& entry) {
-    // If the acknowledged number is higher by two or more, the sender treats this batch as lost and retransmits its
-    // records.
+    // If the acknowledged batch number exceeds the number of this batch by two or more, the sender treats this batch as
+    // lost and retransmits its records.
     const bool is_given_up = !have.needs_new_run() && entry.first + 2 <= have.batch_number();
     return entry.first == have.batch_number() || is_given_up || IsCovered(entry.second);
   });

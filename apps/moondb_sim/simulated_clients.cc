@@ -428,7 +428,7 @@ void SimulatedClients::CheckQuiescent() {
   CheckBundlesWhenIdle(world_.base);
 }
 
-// Fetches and acknowledges all waiting bundles. Then packs the remaining records into bundles, and fetches and
+// Fetches and acknowledges all waiting bundles. Then orders bundles of the remaining records, and fetches and
 // acknowledges these bundles. Reports records that are in no bundle.
 void SimulatedClients::CheckBundlesWhenIdle(AgentId agent) {
   BundleChecker& checker = bundles_[agent];

@@ -1,9 +1,8 @@
-// SimulatedClients: sends requests of operators, planners and people at consoles to the simulated agents' gateways, in
-// each run with all actors. The clients insert, read, inspect, and follow the map. They order solves, leases, prunes
-// and bundles, change roles, and send invalid requests. Usually one request is sent at an instant, sometimes several.
-// Some requests are sent to another agent, which relays them to the agent that they are for.
+// SimulatedClients: sends requests of operators, planners and people at consoles to the simulated agents' gateways, and
+// checks each answer (answer_check.h, map_checker.h, bundle_checker.h). Only for runs with SimulatedActors::kAll.
 //
-// Each answer is checked against what is known at that instant (answer_check.h, map_checker.h, bundle_checker.h).
+// Usually one request is sent at an instant, sometimes several. Some requests are sent to another agent, which relays
+// them to the agent that they are for.
 #pragma once
 
 #include <functional>
@@ -29,8 +28,8 @@ class SimulatedClients {
   void OnRadio(AgentId from, const proto::Message& message);
   void OnDiskLost(AgentId agent) { bundles_[agent].OnDiskLost(); }
 
-  // Checks the maps of all agents. Checks that the base station packs every record that the ground station wants.
-  // Requires: the team is quiescent.
+  // Checks the maps of all agents. Checks that the base station packs every record for the ground station into a
+  // bundle. Requires: the team is quiescent.
   void CheckQuiescent();
 
  private:
@@ -67,7 +66,7 @@ class SimulatedClients {
 
   void Order(AgentId agent, const proto::DownlinkRequest& order);
   void OnDownlinkReply(AgentId agent, const proto::DownlinkRequest& order, const Answer& answer);
-  void FetchUnknown(AgentId agent);  // Fetches bundles not fetched yet, one after the other.
+  void FetchUnknown(AgentId agent);  // Fetches all bundles that were not fetched yet, one after the other.
   void Fetch(AgentId agent, std::uint32_t number, const std::string& begin);
   void CheckBundlesWhenIdle(AgentId agent);
   void Report(AgentId agent, const BundleChecker::Broken& broken);

@@ -15,7 +15,8 @@ constexpr double kStatesPeriod_s = 300;
 constexpr std::uint64_t kKeepsAllEvery = 2;  // In one seed of two, superseded states are removed only for lack of room.
 constexpr double kHistory_mb = 0.02;
 
-// In one seed of four, agents use the compact codec, which takes half of a run's time. The others use zstd.
+// In one seed of four, agents use the compact codec; in other seeds, zstd. The compact codec takes half of a run's
+// computing time.
 constexpr std::uint64_t kCompactEvery = 4;
 
 // In one seed of two, the team has signing keys.

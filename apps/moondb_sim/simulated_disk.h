@@ -1,6 +1,6 @@
 // SimulatedDisk: an in-memory file system for SQLite that loses unsynced writes when the power is cut.
 //
-// A power cut keeps none of the unsynced writes, the first ones, or a random subset; the last write may be torn.
+// A power cut keeps none, the first few, or a random subset of the unsynced writes; the last write may be torn.
 // Afterwards all calls on files that were open fail, so a process that is being destroyed changes nothing. Files opened
 // later work. All files of one agent share a path prefix, which the functions take as `prefix`.
 //

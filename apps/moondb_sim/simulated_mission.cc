@@ -302,8 +302,8 @@ class Mission {
     freed.since = world_.team.now();
   }
 
-  // Call when an actor of the agent handles the reply to its insert. Does nothing if the agents do not have all actors:
-  // then only robots insert, and SimulatedRobots reports their inserts.
+  // Call when an actor of the agent handles the reply to its insert. Used only with SimulatedActors::kAll. Otherwise
+  // only robots insert, and SimulatedRobots reports their inserts.
   void SeeInserted(AgentId agent, const proto::Message& message) {
     if (!world_.options.has_all_actors()) return;
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {

@@ -142,7 +142,7 @@ void SimulatedRobots::Drive(AgentId agent, Robot& robot) {
   if (world_.rng() % kQuarantineEvery == 0) robot.open.push_back(QuarantineOfLate());
 }
 
-// Inserts the records in `robot.open`, at most the newest kOpenMax records.
+// Inserts the newest kOpenMax records of `robot.open`, and drops the older records.
 void SimulatedRobots::InsertOpen(AgentId agent, Robot& robot) {
   while (robot.open.size() > kOpenMax) robot.open.pop_front();
   for (const proto::Record& record : robot.open) Insert(agent, {record});

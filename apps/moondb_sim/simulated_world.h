@@ -58,7 +58,8 @@ class SimulatedWorld {
   // Returns whether the agent must accept records other than maps, because a prune has just freed much of its full
   // disk.
   bool MustStore(AgentId agent) const;
-  // Returns whether the agent's disk was full or failing within the last minute, so it may refuse to store records.
+  // Returns whether the agent's disk is full or failing, or was within the last minute. The agent may then refuse to
+  // store records.
   bool HadDiskTrouble(AgentId agent) const;
   std::set<AgentId> Leaders() const;  // Returns the running agents that act as leader.
   // Sends `question` to the actor, and runs the team until it is idle. Returns the actor's last answer; an empty
