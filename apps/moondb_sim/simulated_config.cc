@@ -34,8 +34,8 @@ void AddCustomType(proto::TeamConfig& team, DataType id, const std::string& name
   type.set_bytes_max(bytes_max);
 }
 
-// Adds settings for the actors that take no part in sharing: a site in which rovers drive, and types to merge and to
-// pack for the ground station.
+// Adds the settings that only SimulatedActors::kAll needs: team id, poses of the agents, further shared types, merged
+// map, and automatic solving.
 void AddAllActors(proto::TeamConfig& team) {
   team.set_team_id("0123456789abcdef0123456789abcdef");
   for (proto::AgentConfig& agent : *team.mutable_agents()) {
