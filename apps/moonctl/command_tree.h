@@ -1,4 +1,4 @@
-// Searches the tree of commands, for completion, the manual page and "did you mean". Plain functions.
+// Searches the tree of commands. Used by completion, the manual page and "did you mean".
 #pragma once
 
 #include <functional>
@@ -33,8 +33,7 @@ std::string OptionName(const std::string& word);
 // Returns the long option names ("--agent") of a command and its ancestors.
 std::vector<std::string> OptionNames(const Command& command);
 
-// The options and the arguments of the command itself, in the order in which they were added. Arguments have no dash in
-// their name.
+// Return the options, or the positional arguments, of the command itself, in the order in which they were added.
 std::vector<const Option*> OwnOptions(const Command& command);
 std::vector<const Option*> ArgumentsOf(const Command& command);
 

@@ -75,7 +75,7 @@ void WriteField(const FieldDescriptor& field, JsonWriter& json) {
   } else if (field.is_repeated()) {
     WriteList(field, json);
   } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-    // Draft 7 ignores members beside a reference.
+    // JSON Schema draft 7 ignores members beside "$ref". The reference is therefore put into "allOf".
     json.Key("allOf").BeginArray().BeginObject();
     WriteType(field, json);
     json.EndObject().EndArray();

@@ -29,8 +29,8 @@ constexpr ExitCode ExitCodeOf(ErrorCode code) {
   }
 }
 
-// Turns an error of a file that the operator named into kInvalid: the file is missing or damaged, so the command line
-// is wrong.
+// Returns `error` as kInvalid. For errors of a file that the operator named: if the file is missing or damaged, the
+// command line is wrong.
 inline Error InputError(Error error) {
   error.code = ErrorCode::kInvalid;
   return error;

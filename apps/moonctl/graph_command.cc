@@ -161,11 +161,11 @@ ExitCode OptimizeGraph(CommandContext& context, const OptimizeArguments& argumen
   return context.Done(ToJson(*solve), SolveText((*team)->config, *solve));
 }
 
-// Statistics of the ranges between two agents, by the newest verdicts.
+// Statistics of the ranges between two agents. A range is rejected or not according to its newest verdict.
 struct PairStats {
   std::size_t range_count = 0;
   std::size_t rejected_count = 0;
-  double worst_sigmas = 0;  // Largest residual of the rejected ranges, with its sign.
+  double worst_sigmas = 0;  // Residual with the largest magnitude among the rejected ranges.
 };
 
 using AgentPair = std::pair<AgentId, AgentId>;  // Two agents, the smaller id first.

@@ -1,4 +1,4 @@
-// Compares agents' holdings by the have-sets that they reported. Pure functions.
+// Compares the records that agents hold, using the have-sets that the agents reported. Thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +15,8 @@ using Series = std::pair<AgentId, DataType>;
 
 struct Holding {
   std::uint64_t held = 0;
-  std::uint64_t lacking = 0;  // Records that another agent holds and this agent's have-set does not cover. Excludes
-                              // superseded records.
+  // Number of records that another agent holds and this agent's have-set does not cover. Excludes superseded records.
+  std::uint64_t lacking = 0;
 };
 
 // Returns each agent's holdings of each series. Within a series, the agents are in the order of `haves`. Omits series
