@@ -109,8 +109,8 @@ class Command {
   Option& AddChoice(const std::string& names, Enum& variable, const std::map<std::string, Enum>& choices,
                     const std::string& description);
   Option& AddFlag(const std::string& names, bool& variable, const std::string& description = "");
-  // Adds a flag with an optional value: with "--watch{2}", --watch sets the variable to "2" and --watch=5 sets it to
-  // "5".
+  // Adds a flag with an optional value. For example, the flag "--watch{2}" sets the variable to "2" on --watch, and to
+  // "5" on --watch=5.
   Option& AddFlag(const std::string& names, std::string& variable, const std::string& description = "");
   Option& AddVersionFlag(const std::string& names, const std::string& version);
   Command& AddSubcommand(const std::string& name, const std::string& description);

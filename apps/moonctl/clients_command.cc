@@ -84,8 +84,8 @@ struct ListEdit {
   proto::ClientList list;
 };
 
-// Returns the comments at the top of the file. Returns kRefused if there are comments elsewhere, because writing the
-// list would lose them.
+// Returns the comments at the top of the file, or kHead if the file cannot be read. Returns kRefused if there are
+// comments elsewhere, because writing the list would lose them.
 Result<std::string> HeadOf(const std::filesystem::path& file) {
   const auto text = ReadTextFile(file);
   if (!text) return kHead;
@@ -95,7 +95,8 @@ Result<std::string> HeadOf(const std::filesystem::path& file) {
   for (; rest.starts_with("#"); ++number) head += std::string(TakeLine(rest)) + "\n";
   for (; !rest.empty(); ++number) {
     const std::string_view line = TakeLine(rest);
-    // In YAML, a '#' begins a comment only at the start of a line or after a blank. Keys contain '#', but no blanks.
+    // In YAML, a '#' begins a comment only at the start of a line or after a blank. A key may contain '#', but no
+    // blank.
     if (!line.starts_with("#") && line.find(" #") == line.npos && line.find("\t#") == line.npos) continue;
     return Fail(ErrorCode::kRefused, "this comment would be lost: bring it to the head of the file, or edit it by hand",
                 FileLine(file.string(), number));

@@ -70,7 +70,7 @@ class CommandContext {
   // The first call reads the key file. Returns kInvalid, with the option or variable that names the key file, if the
   // key cannot be read.
   Result<Client::Options> ClientOptions();
-  std::chrono::milliseconds WaitTimeout() const;             // --timeout, or 600 s if it is not given.
+  std::chrono::milliseconds WaitTimeout() const;             // --timeout, or 600 s by default.
   bool has_timeout() const { return timeout_.has_value(); }  // Returns true if --timeout was given.
 
   // Connects to the agent called `name`, if necessary through a relay. Prints the relay's name on stderr, or with
@@ -80,7 +80,7 @@ class CommandContext {
   bool is_relayed() const { return !relays_.empty(); }       // Returns true if another agent relayed a request.
   // Returns the assignment with the newest term among all agents that answer. kUnavailable if none answers.
   Result<proto::RoleAssignment> Roles();
-  // Returns the hash of the agent's team file that the agent last reported. 0: it has reported none.
+  // Returns the hash of the agent's team file that the agent last reported. 0: the agent has reported no hash.
   std::uint64_t ConfigHashOf(AgentId of) const;
   // Returns the agent given with -a, otherwise all agents that have not left the team. kInvalid if the team has no such
   // agent, kRefused if that agent has left.

@@ -22,7 +22,8 @@ struct PruneArguments {
   std::vector<std::string> types;
   bool occluded_maps = false;
   bool is_history = false;
-  double megabytes_max = 0;  // At most this much is removed, oldest first. 0: no limit.
+  // Removes at most this many megabytes, oldest records first. 0: no limit.
+  double megabytes_max = 0;
   bool is_dry_run = false;
 };
 

@@ -19,7 +19,7 @@ struct Verification {
   double orphaned = 0;
   double file_check_s = 0;  // Duration of the file check, during which storage answers no requests.
   double total_s = 0;
-  std::size_t findings_count = 0;     // Number of reported findings. An agent reports only its first ones.
+  std::size_t findings_count = 0;     // Number of reported findings. An agent reports only its first findings.
   std::vector<std::string> findings;  // The first kFindingsShown findings.
 
   bool is_sound() const { return findings.empty(); }

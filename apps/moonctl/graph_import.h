@@ -15,8 +15,8 @@
 namespace moondb {
 
 struct GraphImport {
-  std::map<AgentId, std::vector<proto::Record>>
-      records;  // By inserting agent. The nodes of an agent precede its edges.
+  // Records by the agent that inserts them. The nodes of an agent precede its edges.
+  std::map<AgentId, std::vector<proto::Record>> records;
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
   std::size_t range_count = 0;

@@ -138,7 +138,7 @@ void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status
   }
 }
 
-// Describes messages that `refused`.agent_id sent and an agent refused.
+// Describes the messages or records of one sender that an agent refused, and the reason.
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom& refused) {
   const std::string sender = AgentName(team, refused.agent_id());
   const std::string count = FormatCount(refused.count());
@@ -196,7 +196,7 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
   }
 }
 
-// Adds implausible odometry scales to the findings of their rovers, not to those of the leader that solved.
+// Adds a finding to each rover with an implausible odometry scale, not to the leader that solved.
 void JudgeSolve(const proto::OptimizeReply& solve, std::map<std::uint32_t, Findings>& all) {
   for (const proto::RoverSolution& rover : solve.rovers()) {
     if (IsPlausibleOdometryScale(rover.odometry_scale())) continue;

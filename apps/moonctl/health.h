@@ -18,7 +18,7 @@ inline constexpr double kClockOffsetMax_s = 10;
 // Longest time without progress that is no fault, for an open session that has no reason to wait.
 inline constexpr double kNoProgressMax_s = 60;
 
-// The answers of one agent. FindingsOn does not judge missing members.
+// The answers of one agent. FindingsOn ignores missing members.
 struct AgentReport {
   std::optional<proto::AgentStatus> status;
   std::optional<proto::ShareStatus> shares;

@@ -10,7 +10,7 @@
 
 namespace moondb {
 
-// The records of one origin and data type, over the streams of all epochs.
+// Identifies the records of one origin and data type, over all epochs.
 using Series = std::pair<AgentId, DataType>;
 
 struct Holding {

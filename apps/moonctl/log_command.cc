@@ -21,8 +21,8 @@ struct LogArguments {
 };
 
 struct LoggedEvent {
-  std::uint64_t row_id =
-      0;  // Row of the event in the connected agent's store. Rows are numbered in the order of storing.
+  // Row of the event in the connected agent's store. Rows are numbered in the order of storing.
+  std::uint64_t row_id = 0;
   AgentId agent = 0;
   proto::Record record;
 };

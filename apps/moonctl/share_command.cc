@@ -278,7 +278,7 @@ void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& sess
   json.Key("session").Raw(ToJson(session)).EndObject();
 }
 
-// Adds one agent's sessions of this kind to the table and the JSON. Without sessions, adds a row that says so.
+// Adds one agent's sessions of this kind to the table and the JSON. If there are none, adds a row that says so.
 void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
                   proto::SharingKind kind, Table& table, JsonWriter& json) {
   json.Key("sessions").BeginArray();

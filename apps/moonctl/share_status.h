@@ -14,8 +14,9 @@ namespace moondb {
 // session is closed, or if it has no answer or no acknowledged record yet.
 struct SharePace {
   std::optional<double> bytes_per_s;  // Acknowledged bytes (after coding) per second.
-  std::optional<double>
-      eta_s;  // Estimated time left, at the rate of the records so far. Maps come last and take longer.
+  // Estimated time left, at the rate of the records so far. Too short while maps remain, which come last and take
+  // longer.
+  std::optional<double> eta_s;
 };
 SharePace PaceOf(const proto::ShareSession& session);
 

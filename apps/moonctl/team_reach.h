@@ -65,7 +65,7 @@ class TeamReach {
   };
   // The reason why a direct connection to an agent failed.
   struct Absence {
-    bool is_absent = false;  // No process listens for the agent, so a relay may help.
+    bool is_absent = false;  // No process was found for the agent, so a relay may help.
     bool was_here = false;   // The agent runs or has run on this machine.
     bool runs_here = false;  // The agent runs on this machine, but its socket is missing.
     std::string why;

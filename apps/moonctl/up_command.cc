@@ -134,7 +134,7 @@ std::filesystem::path LogFor(const LocalAgent& agent) {
 }
 
 // Returns true if all agents answer and hold the same role assignment, which is newer than the roles of the team file.
-// Sets `role` of each agent that answers.
+// Updates `role` of the agents.
 bool IsAgreed(CommandContext& context, std::vector<LocalAgent>& agents) {
   std::set<std::tuple<std::uint64_t, std::uint32_t, std::uint64_t>> terms;
   for (LocalAgent& agent : agents) {
