@@ -117,9 +117,10 @@ class Command {
 
   Command& RequireSubcommand();  // Parsing fails unless exactly one subcommand is given.
   Command& AllowSubcommand();    // Parsing fails if more than one subcommand is given.
-  Command& Fallthrough();        // Options of this command may follow subcommands that are added after this call.
-  Command& ShowDefaults();       // --help shows the default of each option that is added after this call.
-  Command& Footer(const std::string& text);           // Text at the end of --help.
+  // Allows options of this command after subcommands on the command line. Call before AddSubcommand.
+  Command& Fallthrough();
+  Command& ShowDefaults();                   // --help shows the default of each option that is added after this call.
+  Command& Footer(const std::string& text);  // Text at the end of --help.
   Command& Callback(std::function<void()> callback);  // Parse calls `callback` if the command line gives this command.
   Command& SetNote(CommandNote note);
 
@@ -127,7 +128,7 @@ class Command {
   // nothing if the program is to continue. Prints the help or the version if the command line asks for it, but prints
   // no errors.
   std::optional<ParseStop> Parse(int argc, const char* const* argv);
-  // Parses `line`, which begins with the program's name, like the other Parse. Words that contain blanks must be
+  // Like Parse(argc, argv), but for one string that begins with the program's name. Words that contain blanks must be
   // quoted.
   std::optional<ParseStop> Parse(const std::string& line);
   // Like Parse, but also prints errors to stderr. Returns the exit code if the program is to end, otherwise nothing.

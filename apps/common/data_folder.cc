@@ -28,8 +28,8 @@ constexpr std::string_view kTeamIdKey = "team_id: ";
 constexpr std::string_view kAgentIdKey = "agent_id: ";
 constexpr std::size_t kSmallFileBytesMax = 4096;
 
-// Returns a lock of the whole file for fcntl. `type` is F_RDLCK or F_WRLCK. fcntl can query such a lock without taking
-// it. flock cannot: a process that takes the lock to test it could make a starting agent fail.
+// Returns a lock of the whole file for fcntl. `type` is F_RDLCK or F_WRLCK. Unlike a flock, such a lock can be queried
+// without being taken. Taking the lock to test it could make a starting agent fail.
 struct flock LockOf(short type) {
   struct flock lock {};
   lock.l_type = type;

@@ -27,7 +27,7 @@ std::filesystem::path DefaultDataRoot(const std::filesystem::path& team_folder);
 
 // The agent whose data a folder holds.
 struct DataOwner {
-  std::string team_id;  // As in `team_id` of the team file.
+  std::string team_id;  // Value of `team_id` in the team file.
   AgentId agent = 0;
   bool operator==(const DataOwner&) const = default;
 };
@@ -37,10 +37,10 @@ DataOwner DataOwnerOf(const proto::TeamConfig& team, const proto::AgentConfig& a
 std::optional<DataOwner> ReadDataOwner(const std::filesystem::path& folder);
 
 // Returns the path of the agent's data folder in `root`, which need not exist: the folder whose `agent.identity` names
-// this agent, whatever the folder's name. If there is none, returns `root`/NAME, or `root`/NAME-ID if another agent of
-// the team owns `root`/NAME. Ignores folders whose names cannot be agents' names, such as "rover1.old". Returns
-// kRefused if several folders name this agent and none of them is `root`/NAME, or if `root`/NAME holds another team's
-// data.
+// this agent, whatever the folder's name. If no folder names this agent, returns `root`/NAME, or `root`/NAME-ID if
+// another agent of the team owns `root`/NAME. Ignores folders whose names cannot be agents' names, such as
+// "rover1.old". Returns kRefused if several folders name this agent and none of them is `root`/NAME, or if `root`/NAME
+// holds another team's data.
 Result<std::filesystem::path> FindDataFolder(const std::filesystem::path& root, const proto::TeamConfig& team,
                                              const proto::AgentConfig& agent);
 

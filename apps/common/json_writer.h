@@ -36,7 +36,7 @@ class JsonWriter {
  private:
   JsonWriter& Open(char bracket);
   JsonWriter& Close(char bracket);
-  void Separate();  // Writes a comma if another value precedes the next one.
+  void Separate();  // Writes a comma if the document ends with a complete value.
 
   std::string text_;
   bool is_comma_due_ = false;

@@ -11,7 +11,7 @@
 namespace moondb {
 
 struct LocalEndpoint {
-  std::string endpoint;   // The endpoint (ipc://...) at which a process listens. Empty: none.
+  std::string endpoint;   // The endpoint (ipc://...) at which a process listens. Empty: no process listens.
   pid_t pid = 0;          // The process that holds the agent's default data folder. 0: no process.
   bool was_here = false;  // The agent runs or has run on this machine: it has a data folder or a socket here.
   std::string why;        // The reason why no process listens. Empty if it is not known.

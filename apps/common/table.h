@@ -9,8 +9,8 @@
 
 namespace moondb {
 
-// Colour of a row on a colour terminal: kBad is red. No tone is green, because a row without a known fault may still
-// have one.
+// Colour of a row on a colour terminal: kBad is red. No tone is green, because a row without a known fault may still be
+// faulty.
 enum class Tone { kPlain, kBad };
 
 class Table {

@@ -29,7 +29,7 @@ constexpr char kHead[] =
     "# command may do everything. Agents read it again when it changes; `moonctl clients` edits it.\n";
 
 struct ClientsArguments {
-  std::string file;  // Empty: clients.yaml beside the team file.
+  std::string file;  // Path of the client list. Empty: clients.yaml beside the team file.
   std::string name;
   std::string rights;
   std::string public_key_file;  // Public key of the client. Empty: make a new key pair.
@@ -47,7 +47,7 @@ Result<std::filesystem::path> ListFile(CommandContext& context, const ClientsArg
   return Fail(ErrorCode::kInvalid, "which team? Give -t team.yaml, set MOONDB_TEAM, or give --file clients.yaml");
 }
 
-// Reads the client list. A missing file is an empty list.
+// Reads the client list. Returns an empty list if the file is missing.
 Result<proto::ClientList> Read(const std::filesystem::path& file) {
   auto list = ReadClientList(file);
   if (!list && list.error().code == ErrorCode::kNotFound) return proto::ClientList();

@@ -39,8 +39,8 @@ class CommandContext {
   explicit CommandContext(std::filesystem::path program_folder) : program_folder_(std::move(program_folder)) {}
 
   // The command line fills in these members.
-  std::string team_path;  // Empty: $MOONDB_TEAM.
-  std::string agent;      // Empty: each command chooses the agent itself.
+  std::string team_path;  // Path of the team file. Empty: $MOONDB_TEAM.
+  std::string agent;      // The agent given with -a. Empty: each command chooses an agent.
   // The agent that relays all requests. Empty: the agent in $MOONDB_VIA. If that variable is not set, TeamReach chooses
   // a relay for each agent that it cannot reach directly.
   std::string via;
@@ -78,7 +78,8 @@ class CommandContext {
   Result<AgentClient> Connect(const std::string& name);
   Result<AgentClient> ConnectHere(const std::string& name);  // Connects directly, without a relay.
   bool is_relayed() const { return !relays_.empty(); }       // Returns true if another agent relayed a request.
-  // Returns the assignment with the newest term among all agents that answer. kUnavailable if none answers.
+  // Returns the role assignment with the newest term among all agents that answer. Errors are as for
+  // TeamReach::NewestRoles.
   Result<proto::RoleAssignment> Roles();
   // Returns the hash of the agent's team file that the agent last reported. 0: the agent has reported no hash.
   std::uint64_t ConfigHashOf(AgentId of) const;

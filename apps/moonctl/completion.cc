@@ -6,7 +6,7 @@
 namespace moondb {
 namespace {
 
-// The part of the command line to which the last word belongs.
+// The role of the last word on the command line: the value of an option, or an argument or subcommand of `command`.
 struct Cursor {
   const Command* command = nullptr;
   const Option* value_of = nullptr;  // The option whose value the last word is. Null: no option.

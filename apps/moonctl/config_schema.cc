@@ -55,7 +55,8 @@ void WriteRange(const proto::FieldRule& rule, JsonWriter& json) {
 void WriteList(const FieldDescriptor& field, JsonWriter& json) {
   const proto::FieldRule& rule = RuleOf(field);
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_STRING) {
-    json.Key("type").BeginArray().String("array").String("string").EndArray();  // A single string is read as a list.
+    json.Key("type").BeginArray().String("array").String("string").EndArray();  // The parser reads a single string as a
+                                                                                // list.
   } else {
     json.Key("type").String("array");
   }

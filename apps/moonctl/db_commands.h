@@ -22,7 +22,7 @@ struct PruneArguments {
   std::vector<std::string> types;
   bool occluded_maps = false;
   bool is_history = false;
-  // Removes at most this many megabytes, oldest records first. 0: no limit.
+  // Maximum size of the removed records in megabytes. The oldest records are removed first. 0: no limit.
   double megabytes_max = 0;
   bool is_dry_run = false;
 };

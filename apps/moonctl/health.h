@@ -13,9 +13,10 @@
 
 namespace moondb {
 
-// Largest clock difference between two agents that is no fault. It includes the travel time of the message.
+// A larger difference between the clocks of two agents is a fault. The difference includes the travel time of a
+// message.
 inline constexpr double kClockOffsetMax_s = 10;
-// Longest time without progress that is no fault, for an open session that has no reason to wait.
+// An open session that has no reason to wait and makes no progress for a longer time is a fault.
 inline constexpr double kNoProgressMax_s = 60;
 
 // The answers of one agent. FindingsOn ignores missing members.
@@ -26,9 +27,9 @@ struct AgentReport {
   std::uint64_t config_hash = 0;                   // TeamFile::hash of the agent's team file. 0: not reported.
 };
 
-// Returns the faults of each agent, one line per fault, by agent id. Agents without faults have no entry. An agent that
-// cannot be reached has a report without status. A finding of an agent (AgentStatus.findings) is a fault until an
-// operator acknowledges it. `config_hash` is the hash of the file from which `team` was read; 0 disables the comparison
+// Returns the faults of each agent, one line per fault, by agent id. Agents without faults have no entry. The report of
+// an unreachable agent has no status. A finding of an agent (AgentStatus.findings) is a fault until an operator
+// acknowledges the finding. `config_hash` is the hash of the file from which `team` was read; 0 disables the comparison
 // with the agents' hashes.
 std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamConfig& team,
                                                              const std::map<std::uint32_t, AgentReport>& reports,
@@ -40,7 +41,7 @@ std::string OtherConfigText(std::uint64_t theirs, std::uint64_t here);
 // Returns the term and the agent that issued it: "4 by rover2".
 std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& term);
 
-// Returns a warning that an agent knows a newer assignment but cannot write it to its disk.
+// Returns a warning that an agent cannot write the newer assignment `unstored` to its disk.
 std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored);
 
 }  // namespace moondb

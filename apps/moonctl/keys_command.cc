@@ -93,7 +93,7 @@ ExitCode MakeKeys(CommandContext& context, const KeysArguments& arguments) {
 // State of a secret key on this machine: present or not, valid or not.
 struct SecretHere {
   bool is_here = false;
-  std::string wrong;  // Why the key cannot be used. Empty: there is no key, or it is valid.
+  std::string wrong;  // Why the key cannot be used. Empty: the key is valid or missing.
 };
 
 // Checks whether `file` exists and holds the secret key that belongs to `public_key`. `public_key_of` reads a secret
@@ -122,7 +122,8 @@ SecretHere SigningSecretHere(const std::filesystem::path& file, const std::strin
   });
 }
 
-// Returns the names of the files that exist ("rover1.sec, rover1.sign"), followed by their faults. "-": none exists.
+// Returns the names of the files that exist ("rover1.sec, rover1.sign"), followed by their faults. Returns "-" if no
+// file exists.
 std::string SecretsText(const std::vector<std::pair<std::filesystem::path, SecretHere>>& secrets) {
   std::string text;
   for (const auto& [file, secret] : secrets) {

@@ -97,8 +97,8 @@ Result<proto::RoleSetRequest> ParsePairs(const proto::TeamConfig& team, const st
   return request;
 }
 
-// Converts the agents of "swap rover1 rover2" to a request. Returns kRefused if they are not the current leader and
-// survivor, because the operator then relies on outdated roles.
+// Converts the agents of "swap rover1 rover2" to a request. Returns kRefused if these agents are not the current leader
+// and survivor, because the operator then relies on outdated roles.
 Result<proto::RoleSetRequest> ParseSwap(const proto::TeamConfig& team, const std::vector<std::string>& words,
                                         const proto::RoleAssignment& standing) {
   proto::RoleSetRequest request;
