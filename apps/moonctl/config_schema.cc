@@ -55,8 +55,7 @@ void WriteRange(const proto::FieldRule& rule, JsonWriter& json) {
 void WriteList(const FieldDescriptor& field, JsonWriter& json) {
   const proto::FieldRule& rule = RuleOf(field);
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_STRING) {
-    json.Key("type").BeginArray().String("array").String("string").EndArray();  // The parser reads a single string as a
-                                                                                // list.
+    json.Key("type").BeginArray().String("array").String("string").EndArray();  // The parser also accepts one string.
   } else {
     json.Key("type").String("array");
   }

@@ -27,10 +27,9 @@ struct AgentReport {
   std::uint64_t config_hash = 0;                   // TeamFile::hash of the agent's team file. 0: not reported.
 };
 
-// Returns the faults of each agent, one line per fault, by agent id. Agents without faults have no entry. The report of
-// an unreachable agent has no status. A finding of an agent (AgentStatus.findings) is a fault until an operator
-// acknowledges the finding. `config_hash` is the hash of the file from which `team` was read; 0 disables the comparison
-// with the agents' hashes.
+// Returns the faults of each agent, one line per fault, by agent id. Agents without faults have no entry. A finding of
+// an agent (AgentStatus.findings) is a fault until an operator acknowledges the finding. `config_hash` is the hash of
+// the file from which `team` was read; 0 disables the comparison with the agents' hashes.
 std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamConfig& team,
                                                              const std::map<std::uint32_t, AgentReport>& reports,
                                                              std::uint64_t config_hash = 0);

@@ -2,7 +2,7 @@
 // with a key, to an agent with a client_address. Otherwise TeamReach uses a relay: a directly reachable agent that is
 // connected to the wanted agent (ControlRequest.for_agent).
 //
-// Caches the peer status that directly reachable agents report for two seconds. Not thread-safe.
+// The peer status that directly reachable agents report is cached for two seconds. Not thread-safe.
 #pragma once
 
 #include <chrono>

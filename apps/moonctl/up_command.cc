@@ -32,7 +32,7 @@ constexpr std::chrono::seconds kAgreementTimeout(8);
 constexpr std::chrono::milliseconds kStartPollPeriod(20);
 
 struct UpArguments {
-  std::string data_folder;    // Empty: moondb-data in the team file's folder.
+  std::string data_folder;    // Folder of the data folders. Empty: moondb-data in the team file's folder.
   std::string merge_backend;  // Empty: the default of moondb_agent.
   std::string log_format;     // Value of moondb_agent's --log-format.
 };
@@ -112,7 +112,7 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     }
     const pid_t answering = status ? static_cast<pid_t>(status->pid()) : 0;
     if (answering == 0 || answering == local.pid) continue;
-    // Another process runs this agent. Do not start a second one, and do not stop that process.
+    // Another process runs this agent. Do not start a second process, and do not stop the running one.
     local.is_failed = true;
     local.state = "process " + std::to_string(answering) + " runs this agent from another data folder";
   }
@@ -199,8 +199,8 @@ void Shutdown(CommandContext& context, LocalAgent& agent) {
   agent.is_failed = true;
 }
 
-// Prints the agents and returns the exit code. The agents in `left` have left the team: they come last and do not
-// affect the exit code.
+// Prints the agents in `agents`, then the agents in `left`, which have left the team. Returns kFailed if any of these
+// agents failed, otherwise kDone.
 ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent>& agents,
                      const std::vector<LocalAgent>& left = {}) {
   Table table({"AGENT", "PID", "STATE", "ROLE", "DATA"});
