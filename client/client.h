@@ -88,8 +88,8 @@ class Client {
 
   struct ShareOptions {
     Duration limit = std::chrono::minutes(10);  // Longest wait; at most 24 h.
-    std::function<void(const proto::ShareProgress&)> on_progress =
-        {};  // Called when the progress changes, at most every 0.5 s.
+    // Called when the progress changes, at most every 0.5 s.
+    std::function<void(const proto::ShareProgress&)> on_progress = {};
     // While a pair of agents waits for a lease to end, `limit` is extended to the end of the lease plus this margin. 0,
     // or no on_progress: `limit` is never extended.
     Duration lease_margin = {};

@@ -19,7 +19,7 @@ namespace moondb {
 
 inline constexpr double kMoonRadius_m = 1'737'400;
 
-// Position of the origin of the frame `map`.
+// Position and orientation of the frame `map` on the Moon.
 struct MapSite {
   double lat_deg = 0;
   double lon_deg = 0;        // Longitude, positive to the east.

@@ -95,7 +95,7 @@ Image WithCaption(Image image, const std::string& caption) {
 
 const Color& ColorOf(Cell cell) { return CellColors()[static_cast<std::size_t>(cell)]; }
 
-// Converts positions in the frame `map` to pixels. Rows grow downwards.
+// Converts positions in the frame `map` to pixels. Row 0 is at the top.
 struct View {
   double left_m = 0;
   double top_m = 0;

@@ -41,7 +41,7 @@ std::vector<Track> TracksOf(const std::map<NodeKey, Pose>& poses, const std::vec
 
 struct MapPictureOptions {
   int pixels_per_cell = 1;  // 1 to 16; reduced if the picture would be too large.
-  // Text in a bar above the map; empty: no bar. Letters (drawn as capitals), digits and .,:;+-=%/()'_<>.
+  // Text in a bar above the map; empty: no bar. Supports letters (drawn as capitals), digits and .,:;+-=%/()'_<>.
   std::string caption;
   bool is_cropped = true;  // Crop to the known cells and a small margin; merged maps have wide unknown borders.
 };

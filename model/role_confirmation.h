@@ -1,13 +1,12 @@
-// Determines which agents act on a role assignment, as far as the answering agent knows. Thread-safe.
+// Determines which agents have not confirmed a role assignment yet. Thread-safe.
 #pragma once
 
 #include "proto/role.pb.h"
 
 namespace moondb {
 
-// Adds the leader and the survivor of `shown.roles` to RoleShowReply.not_confirmed_by, unless they act on the
-// assignment already. An agent acts on it if `confirmed_by` contains the agent. The leader must also have issued the
-// term itself.
+// Adds to shown.not_confirmed_by the leader and the survivor of shown.roles that are not in shown.confirmed_by. A
+// leader that did not issue the term itself is also added.
 void AddNotConfirmed(proto::RoleShowReply& shown);
 
 }  // namespace moondb
