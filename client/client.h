@@ -87,7 +87,8 @@ class Client {
   };
 
   struct ShareOptions {
-    Duration limit = std::chrono::minutes(10);  // Longest wait; at most 24 h.
+    // Longest wait for the order's end; at most 24 h.
+    Duration limit = std::chrono::minutes(10);
     // Called when the progress changes, at most every 0.5 s.
     std::function<void(const proto::ShareProgress&)> on_progress = {};
     // While a pair of agents waits for a lease to end, `limit` is extended to the end of the lease plus this margin. 0,
@@ -184,9 +185,9 @@ class Client {
   Result<proto::MapStatsReply> MapStats();
   // Returns the tiles of the merged map that changed since the last call with this `request`, and stores the map's
   // version in `request`. The first call, and the first call after the agent's MergeActor restarted, return all tiles
-  // with known cells. If request.wait_s is set, the call waits for a change, and returns no tiles if nothing changed. A
-  // region must be set before the first call. Fails with kUnavailable if MergeActor restarts between two parts of a
-  // reply.
+  // with known cells. If request.wait_s is set, the call waits for a change, and returns no tiles if nothing changed.
+  // To limit the tiles to a region, set request.region before the first call. Fails with kUnavailable if MergeActor
+  // restarts between two parts of a reply.
   Result<MergedTiles> NextMapTiles(proto::MapTilesRequest& request);
   // Makes the next bundle for the ground station or acknowledges a bundle, as set in `request`. If no field is set,
   // lists the unacknowledged bundles.

@@ -11,8 +11,9 @@ namespace moondb {
 
 inline constexpr std::uint64_t kMergedCellsMax = 256ull * 1024 * 1024;
 
-// Decodes a whole merged map. Fails with kCorrupt if the frame does not hold width * height cells of value 0, 1 or 2,
-// or if there are more than kMergedCellsMax cells. An empty map has no frame.
+// Decodes a whole merged map. Fails with kCorrupt if reply.zstd_cells does not decode to width * height cells of value
+// 0, 1 or 2, or if there are more than kMergedCellsMax cells. For an empty map (width or height 0), zstd_cells is not
+// read.
 Result<MergedMap> DecodeMergedMap(const proto::MergeReply& reply);
 
 // A tile of the merged map. If no cell of the tile is known any more, all cells of `map` are unknown.

@@ -37,8 +37,8 @@ class RecordFeed {
   // Client. In particular:
   //   - kTimedOut: The agent did not reply in time (Client::Options::timeout). The next call continues at the same
   //     record.
-  //   - kFull: Too many programs wait at this agent; try again later. Or a record of more than 255 KiB cannot be
-  //     relayed over the radio (Client::Options::for_agent) and blocks the feed; connect to that agent directly.
+  //   - kFull: Too many programs wait at this agent; try again later. Also returned if the next record has more than
+  //     255 KiB and cannot be relayed over the radio (Client::Options::for_agent); connect to that agent directly.
   Result<proto::ReadReply> Next(Client::Duration timeout);
 
   // Returns the row id of the last record returned. A later feed can continue after that row.

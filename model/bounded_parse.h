@@ -15,8 +15,8 @@ namespace moondb {
 // Maximum number of parts: nested messages, elements of lists, and unknown fields. This many parts need about 25 MB.
 inline constexpr std::size_t kParsedPartsMax = 262'144;
 
-// Minimum average size in bytes of the parts of a message between agents: a message may have at most its size divided
-// by this value parts. The shortest interval of a have-set takes 6 bytes; an empty part takes 2.
+// Limits the number of parts of a message between agents: at most the message's size in bytes divided by this value.
+// The shortest interval of a have-set takes 6 bytes; an empty part takes 2.
 inline constexpr std::size_t kPeerBytesOfPartMin = 6;
 
 // Returns false if the bytes do not decode or hold more than kParsedPartsMax parts; `message` is then unspecified. Each

@@ -60,7 +60,7 @@ struct DataTypeRow {
   // Whether the team file may set the policy `latest`.
   bool may_be_latest = true;
   // If true, records of this type are pruned only if an order names the type, because other records depend on them. For
-  // example, a map becomes valid again if the quarantine of the map is pruned.
+  // example, a map is used again if the quarantine of the map is pruned.
   bool is_kept_unless_named = false;
 
   // Validates the fields of a record.

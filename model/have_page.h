@@ -1,9 +1,9 @@
 // HavePageWriter: splits a have-set into pages that each fit into one message.
 //
-// A page describes all records in a range of keys, ordered by stream and then by seq. The agent neither holds nor has
-// dropped a record in that range that the page does not list. A stream is split across pages only if it does not fit
-// into one page. Pages made at different times can be merged into one have-set, so the writer keeps no state between
-// pages.
+// A page describes all records in a range of keys, ordered by stream and then by seq. If the page does not list a
+// record in that range, the agent neither holds nor has dropped the record. A stream is split across pages only if it
+// does not fit into one page. Pages made at different times can be merged into one have-set, so the writer keeps no
+// state between pages.
 #pragma once
 
 #include <cstddef>

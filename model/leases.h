@@ -33,12 +33,12 @@ class Leases {
   // `is_quiet_while_driving` is the team file's radio.quiet_while_driving.
   explicit Leases(bool is_quiet_while_driving) : is_quiet_while_driving_(is_quiet_while_driving) {}
 
-  void Set(const proto::AgentLease& lease,
-           Time now);  // Replaces the agent's leases. Requires: CheckLeaseSeconds accepts the durations.
+  // Replaces the agent's leases. Requires: CheckLeaseSeconds accepts the durations.
+  void Set(const proto::AgentLease& lease, Time now);
   void SetAll(const proto::LeasesChanged& changed);  // Replaces the leases of all agents.
 
-  proto::AgentLease LeftOf(AgentId agent,
-                           Time now) const;        // Returns the remaining seconds per kind of lease; 0: not active.
+  // Returns the remaining seconds of each kind of lease; 0 if the lease is not active.
+  proto::AgentLease LeftOf(AgentId agent, Time now) const;
   proto::LeasesChanged Left(Time now) const;       // Returns the remaining times of all agents with an active lease.
   std::optional<Time> NextExpiry(Time now) const;  // Returns when the next lease expires; nullopt if none is active.
 

@@ -24,8 +24,8 @@ inline constexpr int kCropMarginCells = 20;  // Unknown cells kept around a crop
 // Returns the colours of unknown, free and hazard cells: dark grey, light, dark red.
 const std::array<Color, 3>& CellColors();
 
-// Returns an image with one gray pixel per cell: 0 unknown, 1 free, 2 hazard. For file formats that store the colours
-// in a palette.
+// Returns an image with one gray pixel per cell: 0 unknown, 1 free, 2 hazard. Used for file formats that store the
+// colours in a palette.
 Image CellPicture(const MergedMap& map);
 
 // Returns the colour of the agent with this index in the team. Colours repeat after eight agents.

@@ -23,7 +23,7 @@ constexpr std::string_view kMapsHeading =
     "map_id,agent_id,stamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,layers,cells_per_side,"
     "finest_resolution_m,file";
 constexpr double kMicrometresPerMetre = 1e6;
-constexpr std::size_t kAgentsMax = 52;  // Number of letters, capital and small.
+constexpr std::size_t kAgentsMax = 52;  // One letter per agent: A to Z, a to z.
 constexpr std::uint8_t kFreePixel = 254;
 constexpr std::uint8_t kHazardPixel = 0;
 constexpr std::uint8_t kUnknownPixel = 205;
@@ -324,7 +324,7 @@ std::uint8_t PixelOf(Cell cell) {
   return cell == Cell::kHazard ? kHazardPixel : kUnknownPixel;
 }
 
-// Returns the layer whose first row in the picture is `top`. Rows of pictures grow downwards, rows of grids upwards.
+// Reads the layer whose top row in the picture is `top`. Row 0 is at the top of a picture, but at the bottom of a grid.
 Result<Grid> GridOf(const Image& image, int top, int side, const std::string& file) {
   Grid grid(side, side);
   for (int row = 0; row < side; ++row) {

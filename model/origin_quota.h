@@ -61,7 +61,7 @@ class OriginQuota {
     return removed;
   }
 
-  // Adds the number of records without room, per origin, to `counts`.
+  // Adds to `counts`, per origin, the number of records that have no room.
   void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const {
     for (const auto& [agent, origin] : origins_) {
       if (origin.left_out_count > 0) counts[agent] += origin.left_out_count;
@@ -107,7 +107,7 @@ class OriginQuota {
   }
 
   std::uint64_t limit_;
-  std::uint64_t weight_ = 0;  // Total weight of all records added, of all origins.
+  std::uint64_t weight_ = 0;  // Total weight of the records added for all origins.
   std::uint64_t level_ = 0;   // Maximum weight per origin; only valid once weight_ exceeds limit_.
   std::map<AgentId, Origin> origins_;
 };

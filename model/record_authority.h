@@ -47,9 +47,9 @@ class RecordAuthority {
   // Forgets which records were left out. Call it before all records are read again.
   void Restart();
 
-  // Returns a LeftOutReport for storage: per origin, the number of records left out since the last Restart, and
-  // `without_room`, the number of records for which the reader had no room. Returns nullopt if both are unchanged since
-  // the last call.
+  // Returns a LeftOutReport for storage. The report holds, per origin, the number of records left out since the last
+  // Restart, and the number of records for which the reader had no room (`without_room`). Returns nullopt if both are
+  // unchanged since the last call.
   std::optional<proto::Message> TakeReport(std::map<AgentId, std::uint64_t> without_room);
 
  private:

@@ -40,8 +40,8 @@ RoleChain::Standing RoleChain::StandingOf(const proto::RoleAssignment& roles) co
   const auto count = counting_of_issuer_.find(issuer);
   if (count != counting_of_issuer_.end() && count->second >= kAssignmentsOfIssuerMax) return Standing::kNever;
   // Revision 0 begins a new era, for which the issuer needs the right to command. The assignment is valid even if its
-  // predecessor is unknown here, because the predecessor may never become known. If it is known, its era must be the
-  // one before.
+  // predecessor is unknown here, because the predecessor may never become known. A known predecessor must be of the
+  // previous era.
   if (RevisionOf(roles.term()) == 0) {
     const bool begins_era = EraOf(roles.term()) > 0 && options_.may_command(issuer);
     if (!begins_era) return Standing::kNever;

@@ -63,9 +63,9 @@ class RoleChain {
 
   // Returns the valid assignment with this signature, or null; an empty signature means the team file's assignment.
   const proto::RoleAssignment* Find(const std::string& signature) const;
-  // The number of valid assignments, including the team file's.
+  // Returns the number of valid assignments, including the team file's assignment.
   std::size_t size() const { return counting_.size(); }
-  // The valid assignment with the newest term.
+  // Returns the valid assignment with the newest term.
   const proto::RoleAssignment& newest() const { return *newest_; }
   // Returns whether a valid assignment, or the team file, names the agent leader or designated survivor.
   bool HasHadRole(AgentId agent) const { return had_role_.contains(agent); }
@@ -88,7 +88,7 @@ class RoleChain {
   bool MakeRoomToWait(AgentId issuer);
 
   Options options_;
-  // Valid assignments by signature; in a team without keys, by term.
+  // Valid assignments, keyed by signature; in a team without keys, by TermKey.
   std::map<std::string, proto::RoleAssignment> counting_;
   std::multimap<std::string, proto::RoleAssignment> waiting_;  // Keyed by the signature of the predecessor.
   std::map<AgentId, std::size_t> counting_of_issuer_;

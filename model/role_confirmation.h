@@ -5,8 +5,8 @@
 
 namespace moondb {
 
-// Adds to shown.not_confirmed_by the leader and the survivor of shown.roles that are not in shown.confirmed_by. A
-// leader that did not issue the term itself is also added.
+// Adds the leader and the survivor of shown.roles to shown.not_confirmed_by, each unless shown.confirmed_by contains
+// it. Also adds a leader that did not issue the term itself.
 void AddNotConfirmed(proto::RoleShowReply& shown);
 
 }  // namespace moondb

@@ -15,6 +15,7 @@ const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::st
 // Returns whether the team file marks the agent with `left`. The records and decisions of such an agent stay valid.
 bool HasLeft(const proto::TeamConfig& team, AgentId agent);
 
-AgentId BaseStationOf(const proto::TeamConfig& team);  // Returns 0 if the team has none, or if it has left.
+AgentId BaseStationOf(
+    const proto::TeamConfig& team);  // Returns 0 if the team has no base station, or its base station has left.
 
 }  // namespace moondb

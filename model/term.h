@@ -1,4 +1,4 @@
-// The order of terms (number, then issuer, then the issuer's epoch), and limits of role assignments.
+// The order of terms (number, then issuer, then the issuer's epoch), and size limits of role assignments.
 #pragma once
 
 #include <cstddef>

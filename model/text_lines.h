@@ -42,7 +42,7 @@ class TextLines {
   std::string_view text_;  // The text that Next has not returned yet.
   std::size_t number_ = 0;
   Result<void> result_;
-  // Used only for a file; text_ is then a part of buffer_.
+  // The members below are used only for a file; text_ is then a part of buffer_.
   std::string name_;
   std::unique_ptr<std::ifstream> stream_;
   std::string buffer_;
