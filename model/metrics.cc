@@ -82,7 +82,8 @@ Share MatchHazards(const MergedMap& map, const MergedMap& other, int tolerance) 
   return share;
 }
 
-// Computes Cohen's kappa for two classes and two raters: the agreement beyond that expected by chance.
+// Computes Cohen's kappa of `map` and `truth` for the classes free and hazard: the agreement beyond that expected by
+// chance.
 void CountKappa(const MergedMap& map, const MergedMap& truth, MapAgreement& agreement) {
   double both = 0, agree = 0, map_hazards = 0, true_hazards = 0;
   ForEachCell(map, [&](std::int64_t x, std::int64_t y, Cell cell) {

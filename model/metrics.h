@@ -17,7 +17,7 @@
 namespace moondb {
 
 struct TrajectoryError {
-  double rmse_m = 0;  // Absolute trajectory error: root mean square of the 3-D distances. 0 without nodes.
+  double rmse_m = 0;  // Absolute trajectory error: root mean square of the 3-D distances; 0 if there are no nodes.
   double max_m = 0;
   std::size_t node_count = 0;
   std::size_t missing_count = 0;  // Nodes of the truth that the estimate lacks; excluded from the errors.
@@ -28,9 +28,9 @@ struct TrajectoryError {
 TrajectoryError CompareTrajectories(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth,
                                     const std::vector<AgentId>& agents);
 
-// Returns the pose truth_from_estimate that aligns the nodes in both maps with least squared error. If `is_planar`, it
-// rotates only about z. Use it for graphs whose position in the frame `map` is not determined. Returns the identity if
-// fewer than two nodes are in both.
+// Returns the pose truth_from_estimate that aligns the nodes that `estimate` and `truth` have in common, with least
+// squared error. Returns the identity if there are fewer than two such nodes. If `is_planar`, the pose rotates only
+// about z. Use it for graphs whose position in the frame `map` is not determined.
 Pose FindAlignment(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth, bool is_planar);
 
 // Returns the poses of a graph's nodes.
