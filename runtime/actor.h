@@ -43,7 +43,7 @@ enum class [[nodiscard]] SendResult{
     kFull,         // The mailbox or outbox is full. The message is dropped and counted.
     kNoActor,      // This agent runs no actor with that name.
     kNoPeer,       // The team has no such agent, or the alias is assigned to no agent at present.
-    kUnreachable,  // The peer or client is not connected.
+    kUnreachable,  // The peer or client is not connected, or the actor failed permanently or ended.
     kTooLong,      // The message exceeds the limit between agents (runtime/transport.h). It is dropped and counted.
 };
 
@@ -53,7 +53,7 @@ const char* ToString(SendResult result);
 // the messages that are published for the topic.
 enum class Topic {
   kRoles = proto::Message::kRolesChanged,    // RoleActor publishes the current role assignment.
-  kLeases = proto::Message::kLeasesChanged,  // LeaseActor publishes which agents drive, sleep or are paused.
+  kLeases = proto::Message::kLeasesChanged,  // LeaseActor publishes which agents drive, sleep or have paused sharing.
   kStored = proto::Message::kRecordsStored,  // StorageActor publishes that rows were inserted or pruned.
 };
 

@@ -131,7 +131,8 @@ class ActorCell final : public ActorHost, private Runnable {
   Ticks HandleItem(Mailbox::Item& item, Ticks now);
   void TraceHandler(const Mailbox::Item& item, Ticks took);
   void LetWaitersTry();
-  // `item` is the handled message; null in OnStart.
+  // Called after each handler. `item` holds the handled message; null after OnStart. `failure` is the handler's error,
+  // if it failed.
   void SettleHandler(Mailbox::Item* item, const std::optional<Error>& failure);
   void Recover(Mailbox::Item* item, const Error& failure);
   TraceRecord MakeRecord(proto::TraceKind kind, Ticks time) const;

@@ -71,7 +71,7 @@ class ActorSystem::Impl final : public CellSystem {
   void OnBeyondHelp(const Address& actor, const Error& error) override;
 
   ActorCell* Find(const std::string& actor) const;
-  ActorCell* FindFromOutside(const std::string& actor) const;  // For threads that run no actor.
+  ActorCell* FindFromOutside(const std::string& actor) const;  // Called on threads that run no actor.
   const Address* TakeSender(proto::Message& message);
   SendResult SendAway(const Address& from, const Address& to, proto::Message& message);
   void Notify(Monitors::Notices notices);

@@ -49,7 +49,8 @@ class ActorSystem {
   void Spawn(std::string name, SpawnOptions options, ActorFactory factory);
 
   // Runs OnStart of each actor, restarts actors that fail in it, and then starts message handling. `transport` may be
-  // null (no peers, no clients). It must exist until Stop returns, and must not deliver messages before this call.
+  // null (no peers, no clients). Otherwise `transport` must exist until Stop returns, and must not deliver messages
+  // before this call.
   void Start(Transport* transport);
 
   // Delivers a message from the transport to the actor message.destination_actor of this agent. May clear the actors'
@@ -69,7 +70,7 @@ class ActorSystem {
   // Waiting messages are dropped. Idempotent. Must not be called from a handler.
   void Stop();
 
-  // Returns the latest events of this agent's actors. Thread-safe.
+  // Returns the latest events of this agent's actors and its dead letters. Thread-safe.
   proto::TraceReply Trace(const proto::TraceRequest& request) const;
   // The trace itself, for DumpTraceOnCrash. Valid as long as this system exists.
   const TraceBook& trace_book() const;

@@ -8,8 +8,8 @@
 
 namespace moondb {
 
-// Aliases of agents. An alias is resolved when a message is sent, so its address stays valid when roles change. The
-// values are above kAgentIdMax.
+// Aliases of agents. An alias is resolved when a message is sent, so an address with an alias stays valid when roles
+// change. The values are above kAgentIdMax.
 inline constexpr AgentId kLeaderAlias = 0xFFFF'0001;    // @leader
 inline constexpr AgentId kSurvivorAlias = 0xFFFF'0002;  // @survivor
 inline constexpr AgentId kBaseAlias = 0xFFFF'0003;      // @base, the base station

@@ -28,8 +28,8 @@ class DeadLetters {
     Error error;
   };
 
-  // Adds a failure of `actor`. `item` holds the message whose handler failed; null if OnStart failed. The message is
-  // moved out of `item` if it is kept.
+  // Adds a failure of `actor`. `item` holds the message whose handler failed; null if OnStart failed. If the message is
+  // kept, it is moved out of `item`.
   void Add(MonotonicTime time, const std::string& actor, Mailbox::Item* item, Error error);
 
   // Adds the letters of request.actor to `reply`, oldest first. If request.actor is empty, adds all letters.

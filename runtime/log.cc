@@ -24,9 +24,9 @@ constexpr std::size_t kFileBytesMax = 10 * 1024 * 1024;
 constexpr std::size_t kOldFilesMax = 3;
 constexpr char kNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789_-";
 
-// Returns the name of the actor or component with which `text` begins: "lease" for both "lease: refused" and "2/lease:
-// refused", and removes the name from `text`. For "actor 2/lease failed", returns "lease" too, but leaves `text`
-// unchanged. Returns "" if `text` begins with no such name.
+// Returns the name of the actor or component with which `text` begins, and removes the name from `text`. For example,
+// returns "lease" for "lease: refused" and for "2/lease: refused". For "actor 2/lease failed", returns "lease" but
+// leaves `text` unchanged. Returns "" if `text` begins with no such name.
 std::string_view TakeActor(std::string_view* text) {
   constexpr std::string_view kActor = "actor ";
   const bool is_in_sentence = text->starts_with(kActor);

@@ -113,7 +113,7 @@ class Mailbox {
    public:
     explicit KeyedItems(std::function<std::string(const proto::Message&)> key) : key_(std::move(key)) {}
 
-    // Returns the key of `message`. If the key is empty, the message replaces no other. Thread-safe, without the lock.
+    // Returns the key of `message`. If the key is empty, the message replaces no other. Thread-safe; needs no lock.
     std::string KeyOf(const proto::Message& message) const;
     // Items get place numbers in the order in which they are added. `next_place` returns the number of the item that is
     // added next. `at` returns the waiting item with the number `place`.

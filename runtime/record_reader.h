@@ -57,7 +57,8 @@ class RecordReader {
   // that error, and the next reading starts with this record.
   using Take = std::function<Result<void>(Context&, const proto::StoredRecord&)>;
 
-  // Kind of the timers of all readers. A timer's value shows to which of an actor's readers it belongs.
+  // Kind of the timers of all readers. A timer's value is the id of a request, by which each reader of an actor
+  // recognises its own timers.
   static constexpr std::uint32_t kTimerKind = 0x7265'6164;
 
   RecordReader(Options options, Take take);

@@ -19,7 +19,7 @@ class TimerQueue {
  public:
   static constexpr std::size_t kSizeMax = 1'000'000;  // A larger queue is a bug in an actor and fails a Check.
 
-  // Adds a value. Returns its id. Ids count from 1 and are never reused.
+  // Adds a value. Returns an id for Cancel. Ids count from 1 and are never reused.
   TimerId Add(MonotonicTime due, T value) {
     Check(by_due_.size() < kSizeMax, "fewer than a million timers wait");
     const TimerId id = ++last_id_;

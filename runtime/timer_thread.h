@@ -21,7 +21,7 @@ class TimerThread {
   ~TimerThread() { Join(); }
 
   TimerId Add(MonotonicTime due, Task task);
-  // Removes the task. Has no effect on a task that has already started, and does not wait for its end.
+  // Removes the task. Has no effect on a task that has already started, and does not wait for the end of that task.
   void Cancel(TimerId id);
   // Waits for the running task and drops all other tasks. Must not be called from a task. Idempotent.
   void Join();

@@ -29,7 +29,7 @@ class TraceBook {
   // Adds the name of an actor. Returns the number that stands for the name in records.
   std::uint16_t AddName(std::string name);
 
-  // Gives the calling thread its own ring until it ends. Requires: the thread belongs to this agent only.
+  // Gives the calling thread a ring of its own until the thread ends. Requires: the thread belongs to this agent only.
   void JoinThread();
   void Add(const TraceRecord& record);
 
@@ -41,7 +41,7 @@ class TraceBook {
   void WriteFile(const char* path, const char* headline = "trace") const;
 
  private:
-  std::vector<TraceRecord> ReadAll() const;  // Sorted by time.
+  std::vector<TraceRecord> ReadAll() const;  // Returns all records, sorted by time.
   void WriteRing(int file, const TraceRing& ring, std::uint64_t thread, Ticks now) const;
   std::uint64_t Microseconds(Ticks ticks) const;
   const char* NameOf(std::uint16_t name) const { return name < names_.size() ? names_[name].c_str() : ""; }

@@ -31,7 +31,8 @@ class Runnable {
 
 class WorkerPool {
  public:
-  // `name` is shown by tools like top, up to 15 bytes. `on_thread_start` runs first on each thread.
+  // `name` is the name of the threads in tools like top; only its first 15 bytes count. `on_thread_start` runs first on
+  // each thread.
   WorkerPool(const std::string& name, int thread_count, std::function<void()> on_thread_start = {});
   ~WorkerPool() { Join(); }
 

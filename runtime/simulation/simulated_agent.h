@@ -91,8 +91,8 @@ class SimulatedAgent {
   void Restart(const std::vector<AgentId>& connected);
   void CrashActor(const std::string& actor);
 
-  // OnPeerChanged: a peer connected or disconnected; notifies the actors that watch peers. OnPeerAtStart: a peer is
-  // connected when this agent starts; actors are notified when they begin to watch.
+  // OnPeerChanged: call when a peer connects or disconnects; notifies the actors that watch peers. OnPeerAtStart: call
+  // for each peer that is connected when the agent starts; actors are notified when they begin to watch.
   void OnPeerChanged(AgentId peer, bool is_connected);
   void OnPeerAtStart(AgentId peer) { (void)monitors_.OnPeerChanged(peer, true); }
   void Watch(const std::string& actor, Topic topic) { Notify(monitors_.Watch(actor, topic)); }
@@ -135,7 +135,7 @@ class SimulatedAgent {
   std::uint64_t restarts_ = 0;
   std::map<AgentId, PeerCounters> peers_;
   Monitors monitors_;
-  TraceBook trace_;  // Kept across restarts, like the dead letters.
+  TraceBook trace_;  // The trace and the dead letters are kept across restarts.
   DeadLetters dead_letters_;
 };
 

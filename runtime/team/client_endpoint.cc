@@ -18,7 +18,7 @@ std::filesystem::path FolderIn(const char* variable) {
   return folder == nullptr ? "" : folder;
 }
 
-// Returns a folder name such as "moon-4f2a91c0". The start of the team's id separates teams of the same name.
+// Returns a folder name such as "moon-4f2a91c0". The start of the team's id distinguishes teams of the same name.
 std::string TeamFolder(const proto::TeamConfig& team) {
   const std::string id = TeamIdBytes(team.team_id());
   return id.empty() ? team.team() : team.team() + "-" + TeamIdStart(id);

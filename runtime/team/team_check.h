@@ -14,8 +14,8 @@ inline constexpr int kAgentCountMax = 64;
 bool IsPlainName(const std::string& name);
 inline constexpr char kPlainNameRule[] = "expected at most 32 lower-case letters, digits, - and _, got ";
 
-// Adds to `errors` every invalid range, name, address, role or custom type, and every duplicate. Ranges of single
-// fields are defined in proto/team.proto.
+// Adds an error to `errors` for each invalid range, name, address, role or custom type, and for each duplicate. Ranges
+// of single fields are defined in proto/team.proto.
 void CheckTeam(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors);
 
 // Sets the missing fields of a team that passed CheckTeam. `places` contains the fields that are in the file.

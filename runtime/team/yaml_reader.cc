@@ -83,7 +83,7 @@ std::optional<T> ToNumber(const std::string& text, std::errc* code) {
   return value;
 }
 
-// Reads one document into a message. Each Reader reads only once.
+// Reads one document into a message. A Reader can be used only once.
 class Reader {
  public:
   Reader(Places* places, PlacedErrors* errors) : places_(*places), errors_(*errors) {}
