@@ -57,7 +57,7 @@ enum class Topic {
   kStored = proto::Message::kRecordsStored,  // StorageActor publishes that rows were inserted or pruned.
 };
 
-struct SystemStatus;  // runtime/system_status.h
+struct SystemStatus;  // Defined in runtime/system_status.h.
 
 // The runtime's interface to one actor. A Context may be used only inside the handler that received it, on the
 // handler's thread.

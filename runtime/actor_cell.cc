@@ -231,7 +231,7 @@ Ticks ActorCell::StartIfDue(Ticks now) {
   return TickClock::Now();
 }
 
-// Wakes one sender that waits for room, if the mailbox is half free. Waking all of them would only cause contention.
+// Wakes one sender that waits for room, if the mailbox is half free. Waking all senders would only cause contention.
 void ActorCell::LetWaitersTry() {
   // Use a read-modify-write instead of a load. A sender that starts to wait after this line then sees that messages
   // were taken from the mailbox.

@@ -124,7 +124,7 @@ class ActorCell final : public ActorHost, private Runnable {
   SendResult Settle(Mailbox::Pushed pushed);  // Submits a turn if pushed.must_call_reader. Returns pushed.result.
   SendResult PushWaiting(Mailbox::Item item);
 
-  // Called on the actor's thread.
+  // The functions from here on are called on the actor's thread.
   Ticks RunTurn(Ticks now) override;
   bool EndIfDue();
   Ticks StartIfDue(Ticks now);

@@ -140,7 +140,7 @@ class Mailbox {
     std::uint64_t bytes;
   };
 
-  // Call these functions with lock_ held.
+  // The functions from here on are called with lock_ held.
   SendResult PushControl(Item& item);
   SendResult PushKeyed(Item& item, const std::string& key);
   SendResult PushStored(Item& item);
@@ -166,15 +166,15 @@ class Mailbox {
   std::uint64_t waiting_max_ = 0;
   std::uint64_t bytes_max_ = 0;
 
-  // Used by the reader only. On a separate cache line.
+  // Written by the reader only, on a separate cache line. Senders may read taken_.
   alignas(64) std::vector<Item> items_;  // Batch moved here from pushed_items_. The items before next_ have been taken.
   std::size_t next_ = 0;
   Taken taken_;
 
   std::atomic<bool> has_control_ = false;
 
-  // The members from here on are rarely used. lock_ guards them.
-  //
+  // The members from here on are rarely used. lock_ guards all of them except single_.
+
   // Place of the waiting RecordsStored message: its index in pushed_items_, or its place number in keyed_ if is_keyed_.
   std::optional<std::uint64_t> stored_place_;
   std::deque<Item> control_;

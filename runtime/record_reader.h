@@ -27,7 +27,7 @@
 // returns an error, a following reader retries after retry_delay, any number of times; the reading of any other reader
 // ends with the error.
 //
-// Call the reader only in the handlers of one actor.
+// Call the reader only in the handlers of one actor. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -66,8 +66,8 @@ class RecordReader {
   // Starts following. Call once, in OnStart. Subscribes the actor to Topic::kStored.
   void Follow(Context& context);
   // Reads the records stored so far. If a reading is in progress, that reading also reads the records stored since its
-  // start. If storage cannot be reached and the reader does not follow, the reading fails before this call returns
-  // (result()).
+  // start. If storage cannot be reached and the reader does not follow, the reading ends before this call returns, and
+  // result() holds the error.
   void Read(Context& context);
   // As Read, but starts at the first record. Ends a reading that is in progress, without changing result().
   void ReadAgain(Context& context);

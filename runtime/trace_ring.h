@@ -16,7 +16,7 @@
 namespace moondb {
 
 struct TraceRecord {
-  static constexpr std::uint16_t kNobody = 0xFFFF;  // Stands in actor and other_actor for no actor of this agent.
+  static constexpr std::uint16_t kNobody = 0xFFFF;  // Value of `actor` and `other_actor` for no actor of this agent.
 
   Ticks time = 0;  // Time of the event in ticks; in simulation, in nanoseconds.
   proto::TraceKind kind = proto::TRACE_SENT;

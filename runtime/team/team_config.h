@@ -20,7 +20,7 @@ namespace moondb {
 
 struct TeamFile {
   proto::TeamConfig config;      // The configuration with all defaults and policies filled in.
-  std::filesystem::path folder;  // Relative paths of key files start here.
+  std::filesystem::path folder;  // Relative paths of key files are relative to this folder.
   std::uint64_t hash = 0;        // XXH64 of SerializeTeam; equal for files with the same meaning.
 };
 

@@ -23,7 +23,7 @@ using google::protobuf::EnumValueDescriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// Limit of list elements. Without it, YAML aliases in a small file could repeat one long list many times.
+// Maximum number of elements per list. Without it, YAML aliases in a small file could repeat one long list many times.
 constexpr std::size_t kElementsMax = 256;
 
 Place ToPlace(const YAML::Mark& mark) { return {std::max(mark.line, 0) + 1, std::max(mark.column, 0) + 1}; }
