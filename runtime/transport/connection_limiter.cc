@@ -67,14 +67,15 @@ bool ConnectionLimiter::Admit(std::uint16_t port, const std::string& key, const 
 void ConnectionLimiter::Look(MonotonicTime now) {
   looked_at_ = now;
   for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List(), now)) {
-    Count(cut);  // Count first: when the peer notices the cut, the counters then already include it.
+    // Count first, so that the counters include the cut when the peer notices it.
+    Count(cut);
     TcpConnections::ShutDown(cut.connection);
   }
   LookAtLinks();
 }
 
-// Adds flooded links to flooded_links_. Stops watching them, and each link that closed or whose descriptor now belongs
-// to another connection.
+// Adds flooded links to flooded_links_. Stops watching flooded links, closed links, and links whose descriptor now
+// belongs to another connection.
 void ConnectionLimiter::LookAtLinks() {
   std::erase_if(links_, [&](const auto& entry) {
     const auto& [peer, opened] = entry;

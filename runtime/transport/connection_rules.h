@@ -1,20 +1,19 @@
-// ConnectionRules: decides which incoming TCP connections exceed their limits, before or after their keys are known
-// (docs/SECURITY.md). libzmq limits neither the number of connections nor the memory of an incomplete message.
+// ConnectionRules: decides which incoming TCP connections to cut, because libzmq limits neither their number nor the
+// memory of an incomplete message (docs/SECURITY.md).
 //
-// Places: each address of the team has reserved places; all other addresses share a fixed number of places. If there
-// are too many connections, the first to be cut are those that never completed a message and whose address completed
-// none within the last hour. Next are other connections that never completed a message. Among equals, the oldest
-// connection of the network with the most connections is cut. A network is all addresses with the same first 24 bits
-// (IPv6: 64), because one host can use all of them. At most `key_max` connections with a completed message may use one
-// key. Beyond that, the connection that was silent for longest is cut, so that no key takes the places of another.
+// Connections per address: each address of the team has reserved places; all other addresses share a fixed number of
+// places. If there are too many connections, the first to be cut are those that never completed a message and whose
+// address completed none within the last hour. Next are other connections that never completed a message. Among equals,
+// the oldest connection of the network with the most connections is cut. A network is all addresses with the same first
+// 24 bits (IPv6: 64), because one host can use all of them.
 //
-// A key with `key_max` connections is not admitted again (Admit). The key of a connection is unknown until its first
-// message. An admission therefore counts towards `key_max` until a connection from the same address completes its first
-// message with that key. If an address has fewer silent connections than admissions, its oldest admissions end too.
+// Connections per key: at most `key_max`. If more have completed a message with one key, the connection that was silent
+// for longest is cut. Admit refuses a key that has `key_max` connections and admissions. An admission counts until a
+// connection from the same address completes its first message with that key. It ends earlier if the address has fewer
+// connections without a message than admissions.
 //
-// Bytes: a connection may receive kFreeBytes beyond its last complete message, which is more than any frame between
-// agents. A connection exceeds this with a client's large message, with data that this agent reads slowly, or with a
-// message that never ends. The connections of a port that exceed it may have `shared_bytes` more in total; above that,
+// Bytes: a connection may receive kFreeBytes after its last complete message, which is more than any frame between
+// agents. The connections of a port that exceed kFreeBytes may together have kFreeBytes + `shared_bytes`; above that,
 // the connection with the most bytes is cut. A message of one-byte parts uses about four times its wire size in memory.
 //
 // Holds no sockets and reads no clock: ConnectionLimiter passes the data in.
@@ -36,7 +35,7 @@ struct TcpConnection {
   int file = -1;
   std::uint16_t port = 0;            // The local port.
   std::string peer;                  // Numeric address of the peer, such as "10.0.0.3".
-  std::uint16_t peer_port = 0;       // Together with `peer` and `file`, distinguishes the connection from later ones.
+  std::uint16_t peer_port = 0;       // With `peer`, distinguishes the connection from later ones with the same `file`.
   std::uint64_t bytes_received = 0;  // Bytes received since the connection opened.
 };
 
@@ -46,7 +45,7 @@ class ConnectionRules {
 
   static constexpr std::uint64_t kFreeBytes = 320 * 1024;
   static constexpr std::chrono::hours kRememberedTime{1};
-  // Limit of remembered addresses. Beyond it, the address that was silent for longest is forgotten.
+  // Limit of addresses in remembered_. Beyond it, the address that was silent for longest is forgotten.
   static constexpr std::size_t kRememberedMax = 1024;
 
   struct Listener {
@@ -65,13 +64,13 @@ class ConnectionRules {
   // `listeners` holds the limits of each port.
   explicit ConnectionRules(std::map<std::uint16_t, Listener> listeners) : listeners_(std::move(listeners)) {}
 
-  // Call when a complete message has arrived over the connection with descriptor `file`. `key` is the sender's, empty
-  // without CURVE. `peer_port` rules out a later connection with the same descriptor; 0 means unknown.
-  // `has_claimed_id`: the connection chose its own routing id, and must be cut.
+  // Call when a complete message has arrived over the connection with descriptor `file`. `key`: the sender's public
+  // key; empty without CURVE. `peer_port`: the peer's port, to detect that the descriptor now belongs to another
+  // connection; 0 if unknown. `has_claimed_id`: the connection chose its own routing id, and must be cut.
   void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false);
 
-  // Admits a connection from `peer` to `port` whose handshake has shown this key, and counts it. Returns false without
-  // counting if the key has `key_max` connections, including those admitted since the last Judge.
+  // Admits a connection from the address `peer` to `port` if `key` has fewer than `key_max` connections and admissions
+  // there. Returns true and counts the admission; otherwise returns false.
   bool Admit(std::uint16_t port, const std::string& key, const std::string& peer);
 
   // Returns the connections to cut, each once. `connections` holds all current connections, in any order.
@@ -81,10 +80,10 @@ class ConnectionRules {
   struct Known {
     TcpConnection connection;
     std::uint64_t number = 0;           // Number in the order of arrival.
-    std::uint64_t bytes_delivered = 0;  // bytes_received at its last complete message.
+    std::uint64_t bytes_delivered = 0;  // Value of bytes_received at its last complete message.
     bool has_delivered = false;
     std::string key;             // Key of its last message.
-    std::uint64_t heard_at = 0;  // Value of look_ when its last message was noticed.
+    std::uint64_t heard_at = 0;  // Number of the Judge call (look_) that noticed its last message.
     bool has_claimed_id = false;
     bool is_cut = false;
 
@@ -107,14 +106,14 @@ class ConnectionRules {
     std::uint16_t peer_port = 0;
     bool has_claimed_id = false;
   };
-  std::map<int, Delivered> delivered_;  // Messages since the last call of Judge, by descriptor.
+  std::map<int, Delivered> delivered_;  // Last message since the last call of Judge, by descriptor.
   // An admitted connection that has not completed a message yet.
   struct Admission {
     std::uint16_t port = 0;
     std::string key;
     std::string peer;
   };
-  std::vector<Admission> admissions_;       // Admissions without a message so far, oldest first.
+  std::vector<Admission> admissions_;       // Admissions, oldest first.
   std::map<std::string, Time> remembered_;  // Time of the last complete message by address.
   std::uint64_t last_number_ = 0;
   std::uint64_t look_ = 0;
