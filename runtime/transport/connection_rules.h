@@ -2,10 +2,10 @@
 // memory of an incomplete message (docs/SECURITY.md).
 //
 // Connections per address: each address of the team has reserved places; all other addresses share a fixed number of
-// places. If there are too many connections, the first to be cut are those that never completed a message and whose
-// address completed none within the last hour. Next are other connections that never completed a message. Among equals,
-// the oldest connection of the network with the most connections is cut. A network is all addresses with the same first
-// 24 bits (IPv6: 64), because one host can use all of them.
+// places. If there are more connections than places, the first to be cut are those that never completed a message and
+// whose address completed none within the last hour. Next are other connections that never completed a message. Among
+// equals, the oldest connection of the network with the most connections is cut. A network is all addresses with the
+// same first 24 bits (IPv6: 64), because one host can use all of them.
 //
 // Connections per key: at most `key_max`. If more have completed a message with one key, the connection that was silent
 // for longest is cut. Admit refuses a key that has `key_max` connections and admissions. An admission counts until a
@@ -70,7 +70,7 @@ class ConnectionRules {
   void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false);
 
   // Admits a connection from the address `peer` to `port` if `key` has fewer than `key_max` connections and admissions
-  // there. Returns true and counts the admission; otherwise returns false.
+  // on this port. Returns true and counts the admission; otherwise returns false.
   bool Admit(std::uint16_t port, const std::string& key, const std::string& peer);
 
   // Returns the connections to cut, each once. `connections` holds all current connections, in any order.
