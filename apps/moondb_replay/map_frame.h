@@ -1,4 +1,4 @@
-// A common frame for maps that people compare side by side: the bounding box of all known cells. Plain functions.
+// A common frame for maps that people compare side by side: the bounding box of all known cells.
 #pragma once
 
 #include <span>

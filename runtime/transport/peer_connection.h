@@ -47,7 +47,7 @@ class PeerConnection {
   // Time at which Connect is due. Empty while sockets exist, unless OnHeard made Connect due.
   std::optional<MonotonicTime> connect_at() const { return connect_at_; }
 
-  // Call when the handshake succeeded. is_full is then false.
+  // Call when the handshake succeeded. Sets is_full() to false.
   void OnOpened() { is_full_ = false; }
   // Returns the next event of the monitor, or nothing if none waits.
   std::optional<ZmqEvent> ReceiveEvent() { return monitor_ ? monitor_->ReceiveEvent() : std::nullopt; }

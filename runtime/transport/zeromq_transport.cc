@@ -161,9 +161,9 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Opens the socket that receives frames of peers. With keys it is a DEALER, which assigns no routing ids that a peer
-  // could claim; each frame contains the number of its connection (LinkOrder). Without keys it is a ROUTER: the routing
-  // id that a connection claims names its agent.
+  // Opens the socket that receives frames of peers. With keys, the socket is a DEALER, which assigns no routing ids
+  // that a peer could claim. Each frame contains the number of its connection (LinkOrder). Without keys, the socket is
+  // a ROUTER, and the routing id that a connection claims names its agent.
   Result<void> OpenPeerListener() {
     Result<ZmqSocket> listener = ZmqSocket::Make(context_, keys_ ? ZMQ_DEALER : ZMQ_ROUTER);
     if (!listener) return tl::unexpected(listener.error());

@@ -6,8 +6,8 @@
 // (runtime/transport/client_listener.h).
 //
 // Bytes in flight are limited by a credit per connection (runtime/transport/link_credit.h), because libzmq would queue
-// for absent peers and buffer megabytes for frozen ones. Deadlines detect silent peers (link_health.h).
-// ConnectionLimiter cuts connections that exceed their limits.
+// for absent peers and buffer megabytes for frozen ones. Deadlines detect silent peers
+// (runtime/transport/link_health.h). ConnectionLimiter cuts connections that exceed their limits.
 #pragma once
 
 #include <cstdint>

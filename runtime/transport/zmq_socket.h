@@ -21,8 +21,8 @@ struct ZmqContextDeleter {
 // Owns a libzmq context. Destruction waits until all sockets of the context are closed.
 using ZmqContext = std::unique_ptr<void, ZmqContextDeleter>;
 
-// Creates a context. Also seeds rand() from system entropy, once per process. libzmq takes the first routing id of each
-// ROUTER from rand(), and aborts the process if a client has already claimed the id that a ROUTER assigns.
+// Creates a context. Also seeds rand() from system entropy, once per process. The first routing id of each ROUTER comes
+// from rand(). A client that claims the id that a ROUTER assigns next makes libzmq abort the process.
 ZmqContext MakeZmqContext(int io_threads);
 
 // A message part in libzmq's memory, which sending and receiving do not copy.
