@@ -64,7 +64,7 @@ Result<void> CheckOwnActors(const TeamFile& team, const std::vector<OwnActor>& a
 SpawnOptions SpawnOptionsOf(const StandardActor& actor) {
   SpawnOptions spawn;
   spawn.placement = actor.placement;
-  // Actors with their own thread may take long, for example to solve a large pose graph. longer as the mission grows.
+  // Actors with their own thread may take long, for example to solve a large pose graph.
   if (actor.placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
   return spawn;
 }

@@ -1,8 +1,8 @@
 // Scores an agent's results on a mission: trajectories and merged maps, at raw and at optimized poses, compared with
 // the truth, which no agent has seen.
 //
-// Merges all maps again from the records that the agent holds, and checks whether the agent's own merged map is
-// byte-identical to the result.
+// Merges all maps again from the records that the agent holds. Also checks whether the agent's own merged map is
+// byte-identical to the map merged here at the newest poses.
 #pragma once
 
 #include <vector>
