@@ -100,8 +100,8 @@ class Agent::Impl {
     }
     MakeSystem();
     if (auto running = Run(); !running) return running;
-    // Clients whose environment variables give another endpoint read it from this file. A full disk must not prevent
-    // the start.
+    // Write the endpoint to a file, for clients whose environment variables yield another endpoint. A full disk must
+    // not prevent the start.
     if (auto reported = WriteEndpoint(options_.data_folder, endpoint_); !reported)
       spdlog::warn("{}", ToString(reported.error()));
     return {};
@@ -204,7 +204,7 @@ class Agent::Impl {
   std::optional<SigningKey> signing_key_;  // Set if the team has keys.
   std::string set_aside_;                  // The store file that this start set aside; empty: none.
   bool dumps_on_crash_ = false;
-  // True if an actor failed permanently. The agent did not stop on request then.
+  // True if an actor failed permanently.
   std::atomic<bool> has_failed_ = false;
   std::atomic<std::int64_t> stopped_at_ns_ = 0;  // UTC of the stop on request. 0: the agent runs or has failed.
   std::atomic<bool> is_running_ = false;

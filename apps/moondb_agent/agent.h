@@ -1,9 +1,6 @@
 // Agent: the whole runtime of one team member: its data folder, the standard actors
 // (apps/moondb_agent/standard_actors.h), the user's own actors and the transport.
 //
-//   storage (own thread), clock, role, lease, failover, sync, replica, retention, event, downlink, pgo (own),
-//   merge (own), gateway, your own; then the transport
-//
 // Start detects faults of the environment (folder, database, keys, ports, a missing GL backend) before any actor runs
 // and returns them as one error. Create and destroy an Agent on the same thread. Callbacks run on other threads.
 #pragma once
@@ -21,9 +18,9 @@
 
 namespace moondb {
 
-// A user's actor, supervised like the standard actors. Actors of this agent and of other agents send it Message.custom
-// by its name; clients reach it with Client::Ask. The actor receives RecordsStored after each commit of new rows, and
-// RolesChanged and LeasesChanged after each change of roles or leases. It may ignore these messages.
+// A user's actor, supervised like the standard actors. Actors of this agent and of other agents send Message.custom to
+// its name; clients use Client::Ask. The actor receives RecordsStored after each commit of new rows, and RolesChanged
+// and LeasesChanged after each change of roles or leases. The actor may ignore these messages.
 struct OwnActor {
   std::string name;  // 1 to 32 lower-case letters, digits, - and _; not the name of a standard actor.
   ActorFactory factory;

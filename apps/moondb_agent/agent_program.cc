@@ -67,7 +67,7 @@ int Complain(const AgentProgram& program, int code, const std::string& text) {
   return code;
 }
 
-// Waits until a signal arrives or one of the agent's threads calls Wake. Signal handlers do no work.
+// Waits until a signal arrives or one of the agent's threads calls Wake.
 class StopWaiter {
  public:
   // Blocks the signals that Wait waits for. Requires: no other thread has started, because threads inherit the blocked
@@ -96,7 +96,7 @@ class StopWaiter {
     (void)!::write(event_descriptor_, &one, sizeof(one));
   }
 
-  // Returns the exit code after a signal or a wake-up.
+  // Blocks until a signal arrives or Wake is called. Returns the exit code.
   int Wait() {
     pollfd descriptors[] = {{signal_descriptor_, POLLIN, 0}, {event_descriptor_, POLLIN, 0}};
     while (::poll(descriptors, 2, -1) <= 0) {
@@ -134,7 +134,7 @@ AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program
 }
 
 // Makes malloc return freed buffers of at least kLargeBufferBytes to the system. By default, glibc raises this
-// threshold to the size of freed buffers, up to 32 MiB, and each thread would keep twice that.
+// threshold to the size of freed buffers, up to 32 MiB, and each thread would keep up to twice that size.
 void GiveLargeBuffersBack() { (void)::mallopt(M_MMAP_THRESHOLD, kLargeBufferBytes); }
 
 void RaiseOpenFiles() {
@@ -202,7 +202,8 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   const std::string ready =
       arguments.agent + " of team " + team->config.team() + ", clients at " + (*agent)->client_endpoint();
   if (logs_json) {
-    spdlog::info("is ready: {}", ready);  // Every line must be JSON, even if stdout and stderr are the same file.
+    // With JSON logs, every line must be JSON, even if stdout and stderr are the same file.
+    spdlog::info("is ready: {}", ready);
   } else {
     std::printf("ready: %s\n", ready.c_str());
     std::fflush(stdout);

@@ -128,8 +128,8 @@ class TeamDriver {
     rover.route = routes_.RouteTo(goal, ways);
   }
 
-  // Returns the unseen cell with the lowest cost: a short path, inside the rover's sector, away from other rovers'
-  // goals. Returns a random cell if all cells have been seen.
+  // Returns the unseen cell with the lowest cost. The cost is low for a short path inside the rover's sector and away
+  // from other rovers' goals. Returns a random cell if all cells have been seen.
   int ChooseGoal(std::size_t index, const RouteMap::Ways& ways) {
     int best = -1;
     double best_cost = 1e300;

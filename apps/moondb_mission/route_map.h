@@ -20,8 +20,8 @@ struct Disc {
 
 class RouteMap {
  public:
-  // For each cell, the length of the shortest path from one place (infinite: no path), and the cell's predecessor on
-  // that path.
+  // For each cell: the length of the shortest path from the start of FindWays (infinite if there is no path), and the
+  // cell's predecessor on that path.
   struct Ways {
     std::vector<float> length_m;
     std::vector<int> previous;

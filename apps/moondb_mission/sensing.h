@@ -25,10 +25,12 @@ struct CameraOptions {
   double field_of_view_rad = 2.1;
   double range_min_m = 0.3;
   double range_max_m = 10;
-  double depth_error_per_m = 0.004;  // Sigma of the distance = this * distance^2: 0.1 m at 5 m, 0.4 m at 10 m.
-  // Share of hazards missed at range_max_m. Proportional to the square of the distance.
+  // Sigma of a measured distance d is depth_error_per_m * d^2: 0.1 m at 5 m, 0.4 m at 10 m.
+  double depth_error_per_m = 0.004;
+  // Share of hazards missed at range_max_m. At other distances, the share is proportional to the distance squared.
   double miss_share = 0.3;
-  // Share of free patches at range_max_m seen as hazards. Proportional to the square of the distance.
+  // Share of free patches at range_max_m seen as hazards. At other distances, the share is proportional to the distance
+  // squared.
   double false_share = 0.01;
   double phantom_share = 0.05;   // Share of maps with an obstacle that does not exist.
   double rover_radius_m = 0.35;  // Other rovers are discs of this radius.

@@ -1,4 +1,5 @@
-// Terrain: an area of the Moon with craters and rocks, and the parts of it that a small rover cannot cross.
+// Terrain: heights of a simulated area of the Moon with craters and rocks, and the cells that a small rover cannot
+// cross.
 //
 // Rocks follow Golombek and Rapp (JGR 102, 1997). Rocks with a diameter of at least D metres cover the share
 //     F(D) = k exp(-q D),  q = 1.79 + 0.152 / k,

@@ -19,12 +19,13 @@
 namespace moondb {
 namespace {
 
-constexpr int kQueueMessages = 16;  // Queue length in messages, per ipc client and direction.
+constexpr int kQueueMessages = 16;  // Over ipc: limit of messages in libzmq per client and direction.
 // Limits of the messages that wait in libzmq per TCP connection. Each message may have the maximum size. If the client
 // reads too slowly, further replies are dropped.
 constexpr int kKeyedRequestsWaiting = 2;
 constexpr int kKeyedRepliesWaiting = 1;
-// A request of a client without rights is parsed up to this size and answered with an error. A larger one is dropped.
+// A request of a client without rights is parsed up to this size and answered with an error. A larger request is
+// dropped.
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;
 constexpr int kClientBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
@@ -35,7 +36,7 @@ constexpr std::chrono::milliseconds kHeldPeriod(20);  // Interval between retrie
 constexpr std::chrono::minutes kHeldMax(2);
 constexpr char kIpc[] = "ipc://";
 constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
-constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of keyed clients.
+constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of clients over tcp://.
 
 Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
   const std::filesystem::path path = endpoint.substr(std::string_view(kIpc).size());
@@ -48,7 +49,7 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   router.Set(ZMQ_CURVE_SERVER, 1);
   router.Set(ZMQ_CURVE_SECRETKEY, secret_key);
   router.Set(ZMQ_ZAP_DOMAIN, ZapHandler::kClientDomain);
-  // Close connections that never finish the handshake, and those whose machine has disappeared.
+  // Close connections that never finish the handshake, and connections whose machine has disappeared.
   router.Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
   router.Set(ZMQ_TCP_KEEPALIVE, 1);
   router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kClientKeepAlive_s);

@@ -2,8 +2,8 @@
 // in a folder that only this user can enter, clients have all rights. Over tcp://, with CURVE, a client has the rights
 // of its key at the time of each request.
 //
-// libzmq aborts the process if a client connects while no more files can be opened, and it cannot limit the number of
-// clients. The limit on open files must be well above the number of clients, including those in their handshake. A
+// libzmq aborts the process if a client connects while no more files can be opened, and libzmq cannot limit the number
+// of clients. The limit on open files must be well above the number of clients, including those in their handshake. A
 // client_address belongs on a private network.
 //
 // libzmq also aborts the process if a TCP client has claimed the routing id that the ROUTER assigns next. These ids are
@@ -36,8 +36,8 @@ namespace moondb {
 
 class ClientListener {
  public:
-  // Limit of concurrent connections with one key (ConnectionRules::Listener::key_max). Routing ids are kept for this
-  // many connections of a key, including closed ones.
+  // Limit of concurrent connections with one key (ConnectionRules::Listener::key_max). The routing ids of this many
+  // connections per key are kept, including closed connections.
   static constexpr std::size_t kConnectionsOfKeyMax = 15;
 
   // Returns the identity of the client with this key (Z85), according to the current client list.
@@ -73,8 +73,8 @@ class ClientListener {
   bool Work(const Transport::Deliver& deliver);
   bool has_replies() const;
 
-  // Listens again if the socket's file was removed, for example by a login manager at logout. Until then no new client
-  // can connect. Call periodically.
+  // Listens again if the ipc socket's file was removed, for example by a login manager at logout. New clients cannot
+  // connect until then. Call periodically.
   void KeepPlace(std::chrono::steady_clock::time_point now);
   // Time at which KeepPlace or Work must run at the latest.
   std::chrono::steady_clock::time_point deadline() const;
@@ -103,16 +103,16 @@ class ClientListener {
 
   const Options options_;
   ZmqSocket router_;
-  const std::uint32_t first_id_;  // Over tcp:// only: the routing number that FirstNumberOf read.
+  const std::uint32_t first_id_;  // Over tcp:// only: the number that FirstNumberOf returned.
   WakeUp& wake_up_;
   ClientTable table_;
   RateLimitedLog log_;
   bool is_listening_ = true;
-  // When KeepPlace next checks whether the socket's file exists, or tries to listen again.
+  // Time at which KeepPlace next checks whether the socket's file exists, or tries to listen again.
   std::chrono::steady_clock::time_point looks_at_{};
 
-  // Over tcp:// only. `unread_` counts the replies that clients have not read yet. `held_` holds the replies that wait
-  // until then, oldest first. Transport's thread only.
+  // Over tcp:// only. `unread_` counts the replies that clients have not read yet. `held_` holds the replies, oldest
+  // first, whose clients must read earlier replies first. Transport's thread only.
   UnreadReplies unread_;
   std::deque<Reply> held_;
   std::chrono::steady_clock::time_point tries_held_at_{};

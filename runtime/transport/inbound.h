@@ -26,7 +26,7 @@ std::optional<std::uint32_t> TakeLinkNumber(std::string_view* frame);
 // different senders, or if a message is internal to one agent (such as a timer).
 Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated);
 
-// The identity of a client, as its agent has verified it.
+// The verified identity of a client.
 struct ClientIdentity {
   proto::ClientRights rights = proto::CLIENT_RIGHTS_NONE;
   std::string name;  // Name of the client's key in the list; empty for a client over ipc.

@@ -37,7 +37,8 @@ class LinkCredit {
   // Call when a new connection with the number `link` (not 0) opened, before anything is sent over the connection.
   void Open(std::uint32_t link);
 
-  // True if a frame may be sent now. A frame larger than the credit may be sent when nothing else is in flight.
+  // Returns true if a frame of this size may be sent now. A frame larger than the credit may be sent when nothing else
+  // is in flight.
   bool HasRoomFor(std::size_t frame_bytes) const {
     return unreported_bytes() == 0 || unreported_bytes() + frame_bytes <= credit_bytes_;
   }

@@ -1,8 +1,8 @@
 // LinkHealth: detects by timeouts whether the peer at the other end of a connection is still alive.
 //
 // Silence counts against the peer only while an answer is expected: while sent bytes are unreported, or after a request
-// for a report. An idle peer is asked rarely. A peer that sends but reports no progress while frames wait for credit is
-// `kStalled`.
+// for a report. An idle peer is asked for a report rarely. A peer that sends but reports no progress while frames wait
+// for credit is `kStalled`.
 //
 // ZMTP's heartbeat is not used: under a flood it never detects a frozen peer, and it wakes an idle agent ten times a
 // second.
@@ -27,14 +27,14 @@ class LinkHealth {
     Duration lost_after = std::chrono::seconds(3);
     // An idle peer is asked for a report after this much silence.
     Duration keep_alive_after = std::chrono::seconds(30);
-    // Replaces lost_after until the peer is first heard on a connection. At least lost_after: the peer answers over its
-    // own link, whose handshake may still take seconds on a busy computer.
+    // Used instead of lost_after until the peer is first heard after the link opened. The peer answers over its own
+    // link, whose handshake may take seconds on a busy computer. At least lost_after.
     Duration first_answer_after = std::chrono::seconds(15);
   };
 
   enum class Step {
     kNone,
-    kAsk,   // Send a report that requests one from the peer.
+    kAsk,   // Send a report that requests a report from the peer.
     kLost,  // The peer was silent for too long.
     // The peer was heard, but reported no progress for lost_after while frames waited for credit.
     kStalled,

@@ -20,7 +20,7 @@ constexpr int kSendQueueMessages = 2000;
 constexpr int kReconnectFirst_ms = 100;
 constexpr int kReconnectLast_ms = 4000;
 constexpr int kConnectTimeout_ms = 5000;
-// libzmq closes a connection if the peer's kernel acknowledges no data for this long. This sends nothing on an idle
+// libzmq closes a connection if the peer's kernel acknowledges no data for this long. This adds no traffic to an idle
 // link.
 constexpr int kUnacknowledgedMax_ms = 15000;
 constexpr Duration kDelayFirst = milliseconds(100);

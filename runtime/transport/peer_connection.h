@@ -54,8 +54,9 @@ class PeerConnection {
   // Call when the socket's descriptor is readable.
   void OnReadable();
 
-  // Sends a proto::PeerFrame with this link number and these messages (ToPeerFrame). Returns false if the socket is
-  // full. The socket may have room again after OnReadable. Requires: the sockets exist.
+  // Sends a proto::PeerFrame with this link number. `messages` is a result of ToPeerFrame, or several results
+  // concatenated. Returns false if the socket is full. The socket may have room again after OnReadable. Requires: the
+  // sockets exist.
   bool Send(std::uint32_t link_number, const std::string& messages);
   bool is_full() const { return is_full_; }
 

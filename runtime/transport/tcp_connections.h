@@ -40,10 +40,10 @@ class TcpConnections {
   void OnAccepted(int file);
   // Returns the accepted connections to `ports` that are established, and watches each for data. Opens no files.
   std::vector<TcpConnection> List();
-  // Returns the connection with this descriptor, and watches it for data. Returns nothing if it is not an established
-  // TCP connection.
+  // Returns the connection with this descriptor, and watches it for data. Returns nothing if the descriptor is not an
+  // established TCP connection.
   std::optional<TcpConnection> Read(int file);
-  // Like Read, but returns the last read state if no data have arrived on the connection since.
+  // Like Read, but returns the last read state if no data have arrived on the connection since then.
   std::optional<TcpConnection> Look(int file);
 
   // Returns the peer's port, or 0 if the descriptor is not a connection.

@@ -22,9 +22,9 @@ class WakeUp {
   // Thread-safe.
   void RingFor(MonotonicTime due = MonotonicTime::min());
 
-  // For the sleeping thread. It calls IsLooking before it computes its deadline, SleepsUntil with that deadline, and
-  // IsAwake after it wakes. `by_file`: the descriptor was readable. Between IsLooking and SleepsUntil, RingFor wakes
-  // the thread for any work.
+  // The sleeping thread calls IsLooking before it computes its deadline, SleepsUntil with that deadline, and IsAwake
+  // after it wakes. `by_file`: the descriptor was readable. Between IsLooking and SleepsUntil, RingFor makes the
+  // descriptor readable for any work.
   void IsLooking() { sleeps_until_ = kAnyTime; }
   void SleepsUntil(MonotonicTime time) { sleeps_until_ = time.time_since_epoch().count(); }
   void IsAwake(bool by_file);

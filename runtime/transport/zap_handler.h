@@ -26,7 +26,7 @@ class ZapHandler {
   static constexpr char kAgentDomain[] = "moondb";
   static constexpr char kClientDomain[] = "moondb-clients";
   enum class Admission { kAdmitted, kUnknown, kNotNow };
-  // `address` is the client's numeric address.
+  // Decides whether to admit a client with this key from the numeric address `address`.
   using AdmitClient = std::function<Admission(const std::string& key, const std::string& address)>;
   using OnRefused = std::function<void(bool is_client)>;
 

@@ -311,7 +311,7 @@ class ZeroMqTransport::Impl {
     if (!client) return ZapHandler::Admission::kUnknown;
     const std::optional<std::uint16_t> port = TcpPortOf(FindAgent(team_, options_.self)->client_address());
     Check(port.has_value(), "clients with keys come over TCP");
-    ReadAccepted(now);  // The guard must know each connection before it is asked to admit one.
+    ReadAccepted(now);  // The guard must know all accepted connections before it decides.
     const bool has_handshakes = handshake_limit_.HasRoom(key, now);
     if (!has_handshakes || !guard_->Admit(*port, key, PlainAddress(address), now)) {
       ++refused_.deferred_clients;

@@ -110,7 +110,7 @@ Result<ZmqSocket> ZmqSocket::MakeMonitor(const ZmqContext& context, const std::s
   return monitor;
 }
 
-// An event has two frames: its number with its value, and the address.
+// An event message has two frames: the event's number and value, and the endpoint.
 std::optional<ZmqEvent> ZmqSocket::ReceiveEvent() {
   std::vector<ZmqFrame> parts;
   if (!Receive(&parts)) return std::nullopt;

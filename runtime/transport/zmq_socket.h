@@ -1,4 +1,4 @@
-// ZmqSocket, ZmqFrame: owners of a libzmq socket and of a libzmq message. They report errors without exceptions.
+// ZmqSocket, ZmqFrame: own a libzmq socket and a libzmq message. They throw no exceptions.
 //
 // Not thread-safe. Another thread may take over a socket after synchronisation with a lock.
 #pragma once
