@@ -1,7 +1,7 @@
 // Computes the records that each robot of a mission would have inserted at its agent, in order of timestamps.
 //
-// Nodes have raw poses, never the true ones. The agent of RangeEdge::from inserts a range. PlanFeed reads the images of
-// the maps from the mission's folder.
+// Nodes have raw poses, never the true ones. Each range belongs to the agent of its RangeEdge::from. PlanFeed reads the
+// images of the maps from the mission's folder.
 #pragma once
 
 #include <optional>

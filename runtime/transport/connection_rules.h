@@ -1,20 +1,12 @@
 // ConnectionRules: decides which incoming TCP connections to cut, because libzmq limits neither their number nor the
 // memory of an incomplete message (docs/SECURITY.md).
 //
-// Connections per address: each address of the team has reserved places; all other addresses share a fixed number of
-// places. If there are more connections than places, the first to be cut are those that never completed a message and
-// whose address completed none within the last hour. Next are other connections that never completed a message. Among
-// equals, the oldest connection of the network with the most connections is cut. A network is all addresses with the
-// same first 24 bits (IPv6: 64), because one host can use all of them.
+// Three limits apply to each port: connections per address (JudgePlaces), connections per key (JudgeKeys), and bytes
+// received since the last complete message (JudgeBytes).
 //
-// Connections per key: at most `key_max`. If more have completed a message with one key, the connection that was silent
-// for longest is cut. Admit refuses a key that has `key_max` connections and admissions. An admission counts until a
-// connection from the same address completes its first message with that key. It ends earlier if the address has fewer
-// connections without a message than admissions.
-//
-// Bytes: a connection may receive kFreeBytes after its last complete message, which is more than any frame between
-// agents. The connections of a port that exceed kFreeBytes may together have kFreeBytes + `shared_bytes`; above that,
-// the connection with the most bytes is cut. A message of one-byte parts uses about four times its wire size in memory.
+// The key of a connection is unknown until its first message. An admission (Admit) therefore counts towards `key_max`
+// until a connection from the same address completes its first message with that key. An address that has more
+// admissions than connections without a message loses its oldest admissions.
 //
 // Holds no sockets and reads no clock: ConnectionLimiter passes the data in.
 #pragma once
@@ -43,6 +35,7 @@ class ConnectionRules {
  public:
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
+  // Bytes that each connection may receive after its last complete message. Exceeds the largest frame between agents.
   static constexpr std::uint64_t kFreeBytes = 320 * 1024;
   static constexpr std::chrono::hours kRememberedTime{1};
   // Limit of addresses in remembered_. Beyond it, the address that was silent for longest is forgotten.
@@ -52,6 +45,7 @@ class ConnectionRules {
     std::map<std::string, std::size_t> places;  // Reserved places by address.
     std::size_t others_max = 0;                 // Limit of connections from all other addresses together.
     std::size_t key_max = 0;                    // Limit of connections with one key.
+    // Bytes of incomplete messages that the connections of a port share, in addition to kFreeBytes (JudgeBytes).
     std::uint64_t shared_bytes = 0;
   };
 
@@ -94,8 +88,15 @@ class ConnectionRules {
   void Remember(const std::string& peer, Time now);
   void EndAdmissions();
   void JudgeClaims(std::vector<Cut>& cuts);
+  // If more than `key_max` connections have completed a message with one key, cuts those that were silent for longest.
   void JudgeKeys(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
+  // Cuts connections beyond the places of their address, or beyond the shared places. Cuts first the connections that
+  // never completed a message and whose address completed none within kRememberedTime, then other connections that
+  // never completed a message, then all others. Among equals, the network with the most connections loses its oldest. A
+  // network is all addresses with the same first 24 bits (IPv6: 64), because one host can use all of them.
   void JudgePlaces(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
+  // Adds up the bytes of all connections that received more than kFreeBytes after their last complete message. While
+  // the sum exceeds kFreeBytes + `shared_bytes`, cuts the connection with the most bytes.
   void JudgeBytes(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
   static void CutOff(Known& known, Cause cause, std::vector<Cut>& cuts);
 
