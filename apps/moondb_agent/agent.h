@@ -47,10 +47,10 @@ inline constexpr std::size_t kOwnActorsMax = 64;
 
 class Agent {
  public:
-  // Returns a running agent. Returns kInvalid if the team has no such agent, an own actor's name is invalid, a key is
-  // bad, or a path is too long for a socket. Returns kRefused if the data folder is in use, or the store belongs to
-  // another agent, version or program. Returns kUnavailable if an address is in use, or GL is forced but missing. Other
-  // errors are those of RecordStore::Open.
+  // Returns a running agent. Returns kInvalid if the team has no such agent, the name of an own actor or a key file is
+  // invalid, or a path is too long for a socket. Returns kRefused if the data folder is in use, or the store belongs to
+  // another agent, version or program. Returns kUnavailable if an address is in use, or if merge_backend is kGl but GL
+  // is missing. Other errors are those of RecordStore::Open.
   static Result<std::unique_ptr<Agent>> Start(const TeamFile& team, AgentOptions options);
 
   ~Agent();  // Stops gracefully: accepts no new messages, waits for running handlers, closes the sockets.

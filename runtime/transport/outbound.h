@@ -26,8 +26,8 @@ std::string ReplaceKeyOf(const proto::Message& message);
 // Limit of a frame that holds several messages. A larger message has its own frame.
 inline constexpr std::size_t kSharedFrameBytesMax = 32 * 1024;
 
-// The wire format of proto::PeerFrame: the link number, which PeerConnection adds when it sends the frame, then the
-// messages.
+// Wire format of proto::PeerFrame: the link number, then the messages. PeerConnection adds the link number when it
+// sends the frame.
 inline constexpr char kLinkNumberTag = proto::PeerFrame::kLinkNumberFieldNumber << 3 | 5;
 inline constexpr std::size_t kLinkNumberBytes = 1 + 4;
 inline constexpr std::uint32_t kPeerFrameTag = proto::PeerFrame::kMessagesFieldNumber << 3 | 2;
