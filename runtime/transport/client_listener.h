@@ -47,7 +47,7 @@ class ClientListener {
     AgentId self = 0;
     std::string endpoint;               // ipc://..., or tcp://, which also requires secret_key and identity_of.
     std::size_t message_bytes_max = 0;  // Size limit of a request or reply.
-    std::string secret_key;             // The agent's secret key.
+    std::string secret_key;
     IdentityOf identity_of;
     // Over tcp:// only: called when a complete message has arrived over the connection with descriptor `file`, from a
     // client with `key`. `has_claimed_id`: the client chose its routing id itself.

@@ -69,7 +69,7 @@ class Outbox {
   std::size_t shared_frame_bytes_max_ = 0;
   std::size_t messages_ = 0;
   std::size_t bytes_ = 0;
-  std::size_t control_messages_ = 0;  // Number of waiting control messages.
+  std::size_t control_messages_ = 0;
   std::size_t control_bytes_ = 0;
   std::uint64_t replaced_ = 0;
 };

@@ -49,7 +49,6 @@ class ZmqFrame {
   mutable zmq_msg_t message_;  // Mutable because libzmq reads it through non-const pointers.
 };
 
-// A received message.
 struct ZmqReceived {
   ZmqFrame route;         // Routing id that a ROUTER puts before the message; empty from other sockets.
   ZmqFrame frame;         // First part of the message. Further parts are read and dropped.
