@@ -37,9 +37,8 @@ class PingActor final : public Actor {
   struct Options {
     AgentId to = 0;
     std::string file;
-    Duration period_min =
-        // The period is random between both limits, to avoid a common rhythm with the batches.
-        std::chrono::milliseconds(50);
+    // The period is random between the two limits, so that pings do not synchronise with batches.
+    Duration period_min = std::chrono::milliseconds(50);
     Duration period_max = std::chrono::milliseconds(150);
   };
 
