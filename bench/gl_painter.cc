@@ -42,7 +42,7 @@ void main() {
 )glsl";
 
 struct Quad {
-  GLuint texture = 0;  // 0 for a footprint.
+  GLuint texture = 0;  // 0 if the quad is a footprint.
   PlacedRectangle placed;
 };
 

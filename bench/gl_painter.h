@@ -24,7 +24,7 @@ class GlPainter {
   // Uploads the layers of the maps to the GPU.
   Result<void> Load(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid);
 
-  // Draws all layers and reads the resulting picture back, row by row.
+  // Draws all layers, and reads the resulting picture back into cells().
   Result<void> Merge(const CellBox& extent);
 
   const std::vector<Cell>& cells() const { return cells_; }
