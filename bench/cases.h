@@ -16,7 +16,7 @@ struct BenchCase {
   std::function<Result<std::vector<Section>>(const BenchOptions& options)> run;
 };
 
-// Returns a case that runs `contest`. Its result is one Section.
+// Returns a case that runs `contest` and yields one Section.
 BenchCase AsCase(Contest contest);
 
 // Returns all cases below, in the order in which to run them.

@@ -24,7 +24,7 @@ struct Laser {
   double sigma_m = 0.01;
   int scan_count = 1;
   double scan_spacing_m = 0.1;
-  bool is_free_at_range = false;  // True if the crossed cells become free even if the beam hits nothing.
+  bool is_free_at_range = false;  // True if a beam that hits nothing also marks the cells that it crosses as free.
   // True if a beam may pass diagonally between two cells that touch only at a corner, without marking a third cell.
   bool has_thin_lines = false;
   int layer_count = 4;

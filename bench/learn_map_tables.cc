@@ -26,7 +26,7 @@
 namespace moondb {
 namespace {
 
-// The maximum, so that the trained probabilities average over many maps instead of adapting to the last ones.
+// Maximum count of a context. With the highest possible value, a trained probability is the average over many maps.
 constexpr std::uint32_t kCountLimit = BitModel::kCountMax;
 constexpr int kDrives = 150;
 constexpr int kMapsPerDrive = 16;

@@ -34,7 +34,7 @@ class LinkedAgents {
 
  private:
   struct Agent {
-    std::latch is_up{1};  // Counted down once `transport` is set; callbacks wait for it.
+    std::latch is_up{1};  // Counted down when `transport` is set. Callbacks wait until then.
     std::unique_ptr<ActorSystem> system;
     std::unique_ptr<ZeroMqTransport> transport;
   };

@@ -1,5 +1,6 @@
-// Compares contenders (implementations of the same task). They run in turn (A B C, A B C, ...), so that other load on
-// the machine affects all of them equally. A result has the median of each contender, and the ratios of these medians.
+// Compares contenders (implementations of the same task). The contenders run in turn (A B C, A B C, ...), so that other
+// load on the machine affects all of them equally. A result has the median of each contender, and the ratios of these
+// medians.
 #pragma once
 
 #include <chrono>
@@ -43,9 +44,9 @@ struct Figure {
   double median() const { return Median(samples); }
 };
 
-// Key in the JSON report.
+// One measured quantity, with a Figure for each contender.
 struct Section {
-  std::string name;  // Its key in the JSON report.
+  std::string name;  // Key in the JSON report.
   std::string unit;
   std::string target;           // Goal for moondb; empty if there is none.
   std::vector<Figure> figures;  // The first figure is moondb's.

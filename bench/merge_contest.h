@@ -29,7 +29,8 @@ struct MergeRun {
   std::optional<double> gl_ms;
   double cpu_ms = 0;  // moondb's CPU backend with the best instruction set and all threads.
   double cpu_one_thread_ms = 0;
-  double cpu_first_ms = 0;  // The first merge, in newly allocated memory; all threads.
+  // Time of the first merge, with all threads and in newly allocated memory.
+  double cpu_first_ms = 0;
   // moondb's CPU backend with each instruction set, on one thread.
   std::optional<double> cpu_avx512_ms;
   std::optional<double> cpu_avx2_ms;
@@ -39,11 +40,11 @@ struct MergeRun {
   std::optional<double> incremental_gl_ms;
   double withdraw_cpu_ms = 0;  // Time to remove one map.
   double move_cpu_ms = 0;      // Time to move one map.
-  // Durations of the steps of gl_ms.
+  // Durations of the steps of a merge with OpenGL.
   std::optional<double> gl_upload_ms;
   std::optional<double> gl_draw_ms;
   std::optional<double> gl_read_ms;
-  std::optional<double> gl_maps_upload_ms;  // Time to upload all maps, once.
+  std::optional<double> gl_maps_upload_ms;  // Time of the first upload of all maps to the GPU.
   double local_map_ms = 0;                  // Time to pack one map on its arrival.
   double read_cells_ms = 0;                 // Time to read the whole merged map as a grid.
   // Fraction of cells with the same value as in the naive merger with integers, among cells known to at least one of

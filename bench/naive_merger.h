@@ -33,7 +33,7 @@ class NaiveMerger {
   void Merge(Arithmetic arithmetic = Arithmetic::kInteger);
 
   const CellBox& extent() const { return extent_; }
-  const std::vector<CellState>& cells() const { return cells_; }  // Cells of the extent, row by row.
+  const std::vector<CellState>& cells() const { return cells_; }  // Cells of extent(), row by row.
   const std::vector<PlacedMap>& maps() const { return maps_; }    // Sorted by record key.
 
  private:

@@ -15,7 +15,7 @@ class OpencvMerger {
  public:
   virtual ~OpencvMerger() = default;
   virtual void Merge(const CellBox& extent) = 0;
-  virtual std::vector<Cell> cells() const = 0;  // Cells of the extent, row by row.
+  virtual std::vector<Cell> cells() const = 0;  // Cells of `extent`, row by row.
 };
 
 // Unpacks the layers into a new merger. Returns null if this build does not have OpenCV.

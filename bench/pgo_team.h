@@ -10,7 +10,7 @@
 
 namespace moondb {
 
-// Parameters from which a team is drawn.
+// Parameters of a randomly generated team.
 struct TeamCase {
   std::string name;
   int node_count = 2001;  // Nodes of the whole team.

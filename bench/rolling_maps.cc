@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint32_t kFinest_um = 50'000;
 
-// The hazards of the terrain in one layer's cell size.
+// The terrain's hazards as a grid with the cell size of one layer.
 class WorldLayer {
  public:
   WorldLayer(const MergedMap& finest, int layer)
@@ -25,8 +25,8 @@ class WorldLayer {
     }
   }
 
-  // Returns a cell at an offset (`column`, `row`) in cells of this layer. The offset is measured from a corner in cells
-  // of the finest layer. Outside the world, returns the nearest border cell.
+  // Returns the cell that lies `column` columns and `row` rows of this layer from the cell of the finest layer given by
+  // `finest_column` and `finest_row`. Outside the world, returns the nearest border cell.
   Cell At(int finest_column, int finest_row, int column, int row) const {
     return grid_.At(std::clamp((finest_column >> shift_) + column, 0, side_ - 1),
                     std::clamp((finest_row >> shift_) + row, 0, side_ - 1));

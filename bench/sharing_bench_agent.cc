@@ -1,8 +1,9 @@
 // sharing_bench_agent: the standard moondb agent with additional actors for bench/sharing_bench. One actor answers
-// control messages. With --ping, another actor sends them. Both use the same links as the standard actors.
+// control messages. With --ping, another actor sends control messages. The messages use the same links as the standard
+// actors.
 //
 // Each answer adds a line to --ping-file: microseconds to the peer, microseconds back. Both agents must run on one
-// machine, because the times of both come from the same clock.
+// machine, because their times must come from the same clock.
 #include <cstdio>
 #include <fstream>
 #include <memory>

@@ -19,7 +19,7 @@ constexpr std::int64_t kStart_ns = 1'760'000'000'000'000'000;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::uint64_t kEpoch = 0x5F3C9A1E0B7D4C21;
 
-// Period of the states in seconds. Temperatures are recorded every second.
+// Period in seconds of all states except temperatures, which are recorded every second.
 constexpr int kOtherStatesEvery = 3;
 
 // Collects records by data type and origin. States come first in the result, and maps last.

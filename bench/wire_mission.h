@@ -30,7 +30,7 @@ WireMission MakeRollingMission();
 // Makes a mission with the generator of moondb_mission. Its camera maps are aligned with the rover's heading.
 Result<WireMission> MakeSingleViewMission();
 
-// Reads a recorded mission (model/mission.h). The name of the mission is that of its folder.
+// Reads a recorded mission (model/mission.h). The mission gets the name of its folder.
 Result<WireMission> ReadRecordedMission(const std::filesystem::path& folder);
 
 }  // namespace moondb

@@ -76,7 +76,7 @@ const std::vector<Case>& Cases() {
       {{"db", "diff", "rover1", "rover3"}, kFailed, kUnreachable, kUnreachable, "ORIGIN"},
       {{"db", "prune", "--older-than", "30d", "-a", "rover1", "--dry-run"}, kDone, kDone, kDone, "all"},
       {{"db", "prune", "--history", "-a", "rover1"}, kDone, kDone, kDone, "all"},
-      // These commands need no agent.
+      // `db query` and `db backup` read the database file, so they need no agent.
       {{"db", "query", "select count(*) as n from temperature", "-a", "rover3"}, kDone, kDone, kDone, "n"},
       {{"db", "backup", "@/rover3-%.sqlite", "-a", "rover3"}, kDone, kDone, kDone, "wrote"},
       {{"downlink", "--budget-kb", "64", "--out", "@/new%.bundle"}, kDone, kDone, kDone, "bundle 1"},

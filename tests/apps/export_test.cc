@@ -42,8 +42,8 @@ proto::Record MapOf(const Grid& grid, std::uint64_t node) {
 
 class ExportTest : public ProcessTeam {
  protected:
-  // Starts a team and gives rover2 two maps of noise: one of an existing node, and one of a missing node. Then kills
-  // rover3.
+  // Starts a team, and inserts two maps of noise at rover2: one for an existing node, and one for a missing node. Then
+  // kills rover3.
   void StartWithMap() {
     std::string team = *ReadTextFile(team_file_);
     ASSERT_TRUE(WriteTextFile(team_file_, team + "\nsite: {lat_deg: 7.4, lon_deg: -59, north_yaw_rad: 0.5}\n"));
@@ -93,7 +93,7 @@ TEST_F(ExportTest, WritesProvenanceOfGraphsIfTheFormatAllowsComments) {
 
   check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "g.g2o", "--format", "g2o"}));
   check(text_of("g.g2o.origin.txt"));
-  EXPECT_EQ(text_of("g.g2o").find('#'), std::string::npos);  // Some g2o readers accept no comments either.
+  EXPECT_EQ(text_of("g.g2o").find('#'), std::string::npos);  // Some g2o readers accept no comments.
   EXPECT_TRUE(ReadG2o(folder_ / "g.g2o"));
 
   check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "t", "--format", "tum"}));

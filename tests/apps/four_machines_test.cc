@@ -25,7 +25,7 @@ class FourMachinesTest : public ProcessTeam {
  protected:
   void SetUp() override {
     ProcessTeam::SetUp();
-    environment_.clear();  // StartOn gives each agent a run folder of its own.
+    environment_.clear();  // The operator has no MOONDB_RUN_DIR. StartOn sets one for each agent.
     LetCommandsComeThrough("base, rover2");
     for (const std::string& name : kNames) {
       std::filesystem::create_directories(MachineOf(name));

@@ -71,7 +71,7 @@ std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed, AgentId agen
 TEST_F(ProcessTest, AMapReachesTheLeaderAndThenTheSurvivor) {
   MoonctlExpecting(0, {"up"});
   EXPECT_THAT(MoonctlExpecting(0, {"status"}), HasSubstr("designated_survivor"));
-  // Insert a record at rover3 too. The survivor receives it through the leader.
+  // Insert a record at rover3 too. The survivor can receive it only through the leader.
   const std::string state =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"}));
   EXPECT_EQ(MoonctlExpecting(0, {"record", "next-node", "-a", "rover2"}), "0\n");
@@ -285,14 +285,15 @@ TEST_F(ProcessTest, TheSurvivorCanLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(0, {"role", "set", "rover2", "leader", "rover3", "survivor"});
   const std::string key =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "power", "{\"battery_ratio\": 0.5}", "-a", "rover3"}));
-  // rover1 is dead. The sync completes for all other agents, and its exit code reports that records may be missing.
+  // rover1 is dead. The sync completes for all other agents. The exit code reports that records of rover1 may be
+  // missing.
   MoonctlExpecting(3, {"sync", "now", "--wait"});
   MoonctlExpecting(0, {"record", "get", key, "-a", "rover2"});
   // Records that only rover1 holds cannot be replicated yet.
   EXPECT_THAT(MoonctlExpecting(3, {"replicate", "now", "--wait"}),
               HasSubstr("everything is acknowledged; not there yet is what is held only by rover1 (is out of reach)"));
 
-  // The deposed leader learns of the new roles when it restarts.
+  // The deposed leader receives the new roles when it restarts.
   const auto former = StartAgent("rover1");
   EXPECT_TRUE(Until([&] {
     return Moonctl({"role", "show", "-a", "rover1"}).out.find("rover1  rover ") == 0 ||

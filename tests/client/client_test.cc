@@ -513,8 +513,8 @@ class EndlessMessageServer {
     std::string greeting("\xff\0\0\0\0\0\0\0\0\x7f\x03\0NULL", 16);
     greeting.resize(64, '\0');
     const std::string ready("\x04\x1c\x05READY\x0bSocket-Type\0\0\0\x06ROUTER", 30);
-    const std::string frame =
-        std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(65'536, 'x');  // Flag: more frames follow.
+    // A long frame (flag 2) after which more frames follow (flag 1).
+    const std::string frame = std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(65'536, 'x');
     bool stands = Send(client, greeting) && Send(client, ready);
     // Wait for the client's greeting and READY. The client accepts messages only after these.
     std::array<char, 256> block{};

@@ -81,7 +81,7 @@ TEST(MeasurementTest, RangesAreBetweenAntennasWithBiasAndBursts) {
   RangeOptions options;
   Random random(6);
   const std::vector<RangeEdge> ranges = MeasureRanges(agents, truth, kNodes, 10, options, random);
-  ASSERT_EQ(ranges.size(), 1000u);  // One at every third node of rover 1. Other pairs are over 40 m apart.
+  ASSERT_EQ(ranges.size(), 1000u);  // One range at every third node of rover 1. Other pairs are over 40 m apart.
   const double true_m = std::sqrt(4.0 * 4 + 2 * 2);
   double too_long = 0, too_short = 0, good_sum = 0, good = 0;
   for (const RangeEdge& range : ranges) {

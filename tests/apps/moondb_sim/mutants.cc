@@ -518,7 +518,8 @@ class DropsBeforeTheSuperseder final : public OtherActor {
       DroppingFirst(Context& context, const DropsBeforeTheSuperseder& mutant)
           : OtherContext(context), mutant_(mutant) {}
       SendResult Reply(OwnedMessage message) override {
-        if (sender() == self()) return SendResult::kAccepted;  // Drop the answer to a delayed message.
+        // Drop the reply to a delayed message. It would go to this actor itself.
+        if (sender() == self()) return SendResult::kAccepted;
         if (message->has_have_reply()) mutant_.Drop(*message->mutable_have_reply()->mutable_have());
         if (message->has_store_reply()) mutant_.Drop(*message->mutable_store_reply()->mutable_covered());
         return OtherContext::Reply(std::move(message));
@@ -705,7 +706,7 @@ bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
 // Does not send states that were stored after the order was accepted.
 void KeepNewStatesBack(SimOptions& options) {
   struct Storage {
-    std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // Newest mark, by destination and session kind.
+    std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // Last MissingRequest::mark, by destination and kind.
     std::map<std::pair<AgentId, int>, std::set<RecordKey>> came_after;
     std::pair<AgentId, int> asked;
   };
@@ -742,7 +743,7 @@ void KeepNewStatesBack(SimOptions& options) {
 void StoreNothingAfterAFullDisk(SimOptions& options) {
   for (const char* fault : {"full", "failing"}) options.faults_per_hour[fault] = 0;
   options.faults_per_hour["full_prune"] = 3;
-  // Shorter than the minute after a disk fault in which the invariants allow refused inserts.
+  // In the minute after a disk fault, the invariants allow refused inserts. This time is shorter.
   static constexpr std::chrono::seconds kRefuses(55);
   const auto full = std::make_shared<std::map<AgentId, MonotonicTime>>();
   Hooks hooks;
