@@ -26,7 +26,7 @@
 namespace moondb {
 namespace {
 
-// Maximum count of a context. With the highest possible value, a trained probability is the average over many maps.
+// Maximum count of a context. With the highest possible value, a trained probability averages over many maps.
 constexpr std::uint32_t kCountLimit = BitModel::kCountMax;
 constexpr int kDrives = 150;
 constexpr int kMapsPerDrive = 16;

@@ -199,7 +199,6 @@ TEST_F(EveryCommandTest, ReportsItsResultWithAllWithDeadAndWithFrozenAgents) {
   MoonctlExpecting(kUnreachable, {"status"});
 }
 
-// Cases() must contain every command.
 TEST(EveryCommandListTest, KnowsEveryCommand) {
   CommandContext context("");
   Command app;

@@ -137,7 +137,6 @@ TEST_F(FourMachinesTest, CommandsOfTheReadmeWorkThroughOneAgentAndNameIt) {
   EXPECT_EQ(AtRover2(0, {"-a", "rover2", "status"}).error, "") << "its own agent is asked itself";
 }
 
-// rover3's operator may query all agents, but may command only rover3.
 TEST_F(FourMachinesTest, AnAgentOutsideCommandFromRelaysOnlyQueries) {
   EXPECT_EQ(At("rover3", {"status"}).exit_code, 0);
   const Outcome refused = At("rover3", {"-a", "rover1", "record", "insert", "temperature", "{\"celsius\": 1}"});

@@ -28,7 +28,6 @@ class ProcessTeam : public testing::Test {
   void SetUp() override;
   void TearDown() override;
 
-  // Runs `moonctl` for this team.
   Outcome Moonctl(std::vector<std::string> arguments);
   // Runs `moonctl`, expects `exit_code`, and returns stdout.
   std::string MoonctlExpecting(int exit_code, std::vector<std::string> arguments);

@@ -430,7 +430,6 @@ TEST_F(ProcessTest, RefusesASecondAgentOnTheSameDataOrAddress) {
   const Outcome same_address = StartAgent("rover1", {"--data-dir", folder_ / "other"})->Wait();
   EXPECT_EQ(same_address.exit_code, 1) << same_address.error;
   EXPECT_EQ(std::count(same_address.error.begin(), same_address.error.end(), '\n'), 1) << same_address.error;
-  // The first agent is still reachable.
   EXPECT_EQ(Moonctl({"status", "-a", "rover1"}).exit_code, 0);
 }
 
@@ -472,7 +471,6 @@ TEST_F(ProcessTest, StopsTheOthersWhenOneCannotStart) {
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
 }
 
-// Other agents send the agent's own records back.
 TEST_F(ProcessTest, SetsADamagedDatabaseAsideAndIsFilledAgain) {
   MoonctlExpecting(0, {"up"});
   std::string key = MoonctlExpecting(0, {"-a", "rover3", "record", "insert", "temperature", R"({"celsius": -40.5})"});

@@ -70,7 +70,6 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
   }
 }
 
-// Each command must be shown at least once in the pages of docs/commands.
 TEST_F(CommandLineTest, ShowsEveryCommandInAPage) {
   std::string pages;
   for (const auto& entry : std::filesystem::directory_iterator(MOONDB_COMMAND_PAGES)) {

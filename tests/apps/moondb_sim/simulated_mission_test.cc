@@ -96,7 +96,6 @@ TEST(SimulatedMissionTest, SurvivorsTakeTheLeadInOneSeedOfThree) {
   EXPECT_GT(failovers, 0);
 }
 
-// Regression test. Each of these seeds once violated an invariant.
 TEST(SimulatedMissionTest, KeepsAllRulesInSeedsThatBrokeOne) {
   struct Seed {
     std::uint64_t number;
