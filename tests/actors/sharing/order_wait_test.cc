@@ -267,8 +267,8 @@ TEST_F(OrderWaitTest, AnAgentThatRefusesToShareDoesNotCountAsGathered) {
   EXPECT_EQ(PairOf(reply, kRover, kLeader).why(), "does not share");
 }
 
-// The rover is still sending for an order of term 1 when the leader begins term 2. This order covers only the records
-// that the rover held when the order arrived. The leader must therefore wait for an order of its own.
+// The rover is still carrying out an order of term 1 when the leader begins term 2. That order covers only the 300
+// records that the rover held when the order arrived, so it does not complete the gathering in term 2.
 TEST_F(OrderWaitTest, AnEarlierOrderDoesNotCountAsGathering) {
   InsertAt(kRover, 300);
   team_.radio().bytes_per_second = 3'000;

@@ -72,8 +72,8 @@ class SessionFixture : public testing::Test {
     Take(session_.OnHave(have, now_));
   }
 
-  // Stores a batch at the destination, and returns the destination's acknowledgment. It requests a new run if the batch
-  // cannot be decoded.
+  // Stores a batch at the destination, and returns the destination's acknowledgment. The acknowledgment requests a new
+  // run if the batch cannot be decoded.
   proto::Have Store(const proto::Message& message) {
     const proto::Batch& batch = message.batch();
     std::string coded = batch.coded();

@@ -179,8 +179,8 @@ TEST_F(SharingReceiverTest, RefusesToContinueAnUnknownSession) {
   EXPECT_EQ(receiver_.OnBatch(2, Batch(9, 1), now_)->size(), 1u) << "the session that is known stays";
 }
 
-// Each sender sends ten batches. A batch takes less than 10 kB, but decodes to 16 MiB. The receiver decodes two of them
-// and drops the others.
+// Each sender sends ten batches. A batch takes less than 10 kB, but decodes to 16 MiB. At first, the receiver decodes
+// two batches of each sender and drops the others.
 TEST_F(SharingReceiverTest, LimitsTheBytesDecodedPerSenderAndMinute) {
   proto::RecordBatch records;
   *records.add_records()->mutable_key() = ToProto(RecordKey{{2, 9, proto::POWER}, 1});

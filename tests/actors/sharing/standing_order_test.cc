@@ -177,7 +177,7 @@ TEST_F(StandingOrderTest, AnOrderWithoutStatesWaitsInAWindowForStates) {
   EXPECT_TRUE(TakeSent().empty());
 }
 
-// The first order covers only kSelf's records, so the destination's have-set lists only kSelf's streams. The
+// The first order covers only kSelf's records, so the destination's have-set covers only kSelf's streams. The
 // destination also holds all records of agent kSelf + 1, which the session must not send.
 TEST_F(StandingOrderTest, AsksOnlyForTheOriginsInItsFilterAndAgainForOthers) {
   for (int i = 0; i < 20; ++i) {

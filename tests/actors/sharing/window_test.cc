@@ -78,7 +78,7 @@ class WindowTeam {
   std::map<AgentId, std::shared_ptr<MemoryStore>> stores_;
   std::map<AgentId, MonotonicTime> quiet_until_;
   int bulky_ = 0;           // Number of sent batches of types other than POWER.
-  int bulky_by_quiet_ = 0;  // Number of such batches sent by agents with a lease.
+  int bulky_by_quiet_ = 0;  // Number of the batches in `bulky_` that agents sent during a lease.
   simulation::SimulatedTeam team_;
 };
 
