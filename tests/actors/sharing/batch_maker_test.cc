@@ -235,8 +235,8 @@ TEST_F(BatchMakerTest, AnOrderBeforeTheEndDoesNotRestartTheRun) {
   EXPECT_EQ(Status().resends(), 0);
 }
 
-// The destination loses its decoder of the run. It cannot read the batches that the session has already coded in this
-// run.
+// The destination loses its decoder of the run. The destination then cannot read the batches that the session has
+// already coded in this run.
 TEST_F(BatchMakerTest, SendsNoMoreBatchesOfABrokenRun) {
   OrderMaps(60, 0, 2048);
   const proto::Message first = sent_.front();

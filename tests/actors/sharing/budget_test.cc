@@ -183,8 +183,8 @@ TEST_F(BudgetTest, ARestartedSharingActorSharesTheBudgetAgain) {
   team_.SetLink(3, kLeader, false);
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(rate(2, actor_name::kSync), kBudget);
-  // The replica actor restarts again. It learns that the sync actor serves one sender, and grants agent 3 half of the
-  // budget.
+  // The replica actor restarts again. It then learns that the sync actor serves one sender, and grants agent 3 half of
+  // the budget.
   team_.CrashActor({kLeader, actor_name::kReplica});
   team_.AdvanceTime(seconds(1));
   team_.SetLink(3, kLeader, true);

@@ -143,7 +143,7 @@ TEST_F(CustomTypesTeamTest, SendsTheBaseStationOnlyTheNewestIfGroundIsLatest) {
   for (int i = 1; i <= 20; ++i) Insert(kRover, kSoil, std::to_string(i), "hole " + std::to_string(i % 2));
   Insert(kLeader, kSoil, "the leader's own");
   // The first sync sends the base station only the records that the leader held when the sync began. The second sync
-  // sends the records that the leader received during the first.
+  // sends the records that the leader received during the first sync.
   SyncAndReplicate();
   SyncAndReplicate();
   EXPECT_EQ(PayloadsAt(kLeader, kSoil).size(), 21u);

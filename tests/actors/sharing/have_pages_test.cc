@@ -105,8 +105,8 @@ TEST_F(HavePagesTest, RepeatedAndLatePagesChangeNothing) {
     for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
     EXPECT_EQ(sent_.size(), sent) << "a page that came twice is not answered";
   }
-  // All pages arrive once more, during the transfer of records. They still report correctly which records the
-  // destination has, so the session does not refuse them.
+  // All pages arrive once more, during the transfer of records. The pages still report correctly which records the
+  // destination has, so the session does not refuse these pages.
   for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
   ExpectOneRecordMoreAndTheEnd();
   EXPECT_EQ(Status().refused_haves(), 0);
@@ -122,8 +122,8 @@ TEST_F(HavePagesTest, PagesOfAnEarlierSessionAreIgnored) {
   EXPECT_TRUE(sent_.empty());
 }
 
-// A destination that restarted may have lost its disk. The pages that it sent before may name records that it no longer
-// has.
+// A destination that restarted may have lost its disk. The pages that it sent before may name records that are lost
+// now.
 TEST_F(HavePagesTest, AreRequestedFromTheFirstOnceTheDestinationRestarted) {
   Order();
   Take(session_.OnHave(PageFor(NextHello()), now_));

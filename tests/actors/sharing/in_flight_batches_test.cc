@@ -196,7 +196,8 @@ TEST_F(InFlightBatchesTest, AnAcknowledgmentAfterGivingUpCounts) {
   OrderMaps(60);
   const std::vector<proto::Message> sent = TakeSent();
   ASSERT_GE(sent.size(), 2u);
-  // The second batch of the run arrives before the first. The destination cannot decode it and requests a new run.
+  // The second batch of the run arrives before the first batch. The destination cannot decode the second batch alone,
+  // and requests a new run.
   const proto::Have stored = Store(sent[1]);
   EXPECT_TRUE(stored.needs_new_run());
   Take(session_.OnHave(stored, now_));

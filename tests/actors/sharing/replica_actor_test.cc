@@ -86,7 +86,7 @@ TEST_F(ReplicaActorTest, ANewLeaderGathersAllRecordsOfTheTeamOnce) {
   InsertAtLeader(1);
   team_.AdvanceTime(seconds(100));
   EXPECT_EQ(stores_[3]->records().size(), 31u);
-  // Agent 3 begins another term, as after a restart with a disk that may be empty. It gathers again.
+  // Agent 3 begins another term, as after a restart with a disk that may be empty. Agent 3 then gathers again.
   NotifyRoles(team_, config_, 3, Roles(3, 2, 4));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(stores_[3]->records().size(), 34u);
@@ -132,12 +132,12 @@ TEST_F(ReplicaActorTest, KeepsGatheringWhileOneAgentDoesNotAnswer) {
   EXPECT_EQ(stores_[3]->records().size(), 31u);
   stores_[2]->Insert(2, proto::POWER, "of the survivor");
   team_.SetLink(3, 2, true);
-  // Neither agent was notified that the link was cut.
+  // Allows 30 s, because neither agent had noticed that the link was cut.
   team_.AdvanceTime(seconds(30));
   EXPECT_EQ(stores_[3]->records().size(), 32u);
 }
 
-// The new leader, agent 3, cannot reach agents 2 and 4. It gathers from agent 1 immediately, and from agent 2 when
+// The new leader, agent 3, cannot reach agents 2 and 4. Agent 3 gathers from agent 1 immediately, and from agent 2 when
 // agent 2 connects again.
 TEST_F(ReplicaActorTest, GathersFromReachableAgents) {
   InsertAtLeader(10);

@@ -164,7 +164,7 @@ class ReplicatingTeam {
     team_.RecordSent({kLogSelf, actor_name::kStorage});
   }
 
-  // Inserts nodes into agent 1's store. Their positions are random and do not compress.
+  // Inserts nodes with random positions, which do not compress, into agent 1's store.
   void InsertNodes(int count) {
     proto::Message message;
     for (int i = 0; i < count; ++i) {

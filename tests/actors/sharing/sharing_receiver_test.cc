@@ -70,7 +70,7 @@ class SharingReceiverTest : public testing::Test {
     return batches;
   }
 
-  // Returns true if the receiver reacts to the batch with one StoreRequest that contains all its records.
+  // Returns true if the receiver reacts to the batch with one StoreRequest that contains all records of the batch.
   bool IsStored(const proto::Message& batch, AgentId sender = 2) {
     const auto actions = receiver_.OnBatch(sender, batch, now_);
     if (!actions || actions->size() != 1 || !actions->front().message.has_store_request()) return false;

@@ -201,8 +201,8 @@ TEST(CustomRecordsTest, KeepsTheRowsOfATypeThatIsNoLongerDeclared) {
   }
   auto store = OpenStore(WithoutTypes(2, path));
   EXPECT_THAT(PayloadsOf(*store, kSoil), testing::ElementsAre("own", "of a peer"));
-  // The store still sends peers' records of this type. It does not send its own, because its team file has no policy
-  // for the type.
+  // The store still sends peers' records of this type. The store does not send its own records of this type, because
+  // its team file has no policy for the type.
   EXPECT_THAT(PayloadsOf(store->GetMissing({})->records()), testing::ElementsAre("of a peer"));
   store.reset();
   store = OpenStore(StoreOptionsOf(2, path));

@@ -104,14 +104,14 @@ TEST_F(LastRunTest, FindsNothingInARestoredBackup) {
 }
 
 // A peer returns this agent's events of epoch 5. These events are older than the events of the current epoch, although
-// the second one is stored last.
+// the second event is stored last.
 TEST_F(LastRunTest, OrdersEventsByEpochAndNotByWhenTheyWereStored) {
   const std::vector<proto::StoredRecord> former = {
       Packed({{1, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_STARTED, "started long ago", "", kNow_ns)),
       Packed({{1, 5, proto::AGENT_EVENT}, 2}, MakeEvent(proto::EVENT_KIND_COMMAND, "sync now", "", kNow_ns))};
   {
     auto store = Start();
-    // The process then begins an epoch above 5 for its own records.
+    // This record makes the process begin an epoch above 5 for its own records.
     StoreOne(*store, former[0]);
     Notify(*store, proto::EVENT_KIND_STARTED, "started");
     ASSERT_TRUE(store->WriteDownStop(kNow_ns));

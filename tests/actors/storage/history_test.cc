@@ -28,7 +28,7 @@ RecordStore::Options WithHistory(const std::string& path = ":memory:") {
   for (const auto& [type, policy] : options.policies) {
     if (policy == proto::POLICY_LATEST) options.history.keep[type] = KeepRule{};
   }
-  options.history.keep[1001] = KeepRule{};  // The type "beacon", of which the latest record of each key is kept.
+  options.history.keep[1001] = KeepRule{};  // Custom type "beacon", under policy `latest`.
   options.history.keep[proto::OPTIMIZED_POSE] = KeepRule{milliseconds::zero()};
   return options;
 }

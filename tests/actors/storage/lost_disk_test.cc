@@ -379,7 +379,7 @@ TEST_F(LostDiskTest, ALeadersPosesOfANewerTermWinInALowerEpoch) {
   }
   Wipe();
   InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, /*term=*/6, 1, 60));
-  // The peer has a newer pose of this node, of term 5.
+  // The peer has a newer pose of this node, from term 5.
   InsertOne(*store_, OptimizedPoseRecord({kSelf, 2}, /*term=*/4, 9, 49));
   const std::uint64_t low = store_->GetHave().epoch();
   Exchange(*store_, *peer_);

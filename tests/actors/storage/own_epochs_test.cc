@@ -123,7 +123,7 @@ TEST(OwnEpochsTest, FollowsAChainOfBases) {
   const std::uint64_t the_same_disk = Epoch(5, kLost, knew_third);
   const std::uint64_t its_replacement = Epoch(6, kAnother, the_same_disk);
   for (const std::uint64_t epoch : {knew_third, the_same_disk, its_replacement}) own.Learn(epoch);
-  // A later epoch of the replacement disk. This file does not know on which epoch it is based.
+  // A later epoch of the replacement disk. This file does not know on which epoch that epoch is based.
   own.Learn(Epoch(8, kAnother, kNeverShared));
   EXPECT_THAT(own.Endangered().certain, ElementsAre(fifth));
   // The lost disk returns, hears of the fifth epoch, and begins an epoch based on it.
@@ -136,7 +136,7 @@ TEST(OwnEpochsTest, FindsWhereAnOlderCopyDiverged) {
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
   const std::uint64_t others_third = Epoch(3, kOurs, second, second, 0);
-  // This file is an older copy. The original file began another third epoch.
+  // This file is an older copy. The original file began a third epoch of its own.
   own.Learn(others_third);
   own.Learn(Epoch(4, kOurs, others_third));
   EXPECT_THAT(own.Endangered().certain, IsEmpty());

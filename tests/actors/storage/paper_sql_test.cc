@@ -243,7 +243,8 @@ TEST(PaperSqlTest, RefusesLongStatementsBeforeSqliteReadsThem) {
       long_one(begin + "(1, 1, 1) RETURNING 1", ",1"),
       long_one("INSERT INTO temperature (celsius", ",celsius"),
       long_one("INSERT INTO temperature (celsius) SELECT 1", " UNION SELECT 1"),
-      // In these statements the single quote does not begin a string, so the check must count the commas behind it.
+      // In these statements the single quote does not begin a string, so the check must count the commas behind the
+      // quote.
       long_one(begin + "(\"'\"", ",1"),
       long_one(begin + "([']", ",1"),
       long_one(begin + "(`'`", ",1"),

@@ -1,4 +1,4 @@
-// Reads the records that peers cover from table peer_have, for comparison with a have-set.
+// Reads from table peer_have which records a peer covers, for comparison with a have-set.
 #pragma once
 
 #include <map>

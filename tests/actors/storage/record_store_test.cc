@@ -205,7 +205,7 @@ TEST(RecordStoreTest, InsertsAllRecordsOrNone) {
   EXPECT_EQ(bad.error().code(), proto::ERROR_CODE_INVALID);
   EXPECT_EQ(bad.error().field(), "records[1].temperature.celsius");
   EXPECT_EQ(bad.keys_size(), 0);
-  // The store wrote the first node's row before it refuses the second node in the same transaction.
+  // The store refuses the second node after it has written the first node's row in the same transaction.
   const proto::InsertReply twice = InsertAll(*store, {NodeRecord(2, 1, 0), NodeRecord(2, 1, 5)});
   EXPECT_EQ(twice.error().field(), "records[1].pose_graph_node");
   EXPECT_TRUE(Contents(*store).empty());
@@ -662,7 +662,7 @@ TEST(RecordStoreTest, RecordsInsertedAfterAMarkAreNotMissing) {
   EXPECT_EQ(store->GetMissing(request)->records_size(), 4) << "no mark";
 }
 
-// The marked state was superseded, so the destination needs the newer state. Otherwise it would have no state.
+// The marked state was superseded. Without the newer state, the destination would have no temperature.
 TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, TemperatureRecord(1));
