@@ -1,6 +1,6 @@
-// Tests batches of wire version 1 in every codec, as an agent of that version wrote them. If a test fails, the code
-// implements another wire version (docs/COMPATIBILITY.md). Batches with zstd are only decoded, because each version of
-// zstd writes other bytes.
+// Tests batches of wire version 1 in the codecs compact, plain and zstd, as an agent of that version wrote them. If a
+// test fails, the code implements another wire version (docs/COMPATIBILITY.md). Batches with zstd frames are only
+// decoded, because each version of zstd may write other bytes.
 #include <gtest/gtest.h>
 
 #include "actors/sharing/codec.h"

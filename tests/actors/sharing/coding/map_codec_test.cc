@@ -225,7 +225,7 @@ std::vector<Layers> RollingBlocks() {
   return maps;
 }
 
-// Returns three maps with rows of 151 cells. The encoder prepares such long rows in several parts.
+// Returns three maps with rows of 151 cells. The encoder codes such long rows in several blocks.
 std::vector<Layers> WideMaps() {
   std::vector<Layers> maps;
   for (int i = 0; i < 3; ++i) {
