@@ -1,5 +1,5 @@
-// Worlds for tests of merging: drawn as text, or random from a seed. MergeByBruteForce and MergeByGeometry compute the
-// expected merge. They share no code with the backends.
+// Helpers for tests of merging: maps drawn as text, and random worlds. MergeByBruteForce and MergeByGeometry compute
+// the expected merge, and share no code with the backends.
 #pragma once
 
 #include <cstddef>
@@ -46,8 +46,8 @@ MergeResult ReadAll(const Merger& merger);
 // Returns how many cells differ in value, map or layer. Returns the number of all cells if the sizes or origins differ.
 std::size_t CountDifferences(const MergeResult& a, const MergeResult& b);
 
-// Merges cell by cell: looks the cell up in every block, with 64-bit integers, and takes the value with the largest
-// key.
+// Merges cell by cell: looks the cell up in every block, with 64-bit integers, and takes the value with the highest
+// priority.
 MergeResult MergeByBruteForce(const World& world);
 
 // Result of MergeByGeometry, which uses trigonometry in long double and does not round to integers. `is_certain` is

@@ -59,7 +59,7 @@ TEST_P(PlanarSystemTest, DerivativesMatchTheCost) {
     const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(gradient.size(), i);
     const PlanarState ahead = system_.Plus(state_, step);
     const PlanarState behind = system_.Plus(state_, -step);
-    // The gradient is that of F / 2, so the difference over two steps is divided by 4.
+    // The gradient is that of F / 2. The difference over two steps is therefore divided by 4.
     EXPECT_NEAR((system_.Cost(ahead) - system_.Cost(behind)) / (4 * kStep), gradient[i], 1e-4 * gradient.norm());
     system_.Linearise(ahead, Curvature::kExact);
     const Eigen::VectorXd gradient_ahead = system_.gradient();
@@ -104,7 +104,8 @@ TEST(PlanarSystemPartTest, EdgesOfInactiveNodesDoNotCount) {
   EXPECT_DOUBLE_EQ(part.Cost(state), alone.Cost(state));
 }
 
-// A long chain with one loop closure of a wrong length. The far poses must swing along a narrow valley of the cost.
+// Returns a chain of `count` poses with one loop closure of a wrong length. To reach the minimum, the far poses must
+// move along a narrow valley of the cost.
 StandaloneGraph LongLoop(int count) {
   StandaloneGraph graph;
   graph.is_planar = true;
@@ -117,7 +118,7 @@ StandaloneGraph LongLoop(int count) {
   return graph;
 }
 
-// Composes the steps of the chain, starting at the first node.
+// Returns the poses that result from the chain's steps, starting at the first node.
 PlanarState Composed(const StandaloneGraph& graph) {
   PlanarState state(graph.nodes.size(), Eigen::Vector3d::Zero());
   Pose pose;
@@ -157,7 +158,7 @@ TEST(PlanarDescentTest, ConvergesInFewStepsThoughEdgesContradictEachOther) {
   EXPECT_LT(descent.iterations, 40);
 }
 
-// If only rounding errors remain, heavy edges leave a gradient above any fixed tolerance.
+// At the minimum, rounding errors in edges with large weights leave a gradient above any fixed tolerance.
 TEST(PlanarDescentTest, EndsAtOnceIfOnlyRoundingErrorsRemain) {
   StandaloneGraph graph = LongLoop(500);
   graph.steps.pop_back();
