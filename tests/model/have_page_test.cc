@@ -11,7 +11,7 @@
 namespace moondb {
 namespace {
 
-// Returns all pages of a have-set.
+// Returns `have` as pages of at most `bytes_max` bytes each.
 std::vector<proto::HaveSet> PagesOf(const HaveSet& have, std::size_t bytes_max) {
   std::vector<proto::HaveSet> pages;
   for (std::optional<RecordKey> from = RecordKey(); from;) {

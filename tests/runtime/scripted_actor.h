@@ -36,7 +36,7 @@ inline ActorFactory Scripted(ScriptedActor::OnStartFunction on_start, ScriptedAc
 
 inline ActorFactory OnEachMessage(ScriptedActor::OnMessageFunction on_message) { return Scripted({}, on_message); }
 
-// A message that is identified by its request_id.
+// Returns a message with this request_id.
 inline proto::Message Numbered(std::uint64_t number) {
   proto::Message message;
   message.set_request_id(number);

@@ -23,7 +23,7 @@ class GroundTest : public testing::Test {
   // composition of all steps before it.
   void Drive(AgentId agent, std::uint64_t seed, std::uint64_t count, const std::function<double(double)>& slope_at) {
     std::mt19937_64 rng(seed);
-    // A rotation by a small angle changes the quaternion by half the angle.
+    // A quaternion component of a small rotation is half the rotation's angle.
     std::normal_distribution<double> noise(0, kTiltNoise_rad / 2);
     Pose raw{Eigen::Vector3d::Zero(), Pitch(-slope_at(0))};
     for (std::uint64_t i = 0; i < count; ++i) {

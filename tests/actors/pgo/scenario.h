@@ -25,8 +25,9 @@ struct ScenarioOptions {
   std::vector<double> scale_errors = {};  // Scale error of each rover. Rovers beyond the list have none.
   double step_noise_m = 0.02;             // Sigma of a step in x and y. The sigma in z is half as large.
   double yaw_noise_rad = 0.004;           // Sigma of a step.
-  double tilt_noise_rad = 0.002;  // Sigma per odometry step. The tilt of raw poses follows gravity within 0.01 rad.
-  double bias_sigma_m = 0;        // Sigma of each pair's range bias.
+  // Sigma of a step. The roll and pitch of raw poses follow gravity, with a sigma of 0.01 rad.
+  double tilt_noise_rad = 0.002;
+  double bias_sigma_m = 0;  // Sigma of each pair's range bias.
   Eigen::Vector3d antenna_m = Eigen::Vector3d(0.3, 0.2, 0.5);
   bool has_base_station = true;
   double start_sigma_m = 0.05;  // Sigma of the configured start positions.
