@@ -99,8 +99,8 @@ TEST(HavePageTest, ContinuesInsideIntervalsThatHaveMerged) {
   EXPECT_EQ(writer.page().streams(0).held(0).last(), 100u);
 }
 
-// A have-set with the maximum number of streams. Two streams have the maximum number of intervals, the others one
-// interval each. All numbers have the maximum length on the wire.
+// The have-set has the maximum number of streams. Two streams have the maximum number of intervals, and all others have
+// one interval. All numbers have the maximum length on the wire.
 TEST(HavePageTest, TheLargestHaveSetIsWithinTheLimits) {
   HaveSet have;
   const std::uint64_t epoch = UINT64_MAX - kHaveStreamsMax;

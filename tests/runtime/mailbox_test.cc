@@ -43,7 +43,7 @@ Mailbox::Item PeerEvent(std::uint64_t number) {
   return item;
 }
 
-// A message whose record_id is, for example, "7/old". Its mailbox key is the part before the slash.
+// Returns a message whose record_id is `key`. LatestByKey uses the record_id as the message's key.
 Mailbox::Item Keyed(const std::string& key, std::uint64_t number, std::size_t bytes = 0) {
   proto::Message message = Numbered(number);
   message.set_record_id(key);

@@ -14,7 +14,7 @@ class ScriptedActor final : public Actor {
   using OnStartFunction = std::function<void(Context&)>;
   using OnMessageFunction = std::function<void(Context&, const proto::Message&)>;
 
-  // Either function may be empty.
+  // `on_start` and `on_message` may be empty.
   ScriptedActor(OnStartFunction on_start, OnMessageFunction on_message)
       : on_start_(std::move(on_start)), on_message_(std::move(on_message)) {}
 

@@ -103,7 +103,7 @@ TEST_F(EventActorTest, ReportsRolesThatItsOwnAgentIssuedAfterTheFirst) {
 
 TEST_F(EventActorTest, ReportsNewlyRefusedRecordsOnceAMinute) {
   (void)Notified();
-  Rejected(5);  // Storage counts since the agent's start. EventActor reports only increases, so not the first count.
+  Rejected(5);  // EventActor reports increases of storage's count. The first count only gives the baseline.
   EXPECT_THAT(Notified(), IsEmpty());
   Rejected(8);
   EXPECT_THAT(Notified(), ElementsAre("3 records were refused by storage"));

@@ -19,7 +19,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 
 // Agent 1 runs StorageActor and EventActor. Agents 2 and 3 run no actors; the tests only connect and disconnect them.
-// Minutes sends the messages of agent 1's lease actor.
+// The function Minutes takes the place of agent 1's lease actor.
 class FindingsTest : public testing::Test {
  protected:
   FindingsTest() {

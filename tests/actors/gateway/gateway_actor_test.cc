@@ -879,7 +879,7 @@ TEST_F(GatewayActorTest, RelaysARequestToAnotherAgentAndReturnsItsAnswer) {
   EXPECT_TRUE(team_.Take({1, actor_name::kStorage}).empty());
   const auto asked = team_.Take({2, actor_name::kStorage});
   ASSERT_EQ(asked.size(), 1u);
-  // A client of agent 2 itself would get 1 MB.
+  // The limit for agent 2's own clients is 1 MB.
   EXPECT_EQ(asked[0].read_request().content_bytes_max(), kRelayedContentBytesMax);
   proto::Message page;
   page.set_request_id(asked[0].request_id());

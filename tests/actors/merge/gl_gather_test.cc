@@ -71,7 +71,7 @@ TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
   }
 }
 
-// The first rounds of draws have room for fewer maps per cell than this test needs.
+// This test places more maps over one cell than the first rounds of draws can hold.
 TEST_F(GlGatherTest, GathersHundredsOfMapsOverOneCell) {
   World world;
   std::mt19937_64 rng(302);

@@ -66,7 +66,7 @@ class PolicyPictureTest : public testing::Test {
     legend_.push_back(what);
   }
 
-  // Merges `part`. Returns the merged cells within the extent of the whole world_.
+  // Merges `part`. Returns the merged cells within the extent of world_, which contains all maps.
   Rows Show(const World& part, std::shared_ptr<GatherBackend> backend) const {
     Merger whole(world_.grid, backend);
     whole.Assign(world_.maps, world_.footprints);

@@ -14,7 +14,7 @@ namespace moondb::simulation {
 struct ScenarioOptions {
   std::uint64_t seed = 1;
   int rover_count = 3;   // Rovers are agents 1 to rover_count. The base station is agent rover_count + 1.
-  int node_count = 100;  // Per rover.
+  int node_count = 100;  // Nodes per rover.
   double step_m = 1;
   int range_every = 4;  // Number of nodes from one range to the next.
   double range_sigma_m = 0.10;

@@ -187,8 +187,8 @@ TEST_P(StandaloneSolverTest, ReportsThatAMirroredShapeFitsAsWell) {
     if (i > 0) drive.graph().steps.push_back({nodes[i - 1], nodes[i], Pose::FromPlanar(1, 0, 0), 100, 50});
     pose = pose * Pose::FromPlanar(1, 0, 0);
   }
-  // In space, mirroring a single point at the line is the same as rotating the whole graph. Two points have a mirrored
-  // shape.
+  // In space, mirroring a single point at the line is the same as rotating the whole graph. With two points, the
+  // mirrored graph has another shape.
   for (const Eigen::Vector3d& at : {Eigen::Vector3d(8, 5, 0), Eigen::Vector3d(12, -3, 0)}) {
     const std::size_t point = drive.AddPoint(at);
     for (const std::size_t node : nodes) drive.Range(node, point);

@@ -51,7 +51,7 @@ class FailoverActorTest : public testing::Test, protected RoleTeam {
     }
   }
 
-  // From now on records each leader check in `checks_`: "2?1" if agent 2 checks agent 1, "1!2" if agent 1 replies.
+  // From now on, adds each leader check to `checks_`: "2?1" if agent 2 checks agent 1, "1!2" if agent 1 replies.
   void CountChecks() {
     team_.SetFilter([this](AgentId from, AgentId to, const proto::Message& message) {
       if (message.has_leader_check()) {

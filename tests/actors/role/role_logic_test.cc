@@ -259,7 +259,7 @@ TEST_F(RoleLogicTest, ShowsItsHistory) {
   EXPECT_EQ(logic_.Show(false).history_size(), 0);
 }
 
-// Agent 1, whose storage contains roles in which agent 1 is the leader.
+// Agent 1 starts with stored roles in which it is the leader.
 class RoleLogicLeaderTest : public testing::Test {
  protected:
   RoleLogicLeaderTest() { started_ = logic_.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0); }

@@ -279,8 +279,8 @@ class Mission {
     return reply ? *reply : proto::ControlReply();
   }
 
-  // Sends all requests at once, each from a client of its own. Returns the answer to each request, or nullopt if none
-  // came within kClientPatience.
+  // Sends all requests at once, each from a client of its own. Returns the answer to each request, or nullopt if no
+  // answer arrived within kClientPatience.
   std::vector<std::optional<proto::ControlReply>> Call(AgentId agent,
                                                        const std::vector<proto::ControlRequest>& requests) {
     std::vector<std::optional<proto::ControlReply>> replies(requests.size());

@@ -14,8 +14,9 @@ constexpr std::uint16_t kPort = 7400;
 constexpr std::uint16_t kClientPort = 7500;
 constexpr std::uint64_t kSharedBytes = 32 * 1024 * 1024;
 
-// The port of agents admits 8 connections from 10.0.0.2 (two agents), 4 from 10.0.0.3 (one agent), and 5 from other
-// addresses; at most 4 per key. The port of clients admits 3 connections, at most 2 per key.
+// The port of agents admits 8 connections from 10.0.0.2 (two agents), 4 from 10.0.0.3 (one agent) and 5 from other
+// addresses, but at most 4 with the same key. The port of clients admits 3 connections, but at most 2 with the same
+// key.
 class ConnectionRulesTest : public testing::Test {
  protected:
   void Open(int file, const std::string& peer, std::uint16_t port = kPort) {

@@ -129,7 +129,7 @@ TEST_F(KeyedClientsTest, ARevokedKeyLosesItsRightsAndItsReplacementIsAdmitted) {
   EXPECT_EQ(rights, proto::CLIENT_RIGHTS_NONE);
   proto::Message large;
   large.set_control_request(std::string(100'000, 'x'));
-  client.Send(large.SerializeAsString());  // The agent does not even parse this request.
+  client.Send(large.SerializeAsString());  // The agent drops this large request without parsing it.
   const OwnedMessage short_one = HeardOf(client);
   ASSERT_NE(short_one, nullptr);
   EXPECT_LT(short_one->control_request().size(), 100u);

@@ -307,7 +307,7 @@ TEST_F(TransportFaultsTest, ControlOvertakesWaitingBulkDataAndTheNewestRolesRepl
   map.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
   const int accepted = Fill(map);
   for (const char* reason : {"first", "second", "third"}) {
-    proto::Message roles = Marked("roles", 1100);  // Larger than the remaining credit.
+    proto::Message roles = Marked("roles", 1100);  // This message is larger than the remaining credit.
     roles.set_ms_type(proto::CONTROL);
     roles.mutable_role_announce()->mutable_roles()->set_reason(reason);
     EXPECT_EQ(SendToPeer(roles), SendResult::kAccepted) << "although the outbox is full of maps";

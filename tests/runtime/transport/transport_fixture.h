@@ -112,7 +112,7 @@ inline std::string OnLink(std::uint32_t link_number, const std::string& messages
   return frame + messages;
 }
 
-// A DEALER socket without moondb: a client, or a peer that breaks the protocol.
+// A DEALER socket that bypasses moondb's transport: a client, or a peer that breaks the protocol.
 class RawDealer {
  public:
   struct Keys {
@@ -176,7 +176,7 @@ class RawDealer {
   void* monitor_ = nullptr;
 };
 
-// A ROUTER socket without moondb and CURVE: a peer that reads only when the test calls Receive.
+// A ROUTER socket that bypasses moondb's transport and CURVE: a peer that reads only when the test calls Receive.
 class RawRouter {
  public:
   struct Frame {
