@@ -642,7 +642,8 @@ TEST_F(MergeActorTest, ReportsTheTilesThatChangedSinceAVersion) {
   ASSERT_EQ(third.tiles_size(), 1);
   EXPECT_TRUE(third.tiles(0).zstd_cells().empty()) << "nothing is known there any more";
 
-  tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);  // This id is from before a restart of the actor.
+  // The id differs, as it does after a restart of the actor.
+  tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);
   EXPECT_EQ(Tiles()->tiles_size(), first.tiles_size() - 1);
   tiles_request_.clear_merger_id();
   tiles_request_.mutable_region()->set_x_min_m(99);

@@ -36,8 +36,8 @@ class SignedTeam {
     for (const AgentId agent : agents_) Start(agent, {});
   }
 
-  // Restarts the agent with another disk. `disk`: the assignments that the agent acted on. `records`: assignments that
-  // its storage contains as records.
+  // Restarts the agent. `disk`: the stored assignments that the agent acted on. `records`: assignments that its storage
+  // contains as records.
   void Start(AgentId agent, std::vector<proto::RoleAssignment> disk,
              const std::vector<proto::RoleAssignment>& records = {}) {
     logics_[agent] = std::make_unique<RoleLogic>(OptionsOf(agent));

@@ -38,8 +38,8 @@ constexpr int kTriesMax = 30;
 constexpr Duration kClientPatience = seconds(6);
 constexpr Duration kDownTime = seconds(3);  // Time until a killed agent restarts.
 
-// Returns the folder for the agents' databases: /dev/shm, or the system's temporary folder if there is no /dev/shm.
-// Files in memory are fast, and survive a crash of the simulated agent.
+// Returns the parent of the mission's temporary folder: /dev/shm, or the system's temporary folder if there is no
+// /dev/shm. Files in memory are fast, and survive a crash of the simulated agent.
 std::filesystem::path FolderOfFolders() {
   const std::filesystem::path memory("/dev/shm");
   std::error_code ignored;
@@ -440,7 +440,7 @@ class Mission {
     if (reply->optimize().updated_pose_count() > newest_count) Complain("optimized poses are not stored");
   }
 
-  // Merges at `agent`. Complains if the merged map lacks a map whose insert at `agent` was acknowledged.
+  // Merges at `agent`. Complains if the merged map has fewer maps than were inserted at `agent` and acknowledged.
   proto::MergeReply Merge(AgentId agent) {
     std::set<NodeKey> nodes;
     for (const auto& [key, content] : acknowledged_) {
