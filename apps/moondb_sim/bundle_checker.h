@@ -1,5 +1,5 @@
-// BundleChecker: checks that one simulated agent's bundles for the ground station behave as docs/DOWNLINK.md says. It
-// uses only the requests and answers of the client that orders, fetches and acknowledges the bundles.
+// BundleChecker: checks that one simulated agent's bundles for the ground station behave as docs/commands/downlink.md
+// says. It uses only the requests and answers of the client that orders, fetches and acknowledges the bundles.
 //
 // - bundle_kept: A bundle stays available and unchanged until it is acknowledged, across restarts of the process.
 // - bundle_once: No record is in two bundles. When the team is quiescent, each record that the ground station wants is
