@@ -18,8 +18,8 @@ class Building {
 
   static Building Make(Random& random);
 
-  // Returns true if the point is in something solid. Coordinates are in metres from the middle of the floor. Everything
-  // outside the floor is wall.
+  // Returns true if the point lies in a wall or in furniture. Coordinates are in metres from the middle of the floor.
+  // Everything outside the floor counts as wall.
   bool IsSolid(double x_m, double y_m) const;
   // Returns true if nothing solid is within a rover's radius of this point.
   bool HasRoomAt(double x_m, double y_m) const;

@@ -44,8 +44,8 @@ struct RingState {
   caf::actor next;
 };
 
-// A message that contains an actor makes it the next actor of the ring. The last actor gets the first one in this way,
-// which closes the ring.
+// An actor of the ring. A message with an actor sets the receiver's successor. A message with a number travels around
+// the ring and ends the measurement at 0.
 caf::behavior RingActor(caf::stateful_actor<RingState>* self, Tally* tally) {
   return {[=](const caf::actor& next) { self->state.next = next; },
           [=](std::uint64_t left) {

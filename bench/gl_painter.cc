@@ -42,7 +42,7 @@ void main() {
 )glsl";
 
 struct Quad {
-  GLuint texture = 0;  // 0 for a footprint.
+  GLuint texture = 0;  // 0 if the quad is a footprint.
   PlacedRectangle placed;
 };
 
@@ -138,7 +138,8 @@ class GlPainter::Context {
     const PlacedRectangle& p = quad.placed;
     const double c = p.step_cos;
     const double s = p.step_sin;
-    const double scale = 1 / (c * c + s * s);  // Scale of the inverse rotation.
+    // The inverse of (c, s) is (c, -s) times this factor.
+    const double scale = 1 / (c * c + s * s);
     const double du = p.width_q / 2.0 - p.u0;
     const double dv = p.height_q / 2.0 - p.v0;
     const double x = static_cast<double>(p.anchor_x - extent.first_x) + 0.5 + scale * (c * du - s * dv);

@@ -1,9 +1,9 @@
-// GlPainter: the paper's merger on OpenGL (Section 5.3), a painter's algorithm. It sorts layers by resolution and time
-// and draws them over the whole map one after the other, the best layer last. Each layer is a texture, unknown cells
-// are discarded, and footprints are drawn on top.
+// GlPainter: the merger of the paper (Section 5.3), a painter's algorithm on OpenGL. It sorts layers by resolution and
+// time, and draws them one after the other over the whole map, the best layer last. Each layer is a texture, unknown
+// cells are discarded, and footprints are drawn on top.
 //
-// Places layers with floats, as graphics programs do. Cells at borders may therefore differ from those of the exact
-// mergers. Needs an OpenGL driver.
+// Needs an OpenGL driver. Places layers with floats, so cells at borders may differ from those of mergers with
+// integers.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +24,7 @@ class GlPainter {
   // Uploads the layers of the maps to the GPU.
   Result<void> Load(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid);
 
-  // Draws all layers and reads the resulting picture back, row by row.
+  // Draws all layers, and reads the resulting picture back into cells().
   Result<void> Merge(const CellBox& extent);
 
   const std::vector<Cell>& cells() const { return cells_; }

@@ -33,7 +33,7 @@ struct Options {
 struct Measured {
   double first_us = 0;
   double last_us = 0;
-  double bytes_an_insert = 0;  // Bytes per insert that were written to the database file and its log.
+  double bytes_an_insert = 0;  // Bytes per insert written to the database file and its log.
   double history_count = 0;
   double history_bytes = 0;
   double file_bytes = 0;
@@ -117,7 +117,7 @@ int RunBench(const Options& options) {
   if (!with) return Complain(with.error());
   Result<Run> without = Run::Begin(options, /*has_history=*/false);
   if (!without) return Complain(without.error());
-  // Inserts alternate between the two stores, so that a disk or processor which is busy for a while slows both equally.
+  // The inserts alternate between the stores, so that other load on the machine slows both equally.
   for (std::size_t i = 0; i < options.inserts; ++i) {
     if (const Result<void> done = with->Insert(static_cast<int>(i)); !done) return Complain(done.error());
     if (const Result<void> done = without->Insert(static_cast<int>(i)); !done) return Complain(done.error());

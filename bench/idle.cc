@@ -10,10 +10,10 @@
 namespace moondb {
 namespace {
 
-constexpr int kAgents = 4;  // Each agent has three peers.
+constexpr int kAgents = 4;
 constexpr int kPoolActors = 4;
 constexpr int kThreadActors = 3;
-// Time that an agent needs after its start until it is idle.
+// Time from the start of the agents until they are idle.
 constexpr std::chrono::seconds kSettling(5);
 
 class Idler final : public Actor {
@@ -29,7 +29,7 @@ void SpawnIdlers(ActorSystem& system, int count, Placement placement, const std:
   }
 }
 
-// Runs agents in this process, each set up as in an agent's program. Returns figures per agent.
+// Measures wake-ups and processor time of idle agents that run in this process. The results are averages per agent.
 Result<std::vector<Section>> RunIdle(const BenchOptions& options) {
   if (!IsAskedFor("moondb", options)) return std::vector<Section>{};
   Tally tally(/*sender_count=*/1, /*per_sender=*/1);

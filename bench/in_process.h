@@ -15,8 +15,8 @@ inline constexpr int kRingActors = 1000;
 
 // Functions that measure one contender. A function is empty if this build does not have the contender.
 struct InProcess {
-  // Messages per second to one actor from `sender_count` threads that belong to no actor. `count`: number of messages,
-  // summed over these threads.
+  // Messages per second from `sender_count` threads outside the actor system to one actor. `count` is the number of
+  // messages of all threads together.
   std::function<Result<double>(int sender_count, std::uint64_t count)> fan_in;
   // Messages per second from one actor to another, sent in bursts of kBurstMessages. The receiver acknowledges the last
   // message of a burst.
@@ -29,13 +29,13 @@ struct InProcess {
   Measure ping_pong_across_threads;
 };
 
-// Returns the functions for moondb. A small message has no body; its number is in request_id.
+// Returns the functions for moondb. The messages have no body; request_id holds each message's number.
 InProcess MoondbInProcess();
-// Returns the functions for the C++ Actor Framework, used as in its manual. A small message is one uint64_t.
+// Returns the functions for the C++ Actor Framework, used as in its manual. Each message is one uint64_t.
 InProcess CafInProcess();
-// Returns functions that use no actor library: the cost of the pattern itself on this machine. Numbers pass through a
-// bounded deque under a mutex, and the reader takes all waiting numbers together. A ring is virtual calls from object
-// to object. In a round trip two threads wake each other.
+// Returns functions that do the same work in plain C++, without an actor library. They show the best possible result on
+// this machine. Threads pass numbers through a bounded deque with a mutex, and the reader takes all waiting numbers at
+// once. A ring is a chain of virtual calls. In a round trip two threads wake each other.
 InProcess LimitInProcess();
 
 }  // namespace moondb

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kMarch_m = 0.0125;    // Step along a beam in the search for the wall that the beam hits.
 constexpr double kCross_m = 0.02;      // Step along a beam for marking the cells that the beam crosses.
-constexpr double kStrayShare = 0.002;  // Share of beams that end at a small object in the air.
+constexpr double kStrayShare = 0.002;  // Fraction of beams that end too early, at a small object in the air.
 constexpr double kDriveStep_m = 0.1;
 constexpr int kDriveTriesMax = 400;
 
@@ -24,7 +24,7 @@ struct Laser {
   double sigma_m = 0.01;
   int scan_count = 1;
   double scan_spacing_m = 0.1;
-  bool is_free_at_range = false;  // True if the crossed cells become free even if the beam hits nothing.
+  bool is_free_at_range = false;  // True if a beam that hits nothing also marks the cells that it crosses as free.
   // True if a beam may pass diagonally between two cells that touch only at a corner, without marking a third cell.
   bool has_thin_lines = false;
   int layer_count = 4;
@@ -129,7 +129,8 @@ class Scanner {
     }
   }
 
-  // Returns the index of the column (or row) at a distance in metres from the layer's middle.
+  // Returns the index of the column (or row) that contains the coordinate `metres`. Coordinates begin at the layer's
+  // middle.
   static int Index(const MapLayer& layer, double metres) {
     return static_cast<int>(std::floor(metres * 1e6 / layer.resolution_um));
   }

@@ -1,8 +1,8 @@
 // Generates local traversability maps like those that a rover with a scanning laser makes in a building.
 //
-// A map contains one scan, or several scans made a short distance apart. A beam marks the cells that it crosses as
-// free, and the cell in which it ends as a hazard. This is done in each layer separately. The coarser cell above a
-// hazard is therefore always a hazard, but the thin lines of free cells differ between layers.
+// A map contains one scan, or several scans made a short distance apart. In each layer, a beam marks the cells that it
+// crosses as free, and the cell in which it ends as a hazard. A coarse cell that contains a hazard of a finer layer is
+// therefore also a hazard. The thin lines of free cells differ between layers.
 #pragma once
 
 #include <cstdint>

@@ -1,13 +1,13 @@
-// learn_map_tables: generates actors/sharing/coding/trained_tables_data.cc, the initial model for every run of coded
-// maps.
+// learn_map_tables: generates actors/sharing/coding/trained_tables_data.cc. These tables are the initial model with
+// which each coded run of maps starts.
 //
 //   learn_map_tables > actors/sharing/coding/trained_tables_data.cc
 //
-// The model is trained only on generated maps: lasers in buildings, cameras on the Moon, and maps that roll over one
-// grid. The output is part of the wire format (actors/sharing/coding/map_codec.h). New tables therefore require a new
-// wire version (docs/COMPATIBILITY.md).
+// The training data are generated maps: lasers in buildings, cameras on the Moon, and maps that roll over one grid. The
+// output is part of the wire format (actors/sharing/coding/map_codec.h), so new tables require a new wire version
+// (docs/COMPATIBILITY.md).
 //
-// Takes a minute. If you have changed the structure of the model, first build this program with an empty text in
+// Takes a minute. After a change of the model's structure, first build this program with an empty string in
 // trained_tables_data.cc.
 #include <algorithm>
 #include <cstdio>
@@ -26,7 +26,7 @@
 namespace moondb {
 namespace {
 
-// Trained probabilities are valid for longer than probabilities seen in one run, so they adapt more slowly.
+// Maximum count of a context. With the highest possible value, a trained probability averages over many maps.
 constexpr std::uint32_t kCountLimit = BitModel::kCountMax;
 constexpr int kDrives = 150;
 constexpr int kMapsPerDrive = 16;
@@ -51,7 +51,7 @@ std::vector<Drive> MakeCameraDrives(std::uint64_t seed) {
   return drives;
 }
 
-// Splits a drive into runs of kPieceMaps maps and appends the runs to `pieces`.
+// Splits a drive into runs of kPieceMaps maps, and appends the runs to `pieces`.
 void AddPieces(const Drive& drive, std::vector<Drive>& pieces) {
   for (std::size_t first = 0; first < drive.size(); first += kPieceMaps) {
     const auto begin = drive.begin() + static_cast<std::ptrdiff_t>(first);
@@ -59,8 +59,8 @@ void AddPieces(const Drive& drive, std::vector<Drive>& pieces) {
   }
 }
 
-// Returns runs of all kinds of maps, in random order. The model adapts most to its last input, which must therefore
-// contain all kinds.
+// Returns runs of all kinds of maps in random order. The model adapts most to its last input, so the kinds must be
+// mixed.
 std::vector<Drive> MakePieces() {
   std::vector<Drive> pieces;
   for (int i = 0; i < kDrives; ++i) {

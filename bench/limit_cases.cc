@@ -94,7 +94,7 @@ Result<double> FanIn(int sender_count, std::uint64_t count) {
   return PerSecond(total, took);
 }
 
-// Returns hops per second around a ring of objects at random addresses in memory.
+// Returns hops per second around a ring of objects on the heap.
 double Calls(int object_count, std::uint64_t count) {
   std::vector<std::unique_ptr<RingNode>> nodes;
   for (int i = 0; i < object_count; ++i) nodes.push_back(std::make_unique<RingNode>());

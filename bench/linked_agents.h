@@ -18,23 +18,23 @@ namespace moondb {
 
 class LinkedAgents {
  public:
-  // Makes agents with ids from 1. With `is_curve`, each agent has its own keys; otherwise the team is insecure. If a
-  // mailbox has no room for a message, `tally` fails. `tally` must outlive this object.
+  // Creates the agents 1 to `agent_count`. With `is_curve`, each agent has its own CURVE keys; otherwise the team is
+  // insecure. If a mailbox refuses a message, `tally` fails. `tally` must outlive this object.
   LinkedAgents(int agent_count, bool is_curve, Tally& tally);
   ~LinkedAgents();
 
-  // Returns the agent's actor system. Actors must be spawned in it before Start.
+  // Returns the agent's actor system. Spawn actors in it before Start.
   ActorSystem& system(AgentId agent) { return *agents_.at(agent - 1)->system; }
   // Returns the agent's transport. Requires: Start was called.
   Transport& transport(AgentId agent) { return *agents_.at(agent - 1)->transport; }
 
-  // Starts all agents and waits until each has reached every other. Errors: those of ZeroMqTransport::Create;
-  // kUnavailable if the agents do not reach each other within a minute.
+  // Starts all agents and waits until they are connected to each other. Errors: those of ZeroMqTransport::Create;
+  // kUnavailable if not all are connected within a minute.
   Result<void> Start();
 
  private:
   struct Agent {
-    std::latch is_up{1};  // Counted down once `transport` is set; callbacks wait for it.
+    std::latch is_up{1};  // Counted down when `transport` is set. Callbacks wait until then.
     std::unique_ptr<ActorSystem> system;
     std::unique_ptr<ZeroMqTransport> transport;
   };
@@ -50,7 +50,7 @@ class LinkedAgents {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  int connections_ = 0;  // Number of reached peers, summed over all agents.
+  int connections_ = 0;  // Number of connected peers, summed over all agents.
 };
 
 }  // namespace moondb

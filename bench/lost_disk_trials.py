@@ -40,8 +40,8 @@ class Team:
         self.processes = {}
         self.moonctl("config", "init", "--agents", len(NAMES), "--first-port", first_port, self.file)
         text = self.file.read_text(encoding="utf-8")
-        # Without this change, the leader could store solved poses between the last sync and the comparison of the
-        # files.
+        # Turn off automatic solving. Otherwise the leader could store solved poses between the last sync and the
+        # comparison of the files.
         self.file.write_text(text.replace("solve_by_itself: true", "solve_by_itself: false"), encoding="utf-8")
 
     def moonctl(self, *arguments, check=True):

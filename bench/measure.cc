@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Minimum number of messages of a repetition, even if the options ask for fewer.
+// Minimum number of messages per repetition, even if the options ask for fewer.
 constexpr std::uint64_t kCountMin = 8;
 
 }  // namespace

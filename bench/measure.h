@@ -1,5 +1,6 @@
-// Measures contenders in turn within one run (A B C, A B C, ...), so that other load on the machine affects all of them
-// equally. A result has the median of each contender, and the ratios of these medians.
+// Compares contenders (implementations of the same task). The contenders run in turn (A B C, A B C, ...), so that other
+// load on the machine affects all of them equally. A result has the median of each contender, and the ratios of these
+// medians.
 #pragma once
 
 #include <chrono>
@@ -15,7 +16,7 @@ namespace moondb {
 
 using BenchClock = std::chrono::steady_clock;
 
-// Runs one repetition with `count` messages (hops, round trips). Returns its result in the unit of the contest.
+// Runs one repetition with `count` messages, hops or round trips. Returns the result in the contest's unit.
 using Measure = std::function<Result<double>(std::uint64_t count)>;
 
 struct Contender {
@@ -43,16 +44,16 @@ struct Figure {
   double median() const { return Median(samples); }
 };
 
-// One quantity of the report, measured for each contender.
+// One measured quantity, with a Figure for each contender.
 struct Section {
-  std::string name;  // Its key in the JSON report.
+  std::string name;  // Key in the JSON report.
   std::string unit;
   std::string target;           // Goal for moondb; empty if there is none.
-  std::vector<Figure> figures;  // The figure of moondb is first.
+  std::vector<Figure> figures;  // The first figure is moondb's.
 };
 
-// Measures the contenders that are in this build and that the options select, in turn, as often as the options request.
-// Returns the first error.
+// Repeats the contest as often as the options request. In each repetition, every selected contender of this build runs
+// once. Returns the first error.
 Result<Section> Measured(const Contest& contest, const BenchOptions& options);
 
 bool IsAskedFor(const std::string& contender, const BenchOptions& options);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kManySenders = 8;
 
-// Returns the peak of the resident memory minus the resident memory before the run, in megabytes.
+// Runs fan_in once. Returns the peak of the resident memory minus the resident memory before the run, in megabytes.
 Result<double> Growth(const InProcess& contender, int sender_count, std::uint64_t count) {
   const std::int64_t before = ResidentBytes();
   ResetPeakResident();
@@ -18,8 +18,8 @@ Result<double> Growth(const InProcess& contender, int sender_count, std::uint64_
   return static_cast<double>(PeakResidentBytes() - before) * 1e-6;
 }
 
-// Returns a case that measures once, moondb first. If the heap has grown once, it does not grow again, so later
-// measurements would be too low.
+// Returns a case that measures each contender once, moondb first. A second measurement would be too low, because the
+// heap keeps the memory that it has grown to.
 BenchCase MemoryCase(std::string name, int sender_count) {
   return {name, [name, sender_count](BenchOptions options) {
             const auto of = [sender_count](const InProcess& contender) -> Measure {

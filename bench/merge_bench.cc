@@ -15,7 +15,6 @@
 #include "bench/merge_contest.h"
 #include "bench/merge_plot.h"
 #include "bench/merge_report.h"
-#include "model/png.h"
 
 namespace moondb {
 namespace {
@@ -62,7 +61,7 @@ int RunBench(const Options& options) {
   }
   if (options.is_json) fmt::print("{}", JsonOf(runs, growth));
   if (options.plot.empty()) return 0;
-  const Result<void> written = WritePng(PlotOf(runs), options.plot);
+  const Result<void> written = WritePlot(runs, options.plot);
   if (!written) fmt::print(stderr, "merge_bench: {}: {}\n", options.plot, written.error().text);
   return written ? 0 : 1;
 }

@@ -19,14 +19,15 @@
 namespace moondb {
 namespace {
 
-// A shift that exceeds every rounding error but is invisible in the map. It makes the merger place all maps again.
+// Distance by which the maps move between two merges, so that the merger must place all maps again. The distance
+// exceeds all rounding errors, but is far smaller than a cell.
 constexpr double kNudge_m = 1e-7;
 
-// Minimum fraction of equal cells despite rounding. A wrong order of layers or a displaced layer yields a far lower
-// fraction.
+// Minimum fraction of cells that must agree. Rounding causes smaller differences; a wrong order of layers or a
+// displaced layer causes much larger ones.
 constexpr double kAgreesAtLeast = 0.999;
 
-// Considers the cells that are known in at least one of the grids. Returns the fraction of them that are equal.
+// Returns the fraction of equal cells, among the cells that are known in at least one of the grids.
 double ShareOfSame(const std::vector<Cell>& a, const std::vector<Cell>& b) {
   Check(a.size() == b.size(), "two grids of one extent");
   std::size_t known = 0;
@@ -112,7 +113,7 @@ class MergeContest {
     bool is_here = false;
   };
 
-  // Keeps the error of `result` if it is the first one.
+  // Stores the error of `result` in kept_, unless kept_ already has an error.
   template <typename T>
   void Keep(const Result<T>& result) {
     if (!result && kept_) kept_ = tl::unexpected(result.error());
@@ -221,7 +222,7 @@ class MergeContest {
     return {};
   }
 
-  // Compares the mergers that place layers with floats or doubles with the integer result of the naive merger.
+  // Compares the mergers that place layers with floats or doubles with the naive merger's result with integers.
   Result<void> CompareOthers() {
     const std::vector<Cell> expected = NaiveValues();
     if (opencv_ != nullptr) run_.opencv_agrees = ShareOfSame(expected, opencv_->cells());

@@ -17,8 +17,7 @@ struct MergeContestOptions {
   int threads = 1;
 };
 
-// Results for one world. Times are medians in milliseconds; null if this build or this machine does not have the
-// contender.
+// Results for one world. Times are medians in milliseconds; null if this build or this machine lacks the contender.
 struct MergeRun {
   std::size_t maps = 0;
   std::int64_t side_cells = 0;
@@ -28,37 +27,41 @@ struct MergeRun {
   std::optional<double> opencv_ms;
   std::optional<double> painter_ms;
   std::optional<double> gl_ms;
-  double cpu_ms = 0;  // The CPU backend with the best instruction set and all threads.
+  double cpu_ms = 0;  // moondb's CPU backend with the best instruction set and all threads.
   double cpu_one_thread_ms = 0;
-  double cpu_first_ms = 0;              // The first merge, in newly allocated memory; all threads.
-  std::optional<double> cpu_avx512_ms;  // One thread, like the following three.
+  // Time of the first merge, with all threads and in newly allocated memory.
+  double cpu_first_ms = 0;
+  // moondb's CPU backend with each instruction set, on one thread.
+  std::optional<double> cpu_avx512_ms;
   std::optional<double> cpu_avx2_ms;
   std::optional<double> cpu_sse2_ms;
   double cpu_scalar_ms = 0;
-  double incremental_cpu_ms = 0;  // Time to add a map and its footprint; one thread.
+  double incremental_cpu_ms = 0;  // Time to add a map and its footprint, on one thread.
   std::optional<double> incremental_gl_ms;
   double withdraw_cpu_ms = 0;  // Time to remove one map.
   double move_cpu_ms = 0;      // Time to move one map.
-  // Parts of gl_ms: the durations of its steps.
+  // Durations of the steps of a merge with OpenGL.
   std::optional<double> gl_upload_ms;
   std::optional<double> gl_draw_ms;
   std::optional<double> gl_read_ms;
-  std::optional<double> gl_maps_upload_ms;  // Time to upload all maps, once.
-  double local_map_ms = 0;                  // Time to pack one map on arrival.
+  std::optional<double> gl_maps_upload_ms;  // Time of the first upload of all maps to the GPU.
+  double local_map_ms = 0;                  // Time to pack one map on its arrival.
   double read_cells_ms = 0;                 // Time to read the whole merged map as a grid.
   // Fraction of cells with the same value as in the naive merger with integers, among cells known to at least one of
-  // the two. These mergers place layers with floats or doubles, so cells on borders differ.
+  // the two. The mergers of this field and of the next two place layers with floats or doubles, so their cells on
+  // borders differ.
   double naive_agrees = 0;
   std::optional<double> opencv_agrees;
   std::optional<double> painter_agrees;
-  double memory_ratio = 0;  // Memory use without pages, divided by the size of the maps at 2 bits per cell.
+  // Memory of the maps and their placement, divided by the size of the maps at 2 bits per cell.
+  double memory_ratio = 0;
   double pages_mb = 0;
   std::string gl_description;
   std::string cpu_description;
 };
 
-// Returns kInternal if exact mergers differ in any cell, or if the other mergers agree in too few cells. Also returns
-// errors of the OpenGL driver.
+// Fails with kInternal if two mergers with integers differ in any cell, or if a merger with floats or doubles agrees in
+// too few cells. Also fails if the OpenGL driver reports an error.
 Result<MergeRun> RunMergeContest(const MergeContestOptions& options);
 
 }  // namespace moondb

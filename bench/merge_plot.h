@@ -1,13 +1,15 @@
 // Plots merge_bench's runs as in the paper's figure 7: time over number of maps, both axes logarithmic.
 #pragma once
 
+#include <filesystem>
 #include <vector>
 
 #include "bench/merge_contest.h"
-#include "model/png.h"
+#include "model/error.h"
 
 namespace moondb {
 
-Image PlotOf(const std::vector<MergeRun>& runs);
+// Writes a PNG or an SVG file (apps/picture/drawing.h, also for the errors).
+Result<void> WritePlot(const std::vector<MergeRun>& runs, const std::filesystem::path& file);
 
 }  // namespace moondb

@@ -17,7 +17,7 @@ struct Wedge {
   float from_m = 0;
 };
 
-// Polar coordinates of each cell of a layer: its direction, and its distance in cells.
+// Polar coordinates of each cell of a layer, relative to the layer's middle.
 struct Polar {
   std::vector<float> angle_rad;
   std::vector<float> distance_cells;

@@ -109,8 +109,7 @@ class RingActor final : public Actor {
   const Address next_;
 };
 
-// Starts the measurement with a message to `actor`. Returns the time until the measurement ended, or an error if it
-// failed.
+// Starts the measurement with a message to `actor`. Returns the time until `tally` finished, or its error.
 Result<BenchClock::duration> RunFrom(ActorSystem& system, const std::string& actor, std::uint64_t id, Tally& tally) {
   const auto start = BenchClock::now();
   if (system.Post(actor, Small(id)) != SendResult::kAccepted) tally.Fail("the first message was refused");

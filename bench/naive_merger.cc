@@ -9,9 +9,9 @@
 namespace moondb {
 namespace {
 
-// Replaces `state` by `seen` if `seen` is better. Maps arrive in the order of their record keys, and the layers
-// of a map from fine to coarse. If resolution and time are equal, the later map wins; within a map the earlier layer or
-// block wins.
+// Replaces `state` by `seen` if `seen` is better: finer, or newer at equal resolution. If resolution and time are
+// equal, the later call wins between maps, and the earlier call within a map. Requires: calls in order of the maps'
+// record keys; within a map, from fine to coarse.
 inline void Decide(const NaiveMerger::CellState& seen, NaiveMerger::CellState& state) {
   if (seen.resolution_um > state.resolution_um) return;
   if (seen.resolution_um == state.resolution_um) {
@@ -60,8 +60,8 @@ void NaiveMerger::Merge(Arithmetic arithmetic) {
   }
 }
 
-// Calls visit(state, column, row) for each cell of the merged map that lies in the rectangle. `column` and `row` are
-// that cell's coordinates within the rectangle.
+// Calls visit(state, column, row) for each cell of the merged map whose centre lies in the rectangle. `column` and
+// `row` are the cell's coordinates within the rectangle.
 template <typename Visit>
 inline void NaiveMerger::ForEachCell(const PlacedRectangle& p, Visit visit) {
   for (std::int64_t y = p.box.first_y; y <= p.box.last_y; ++y) {

@@ -1,10 +1,8 @@
-// NaiveMerger: a straightforward merger, implemented with care. For each map, each layer and each cell in the layer's
-// bounding box, it applies the inverse transform, reads the layer's cell, and compares resolution and time with the
-// best observation stored so far.
+// NaiveMerger: a simple merger for comparison. For each cell in the bounding box of each map's layer, it applies the
+// inverse transform, reads the layer's cell, and compares resolution and time with the best observation so far.
 //
-// With metres and doubles it is the baseline of merge_bench. With the integers of actors/merge/quantize.h, but none of
-// Merger's code, it is an oracle for tests and a stricter baseline. It uses one thread, and its layers are unpacked to
-// one byte per cell.
+// With metres and doubles, the merger is the baseline of merge_bench. With the integers of actors/merge/quantize.h, it
+// is an oracle for tests. It shares only this placement with Merger. It uses one thread and one byte per cell.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +15,7 @@ namespace moondb {
 
 class NaiveMerger {
  public:
-  // The best observation of a cell of the merged map.
+  // The best observation so far of a cell of the merged map.
   struct CellState {
     std::int64_t timestamp_ns = 0;
     std::uint32_t resolution_um = UINT32_MAX;  // UINT32_MAX if unknown.
@@ -26,17 +24,16 @@ class NaiveMerger {
     Cell value = Cell::kUnknown;
   };
 
-  // Unpacks the maps. Requires: their keys differ.
+  // Unpacks the maps. Requires: no two maps have the same key.
   NaiveMerger(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid);
 
   enum class Arithmetic { kDouble, kInteger };
 
-  // Places the maps and fills the grid of their extent. With doubles, cells on borders may differ from the result with
-  // integers.
+  // Places the maps and fills cells(). With doubles, cells on borders may differ from the result with integers.
   void Merge(Arithmetic arithmetic = Arithmetic::kInteger);
 
   const CellBox& extent() const { return extent_; }
-  const std::vector<CellState>& cells() const { return cells_; }  // Cells of the extent, row by row.
+  const std::vector<CellState>& cells() const { return cells_; }  // Cells of extent(), row by row.
   const std::vector<PlacedMap>& maps() const { return maps_; }    // Sorted by record key.
 
  private:

@@ -18,7 +18,7 @@ class WarpMerger final : public OpencvMerger {
   WarpMerger(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid) {
     cv::setNumThreads(1);
     for (const PaintedLayer& layer : LayersToPaint(maps, footprints, grid)) {
-      cv::Mat cells(layer.height, layer.width, CV_8UC1, cv::Scalar(1));  // For a footprint all cells are free.
+      cv::Mat cells(layer.height, layer.width, CV_8UC1, cv::Scalar(1));  // A footprint has only free cells.
       if (!layer.cells.empty())
         std::copy_n(reinterpret_cast<const std::uint8_t*>(layer.cells.data()), layer.cells.size(), cells.data);
       layers_.push_back({layer.placed, cells});
@@ -33,7 +33,7 @@ class WarpMerger final : public OpencvMerger {
       const cv::Rect box(static_cast<int>(p.box.first_x - extent.first_x),
                          static_cast<int>(p.box.first_y - extent.first_y), static_cast<int>(p.box.width()),
                          static_cast<int>(p.box.height()));
-      // Transforms cells of the box to cells of the layer. In OpenCV, coordinate 0 is the centre of the first cell.
+      // Transform from cells of the box to cells of the layer. In OpenCV, coordinate 0 is the centre of the first cell.
       const double unit = 1.0 / (1 << kFractionBits);
       const double c = p.step_cos * unit;
       const double s = p.step_sin * unit;

@@ -1,6 +1,6 @@
-// OpencvMerger: merges maps as is usual with ROS. It warps each layer into the merged map's frame by nearest-neighbour
-// sampling. It copies the known cells of each layer over those of earlier layers, with the best layer last. Exists only
-// if OpenCV is installed.
+// OpencvMerger: merges maps as ROS programs usually do. It warps each layer into the merged map's frame by
+// nearest-neighbour sampling, and copies the known cells over those of earlier layers. The best layer comes last.
+// Exists only if OpenCV is installed.
 #pragma once
 
 #include <memory>
@@ -15,7 +15,7 @@ class OpencvMerger {
  public:
   virtual ~OpencvMerger() = default;
   virtual void Merge(const CellBox& extent) = 0;
-  virtual std::vector<Cell> cells() const = 0;  // Cells of the extent, row by row.
+  virtual std::vector<Cell> cells() const = 0;  // Cells of `extent`, row by row.
 };
 
 // Unpacks the layers into a new merger. Returns null if this build does not have OpenCV.

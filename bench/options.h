@@ -1,4 +1,4 @@
-// The options of runtime_bench's command line.
+// Command line options of runtime_bench.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,5 @@
-// Layers for mergers that use the painter's algorithm: unpacked, and sorted so that the best layer is painted last.
+// Layers for mergers that use the painter's algorithm. The layers are unpacked, and sorted so that the best layer is
+// painted last.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +22,8 @@ struct PaintedLayer {
   std::vector<Cell> cells;  // Empty for a footprint.
 };
 
-// Returns the layers sorted from coarse to fine, those of equal resolution from old to new, and the footprints at the
-// end. Requires: all poses can be placed (Check).
+// Returns the layers from coarse to fine, layers of equal resolution from old to new, and the footprints at the end.
+// Requires: all poses can be placed; otherwise Check fails.
 std::vector<PaintedLayer> LayersToPaint(std::span<const PlacedMap> maps, std::span<const Footprint> footprints,
                                         const MergeGrid& grid);
 

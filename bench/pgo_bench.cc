@@ -10,11 +10,11 @@
 #include <vector>
 
 #include "apps/common/arguments.h"
+#include "apps/picture/picture.h"
 #include "bench/pgo_graphs.h"
 #include "bench/pgo_redraws.h"
 #include "bench/pgo_report.h"
 #include "bench/pgo_team.h"
-#include "model/png.h"
 
 namespace moondb {
 namespace {
@@ -32,10 +32,16 @@ struct Options {
 };
 
 bool Plot(const GraphRun& run, const std::string& folder) {
-  TrajectoryPlotOptions options;
-  options.caption = run.name;
-  const Image image = DrawTrajectories(run.odometry_tracks, run.tracks, run.true_tracks, options);
-  const Result<void> written = WritePng(image, std::filesystem::path(folder) / (run.name + ".png"));
+  Picture picture;
+  picture.panel_width_px = 900;
+  std::vector<Track> tracks = Restyled(run.true_tracks, TrackStyle::kBroad, "true track", {196, 198, 204});
+  for (Track& track :
+       Restyled(run.odometry_tracks, TrackStyle::kDashed, run.is_team ? "odometry" : "least squares", {70, 70, 70})) {
+    tracks.push_back(std::move(track));
+  }
+  tracks.insert(tracks.end(), run.tracks.begin(), run.tracks.end());
+  picture.panels = {{run.name, {}, std::move(tracks)}};
+  const Result<void> written = WritePicture(picture, std::filesystem::path(folder) / (run.name + ".png"));
   if (!written) fmt::print(stderr, "pgo_bench: {}\n", ToString(written.error()));
   return written.has_value();
 }

@@ -33,6 +33,13 @@ std::vector<AgentId> AgentsOf(const StandaloneGraph& graph) {
   return agents;
 }
 
+// Names the robots of a graph file "robot 1", "robot 2" ... in the order of their ids.
+std::vector<TrackAgent> NamedRobots(const std::vector<AgentId>& ids) {
+  std::vector<TrackAgent> robots;
+  for (const AgentId id : ids) robots.push_back({id, "robot " + std::to_string(robots.size() + 1)});
+  return robots;
+}
+
 std::map<NodeKey, Pose> Moved(const Pose& by, const std::map<NodeKey, Pose>& poses) {
   std::map<NodeKey, Pose> moved;
   for (const auto& [key, pose] : poses) moved[key] = by * pose;
@@ -60,14 +67,14 @@ class PlainRunner {
     Fill(solution, run.ours);
     run.initialisation = ToString(solution.initial_values);
     run.text = solution.text;
-    run.tracks = TracksOf(Placed(solution), agents_);
-    if (has_truth_) run.true_tracks = TracksOf(truth_, agents_);
+    run.tracks = TracksOf(Placed(solution), NamedRobots(agents_));
+    if (has_truth_) run.true_tracks = TracksOf(truth_, NamedRobots(agents_));
     if (!bench_.has_plain) return run;
     PlainSolution plain;
     run.plain.emplace();
     run.plain->seconds = SecondsOf([&] { plain = SolveFromOdometry(graph_, options_); });
     Fill(plain, *run.plain);
-    run.odometry_tracks = TracksOf(Placed(plain), agents_);
+    run.odometry_tracks = TracksOf(Placed(plain), NamedRobots(agents_));
     return run;
   }
 
@@ -139,9 +146,11 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
   run.ours.hazard_iou = HazardIou(*mission, solution.poses);
   run.initialisation = ToString(solution.initial_values);
   run.text = solution.text;
-  run.odometry_tracks = TracksOf(moondb::PosesOf(mission->graph), rovers);
-  run.tracks = TracksOf(solution.poses, rovers);
-  run.true_tracks = TracksOf(mission->truth, rovers);
+  std::vector<TrackAgent> named;
+  for (const AgentId rover : rovers) named.push_back({rover, FindAgent(*mission, rover)->name});
+  run.odometry_tracks = TracksOf(moondb::PosesOf(mission->graph), named);
+  run.tracks = TracksOf(solution.poses, named);
+  run.true_tracks = TracksOf(mission->truth, named);
   if (!options.has_plain) return run;
   const MethodResult plain = SolveWith(Method::kLeastSquares, mission->graph, agents, options.solver);
   run.plain =

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "actors/pgo/pose_graph_solver.h"
+#include "apps/picture/tracks.h"
 #include "model/error.h"
-#include "model/map_picture.h"
 
 namespace moondb {
 

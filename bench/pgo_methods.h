@@ -1,5 +1,5 @@
-// Methods that pgo_bench compares; each solves a team's graph. All except the staged method run Ceres once from
-// odometry, with the same factors.
+// Methods of solving a team's graph that pgo_bench compares. Least squares, Huber and Cauchy run Ceres once, from the
+// poses of the odometry and with the same factors.
 #pragma once
 
 #include <chrono>
@@ -30,7 +30,7 @@ struct MethodResult {
 MethodResult SolveWith(Method method, const PoseGraph& graph, const AgentFactsMap& agents,
                        const SolverOptions& options);
 
-// Statistics of one method over many draws.
+// Statistics of one method over many runs.
 struct MethodFigures {
   double median_ate_m = 0;
   double worst_ate_m = 0;

@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-// A range counts as part of a burst if its error exceeds white noise and the pair's bias by at least this.
+// A range that exceeds the true distance by more than this counts as lengthened by a burst.
 constexpr double kBurstMin_m = 0.5;
 
 std::vector<GraphNode> TrueNodes(const Mission& mission, AgentId agent) {
@@ -55,8 +55,8 @@ Mission Redraw(const Mission& mission, std::uint64_t seed) {
   return drawn;
 }
 
-// Solves by least squares without the ranges that bursts have lengthened. The compared solvers do not know which ranges
-// these are.
+// Solves by least squares without the ranges that bursts have lengthened. This uses the true poses, which the compared
+// methods do not know.
 MethodResult SolveWithoutBursts(const Mission& mission, const SolverOptions& options) {
   const auto antenna_at = [&](const NodeKey& key) {
     return Eigen::Vector3d(mission.truth.at(key) * FindAgent(mission, key.agent)->antenna_m);

@@ -1,6 +1,6 @@
-// Third part of pgo_bench: draws the odometry, ranges and start poses of a recorded mission again from the true poses,
-// with the noise model of apps/moondb_mission/measurement.h. The recording is only one draw. Many draws show how much
-// of a result is luck.
+// Third part of pgo_bench. Draws the odometry, ranges and start poses of a recorded mission again from the true poses,
+// with the noise model of apps/moondb_mission/measurement.h. The spread over many draws shows how much the result of
+// the recording depends on chance.
 #pragma once
 
 #include <map>
@@ -16,7 +16,7 @@ struct RedrawRun {
   std::string name;
   int draws = 0;
   std::map<Method, MethodFigures> methods;
-  MethodFigures without_bursts;  // Least squares without ranges lengthened by bursts: the practical optimum.
+  MethodFigures without_bursts;  // Least squares without the ranges that bursts lengthened: a practical optimum.
 };
 
 RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws, const SolverOptions& options);

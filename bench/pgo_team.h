@@ -10,7 +10,7 @@
 
 namespace moondb {
 
-// Parameters from which a team is drawn.
+// Parameters of a randomly generated team.
 struct TeamCase {
   std::string name;
   int node_count = 2001;  // Nodes of the whole team.
@@ -25,9 +25,10 @@ struct TeamRun {
   TeamCase team;
   int seeds = 0;
   std::map<Method, MethodFigures> methods;
-  double precision = 0;  // Precision with which the staged solve rejects ranges, over all seeds.
+  // Precision and recall with which the staged solve rejects outlier ranges, over all seeds.
+  double precision = 0;
   double recall = 0;
-  MethodFigures warm;    // The staged solve from the last solution, with 10 new nodes per rover.
+  MethodFigures warm;    // The staged solve that starts from the previous solution, after 10 new nodes per rover.
   MethodFigures window;  // As `warm`, but only the last 100 nodes of each rover are variable.
 };
 
@@ -44,7 +45,7 @@ struct UnknownStartsRun {
 
 UnknownStartsRun RunUnknownStarts(int runs, const SolverOptions& options);
 
-// Runs the case once for each seed from 1 to `seeds`.
+// Runs the case once per seed, from 1 to `seeds`.
 TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options);
 
 }  // namespace moondb

@@ -12,7 +12,8 @@
 namespace moondb {
 namespace {
 
-// Returns the number after "NAME:" in a status file of the kernel. Returns 0 if the thread has ended.
+// Returns the number after "NAME:" in a file of /proc. Returns 0 if there is none, for example because the thread has
+// ended.
 std::int64_t ReadStatus(const std::filesystem::path& path, const std::string& name) {
   std::ifstream file(path);
   for (std::string line; std::getline(file, line);) {

@@ -1,21 +1,20 @@
-// Statistics of the kernel about this process.
 #pragma once
 
 #include <cstdint>
 
 namespace moondb {
 
-// Return the resident memory of this process in bytes. ResidentBytes: at present (/proc/self/statm). PeakResidentBytes:
-// the peak since ResetPeakResident (/proc/self/status, VmHWM).
+// ResidentBytes returns the present resident memory of this process (/proc/self/statm). PeakResidentBytes returns its
+// peak since ResetPeakResident (/proc/self/status, VmHWM). Both are in bytes.
 std::int64_t ResidentBytes();
 std::int64_t PeakResidentBytes();
 void ResetPeakResident();
 
-// Returns how often the present threads gave up their processor in order to wait: their voluntary context switches
+// Returns the number of voluntary context switches of all running threads: how often a thread has waited
 // (/proc/self/task/*/status).
 std::int64_t VoluntarySwitches();
 
-// Returns the processor time of all threads in seconds.
+// Returns the processor time of this process in seconds, summed over all threads.
 double CpuSeconds();
 
 }  // namespace moondb

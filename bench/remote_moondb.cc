@@ -16,15 +16,14 @@ namespace {
 
 constexpr AgentId kSender = 1;
 constexpr AgentId kReceiver = 2;
-// If its queue is full, a sender tries again after this time. Its outbox holds several times the data sent in this
-// time.
+// Time after which a sender tries again if its queue was full. The queue does not run empty within this time.
 constexpr std::chrono::microseconds kRetryAfter(200);
 
 // Makes messages whose serialised size is `bytes`, including their addresses.
 class MessageMaker {
  public:
   MessageMaker(Address from, Address to, std::size_t bytes) : from_(std::move(from)), to_(std::move(to)) {
-    // The padding's length field may take one more byte, which the loop compensates.
+    // The length field of the padding may take one more byte, so shorten the padding until the message fits.
     for (padding_ = bytes; padding_ > 0 && Make(/*id=*/1U << 30)->ByteSizeLong() > bytes; --padding_) continue;
   }
 
@@ -34,7 +33,7 @@ class MessageMaker {
     return message;
   }
 
-  // Returns a message without addresses. The actor system adds them.
+  // Returns a message without addresses, which the actor system adds.
   OwnedMessage Body(std::uint64_t id) const {
     OwnedMessage message;
     message->set_request_id(id);

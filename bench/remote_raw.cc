@@ -74,7 +74,7 @@ class RawAgent {
     zmq_msg_t frame;
     zmq_msg_init(&frame);
     std::optional<std::uint64_t> id;
-    // A ROUTER socket puts the connection's id in front of the frame. Skip it.
+    // A ROUTER socket puts the connection's id in front of the frame. Skip the id.
     const bool has_route = TypeOfListener(sockets_, keys_.has_value()) == ZMQ_ROUTER;
     if (has_route && zmq_msg_recv(&frame, listener_, 0) < 0) return id;
     if (zmq_msg_recv(&frame, listener_, 0) == static_cast<int>(bytes_)) {
@@ -97,7 +97,7 @@ class RawAgent {
     return socket;
   }
 
-  // Sets the options that runtime/transport/peer_link.cc and runtime/transport/zeromq_transport.cc set.
+  // Sets the same socket options as runtime/transport/peer_link.cc and runtime/transport/zeromq_transport.cc.
   void SetUpAsMoondb() {
     for (void* socket : {dealer_, listener_}) {
       Set(socket, ZMQ_LINGER, 0);
@@ -134,7 +134,8 @@ class RawAgent {
 
 Error Lost() { return {ErrorCode::kUnavailable, "a frame was lost", {}}; }
 
-// Exchanges messages in both directions to complete the handshakes. Returns false if a message did not arrive.
+// Connects both agents, and exchanges messages in both directions to complete the handshakes. Returns false if a
+// message did not arrive.
 bool Meet(RawAgent& a, RawAgent& b) {
   a.Connect(b);
   b.Connect(a);

@@ -1,6 +1,6 @@
-// Measures bare libzmq with the pattern of remote_moondb.h, without actors. Each side has a listener that only receives
-// and a DEALER that only sends. The listener is a ROUTER, or a DEALER with kAsMoondb and CURVE. Each side has one
-// context and one I/O thread. Frames are copied and not parsed.
+// Measures bare libzmq with the message pattern of remote_moondb.h, without actors. Each side has one context, one I/O
+// thread, a listener that only receives, and a DEALER that only sends. The listener is a ROUTER, except that it is a
+// DEALER with kAsMoondb and CURVE. Frames are copied and not parsed.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@ enum class RawSockets {
   kDefaults,  // The default options of libzmq.
 };
 
-// Measure the same as the functions of remote_moondb.h. Return an error if a frame was lost or arrived out of order.
+// Measure the same as the functions of remote_moondb.h. Return an error if a frame is lost or out of order.
 Result<double> RawThroughput(RawSockets sockets, bool is_curve, std::size_t bytes, std::uint64_t count);
 Result<double> RawRoundTrip(RawSockets sockets, bool is_curve, std::size_t bytes, std::uint64_t count);
 

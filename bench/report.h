@@ -8,7 +8,8 @@
 
 namespace moondb {
 
-// Returns a table of medians, minima, maxima, processor time, and the ratio of moondb to each other contender.
+// Returns a table with the median, minimum, maximum and processor time of each contender, and moondb's median divided
+// by the contender's median.
 std::string TableOf(const Section& section);
 
 // Returns one JSON object with one object per section: its unit, each contender's median under the contender's name,

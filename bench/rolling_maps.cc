@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint32_t kFinest_um = 50'000;
 
-// The terrain's hazards in cells of one layer.
+// The terrain's hazards as a grid with the cell size of one layer.
 class WorldLayer {
  public:
   WorldLayer(const MergedMap& finest, int layer)
@@ -25,8 +25,8 @@ class WorldLayer {
     }
   }
 
-  // Returns the cell at `column` and `row` of this layer, counted from a corner that is given in cells of the finest
-  // layer. Beyond the edge of the world, its border cells are repeated.
+  // Returns the cell that lies `column` columns and `row` rows of this layer from the cell of the finest layer given by
+  // `finest_column` and `finest_row`. Outside the world, returns the nearest border cell.
   Cell At(int finest_column, int finest_row, int column, int row) const {
     return grid_.At(std::clamp((finest_column >> shift_) + column, 0, side_ - 1),
                     std::clamp((finest_row >> shift_) + row, 0, side_ - 1));
@@ -52,7 +52,7 @@ std::vector<TraversabilityMap> MakeRollingMaps(const RollingOptions& options) {
   std::vector<WorldLayer> world;
   for (int i = 0; i < options.layer_count; ++i) world.emplace_back(finest, i);
   const int middle = finest.grid.width / 2;
-  // Maps move by multiples of the coarsest cell, so that they move by whole cells of every layer.
+  // Maps move by multiples of the coarsest cell, which are whole cells in every layer.
   const int coarsest = 1 << (options.layer_count - 1);
   double x_m = 0, y_m = 0, heading_rad = random.Uniform(0, 6);
   std::vector<TraversabilityMap> maps;

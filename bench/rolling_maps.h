@@ -1,5 +1,4 @@
-// Generates maps that roll over one grid of the world by whole cells, like the maps of a robot that keeps their
-// orientation.
+// Generates rolling maps: each map has moved by whole cells over a fixed grid of the world, and keeps its orientation.
 //
 // Every cell is known. It is a hazard if any part of the terrain in it is a hazard. Noise changes a fraction of all
 // cells to another value, independently in each map and layer. The cell size doubles from layer to layer, and all

@@ -1,5 +1,5 @@
-// runtime_bench: compares moondb's actor runtime with the C++ Actor Framework, bare libzmq and the limit of the
-// machine, in one run. docs/benchmarks/runtime.md describes the cases and the report.
+// runtime_bench: compares moondb's actor runtime with the C++ Actor Framework, bare libzmq, and plain C++ without an
+// actor library. docs/benchmarks/runtime.md describes the cases and the report.
 //
 // Exit code 0: all cases were measured; 1: a case failed, for example because a message was lost; other: wrong
 // arguments.

@@ -1,9 +1,9 @@
-// sharing_bench_agent: the standard moondb agent with two more actors. One answers control messages; the other, present
-// with --ping, sends them. Both run beside the standard actors and use the same links. bench/sharing_bench runs this
-// program.
+// sharing_bench_agent: the standard moondb agent with additional actors for bench/sharing_bench. One actor answers
+// control messages. With --ping, another actor sends control messages. The messages use the same links as the standard
+// actors.
 //
 // Each answer adds a line to --ping-file: microseconds to the peer, microseconds back. Both agents must run on one
-// machine, because they read the same clock.
+// machine, because their times must come from the same clock.
 #include <cstdio>
 #include <fstream>
 #include <memory>
@@ -20,7 +20,7 @@ constexpr char kEcho[] = "bench-echo";
 
 std::uint64_t NanosecondsOf(MonotonicTime time) { return static_cast<std::uint64_t>(time.time_since_epoch().count()); }
 
-// Answers a message with its own time and the sender's.
+// Replies with the time at which the ping arrived. The request_id of the reply is the time at which the ping was sent.
 class EchoActor final : public Actor {
  public:
   void OnMessage(Context& context, const proto::Message& message) override {
@@ -37,9 +37,8 @@ class PingActor final : public Actor {
   struct Options {
     AgentId to = 0;
     std::string file;
-    Duration period_min =
-        // The period is random between both limits, to avoid a common rhythm with the batches.
-        std::chrono::milliseconds(50);
+    // The period is random between the two limits, so that pings do not synchronise with batches.
+    Duration period_min = std::chrono::milliseconds(50);
     Duration period_max = std::chrono::milliseconds(150);
   };
 

@@ -1,5 +1,5 @@
-// A library for LD_PRELOAD that makes each fsync and fdatasync MOONDB_FSYNC_MS milliseconds slower, to imitate the
-// memory card of a small computer. For trials with real processes; wait_trials.py builds it.
+// A library for LD_PRELOAD that makes each fsync and fdatasync MOONDB_FSYNC_MS milliseconds slower, like the memory
+// card of a small computer. wait_trials.py builds and uses it.
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
 #endif

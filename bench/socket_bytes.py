@@ -136,7 +136,7 @@ def main():
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     in_own_network()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # Exit normally, which stops the team.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # Exit through an exception, so that the team is stopped.
     measured = measure(arguments.programs, arguments.mission, arguments.codec)
     print(json.dumps(measured, indent=1) if arguments.json else table_of(measured))
 

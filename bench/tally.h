@@ -1,7 +1,7 @@
-// Tally: waits until every message of every sender has arrived exactly once and in its sender's order.
+// Tally: waits until every message of every sender has arrived exactly once, in the order in which its sender sent
+// them. A lost, duplicated or reordered message makes the measurement fail.
 //
-// A lost, duplicated or reordered message makes the measurement fail for every contender. Call Count on one thread at a
-// time. All other functions are thread-safe.
+// Call Count on one thread at a time. All other functions are thread-safe.
 #pragma once
 
 #include <condition_variable>
@@ -19,7 +19,7 @@ class Tally {
   // Expects `per_sender` messages from each of `sender_count` senders.
   Tally(int sender_count, std::uint64_t per_sender);
 
-  // Returns the id of a message: its sender, and its number among the sender's messages, from 0.
+  // Returns the id of a message, made of its sender and of its number among the sender's messages, counted from 0.
   static std::uint64_t IdOf(int sender, std::uint64_t number) { return std::uint64_t(sender) << kNumberBits | number; }
 
   void Count(std::uint64_t id) {
@@ -29,12 +29,12 @@ class Tally {
     if (++counted_ == total_) Finish();
   }
 
-  // Ends the wait successfully. For cases in which a last message reports that all is done.
+  // Ends Wait successfully. Needed by cases that do not count every message.
   void Finish();
   void Fail(std::string reason);
 
-  // Waits until all messages have arrived or Finish was called. Returns kUnavailable if Fail was called or two minutes
-  // passed.
+  // Waits until all messages have arrived or Finish is called. Fails with kUnavailable if Fail was called, or after two
+  // minutes.
   Result<void> Wait();
 
  private:

@@ -52,10 +52,10 @@ ROVER = 2  # A rover that is neither leader nor survivor.
 SLOWER_S = 0.020
 # Seconds of the mission that each trial inserts.
 SLICE_S = {"flap": 30, "flap_slow": 30, "flap_at_once": 30, "mid": 60, "wipe": 30, "chase": 10, "restart": 60}
-# Trials before the disks are emptied, to keep stores small.
+# Number of trials after which the disks are emptied, so that the stores stay small.
 TRIALS_A_LIFE = {"flap": 20, "flap_slow": 20, "flap_at_once": 20, "mid": 12, "wipe": 5, "chase": 10, "restart": 12}
-# For types shared as `latest`, only the rows of an agent's own records must be present. For other types, all rows that
-# an agent holds must be.
+# Types that are shared as `latest`. The trials check only each agent's own rows of these types, but all rows of other
+# types.
 STATES = {"temperature", "power", "awake_status", "mode", "health", "exploration", "distributed_measurements",
           "optimized_pose", "edge_verdict"}
 COMMAND_LIMIT = "60s"
@@ -161,7 +161,7 @@ def insert_without_pause(team_file, built):
     from moondb_client import MoondbClient, endpoint_of, team_of  # pylint: disable=import-outside-toplevel
     from survey import map_at, node_at  # pylint: disable=import-outside-toplevel
     endpoint, team_id = endpoint_of(team_file, NAMES[ROVER]), team_of(team_file)[1]
-    # Start high enough to differ from the mission's nodes.
+    # Use node indexes that the mission does not use.
     index = 1_000_000 + MoondbClient(endpoint, team_id).next_node_index()
     MoondbClient(endpoint, team_id).insert([node_at(ROVER + 1, index, 1.0, 1.0)])
 
@@ -235,7 +235,7 @@ class Trials:
         if self.scenario != "mid":
             delay = self.rng.uniform(0.020, 0.350)
             self.network.set_link(new, False)
-            # Gives moonctl time to start and to ask for the leader.
+            # The extra 0.04 s give moonctl time to start and to request the leader.
             link = threading.Timer(delay + 0.04, lambda: self.network.set_link(new, True))
             link.start()
         how = ["--no-wait"] if self.scenario == "flap_at_once" else []
@@ -393,7 +393,7 @@ def work(options):
 def count(results):
     counted = {"trials": len(results), "both_exit_0": 0, "both_claim": 0, "early": 0, "late": 0}
     for result in results:
-        result.setdefault("replicate", {"exit": 0})  # Scenarios without a replication.
+        result.setdefault("replicate", {"exit": 0})  # Some scenarios run no replication.
     for kind in ("sync", "replicate"):
         exits = {}
         for result in results:

@@ -1,12 +1,12 @@
-// wire_bench: measures how many bytes whole missions and their maps take on the wire, in the paper's form and in the
-// compact form.
+// wire_bench: measures how many bytes whole missions and their maps take on the wire, as the paper's SQL statements and
+// in moondb's compact encoding.
 //
 //   wire_bench [--recorded FOLDER]... [--json]
 //
 // Without --recorded, it measures the generated missions and, if $MOONDB_DATA is set, the recorded missions in that
 // folder.
 //
-// Exit code 0: all missions were measured and decoded to the original; 1: a mission could not be read or made; other:
+// Exit code 0: all missions were measured, and decoding restored them; 1: a mission could not be read or made; other:
 // wrong arguments.
 #include <fmt/core.h>
 

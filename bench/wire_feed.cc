@@ -1,10 +1,10 @@
-// wire_feed: inserts each record of a whole mission at its origin's agent in a running team, for socket_bytes.py.
+// wire_feed: inserts each record of a whole mission at the agent that is its origin, in a running team.
+// bench/socket_bytes.py runs this program.
 //
 //   wire_feed [--team FILE] MISSION    MISSION: rolling, single_view, or the folder of a recorded mission
 //
-// The contents, timestamps included, are the contents that wire_bench counts. Each agent assigns its own epochs and
-// hashes; seqs are those of the mission. Prints one JSON object: {"mission", "records", "maps", "paper_sql_bytes" (as
-// in WireSizes)}.
+// The records have the same content and timestamps as in wire_bench. Each agent assigns its own epochs and hashes.
+// Prints one JSON object: {"mission", "records", "maps", "paper_sql_bytes" (as in WireSizes)}.
 //
 // Exit code 0: all records are stored; 1: the mission does not exist, or an agent is unreachable or refuses a record;
 // other: wrong arguments.

@@ -22,7 +22,7 @@ using Layers = std::vector<MapLayer>;
 
 constexpr std::size_t kMessageBytesMax = 4 * 1024;  // Maximum size of the coded records in a message.
 constexpr std::size_t kRowsPerBatchMax = 1024;
-// Overhead of a frame: the length in ZMTP (9 bytes) and CURVE's box around a message (42 bytes).
+// Overhead per frame: the length field of ZMTP (9 bytes) and the encryption by CURVE (42 bytes).
 constexpr std::size_t kFrameBytes = 9 + 42;
 constexpr double kBytesPerSecond = 125'000;  // Capacity of a 1 Mbit/s link.
 
@@ -72,7 +72,7 @@ std::size_t BatchBytes(const CodedRows& coded, const proto::RecordBatch& batch) 
   return SentBytes(message) + AcknowledgmentBytes(FromProto(batch.records(batch.records_size() - 1).key()));
 }
 
-// Codes streams in batches that just fit into messages, and counts the bytes sent.
+// Codes streams in batches that just fit into a message, and returns the number of bytes sent.
 class Sender {
  public:
   explicit Sender(Previous previous) : encoder_(previous) {}
@@ -99,7 +99,7 @@ class Sender {
     return BatchBytes(coded, batch);
   }
 
-  // Returns the records from index `first` on, at most as many as a session requests from its storage at a time.
+  // Returns the records from index `first` on, at most as many as a session requests from its storage at once.
   static proto::RecordBatch SomeOf(const WireStream& stream, std::size_t first) {
     constexpr std::size_t kContentBytesMax = 72 * 1024;
     proto::RecordBatch some;
@@ -151,7 +151,7 @@ struct Times {
   double decode_ms = 0;
 };
 
-// Codes the maps in successive runs, and adds the processor time to `times`. Returns the coded bytes.
+// Codes the maps in runs of kRunMapsMax, and adds the processor time to `times`. Returns the number of coded bytes.
 std::size_t RunBytes(const std::vector<TraversabilityMap>& maps, Previous previous, Times& times) {
   std::size_t bytes = 0;
   for (std::size_t first = 0; first < maps.size(); first += kRunMapsMax) {

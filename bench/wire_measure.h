@@ -15,36 +15,35 @@ struct WireSizes {
   std::size_t map_count = 0;
   // The whole mission on the wire, in bytes, with framing, CURVE and acknowledgments.
   std::size_t paper_sql_bytes = 0;  // One acknowledged statement per record (actors/storage/paper_sql.h).
-  std::size_t alone_bytes = 0;      // Rows coded column by column; maps coded in runs, without the previous map.
-  std::size_t previous_bytes = 0;   // As alone_bytes, but with maps coded relative to the previous map.
-  // As sessions send the mission: maps are coded relative to the previous map if that saves bytes.
+  std::size_t alone_bytes = 0;      // Rows coded column by column. Maps coded in runs, each map alone.
+  std::size_t previous_bytes = 0;   // As alone_bytes, but each map is coded with the previous map if that is smaller.
+  // As sessions code the mission (MapRunEncoder::Previous::kWhileItPays).
   std::size_t sent_bytes = 0;
-  // The cells of all maps, in bytes, without any headers.
+  // Only the cells of all maps, without headers.
   std::size_t map_2bit_zstd_bytes = 0;
-  std::size_t map_single_bytes = 0;    // Each map coded as a run of its own.
-  std::size_t map_batch_bytes = 0;     // Maps coded in runs of 32.
-  std::size_t map_previous_bytes = 0;  // Maps coded in runs of 32, relative to the previous map.
-  // Processor time for coding or decoding a map, in milliseconds.
+  std::size_t map_single_bytes = 0;    // Each map coded as a separate run.
+  std::size_t map_batch_bytes = 0;     // Runs of 32 maps, each map alone.
+  std::size_t map_previous_bytes = 0;  // Runs of 32 maps, each with the previous map if that is smaller.
+  // Processor time per map, in milliseconds.
   double encode_ms = 0, decode_ms = 0, encode_previous_ms = 0, decode_previous_ms = 0;
-  // Processor time for all records as sessions send them, divided by the number of maps.
+  // Processor time to code and decode all records of the mission as sessions do, in milliseconds per map.
   double sent_encode_ms = 0, sent_decode_ms = 0;
 };
 
-// Processor time for coding and decoding.
 struct CodingTimes {
-  // Coding or decoding one map of 4 x 100 x 100 cells, all known, with 1 % noise, as in RollingOptions.
+  // Milliseconds per map of 4 x 100 x 100 cells, all known, with 1 % noise (RollingOptions).
   double map_encode_ms = 0, map_decode_ms = 0, map_encode_previous_ms = 0, map_decode_previous_ms = 0;
-  // Coding or decoding the states and the pose graph of a mission, in batches of one type with as many rows as a
-  // session requests.
+  // Rows per second of the states and the pose graph of a mission, in batches of one type with as many rows as a
+  // session requests at once.
   double encoded_rows_per_s = 0, decoded_rows_per_s = 0;
 };
 
 std::size_t RecordCount(const WireMission& mission);
 
-// Returns WireSizes::paper_sql_bytes. Requires: every record has a statement (Check).
+// Returns WireSizes::paper_sql_bytes. Requires: SqlOf returns a statement for every record; otherwise Check fails.
 std::size_t PaperSqlBytes(const WireMission& mission);
 
-// Measures all sizes of a mission. Also checks that everything decodes to the original (Check).
+// Measures all sizes of a mission. Check fails if decoding does not restore the original.
 WireSizes MeasureMission(const WireMission& mission);
 
 CodingTimes MeasureTimes(const WireMission& mission);

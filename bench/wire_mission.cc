@@ -19,7 +19,7 @@ constexpr std::int64_t kStart_ns = 1'760'000'000'000'000'000;
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::uint64_t kEpoch = 0x5F3C9A1E0B7D4C21;
 
-// Temperatures are recorded every second, and the other states once in this many seconds.
+// Period in seconds of all states except temperatures, which are recorded every second.
 constexpr int kOtherStatesEvery = 3;
 
 // Collects records by data type and origin. States come first in the result, and maps last.
@@ -55,8 +55,8 @@ void AddStates(AgentId origin, int seconds, Recorder& recorder) {
     celsius += 0.05 * random.Normal();
     proto::Record temperature;
     temperature.set_timestamp_ns(timestamp_ns);
-    temperature.mutable_temperature()->set_celsius(std::round(celsius * 16) /
-                                                   16);  // Resolution of a sensor, 1/16 degree.
+    // The sensor's resolution is 1/16 degree.
+    temperature.mutable_temperature()->set_celsius(std::round(celsius * 16) / 16);
     recorder.Add(origin, temperature);
     if (second % kOtherStatesEvery != 0) continue;
     proto::Record power;

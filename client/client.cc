@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kTimeoutBeyondWait(30'000);
 
-// Returns the user's and the machine's name: "anna@hill".
+// Returns the name "user@machine", for example "anna@hill".
 std::string UserAtMachine() {
   char machine[256] = "";
   if (gethostname(machine, sizeof(machine) - 1) != 0) machine[0] = '\0';
@@ -296,7 +296,7 @@ Result<MergedTiles> Client::NextMapTiles(proto::MapTilesRequest& request) {
     all.tiles.insert(all.tiles.end(), std::make_move_iterator(tiles->begin()), std::make_move_iterator(tiles->end()));
     if (!first) first = part;
     if (part.is_complete() || part.tiles().empty()) break;
-    asked.clear_wait_s();  // The agent can send the remaining tiles without waiting.
+    asked.clear_wait_s();  // Wait for a change only before the first part.
     *asked.mutable_after() = *part.tiles().rbegin();
     asked.mutable_after()->clear_zstd_cells();
   }

@@ -1,16 +1,14 @@
 // Client: the API through which robot software, a planner or an operator's tool uses its agent.
 //
-// Speaks proto/control.proto over a ZeroMQ DEALER to the agent's own endpoint (runtime/team/team_config.h,
-// ClientEndpoint). This header only forward-declares messages of the large files proto/control.proto,
-// proto/status.proto and proto/share_status.proto; include their headers to access the fields. Calls are synchronous,
-// one at a time. Not thread-safe: use one Client per thread. After a timeout or a lost connection the Client stays
-// usable: the next call reconnects, and a late reply is dropped.
+// Calls are synchronous. Not thread-safe: use one Client per thread. After a timeout or a lost connection, the next
+// call reconnects. This header only forward-declares messages of proto/control.proto, proto/status.proto and
+// proto/share_status.proto; include their headers to access the fields.
 //
-//   auto client = Client::Connect("ipc:///run/user/1000/moondb/team/rover1", "rover1", {});
-//   if (!client) return client.error();
-//   auto keys = (*client)->Insert({record});
+//    auto client = Client::Connect("ipc:///run/user/1000/moondb/team/rover1", "rover1", {});
+//    if (!client) return client.error();
+//    auto keys = (*client)->Insert({record});
 //
-// Every call can fail with these errors, or with the error in the agent's reply:
+// Every call can fail with the error in the agent's reply, or with:
 //   - kUnavailable: The agent is not running, or the connection broke during the call.
 //   - kTimedOut: The agent did not reply in time.
 //   - kRefused: The agent does not know the client's key, or the key lacks the rights.
@@ -57,28 +55,29 @@ class Client {
 
   struct Options {
     Duration connect_timeout = std::chrono::seconds(1);
-    // Timeout of a call, once connected. If the request has a wait_s, the call times out this long, but at least 30 s,
-    // after the end of that wait.
+    // Longest time from sending a request to its reply. If the request has a field wait_s, the limit is wait_s plus
+    // `timeout`, and at least wait_s plus 30 s.
     Duration timeout = std::chrono::seconds(10);
-    Duration long_timeout = std::chrono::seconds(600);  // Timeout of requests that TakesLong (model/control_request.h).
-    // Size limit of requests and replies. A request over the network also obeys kKeyedRequestBytesMax.
+    // Replaces `timeout` for slow requests: those for which TakesLong (model/control_request.h) returns true.
+    Duration long_timeout = std::chrono::seconds(600);
+    // Size limit of a request or a reply. A request over the network may also not exceed kKeyedRequestBytesMax.
     std::size_t message_bytes_max = 32 * 1024 * 1024;
-    // The agent that handles the requests. If it is another agent, the connected agent relays the requests over the
-    // radio. 0: the connected agent.
+    // The agent that handles the requests; 0 means the connected agent. The connected agent relays requests for another
+    // agent over the radio.
     AgentId for_agent = 0;
     std::string by = {};  // User name for the event log: "anna@hill". Empty: this user at this machine.
     // TeamConfig::team_id of the client's team file. An agent of another team refuses the client's requests, and the
     // client refuses replies from another team. Empty: any team is accepted.
     std::string team_id = {};
-    // Called after each successful call with TeamFile::hash of the agent that handled the request (possibly for_agent).
-    // If the hash differs from that of the client's team file, the agent uses another version of the file. Not called
-    // on errors, because an error may come from the relaying agent.
+    // Called after each successful call with the hash of the team file (TeamFile::hash) of the agent that handled the
+    // request. If the hash differs from that of the client's team file, the agent uses another version of the file. Not
+    // called after a failed call, because the error may come from the relaying agent.
     std::function<void(std::uint64_t config_hash)> on_config_hash = {};
     // CURVE keys in Z85, to connect to an agent's client_address; clients.yaml must list the client's public key. Leave
     // both empty for ipc on the agent's own machine.
     std::string server_key = {};    // The agent's public key.
     std::string secret_key = {};    // The client's secret key.
-    CustomTypes custom_types = {};  // Types declared in the team file (TeamConfig::custom_types); maps names to ids.
+    CustomTypes custom_types = {};  // Types that the team file declares (TeamConfig::custom_types).
   };
 
   // Result of Merge. `map` holds the cells; `reply` holds the other fields of the reply, such as counts.
@@ -88,10 +87,12 @@ class Client {
   };
 
   struct ShareOptions {
-    Duration limit = std::chrono::minutes(10);                          // Longest wait; at most 24 h.
-    std::function<void(const proto::ShareProgress&)> on_progress = {};  // Called on changes, at most every 0.5 s.
-    // If not 0, and on_progress is set: while two agents wait for a lease to end, `limit` is extended to the end of
-    // that lease plus this margin.
+    // Longest wait for the order's end; at most 24 h.
+    Duration limit = std::chrono::minutes(10);
+    // Called when the progress changes, at most every 0.5 s.
+    std::function<void(const proto::ShareProgress&)> on_progress = {};
+    // While a pair of agents waits for a lease to end, `limit` is extended to the end of the lease plus this margin. 0,
+    // or no on_progress: `limit` is never extended.
     Duration lease_margin = {};
     AgentId destination = 0;  // This and the members below are copied to ShareRequest.
     std::vector<AgentId> from = {};
@@ -106,22 +107,22 @@ class Client {
   static Result<std::unique_ptr<Client>> Connect(std::string endpoint, std::string agent_name, Options options);
   ~Client();
 
-  // Sends any request and returns the reply; include proto/control.pb.h to build the request. If ControlReply.error is
+  // Sends any request and returns the reply. Include proto/control.pb.h to build the request. If ControlReply.error is
   // set, the call fails with that error.
   Result<proto::ControlReply> Call(const proto::ControlRequest& request);
   Result<proto::ControlReply> Call(const proto::ControlRequest& request, Duration timeout);
 
-  // Include proto/status.pb.h to access the fields.
   Result<proto::AgentStatus> Status();
 
-  // Inserts all records or none. They are durable when the call returns. Returns one key per record, in order.
+  // Inserts all records or none. The records are durable when the call returns. Returns one key per record, in order.
+  // If `is_local`, the records are not shared, and the keys have seq 0.
   Result<std::vector<RecordKey>> Insert(const std::vector<proto::Record>& records, bool is_local = false);
 
-  // A record of a type that the team file declares: bytes that only the team's own programs understand.
+  // A record of a type that the team file declares. The agent does not interpret the payload.
   struct Custom {
     std::string type;               // Name of the type, as in Options::custom_types.
     std::int64_t timestamp_ns = 0;  // Timestamp: nanoseconds since 1970, UTC.
-    std::string payload;            // At most bytes_max of the type.
+    std::string payload;            // At most CustomType.bytes_max bytes.
     std::string latest_key;         // Under the policy `latest`, the newest record per key is kept. At most 256 bytes.
     std::string metadata;           // UTF-8, at most 1024 bytes.
   };
@@ -131,62 +132,65 @@ class Client {
   // name.
   Result<DataType> TypeNamed(const std::string& name) const;
 
-  // Reads one page of records.
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
-  // Reads all records after request.after_row_id, page by page, in the order in which the agent stored them. The limits
-  // in the request apply to each page.
+  // Read returns one page of records. ReadAll reads all records after request.after_row_id, page by page, in the order
+  // in which the agent stored them. The limits in the request apply to each page.
   Result<void> ReadAll(proto::ReadRequest request, const Visit& visit);
 
-  // Returns the highest index of the own robot's nodes in the agent's store, plus 1; 0 if the store has none. Reads all
-  // these nodes. If the agent has lost its disk, call this after the next sync, which restores the nodes.
+  // Returns one more than the highest index of this robot's nodes in the agent's store; 0 if the store has none. Reads
+  // all these nodes. If the agent has lost its disk, call this only after the next sync, which restores the nodes.
   Result<std::uint64_t> NextNodeIndex();
 
   // Returns the agent's have-set: the records held and dropped, per stream.
   Result<HaveSet> Have();
-  // Acknowledges the agent's findings up to a timestamp. Returns how many findings it acknowledged.
+  // Acknowledges the agent's findings (model/event.h) with timestamps up to `until_ns`. Returns how many findings it
+  // acknowledged.
   Result<std::uint32_t> Acknowledge(std::int64_t until_ns);
-  // Checks a part of the agent's store, some records per call (proto/storage.proto, VerifyRequest).
+  // Checks one part of the agent's store for damage. A complete check takes several calls (proto/storage.proto,
+  // VerifyRequest).
   Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
-  // Removes records that need not be kept. PruneReply.text says why nothing could be removed.
+  // Removes records that `order` selects and that need not be kept. If nothing was removed, PruneReply.text gives the
+  // reason.
   Result<proto::PruneReply> Prune(const proto::PruneOrder& order);
   Result<proto::FingerprintReply> Fingerprint(const proto::FingerprintRequest& request);
 
   Result<proto::RoleShowReply> Roles(bool with_history = false);
   Result<proto::RoleShowReply> SetRoles(const proto::RoleSetRequest& request);
-  // Like ChangeRolesUntilDone (client/orders.h): change the roles and wait at most `limit` until the new leader and
-  // survivor confirm.
+  // Change the roles, and wait at most `limit` until the new leader and survivor confirm the change. Fail like
+  // ChangeRolesUntilDone (client/orders.h).
   Result<proto::RoleShowReply> SwapRoles(Duration limit);
   Result<proto::RoleShowReply> SetRoles(proto::RoleSetRequest request, Duration limit);
-  // Sets a lease of this agent: for `duration`, starting now, its robot drives or sleeps, or its sharing is paused. At
-  // most 24 h; 0 ends the lease. Renew the lease before it expires. Returns the leases of all agents.
+  // Announces that for `duration` from now, this agent's robot drives or sleeps, or its sharing is paused. `duration`
+  // is at most 24 h; 0 ends the lease. To extend a lease, call this again before it expires. Returns the leases of all
+  // agents.
   Result<proto::LeaseReply> SetLease(proto::LeaseKind kind, Duration duration);
-  // Like ShareUntilDone (client/orders.h): share now, and wait until all records are acknowledged or nothing more can
-  // be done. Sync at the leader shares in both directions with every other agent. At another agent, Sync sends that
-  // agent's own records to the leader. Replicate at the leader sends all records that the leader holds to the
-  // designated survivor. Sync and Replicate fail with kRefused if this agent loses the lead during the call.
+  // Share records, and wait until all records are acknowledged or nothing more can be done (ShareUntilDone in
+  // client/orders.h). At the leader, Sync shares in both directions with every other agent, and Replicate sends all of
+  // the leader's records to the designated survivor. At another agent, Sync sends that agent's own records to the
+  // leader. Both fail with kRefused if this agent loses the lead during the call.
   Result<proto::ShareProgress> Sync(const ShareOptions& options);
   Result<proto::ShareProgress> Replicate(const ShareOptions& options);
-  // Share gives an order to share and does not wait for its completion. ShareProgress waits for the next change of an
-  // order's progress.
+  // Share gives an order to share, and returns without waiting for the order's completion. ShareProgress waits until
+  // the progress of an order changes.
   Result<proto::ShareReply> Share(const proto::ShareRequest& request);
   Result<proto::ShareProgress> ShareProgress(const proto::ShareProgressRequest& request);
-  // Include proto/share_status.pb.h to access the fields.
   Result<proto::ShareStatus> ShareStatus();
   Result<proto::OptimizeReply> Optimize(const proto::OptimizeRequest& request = {});
   Result<proto::GraphStatsReply> GraphStats();
   // Returns the latest actions of the agent's actors, and the messages that they failed to handle.
   Result<proto::TraceReply> Trace(const proto::TraceRequest& request);
   Result<Merged> Merge(const proto::MergeRequest& request);
-  // Returns the value that each map has for the cell at a position in the frame `map`. Maps are in order of precedence.
+  // Returns the value of the cell at a position in the frame `map` in each local map, in the maps' order of precedence.
   Result<proto::MapWhyReply> MapWhy(double x_m, double y_m);
   Result<proto::MapStatsReply> MapStats();
-  // Returns the tiles of the merged map that changed since the last call with this `request`. The call stores the map's
+  // Returns the tiles of the merged map that changed since the last call with this `request`, and stores the map's
   // version in `request`. The first call, and the first call after the agent's MergeActor restarted, return all tiles
-  // with known cells. With wait_s, the call waits for a change and returns no tiles if none came. Set a region before
-  // the first call. Fails with kUnavailable if MergeActor restarts between two parts of a reply.
+  // with known cells. If request.wait_s is set, the call waits for a change, and returns no tiles if nothing changed.
+  // To limit the tiles to a region, set request.region before the first call. Fails with kUnavailable if MergeActor
+  // restarts between two parts of a reply.
   Result<MergedTiles> NextMapTiles(proto::MapTilesRequest& request);
-  // Makes the next bundle for the ground station, acknowledges a bundle, or (no field set) lists the unacknowledged
-  // bundles.
+  // Makes the next bundle for the ground station or acknowledges a bundle, as set in `request`. If no field is set,
+  // lists the unacknowledged bundles.
   Result<proto::DownlinkReply> Downlink(const proto::DownlinkRequest& request);
   // Returns the complete file of a bundle. Calls `fetched` after each part with the bytes received and the bundle's
   // size. Fails with kNotFound if the bundle does not exist or is acknowledged, and with kCorrupt if the bytes received

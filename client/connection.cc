@@ -62,8 +62,8 @@ struct Client::Connection::Sockets {
     monitor.set(zmq::sockopt::linger, 0);
     monitor.connect(kMonitor);
   }
-  // Returns the next event of the monitor; 0 if there is none. Does not return ZMQ_EVENT_CONNECTED, but sets `file`
-  // from it.
+  // Returns the next event of `monitor`; 0 if there is none. Does not return ZMQ_EVENT_CONNECTED, but stores the
+  // event's file descriptor in `file`.
   int NextEvent() {
     zmq::message_t event;
     zmq::message_t address;
@@ -78,14 +78,14 @@ struct Client::Connection::Sockets {
     return 0;
   }
 
-  // Bytes received since a TCP connection was made; 0 for other transports.
+  // Returns the number of bytes received over this TCP connection; 0 for other transports.
   std::uint64_t ReceivedBytes() const {
     const std::optional<TcpInfo> info = ReadTcpInfo(file);
     return info ? info->bytes_received.value_or(0) : 0;
   }
 
   bool is_writable() { return (dealer.get(zmq::sockopt::events) & ZMQ_POLLOUT) != 0; }
-  // Waits for `events`. A signal to the user's program (EINTR) does not end the wait.
+  // Waits for `events`. Returns false after `timeout`. A signal (EINTR) does not end the wait.
   bool Poll(short events, std::chrono::milliseconds timeout) {
     const auto deadline = SteadyClock::now() + timeout;
     while (true) {
@@ -122,7 +122,7 @@ Result<void> Client::Connection::Open(Duration timeout) {
     sockets->Watch();
     sockets->dealer.connect(endpoint_);
     if (auto there = WaitForPeer(*sockets, timeout); !there) return there;
-    (void)sockets->NextEvent();  // Sets `file`.
+    (void)sockets->NextEvent();  // Sets `file` to the connection's descriptor.
     sockets_ = std::move(sockets);
     return {};
   } catch (const zmq::error_t& error) {
@@ -177,7 +177,7 @@ Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline
     const std::uint64_t received_before = sockets_->ReceivedBytes();
     while (true) {
       if (sockets_->dealer.recv(frame, zmq::recv_flags::dontwait)) {
-        // A reply is a single frame. Skip the frames of messages that consist of several.
+        // A reply is a single frame. Skip the frames of multipart messages.
         if (!frame.more()) return frame.to_string();
         continue;
       }
@@ -185,7 +185,8 @@ Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline
         Close();
         return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " went away during the call");
       }
-      // libzmq limits the size of a frame, but not the number of frames that it buffers for one message.
+      // maxmsgsize limits the size of a frame. Limit the number of frames of a message, too, because libzmq buffers
+      // them all.
       if (sockets_->ReceivedBytes() > received_before + 2 * message_bytes_max_) {
         Close();
         return Fail(ErrorCode::kCorrupt, "agent " + agent_name_ + " sends a message that does not end");

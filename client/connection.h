@@ -1,5 +1,4 @@
-// A connection over one DEALER socket to one agent's endpoint: sends and receives frames, with deadlines. The only file
-// of client/ that uses ZeroMQ.
+// A connection to one agent's endpoint over one DEALER socket: sends and receives frames, with deadlines.
 //
 // Never reconnects automatically: Send and Receive report a lost connection at once, and the next Open makes a new
 // socket. Not thread-safe.
@@ -15,7 +14,6 @@ namespace moondb {
 
 class Client::Connection {
  public:
-  // `options`: the options of Client::Connect.
   Connection(std::string endpoint, std::string agent_name, const Options& options);
   ~Connection();
 
@@ -28,14 +26,14 @@ class Client::Connection {
   Result<void> Send(const std::string& frame);
   bool is_keyed() const { return !secret_key_.empty(); }
   // Returns the next reply. Fails with kTimedOut after `deadline`, with kUnavailable if the connection is lost, and
-  // with kCorrupt if the peer sends an endless message.
+  // with kCorrupt if a message does not end within twice the size limit.
   Result<std::string> Receive(std::chrono::steady_clock::time_point deadline);
 
  private:
   struct Sockets;
 
   Result<void> UseKeys(Sockets& sockets) const;
-  // Waits until the socket is connected.
+  // Waits until the socket is connected. Fails like Open.
   Result<void> WaitForPeer(Sockets& sockets, Duration timeout) const;
 
   std::string endpoint_;

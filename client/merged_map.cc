@@ -22,7 +22,7 @@ Result<Grid> DecodeCells(const std::string& frame, std::uint32_t width, std::uin
   return grid;
 }
 
-// Returns whether the indices of the cells in this row or column of tiles fit into 64 bits.
+// Returns whether the cells in column (or row) `tile` of the tiles have indices that fit into 64 bits.
 bool IsNear(std::int64_t tile) {
   constexpr std::int64_t kMax = INT64_MAX / kTileSideCellsMax;
   return -kMax <= tile && tile <= kMax;

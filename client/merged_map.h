@@ -11,19 +11,20 @@ namespace moondb {
 
 inline constexpr std::uint64_t kMergedCellsMax = 256ull * 1024 * 1024;
 
-// Decodes a whole merged map. Fails with kCorrupt if the frame does not hold width * height cells of value 0, 1 or 2,
-// or if there are more than kMergedCellsMax cells. An empty map has no frame.
+// Decodes a whole merged map. Fails with kCorrupt if reply.zstd_cells does not decode to width * height cells of value
+// 0, 1 or 2, or if there are more than kMergedCellsMax cells. For an empty map (width or height 0), zstd_cells is not
+// read.
 Result<MergedMap> DecodeMergedMap(const proto::MergeReply& reply);
 
-// A tile of the merged map. If the tile has lost its last known cell, all its cells are unknown.
+// A tile of the merged map. If no cell of the tile is known any more, all cells of `map` are unknown.
 struct MergedTile {
-  std::int64_t x = 0;  // Column of the tile. The first cell of the tile has the column x * map.grid.width.
+  std::int64_t x = 0;  // Column of the tile. The tile's first cell is in column x * map.grid.width of the merged map.
   std::int64_t y = 0;
   MergedMap map;
 };
 
 struct MergedTiles {
-  bool is_everything = false;  // True: discard all older tiles; cells outside of `tiles` are unknown.
+  bool is_everything = false;  // If true, discard all tiles received earlier: cells outside of `tiles` are unknown.
   std::vector<MergedTile> tiles;
 };
 

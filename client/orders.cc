@@ -16,12 +16,11 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
-// Pauses before each further attempt. A new leader stores its term and waits for its peers for up to 2 s before it
-// acts.
+// Pauses between attempts. A new leader stores its term and waits for its peers for up to 2 s before it acts.
 constexpr milliseconds kPauses[] = {milliseconds(100), milliseconds(300), milliseconds(1000), milliseconds(2000),
                                     milliseconds(3000)};
-constexpr char kExpectedTerm[] = "expected_term";  // Error field if an order to share relies on outdated roles.
-constexpr char kExpected[] = "expected";           // Error field if a change of roles relies on outdated roles.
+constexpr char kExpectedTerm[] = "expected_term";  // Error::field if an order to share relies on outdated roles.
+constexpr char kExpected[] = "expected";           // Error::field if a change of roles relies on outdated roles.
 constexpr milliseconds kRolesPeriod(200);
 
 double SecondsUntil(Clock::time_point end, double max_s) {
@@ -33,8 +32,8 @@ bool IsWorthAnother(const Error& error) {
   return error.field == kExpectedTerm || error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kNotFound;
 }
 
-// Calls `connect`, and `once` with the client that `connect` returned. Repeats both calls while another attempt may
-// succeed.
+// Calls `connect`, and then `once` with the returned client. Repeats both calls after an error if another attempt may
+// succeed, until `end` or until all kPauses are used.
 template <typename Once>
 auto Repeat(const ConnectToShare& connect, proto::ShareRequest& request, const Clock::time_point& end, Once once)
     -> decltype(once(std::declval<Client&>())) {
@@ -117,7 +116,7 @@ Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSet
       AddNotConfirmed(*held);
       if (held->not_confirmed_by().empty() || Clock::now() >= end) return held;
     } else if (error.field == kExpected) {
-      // The agent does not know the current roles yet, but will soon learn of them.
+      // The agent may not have received the current roles yet. Try again in that case.
       const bool is_behind = held && IsNewer(standing.term(), held->roles().term());
       if (!is_behind || Clock::now() >= end) return Fail(error.code, error.text);
     } else if (Clock::now() >= end) {
@@ -149,7 +148,7 @@ Result<proto::ShareProgress> Client::ShareFromHere(proto::SharingKind kind, cons
     if (!status) return tl::unexpected(status.error());
     const bool is_leading = status->roles().leader() == status->agent_id();
     if (was_leading && !is_leading) {
-      // The order would now share only this agent's own records.
+      // Without the lead, this agent would share only its own records.
       return Fail(ErrorCode::kRefused, agent_name_ + " leads no longer: ask the leader of now");
     }
     was_leading = is_leading;

@@ -1,7 +1,7 @@
 // Calls that order sharing or a change of roles, and that wait until the agent reports completion.
 //
-// If the agent restarts, or its roles change, the request to share is repeated up to five times, with growing pauses of
-// up to 3 s.
+// If the agent restarts, or its roles change, a request to share is repeated up to five times, after pauses of 0.1 to 3
+// s.
 #pragma once
 
 #include <functional>
@@ -10,26 +10,25 @@
 
 namespace moondb {
 
-// Returns the client that sends the request; called before each attempt. May set ShareRequest.expected_term to the
-// current term.
+// Called before each attempt to send `request`. Returns the client that sends the request. May set
+// request.expected_term to the current term.
 using ConnectToShare = std::function<Result<Client*>(proto::ShareRequest& request)>;
 
-// Gives an order to share and waits until the order is over. If ShareProgress.is_complete, all records are
-// acknowledged. Otherwise each PairProgress (one sender and one destination) reports what is missing, or why the pair
-// took no part. If is_over is false, the time limit was reached and the order is still in progress. Fails like
-// Client::Share, and with kRefused and the field expected_term if the roles keep changing.
+// Gives an order to share, and waits until the order is over or options.limit has passed. If ShareProgress.is_complete,
+// all records are acknowledged. Otherwise each PairProgress (one sender and one destination) reports what is missing,
+// or why the pair took no part. If ShareProgress.is_over is false, the order is still in progress. Fails like
+// Client::Share, and with kRefused and the field expected_term if the roles change before every attempt.
 Result<proto::ShareProgress> ShareUntilDone(const ConnectToShare& connect, proto::ShareRequest request,
                                             const Client::ShareOptions& options);
 
 // Gives an order to share, and returns without waiting for its completion.
 Result<proto::ShareReply> ShareAtOnce(const ConnectToShare& connect, proto::ShareRequest request);
 
-// Changes the current roles. Waits until the new leader acts in a term that it issued itself, and the new survivor has
-// stored that term. If `is_waiting` is false, waits only until the agent has stored the assignment. `standing`: the
-// current roles, as reported by the agent. RoleShowReply.not_confirmed_by names the new leader or survivor if it did
-// not confirm within the limit. If a reply is lost, the request is repeated; the change is idempotent. Fails with
-// kRefused if the roles have changed since `standing`. Fails with kTimedOut or kUnavailable if no reply arrived; the
-// roles may have changed then.
+// Changes the roles from `standing`, as reported by the agent. Waits at most `limit` until the new leader acts in a
+// term that it issued itself, and the new survivor has stored that term. RoleShowReply.not_confirmed_by names an agent
+// that has not done so. If `is_waiting` is false, waits only until the agent has stored the assignment. If a reply is
+// lost, the request is repeated; the change is idempotent. Fails with kRefused if the roles have changed since
+// `standing`. Fails with kTimedOut or kUnavailable if no reply arrived; the roles may have changed then.
 Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSetRequest request,
                                                   const proto::RoleAssignment& standing, Client::Duration limit,
                                                   bool is_waiting = true);

@@ -14,7 +14,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::internal::WireFormatLite;
 using google::protobuf::io::CodedInputStream;
 
-// The parts of messages up to this size are not counted: they are too few to use much memory.
+// Messages up to these sizes in bytes are parsed without counting their parts, because they cannot have many parts.
 constexpr std::size_t kUncountedBytesMax = 64 * 1024;
 constexpr std::size_t kUncountedPeerBytesMax = 1024;
 constexpr int kDepthMax = 100;  // Protobuf's own recursion limit.
@@ -35,15 +35,16 @@ std::size_t ElementBytesMin(const FieldDescriptor& field) {
   }
 }
 
-// Subtracts the number of parts of a message from `left`. Returns false if the message has more parts than `left`.
-// Stops at bytes that do not decode, because the parser will reject these.
+// Subtracts the number of parts of a message from `left`. Returns false if the message has more parts than `left`, or
+// contains a group. Stops at bytes that do not decode and returns true, because the parser rejects such bytes.
 bool CountParts(const Descriptor& type, int depth, CodedInputStream& in, std::size_t& left) {
   while (const std::uint32_t tag = in.ReadTag()) {
     const FieldDescriptor* field = type.FindFieldByNumber(WireFormatLite::GetTagFieldNumber(tag));
     const bool is_message = field != nullptr && field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
     const bool is_part = field == nullptr || field->is_repeated() || is_message;
     const WireFormatLite::WireType wire_type = WireFormatLite::GetTagWireType(tag);
-    if (wire_type == WireFormatLite::WIRETYPE_START_GROUP) return false;  // Groups are never used here.
+    if (wire_type == WireFormatLite::WIRETYPE_START_GROUP)
+      return false;  // The messages of this project have no groups.
     if (is_part && left-- == 0) return false;
     const bool is_packed =
         field != nullptr && field->is_packable() && wire_type == WireFormatLite::WIRETYPE_LENGTH_DELIMITED;

@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-inline constexpr char kAllMayCommand[] = "all";  // Entry that stands for all agents.
+inline constexpr char kAllMayCommand[] = "all";  // Entry of command_from that stands for all agents.
 
 // Returns whether operators may give commands through this agent. If command_from is empty, only the base station
 // qualifies; in a team without a base station, every agent does. Returns false for an agent that is unknown or has left

@@ -1,7 +1,7 @@
-// Converts between a Message and the serialised ControlRequest or ControlReply in its body. Because the body is bytes,
-// code that only forwards a Message does not depend on proto/control.proto. Between a client and its agent, the frame
-// is a ClientMessage (proto/control.proto), which has the same bytes. Thread-safe. Include proto/control.pb.h to access
-// the fields of requests and replies.
+// Converts between a Message and the ControlRequest or ControlReply that it holds as bytes. Code that only forwards a
+// Message therefore does not depend on proto/control.proto. A client and its agent exchange a ClientMessage
+// (proto/control.proto), which has the same encoding. Include proto/control.pb.h to access the fields of requests and
+// replies. Thread-safe.
 #pragma once
 
 #include "model/error.h"
@@ -20,11 +20,11 @@ proto::Message MessageOf(const proto::ControlReply& reply);
 // Returns a message with a ControlReply that holds only the error.
 proto::Message ErrorMessage(const Error& error);
 
-// Fail with kInvalid if the message has another body, and with kCorrupt if the body does not decode or would need too
-// much memory (model/bounded_parse.h).
+// Return the request or reply in `message`. Fail with kInvalid if the message has another body, and with kCorrupt if
+// the body does not decode or would need too much memory (model/bounded_parse.h).
 Result<proto::ControlRequest> ControlRequestOf(const proto::Message& message);
 Result<proto::ControlReply> ControlReplyOf(const proto::Message& message);
-// Fails with the error in the message's ControlReply, and like ControlReplyOf.
+// Fails with the error in the message's ControlReply, if it holds one. Also fails like ControlReplyOf.
 Result<void> CheckControlReply(const proto::Message& message);
 
 }  // namespace moondb

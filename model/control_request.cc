@@ -21,7 +21,7 @@ bool TakesLong(const proto::ControlRequest& request) {
 }
 
 std::chrono::milliseconds BoundedWait(double wait_s, double max_s) {
-  if (!(wait_s > 0)) return std::chrono::milliseconds(0);  // Also for NaN.
+  if (!(wait_s > 0)) return std::chrono::milliseconds(0);  // True for NaN, too.
   return std::chrono::milliseconds(static_cast<std::int64_t>(1000 * std::min(wait_s, max_s)));
 }
 

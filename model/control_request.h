@@ -12,19 +12,19 @@ namespace moondb {
 inline constexpr double kReadWaitMax_s = 60;             // Longest wait_s of ReadRequest and ShareProgressRequest.
 inline constexpr double kOrderWaitMax_s = 24 * 60 * 60;  // Longest wait_s of ShareRequest and RoleSetRequest.
 
-// Size limit of a request to a client_address, because an incoming request takes memory before the agent can check it.
-// Over ipc, requests may be larger.
+// Size limit of a request over the network (client_address), because an agent must buffer a request before it can check
+// it. Requests over ipc may be larger.
 inline constexpr std::size_t kKeyedRequestBytesMax = 12 * 1024 * 1024;
 
-// Returns the options of a request in proto/control.proto; the default options if the request has none, and for
-// REQUEST_NOT_SET.
+// Returns the CommandOptions of the request's field in proto/control.proto. Returns the default options if the field
+// has none, and for REQUEST_NOT_SET.
 const proto::CommandOptions& CommandOptionsOf(proto::ControlRequest::RequestCase request);
 
 // Returns the name of the request's field in proto/control.proto: "role_set". Empty for REQUEST_NOT_SET.
 std::string RequestName(proto::ControlRequest::RequestCase request);
 
-// Returns whether the answer may take minutes: a solve, a merge (any question about the map may start one), a check of
-// the whole store file, or a new bundle.
+// Returns whether the reply may take minutes: for a solve, a merge, a request about the merged map (which may start a
+// merge), a check of the whole store file, or a new bundle.
 bool TakesLong(const proto::ControlRequest& request);
 
 // Converts a field wait_s to a duration of at most `max_s`. Returns 0 for negative values and NaN.

@@ -1,4 +1,4 @@
-// Format of CURVE keys, for agents and clients.
+// Format of the keys for CURVE, ZeroMQ's encryption.
 #pragma once
 
 #include <cstddef>

@@ -1,9 +1,8 @@
 // The table of built-in data types: one row per type, with all its properties except its database table
 // (actors/storage/record_tables.cc).
 //
-// Rows do not contain names. The name of a type is its enumerator in proto::DataType in lower case, and also its field
-// in proto::Record. docs/DATA_TYPES.md explains how to add a type; tests/model/data_types_test.cc reports forgotten
-// steps. Custom types (model/custom_types.h) have no row. Thread-safe.
+// The name of a type is its enumerator in proto::DataType in lower case, and also its field in proto::Record.
+// docs/DATA_TYPES.md explains how to add a type. Custom types (model/custom_types.h) have no row. Thread-safe.
 #pragma once
 
 #include <span>
@@ -25,14 +24,13 @@ namespace moondb {
 // are accepted. kOthers: events and custom types.
 enum class ShareRank { kRoles, kStates, kNodes, kEdges, kDerived, kOthers, kMaps };
 
-// The agents that may write records of a type, in addition to the rules for signatures and sharing
-// (model/record_authority.h).
+// Which agents may write records of a type. RecordAuthority (model/record_authority.h) applies these rules.
 enum class Speaker {
-  // Any agent. The record describes its own origin (robot states, events, custom types), or other rules decide (role
-  // assignments, see model/role_chain.h).
+  // Any agent. Used for robot states, events and custom types, which describe their own origin, and for role
+  // assignments, which RoleChain (model/role_chain.h) checks.
   kAnyAgent,
-  // An agent that the record names. Used for nodes and maps, odometry between nodes of one agent, and ranges between
-  // two agents. Future types such as loop closures and priors belong here.
+  // An agent that the record names. Used for nodes, maps, odometry between nodes of one agent, and ranges between two
+  // agents.
   kNamedAgent,
   // The leader of the term in the record. Used for optimised poses and edge verdicts.
   kLeader,
@@ -41,7 +39,7 @@ enum class Speaker {
   kNamedAgentOrLeader,
 };
 
-// An agent that a record names. It must be a member of the team.
+// An agent that a record names. The agent must be a member of the team.
 struct NamedAgent {
   AgentId agent = 0;
   std::string field;  // Path of the field: "pose_graph_edge.from.agent_id".
@@ -50,20 +48,19 @@ struct NamedAgent {
 // Term and run of the solve that produced a record.
 using RecordVersion = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;
 
-// Properties of a data type. The default values are those of a robot state: states are shared early, and only the
-// newest state per robot is kept.
+// Properties of a data type. The default values are the properties of robot states.
 struct DataTypeRow {
   DataType type = proto::DATA_TYPE_UNSPECIFIED;
 
   ShareRank rank = ShareRank::kStates;
-  // Default policies, used if the team file sets none. By default an agent keeps superseded records of its own robot
-  // for a type under `latest`, unless the type has versions (see `version`).
+  // Policies that apply if the team file sets none. For a type under `latest`, an agent by default keeps superseded
+  // records of its own robot, unless the type has versions (`version` is set).
   proto::Policy share = proto::POLICY_LATEST;
   proto::Policy ground = proto::POLICY_LATEST;
-  // Whether the policy `latest` is allowed.
+  // Whether the team file may set the policy `latest`.
   bool may_be_latest = true;
-  // If true, records of this type are pruned only if an order names the type, because other records depend on them. A
-  // graph without some of its nodes is broken, and a map whose quarantine is pruned is used again.
+  // If true, records of this type are pruned only if an order names the type, because other records depend on them. For
+  // example, a map is used again if the quarantine of the map is pruned.
   bool is_kept_unless_named = false;
 
   // Validates the fields of a record.
@@ -71,13 +68,14 @@ struct DataTypeRow {
   // Returns the agents that a record names. Null if records of the type name none.
   std::vector<NamedAgent> (*agents)(const proto::Record& record) = nullptr;
   Speaker speaker = Speaker::kAnyAgent;
-  // Returns the natural key, which robots choose (NaturalKey). Null for a type without natural keys.
+  // Returns the natural key of a record (NaturalKey in model/record_check.h). Null for a type without natural keys.
   std::string (*natural_key)(const proto::Record& record) = nullptr;
-  // Returns the latest key: under `latest`, only the newest record per key is kept (LatestKey). Null: all records of an
-  // origin have the same key.
+  // Returns the latest key of a record (LatestKey in model/record_check.h). The policy `latest` keeps only the newest
+  // record per origin and latest key. Null: the latest key is empty.
   std::string (*latest_key)(const proto::Record& record) = nullptr;
-  // Returns the version. If two records have the same latest key, the record with the higher (version, record key) is
-  // kept. Null: the record key alone decides.
+  // Returns the version of a record. If two records have the same latest key, the record with the higher version is
+  // newer; if the versions are equal, the record with the higher record key is newer. Null: the record key alone
+  // decides.
   RecordVersion (*version)(const proto::Record& record) = nullptr;
 };
 
@@ -87,8 +85,8 @@ std::span<const DataTypeRow> DataTypeRows();
 // Returns the row of a type; null for a type without a row (unknown or custom).
 const DataTypeRow* FindDataType(DataType type);
 
-// Returns the ShareRank of a type; lower ranks are shared first. Messages without a type rank like
-// robot states; types without a row rank like custom types.
+// Returns the number of a type's ShareRank; types with lower numbers are shared first. DATA_TYPE_UNSPECIFIED has the
+// rank of robot states; any other type without a row has the rank of custom types.
 int SharingRank(DataType type);
 bool IsState(DataType type);  // Returns whether the type has the rank of robot states.
 

@@ -8,11 +8,11 @@
 
 namespace moondb {
 
-// Returns the number of insertions, deletions, substitutions and swaps of neighbours that turn `a` into `b`.
+// Returns the number of insertions, deletions, substitutions and swaps of adjacent characters that turn `a` into `b`.
 std::size_t EditDistance(std::string_view a, std::string_view b);
 
-// Returns the candidate with the smallest EditDistance to the word; if several are equally near, the first of them.
-// Returns nullopt if that distance is more than 1 and more than a third of the word's length.
+// Returns the candidate with the smallest EditDistance to the word; the first of them if there are several. Returns
+// nullopt if that distance is more than 1 and more than a third of the word's length.
 std::optional<std::string> ClosestWord(std::string_view word, const std::vector<std::string>& candidates);
 
 // Returns `; did you mean "address"?` for the ClosestWord, or an empty string if there is none.

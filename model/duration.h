@@ -8,8 +8,8 @@
 
 namespace moondb {
 
-// Parses a decimal number with a unit: ms, s, m or min, h, d. Without a unit, it means seconds. Returns nullopt for
-// other text, for less than 1 ms, and for more than `longest`.
+// Parses a decimal number with a unit (ms, s, m, min, h or d) or without a unit (seconds). Returns nullopt for other
+// text, for less than 1 ms, and for more than `longest`.
 std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text,
                                                        std::chrono::milliseconds longest = std::chrono::hours(24));
 

@@ -15,8 +15,8 @@ constexpr std::string_view kWasLost = " was lost";
 constexpr std::string_view kIsBack = ", and is back";
 constexpr std::string_view kUpToTimestamp = "up to timestamp ";
 
-// Returns the subject of a finding, by which findings are merged. All losses and returns of one peer have the same
-// subject. The subject of another finding is its text.
+// Returns the subject of a finding. Findings with the same subject are merged. All losses and returns of one peer have
+// the same subject. The subject of any other finding is its text.
 std::string SubjectOf(const OwnEvent& event) {
   const std::size_t lost = event.kind == proto::EVENT_KIND_LOST ? event.text.find(kWasLost) : std::string::npos;
   return event.text.substr(0, lost);
@@ -50,7 +50,8 @@ std::string AwayText(double away_s) {
   return std::to_string(std::llround(away_s / 3600)) + " h";
 }
 
-// Cuts text to `bytes_max`. OneLine may exceed its own limit, because it adds a mark to a text that it cuts.
+// Cuts text to `bytes_max`. OneLine may exceed its limit by up to 8 bytes, because it adds a mark to a text that it
+// cuts.
 std::string Cut(std::string_view text, std::size_t bytes_max) { return OneLine(text, bytes_max - 8); }
 
 }  // namespace

@@ -1,5 +1,5 @@
-// FieldChecker: validates fields of a record and keeps the first violation. Take() returns that violation as kInvalid
-// with the path of the field. Value type.
+// FieldChecker: validates fields of a record. Take() returns the first violation as kInvalid, with the path of the
+// field; success if there is none. Value type.
 #pragma once
 
 #include <string>
@@ -26,7 +26,7 @@ class FieldChecker {
   void Node(const proto::NodeKey& node, const std::string& field);
   void Term(const proto::Term& term, const std::string& field);
   void Pose(const proto::Pose& pose, const std::string& field);
-  // Adds an error that another function found in a nested part of `field`.
+  // Records an error that another function found in a nested part of `field`.
   void Stop(const Error& error, const std::string& field);
 
   Result<void> Take() const { return result_; }

@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// Pairs of key and text. Each is one line of ASCII. A key has at most 79 characters and no colon.
+// Pairs of key and text, each one line of ASCII. A key has at most 79 characters and no colon.
 using FileNotes = std::vector<std::pair<std::string, std::string>>;
 
 // Returns "agent: rover1\n...", with `prefix` before each line.

@@ -78,7 +78,7 @@ class G2oParser {
     g2o_.edges.push_back(edge);
   }
 
-  // Reads an information matrix. The first `kTranslation` of its `kSize` rows belong to the translation.
+  // Reads an information matrix of kSize rows. The first kTranslation rows belong to the translation.
   template <int kSize, int kTranslation>
   Eigen::Matrix<double, kSize, kSize> InformationOf(LineFields& fields) const {
     constexpr const char* kName = "information";

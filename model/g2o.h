@@ -40,14 +40,14 @@ struct G2oEdge {
 
 struct G2o {
   bool is_planar = false;
-  std::vector<G2oVertex> vertices;  // The lists are in file order.
+  std::vector<G2oVertex> vertices;  // In file order, like the other lists.
   std::vector<G2oEdge> edges;
   std::vector<std::uint64_t> fixed;  // Ids of the vertices whose poses are held fixed.
 };
 
-// The condition that ParseG2o requires of an edge's information matrix. kBlocks: the translation block and the rotation
-// block each have an inverse of positive trace. This suffices for an isotropic cost; SE-Sync reads files this way. Some
-// public files pass only kBlocks, because rounding made their matrices lose positive definiteness.
+// How ParseG2o checks an edge's information matrix. kBlocks requires only that the translation block and the rotation
+// block each have an inverse of positive trace, which suffices for an isotropic cost (as in SE-Sync). Some public files
+// pass only kBlocks, because rounding made their matrices lose positive definiteness.
 enum class InformationCheck { kPositiveDefinite, kBlocks };
 
 // Parses a g2o file. `name` is the file's name in errors. Fails with kInvalid and the field "file:line" for:
@@ -59,7 +59,7 @@ enum class InformationCheck { kPositiveDefinite, kBlocks };
 Result<G2o> ParseG2o(std::string_view text, const std::string& name,
                      InformationCheck check = InformationCheck::kPositiveDefinite);
 
-// Reads and parses a file, block by block. Also fails with the errors of TextLines.
+// Like ParseG2o, but reads the text from a file, block by block. Also fails with the errors of TextLines.
 Result<G2o> ReadG2o(const std::filesystem::path& file, InformationCheck check = InformationCheck::kPositiveDefinite);
 
 // Returns the text of a g2o file: first the vertices, then FIX lines, then edges, each in list order.

@@ -10,7 +10,7 @@
 #include <cstring>
 #include <memory>
 
-#include "model/map_picture.h"
+#include "model/cell_colors.h"
 #include "model/text.h"
 
 namespace moondb {
@@ -101,7 +101,8 @@ void SetColors(TIFF* tiff) {
   TIFFSetField(tiff, TIFFTAG_COLORMAP, red, green, blue);
 }
 
-// Sets the transformation from pixels (upper left corner) to metres east and north.
+// Sets the transformation from pixel coordinates, whose origin is the upper left corner, to metres east and north of
+// the site.
 void SetPlace(TIFF* tiff, const MergedMap& map, const MapSite& site) {
   const double resolution_m = map.resolution_um / 1e6;
   const Eigen::Vector2d corner_m(static_cast<double>(map.origin_cell_x) * resolution_m,

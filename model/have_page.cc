@@ -10,7 +10,8 @@
 namespace moondb {
 namespace {
 
-// Encoded size of tag and length: of a list element (upper limit), and of an interval, whose length takes one byte.
+// Encoded sizes in bytes of tag and length: kElementHeadBytes is the upper limit for a stream. An interval needs 2
+// bytes, because its length takes one byte.
 constexpr std::size_t kElementHeadBytes = 6;
 constexpr std::size_t kIntervalHeadBytes = 2;
 
@@ -22,8 +23,8 @@ class IntervalWalk {
 
   bool has_more() const { return held_.has_more() || dropped_.has_more(); }
   bool is_held() const { return !dropped_.has_more() || (held_.has_more() && held_.at->first < dropped_.at->first); }
-  // Returns the current interval without its seqs before first_seq_. Since the previous page was made, an interval
-  // before first_seq_ and one after it may have been joined.
+  // Returns the current interval without seqs before first_seq_. The interval contains such seqs if a new record has
+  // closed the gap before first_seq_ since the previous page was made.
   IntervalSet::Interval interval() const {
     const IntervalSet::Interval& whole = is_held() ? *held_.at : *dropped_.at;
     return {std::max(whole.first, first_seq_), whole.last};

@@ -1,10 +1,9 @@
 // HavePageWriter: splits a have-set into pages that each fit into one message.
 //
-// A page covers all records from one key up to another, in the order of streams, and of seqs within a stream. If the
-// page does not list a record in that range, the agent neither holds nor has dropped the record. A stream is split
-// across pages only if it does not fit into one page. Each page is correct for the time at which it was made, without
-// the other pages, like the streams in an acknowledgment. Pages from different times can be merged into one have-set,
-// so the writer keeps no state between pages.
+// A page describes all records in a range of keys, ordered by stream and then by seq. If the page does not list a
+// record in that range, the agent neither holds nor has dropped the record. A stream is split across pages only if it
+// does not fit into one page. Pages made at different times can be merged into one have-set, so the writer keeps no
+// state between pages.
 #pragma once
 
 #include <cstddef>
@@ -16,14 +15,13 @@
 
 namespace moondb {
 
-// Size limit of a page sent over the radio, without the rest of its message: 0.2 s at 1 Mbps. The whole message fits
-// into a link's initial credit (32 KiB) and into an outbox's reserve for control messages (32 KiB).
+// Size limit in bytes of a page that is sent over the radio, which takes 0.2 s at 1 Mbps. The message with the page
+// fits into a link's initial credit (32 KiB) and into an outbox's reserve for control messages (32 KiB).
 inline constexpr std::size_t kHavePageBytesMax = 24 * 1024;
-// Upper limits of the encoded size of a stream without its intervals, and of one interval.
+// Upper limits of encoded sizes in bytes: a stream without its intervals, and one interval.
 inline constexpr std::size_t kHaveStreamBytesMax = 32;
 inline constexpr std::size_t kHaveIntervalBytesMax = 24;
-// Maximum number of pages of the largest have-set: two successive pages together always exceed the size limit of one
-// page.
+// Maximum number of pages of a have-set. Two successive pages together always have more than kHavePageBytesMax bytes.
 inline constexpr int kHavePagesMax = 1024;
 static_assert(2 * (kHaveStreamsMax * kHaveStreamBytesMax + kHaveIntervalsMax * kHaveIntervalBytesMax) <
               kHavePagesMax * kHavePageBytesMax);
@@ -31,7 +29,7 @@ static_assert(2 * (kHaveStreamsMax * kHaveStreamBytesMax + kHaveIntervalsMax * k
 class HavePageWriter {
  public:
   // Starts a page at the record `from`; a default key means the first record. The page has at most `bytes_max` bytes
-  // (0: no limit), but always room for one interval.
+  // (0: no limit), but always has room for one interval.
   HavePageWriter(const RecordKey& from, std::size_t bytes_max);
 
   // Adds a stream; an empty stream is left out. Returns false if the page is full; next() is then the first record of

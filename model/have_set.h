@@ -57,7 +57,7 @@ struct StreamHave {
   IntervalSet dropped;
 
   IntervalSet Covered() const;
-  // Adds the seqs of `other`. A seq that is dropped in this or in `other` is dropped in the result.
+  // Adds the seqs of `other`. A seq that is dropped in this object or in `other` is dropped in the result.
   void Merge(const StreamHave& other);
   std::size_t IntervalCount() const { return held.intervals().size() + dropped.intervals().size(); }
   bool operator==(const StreamHave&) const = default;
@@ -71,11 +71,11 @@ inline constexpr std::size_t kHaveIntervalsMax = 262'144;  // Sum over all strea
 class HaveSet {
  public:
   StreamHave& operator[](const StreamKey& key) { return streams_[key]; }
-  const StreamHave& Get(const StreamKey& key) const;  // Empty if there is none.
+  const StreamHave& Get(const StreamKey& key) const;  // Returns an empty StreamHave if there is none.
 
   // Merges `other` stream by stream (StreamHave::Merge).
   void Merge(const HaveSet& other);
-  // Fails with kInvalid if the union would exceed the limits of a have-set.
+  // Fails with kInvalid if the result of Merge(other) would exceed the limits of a have-set.
   Result<void> CheckJoins(const HaveSet& other) const;
   // Returns, for each stream of `other`, the complete intervals of this have-set that share a seq with an interval that
   // `other` covers.

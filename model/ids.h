@@ -15,7 +15,7 @@ enum Role : int;
 
 namespace moondb {
 
-// Identifies an agent: a team member and its process. Valid ids are 1 to kAgentIdMax; 0 means nobody.
+// Identifies an agent: a team member and its process. Valid ids are 1 to kAgentIdMax; 0 means no agent.
 using AgentId = std::uint32_t;
 inline constexpr AgentId kAgentIdMax = 65535;
 

@@ -9,7 +9,7 @@
 namespace moondb {
 
 struct KeepRule {
-  // Maximum age of a kept state by timestamp. Zero: no superseded state is kept.
+  // Maximum age of a superseded state, by its timestamp. Zero: no superseded state is kept. max(): all are kept.
   std::chrono::milliseconds at_most = std::chrono::milliseconds::max();
 
   bool KeepsAny() const { return at_most > std::chrono::milliseconds::zero(); }

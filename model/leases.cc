@@ -19,7 +19,7 @@ std::string WholeSeconds(double seconds) { return std::to_string(static_cast<int
 }  // namespace
 
 Result<void> CheckLeaseSeconds(double seconds, const std::string& field) {
-  if (seconds >= 0 && seconds <= kLeaseSecondsMax) return {};  // False for NaN.
+  if (seconds >= 0 && seconds <= kLeaseSecondsMax) return {};  // False for NaN, which therefore fails.
   return Fail(ErrorCode::kInvalid, "expected 0 to 86400 seconds", field);
 }
 

@@ -1,8 +1,8 @@
 // Leases: tracks which agents of a team drive, sleep or are paused, and until when.
 //
-// A lease is a duration, not a time of day, because the clocks of the agents differ and jump. It counts down on this
-// agent's monotonic clock from the time at which this agent learned of the lease. No message is needed for it to
-// expire. The caller passes the current time to each call. Value type.
+// A lease is a duration, not a time of day, because the clocks of the agents differ and jump. The duration counts from
+// the time at which this agent learned of the lease, on this agent's monotonic clock. The caller passes the current
+// time to each call. Value type.
 #pragma once
 
 #include <chrono>
@@ -21,7 +21,8 @@ inline constexpr double kLeaseSecondsMax = 86400;
 // Fails with kInvalid and `field` unless `seconds` is 0 to kLeaseSecondsMax.
 Result<void> CheckLeaseSeconds(double seconds, const std::string& field);
 
-// Returns "drives for 40 s more", or "drives for 40 s and is paused for 600 s more". Empty if no lease is active.
+// Returns a text such as "drives for 40 s more" or "drives for 40 s and is paused for 600 s more". Empty if no lease is
+// active.
 std::string ToString(const proto::AgentLease& lease);
 
 class Leases {
@@ -32,12 +33,14 @@ class Leases {
   // `is_quiet_while_driving` is the team file's radio.quiet_while_driving.
   explicit Leases(bool is_quiet_while_driving) : is_quiet_while_driving_(is_quiet_while_driving) {}
 
-  void Set(const proto::AgentLease& lease, Time now);  // Replaces the agent's leases. Requires: valid durations.
-  void SetAll(const proto::LeasesChanged& changed);    // Replaces the leases of all agents.
+  // Replaces the agent's leases. Requires: CheckLeaseSeconds accepts the durations.
+  void Set(const proto::AgentLease& lease, Time now);
+  void SetAll(const proto::LeasesChanged& changed);  // Replaces the leases of all agents.
 
-  proto::AgentLease LeftOf(AgentId agent, Time now) const;  // Remaining times; 0: no such lease.
-  proto::LeasesChanged Left(Time now) const;                // Remaining times of all agents that have a lease.
-  std::optional<Time> NextExpiry(Time now) const;           // Time at which the next lease expires.
+  // Returns the remaining seconds of each kind of lease; 0 if the lease is not active.
+  proto::AgentLease LeftOf(AgentId agent, Time now) const;
+  proto::LeasesChanged Left(Time now) const;       // Returns the remaining times of all agents with an active lease.
+  std::optional<Time> NextExpiry(Time now) const;  // Returns when the next lease expires; nullopt if none is active.
 
   // Returns whether the agent sleeps, or drives in a team with radio silence while driving. Other agents must not treat
   // such an agent as lost.

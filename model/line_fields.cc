@@ -11,7 +11,8 @@ namespace {
 
 constexpr int kPlanarRows[3] = {0, 1, 5};
 constexpr double kQuaternionTolerance = 0.01;
-// A quaternion this close to length 1 is not normalised again, so a normalised quaternion reads back bit for bit.
+// A quaternion whose length differs from 1 by at most this is not normalised again, so that a normalised quaternion
+// reads back bit for bit.
 constexpr double kQuaternionUnitSlack = 1e-12;
 
 }  // namespace
@@ -110,7 +111,7 @@ Eigen::Matrix3d PlanarOf(const Matrix6d& spatial) {
 
 double ExactPlanarYaw(const Eigen::Quaterniond& q) {
   constexpr int kSteps = 8;
-  // Files may contain yaws beyond pi. The sign of w distinguishes such a yaw from the same direction within pi.
+  // The yaw has a magnitude of up to 2 pi: files may contain yaws beyond pi, and the signs of z and w preserve them.
   const double yaw_rad = 2 * std::atan2(q.z(), q.w());
   double above = yaw_rad;
   double below = yaw_rad;

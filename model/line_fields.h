@@ -16,8 +16,8 @@
 
 namespace moondb {
 
-// The parser keeps the first error; calls after an error return zeros. Requires: the text of the line outlives the
-// parser.
+// The parser keeps the first error. Values read after an error are unspecified. Requires: the text of the line outlives
+// the parser.
 class LineFields {
  public:
   explicit LineFields(std::string_view line);
@@ -31,10 +31,11 @@ class LineFields {
   std::uint64_t Index();     // Reads an unsigned 64-bit integer.
   std::int64_t Timestamp();  // Reads a timestamp in seconds and returns nanoseconds.
 
-  // Reads 2 or 3 coordinates of up to 1e9 m. In the plane, z is 0.
+  // Reads the coordinates x y (if `is_planar`) or x y z, of up to 1e9 m. If `is_planar`, z is 0.
   Eigen::Vector3d Position(bool is_planar);
 
-  // Reads x y yaw, or x y z qx qy qz qw. The quaternion's length must be 1 within 1 %; it is normalised.
+  // Reads x y yaw (if `is_planar`) or x y z qx qy qz qw. The quaternion's length must be 1 within 1 %; the quaternion
+  // is normalised.
   Pose PoseOf(bool is_planar);
 
   // Reads the upper triangle of a symmetric matrix, row by row.
@@ -66,9 +67,9 @@ class LineFields {
 
 inline constexpr std::size_t kGraphLineBytesMax = 4096;
 
-// Calls `parse` with each line that is neither empty nor a comment (#), and the line number, from 1. Fails with
-// kInvalid and the field "name:line" if `parse` reports an error or leaves fields unread, or if a line is longer than
-// kGraphLineBytesMax. Also fails with the errors of TextLines.
+// Calls `parse` with each line that is neither empty nor a comment (#), and with the line's number, counted from 1.
+// Fails with kInvalid and the field "name:line" if `parse` reports an error or leaves fields unread, or if a line is
+// longer than kGraphLineBytesMax. Also fails with the errors of TextLines.
 Result<void> ParseLines(TextLines lines, const std::string& name,
                         const std::function<void(LineFields& fields, std::size_t line)>& parse);
 
@@ -76,9 +77,9 @@ Result<void> ParseLines(TextLines lines, const std::string& name,
 void SetPlanar(const Eigen::Matrix3d& planar, Matrix6d& spatial);
 Eigen::Matrix3d PlanarOf(const Matrix6d& spatial);
 
-// Returns a yaw that Pose::FromPlanar converts to exactly this quaternion, if an angle near the computed one does;
-// otherwise the computed angle. The arc tangent may differ in its last bits from the yaw that the quaternion was made
-// from.
+// Returns a yaw from which Pose::FromPlanar makes exactly this quaternion, if such a yaw lies within a few rounding
+// steps of the computed yaw; otherwise returns the computed yaw. Rounding of the arc tangent may change the last bits
+// of the computed yaw.
 double ExactPlanarYaw(const Eigen::Quaterniond& q);
 
 }  // namespace moondb

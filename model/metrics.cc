@@ -82,7 +82,8 @@ Share MatchHazards(const MergedMap& map, const MergedMap& other, int tolerance) 
   return share;
 }
 
-// Computes Cohen's kappa for two classes and two raters: the agreement beyond that expected by chance.
+// Computes Cohen's kappa of `map` and `truth` for the classes free and hazard: the agreement beyond that expected by
+// chance.
 void CountKappa(const MergedMap& map, const MergedMap& truth, MapAgreement& agreement) {
   double both = 0, agree = 0, map_hazards = 0, true_hazards = 0;
   ForEachCell(map, [&](std::int64_t x, std::int64_t y, Cell cell) {
@@ -114,6 +115,14 @@ Eigen::Quaterniond Rotation(const Eigen::Matrix3d& covariance) {
 Eigen::Quaterniond PlanarRotation(const Eigen::Matrix3d& covariance) {
   const double yaw = std::atan2(covariance(1, 0) - covariance(0, 1), covariance(0, 0) + covariance(1, 1));
   return Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()));
+}
+
+Result<void> CheckComparable(const MergedMap& map, const MergedMap& truth, int tolerance_cells) {
+  if (map.resolution_um != truth.resolution_um) return Fail(ErrorCode::kInvalid, "the maps' resolutions differ");
+  if (tolerance_cells < 0 || tolerance_cells > kToleranceCellsMax) {
+    return Fail(ErrorCode::kInvalid, "must be 0 to 100", "tolerance_cells");
+  }
+  return {};
 }
 
 }  // namespace
@@ -167,10 +176,7 @@ std::map<NodeKey, Pose> PosesOf(const PoseGraph& graph) {
 }
 
 Result<MapAgreement> CompareMaps(const MergedMap& map, const MergedMap& truth, int tolerance_cells) {
-  if (map.resolution_um != truth.resolution_um) return Fail(ErrorCode::kInvalid, "the maps' resolutions differ");
-  if (tolerance_cells < 0 || tolerance_cells > kToleranceCellsMax) {
-    return Fail(ErrorCode::kInvalid, "must be 0 to 100", "tolerance_cells");
-  }
+  if (auto valid = CheckComparable(map, truth, tolerance_cells); !valid) return tl::unexpected(valid.error());
   const Share found = MatchHazards(map, truth, tolerance_cells);
   const Share covered = MatchHazards(truth, map, tolerance_cells);
   MapAgreement agreement;
@@ -183,6 +189,29 @@ Result<MapAgreement> CompareMaps(const MergedMap& map, const MergedMap& truth, i
   agreement.hazard_iou = agreement.f1 / (2 - agreement.f1);
   CountKappa(map, truth, agreement);
   return agreement;
+}
+
+Result<std::vector<HazardMatch>> MatchHazardCells(const MergedMap& map, const MergedMap& truth, int tolerance_cells) {
+  if (auto valid = CheckComparable(map, truth, tolerance_cells); !valid) return tl::unexpected(valid.error());
+  if (map.grid.width != truth.grid.width || map.grid.height != truth.grid.height ||
+      map.origin_cell_x != truth.origin_cell_x || map.origin_cell_y != truth.origin_cell_y) {
+    return Fail(ErrorCode::kInvalid, "the maps do not cover the same cells");
+  }
+  const NearHazards near_map(map, tolerance_cells);
+  const NearHazards near_truth(truth, tolerance_cells);
+  std::vector<HazardMatch> matches;
+  matches.reserve(map.grid.cells.size());
+  ForEachCell(map, [&](std::int64_t x, std::int64_t y, Cell cell) {
+    const Cell true_cell = CellAt(truth, x, y);
+    const bool is_hit =
+        (cell == Cell::kHazard && near_truth.Has(x, y)) || (true_cell == Cell::kHazard && near_map.Has(x, y));
+    if (is_hit) return matches.push_back(HazardMatch::kHit);
+    if (true_cell == Cell::kHazard) return matches.push_back(HazardMatch::kMissed);
+    if (cell == Cell::kHazard) return matches.push_back(HazardMatch::kPhantom);
+    const bool is_known = cell != Cell::kUnknown || true_cell != Cell::kUnknown;
+    matches.push_back(is_known ? HazardMatch::kFree : HazardMatch::kUnknown);
+  });
+  return matches;
 }
 
 }  // namespace moondb

@@ -17,7 +17,7 @@
 namespace moondb {
 
 struct TrajectoryError {
-  double rmse_m = 0;  // Absolute trajectory error: root mean square of the 3-D distances. 0 without nodes.
+  double rmse_m = 0;  // Absolute trajectory error: root mean square of the 3-D distances; 0 if there are no nodes.
   double max_m = 0;
   std::size_t node_count = 0;
   std::size_t missing_count = 0;  // Nodes of the truth that the estimate lacks; excluded from the errors.
@@ -28,9 +28,9 @@ struct TrajectoryError {
 TrajectoryError CompareTrajectories(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth,
                                     const std::vector<AgentId>& agents);
 
-// Returns the pose truth_from_estimate that aligns the nodes in both maps with least squared error. If `is_planar`, it
-// rotates only about z. Use it for graphs whose position in the frame `map` is not determined. Returns the identity if
-// fewer than two nodes are in both.
+// Returns the pose truth_from_estimate that aligns the nodes that `estimate` and `truth` have in common, with least
+// squared error. Returns the identity if there are fewer than two such nodes. If `is_planar`, the pose rotates only
+// about z. Use it for graphs whose position in the frame `map` is not determined.
 Pose FindAlignment(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth, bool is_planar);
 
 // Returns the poses of a graph's nodes.
@@ -59,5 +59,19 @@ inline constexpr int kHazardToleranceCells = 2;
 // tolerance is not 0 to 100.
 Result<MapAgreement> CompareMaps(const MergedMap& map, const MergedMap& truth,
                                  int tolerance_cells = kHazardToleranceCells);
+
+// How a cell of a merged map compares with the same cell of the true map.
+enum class HazardMatch : std::uint8_t {
+  kUnknown = 0,  // Unknown in both maps.
+  kFree = 1,     // A hazard in neither map.
+  kHit = 2,      // A hazard of one map, with a hazard of the other within the tolerance.
+  kMissed = 3,   // A hazard of the true map, with none of the merged map within the tolerance.
+  kPhantom = 4,  // A hazard of the merged map, with none of the true map within the tolerance.
+};
+
+// Returns one value per cell of the grids, in their order. Fails with kInvalid as CompareMaps does, and if the two maps
+// do not cover the same cells.
+Result<std::vector<HazardMatch>> MatchHazardCells(const MergedMap& map, const MergedMap& truth,
+                                                  int tolerance_cells = kHazardToleranceCells);
 
 }  // namespace moondb

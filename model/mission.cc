@@ -23,7 +23,7 @@ constexpr std::string_view kMapsHeading =
     "map_id,agent_id,stamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,layers,cells_per_side,"
     "finest_resolution_m,file";
 constexpr double kMicrometresPerMetre = 1e6;
-constexpr std::size_t kAgentsMax = 52;  // Number of letters, capital and small.
+constexpr std::size_t kAgentsMax = 52;  // One letter per agent: A to Z, a to z.
 constexpr std::uint8_t kFreePixel = 254;
 constexpr std::uint8_t kHazardPixel = 0;
 constexpr std::uint8_t kUnknownPixel = 205;
@@ -83,7 +83,7 @@ class CsvRow {
   Error failure_;
 };
 
-// Calls `read_row` with each row of a table until one fails. Fails if the first line is not `heading`.
+// Calls `read_row` with each row of a table, and stops at the first error. Fails if the first line is not `heading`.
 template <typename ReadRow>
 Result<void> ReadCsv(const std::filesystem::path& file, std::string_view heading, ReadRow read_row) {
   Result<TextLines> lines = TextLines::OfFile(file);
@@ -175,20 +175,21 @@ class KeyMapper {
     for (RangeEdge& edge : pyfg.graph.ranges) Map(edge.from), Map(edge.to);
   }
 
-  const std::string& stranger() const { return stranger_; }  // First key whose letter no agent has.
+  const std::string& stranger() const { return stranger_; }  // First key whose letter no agent has; empty: none.
 
  private:
   std::map<AgentId, AgentId> ids_;
   std::string stranger_;
 };
 
-// Composes start pose and odometry, rover by rover. The first node of a rover has its start pose.
+// Returns the raw poses of the rovers' nodes. A rover's first node has the start pose; odometry leads to the later
+// nodes.
 Result<std::map<NodeKey, Pose>> ComposeRawPoses(const Mission& mission, const std::string& file) {
   std::map<NodeKey, Pose> poses;
   for (const auto& [key, truth] : mission.truth) {
     const bool is_first = poses.empty() || poses.rbegin()->first.agent != key.agent;
     if (is_first) poses.emplace(key, FindAgent(mission, key.agent)->start);
-    // Keys are sorted by agent, so if `poses` has a node of this agent, it is the last entry.
+    // `truth` is sorted by agent. The last entry of `poses` therefore shows whether the key is the agent's first.
   }
   std::vector<const OdometryEdge*> edges;
   edges.reserve(mission.graph.odometry.size());
@@ -323,7 +324,7 @@ std::uint8_t PixelOf(Cell cell) {
   return cell == Cell::kHazard ? kHazardPixel : kUnknownPixel;
 }
 
-// Returns the layer whose first row in the picture is `top`. Rows of pictures grow downwards, rows of grids upwards.
+// Reads the layer whose top row in the picture is `top`. Row 0 is at the top of a picture, but at the bottom of a grid.
 Result<Grid> GridOf(const Image& image, int top, int side, const std::string& file) {
   Grid grid(side, side);
   for (int row = 0; row < side; ++row) {

@@ -21,7 +21,7 @@ struct MissionAgent {
   Pose start;       // A rover's known start pose, or a base station's pose.
   double start_sigma_m = 0;
   double start_sigma_rad = 0;
-  Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // Position in the body's frame.
+  Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // Position of the antenna in the body's frame.
 };
 
 struct MissionMap {

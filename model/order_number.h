@@ -9,7 +9,8 @@
 
 namespace moondb {
 
-// Returns the order number from which an actor counts up after a restart; its first order has this number plus 1.
+// Returns the number from which an actor counts its orders after a restart; the first order has this number plus 1.
+// `random`: a new random number.
 inline std::uint64_t BeginOrderNumbers(std::uint64_t random) { return random << 32; }
 
 inline bool IsOfOneBoot(std::uint64_t a, std::uint64_t b) { return a >> 32 == b >> 32; }

@@ -1,15 +1,13 @@
-// OriginQuota: divides the limited memory of a reader of records (its room) fairly among the origins of the records
-// (max-min fairness).
+// OriginQuota: divides a limited total weight of records fairly among the origins of the records (max-min fairness). A
+// reader of records uses it to limit its memory.
 //
 // Each record has a weight (1, or its bytes). The level is the maximum weight per origin: the highest value at which
-// the records of all origins together fit into the limit. An origin whose records together weigh at most the level
-// keeps all its records. Every other origin keeps its newest records, with a total weight of at most the level. The
-// newest records are those with the highest (epoch, seq). The outcome therefore depends only on the set of records, not
-// on their order of arrival. A record that has lost its room never regains it: the level only falls, and the number of
-// newer records only grows.
+// the kept records of all origins together fit into the limit. An origin whose records together weigh more than the
+// level keeps only its newest records, those with the highest (epoch, seq). A record that is kept "has room". The
+// result depends only on the set of records, not on their order of arrival. A record that has lost its room never
+// regains it.
 //
-// `Note` is the type of the caller's data about a record, returned when the record loses its room. Memory grows with
-// the number of records that have room, and with the number of agents. Not thread-safe.
+// `Note` is the type of the caller's data about a record, returned when the record loses its room. Not thread-safe.
 #pragma once
 
 #include <algorithm>
@@ -37,11 +35,11 @@ class OriginQuota {
   };
 
   // `limit`: maximum total weight of the records that have room. Requires: `limit` is below 2^48, and fewer than 2^15
-  // records heavier than `limit` are added. Otherwise sums overflow.
+  // records with a weight above `limit` are added; otherwise sums overflow.
   explicit OriginQuota(std::uint64_t limit) : limit_(limit) {}
 
-  // Adds a record. Returns the records that lose their room because of the new record; the new record may be one of
-  // them. Requires: the record was not added before.
+  // Adds a record. Returns the records that lose their room because of the new record, which may itself be among them.
+  // Requires: the record was not added before.
   std::vector<Removed> Add(const RecordKey& key, std::uint64_t weight, Note note) {
     weight = std::min(weight, limit_ + 1);  // A weight above the limit never fits; cap it to avoid overflow.
     Origin& origin = origins_[key.stream.origin];
@@ -63,7 +61,7 @@ class OriginQuota {
     return removed;
   }
 
-  // Adds the number of records without room, per origin, to `counts`.
+  // Adds to `counts`, per origin, the number of records that have no room.
   void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const {
     for (const auto& [agent, origin] : origins_) {
       if (origin.left_out_count > 0) counts[agent] += origin.left_out_count;
@@ -77,9 +75,9 @@ class OriginQuota {
   };
 
   struct Origin {
-    std::uint64_t weight = 0;  // Total weight of all records added, with or without room.
+    std::uint64_t weight = 0;  // Total weight of all records added, including those that have no room.
     std::uint64_t left_out_count = 0;
-    std::optional<RecordAge> newest_left_out;  // Records older than this have no room.
+    std::optional<RecordAge> newest_left_out;  // The newest record that has no room; all older records have none.
     std::map<RecordAge, Kept> kept;
     std::uint64_t kept_weight = 0;
   };
@@ -109,8 +107,8 @@ class OriginQuota {
   }
 
   std::uint64_t limit_;
-  std::uint64_t weight_ = 0;  // Total weight of all records added.
-  std::uint64_t level_ = 0;   // Only valid once weight_ exceeds limit_.
+  std::uint64_t weight_ = 0;  // Total weight of the records added for all origins.
+  std::uint64_t level_ = 0;   // Maximum weight per origin; only valid once weight_ exceeds limit_.
   std::map<AgentId, Origin> origins_;
 };
 

@@ -36,7 +36,7 @@ int ChannelsOf(png_uint_32 format) {
   return (format & PNG_FORMAT_FLAG_COLOR) != 0 ? 3 : 1;
 }
 
-constexpr std::size_t kHeaderBytes = 8 + 25;  // The signature and the IHDR chunk, the start of each file.
+constexpr std::size_t kHeaderBytes = 8 + 25;  // Size of the signature and the IHDR chunk, with which each file begins.
 
 std::string BigEndian(std::uint32_t value) {
   std::string bytes;
@@ -93,8 +93,8 @@ Result<Image> ReadPng(const std::filesystem::path& file) {
   }
   Image image(static_cast<int>(png->width), static_cast<int>(png->height), channels);
   png->format = FormatOf(channels);
-  // Ignore warnings of libpng, such as a bad checksum in an ancillary chunk: the pixels are still correct. Only an
-  // error of libpng means that pixels are wrong.
+  // Ignore warnings of libpng, such as a bad checksum in an ancillary chunk: the pixels are still correct. If pixels
+  // are wrong, libpng reports an error.
   if (!png_image_finish_read(png.get(), nullptr, image.bytes.data(), 0, nullptr)) {
     return Fail(ErrorCode::kCorrupt, std::string("is a damaged PNG: ") + png->message, file.string());
   }

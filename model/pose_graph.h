@@ -1,4 +1,4 @@
-// PoseGraph: the nodes, odometry and ranges of a team, as plain values (paper, Section 5.2).
+// PoseGraph: the nodes, odometry and ranges of a team, as plain values.
 #pragma once
 
 #include <Eigen/Core>

@@ -5,7 +5,7 @@
 
 namespace moondb {
 
-inline constexpr double kPruneAgeMax_s = 1e9;  // About 30 years.
+inline constexpr double kPruneAgeMax_s = 1e9;  // Largest age in an order to prune: about 32 years.
 
 // Returns whether records of the type are pruned only if an order names the type (DataTypeRow::is_kept_unless_named);
 // false for custom types.

@@ -43,7 +43,7 @@ struct PyfgSighting {
   NodeKey from;
   NodeKey to;
   std::int64_t timestamp_ns = 0;
-  Eigen::Vector3d from_point_m = Eigen::Vector3d::Zero();  // Position in the node's frame.
+  Eigen::Vector3d from_point_m = Eigen::Vector3d::Zero();  // Position of the landmark in the frame of the node `from`.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
 };
 
@@ -73,7 +73,7 @@ std::string FormatKey(const NodeKey& key);
 //   - a mix of 2-D and 3-D lines.
 Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name);
 
-// Reads and parses a file, block by block. Also fails with the errors of TextLines.
+// Like ParsePyfg, but reads the text from a file, block by block. Also fails with the errors of TextLines.
 Result<Pyfg> ReadPyfg(const std::filesystem::path& file);
 
 // Returns the text of a PyFG file: poses, landmarks, odometry, sightings, ranges, each in list order. Requires: agent

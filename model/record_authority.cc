@@ -17,7 +17,8 @@ Speaker SpeakerOf(const proto::Record& record) {
   return row == nullptr ? Speaker::kAnyAgent : row->speaker;
 }
 
-// Returns the term in which the origin of a record of Speaker::kLeader or kNamedAgentOrLeader claims to lead.
+// Returns the term in which the record's origin claims to have led. Requires: the record's speaker is kLeader or
+// kNamedAgentOrLeader.
 const proto::Term& ClaimedTermOf(const proto::Record& record) {
   if (record.has_optimized_pose()) return record.optimized_pose().term();
   return record.has_edge_verdict() ? record.edge_verdict().term() : record.map_quarantine().term();
@@ -71,8 +72,7 @@ bool RecordAuthority::HasLedIn(AgentId origin, const proto::Term& term) {
   return false;
 }
 
-// The new assignment may make assignments valid that waited for it. Each left-out claim of an origin to have led in a
-// term is therefore evaluated again.
+// The new assignment may also make assignments valid that waited for it. Check all claims in left_out_ again.
 void RecordAuthority::AddAssignment(const proto::RoleAssignment& roles) {
   const std::size_t before = chain_.size();
   (void)chain_.Add(roles);

@@ -1,14 +1,14 @@
-// RecordAuthority: decides which agents may write which records, and about which agents. A reader of records asks it
-// whether to use a record that the agent holds.
+// RecordAuthority: decides which records a reader may use, depending on the agent that wrote the record and on its
+// roles.
 //
-// DataTypeRow::speaker (model/data_types.h) holds the rule of each data type. CheckSpeaker applies the rules that need
-// only the record and its origin. A record that breaks such a rule can never become valid, so no store accepts it.
-// RecordAuthority also applies the rules that depend on roles. Only readers apply the role rules: a record is stored
-// and shared whether or not its origin had the role. A team without keys has no role rules.
+// CheckSpeaker applies the rules that need only the record and its origin (DataTypeRow::speaker in model/data_types.h).
+// A record that breaks such a rule can never become valid, so no store accepts it. RecordAuthority also applies the
+// rules that depend on roles. Records that break only these rules are stored and shared, but not used. A team without
+// keys has no role rules.
 //
-// The result depends only on the set of records, not on their order. A record that arrives before the role assignment
-// that makes it valid is left out at first. TakeOutdated then reports that all records have to be read again. Not
-// thread-safe.
+// The result depends only on the set of records, not on their order. If a record arrives before the role assignment
+// that makes it valid, the record is left out at first, and TakeOutdated later reports that all records must be read
+// again. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -30,30 +30,30 @@ namespace moondb {
 // Returns whether the record names this agent (DataTypeRow::agents).
 bool IsNamedIn(const proto::Record& record, AgentId agent);
 
-// Fails with kInvalid if `origin` may not write this record in any role. The error names the field that holds the other
-// agent. Requires: CheckRecord(record) succeeds.
+// Fails with kInvalid if `origin` may not write this record in any role. The error's field is the path of an agent that
+// may write the record. Requires: CheckRecord(record) succeeds.
 Result<void> CheckSpeaker(const proto::Record& record, AgentId origin);
 
 class RecordAuthority {
  public:
   explicit RecordAuthority(RoleChain::Options options);
 
-  // Returns whether a reader uses this record. Call it for role assignments too, because they decide about other
+  // Returns whether the reader may use this record. Call it for role assignments too, because they decide about other
   // records.
   bool Counts(const RecordKey& key, const proto::Record& record);
   // Returns true if a record that was left out has become valid since the last call. The reader must then call Restart
   // and read all records again.
   bool TakeOutdated();
-  // Resets the state. Call it before all records are read again.
+  // Forgets which records were left out. Call it before all records are read again.
   void Restart();
 
-  // Returns a LeftOutReport for storage: per origin, the number of records left out since the last Restart, and
-  // `without_room`, the number of records for which the reader had no room. Returns nullopt if both are unchanged since
-  // the last call.
+  // Returns a LeftOutReport for storage. The report holds, per origin, the number of records left out since the last
+  // Restart, and the number of records for which the reader had no room (`without_room`). Returns nullopt if both are
+  // unchanged since the last call.
   std::optional<proto::Message> TakeReport(std::map<AgentId, std::uint64_t> without_room);
 
  private:
-  // Maximum size of left_out_. If it is reached, any new assignment is assumed to make a left-out record valid.
+  // Maximum size of left_out_. At this size, any new assignment is assumed to make a left-out record valid.
   static constexpr std::size_t kLeftOutMax = 4096;
   using LeftOut = std::tuple<AgentId, decltype(OrderOf(proto::Term()))>;
 
@@ -66,7 +66,7 @@ class RecordAuthority {
   RoleChain chain_;
   std::set<LeftOut> left_out_;
   std::map<AgentId, std::uint64_t> uncounted_;
-  std::map<AgentId, std::uint64_t> reported_;  // uncounted_ as last reported.
+  std::map<AgentId, std::uint64_t> reported_;  // Value of uncounted_ in the last report.
   std::map<AgentId, std::uint64_t> reported_without_room_;
   bool is_outdated_ = false;
 };

@@ -12,7 +12,7 @@ namespace moondb {
 
 namespace {
 
-// Returns the rows by the numbers of their fields in proto::Record.
+// Returns the rows, keyed by the number of the type's field in proto::Record.
 std::map<int, const DataTypeRow*> RowsByBody() {
   std::map<int, const DataTypeRow*> rows;
   for (const DataTypeRow& row : DataTypeRows()) {
@@ -22,7 +22,7 @@ std::map<int, const DataTypeRow*> RowsByBody() {
   return rows;
 }
 
-// Returns null for a custom record, a record without a body, and a type without a row.
+// Returns the row of the record's type. Null for a custom record, a record without a body, and a type without a row.
 const DataTypeRow* RowOf(const proto::Record& record) {
   static const std::map<int, const DataTypeRow*> kRows = RowsByBody();
   const auto row = kRows.find(record.body_case());

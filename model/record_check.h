@@ -21,8 +21,8 @@ inline constexpr std::size_t kCustomMetadataBytesMax = 1024;
 // custom record is not 1000 to 1999.
 DataType TypeOf(const proto::Record& record);
 
-// Validates a record. The caller has to check that its agents and its custom type exist in the team. Fails with
-// kInvalid and the field for:
+// Validates a record. Does not check whether the agents and the custom type exist in the team. Fails with kInvalid and
+// the field for:
 //   - a missing body, an unknown enum value, or an agent id outside of 1 to kAgentIdMax;
 //   - a number that is not finite, or a ratio outside of 0 to 1;
 //   - an edge from a node to itself, odometry between nodes of two agents, or a range between nodes of one agent;
@@ -36,9 +36,9 @@ Result<void> CheckRecord(const proto::Record& record);
 // Returns the agents that the record names, in the order of its fields.
 std::vector<NamedAgent> AgentsNamedIn(const proto::Record& record);
 
-// Returns the latest key as bytes; under the policy `latest`, only the newest record per key is kept. The key is empty
-// for robot states, the node for optimized poses, the edge for verdicts, and CustomRecord.latest_key for custom
-// records.
+// Returns the latest key as bytes. The policy `latest` keeps only the newest record per origin and latest key. The key
+// is empty for robot states, the node for optimized poses, the edge for verdicts, and CustomRecord.latest_key for
+// custom records.
 std::string LatestKey(const proto::Record& record);
 
 // Returns the natural key, by which robots identify a node or an edge: the NodeKey of a node; the type of measurement

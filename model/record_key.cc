@@ -19,8 +19,8 @@ void AppendLittleEndian(std::uint64_t value, int byte_count, std::array<char, 24
   for (int i = 0; i < byte_count; ++i) buffer[size++] = static_cast<char>(value >> (8 * i));
 }
 
-// Parses the number at the front of `text` and removes it from `text`. The number ends at `end_mark`, which is removed
-// too; if `end_mark` is 0, the number ends at the end of the text. Returns false for other text.
+// Parses the number at the front of `text`, which must end before `end_mark`, or at the end of `text` if `end_mark` is
+// 0. Removes the number and the mark from `text`. Returns false and leaves `text` unchanged if there is no such number.
 template <typename T>
 bool TakeNumber(std::string_view& text, char end_mark, int base, T& value) {
   const std::size_t end = end_mark ? text.find(end_mark) : text.size();

@@ -15,7 +15,7 @@ class RecordKey;
 
 namespace moondb {
 
-// Largest seq of a shared record: a database row stores it as a signed integer.
+// Largest seq of a shared record, because the database stores a seq as a signed integer.
 inline constexpr std::uint64_t kSeqMax = INT64_MAX;
 
 // Identifies one stream of records. Seqs within a stream count from 1 without a gap.
@@ -42,7 +42,8 @@ std::string ToString(const RecordKey& key);
 // Parses the text form of ToString. Fails with kInvalid for other text.
 Result<RecordKey> ParseRecordKey(std::string_view text);
 
-// Returns the XXH64 (seed 0) over origin u32, epoch u64, type u32, seq u64, all little-endian, and then the content.
+// Returns the XXH64 (seed 0) of origin (u32), epoch (u64), type (u32) and seq (u64), all little-endian, followed by the
+// content.
 std::uint64_t HashRecord(const RecordKey& key, std::string_view content);
 
 }  // namespace moondb

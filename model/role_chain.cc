@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Returns a map key that is equal for equal terms. Its order does not matter.
+// Returns a map key: equal for equal terms, different for different terms.
 std::string TermKey(const proto::Term& term) {
   return std::to_string(term.number()) + "." + std::to_string(term.issuer()) + "." +
          std::to_string(term.issuer_epoch());
@@ -39,8 +39,9 @@ RoleChain::Standing RoleChain::StandingOf(const proto::RoleAssignment& roles) co
   const AgentId issuer = roles.term().issuer();
   const auto count = counting_of_issuer_.find(issuer);
   if (count != counting_of_issuer_.end() && count->second >= kAssignmentsOfIssuerMax) return Standing::kNever;
-  // An issuer with the right to command may begin a new era. Its assignment counts even if the predecessor is not known
-  // here, which may never change. If the predecessor is known, the new era must be the next one.
+  // Revision 0 begins a new era, for which the issuer needs the right to command. The assignment is valid even if its
+  // predecessor is unknown here, because the predecessor may never become known. A known predecessor must be of the
+  // previous era.
   if (RevisionOf(roles.term()) == 0) {
     const bool begins_era = EraOf(roles.term()) > 0 && options_.may_command(issuer);
     if (!begins_era) return Standing::kNever;

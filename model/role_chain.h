@@ -1,22 +1,21 @@
 // RoleChain: decides which of the known role assignments are valid, and so which agents have been leader or designated
 // survivor.
 //
-// Each assignment names its predecessor by the predecessor's signature. A term consists of an era and a revision within
-// the era (model/term.h). An assignment is valid (it "counts") in one of two cases:
+// Each assignment contains the signature of its predecessor. A term consists of an era and a revision within the era
+// (model/term.h). An assignment is valid (it "counts") in one of two cases:
 //   - Its issuer may command the team (command_from of the team file). The assignment then begins a new era, which
 //     follows the era of its predecessor. The predecessor need not be known here.
 //   - Its predecessor is valid and names the issuer leader or survivor. The assignment is then the next revision in the
 //     predecessor's era.
-// The team file's roles are valid; their term is revision 0 of era 0. Two assignments may have the same predecessor,
-// for example if the leaders of two partitions of a team decide. Both assignments are then valid, and the one with the
-// newer term is in force. A higher term thus needs a longer chain, and an agent that never had a role cannot change the
-// roles.
+// The team file's roles are valid, as revision 0 of era 0. Two valid assignments may have the same predecessor, for
+// example after a partition of the team; the assignment with the newer term is in force.
 //
-// The caller checks signatures before adding (runtime/team/role_signature.h). In a team without keys, assignments have
-// no signature, and all assignments are valid. An assignment whose predecessor is unknown waits until the predecessor
-// is added. At most kWaitingAssignmentsMax assignments wait. Beyond that, a new assignment of an issuer with few
-// waiting assignments displaces the oldest one of the issuer with the most. At most kAssignmentsOfIssuerMax assignments
-// of one issuer become valid, so a former leader cannot fill the memory. Not copyable.
+// An assignment whose predecessor is unknown waits until the predecessor is added. At most kWaitingAssignmentsMax
+// assignments wait, and at most kAssignmentsOfIssuerMax assignments of one issuer become valid. These limits keep a
+// malicious agent from filling the memory.
+//
+// The caller checks signatures before it adds an assignment (runtime/team/role_signature.h). In a team without keys,
+// all assignments are valid. Not copyable.
 #pragma once
 
 #include <cstddef>
@@ -38,17 +37,16 @@ class RoleChain {
  public:
   struct Options {
     proto::RoleAssignment initial;             // The team file's roles, without a signature.
-    std::function<bool(AgentId)> may_command;  // Evaluates command_from.
+    std::function<bool(AgentId)> may_command;  // Whether command_from allows an agent to command.
     bool has_keys = true;                      // Whether assignments are signed.
   };
 
   enum class Standing {
     kCounts,            // The assignment is valid.
     kLacksPredecessor,  // The assignment may be valid once its predecessor is known.
-    kNever,             // The issuer may not decide roles, or has issued too many.
+    kNever,             // The assignment can never become valid.
   };
 
-  // Returns the options for a team without keys.
   static Options WithoutKeys() {
     Options options;
     options.has_keys = false;
@@ -65,36 +63,37 @@ class RoleChain {
 
   // Returns the valid assignment with this signature, or null; an empty signature means the team file's assignment.
   const proto::RoleAssignment* Find(const std::string& signature) const;
-  // The number of valid assignments, including the team file's.
+  // Returns the number of valid assignments, including the team file's assignment.
   std::size_t size() const { return counting_.size(); }
-  // The valid assignment with the newest term.
+  // Returns the valid assignment with the newest term.
   const proto::RoleAssignment& newest() const { return *newest_; }
   // Returns whether a valid assignment, or the team file, names the agent leader or designated survivor.
   bool HasHadRole(AgentId agent) const { return had_role_.contains(agent); }
   // Returns whether a valid assignment of this term names the agent leader.
   bool HasLedIn(AgentId agent, const proto::Term& term) const;
   // Returns the valid assignment with this signature and its predecessors, newest first, back to the first assignment
-  // of its era. Leaves out the oldest beyond `bytes_max`, but returns at least one. Empty if no valid assignment has
-  // this signature.
+  // of its era. If the assignments exceed `bytes_max`, leaves out the oldest, but returns at least one. Empty if no
+  // valid assignment has this signature.
   std::vector<proto::RoleAssignment> ChainOf(const std::string& signature, std::size_t bytes_max) const;
 
-  // Returns an assignment that follows `follows`; only its term number and predecessor are set. `is_command`: the
-  // assignment begins a new era.
+  // Returns an assignment with only two fields set: `follows` is its predecessor, and its term number is the next
+  // revision. If `is_command`, the term number begins the next era instead.
   static proto::RoleAssignment Next(const proto::RoleAssignment& follows, bool is_command);
 
  private:
   const proto::RoleAssignment& Keep(const proto::RoleAssignment& roles);
-  // Returns whether one more assignment of this issuer may wait. If the limit is reached, removes a waiting assignment
-  // of an issuer that has more of them.
+  // Returns whether one more assignment of this issuer may wait. If kWaitingAssignmentsMax assignments wait already,
+  // removes the oldest one of the issuer with the most waiting assignments. Returns false instead if `issuer` has as
+  // many, or one less.
   bool MakeRoomToWait(AgentId issuer);
 
   Options options_;
-  // Valid assignments by signature; in a team without keys, by term.
+  // Valid assignments, keyed by signature; in a team without keys, by TermKey.
   std::map<std::string, proto::RoleAssignment> counting_;
-  std::multimap<std::string, proto::RoleAssignment> waiting_;  // By the signature of the predecessor.
+  std::multimap<std::string, proto::RoleAssignment> waiting_;  // Keyed by the signature of the predecessor.
   std::map<AgentId, std::size_t> counting_of_issuer_;
   std::set<AgentId> had_role_;
-  std::multimap<std::string, AgentId> leaders_;  // Leaders in valid assignments, by TermKey.
+  std::multimap<std::string, AgentId> leaders_;  // Leaders in valid assignments, keyed by TermKey.
   const proto::RoleAssignment* newest_ = nullptr;
 };
 

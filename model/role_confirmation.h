@@ -1,13 +1,12 @@
-// Determines which agents act on a role assignment, as far as the answering agent knows. Thread-safe.
+// Determines which agents have not confirmed a role assignment yet. Thread-safe.
 #pragma once
 
 #include "proto/role.pb.h"
 
 namespace moondb {
 
-// Adds the leader and the survivor of `shown.roles` to RoleShowReply.not_confirmed_by, unless they act on the
-// assignment already. An agent acts on it if `confirmed_by` contains the agent. The leader must also have issued the
-// term itself.
+// Adds the leader and the survivor of shown.roles to shown.not_confirmed_by, each unless shown.confirmed_by contains
+// it. Also adds a leader that did not issue the term itself.
 void AddNotConfirmed(proto::RoleShowReply& shown);
 
 }  // namespace moondb

@@ -20,8 +20,8 @@ char RosPixelOf(Cell cell) {
   return static_cast<char>(205);
 }
 
-// Converts whole micrometres to the text of a number of metres. A single division makes the shortest text of the result
-// the exact decimal number.
+// Converts whole micrometres to metres, as text. The text is the exact decimal number, because a single division rounds
+// only once.
 std::string Metres(double micrometres) { return FormatDouble(micrometres / kRosMicrometresPerMetre); }
 
 }  // namespace

@@ -29,8 +29,8 @@ bool IsTeamId(std::string_view text) {
 
 Result<std::string> MakeTeamId() {
   std::array<char, kTeamIdBytes> bytes{};
-  // A read of so few bytes is never partial. A signal can interrupt it only before the kernel's random generator is
-  // initialised.
+  // getrandom never returns only a part of so few bytes. A signal can interrupt the call only before the kernel's
+  // random generator is initialised.
   ssize_t count = 0;
   do {
     count = ::getrandom(bytes.data(), bytes.size(), 0);

@@ -12,9 +12,10 @@ namespace moondb {
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id);
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name);
 
-// Returns whether `agent` has left the team: the file marks it with `left`. Its records and decisions stay valid.
+// Returns whether the team file marks the agent with `left`. The records and decisions of such an agent stay valid.
 bool HasLeft(const proto::TeamConfig& team, AgentId agent);
 
-AgentId BaseStationOf(const proto::TeamConfig& team);  // Returns 0 if there is none, or if it has left.
+AgentId BaseStationOf(
+    const proto::TeamConfig& team);  // Returns 0 if the team has no base station, or its base station has left.
 
 }  // namespace moondb

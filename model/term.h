@@ -1,4 +1,4 @@
-// The order of terms (number, then issuer, then the issuer's epoch), and limits of role assignments.
+// The order of terms (number, then issuer, then the issuer's epoch), and size limits of role assignments.
 #pragma once
 
 #include <cstddef>
@@ -11,12 +11,11 @@
 namespace moondb {
 
 // Term.number combines two counters. The bits from kEraShift up are the era (EraOf); only an agent that may command the
-// team can begin a new era. The lower bits are the revision of the roles within the era (RevisionOf). Terms are thus
-// ordered by era first, without an additional field.
+// team can begin a new era. The lower bits are the revision of the roles within the era (RevisionOf).
 inline constexpr int kEraShift = 32;
 inline constexpr std::uint64_t kEraMax = (1ull << 20) - 1;
 inline constexpr std::uint64_t kRevisionMax = (1ull << kEraShift) - 1;
-// The largest term number. JSON numbers can represent it exactly.
+// The largest term number. A JSON number (a double) can represent it exactly.
 inline constexpr std::uint64_t kTermNumberMax = kEraMax << kEraShift | kRevisionMax;
 
 inline std::uint64_t EraOf(const proto::Term& term) { return term.number() >> kEraShift; }
@@ -27,7 +26,6 @@ std::string TermText(const proto::Term& term);
 
 inline constexpr std::size_t kSignatureBytes = 64;  // Size of an Ed25519 signature.
 
-// Size limit of RoleAssignment.reason.
 inline constexpr std::size_t kRoleReasonBytesMax = 256;
 
 inline auto OrderOf(const proto::Term& term) { return std::tuple(term.number(), term.issuer(), term.issuer_epoch()); }

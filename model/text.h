@@ -15,12 +15,12 @@ namespace moondb {
 
 inline constexpr std::size_t kTextFileBytesMax = 256 * 1024 * 1024;
 
-// Fails with kNotFound if the file is absent, and with kInvalid if it is not a regular file: a pipe would block its
-// reader, and a device may be endless. The error's field is the path.
+// Fails with kNotFound if the file is absent, and with kInvalid if the file is not a regular file: a pipe would block
+// its reader, and a device may be endless. The error's field is the path.
 Result<void> CheckRegularFile(const std::filesystem::path& file);
 
-// Reads a whole file. Fails with kNotFound if it is absent, with kInvalid if it is larger than `bytes_max` or not a
-// regular file, and with kInternal if reading fails. The error's field is the path.
+// Reads a whole file. Fails with kNotFound if the file is absent, with kInvalid if the file is larger than `bytes_max`
+// or not a regular file, and with kInternal if reading fails. The error's field is the path.
 Result<std::string> ReadTextFile(const std::filesystem::path& file, std::size_t bytes_max = kTextFileBytesMax);
 
 // Replaces a file atomically: writes a temporary file beside it and renames the temporary file. Fails with kInternal;
@@ -39,8 +39,8 @@ std::vector<std::string_view> Split(std::string_view line, char separator);
 std::optional<double> ParseDouble(std::string_view text);
 std::optional<std::uint64_t> ParseUnsigned(std::string_view text);
 
-// Converts decimal seconds ("12", "-0.5", "1671300425.3106995") to nanoseconds, without rounding to a double. Digits
-// after the ninth decimal are rounded. Returns nullopt for other text, and for numbers that do not fit.
+// Converts decimal seconds ("12", "-0.5", "1671300425.3106995") to nanoseconds. Exact up to the ninth decimal; further
+// decimals are rounded. Returns nullopt for other text, and for numbers that do not fit.
 std::optional<std::int64_t> ParseTimestampNs(std::string_view seconds);
 
 // Returns the shortest text that reads back as exactly this number.
@@ -58,7 +58,7 @@ bool IsUtf8(std::string_view text);
 // invalid bytes become '?'.
 std::string OneLine(std::string_view text, std::size_t bytes_max = 256);
 
-// Returns "graph.pyfg:12", the field of an error in a file.
+// Returns `file` and `line` as the field of an error: "graph.pyfg:12".
 std::string FileLine(const std::string& file, std::size_t line);
 
 }  // namespace moondb

@@ -22,17 +22,18 @@ class TextLines {
 
   // Requires: `text` outlives this object.
   explicit TextLines(std::string_view text) : text_(text) {}
-  // Opens a file. Fails like ReadTextFile (model/text.h), but does not check the size; Next does. Do not move the
-  // object after the first call of Next.
+  // Opens a file. Fails like ReadTextFile (model/text.h), except that Next checks the size instead. The object must not
+  // be moved after the first call of Next.
   static Result<TextLines> OfFile(const std::filesystem::path& file);
 
-  // Returns the next line, without "\n" or "\r\n"; valid until the next call. Returns nullopt at the end, and after an
-  // error.
+  // Returns the next line, without "\n" or "\r\n". The line is valid until the next call. Returns nullopt at the end of
+  // the text and after an error.
   std::optional<std::string_view> Next();
-  // The number of the line that Next returned last, counted from 1.
+  // Returns the number of the line that Next returned last, counted from 1.
   std::size_t number() const { return number_; }
-  // The error that ended the iteration, if any. It is kInternal if the file cannot be read, and kInvalid if the file
-  // exceeds kTextFileBytesMax or a line exceeds kLineBytesMax. The error's field is the file, or file and line.
+  // Returns the error that ended the iteration; success if there was none. The error is kInternal if the file cannot be
+  // read, and kInvalid if the file exceeds kTextFileBytesMax or a line exceeds kLineBytesMax. The error's field is the
+  // file, or file and line.
   const Result<void>& result() const { return result_; }
 
  private:
@@ -41,7 +42,7 @@ class TextLines {
   std::string_view text_;  // The text that Next has not returned yet.
   std::size_t number_ = 0;
   Result<void> result_;
-  // Used only for a file; text_ is then a part of buffer_.
+  // The members below are used only for a file; text_ is then a part of buffer_.
   std::string name_;
   std::unique_ptr<std::ifstream> stream_;
   std::string buffer_;

@@ -29,7 +29,7 @@ struct TumPose {
 //   - a quaternion whose length is not 1 (within 1 %).
 Result<std::vector<TumPose>> ParseTum(std::string_view text, const std::string& name);
 
-// Reads and parses a file, block by block. Also fails with the errors of TextLines.
+// Like ParseTum, but reads the text from a file, block by block. Also fails with the errors of TextLines.
 Result<std::vector<TumPose>> ReadTum(const std::filesystem::path& file);
 
 // Returns the text of a TUM file. The notes precede the poses as comments, which evo and rpg_trajectory_evaluation

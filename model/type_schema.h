@@ -1,10 +1,9 @@
-// TypeSchema: a hash of the schema that an agent has for a data type. Peers compare their schemas before they share
-// records.
+// TypeSchema: a hash of a data type's name. Peers compare their schemas before they share records, to detect a type
+// number that stands for different types (docs/COMPATIBILITY.md).
 //
-// The content of a record is stored and forwarded unchanged, including unknown fields. An agent that knows more fields
-// of a type can therefore share its records with others (docs/COMPATIBILITY.md). Schemas differ only if two agents use
-// one type number for different types. An agent cannot store a built-in type that it does not know. If only one of two
-// agents declares a custom type, the other agent still stores and forwards its records.
+// Agents that know different fields of a type still share its records: a record is stored and forwarded unchanged,
+// including unknown fields. An agent cannot store a built-in type that it does not know. It stores and forwards custom
+// types even if its team file does not declare them.
 #pragma once
 
 #include <cstdint>
@@ -18,14 +17,14 @@ namespace moondb {
 
 using TypeSchemas = google::protobuf::RepeatedPtrField<proto::TypeSchema>;
 
-// Returns the schemas of all built-in types, then those of the custom types in the order of the team file.
+// Returns the schemas of all built-in types, followed by the schemas of the custom types in the order of the team file.
 TypeSchemas SchemasOf(const CustomTypes& custom_types);
 
-// Returns one hash over all schemas, independent of their order. Never 0.
+// Returns one hash over all schemas, independent of their order. The hash is never 0.
 std::uint64_t HashSchemas(const TypeSchemas& schemas);
 
 // Returns the types of `ours` that an agent with the schemas `theirs` would misunderstand or cannot store. Returns no
-// types if `theirs` is empty, because an agent sends no schemas if its HashSchemas equals ours.
+// types if `theirs` is empty, because an agent sends no schemas if they equal `ours`.
 std::set<DataType> TypesNotFor(const TypeSchemas& ours, const TypeSchemas& theirs);
 
 }  // namespace moondb

@@ -1,6 +1,6 @@
-// The version of the protocol between agents. Each Hello contains it, and a Hello with another version is refused.
+// The version of the protocol between agents. Each Hello contains it; an agent refuses a Hello with another version.
 //
-// docs/COMPATIBILITY.md lists the changes that increase the version. tests/runtime/transport/golden/wire_v1.txt pins
+// docs/COMPATIBILITY.md lists the changes that increase the version. tests/runtime/transport/golden/wire_v1.txt fixes
 // the fields of this version, and tests/actors/sharing/golden_batches_test.cc its coded records.
 #pragma once
 

@@ -1,8 +1,8 @@
 // Actor and Context: the complete interface between an actor and the runtime.
 //
-// An actor handles one message at a time, to completion, and never blocks on another actor. It reads no clock, opens no
-// socket, starts no thread and draws no random number by itself. The Context provides all of these, so one seed
-// reproduces the run of a whole team (runtime/simulation).
+// An actor handles one message at a time, to completion, and never waits for another actor. It opens no socket and
+// starts no thread. It gets the time and random numbers only from its Context, so one seed reproduces the run of a
+// whole team (runtime/simulation).
 //
 //   class Greeter final : public Actor {
 //    public:
@@ -43,39 +43,40 @@ enum class [[nodiscard]] SendResult{
     kFull,         // The mailbox or outbox is full. The message is dropped and counted.
     kNoActor,      // This agent runs no actor with that name.
     kNoPeer,       // The team has no such agent, or the alias is assigned to no agent at present.
-    kUnreachable,  // The peer or client is not connected.
+    kUnreachable,  // The peer or client is not connected, or the actor failed permanently or ended.
     kTooLong,      // The message exceeds the limit between agents (runtime/transport.h). It is dropped and counted.
 };
 
 const char* ToString(SendResult result);
 
-// A topic that one actor publishes and any other actor of the same agent can watch. Each value is the message body that
-// Publish accepts for the topic.
+// A topic that one actor publishes and other actors of the same agent watch. The value of an enumerator is the body of
+// the messages that are published for the topic.
 enum class Topic {
   kRoles = proto::Message::kRolesChanged,    // RoleActor publishes the current role assignment.
-  kLeases = proto::Message::kLeasesChanged,  // LeaseActor publishes which agents drive, sleep or are paused.
+  kLeases = proto::Message::kLeasesChanged,  // LeaseActor publishes which agents drive, sleep or have paused sharing.
   kStored = proto::Message::kRecordsStored,  // StorageActor publishes that rows were inserted or pruned.
 };
 
-struct SystemStatus;  // runtime/system_status.h
+struct SystemStatus;  // Defined in runtime/system_status.h.
 
-// The runtime as one actor sees it. Valid only inside the handler that received it, on the thread of that handler.
+// The runtime's interface to one actor. A Context may be used only inside the handler that received it, on the
+// handler's thread.
 class Context {
  public:
   virtual ~Context() = default;
 
   virtual const Address& self() const = 0;
-  // The sender of the current message: its source actor on the agent that sent the last hop. For a client, {kClients,
-  // name of its connection}.
+  // The actor that sent the current message to this agent. If a client sent the message: {kClients, name of the
+  // client's connection}.
   virtual const Address& sender() const = 0;
   virtual MonotonicTime now() const = 0;
   // UTC in nanoseconds since 1970. For timestamps only: the clock may jump.
   virtual std::int64_t utc_now_ns() const = 0;
   virtual std::mt19937_64& rng() = 0;
 
-  // Sends `message`, which may also be a moved proto::Message. Never blocks. A message that is not accepted is dropped.
-  // Sets hop_sender and destination_id, and agent_id if it is 0. For another agent, also sets source_actor and
-  // destination_actor. A message within an agent does not carry these two names: the receiver calls sender().
+  // Sends `message`. Never blocks. A message that is not accepted is dropped. Sets hop_sender and destination_id, and
+  // sets agent_id if it is 0. If `to` is on another agent, also sets source_actor and destination_actor. A message
+  // within an agent has no source_actor; its receiver calls sender().
   [[nodiscard]] virtual SendResult Send(const Address& to, OwnedMessage message) = 0;
 
   // Sends to sender(), with the request_id of the message being handled.
@@ -93,16 +94,17 @@ class Context {
   // its factory, with a new OnStart. If the error is kCorrupt, there is no restart, and the process ends.
   virtual void Fail(Error error) = 0;
 
-  // Subscribes to PeerEvents on the control lane: first one event for each connected peer, then one for each change.
+  // Subscribes to PeerEvents. They arrive on the control lane: first one event for each connected peer, then one for
+  // each change.
   virtual void WatchPeers() = 0;
 
-  // Subscribes to `topic` until this incarnation ends. Roles and leases arrive on the control lane: first the last
-  // published message, if there is one, then each change. Topic::kStored arrives on the data lane, regardless of the
-  // lane's limits: while one such message waits, later ones are merged into it. Rows that were stored before this call
-  // are not reported; read them in OnStart.
+  // Subscribes to `topic` until this incarnation ends. For kRoles and kLeases, the last published message, if there is
+  // one, arrives first, and then each change; these messages use the control lane. Messages of kStored use the data
+  // lane but do not count towards its limits: later ones are merged into one that already waits. Rows that were stored
+  // before this call are not reported; read them in OnStart.
   virtual void Watch(Topic topic) = 0;
-  // Publishes `message` to the watchers of its topic. Only RoleActor, LeaseActor and StorageActor may call this, each
-  // for its own topic.
+  // Publishes `message` to the actors that watch its topic. Only RoleActor, LeaseActor and StorageActor may call this,
+  // each for its own topic.
   virtual void Publish(OwnedMessage message) = 0;
 
   // Requests a Down message, on the control lane, each time `target` is lost. `target` is one of:
@@ -122,7 +124,7 @@ class Context {
   // Requests that the process end with exit code 0 after this handler. Only GatewayActor may call this.
   virtual void RequestStop() = 0;
   virtual SystemStatus GetSystemStatus() const = 0;
-  // The latest events of this agent's actors, and its dead letters (proto/trace.proto).
+  // Returns the latest events of this agent's actors and its dead letters (proto/trace.proto).
   virtual proto::TraceReply GetTrace(const proto::TraceRequest& request) const = 0;
 };
 
@@ -143,37 +145,38 @@ enum class Placement {
 
 // How a full mailbox treats a new message.
 enum class Overflow {
-  kReject,       // The message is refused: its send returns kFull.
-  kLatestByKey,  // Replaces the waiting message that has the same key. If no message has it: as kReject.
+  kReject,       // The new message is refused: its send returns kFull.
+  kLatestByKey,  // The new message replaces the waiting message with the same key. If there is none, it is refused.
   kBlock,        // ActorSystem::Post waits for room. Actors and the transport never wait: their sends return kFull.
 };
 
-// Options of an actor's placement and mailbox. A mailbox has two lanes. The control lane holds messages of the runtime,
-// RoleActor and LeaseActor (IsControl). They are handled before all waiting data and do not count towards the limits
-// below. The limit of the control lane is kControlMessagesMax.
+// Placement and mailbox of an actor. A mailbox has two lanes. Messages of the runtime, of RoleActor and of LeaseActor
+// (IsControl) wait on the control lane. They are handled before all waiting data messages, and only kControlMessagesMax
+// limits their number. All other messages wait on the data lane.
 struct SpawnOptions {
   Placement placement = Placement::kPool;
   std::size_t messages_max = 4096;  // Limit of messages waiting on the data lane. At least 1.
-  // Limit of waiting bytes, as serialised. Messages from other agents and clients count with their size in memory and
-  // may use a quarter of the limit. A message larger than the limit is accepted if no other message waits.
+  // Limit of serialised bytes waiting on the data lane. Messages of more than 4096 bytes from other agents and clients
+  // count with their size in memory. Messages from other agents and clients are refused if more than a quarter of the
+  // limit would be used. A message larger than the limit is accepted if no other message waits.
   std::size_t bytes_max = 64 * 1024 * 1024;
   Overflow overflow = Overflow::kReject;
-  // Returns a message's key, for kLatestByKey. A message with an empty key replaces nothing. Runs on the sender's
+  // Returns a message's key for kLatestByKey. A message with an empty key replaces no other. Called on the sender's
   // thread.
   std::function<std::string(const proto::Message&)> key = nullptr;
   // A handler that takes longer than this is logged and counted. It is not interrupted.
   Duration handler_limit = std::chrono::seconds(1);
 };
 
-// Limit of messages waiting on the control lane. At the limit, a new message replaces the newest waiting message of the
-// same kind; if there is none, the new message is refused. Published messages are accepted above the limit, one of each
-// topic. The limit is reached, for example, if a peer reconnects repeatedly while a handler runs for minutes.
+// Limit of messages waiting on the control lane. At the limit, a new message replaces the newest waiting message with
+// the same body; if there is none, the new message is refused. Published messages are accepted above the limit, one of
+// each topic. The limit is reached, for example, if a peer reconnects repeatedly while a handler runs for minutes.
 inline constexpr std::size_t kControlMessagesMax = 256;
 
 // True for PeerEvent, RolesChanged, Down, Ping, StepDown and LeasesChanged. Messages from peers and clients cannot be
 // any of these.
 bool IsControl(const proto::Message& message);
-// True if the body of `message` is the value of a Topic.
+// True if `message` can be published for a Topic.
 bool IsOfTopic(const proto::Message& message);
 
 }  // namespace moondb

@@ -11,8 +11,8 @@ namespace {
 
 // Maximum number of messages that one actor handles in a turn. Other actors of its pool then get a turn.
 constexpr int kTurnMessages = 64;
-// Messages from other agents and clients count with their serialised size up to this size, above it with their size in
-// memory.
+// A message from another agent or a client counts with its serialised size up to this size, and with its size in memory
+// above it.
 constexpr std::size_t kSmallBytes = 4096;
 
 double Seconds(Ticks ticks) { return std::chrono::duration<double>(TickClock::ToDuration(ticks)).count(); }
@@ -175,7 +175,8 @@ TimerId ActorCell::After(Duration delay, proto::Message message) {
 
 // --- Functions that run on the actor's thread ---
 
-// After GoAway returns true, no member of the cell may be accessed: another thread may already run the next turn.
+// Once GoAway has returned true, this function must not access members of the cell: another thread may run the next
+// turn.
 Ticks ActorCell::RunTurn(Ticks now) {
   for (int handled = 0; handled < kTurnMessages; ++handled) {
     if (is_order_waiting_.load(std::memory_order_relaxed)) {
@@ -183,10 +184,10 @@ Ticks ActorCell::RunTurn(Ticks now) {
       now = StartIfDue(now);
     }
     const bool handles_messages = state_ == State::kReady && system_.is_flowing();
-    // In the first pass the mailbox is not checked: the turn was submitted because there is work.
+    // Do not check the mailbox in the first pass: this turn was submitted because there is work.
     if (!handles_messages || (handled > 0 && mailbox_.must_look())) {
       // Yield once before the mailbox is checked. A reader that is faster than its senders would otherwise contend for
-      // the lock at each message. With the yield it takes several messages per lock (measured: 1.5 times the
+      // the lock at each message. After the yield, the reader takes several messages per lock (measured: 1.5 times the
       // throughput).
       if (handles_messages) pool_.YieldWithoutWork(1);
       LetWaitersTry();
@@ -230,7 +231,7 @@ Ticks ActorCell::StartIfDue(Ticks now) {
   return TickClock::Now();
 }
 
-// Wakes one waiting sender. Waking all of them would only cause contention for the lock.
+// Wakes one sender that waits for room, if the mailbox is half free. Waking all senders would only cause contention.
 void ActorCell::LetWaitersTry() {
   // Use a read-modify-write instead of a load. A sender that starts to wait after this line then sees that messages
   // were taken from the mailbox.
@@ -290,7 +291,7 @@ void ActorCell::Recover(Mailbox::Item* item, const Error& failure) {
     is_start_due_ = verdict.delay == Duration::zero();
     if (is_start_due_) is_order_waiting_ = true;
   }
-  (void)mailbox_.Nudge();  // This turn continues. The nudge makes it check the start order before it ends.
+  (void)mailbox_.Nudge();  // This turn continues. The nudge makes this turn check is_start_due_ before it ends.
   if (verdict.delay > Duration::zero()) system_.timers().Add(failed + verdict.delay, [this] { BeginStart(); });
 }
 

@@ -1,9 +1,8 @@
 // ActorCell: one actor of an ActorSystem, with its ActorHost, mailbox, worker pool and supervisor.
 //
 // In one turn, a thread of the pool handles some of the waiting messages. At most one turn of a cell is submitted to
-// its pool at any time, so one thread at a time reads the mailbox and uses the ActorHost part. Successive turns may run
-// on different threads, which the mailbox's lock synchronises. CellSystem provides the state that all cells of a system
-// share.
+// its pool at any time, so one thread at a time reads the mailbox and uses the ActorHost. Successive turns may run on
+// different threads; the mailbox's lock orders their memory accesses.
 #pragma once
 
 #include <atomic>
@@ -30,13 +29,13 @@ namespace moondb {
 
 class ActorCell;
 
-// The part of ActorSystem that a cell uses. Virtual functions are called on the actor's thread.
+// The part of ActorSystem that all its cells use. Virtual functions are called on the actor's thread.
 class CellSystem {
  public:
   virtual ~CellSystem() = default;
-  // True while messages are handled: all actors are started and Stop was not called.
+  // True while the system handles messages: all actors are started and Stop was not called.
   bool is_flowing() const { return is_started_ && !is_stopping_; }
-  bool is_stopping() const { return is_stopping_; }  // True after Stop was called.
+  bool is_stopping() const { return is_stopping_; }
 
   virtual TimerThread& timers() = 0;
   virtual TraceBook& trace() = 0;
@@ -51,8 +50,8 @@ class CellSystem {
   virtual proto::TraceReply Trace(const proto::TraceRequest& request) const = 0;
   virtual void OnStopRequested() = 0;
 
-  // Called after the actor failed and its incarnation ended. `item` holds the message whose handler failed, for the
-  // dead letters; null if OnStart failed.
+  // Called after the actor failed and its incarnation ended. `item` holds the message whose handler failed; null if
+  // OnStart failed. `is_final`: the actor will not restart.
   virtual void OnFailed(const ActorCell& cell, Mailbox::Item* item, const Error& error, bool is_final) = 0;
   virtual void OnStepDown(const Address& actor, const Error& error) = 0;
   virtual void OnBeyondHelp(const Address& actor, const Error& error) = 0;
@@ -69,10 +68,10 @@ class ActorCell final : public ActorHost, private Runnable {
             Supervisor::Options supervision, std::uint64_t seed);
 
   // Puts a message into the mailbox. Thread-safe. Returns kUnreachable if the actor failed permanently or ended.
-  // `sender` and `sender_name`: see Mailbox::Item. `may_wait`: wait without a time limit for room in a full kBlock
+  // `sender` and `sender_name`: see Mailbox::Item. If `may_wait`, waits without a time limit for room in a full kBlock
   // mailbox.
   SendResult Push(OwnedMessage message, const Address* sender, std::uint16_t sender_name, bool may_wait = false);
-  // As Push, for a message from another agent or a client.
+  // As Push, for a message from another agent or a client. Null `sender`: the sender is in the message's envelope.
   SendResult PushFromOutside(OwnedMessage message, const Address* sender);
   void Wake();
   void BeginStart();
@@ -83,9 +82,9 @@ class ActorCell final : public ActorHost, private Runnable {
   bool is_lost() const;  // True if the actor failed permanently or ended.
   std::uint16_t trace_name() const { return trace_name_; }
 
-  // For the watchdog, which calls these functions on one thread. HandlerTime returns how long the current handler has
-  // been running, zero if none runs. PingTime returns how long a Ping has been waiting for the actor's turn, zero if
-  // none waits. Ping sends a Ping to the actor if the actor has work and no earlier Ping waits.
+  // For the watchdog, which calls these three functions on one thread. HandlerTime returns how long the current handler
+  // has been running, or zero if none runs. PingTime returns how long a Ping has been waiting in the mailbox, or zero
+  // if none waits. Ping sends a Ping if the actor has work and no earlier Ping waits.
   Duration HandlerTime() const;
   Duration PingTime() const;
   void Ping();
@@ -122,29 +121,29 @@ class ActorCell final : public ActorHost, private Runnable {
   enum class State { kAway, kReady, kBeyondHelp, kEnded };
 
   static bool IsFinal(State state) { return state == State::kBeyondHelp || state == State::kEnded; }
-  SendResult Settle(Mailbox::Pushed pushed);  // Submits a turn if must_call_reader is set. Returns the result.
+  SendResult Settle(Mailbox::Pushed pushed);  // Submits a turn if pushed.must_call_reader. Returns pushed.result.
   SendResult PushWaiting(Mailbox::Item item);
 
-  // Functions that run on the actor's thread.
+  // The functions from here on are called on the actor's thread.
   Ticks RunTurn(Ticks now) override;
   bool EndIfDue();
   Ticks StartIfDue(Ticks now);
   Ticks HandleItem(Mailbox::Item& item, Ticks now);
   void TraceHandler(const Mailbox::Item& item, Ticks took);
   void LetWaitersTry();
-  // `item` is the handled message; null in OnStart.
+  // Called after each handler. `item` holds the handled message; null after OnStart. `failure` is the handler's error,
+  // if it failed.
   void SettleHandler(Mailbox::Item* item, const std::optional<Error>& failure);
   void Recover(Mailbox::Item* item, const Error& failure);
   TraceRecord MakeRecord(proto::TraceKind kind, Ticks time) const;
   void EnterState(State state);
 
-  // The actor's thread writes these members, and the last members of ActorHost, for each message. Other threads may
-  // read the atomics.
+  // The actor's thread writes these members for each message. Other threads may read their atomics.
   HandlerTimes times_;
   PingTimes pings_;
   ActorCell* last_target_ = nullptr;
 
-  // Members that senders read, on another cache line than the members that are written for each message.
+  // Members that senders read. They are on another cache line than the members that are written for each message.
   alignas(64) CellSystem& system_;
   const std::unique_ptr<WorkerPool> own_pool_;  // A pool of one thread, for kOwnThread; otherwise null.
   WorkerPool& pool_;

@@ -1,8 +1,7 @@
-// ActorHost: runs one actor: creates it through its factory, handles its messages, destroys it when it fails.
+// ActorHost: creates one actor through its factory, runs its handlers, and destroys the actor when it fails.
 //
-// The only place that catches exceptions of handlers (users' code, libraries, bad_alloc). ActorCell (part of
-// ActorSystem) and SimulatedAgent's Host (part of SimulatedTeam) derive from this class. They add threads or a virtual
-// clock, deliver messages, and use a Supervisor to decide when to restart the actor.
+// Only this class catches exceptions of handlers. Its derived classes (ActorCell, and Host in SimulatedAgent) deliver
+// messages, provide threads or a virtual clock, and restart the actor.
 //
 // Start, Handle and End must not run concurrently. Any thread may call handled().
 #pragma once
@@ -19,15 +18,15 @@ namespace moondb {
 
 class ActorHost : public Context {
  public:
-  // `seed` is the seed of the system. The actor's rng() is seeded from it and from `self`.
+  // The actor's rng() is seeded from `seed`, which is the same for all actors of a system, and from `self`.
   ActorHost(Address self, ActorFactory factory, std::uint64_t seed);
 
-  // Creates the actor as a new incarnation and runs OnStart. If one of them failed, destroys the actor and returns the
-  // error.
+  // Creates the actor as a new incarnation and runs OnStart. If the factory or OnStart fails, destroys the actor and
+  // returns the error.
   std::optional<Error> Start();
 
-  // Runs OnMessage. If it failed, destroys the actor and returns the error. Requires: has_actor(). `sender` must stay
-  // valid until this returns. If it is null, the sender is read from the message's envelope.
+  // Runs OnMessage. If OnMessage fails, destroys the actor and returns the error. Requires: has_actor(). `sender` must
+  // stay valid until Handle returns. If `sender` is null, reads the sender from the message's envelope.
   std::optional<Error> Handle(const proto::Message& message, const Address* sender);
 
   // Destroys the actor. Must not be called from inside its handler.
@@ -55,11 +54,11 @@ class ActorHost : public Context {
   const Address self_;
   const ActorFactory factory_;
   const std::uint64_t seed_;
-  std::unique_ptr<std::mt19937_64> rng_;  // Created at the first use, because it is large.
+  std::unique_ptr<std::mt19937_64> rng_;  // Created at the first use, because an mt19937_64 occupies 2.5 kB.
   Address remote_sender_;
   std::optional<Error> failure_;
 
-  // Members that are written for each message, on a cache line that other threads rarely read.
+  // Members that are written for each message. They are on a cache line that other threads rarely read.
   alignas(64) std::unique_ptr<Actor> actor_;
   const Address* sender_;         // Sender of the current message; self_ in OnStart.
   std::uint64_t request_id_ = 0;  // request_id of the current message.

@@ -28,7 +28,7 @@ std::uint64_t SeedOf(std::uint64_t seed) {
   return std::uint64_t{entropy()} << 32 | entropy();
 }
 
-// Cache of the actor that this thread found last: most threads send to the same actor repeatedly.
+// The actor that this thread found last. Most threads send to the same actor repeatedly.
 struct LastFound {
   std::uint64_t system_number = 0;  // 0: nothing is cached.
   ActorCell* cell = nullptr;
@@ -71,7 +71,7 @@ class ActorSystem::Impl final : public CellSystem {
   void OnBeyondHelp(const Address& actor, const Error& error) override;
 
   ActorCell* Find(const std::string& actor) const;
-  ActorCell* FindFromOutside(const std::string& actor) const;  // For threads that run no actor.
+  ActorCell* FindFromOutside(const std::string& actor) const;  // Called on threads that run no actor.
   const Address* TakeSender(proto::Message& message);
   SendResult SendAway(const Address& from, const Address& to, proto::Message& message);
   void Notify(Monitors::Notices notices);
@@ -92,7 +92,7 @@ class ActorSystem::Impl final : public CellSystem {
   std::mutex stop_mutex_;
   bool was_started_ = false;
 
-  // Held while notices are delivered, which keeps them in the order of their events. Lock order: before a cell's mutex.
+  // Held while notices are delivered, so that they arrive in the order of their events. Acquired before a cell's mutex.
   std::mutex monitors_mutex_;
   Monitors monitors_;
   mutable std::mutex dead_letters_mutex_;
@@ -101,7 +101,7 @@ class ActorSystem::Impl final : public CellSystem {
   // The order of the following members matters: threads are destroyed before the members that they use.
   std::vector<std::unique_ptr<ActorCell>> cells_;  // In the order of spawning. Not changed after Start.
   std::unordered_map<std::string, ActorCell*> cell_of_;
-  // On its own cache line: written at each submission, while the members above are read at each send.
+  // On a separate cache line, because each submission writes to it and each send reads the members above.
   alignas(64) WorkerPool pool_;
   TimerThread timers_;
 };
@@ -171,8 +171,9 @@ SendResult ActorSystem::Impl::Deliver(OwnedMessage message) {
   return result;
 }
 
-// Removes the sender from the message and returns its shared address, or null if the sender stays in the message. The
-// names are freed here, on the thread that allocated them; otherwise the actor's thread would have to free them.
+// Removes the sender's name from `message` and returns the sender's address, which remote_senders_ owns. Returns null
+// if the name stays in `message`. Frees the names here, on the thread that allocated them, and not on the actor's
+// thread.
 const Address* ActorSystem::Impl::TakeSender(proto::Message& message) {
   delete message.release_destination_actor();            // Clearing the string would keep its memory.
   if (message.hop_sender() == kClients) return nullptr;  // Connections of clients change too often to be kept.
@@ -220,7 +221,8 @@ SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, Own
   record.other_agent = roles_.Resolve(to.agent);
   ActorCell* cell = sender.LastTarget(to.actor);
   if (cell == nullptr) {
-    cell = Find(to.actor);  // Also if the target is on another agent: all agents have actors with the same names.
+    // Also for a target on another agent: the actor of this agent with the same name supplies the name for the trace.
+    cell = Find(to.actor);
     sender.RememberTarget(cell);
   }
   if (cell != nullptr) record.other_actor = cell->trace_name();

@@ -1,5 +1,4 @@
-// Address: names an actor of an agent, for example as the destination of a message. Local and remote addresses look the
-// same to the sender.
+// Address: names an actor of an agent, for example as the destination of a message.
 #pragma once
 
 #include <compare>
@@ -9,13 +8,13 @@
 
 namespace moondb {
 
-// Aliases of agents. They are resolved when a message is sent, so addresses stay valid when roles change. Their values
-// are above kAgentIdMax.
+// Aliases of agents. An alias is resolved when a message is sent, so an address with an alias stays valid when roles
+// change. The values are above kAgentIdMax.
 inline constexpr AgentId kLeaderAlias = 0xFFFF'0001;    // @leader
 inline constexpr AgentId kSurvivorAlias = 0xFFFF'0002;  // @survivor
 inline constexpr AgentId kBaseAlias = 0xFFFF'0003;      // @base, the base station
-// The clients of this agent (moonctl, a robot's software). In a client's address, `actor` is the name that the
-// transport gave to the client's connection.
+// Stands for all clients of this agent (moonctl, a robot's software). In a client's address, `actor` is the name that
+// the transport assigned to the client's connection.
 inline constexpr AgentId kClients = 0xFFFF'0010;
 
 struct Address {

@@ -14,8 +14,8 @@ class AddressBook {
   static constexpr std::size_t kAddressesMax = 4096;
   static constexpr std::size_t kNameBytesMax = 64;
 
-  // Returns the stored copy of `address`, valid for the lifetime of the book. Null if the name is too long, or if the
-  // book is full and the address is new. Thread-safe.
+  // Returns the stored copy of `address`, which is valid for the lifetime of the book. Returns null if the actor's name
+  // is too long, or if the book is full and the address is new. Thread-safe.
   const Address* Keep(const Address& address);
 
  private:

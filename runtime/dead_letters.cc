@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// A peer chooses its actor's name, which may hold any bytes. Reports hold printable text only.
+// Returns `name` if it is printable ASCII, otherwise "?". A peer chooses its actors' names, which may hold any bytes.
 std::string Printable(const std::string& name) {
   const bool is_text = std::all_of(name.begin(), name.end(), [](char c) { return c >= ' ' && c <= '~'; });
   return is_text ? name : "?";

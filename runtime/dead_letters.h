@@ -1,6 +1,6 @@
-// DeadLetters: the latest messages whose handlers failed, kept for diagnosis.
+// DeadLetters: the latest failures of actors with the messages that caused them, for diagnosis.
 //
-// A ring with limits on number and bytes. Not thread-safe.
+// Keeps at most kLettersMax letters and kBytesMax bytes, and drops the oldest ones first. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -28,11 +28,11 @@ class DeadLetters {
     Error error;
   };
 
-  // Adds a failure of `actor`. `item` holds the message whose handler failed; null if OnStart failed. The message is
-  // moved out of `item` if it is kept.
+  // Adds a failure of `actor`. `item` holds the message whose handler failed; null if OnStart failed. If the message is
+  // kept, it is moved out of `item`.
   void Add(MonotonicTime time, const std::string& actor, Mailbox::Item* item, Error error);
 
-  // Adds the letters of request.actor to `reply`, oldest first; all letters if request.actor is empty.
+  // Adds the letters of request.actor to `reply`, oldest first. If request.actor is empty, adds all letters.
   void Report(const proto::TraceRequest& request, MonotonicTime now, proto::TraceReply* reply) const;
 
   const std::deque<Letter>& letters() const { return letters_; }  // Kept letters, oldest first.

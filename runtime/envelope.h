@@ -1,5 +1,4 @@
-// Functions that write the addresses of a message when it is sent, and read its sender when it is handled. Used for
-// local, remote and client messages.
+// Functions that write the addresses of a message when it is sent, and read its sender when it is handled.
 #pragma once
 
 #include "proto/message.pb.h"
@@ -11,8 +10,7 @@ namespace moondb {
 // origin of the data. Requires: `to` is not an alias.
 void WriteEnvelope(const Address& from, const Address& to, proto::Message& message);
 
-// Sets hop_sender and destination_id, and agent_id if it is 0. For messages within one agent, which do not carry the
-// actors' names.
+// As WriteEnvelope, but does not set source_actor and destination_actor. For messages within one agent.
 void WriteLocalEnvelope(AgentId from, AgentId to, proto::Message& message);
 
 // Returns the sender of the last hop: hop_sender and source_actor.

@@ -1,7 +1,7 @@
 // HandlerTimes measures how long the handlers of one actor run. PingTimes measures how long an actor waits for its
 // turn.
 //
-// Other threads than the actor's may call only the functions marked as thread-safe.
+// Threads other than the actor's may call only the functions that are marked as thread-safe.
 #pragma once
 
 #include <algorithm>
@@ -18,13 +18,13 @@ class HandlerTimes {
   // A handler that takes longer than `limit` is an overrun.
   explicit HandlerTimes(Ticks limit) : limit_(limit) {}
 
-  // Call when the actor's OnStart begins. Only its start time is kept; it has no time limit.
+  // Call when the actor's OnStart begins. OnStart is not timed and has no limit; only begun() is set.
   void OnStart(Ticks now) { begun_ = now; }
   void OnBegun(Ticks now) {
     begun_ = now;
     running_since_.store(now, std::memory_order_relaxed);
   }
-  // Returns the duration of the handler.
+  // Returns the duration of the handler that ended.
   Ticks OnEnded(Ticks now) {
     running_since_.store(0, std::memory_order_relaxed);
     const Ticks took = std::max<Ticks>(0, now - begun_);
@@ -53,14 +53,14 @@ class HandlerTimes {
 
 class PingTimes {
  public:
-  // Call before a Ping is sent, and if the mailbox refused it. Thread-safe.
+  // Call OnSent before a Ping is sent, and OnRefused if the mailbox refused that Ping. Thread-safe.
   void OnSent(Ticks now) { waiting_since_ = now; }
   void OnRefused() { waiting_since_ = 0; }
-  Ticks waiting_since() const { return waiting_since_; }  // 0: no Ping waits.
-  // How long the last answered Ping waited; negative: none was answered yet.
+  Ticks waiting_since() const { return waiting_since_; }  // 0: no Ping waits. Thread-safe.
+  // How long the last answered Ping waited; negative if none was answered yet. Thread-safe.
   Ticks last() const { return last_; }
 
-  // For the actor's thread only.
+  // Call on the actor's thread only.
   void OnAnswered(Ticks now) { last_ = std::max<Ticks>(0, now - waiting_since_.exchange(0)); }
 
  private:

@@ -24,9 +24,9 @@ constexpr std::size_t kFileBytesMax = 10 * 1024 * 1024;
 constexpr std::size_t kOldFilesMax = 3;
 constexpr char kNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789_-";
 
-// Returns the name of the actor or part at the start of `text` and removes it, for example from "lease: refused" or
-// "2/lease: refused". In "actor 2/lease failed", the name is returned but stays in the text. Returns "" if `text`
-// begins with no such name.
+// Returns the name of the actor or component with which `text` begins, and removes the name from `text`. For example,
+// returns "lease" for "lease: refused" and for "2/lease: refused". For "actor 2/lease failed", returns "lease" but
+// leaves `text` unchanged. Returns "" if `text` begins with no such name.
 std::string_view TakeActor(std::string_view* text) {
   constexpr std::string_view kActor = "actor ";
   const bool is_in_sentence = text->starts_with(kActor);
@@ -93,7 +93,7 @@ Result<void> InitLog(const std::string& level, const std::string& agent_name, co
     // Flush each event. Events are rare, and a crash must not lose the last ones.
     logger->flush_on(spdlog::level::trace);
     spdlog::set_default_logger(std::move(logger));
-    // Protobuf would log each malformed byte of a peer. Callers report parse errors themselves.
+    // Protobuf would log each malformed message of a peer. Callers report parse errors themselves.
     google::protobuf::SetLogHandler(nullptr);
   } catch (const spdlog::spdlog_ex& error) {
     return Fail(ErrorCode::kUnavailable, std::string("cannot log: ") + error.what());

@@ -112,7 +112,7 @@ SendResult Mailbox::PushKeyed(Item& item, const std::string& key) {
   pushed_.bytes += item.bytes - waiting->bytes;
   bytes_max_ = std::max(bytes_max_, pushed_.bytes - taken_.totals().bytes);
   item.key = waiting->key;
-  std::swap(*waiting, item);  // The caller frees the older message after releasing the lock.
+  std::swap(*waiting, item);  // The caller frees the replaced message after it releases the lock.
   ++replaced_;
   return SendResult::kAccepted;
 }
@@ -136,7 +136,7 @@ SendResult Mailbox::PushData(Item& item) {
   } else if (!HasRoom(item)) {
     return SendResult::kFull;
   }
-  // Count after the insertion, which may throw bad_alloc.
+  // Count after the insertion, because the insertion may throw bad_alloc.
   Count(is_keyed_ ? keyed_.Add(std::move(item)) : pushed_items_.emplace_back(std::move(item)));
   return SendResult::kAccepted;
 }
@@ -157,7 +157,7 @@ bool Mailbox::HasRoomInBytes(std::size_t bytes) {
 }
 
 bool Mailbox::FitsInBytes(std::size_t bytes, std::uint64_t bytes_max) const {
-  // The waiting bytes exceed the limit while a message that is larger than the limit waits.
+  // `waiting` exceeds bytes_max while a message that is larger than the limit waits.
   const std::uint64_t waiting = pushed_.bytes - seen_.bytes;
   return waiting == 0 || (waiting < bytes_max && bytes <= bytes_max - waiting);
 }
@@ -168,7 +168,7 @@ void Mailbox::Count(const Item& item) {
   ++pushed_.items;
   pushed_.bytes += item.bytes;
   if (!item.is_past_bounds) ++pushed_.messages;
-  // Read the reader's counters only for a possible new maximum.
+  // Read the reader's counters, which are on another cache line, only if there may be a new maximum.
   if (pushed_.items - seen_.items <= waiting_max_ && pushed_.bytes - seen_.bytes <= bytes_max_) return;
   SeeTaken();
   waiting_max_ = std::max(waiting_max_, pushed_.items - seen_.items);
@@ -262,7 +262,7 @@ void Mailbox::Taken::Set(const Totals& totals) {
 
 // --- Mailbox::KeyedItems ---
 
-// An exception in the user's key function must not make the sender or the transport fail. It yields an empty key.
+// Returns an empty key if the user's key function throws. The exception must not reach the sender or the transport.
 std::string Mailbox::KeyedItems::KeyOf(const proto::Message& message) const {
   try {
     return key_(message);

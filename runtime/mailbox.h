@@ -1,5 +1,5 @@
-// Mailbox: the messages that wait for one actor, in order of arrival, control messages before data. Their number and
-// bytes are limited. At most one RecordsStored waits; later ones are merged into it.
+// Mailbox: the messages that wait for one actor. Control messages are taken before data messages, and each lane in
+// order of arrival. The number and bytes of the messages are limited.
 //
 // Any thread pushes; one thread at a time, the reader, takes messages out. The lock is held for one push, or while the
 // reader moves all newly pushed messages to its own batch. A reader without work calls GoAway. The first push after
@@ -27,19 +27,19 @@ class Mailbox {
   struct Item {
     OwnedMessage message = nullptr;
     const Address* sender = nullptr;     // Outlives the item. Null: the sender is in the message's envelope.
-    std::size_t bytes = 0;               // Bytes that count towards the limit.
+    std::size_t bytes = 0;               // Bytes that count towards the byte limit.
     std::uint32_t incarnation = 0;       // For a timer: the actor's incarnation that set it.
     std::uint16_t sender_name = 0xFFFF;  // Sender's name in traces; 0xFFFF: not an actor of this agent.
     bool is_timer = false;
-    bool is_from_outside = false;  // Sent by another agent or a client. Such items may use a quarter of the byte limit.
-    // Set by Push: true for a timer or RecordsStored, which do not count towards the limits.
+    bool is_from_outside = false;  // Sent by another agent or a client. Must fit into a quarter of the byte limit.
+    // Set by Push. True for a timer and for RecordsStored, which do not count towards the limits.
     bool is_past_bounds = false;
-    const std::string* key = nullptr;  // Points into the mailbox while the item waits under this key.
+    const std::string* key = nullptr;  // Points to the key in the mailbox while the item waits under this key.
   };
 
   struct Pushed {
     SendResult result;
-    bool must_call_reader = false;  // The reader is away, and the caller must schedule it.
+    bool must_call_reader = false;  // The reader is away: the caller must schedule it.
   };
 
   struct Counts {
@@ -55,13 +55,14 @@ class Mailbox {
 
   // --- Thread-safe functions ---
 
-  // Adds an item to the lane that IsControl selects. Returns kAccepted, kFull (dropped and counted) or kUnreachable
-  // after Close. A message larger than bytes_max is accepted if no waiting message counts towards the bytes.
+  // Adds an item to the control lane if IsControl(message), otherwise to the data lane. The result is kAccepted, kFull
+  // (the item is dropped and counted), or kUnreachable after Close. A message larger than bytes_max is accepted if no
+  // waiting message counts towards the bytes. A RecordsStored is merged into one that already waits.
   Pushed Push(Item&& item);
   // As Push, but an item that is not accepted stays unchanged and is not counted as dropped.
   Pushed TryPush(Item& item);
-  // Makes the reader check for work other than messages before it goes away. Returns true if the reader is away and the
-  // caller must schedule it.
+  // Makes the next GoAway return false, so that the reader checks for work other than messages. Returns true if the
+  // reader is away; the caller must then schedule it.
   bool Nudge();
 
   Counts counts() const;
@@ -71,27 +72,27 @@ class Mailbox {
 
   // --- Functions of the reader ---
 
-  // Returns the next message, or null. The item is valid until Take is called again. The reader owns the item's message
-  // and should release it soon after handling it.
+  // Returns the next message, or null if none waits. The item is valid until Take is called again. The reader owns the
+  // item's message and should release it soon after handling it.
   Item* Take();
   // True if the next Take checks for newly pushed messages.
   bool must_look() const { return next_ == items_.size(); }
-  // Marks the reader as away and returns true. If there is work, returns false instead: if the mailbox was nudged, or
-  // if messages wait and `for_messages` is true. After this returned true, another thread may already be the reader.
-  // The reader of a new mailbox is away.
+  // Marks the reader as away and returns true. Returns false instead if there is work: the mailbox was nudged, or
+  // `for_messages` is true and messages wait. After GoAway returned true, another thread may already be the reader. The
+  // reader of a new mailbox is away.
   bool GoAway(bool for_messages);
   // Drops all waiting messages, without counting them as dropped, and refuses new ones.
   void Close();
 
  private:
-  // Running totals of everything pushed (or taken): all messages, and those that count towards the limits.
+  // Totals of the items that were ever pushed (pushed_) or ever taken (taken_).
   struct Totals {
     std::uint64_t items = 0;
     std::uint64_t messages = 0;  // Data messages that count towards the limits.
     std::uint64_t bytes = 0;     // Bytes of the data messages that count towards the limits.
   };
 
-  // Totals of the items that the reader has taken. Written by the reader only.
+  // Totals of the items that the reader has taken. Only the reader writes them.
   class Taken {
    public:
     Totals totals() const;
@@ -112,10 +113,10 @@ class Mailbox {
    public:
     explicit KeyedItems(std::function<std::string(const proto::Message&)> key) : key_(std::move(key)) {}
 
-    // Returns the key of `message`. If the key is empty, the message replaces no other. Thread-safe, without the lock.
+    // Returns the key of `message`. If the key is empty, the message replaces no other. Thread-safe; needs no lock.
     std::string KeyOf(const proto::Message& message) const;
     // Items get place numbers in the order in which they are added. `next_place` returns the number of the item that is
-    // added next; `at` returns the waiting item with this number.
+    // added next. `at` returns the waiting item with the number `place`.
     std::uint64_t next_place() const { return taken_ + items_.size(); }
     Item& at(std::uint64_t place) { return items_[place - taken_]; }
     Item& Add(Item&& item) { return items_.emplace_back(std::move(item)); }
@@ -139,7 +140,7 @@ class Mailbox {
     std::uint64_t bytes;
   };
 
-  // Functions that require lock_ to be held.
+  // The functions from here on are called with lock_ held.
   SendResult PushControl(Item& item);
   SendResult PushKeyed(Item& item, const std::string& key);
   SendResult PushStored(Item& item);
@@ -161,19 +162,20 @@ class Mailbox {
   bool is_closed_ = false;
   std::vector<Item> pushed_items_;  // Always empty if is_keyed_.
   Totals pushed_;
-  Totals seen_;  // Last copy of the totals in taken_. While it shows room, senders do not read the reader's cache line.
+  Totals seen_;  // Copy of taken_'s totals. While it shows room, senders need not read the reader's cache line.
   std::uint64_t waiting_max_ = 0;
   std::uint64_t bytes_max_ = 0;
 
-  // Used by the reader only, on a separate cache line.
-  alignas(64) std::vector<Item> items_;  // Batch moved here from pushed_items_. Items before next_ are taken.
+  // Written by the reader only, on a separate cache line. Senders may read taken_.
+  alignas(64) std::vector<Item> items_;  // Batch moved here from pushed_items_. The items before next_ have been taken.
   std::size_t next_ = 0;
   Taken taken_;
 
   std::atomic<bool> has_control_ = false;
 
-  // The following members are rarely used, and guarded by lock_. Place of the waiting RecordsStored: index in
-  // pushed_items_, or place number in keyed_.
+  // The members from here on are rarely used. lock_ guards all of them except single_.
+
+  // Place of the waiting RecordsStored message: its index in pushed_items_, or its place number in keyed_ if is_keyed_.
   std::optional<std::uint64_t> stored_place_;
   std::deque<Item> control_;
   KeyedItems keyed_;

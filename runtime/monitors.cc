@@ -39,8 +39,8 @@ Monitors::Notices Monitors::Publish(const std::string& publisher, const proto::M
   news.set_source_actor(publisher);
   Notices notices;
   for (const std::string& watcher : topic_watchers_[topic]) notices.push_back(MakeNews(watcher, news));
-  // RecordsStored is an event and not state, so it is not kept. An actor that failed on it would fail again after its
-  // restart.
+  // RecordsStored is an event and not state, so it is not kept for later watchers. An actor that fails on it would
+  // otherwise receive it again after its restart.
   if (topic != Topic::kStored) published_[topic] = std::move(news);
   return notices;
 }

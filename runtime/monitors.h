@@ -1,8 +1,8 @@
 // Monitors: remembers which actors of one agent watch peers, actors and topics, and makes the messages that they
 // receive.
 //
-// Bookkeeping for ActorSystem and SimulatedTeam. Each call returns the notices to deliver to actors of this agent, with
-// their envelopes. Not thread-safe.
+// Each call returns the notices that the caller (ActorSystem or SimulatedTeam) must deliver to actors of this agent.
+// Their envelopes are set. Not thread-safe.
 #pragma once
 
 #include <map>
@@ -27,17 +27,17 @@ class Monitors {
 
   explicit Monitors(AgentId self) : self_(self) {}
 
-  // Implements the Context functions of the same names, called by `watcher`. `is_lost`: the target is an actor of this
+  // Each implements the Context function of its name for the actor `watcher`. `is_lost`: the target is an actor of this
   // agent that does not run.
   Notices WatchPeers(const std::string& watcher);
   Notices Watch(const std::string& watcher, Topic topic);
-  // Requires: `message` belongs to a Topic, or a Check fails.
+  // Requires: IsOfTopic(message). Otherwise a Check fails.
   Notices Publish(const std::string& publisher, const proto::Message& message);
   Notices Monitor(const std::string& watcher, const Address& target, bool is_lost);
   void Demonitor(const std::string& watcher, const Address& target);
 
   // Call when the incarnation of `actor` ended. Removes its subscriptions, and returns the notices for the actors that
-  // monitor it.
+  // monitor `actor`.
   Notices OnActorDown(const std::string& actor, const std::string& reason, bool is_final);
   // Call when a peer connected or disconnected. Returns the notices for the actors that watch peers or monitor this
   // peer; none if the peer's state did not change.

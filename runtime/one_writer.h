@@ -1,4 +1,4 @@
-// Increase: increments a counter that one thread at a time writes and any thread reads. As cheap as a non-atomic
+// Increase: increments a counter that one thread at a time writes and any thread reads. Costs as little as a non-atomic
 // increment.
 #pragma once
 

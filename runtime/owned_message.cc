@@ -13,12 +13,12 @@ namespace {
 
 constexpr std::size_t kCacheLine = 64;
 #if defined(__SANITIZE_ADDRESS__)
-constexpr bool kUsesAgain = false;  // Off, so AddressSanitizer can report use after release.
+constexpr bool kUsesAgain = false;  // No reuse, so that AddressSanitizer can report a use after release.
 #else
 constexpr bool kUsesAgain = true;
 #endif
-constexpr std::size_t kPackMessages = 63;  // Number of messages that move between threads under one lock.
-// At most this many packs of empty messages are kept for all threads together (1 MB); further packs are freed.
+constexpr std::size_t kPackMessages = 63;  // Messages per Pack. Threads exchange whole packs, each under one lock.
+// Maximum number of packs kept for all threads together (1 MB). Further packs are freed.
 constexpr std::size_t kSharedPacks = 128;
 constexpr std::size_t kAhead = 4;  // A message is prefetched into the cache this many calls of Take before its use.
 
@@ -33,8 +33,8 @@ void Delete(proto::Message* message) {
 // True if the string owns heap memory. A cleared string keeps its memory.
 bool HoldsMemory(const std::string& text) { return text.capacity() > std::string().capacity(); }
 
-// Empties a message and frees its memory, except for the string objects. Unknown fields would keep memory too;
-// inbound.cc removes them.
+// Empties a message and frees its memory, except for the string objects. Does not free unknown fields, which
+// runtime/transport/inbound.cc has already removed.
 void Empty(proto::Message& message) {
   const bool holds_memory = message.body_case() != proto::Message::BODY_NOT_SET || message.has_term() ||
                             HoldsMemory(message.record_id()) || HoldsMemory(message.sql()) ||
@@ -45,8 +45,8 @@ void Empty(proto::Message& message) {
   std::construct_at(&message);
 }
 
-// A stack of pointers to empty messages. The messages themselves are not accessed, because they may be in another
-// core's cache.
+// A stack of pointers to empty messages. Pushing and popping do not access the messages, which may be in another core's
+// cache.
 struct Pack {
   std::size_t count = 0;
   std::array<proto::Message*, kPackMessages> messages;
@@ -81,8 +81,8 @@ SharedPacks& Shared() {
   return packs;
 }
 
-// The free messages of one thread, up to two packs. With a spare pack, alternating Take and Put rarely reach the shared
-// packs.
+// The free messages of one thread, up to two packs. Because of the second pack, alternating calls of Take and Put
+// rarely access SharedPacks.
 class ThreadMessages {
  public:
   ~ThreadMessages() { is_over = true; }
@@ -109,7 +109,7 @@ class ThreadMessages {
     used_->messages[used_->count++] = message;
   }
 
-  static thread_local bool is_over;  // The thread is ending and its packs are destroyed.
+  static thread_local bool is_over;  // True once the thread is ending and its packs are destroyed.
 
  private:
   static void PrefetchForWriting(const proto::Message* message) {

@@ -1,6 +1,6 @@
 // RateLimitedLog: limits the rate of a log line that a peer, a client or a full disk can cause repeatedly. Each line
-// reports how many lines were suppressed before it. tools/check_logs lists all other log lines of actors/ and runtime/,
-// with the reason why none of them can be triggered at will.
+// reports how many lines were suppressed before it. tools/check_logs lists every other log line of actors/ and
+// runtime/, with the reason why its rate needs no limit.
 #pragma once
 
 #include <spdlog/common.h>
@@ -27,7 +27,7 @@ class RateLimitedLog {
   void Log(spdlog::level::level_enum level, const std::string& text);
 
   const int at_once_;
-  std::chrono::steady_clock::time_point next_{};  // Time of the next line if the lines were evenly spaced.
+  std::chrono::steady_clock::time_point next_{};  // Earliest time of the next line if `at_once_` were 1.
   std::uint64_t left_out_ = 0;
 };
 

@@ -21,7 +21,7 @@ void RecordReader::Follow(Context& context) {
 
 void RecordReader::Read(Context& context) {
   if (question_id_ == 0) {
-    // Start at a random id. A late reply to a request from before a restart then matches no new request.
+    // Start at a random id, so that a late reply to a request from before a restart matches no new request.
     question_id_ = context.rng()();
     context.Monitor(StorageOf(context));
   }
@@ -83,15 +83,16 @@ bool RecordReader::OnTimer(Context& context, const proto::Timer& timer) {
   return true;
 }
 
-// Later RecordsStored messages are merged into one that already waits. The message may therefore report rows that were
-// stored after the page in flight was read.
+// Later RecordsStored messages are merged into one that waits, so `stored` may report rows that the page in flight does
+// not contain.
 void RecordReader::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
   if (!is_following_ || context.sender() != StorageOf(context)) return;
   if (stored.last_row_id() > last_row_id_ && Reads(stored)) Read(context);
 }
 
-// Sends the next request from a timer and not from here. A reading can then end only in Read, or in an OnMessage that
-// returns true.
+// Requests the page again through a timer and not directly, because a reading may end only in Read or in an OnMessage
+// that returns true. A following reader that is idle requests a page too: storage may have failed before it published
+// its last commit.
 void RecordReader::OnDown(Context& context, const proto::Down& down) {
   const Address lost{down.agent(), down.actor()};
   if (lost != StorageOf(context) || down.is_final()) return;
@@ -123,7 +124,7 @@ void RecordReader::AskAfter(Context& context, Duration delay) {
   timer_ = context.AfterTimer(delay, kTimerKind, ++question_id_);
 }
 
-// Advances the cursor after each record. A retry after an error then passes no record on twice.
+// Advances the cursor after each record, so that a retry after an error repeats no record.
 Result<void> RecordReader::TakePage(Context& context, const proto::ReadReply& page) {
   if (IsError(page.error())) return tl::unexpected(FromProto(page.error()));
   const int count = std::min(page.records_size(), page.row_ids_size());

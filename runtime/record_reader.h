@@ -16,25 +16,18 @@
 //                          }};
 //   };
 //
-// Reads records of `data_types`, both this agent's own and those received by sharing. Each is read once, in the order
-// in which they were stored here. Records that were superseded or pruned before their page was read are skipped. The
-// cursor is the row id of the last record read. It is kept in memory: a restarted actor has a new reader, which starts
-// at the first record (decision 0002).
+// Reads this agent's own records and those received by sharing, each once, in the order in which they were stored here.
+// Skips records that were superseded or pruned before their page was read. The cursor (the row id of the last record
+// read) is kept in memory, so the reader of a restarted actor starts at the first record (decision 0002).
 //
 // Follow reads all stored records and then new ones, as long as the actor exists. Read reads the records stored at the
-// time of the call; result() is its outcome.
+// time of the call; result() is its outcome. At most one request is in flight.
 //
-// Concurrent changes and failures:
-//   - Records are stored while a page is in flight: the reader requests another page after it.
-//   - Storage fails and restarts: the reader requests the page again at once. A following reader that was idle requests
-//     a page too, because storage may have failed before it published its last commit.
-//   - A page is lost at a full mailbox, or storage does not answer, cannot be reached or returns an error: a following
-//     reader retries after retry_delay, any number of times. The reading of any other reader ends with the error.
-//   - Replies to abandoned requests, and replies that are not from storage, are ignored.
-// One request is in flight at a time. A request that timed out may still wait in storage's mailbox. At most one such
-// request is added per answer_timeout, and the watchdog ends a process whose storage gets no turn.
+// If storage restarts, the reader requests the page again at once. If storage does not answer, cannot be reached or
+// returns an error, a following reader retries after retry_delay, any number of times; the reading of any other reader
+// ends with the error.
 //
-// Call it only in the handlers of one actor. Not thread-safe; starts no thread.
+// Call the reader only in the handlers of one actor. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -57,38 +50,40 @@ class RecordReader {
     // Content bytes per page, at most 32 MiB. A larger record has a page of its own.
     std::uint32_t page_bytes_max = 1024 * 1024;
     Duration answer_timeout = std::chrono::seconds(30);
-    Duration retry_delay = std::chrono::seconds(5);  // Delay before a following reader retries.
+    Duration retry_delay = std::chrono::seconds(5);  // Delay before a following reader retries after an error.
   };
 
-  // Called for each record, inside OnMessage. Must not call the reader. An error ends the reading like an error of
-  // storage, and the next reading starts with this record.
+  // Called for each record, inside OnMessage. Must not call the reader. If it returns an error, the reading ends with
+  // that error, and the next reading starts with this record.
   using Take = std::function<Result<void>(Context&, const proto::StoredRecord&)>;
 
-  // Kind of the timers of all readers. A timer's value shows to which of an actor's readers it belongs.
+  // Kind of the timers of all readers. A timer's value is the id of a request, by which each reader of an actor
+  // recognises its own timers.
   static constexpr std::uint32_t kTimerKind = 0x7265'6164;
 
   RecordReader(Options options, Take take);
 
-  // Starts following. Call once, in OnStart. Watches Topic::kStored.
+  // Starts following. Call once, in OnStart. Subscribes the actor to Topic::kStored.
   void Follow(Context& context);
-  // Reads the records stored so far. Extends a reading that is in progress. If storage cannot be reached and the reader
-  // does not follow, the reading has ended when this returns.
+  // Reads the records stored so far. If a reading is in progress, that reading also reads the records stored since its
+  // start. If storage cannot be reached and the reader does not follow, the reading ends before this call returns, and
+  // result() holds the error.
   void Read(Context& context);
-  // As Read, but restarts at the first record. Ends a reading that is in progress, without a result.
+  // As Read, but starts at the first record. Ends a reading that is in progress, without changing result().
   void ReadAgain(Context& context);
-  // Ends a reading that is in progress, without a result. Keeps the cursor. A following reader continues at the next
-  // RecordsStored.
+  // Ends a reading that is in progress, without changing result(). Keeps the cursor. A following reader continues at
+  // the next RecordsStored.
   void Stop(Context& context);
 
   // Call with each message that the actor handles. Returns true if the message was for this reader only; the actor must
-  // then ignore it. Returns false for RecordsStored and Down, because the actor and its other readers may need them
+  // then ignore the message. Returns false for RecordsStored and Down, which the actor and its other readers may need
   // too.
   bool OnMessage(Context& context, const proto::Message& message);
 
   // True if a page is in flight, or will be requested after a pause.
   bool is_reading() const { return state_ != State::kIdle; }
-  // Result of the last reading. kUnavailable: storage cannot be reached. kTimedOut: storage did not answer. Otherwise
-  // an error of storage or of Take. No error: all records stored before the last call of Read were read.
+  // Result of the last reading that ended. kUnavailable: storage cannot be reached. kTimedOut: storage did not answer.
+  // Otherwise an error of storage or of Take. No error: all records stored before the last call of Read were read.
   const Result<void>& result() const { return result_; }
   // True if `stored` includes a type that this reader reads.
   bool Reads(const proto::RecordsStored& stored) const;
@@ -97,7 +92,7 @@ class RecordReader {
   enum class State {
     kIdle,
     kAwaitingPage,
-    kPausing,  // Waits for the timer before the next request.
+    kPausing,  // A timer runs before the next request.
   };
 
   bool OnReadReply(Context& context, const proto::Message& message);

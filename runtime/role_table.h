@@ -1,4 +1,4 @@
-// RoleTable: the agents that @leader, @survivor and @base currently resolve to, on one agent.
+// RoleTable: the agents to which @leader, @survivor and @base currently resolve on one agent.
 //
 // Thread-safe. Leader and survivor change atomically: a reader never sees values of two assignments.
 #pragma once
@@ -18,8 +18,8 @@ class RoleTable {
   void SetRoles(const proto::RoleAssignment& roles);
   void SetBaseStation(AgentId agent) { base_station_ = agent; }
 
-  // Returns the agent that an alias resolves to, or 0 if it resolves to none at present. Returns an id that is no alias
-  // unchanged.
+  // Returns the agent to which an alias resolves, or 0 if no agent has that role at present. Returns an id that is no
+  // alias unchanged.
   AgentId Resolve(AgentId agent) const;
 
  private:

@@ -1,10 +1,7 @@
-// SpinLock: a lock that is held for a few nanoseconds at a time. It is usually free again before a thread could be put
-// to sleep.
-//
-// Two threads that exchange messages at full speed often contend for the mailbox's lock. Sleeping and waking would
-// halve their throughput. With eight senders on two cores, each thread that wakes makes another one sleep (measured). A
-// thread that finds the lock held polls a few times and then yields its processor, which the holder may need. Code
-// under the lock must not wait, allocate much or call foreign code.
+// SpinLock: a lock for sections of a few nanoseconds, such as a push into a mailbox. A thread that finds the lock held
+// polls a few times and then yields its processor, which the holder may need. Sleeping and waking instead would halve
+// the throughput of two threads that exchange messages at full speed (measured). Code under the lock must not wait,
+// allocate much or call foreign code.
 #pragma once
 
 #include <atomic>
@@ -20,10 +17,9 @@ class SpinLock {
   void unlock() { is_held_.store(false, std::memory_order_release); }
 
  private:
-  // Number of polls before a thread yields its processor. The holder may have been preempted, and more polling only
-  // withholds a processor from it. With 10 polls instead of 100, eight senders on two cores are 1.25 times as fast, at
-  // no cost for one sender (docs/benchmarks/runtime.md). One poll pauses 66 cycles on AMD Zen 3 and about 140 on Intel
-  // Skylake.
+  // Number of polls before a thread yields its processor, which a preempted holder may need. With 10 polls instead of
+  // 100, eight senders on two cores are 1.25 times as fast, at no cost for one sender (docs/benchmarks/runtime.md). One
+  // poll pauses 66 cycles on AMD Zen 3 and about 140 on Intel Skylake.
   static constexpr int kLooksBeforeYield = 10;
 
   void WaitUntilFree() const {

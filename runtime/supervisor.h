@@ -1,12 +1,11 @@
 // Supervisor: decides, after an actor failed, whether and when to restart it, and whether its agent should give up its
 // role.
 //
-// The first restart is immediate, for failures that do not repeat. Each further restart within `restart_period` waits
-// twice as long as the one before. This serves causes that take time to go away, such as a full disk. If the actor
-// fails again after `restarts_max` restarts in that period, the agent gives up its role, and another agent can lead.
-// The actor then gets `restarts_max` further restarts, with long delays. If it still fails, it has failed permanently
-// (kBeyondHelp). A failure with kCorrupt is permanent the first time: a restart does not repair damaged data on disk.
-// Not thread-safe.
+// The first restart is immediate. Each further restart within `restart_period` waits twice as long as the one before,
+// up to `delay_max`. If the actor fails again after `restarts_max` restarts in that period, the agent gives up its
+// role, so that another agent can lead. The actor then gets `restarts_max` further restarts, with long delays. If it
+// still fails, it has failed permanently (kBeyondHelp). A failure with kCorrupt is permanent at once, because a restart
+// does not repair damaged data on disk. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -29,8 +28,8 @@ class Supervisor {
 
   enum class Action {
     kRestart,
-    kStepDown,   // Give up the role, and restart.
-    kBeyondHelp  // The failure is permanent: no restart.
+    kStepDown,   // The agent gives up its role, and the actor restarts.
+    kBeyondHelp  // The failure is permanent: the actor does not restart.
   };
   struct Verdict {
     Action action = Action::kRestart;
@@ -39,7 +38,7 @@ class Supervisor {
 
   explicit Supervisor(Options options) : options_(options) {}
 
-  // Returns what to do about a failure at `now`. `jitter` is a random number from 0 to 1.
+  // Returns how to react to a failure at `now`. `jitter` is a random number from 0 to 1.
   Verdict OnFailure(const Error& failure, MonotonicTime now, double jitter);
 
  private:

@@ -1,5 +1,5 @@
-// SystemStatus: the runtime's own data about an agent's actors and its links to peers. Kept out of actor.h, because a
-// new field in a status would otherwise recompile every actor.
+// SystemStatus: the runtime's own data about an agent's actors and its links to peers. A separate header, because a new
+// field would otherwise recompile every user of actor.h.
 #pragma once
 
 #include <vector>

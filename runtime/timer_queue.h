@@ -17,9 +17,9 @@ namespace moondb {
 template <typename T>
 class TimerQueue {
  public:
-  static constexpr std::size_t kSizeMax = 1'000'000;  // Exceeding this is a bug in an actor and fails a Check.
+  static constexpr std::size_t kSizeMax = 1'000'000;  // A larger queue is a bug in an actor and fails a Check.
 
-  // Returns an id. Ids count from 1 and are never reused.
+  // Adds a value. Returns an id for Cancel. Ids count from 1 and are never reused.
   TimerId Add(MonotonicTime due, T value) {
     Check(by_due_.size() < kSizeMax, "fewer than a million timers wait");
     const TimerId id = ++last_id_;
@@ -28,7 +28,7 @@ class TimerQueue {
     return id;
   }
 
-  // Removes a timer. Has no effect if TakeDue already returned it.
+  // Removes a timer. Has no effect if TakeDue already returned the timer's value.
   void Cancel(TimerId id) {
     const auto found = due_of_.find(id);
     if (found == due_of_.end()) return;

@@ -1,6 +1,7 @@
 // TimerThread: runs tasks at their due times on one thread, which sleeps until the next due time.
 //
-// Tasks must be short: a late task delays the following ones. Any thread may call Add and Cancel, including a task.
+// Tasks must be short, because a late task delays the following ones. Any thread may call Add and Cancel, also inside a
+// task.
 #pragma once
 
 #include <condition_variable>
@@ -20,9 +21,9 @@ class TimerThread {
   ~TimerThread() { Join(); }
 
   TimerId Add(MonotonicTime due, Task task);
-  // Removes the task. Has no effect on a task that has already started, and does not wait for its end.
+  // Removes the task. Has no effect on a task that has already started, and does not wait for the end of that task.
   void Cancel(TimerId id);
-  // Waits for the running task and drops all others. Must not be called from a task. Idempotent.
+  // Waits for the running task and drops all other tasks. Must not be called from a task. Idempotent.
   void Join();
 
  private:

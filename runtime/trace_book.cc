@@ -19,8 +19,8 @@ struct OwnRing {
 };
 thread_local OwnRing own_ring;
 
-// Names of Message's bodies by field number. Built before any signal arrives, because protobuf's descriptors are not
-// safe in signal handlers.
+// Names of the fields of Message's `body`, by field number. Built before any signal arrives, because signal handlers
+// cannot safely use protobuf's descriptors.
 class BodyNames {
  public:
   BodyNames() {
@@ -43,7 +43,7 @@ const BodyNames& GetBodyNames() {
   return names;
 }
 
-// A line of text, built without allocation or locale. Text that does not fit is cut off.
+// A line of text, built without allocation or locale. Text beyond kSizeMax is cut off.
 class Line {
  public:
   Line& operator<<(const char* text) {
@@ -194,7 +194,7 @@ std::atomic<const TraceBook*> crash_book = nullptr;
 char crash_path[4096] = "";
 
 void OnFatalSignal(int signal) {
-  // Restore the default actions first. A failure in this handler, or in another thread meanwhile, then ends the
+  // Restore the default actions first. A further fatal signal, in this handler or in another thread, then ends the
   // process.
   for (const int fatal : kFatalSignals) std::signal(fatal, SIG_DFL);
   if (const TraceBook* book = crash_book.exchange(nullptr)) {

@@ -10,8 +10,8 @@ void TraceRing::Add(const TraceRecord& record) {
   const std::uint64_t what = static_cast<std::uint64_t>(record.kind) << 56 |
                              static_cast<std::uint64_t>(record.result) << 48 | std::uint64_t{record.body} << 32 |
                              std::uint64_t{record.actor} << 16 | record.other_actor;
-  // Release order: a reader that sees one of these words also sees the count stored before it. From the count it knows
-  // which slot is being written.
+  // Store in release order: a reader that sees one of these words also sees the earlier store of the count, and so can
+  // detect that this slot is being overwritten.
   words[0].store(static_cast<std::uint64_t>(record.time), std::memory_order_release);
   words[1].store(what, std::memory_order_release);
   words[2].store(std::uint64_t{record.other_agent} << 32 | record.bytes, std::memory_order_release);
@@ -34,7 +34,7 @@ bool TraceRing::Read(std::uint64_t number, TraceRecord* record) const {
   record->other_actor = static_cast<std::uint16_t>(what);
   record->other_agent = static_cast<AgentId>(agent_and_bytes >> 32);
   record->bytes = static_cast<std::uint32_t>(agent_and_bytes);
-  // The slot of the record with number `count` may be partly written. It held record `count - kRecords` before.
+  // Record number `added` may be partly written. It overwrites record `added - kRecords`, which must not be returned.
   const std::uint64_t added = count();
   return number < added && number + kRecords > added;
 }

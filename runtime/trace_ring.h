@@ -1,7 +1,7 @@
 // TraceRing: the latest events of one thread's actors, always recorded for diagnosis.
 //
-// One thread adds records (about 5 ns each). Other threads and signal handlers may read concurrently: all words are
-// atomic. A record that was overwritten while it was read is skipped.
+// One thread adds records (about 5 ns each). Other threads and signal handlers may read concurrently, because all words
+// are atomic. A record that is overwritten while it is read is skipped.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@
 namespace moondb {
 
 struct TraceRecord {
-  static constexpr std::uint16_t kNobody = 0xFFFF;  // Name number that stands for no actor of this agent.
+  static constexpr std::uint16_t kNobody = 0xFFFF;  // Value of `actor` and `other_actor` for no actor of this agent.
 
   Ticks time = 0;  // Time of the event in ticks; in simulation, in nanoseconds.
   proto::TraceKind kind = proto::TRACE_SENT;
@@ -25,7 +25,7 @@ struct TraceRecord {
   std::uint16_t actor = kNobody;
   std::uint16_t other_actor = kNobody;
   AgentId other_agent = 0;
-  std::uint32_t bytes = 0;  // Size of the message; 0: not counted.
+  std::uint32_t bytes = 0;  // Size of the message; 0 if not recorded.
   std::uint64_t request_id = 0;
   Ticks duration = 0;
 };
@@ -38,8 +38,8 @@ class TraceRing {
   // Returns the kept records, oldest first.
   std::vector<TraceRecord> Read() const;
 
-  // Reads the record with this number; returns false if it is no longer kept. Records are numbered from 0 to count() -
-  // 1. Safe in signal handlers.
+  // Reads the record with this number, from 0 to count() - 1. Returns false if that record is no longer kept. Safe in
+  // signal handlers.
   bool Read(std::uint64_t number, TraceRecord* record) const;
   std::uint64_t count() const { return count_.load(std::memory_order_acquire); }
 

@@ -2,8 +2,8 @@
 // One pixel is one row of a square: 8 cells of one byte each. A square is 4 x 2 pixels, with its lowest row first. Each
 // cell takes the first known value in its square's list of blocks, which is sorted by descending key.
 //
-// The shader adds the same integers as the CPU: u and v are a cell centre's coordinates in the block, modulo 1024
-// cells. A block has at most 512 cells per side, so one unsigned comparison checks both ends of [0, n).
+// The integers u and v, the same as on the CPU, are the coordinates of a cell's centre in the block, modulo 1024 cells.
+// A block has at most 512 cells per side, so one unsigned comparison checks both ends of [0, n).
 //
 // The sides of `layers` and `lists` are powers of two. Texture coordinates are therefore exact as floats, and samples
 // return the stored integers. (texelFetch would compute a mipmap level for each pixel; on llvmpipe this takes 1.5 times
@@ -13,15 +13,15 @@ precision highp int;
 precision highp usampler2D;
 precision highp usampler2DArray;
 
-uniform usampler2DArray layers;  // A texel is 16 cells of a row: rows along x, strips of 16 columns along y.
+uniform usampler2DArray layers;  // A texel holds 16 cells of a row: x is the row, y the strip of 16 columns.
 // For each square of the target: the number of its list entries in bits 0 to 5, and the index of the first entry from
 // bit 6 on.
 uniform usampler2D squares;
 // Two texels for each list entry. The first holds u and v of the square's first cell, step_cos and step_sin, in Q10.22
-// modulo 2^32. The second holds width_q, height_q, the block's corner in `layers`, and its page in the low 16 bits with
-// its number in the tile in the high 16 bits.
+// modulo 2^32. The second holds width_q, height_q, the block's corner in `layers`, and a word with the block's page in
+// the low 16 bits and the block's number in the tile in the high 16 bits.
 uniform usampler2D lists;
-// Size of one texel in texture coordinates: layers_texel of `layers`, lists_texel of `lists`.
+// Sizes of one texel of `layers` and of `lists`, in texture coordinates.
 uniform vec2 layers_texel;
 uniform vec2 lists_texel;
 

@@ -21,7 +21,7 @@ import time
 AGENT_COUNT = 4
 STEP_LIMIT_S = 240
 MARK = ".moondb-demo"
-COLUMN = 21  # Width of a table's column, because a role has up to 19 letters.
+COLUMN = 21  # Width of a table column. The longest role has 19 letters.
 TYPES_FILE = pathlib.Path(__file__).resolve().parent.parent / "proto/types.proto"
 TYPE_NAMES = {int(number): name.lower()
               for name, number in re.findall(r"^  ([A-Z_]+) = (\d+);", TYPES_FILE.read_text(), re.MULTILINE)}
@@ -220,7 +220,7 @@ def print_table(summary):
 def run_demo(options, out):
     started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="moondb-") as run_folder:
-        # The operating system limits the length of socket paths; a path under out/ may be too long.
+        # Socket paths are limited in length, and a path under out/ may be too long.
         os.environ["MOONDB_RUN_DIR"] = run_folder
         team = Team(options.bin, out / "team" / "team.yaml")
         story = Story(team, started)

@@ -37,7 +37,7 @@ void EventActor::OnStart(Context& context) {
   } else {
     Log(context, proto::EVENT_KIND_RESTART, "the actor event failed and was restarted (moonctl trace)");
   }
-  // The ids start at a random number, so that a reply to a request from before a restart matches no current request.
+  // Start at a random id. A late reply to a request from before a restart then matches no current request.
   next_request_id_ = context.rng()() | 1;
   context.WatchPeers();
   context.Watch(Topic::kRoles);
@@ -88,7 +88,7 @@ void EventActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const bool is_new = OrderOf(roles.term()) != OrderOf(roles_.term());
   const bool is_first = roles_.term().number() == 0 && roles_.leader() == 0;
   roles_ = roles;
-  // The first assignment heard was already in force when this agent started.
+  // The first assignment that this actor receives is not new: it was in force before the actor started.
   if (!is_new || is_first || roles.term().issuer() != options_.self) return;
   const std::string reason = roles.reason().empty() ? "" : ": " + roles.reason();
   Log(context, proto::EVENT_KIND_ROLES,
@@ -156,7 +156,7 @@ void EventActor::LogLostPeers(Context& context) {
   for (auto& [agent, peer] : peers_) {
     if (peer.is_connected || peer.is_reported) continue;
     if (is_silent || leases_.MayBeSilent(agent, context.now())) {
-      // The timeout starts when the peer should be heard again.
+      // While silence is expected, restart the `lost_after` timeout.
       peer.lost_at = context.now();
       peer.lost_utc_ns = context.utc_now_ns();
       continue;
@@ -193,14 +193,13 @@ void EventActor::OnFindings(Context& context, const proto::AgentStatus& status) 
   findings_.assign(status.findings().begin(), status.findings().end());
   known_version_ = asked_version_;
   LogReturnedPeers(context);
-  // These findings are outdated. A newer request is already in flight, or follows in the next period.
+  // This reply is outdated. A newer request is in flight, or is sent in the next period.
   if (known_version_ != findings_version_) return;
   for (const Requester& requester : std::exchange(requesters_, {})) {
     if (known_version_ == findings_version_) {
       AnswerRequester(context, requester);
     } else {
-      requesters_.push_back(
-          requester);  // An earlier requester acknowledged findings, so the list is out of date for this one.
+      requesters_.push_back(requester);  // Answering an earlier requester changed the findings.
     }
   }
 }
@@ -233,7 +232,7 @@ void EventActor::Acknowledge(Context& context, const Requester& requester) {
   *insert.mutable_insert_request()->add_records() =
       MakeEvent(proto::EVENT_KIND_ACKNOWLEDGED, AcknowledgedText(until_ns, static_cast<std::size_t>(count)), "",
                 context.utc_now_ns());
-  // If this send fails, the acknowledgment times out.
+  // If the send fails, the acknowledgment times out.
   (void)context.Send({options_.self, actor_name::kStorage}, std::move(insert));
   ++findings_version_;
   AskFindings(context);
@@ -289,7 +288,7 @@ void EventActor::Ask(Context& context, const std::string& actor, const proto::Co
 void EventActor::LogRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
                          double count, const std::string& text) {
   double& reported = counts_.try_emplace({source, counter}, heard_.contains(source) ? 0 : count).first->second;
-  // A counter that fell belongs to a restarted actor, so it counts from zero.
+  // A counter that fell was reset to zero by a restart of its actor.
   const double before = std::exchange(reported, count);
   const double rise = count < before ? count : count - before;
   if (rise >= 1) Log(context, kind, std::to_string(std::llround(rise)) + " " + text);

@@ -1,27 +1,17 @@
-// EventActor ("event"): writes the event log of this agent, as records of the type `agent_event`.
+// EventActor ("event"): writes this agent's event log, as records of the type `agent_event`.
 //
-// EventActor logs three kinds of things:
-//   - the start of the agent;
-//   - each role assignment that this agent issued;
-//   - once a minute, the failures since the last time: restarted actors, refused or damaged records and messages, and
-//     sharing sessions that ended early.
-// Repeated failures become one event with a count, so a flood of bad input does not become a flood of records. Commands
-// are logged by GatewayActor.
+// Logs the start of the agent, each role assignment that this agent issued, and the loss and return of peers. Once a
+// minute it logs new failures: actor restarts, refused or damaged records and messages, and sharing sessions that ended
+// early. Failures of one kind become one event with a count. GatewayActor logs commands.
 //
-// A peer is lost if its connection has been down for `lost_after`. Peers that sleep are not lost. In a team with radio
-// silence while driving, peers that drive are not lost either. The same exceptions apply while this agent itself sleeps
-// or drives. Each loss is one event, with the time at which the connection went down. The return of the peer is another
-// event. Two losses of a peer are logged at least `lost_again_after` apart.
+// A peer counts as lost if its connection has been down for `lost_after` while no silence was expected. Silence is
+// expected while the peer or this agent sleeps, or drives in a team with radio silence while driving.
 //
-// Losses and damage are findings (model/event.h) until an operator acknowledges them. The findings are computed from
-// the stored events (actors/storage/findings.h). This actor requests the findings from StorageActor after each event
-// that may change them. It answers the ControlRequest `status` with the findings, as its part of AgentStatus. It
-// answers an AcknowledgeRequest when the acknowledging event is stored, or with kFull if too many acknowledgments are
-// waiting.
+// Answers the ControlRequest `status` with the findings (model/event.h): losses and damage that no operator has
+// acknowledged. StorageActor computes the findings from the stored events (actors/storage/findings.h). Answers an
+// AcknowledgeRequest after the acknowledging event is stored, or with kFull if too many acknowledgments wait.
 //
-// Events are shared like other records, by the policy `agent_event`, so the leader holds the event log of the whole
-// team. An event that storage refuses is lost. A restart of this actor is logged too. Failures counted before that
-// restart are treated as already logged.
+// An event that storage refuses is lost. After a restart, this actor does not log failures from before the restart.
 #pragma once
 
 #include <map>
@@ -48,8 +38,8 @@ class EventActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;  // Complete and checked.
-    std::string version;     // Logged at the start.
+    proto::TeamConfig team;  // Requires: complete and validated.
+    std::string version;     // Logged when the agent starts.
     Duration period = std::chrono::minutes(1);
     // A disconnected peer counts as lost after this time, which is longer than a short radio dropout. Checked once per
     // `period`.
@@ -102,7 +92,8 @@ class EventActor final : public Actor {
 
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnControlReply(Context& context, const proto::Message& message);
-  // Handles a request for the findings, or to acknowledge all findings with timestamps up to `until_ns`.
+  // Handles a request of the message's sender. `until_ns`: null to report the findings; otherwise all findings with
+  // timestamps up to this time are acknowledged.
   void OnRequester(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
   void AskFindings(Context& context);
   void AnswerRequester(Context& context, const Requester& requester);
@@ -111,19 +102,19 @@ class EventActor final : public Actor {
 
   void Ask(Context& context, const std::string& actor, const proto::ControlRequest& request) const;
   void Log(Context& context, proto::EventKind kind, const std::string& text);
-  // `timestamp_ns` is the time of the event, which for a finding may be some time ago.
+  // `timestamp_ns`: time of the event. It may lie in the past.
   void LogAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t timestamp_ns);
-  // Logs by how much a counter rose since the last call, as "3 TEXT". The counter falls only when `source` restarts.
-  // The first value from `source` is only remembered, because it counts failures from before this actor started.
+  // Logs the rise of `counter` since the last call as "3 TEXT", if it is at least 1. The first report of `source`
+  // counts failures from before this actor started, so it logs nothing. A counter falls only when its actor restarts.
   void LogRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
                double count, const std::string& text);
 
   const Options options_;
-  std::map<std::pair<std::string, std::string>, double> counts_;  // Last known values, by source and counter.
-  std::set<std::string> heard_;                                   // Sources that have reported before.
+  std::map<std::pair<std::string, std::string>, double> counts_;  // Last value of each counter, by source and name.
+  std::set<std::string> heard_;                                   // Sources that have reported at least once.
   proto::RoleAssignment roles_;
   Leases leases_;
-  std::map<AgentId, Peer> peers_;  // Agents that were connected since this actor started.
+  std::map<AgentId, Peer> peers_;  // Agents that have been connected since this actor started.
 
   std::vector<proto::HealthFinding> findings_;  // The last findings from StorageActor.
   std::uint64_t findings_version_ = 1;          // Rises with each event that changes the findings.
@@ -131,7 +122,7 @@ class EventActor final : public Actor {
   std::uint64_t asked_version_ = 0;
   std::uint64_t findings_request_id_ = 0;  // Id of the last FindingsRequest.
   std::vector<Requester> requesters_;
-  std::map<std::uint64_t, Acknowledgment> acknowledgments_;  // By id of the InsertRequest.
+  std::map<std::uint64_t, Acknowledgment> acknowledgments_;  // Keyed by the id of the InsertRequest.
   std::uint64_t next_request_id_ = 0;
 };
 

@@ -1,5 +1,5 @@
-// Checks whether a client's key, or the agent that relays a request, has the rights that the request needs. Plain
-// functions, usable on any thread.
+// Checks whether a client's key, or the agent that relays a request, has the rights that the request needs.
+// Thread-safe.
 #pragma once
 
 #include "model/error.h"
@@ -10,17 +10,17 @@
 
 namespace moondb {
 
-// Returns the rights that proto/control.proto declares for the request: CLIENT_RIGHTS_VIEW if it changes nothing, SHARE
-// for requests of robots and planners, and COMMAND for all others.
+// Returns the rights that proto/control.proto declares for the request: CLIENT_RIGHTS_VIEW if the request changes
+// nothing, SHARE for requests of robots and planners, and COMMAND for all others.
 proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request);
 
 // Returns kRefused if the key of the client that sent the message does not allow this request. The text names the key's
 // rights and the required rights.
 Result<void> CheckClientRights(const proto::Message& message, proto::ControlRequest::RequestCase request);
 
-// Returns kRefused if agent `from` may not relay this request to the agent `self`. Any agent may relay a request that
-// changes nothing. Other requests need `command_from` of the team file. Requests to share are also allowed from the
-// leader and the survivor of `roles`. The text names the line of the team file that would allow the request.
+// Returns kRefused if agent `from` may not relay this request to agent `self`. An agent that has left the team may
+// relay nothing. Every other agent may relay requests that change nothing. Agents in `command_from` of the team file
+// may relay all requests. The leader and the survivor of `roles` may also relay requests to share.
 Result<void> CheckRelayRights(const proto::TeamConfig& team, AgentId self, const proto::RoleAssignment& roles,
                               AgentId from, const proto::ControlRequest& request);
 

@@ -1,9 +1,8 @@
-// CommandLog: decides which commands, accepted or refused, are logged as events in the agent's store. Commands come
-// from clients and other agents.
+// CommandLog: decides which commands of clients and other agents, accepted or refused, become events in the event log.
 //
-// At most Options::commands_max commands of one kind are logged per period, followed by the number of commands that
-// were left out. A program therefore cannot flood the event log. No I/O: the caller stores the returned events and
-// keeps the time.
+// At most Options::commands_max commands of one kind are logged per period. At the end of the period, one more event
+// counts the commands that were left out. A program thus cannot flood the event log. No I/O: the caller stores the
+// returned events and runs the timers.
 #pragma once
 
 #include <chrono>
@@ -28,9 +27,9 @@ class CommandLog {
   };
 
   struct Added {
-    // The event to store, if any. Must be stored before any record that other actors store because of the command.
+    // Event that the caller must send to storage before it executes the command; null if the command is not logged.
     std::optional<proto::Record> event;
-    bool begins_period = false;  // The caller must call OnPeriodEnd after Options::period.
+    bool begins_period = false;  // If true, the caller must call OnPeriodEnd after Options::period.
   };
 
   explicit CommandLog(Options options) : options_(options) {}
@@ -51,8 +50,8 @@ class CommandLog {
   std::map<Kind, Commands> commands_;
 };
 
-// Returns the client's name for the event log. A client without a key must not impersonate one with a key, so its
-// self-reported name is cut off before "(key)".
+// Returns the client's name for the event log: "NAME (key)" if the client has a key. Otherwise returns the name that
+// the client gives, cut off before "(key)": a client without a key must not appear as a client with a key.
 std::string ByOf(const proto::Message& message, const proto::ControlRequest& request);
 
 }  // namespace moondb

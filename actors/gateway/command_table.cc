@@ -28,12 +28,12 @@ struct Command {
 
 // --- Requests that are sent in a special way ---
 
-// Returns the name of the request's i-th actor in proto/control.proto.
+// Returns the name of the i-th actor that proto/control.proto declares for the request.
 const std::string& ActorOf(const Request& request, int i = 0) {
   return CommandOptionsOf(request.request_case()).actors(i);
 }
 
-// Returns one question to one actor. Uses push_back, because a braced list would copy the message.
+// Returns a list with one question. A braced list would copy the message.
 std::vector<Question> AskOne(const std::string& actor, proto::Message message) {
   std::vector<Question> questions;
   questions.push_back({actor, std::move(message)});
@@ -47,7 +47,7 @@ std::vector<Question> AskForPage(Request& request, bool is_relayed) {
   return AskOne(ActorOf(request), std::move(message));
 }
 
-// Requests this agent's have-set in full, not in the form reported to peers.
+// Requests this agent's complete have-set.
 std::vector<Question> AskForHave(Request& request, bool) {
   proto::Message message;
   message.mutable_have_request();
@@ -146,7 +146,7 @@ constexpr Command kCommands[] = {
      .text = [](const Team&, const Request&) { return std::string("health acknowledge"); }},
 };
 
-// Returns null if the request has no row.
+// Returns the request's row in kCommands; null if there is none.
 const Command* FindCommand(Request::RequestCase request) {
   const auto* found = std::find_if(std::begin(kCommands), std::end(kCommands),
                                    [request](const Command& command) { return command.request == request; });
@@ -155,7 +155,7 @@ const Command* FindCommand(Request::RequestCase request) {
 
 // --- Lookup by type ---
 
-// Returns the field of the oneof Message::body whose type is `type`; null if there is none.
+// Returns the field of the oneof Message::body that has this message type; null if there is none.
 const FieldDescriptor* BodyOfType(const Descriptor* type) {
   static const auto* const bodies = proto::Message::descriptor()->FindOneofByName("body");
   for (int i = 0; i < bodies->field_count(); ++i) {
@@ -169,7 +169,8 @@ const FieldDescriptor* FieldOf(Request::RequestCase request) {
   return Request::descriptor()->FindFieldByNumber(request);
 }
 
-// Returns the reply field, which has the same name as the request field, except for `roles`.
+// Returns the field of ControlReply that answers the request, or null if there is none. The field has the request's
+// name, except that role_show and role_set share the field `roles`.
 const FieldDescriptor* ReplyFieldOf(Request::RequestCase request) {
   if (request == Request::kRoleShow || request == Request::kRoleSet) {
     return proto::ControlReply::descriptor()->FindFieldByNumber(proto::ControlReply::kRolesFieldNumber);

@@ -1,11 +1,15 @@
-// Dispatches client requests. For each request, proto/control.proto declares the actors that answer it, the rights that
-// it needs, and whether it takes long.
+// Checks, logs and dispatches client requests. proto/control.proto declares the actors that answer a request, the
+// rights that the request needs, and whether the request takes long.
 //
-// By default a request has no validation rule, and is logged by its name only if it needs the right `command`. Its
-// actor receives it in the field of Message.body that has the request's type. The actor's answer goes into the field of
-// ControlReply that has the answer's type. If Message has no such body, or several actors answer, the actors receive
-// the ControlRequest itself and answer with ControlReplies, which are merged. Requests that differ from this default
-// have a row in command_table.cc with functions of their own. Plain functions, usable on any thread.
+// Rules for a request without a row in command_table.cc:
+// - The request has no validation rule.
+// - The request is logged, by its name, if it needs the right `command`.
+// - The actor receives the field of Message.body that has the request's type. The answer goes into the field of
+//   ControlReply that has the answer's type.
+// - If Message.body has no such field, or several actors answer, the actors receive the ControlRequest and answer with
+//   ControlReplies, which are merged.
+//
+// Thread-safe.
 #pragma once
 
 #include <string>
@@ -19,8 +23,8 @@
 
 namespace moondb {
 
-// Checks a request. `asked`: the agent that must answer it. Returns kInvalid, with the field, for an unknown request,
-// for a request to an agent outside the team, and for a violation of the request's own rule
+// Checks a request. `asked`: the agent that must answer the request. Returns kInvalid, with the field, for an unknown
+// request, for a request to an agent outside the team, and for a violation of the request's own rule
 // (actors/gateway/request_check.h).
 Result<void> CheckRequest(const proto::TeamConfig& team, AgentId asked, const proto::ControlRequest& request);
 
@@ -33,13 +37,12 @@ struct Question {
   proto::Message message;
 };
 
-// Returns all messages that the gateway must send for a checked request, in order. Empty if the gateway itself answers.
-// Moves the contents of the request into the messages, since a map may have megabytes. `is_relayed`: the answer crosses
-// the radio.
+// Returns the messages that the gateway must send for a checked request, in order; empty if the gateway itself answers.
+// `is_relayed`: true if the answer crosses the radio.
 std::vector<Question> QuestionsOf(proto::ControlRequest request, bool is_relayed);
 
-// Merges one actor's answer to the request into the reply, and copies its error to ControlReply.error. Returns false if
-// the answer has the wrong type or does not decode.
+// Merges one actor's answer to the request into the reply, and copies the answer's error to ControlReply.error. Returns
+// false if the answer has the wrong type or does not decode.
 bool TakeAnswer(proto::ControlRequest::RequestCase request, const proto::Message& answer, proto::ControlReply& reply);
 
 }  // namespace moondb

@@ -35,15 +35,15 @@ std::string DownlinkText(const proto::DownlinkRequest& downlink) {
   return downlink.bytes_max() == 0 ? "" : "downlink of " + std::to_string(downlink.bytes_max()) + " B";
 }
 
-// Logs only pauses. Robots' software reports driving and sleeping many times a minute. LeaseActor refuses durations out
-// of bounds.
+// Returns a text only for a valid pause. Driving and sleeping are not logged: the robot's software reports them many
+// times a minute.
 std::string LeaseText(const proto::LeaseRequest& lease) {
   if (lease.kind() != proto::LEASE_KIND_PAUSED || !CheckLeaseSeconds(lease.seconds(), "")) return "";
   if (lease.seconds() == 0) return "sync resume";
   return "sync pause for " + std::to_string(static_cast<int>(std::ceil(lease.seconds()))) + " s";
 }
 
-// Prints numbers in the units of the request, in seconds and bytes; only moonctl formats durations such as "5m".
+// Prints numbers in the request's units: seconds and bytes.
 std::string PruneText(const proto::PruneOrder& prune) {
   if (prune.is_dry_run()) return "";
   std::string text = prune.is_history()      ? "db prune history"

@@ -1,6 +1,6 @@
-// Text of a request for the event log, for example "role set: leader rover2 (sun is low)". Empty for queries and dry
-// runs, and for requests that robots' software repeats many times a minute (driving, sleeping). Plain functions.
-// actors/gateway/command_table.h maps requests to them.
+// Texts of requests for the event log, for example "role set: leader rover2 (sun is low)". A text is empty if the
+// request is not logged. Queries, dry runs, and the robot's frequent reports of driving and sleeping are not logged.
+// actors/gateway/command_table.h maps requests to these functions.
 #pragma once
 
 #include <string>

@@ -1,7 +1,7 @@
-// Feed: a read request with wait_s that found no record, and waits until a record of the requested types is stored.
+// Feed: a read request with wait_s that has found no record yet.
 //
-// GatewayActor repeats the read when StorageActor publishes that such a record was stored. The repeated read skips rows
-// that earlier reads have searched. A value owned by GatewayActor.
+// GatewayActor repeats the read when StorageActor publishes that a record of a requested type was stored. The repeated
+// read skips rows that earlier reads have searched.
 #pragma once
 
 #include "proto/storage.pb.h"
@@ -19,16 +19,16 @@ class Feed {
   void SetStale() { is_stale_ = true; }
   bool is_stale() const { return is_stale_; }
 
-  // Returns the read to send to storage, and clears is_stale.
+  // Returns the read request to send to storage, and clears is_stale().
   const proto::ReadRequest& Ask(std::uint64_t last_row_id);
-  // Handles an empty page from storage. If the page is complete, the next read skips all rows known when the read was
-  // sent.
+  // Handles an empty page from storage. If the page is complete, the next read skips all rows up to the `last_row_id`
+  // that was given to Ask.
   void OnEmptyPage(bool is_complete);
 
  private:
   proto::ReadRequest request_;
   bool is_stale_ = false;
-  std::uint64_t known_row_id_;  // The largest row id known to be stored when the read was sent.
+  std::uint64_t known_row_id_;  // The `last_row_id` of the last Ask, or of the constructor.
 };
 
 }  // namespace moondb

@@ -20,11 +20,11 @@ namespace {
 
 enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2, kCommandPeriod = 3, kRefusedPeriod = 4 };
 
-// Refused commands of other agents share one log period, whatever their kind.
+// Refused and failed commands share one log period, whatever their kind.
 constexpr auto kRefusedKind = proto::ControlRequest::REQUEST_NOT_SET;
 
-// Larger messages are not sent in the control class. A message of this size delays other control messages by 32 ms at 1
-// Mbit/s.
+// Messages between agents that are larger than this, in bytes, are not sent in the control class. A message of this
+// size delays other control messages by 32 ms at 1 Mbit/s.
 constexpr std::size_t kShortBytes = 4096;
 
 proto::ControlReply ErrorReply(const Error& error) {
@@ -148,7 +148,7 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
     pending.command = WriteDown(context, request);
     pending.by = request.by();
   }
-  // The other agent may wait for wait_s before it answers.
+  // The actor or the other agent may wait for wait_s before it answers.
   Duration timeout = TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout;
   if (is_feed) {
     proto::ReadRequest page = request.read();
@@ -175,8 +175,8 @@ void GatewayActor::RefuseRelayed(Context& context, const proto::Message& message
   Answer(context, context.sender(), message.request_id(), ErrorReply(error));
 }
 
-// Returns whether two requests count as requests of one client. All requests without a key from one other agent do,
-// whichever of its actors sent them.
+// Returns true if both requests are from the same client: the same key, or, without a key, the same other agent or the
+// same connection.
 bool GatewayActor::IsSameClient(const Pending& a, const Pending& b) const {
   if (a.client_name != b.client_name) return false;
   if (!a.client_name.empty()) return true;
@@ -228,7 +228,8 @@ std::string GatewayActor::WriteDown(Context& context, const proto::ControlReques
 // Logs a failed command. The command was already logged before it was executed.
 void GatewayActor::WriteDownFailure(Context& context, const Pending& pending) {
   const Error error = FromProto(pending.reply.error());
-  if (error.code == ErrorCode::kTimedOut) return;  // The command may have been executed.
+  // A timeout is not logged as a failure: the command may have been executed.
+  if (error.code == ErrorCode::kTimedOut) return;
   const bool is_refused = error.code == ErrorCode::kRefused;
   WriteDownRefused(context, (is_refused ? "refused " : "failed: ") + pending.command + ": " + OneLine(error.text),
                    pending.by);
@@ -468,8 +469,7 @@ void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t
     LetOthersGoFirst(message);
   }
   const SendResult sent = context.Send(client, std::move(message));
-  // No error reply is needed if the client has disconnected. If the radio's queue to another agent is full, send a
-  // short error instead.
+  // If the queue to another agent is full, send a short error instead. After any other failure the client is gone.
   if (sent != SendResult::kFull || !IsPeer(client.agent)) return;
   const std::string text =
       "too much waits on the way back to " + AgentName(options_.team, client.agent) + "; try again later";

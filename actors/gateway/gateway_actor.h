@@ -1,50 +1,28 @@
 // GatewayActor: the entry point for this agent's clients (moonctl, a robot's software, planners).
 //
-// GatewayActor receives Message{control_request} from a client, parses and checks the request
-// (model/control_message.h), and forwards it to the responsible actor under a request id of the gateway. The client's
-// answer is Message{control_reply} under the client's request id (actors/gateway/command_table.h). An error inside the
-// reply is copied to ControlReply.error, so a client has a single place to look. For the agent's status, it merges the
-// parts of StorageActor, RoleActor, LeaseActor and EventActor with the system's own data.
+// Receives a Message{control_request}, checks the request, and forwards it to the actors that answer it
+// (actors/gateway/command_table.h). Answers with Message{control_reply} under the client's request id. An actor's error
+// is copied to ControlReply.error.
 //
-// A request for another agent of the team (ControlRequest.for_agent) is relayed to that agent's gateway over the radio,
-// and the answer is returned to the client. An operator at the base station thus reaches the whole team. A request is
-// relayed only once. A relayed request that changes anything is executed only if the relaying agent is in command_from
-// of the team file. As an exception, leader and survivor may relay requests to share (CheckRelayRights). Short messages
-// are sent in the control class. Longer messages have a lower priority than all shared data. No message may exceed
-// `relay_bytes_max`.
+// A request for another agent (ControlRequest.for_agent) is relayed to that agent's gateway over the radio, and the
+// answer is returned to the client. A request is relayed only once. CheckClientRights and CheckRelayRights
+// (actors/gateway/client_rights.h) decide which requests are executed. A request for another team
+// (ControlRequest.team_id) is refused. Commands are logged as events before they are executed
+// (actors/gateway/command_log.h).
 //
-// A client with a key may send the requests that its rights allow (actors/gateway/client_rights.h), to this agent and
-// through this agent to others. Other requests are refused with kRefused.
-//
-// A request for another team (ControlRequest.team_id) is refused before it has any effect, at this agent and at the
-// agent that it is relayed to. Each reply contains the answering agent's team id and the hash of its team file.
-//
-// A command is logged as an event before it is executed (actors/gateway/command_log.h). For a client with a key, the
-// agent that checked the key logs the key's name, for example "anna (key)". An agent that receives the command through
-// a relay cannot verify the name and logs "anna". Commands relayed by an agent that may not relay them are logged as
-// refused, up to a limit per minute.
-//
-// A request to share or to change roles with wait_s waits at the actor that executes it. If that actor fails, the reply
-// is kUnavailable, because the actor loses its waiting requests.
-//
-// A read with wait_s is a feed. If no record matches yet, the gateway keeps the read (actors/gateway/feed.h) until a
-// matching record is stored. After wait_s it replies with an empty page. No data is queued for a client; a slow client
-// simply reads later.
-//
-// The number of waiting requests is bounded by `pending_max`, and each request has a timeout. Limits per client leave
-// room for other clients. All connections with one key count as one client.
+// A read with wait_s waits in the gateway (actors/gateway/feed.h). Other requests with wait_s wait at their actor; if
+// that actor fails, the reply is kUnavailable. Each request has a timeout. The number of waiting requests is limited,
+// in total and per client. A restart of this actor loses all waiting requests; clients need timeouts of their own.
 //
 // The gateway itself returns these errors:
 // - kCorrupt: the request does not decode;
 // - kInvalid: the request violates a rule (actors/gateway/request_check.h);
 // - kRefused: the client's key lacks the rights, the sending agent may not relay the request, or the request is for
 //   another team or agent;
-// - kFull: too many requests wait at the gateway or at the actor, or the reply is too long for the radio;
-// - kUnavailable: the actor does not exist, or the target agent cannot be reached or was lost;
+// - kFull: too many requests wait at the gateway or at the actor, or the request or reply is too long for the radio;
+// - kUnavailable: the actor does not exist or failed, or the target agent cannot be reached or was lost;
 // - kNotFound: the target of a custom request is not an actor of the user;
 // - kTimedOut: the actor or the target agent did not answer.
-//
-// After a restart of this actor, waiting requests are forgotten and clients rely on their own timeouts.
 #pragma once
 
 #include <functional>
@@ -65,26 +43,26 @@ class GatewayActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;         // Complete, validated configuration.
+    proto::TeamConfig team;         // Requires: complete and validated.
     std::uint64_t config_hash = 0;  // TeamFile::hash, included in each reply.
     std::string version;            // Software version, shown in the status.
     std::uint32_t pid = 0;          // Process id, shown in the status.
-    // Returns "cpu" or "gl" for the status. Called for each status, on any thread.
+    // Returns the merge backend for the status, "cpu" or "gl". Must be thread-safe. Called once per status.
     std::function<std::string()> merge_backend;
     // Returns the connections and messages that the transport refused, for the status.
     std::function<proto::ListenerStatus()> listener;
     // Names of the user's actors, to which clients may send custom requests.
     std::set<std::string> own_actors;
     std::size_t pending_max = 256;
-    std::size_t pending_of_client_max = 64;  // Maximum number of pending requests per key, connection or other agent.
-    // Maximum number of pending requests per key, connection or agent that are relayed to one other agent. Their
-    // replies cross the radio and must leave room for the replies to other clients.
+    // Maximum number of pending requests per client: per key, connection or other agent.
+    std::size_t pending_of_client_max = 64;
+    // Maximum number of pending requests of one client that are relayed to the same agent. Replies cross the radio, and
+    // must leave room for the replies to other clients.
     std::size_t relays_of_client_max = 8;
-    std::size_t waits_max = 32;  // Maximum number of pending requests with wait_s.
-    // Maximum number of pending requests with wait_s per key, connection or agent.
+    std::size_t waits_max = 32;  // Maximum total number of pending requests with wait_s.
+    // Maximum number of pending requests with wait_s per client.
     std::size_t waits_of_client_max = 8;
-    // Maximum size of a relayed request or reply: two seconds of radio time. A message between agents also needs room
-    // for its envelope.
+    // Maximum size of a relayed request or reply, in bytes. A message between agents also needs room for its envelope.
     std::size_t relay_bytes_max = kPeerMessageBytesMax - 1024;
     CommandLog::Options log = {};
     CommandLog::Options refused_log = {.event_kind = proto::EVENT_KIND_REJECTED, .commands_max = 2};
@@ -104,7 +82,7 @@ class GatewayActor final : public Actor {
   // A client's request that waits for actors of this agent or for another agent.
   struct Pending {
     Address client;
-    std::string client_name;  // Name of the client's key; empty if it has none.
+    std::string client_name;  // Name of the client's key; empty if the client has no key.
     std::uint64_t client_request_id = 0;
     proto::ControlRequest::RequestCase request = proto::ControlRequest::REQUEST_NOT_SET;
     AgentId relayed_to = 0;             // Agent whose gateway must answer; 0 if actors of this agent must answer.
@@ -115,7 +93,7 @@ class GatewayActor final : public Actor {
     std::optional<Feed> feed;  // Set while a read with wait_s waits or is repeated.
     // Text of the command in this agent's event log; empty if the request is not a command for this agent.
     std::string command;
-    std::string by;  // Client or agent that gave the command, as in the event log.
+    std::string by;  // Name of the client or agent that gave the command.
   };
 
   void OnControlRequest(Context& context, const proto::Message& message);
@@ -132,8 +110,8 @@ class GatewayActor final : public Actor {
   // Answers each request for which `is_meant` is true with kUnavailable.
   void FailAll(Context& context, const std::function<bool(const Pending&)>& is_meant, const std::string& text);
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
-  // Handles storage's answer to a read. Returns true if the read is a feed that got an empty page and continues to wait
-  // or reads again.
+  // Handles the complete answer to `pending`. Returns false if the caller must send the reply to the client. Returns
+  // true if `pending` is a feed with an empty page: the feed continues to wait, or has sent its read again.
   bool KeepsWaiting(Context& context, std::uint64_t id, Pending& pending);
   void AskFeed(Context& context, std::uint64_t id, Pending& pending);
   // Ends a feed whose wait_s has passed. Returns true if the caller must answer with an empty page. Returns false if a
@@ -143,12 +121,13 @@ class GatewayActor final : public Actor {
   void RefuseRelayed(Context& context, const proto::Message& message, const proto::ControlRequest& request,
                      const Error& error);
   bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
-  // Logs the command and returns its text in the event log. Empty if the request is not a command.
+  // Logs the command and returns the logged text. Returns "" and logs nothing if the request is not a command.
   std::string WriteDown(Context& context, const proto::ControlRequest& request);
   void WriteDownFailure(Context& context, const Pending& pending);
   void WriteDownRefused(Context& context, const std::string& text, const std::string& by);
   void Store(Context& context, const std::optional<proto::Record>& event) const;
-  // Sends the request to all actors that contribute to the answer. On failure, pending_ is unchanged.
+  // Sends the request to all actors that must answer it. Returns kNotFound for an unknown custom actor, and kFull or
+  // kUnavailable if an actor does not accept the message.
   Result<void> Forward(Context& context, proto::ControlRequest request, std::uint64_t id, Pending& pending);
   Result<void> Relay(Context& context, proto::ControlRequest request, std::uint64_t id, Pending& pending);
   Result<void> Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
@@ -156,7 +135,8 @@ class GatewayActor final : public Actor {
   void CompleteStatus(Context& context, proto::AgentStatus& status) const;
   void Finish(Context& context, std::uint64_t id);
   void Answer(Context& context, const Address& client, std::uint64_t request_id, proto::ControlReply reply);
-  // Adds this agent's team and team file to the reply, unless another agent has already added its own.
+  // Returns the message for the client. Adds this agent's team id and team file hash, unless the reply contains those
+  // of another agent.
   proto::Message AnswerOf(std::uint64_t request_id, proto::ControlReply reply) const;
 
   Options options_;
@@ -165,7 +145,7 @@ class GatewayActor final : public Actor {
   CommandLog log_;
   CommandLog refused_log_;
   proto::RoleAssignment roles_;                 // Roles as last published by RoleActor.
-  std::uint64_t last_row_id_ = 0;               // Row id as last published by StorageActor.
+  std::uint64_t last_row_id_ = 0;               // Largest row id that StorageActor has published.
   double refused_requests_ = 0;                 // Number of client requests refused because of missing rights.
   std::map<AgentId, double> refused_commands_;  // Number of refused commands, by the agent that relayed them.
 };

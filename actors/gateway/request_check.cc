@@ -43,7 +43,7 @@ Result<void> CheckAgentsOfRecord(const proto::TeamConfig& team, const proto::Rec
   return {};
 }
 
-// Checks a term that a client has read from an agent. The initial term from the team file has issuer 0.
+// Checks a term that a client sends. The team file's initial term has issuer 0.
 Result<void> CheckTerm(const proto::TeamConfig& team, const proto::Term& term, const std::string& field) {
   if (term.number() > kTermNumberMax) {
     return Fail(ErrorCode::kInvalid, "is above " + std::to_string(kTermNumberMax), field + ".number");
@@ -72,11 +72,12 @@ Result<void> CheckExpectedRoles(const proto::TeamConfig& team, const proto::Role
 }
 
 Result<void> CheckCoordinate(double metres, const std::string& field) {
-  if (std::abs(metres) <= kMapCoordinateMax_m) return {};  // False for NaN.
+  if (std::abs(metres) <= kMapCoordinateMax_m) return {};  // The comparison is false for NaN.
   return Fail(ErrorCode::kInvalid, "must lie between -1e9 and 1e9 m", field);
 }
 
-// Catches programming errors such as a rotation that was never normalised. CheckRecord catches missing numbers.
+// Catches programming errors of clients, such as a rotation that is not normalised. CheckRecord catches missing
+// numbers.
 Result<void> CheckPose(const proto::Pose& pose, const std::string& field) {
   const proto::Quaternion& q = pose.orientation();
   const double norm = std::hypot(std::hypot(q.x(), q.y()), std::hypot(q.z(), q.w()));
@@ -89,11 +90,11 @@ Result<void> CheckPose(const proto::Pose& pose, const std::string& field) {
   return {};
 }
 
-// Refuses numbers that no robot measures. These limits do not apply to records from peers or already stored records.
+// Refuses numbers that no robot measures. Applies only to records that clients insert, not to records of peers.
 Result<void> CheckPhysics(const proto::Record& record, const std::string& at) {
   switch (record.body_case()) {
     case proto::Record::kTemperature:
-      if (record.temperature().celsius() >= kAbsoluteZero_celsius) return {};  // False for NaN.
+      if (record.temperature().celsius() >= kAbsoluteZero_celsius) return {};  // The comparison is false for NaN.
       return Fail(ErrorCode::kInvalid, "lies below absolute zero", at + ".temperature.celsius");
     case proto::Record::kPoseGraphNode:
       return CheckPose(record.pose_graph_node().map_from_node(), at + ".pose_graph_node.map_from_node");

@@ -1,9 +1,8 @@
 // Validation of client requests before they reach an actor. actors/gateway/command_table.h maps requests to these
 // rules.
 //
-// StorageActor checks the fields of records (model/record_check.h), and LeaseActor checks leases. The rules in this
-// file need the team configuration, because agents named in a request must be members. Plain functions, usable on any
-// thread.
+// Agents that a request names must be members of the team. StorageActor checks the fields of records
+// (model/record_check.h), and LeaseActor checks leases. Thread-safe.
 #pragma once
 
 #include "model/control_request.h"
@@ -24,7 +23,7 @@ inline constexpr int kFilterEntriesMax = 1024;
 inline constexpr double kMapCoordinateMax_m = 1e9;
 inline constexpr double kMapWaitMax_s = 60;
 inline constexpr int kCovariancesMax = 64;
-inline constexpr double kMapTileMax = 1e10;  // Maximum column and row of a tile.
+inline constexpr double kMapTileMax = 1e10;  // Maximum absolute value of a tile's column and row.
 
 // Returns kRefused, with the start of both team ids, if the request names another team. A request without a team id
 // passes. Returns kInvalid if the id is malformed.
@@ -42,14 +41,14 @@ Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRe
 // - has a number that no robot measures: a temperature below absolute zero, a quaternion whose length differs from 1 by
 //   more than 1 %, or a coordinate beyond 1e9 m.
 Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert);
-// Refuses a read whose filter is too long, whose wait exceeds kReadWaitMax_s, or that waits for older records or for
-// history.
+// Refuses a read whose filter is too long, whose wait exceeds kReadWaitMax_s, or that combines a wait with
+// `is_newest_first` or `is_history`.
 Result<void> CheckRead(const proto::ReadRequest& read);
 // Refuses a role change that changes nothing, names an agent or a term's issuer outside the team, has a reason that is
 // too long, or waits longer than kOrderWaitMax_s.
 Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetRequest& set);
-// Refuses a share request that has no kind, goes to `self`, names agents outside the team, has an order number (only
-// agents set it), or waits longer than kOrderWaitMax_s.
+// Refuses a share request that has no kind, has `self` as its destination, names agents outside the team, has an order
+// number (only agents set it), or waits longer than kOrderWaitMax_s.
 Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto::ShareRequest& share);
 // Refuses a progress request without a kind or with a wait beyond kReadWaitMax_s.
 Result<void> CheckShareProgress(const proto::ShareProgressRequest& progress);
@@ -68,8 +67,8 @@ Result<void> CheckPrune(const proto::PruneOrder& prune);
 // Refuses a negative timestamp.
 Result<void> CheckAcknowledge(const proto::AcknowledgeRequest& acknowledge);
 
-// Limits records_max and content_bytes_max to the range from 1 to their maxima; 0 selects the default. `is_relayed`:
-// the page crosses the radio.
+// Replaces records_max and content_bytes_max by their defaults if they are 0, and limits them to their maxima.
+// `is_relayed`: true if the page crosses the radio, which has a smaller maximum of content bytes.
 void BoundPage(proto::ReadRequest& request, bool is_relayed = false);
 
 }  // namespace moondb

@@ -33,7 +33,7 @@ LeaseActor::LeaseActor(Options options)
 void LeaseActor::OnStart(Context& context) {
   number_ = context.rng()();
   context.WatchPeers();
-  OnChange(context);  // Leases that this actor published before a restart may be outdated.
+  OnChange(context);  // Leases that this actor published before a restart may be outdated. Publish them again.
 }
 
 void LeaseActor::OnMessage(Context& context, const proto::Message& message) {
@@ -75,7 +75,7 @@ void LeaseActor::OnTimer(Context& context, const proto::Timer& timer) {
 void LeaseActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
   Peer& peer = peers_[event.peer()];
   peer.is_connected = event.is_connected();
-  peer.knows_ours = false;  // The peer may have restarted and lost our leases.
+  peer.knows_ours = false;  // The peer may have restarted and lost this agent's leases.
   if (peer.is_connected) RestartAnnouncing(context);
 }
 
@@ -129,7 +129,7 @@ void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::Le
   }
   Peer& peer = peers_[from];
   const std::uint64_t ahead = announce.number() - peer.heard.value_or(announce.number());
-  if (-ahead - 1 < kNumbersOfOneBoot) return;  // A late, outdated announcement.
+  if (-ahead - 1 < kNumbersOfOneBoot) return;  // The announcement is late: a newer one has arrived.
   if (announce.known_number() == number_) peer.knows_ours = true;
   if (!peer.heard || ahead != 0) {
     peer.heard = announce.number();
@@ -143,8 +143,8 @@ void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::Le
   }
   if (!announce.is_reply()) Announce(context, from, /*is_reply=*/true);
   if (ahead <= kNumbersOfOneBoot) return;
-  // The peer restarted, or this announcement is late and from before its restart. The peer's reply to our announcement
-  // will show its current leases.
+  // The peer restarted, or this late announcement is from before the peer's restart. Announce again: the peer's reply
+  // will contain its current leases.
   peer.knows_ours = false;
   RestartAnnouncing(context);
 }
@@ -160,7 +160,8 @@ void LeaseActor::Announce(Context& context, AgentId to, bool is_reply) {
   announce.set_paused_s(lease.paused_s());
   announce.set_known_number(peers_[to].heard.value_or(0));
   announce.set_is_reply(is_reply);
-  (void)context.Send({to, actor_name::kLease}, std::move(message));  // Retransmitted until acknowledged.
+  // If the send fails, the announcement is repeated later.
+  (void)context.Send({to, actor_name::kLease}, std::move(message));
 }
 
 void LeaseActor::AnnounceToUnknowing(Context& context) {

@@ -1,15 +1,13 @@
 // LeaseActor ("lease"): tracks which agents of the team drive, sleep or are paused, and for how long (model/leases.h).
 //
-// This agent's own leases are set by a LeaseRequest from its own actors; clients send theirs through the gateway. The
-// actor answers with a LeaseReply; an invalid request gets the error kInvalid with the field. It announces a change to
-// the LeaseActors of all other agents at once, and announces its leases to each agent that connects. It repeats the
-// announcement, with a growing delay, until the other agent has acknowledged it. The expiry of a lease is not
-// announced, because every agent counts the lease down itself. Announcements of other agents are validated, and set
-// only the leases of their sender.
+// Actors of this agent set its leases with a LeaseRequest; clients send theirs through the gateway. The LeaseReply
+// contains kInvalid, with the field, if the request is invalid. A change is announced to the LeaseActors of all other
+// agents at once, and the leases are announced to each agent that connects. Announcements are repeated, with a growing
+// delay, until the other agent acknowledges them. The expiry of a lease is not announced, because every agent counts
+// the time down itself. An announcement sets only the leases of its sender.
 //
-// Publishes LeasesChanged (Topic::kLeases) at each change and expiry. Answers the ControlRequest `status` with its part
-// of AgentStatus. Stores nothing: a restarted agent has no lease until its robot sets one again, and learns the leases
-// of the other agents from their announcements.
+// Publishes LeasesChanged (Topic::kLeases) at each change and expiry. Answers the ControlRequest `status` with the
+// leases. Stores nothing: after a restart, an agent has no lease until its robot sets one again.
 #pragma once
 
 #include <map>
@@ -26,9 +24,9 @@ class LeaseActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;                                  // Requires: complete and validated.
-    Duration announce_after = std::chrono::seconds(5);       // First delay of retransmissions; doubles each time.
-    Duration announce_after_max = std::chrono::seconds(60);  // Longest delay of retransmissions.
+    proto::TeamConfig team;                             // Requires: complete and validated.
+    Duration announce_after = std::chrono::seconds(5);  // Delay before the first retransmission; doubles each time.
+    Duration announce_after_max = std::chrono::seconds(60);  // Maximum delay between retransmissions.
   };
 
   explicit LeaseActor(Options options);

@@ -81,7 +81,7 @@ class Gatherer {
         gathered->blocks.clear();
         is_started = true;
       }
-      // 16 bits suffice: a tile has 4096 cells and each winner has at least one of them.
+      // 16 bits suffice: each winner has at least one of the tile's 4096 cells.
       const auto winner = static_cast<std::uint16_t>(gathered->blocks.size());
       const KernelResult result = kernel_.gather(SeenFrom(*ordered.block, box), ArraysOf(*gathered), open, winner);
       if (result.has_won) gathered->blocks.push_back(ordered.block);
@@ -108,7 +108,7 @@ class Gatherer {
 
 std::vector<const GatherKernel*> AvailableKernels() {
   std::vector<const GatherKernel*> kernels = {ScalarKernel()};
-  // The caller must not call a kernel's functions unless the processor has the kernel's instruction set.
+  // Even a call of Avx2Kernel() or Avx512Kernel() may execute instructions of that set. Check the processor first.
   [[maybe_unused]] const auto add = [&kernels](const GatherKernel* kernel) {
     if (kernel != nullptr) kernels.push_back(kernel);
   };
@@ -157,8 +157,8 @@ void PageLister::List(const PageKey& page, std::vector<OrderedBlock>& list) {
   }
 }
 
-// Lists the blocks that touch a region of 8 x 8 pages. Each page of the region then examines only these blocks, which
-// saves time in a large world.
+// Lists the blocks that touch the region of 8 x 8 pages around `page`. List then searches only these blocks for every
+// page of the region.
 void PageLister::ListRegion(const PageKey& page) {
   constexpr std::int32_t kBits = 3;
   const PageKey region{page.x >> kBits, page.y >> kBits};

@@ -1,8 +1,8 @@
-// CpuGather: gathers on the CPU, with the best instruction set that this processor has, on a pool of threads.
+// CpuGather: gathers on a pool of CPU threads, with the best instruction set that this processor has.
 //
-// For each page it lists the blocks that touch the page. For each tile it applies the listed blocks that touch the
-// tile, in order, until all cells are known. Tiles are independent of each other, so the result does not depend on the
-// number of threads.
+// For each page, CpuGather lists the blocks that touch the page. For each tile of the page, it applies the listed
+// blocks that touch the tile, by descending key, until all cells are known. The result does not depend on the number of
+// threads.
 #pragma once
 
 #include <cstdint>
@@ -20,8 +20,8 @@ namespace moondb {
 // Returns the kernels that this processor can run, the best one last: "scalar", "sse2", "avx2", "avx512".
 std::vector<const GatherKernel*> AvailableKernels();
 
-// Returns true if, for at least one cell of the tile at `box`, `block` has a known value and `tile` has either no value
-// or the value of a block of lower priority.
+// Returns true if `block` may win a cell of the tile at `box`, and false if it certainly wins none. `tile`: the merged
+// tile; null if the tile has no known cell.
 bool WouldWinIn(const PlacedBlock& block, const CellBox& box, const Tile* tile);
 
 // Returns the squares of the tile at `box`, one bit each, in which `block` may have a known cell.

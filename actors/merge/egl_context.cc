@@ -44,8 +44,8 @@ std::vector<EGLDisplay> Displays() {
   return displays;
 }
 
-// Returns attributes for a context that the driver reports as lost after a GPU hang, if the driver supports this.
-// Without such attributes a hang may end the process.
+// Returns the attributes of a context. If the driver supports robust contexts, it reports the context as lost after a
+// GPU hang. Otherwise a hang may end the process.
 std::vector<EGLint> ContextAttributes(EGLDisplay display) {
   std::vector<EGLint> attributes = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1};
   if (HasWord(eglQueryString(display, EGL_EXTENSIONS), "EGL_EXT_create_context_robustness")) {

@@ -23,8 +23,8 @@ class EglContext {
   Result<void> MakeCurrent();
   void Release();
 
-  // Returns true if the driver reports that the context was reset. Without GL_KHR_robustness always returns false, and
-  // a lost context shows only as errors of later calls. Requires: the context is current.
+  // Returns true if the driver reports that the context was reset. Without GL_KHR_robustness, always returns false; a
+  // lost context then shows only as errors of later calls. Requires: the context is current.
   bool is_lost() const;
 
   const std::string& renderer() const { return renderer_; }

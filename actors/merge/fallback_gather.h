@@ -1,8 +1,7 @@
 // FallbackGather: a backend that may fail, with the CPU as fallback.
 //
 // If the first backend fails, it is destroyed and the CPU gathers the same tiles immediately. The next gather tries to
-// create the first backend again. After repeated failures the tries become rarer, up to one in 64 gathers. A missing
-// driver thus costs little, and a driver that recovers is used again.
+// create the first backend again. After repeated failures the tries become rarer, up to one in 64 gathers.
 #pragma once
 
 #include <functional>
@@ -31,7 +30,8 @@ class FallbackGather final : public GatherBackend {
   const Make make_again_;
   CpuGather cpu_;
   std::string loss_;  // Reason of the last failure.
-  // Number of the gather after the next failure that creates the first backend again. 1 is the gather right after it.
+  // After the next failure, the gather with this number creates the first backend again. 1: the gather right after the
+  // failure.
   int patience_ = 1;
   int gathers_left_ = 0;
 };

@@ -1,9 +1,9 @@
-// AVX-512 kernel (with VBMI: Ice Lake, Zen 4 and later): processes 64 cells at a time, looked up within two registers.
+// AVX-512 kernel (with VBMI: Ice Lake, Zen 4 and later): looks up 64 cells at a time.
 //
-// If the merged map is about as fine as the layer or finer, a square of 8 x 8 cells touches at most 16 rows and 16
-// columns of the layer. Aligned to strips, these columns lie in two strips of 16 rows, 64 bytes each. One permutation
-// finds the byte of each cell. Its index consists of the strip (1 bit), the row (4 bits) and the byte in the row (2
-// bits).
+// If the cells of the merged map are at most about as large as the layer's cells, a square of 8 x 8 cells reads at most
+// 16 rows and 16 columns of the layer. These columns lie in two neighbouring strips. Each strip's 16 rows take 64 bytes
+// and fit in one register. One permutation of the two registers returns the byte of each cell. A byte's index consists
+// of the strip (1 bit), the row (4 bits) and the byte in the row (2 bits).
 #include "actors/merge/gather_loop.h"
 
 #if defined(__AVX512F__) && defined(__AVX512BW__) && defined(__AVX512VBMI__)
@@ -12,16 +12,18 @@
 namespace moondb {
 namespace {
 
-// A left shift of u by 3 puts column and half column (6 bits) into the top byte. A left shift of v by 4 puts row and
-// quarter row into the top byte.
+// After a left shift of u by kShiftU, the top byte is the column in units of half a column. After a left shift of v by
+// kShiftV, the top byte is the row in units of a quarter row.
 constexpr int kShiftU = 3;
 constexpr int kShiftV = 4;
 
 struct Tables {
-  // Indices of the top bytes of 16 32-bit lanes, then of 16 lanes of a second register.
+  // Permutation that selects the top byte of each 32-bit lane: first 16 lanes of one register, then 16 lanes of
+  // another.
   alignas(64) std::uint8_t top_bytes[64];
-  alignas(64) std::uint8_t byte_of_half[64];  // Index bits for strip and byte in the row, by half column.
-  alignas(64) std::uint8_t bits_of_half[64];  // Mask of the cell's two bits in that byte, by half column.
+  // For each half column: index bits of the strip and of the byte in the row.
+  alignas(64) std::uint8_t byte_of_half[64];
+  alignas(64) std::uint8_t bits_of_half[64];  // For each half column: mask of the cell's two bits in its byte.
 };
 
 constexpr Tables MakeTables() {
@@ -102,7 +104,7 @@ class Avx512View {
 
   static __m512i Load(const std::uint8_t* table) { return _mm512_load_si512(table); }
 
-  // Returns the top bytes of base + offsets[0..3], in the order of the cells.
+  // Returns the top bytes of the 64 sums base + offsets[0..3], in the order of the cells.
   static __m512i TopBytes(std::uint32_t base, const __m512i* offsets) {
     const __m512i start = _mm512_set1_epi32(static_cast<int>(base));
     const __m512i choice = Load(kTables.top_bytes);
@@ -122,8 +124,8 @@ class Avx512View {
     return block_.words + there * block_.strip_words + row;
   }
 
-  // Looks up 64 cells in a window of two strips. The square touches the block, so the window starts at most 15 rows and
-  // one strip before the block.
+  // Looks up the 64 cells of one square in two neighbouring strips of the block. Requires: the square touches the
+  // block. The window then starts at most 15 rows and one strip before the block.
   Seen SeeWindow(std::int64_t u, std::int64_t v) const {
     const auto first_column = static_cast<std::int32_t>((u + reach_.u_low) >> (kFraction + 4)) * 16;
     const auto first_row = static_cast<std::int32_t>((v + reach_.v_low) >> kFraction);
@@ -185,8 +187,8 @@ class Avx512View {
   const KernelBlock& block_;
   const SquareReach& reach_;
   Way way_ = Way::kOneByOne;
-  // Offsets of u and v from a square's first cell to its other cells, two rows per register. Already shifted for
-  // kWindow.
+  // Offsets of u and v from a square's first cell to each of its cells, two rows per register. Shifted left by kShiftU
+  // and kShiftV if way_ is kWindow.
   __m512i u_[4];
   __m512i v_[4];
 };

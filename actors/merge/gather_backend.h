@@ -1,9 +1,9 @@
-// GatherBackend: fills tiles of the merged map. Each cell gets the first known value among the blocks that cover it, in
-// the order of descending keys.
+// GatherBackend: fills tiles of the merged map. Each cell gets its value from the block with the greatest key
+// (actors/merge/placement.h) among the blocks that know the cell.
 //
-// There are two implementations, one on the CPU and one on a GPU through OpenGL ES 3.1 without a window (paper, Section
-// 5.3). Values and winners of the two are identical byte for byte. A backend can rebuild all its state from the blocks,
-// so a lost context costs one merge. Used by one thread at a time; several mergers may share one backend.
+// There are two implementations, one on the CPU and one with OpenGL ES 3.1 (paper, Section 5.3). Their values and
+// winners are identical, byte for byte. A backend holds no state that it cannot rebuild from the blocks. Used by one
+// thread at a time; several mergers may share one backend.
 #pragma once
 
 #include <cstdint>
@@ -34,16 +34,16 @@ struct OrderedBlock {
   PlacedBlock* block = nullptr;
 };
 
-// Polled during a merge on the merging thread. If it returns true, the merge ends early.
+// Called repeatedly by the merging thread during a merge. Returns true to end the merge early.
 using StopPredicate = std::function<bool()>;
 
 class GatherBackend {
  public:
   virtual ~GatherBackend() = default;
 
-  // Fills the tiles of `works`. Requires: `blocks` are sorted by descending key. After an error some tiles are gathered
-  // and the others are unchanged; no tile is partial. Returns kUnavailable if the GL context is lost, the driver is out
-  // of memory, or `stop` returned true. Returns kFull if the driver's textures are too small.
+  // Fills the tiles of `works`. Requires: `blocks` are sorted by descending key. After an error, each tile is either
+  // completely gathered or unchanged. Returns kUnavailable if the GL context is lost, the driver is out of memory, or
+  // `stop` returned true. Returns kFull if the driver's textures are too small.
   virtual Result<void> Gather(std::span<const OrderedBlock> blocks, std::span<GatherWork> works,
                               const StopPredicate& stop) = 0;
 
@@ -60,15 +60,15 @@ enum class MergeBackend {
 
 // Returns "auto", "cpu" or "gl".
 std::string ToString(MergeBackend backend);
-Result<MergeBackend> ParseMergeBackend(std::string_view text);  // Returns kInvalid for any other text.
+// Parses a result of ToString. Returns kInvalid for any other text.
+Result<MergeBackend> ParseMergeBackend(std::string_view text);
 
-// If `backend` is kAuto, returns kGl or kCpu, depending on this machine; opens a driver for the decision and closes it
-// again. Returns any other value unchanged.
+// Replaces kAuto by kGl or kCpu, depending on the drivers of this machine. Returns any other value unchanged.
 MergeBackend ResolveMergeBackend(MergeBackend backend);
 
-// Creates a backend. `threads`: as in CpuGather. If a GL backend loses its context, the CPU continues immediately and
-// GL is tried again later. Returns kUnavailable for kGl without a working OpenGL ES 3.1 driver. kAuto and kCpu never
-// fail.
+// Creates a backend. `threads`: number of CPU threads, as in CpuGather::Options. If a GL backend loses its context, the
+// CPU continues immediately and GL is tried again later. Returns kUnavailable for kGl without a working OpenGL ES 3.1
+// driver. kAuto and kCpu never fail.
 Result<std::unique_ptr<GatherBackend>> CreateGatherBackend(MergeBackend backend, int threads = 1);
 
 }  // namespace moondb

@@ -40,17 +40,18 @@ struct KernelResult {
 
 struct GatherKernel {
   const char* name;
-  // Sets unknown cells in the squares of `open` to the block's known values, and records `winner` as the source.
+  // Sets unknown cells in the squares of `open` to the block's known values, and stores `winner` as the source of these
+  // cells.
   KernelResult (*gather)(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner);
-  // Returns true if the block knows at least one cell that `known` (of a Tile) lacks, or at least one cell of a square
-  // in `weaker`.
+  // Returns true if the block knows a cell that is not in `known` (Tile::known), or a cell of a square in `weaker` (one
+  // bit per square).
   bool (*would_win)(const KernelBlock& block, const std::uint64_t* known, std::uint64_t weaker);
   // Returns the squares of the tile, one bit each, in which the block may have a known cell.
   std::uint64_t (*may_know)(const KernelBlock& block);
 };
 
-// Each function returns null if this build lacks the instruction set. The caller must check that the processor supports
-// the instruction set.
+// Each function returns null if this build lacks the instruction set. Call a function only if the processor has the
+// instruction set.
 const GatherKernel* ScalarKernel();
 const GatherKernel* Sse2Kernel();
 const GatherKernel* Avx2Kernel();

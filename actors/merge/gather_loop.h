@@ -1,5 +1,5 @@
-// Code that is compiled into each of the kernel files that gather_kernel.h describes, one per instruction set. See the
-// warning about linkage in gather_kernel.h.
+// Code that each kernel file includes and compiles for its own instruction set. Nothing in this header may have
+// external linkage (reason: gather_kernel.h).
 #pragma once
 
 #include <cstdint>
@@ -34,13 +34,13 @@ struct SquareReach {
   std::int64_t v_high;
 };
 
-// Returns true if the steps are small enough for 32-bit coordinates modulo 1024 cells. For a square that touches the
-// block, such coordinates distinguish cells inside the block from cells outside.
+// Returns true if 32-bit coordinates suffice. Such coordinates wrap around after 1024 cells of the block. With small
+// steps, no cell of a square that touches the block wraps around into the block.
 [[maybe_unused]] inline bool HasSmallSteps(const SquareReach& reach) {
   return reach.u_high - reach.u_low < 500 * kCell;
 }
 
-// Returns, one bit each, the squares of the tile whose bounding box (in the block's frame) overlaps the block.
+// Returns the squares of the tile, one bit each, whose bounding box in the block's frame overlaps the block.
 [[maybe_unused]] inline std::uint64_t TouchedOneByOne(const KernelBlock& block, const SquareReach& reach) {
   std::uint64_t touched = 0;
   for (int y = 0; y < 8; ++y) {
@@ -57,7 +57,7 @@ struct SquareReach {
   return touched;
 }
 
-// Looks up the cells one by one, for any step and any processor. Values of cells outside `wanted` are unspecified.
+// Looks up the cells one by one, for steps of any size. Values of cells outside `wanted` are unspecified.
 [[maybe_unused]] inline Seen SeeOneByOne(const KernelBlock& block, std::int64_t first_u, std::int64_t first_v,
                                          std::uint64_t wanted) {
   Seen seen;
@@ -102,8 +102,8 @@ struct SquarePlace {
   std::int64_t v;
 };
 
-// Looks up a square in the coarse bitmap. Returns false only if the block has no known cell in the square; may return
-// true even then. Requires: the square touches the block.
+// Looks up a square in the coarse bitmap. Returns true if the block may have a known cell in the square, and false if
+// it certainly has none. Requires: the square touches the block.
 [[maybe_unused]] inline bool MayKnow(const KernelBlock& block, const SquareReach& reach, const SquarePlace& place) {
   const std::int64_t u = place.u + reach.u_low;
   const std::int64_t v = place.v + reach.v_low;
@@ -112,14 +112,14 @@ struct SquarePlace {
   return (block.coarse_rows[row] >> column & 1) != 0;
 }
 
-// Returns true if the tile's bounding box (in the block's frame) overlaps the block.
+// Returns true if the tile's bounding box in the block's frame overlaps the block.
 [[maybe_unused]] inline bool MeetsTile(const KernelBlock& block, const SquareReach& reach) {
   return (block.u + 9 * reach.u_high >= 0) & (block.u + 9 * reach.u_low < block.width_q) &
          (block.v + 9 * reach.v_high >= 0) & (block.v + 9 * reach.v_low < block.height_q);
 }
 
-// Applies a block to a tile. A View is constructed once per tile from a block and provides See(u, v, wanted) for a
-// square that touches the block. It also provides static Touched(block, reach) and StoreWinners(winners, taken,
+// Applies a block to a tile (GatherKernel::gather). View is the kernel's class, with the constructor View(block,
+// reach), the member See(u, v, wanted), and the static members Touched(block, reach) and StoreWinners(winners, taken,
 // winner).
 template <typename View>
 KernelResult GatherInto(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner) {

@@ -1,8 +1,6 @@
 // GatherPool: a few permanent threads for work that splits into many similar parts. The calling thread works as well
-// and waits for the other threads.
-//
-// Threads sleep between calls. They are not pinned, because an agent shares its machine with the robot's own software
-// and only the operating system knows which processor is free.
+// and waits for the other threads. Threads sleep between calls. Threads are not pinned to processors, because the
+// robot's own software runs on the same machine.
 #pragma once
 
 #include <condition_variable>
@@ -15,7 +13,7 @@
 
 namespace moondb {
 
-// Returns the number of hardware threads, clamped to 1 to 16.
+// Returns the number of hardware threads, limited to the range from 1 to 16.
 int HardwareThreads();
 
 class GatherPool {

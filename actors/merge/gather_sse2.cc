@@ -58,7 +58,7 @@ class Sse2View {
       return;
     }
     const __m128i column = _mm_srli_epi32(u, kFraction);
-    // A block has at most 31 strips of 512 words, so 16 bits suffice for the index. Cells outside the block read word
+    // A block has at most 32 strips of 512 words, so 16 bits suffice for the index. Cells outside the block read word
     // 0.
     const __m128i strip_start = _mm_mullo_epi16(_mm_srli_epi32(column, 4), strip_words_);
     const __m128i index = _mm_and_si128(_mm_add_epi32(strip_start, _mm_srli_epi32(v, kFraction)), inside);

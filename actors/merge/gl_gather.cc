@@ -21,9 +21,9 @@
 namespace moondb {
 namespace {
 
-// Maximum lengths of the block lists of a tile and of a square, for each round. The first round is short, because most
-// cells are known after very few blocks. The limit 63 has this reason: a byte that is read back holds a cell's value in
-// 2 bits and a block's number in 6 bits.
+// Maximum number of blocks in the list of a tile and of a square, for each round. The first lists are short, because
+// most cells are known after very few blocks. No list is longer than 63, because the byte that is read back for a cell
+// has 6 bits for the block's number.
 struct RoundLimits {
   std::size_t tile_blocks;
   std::uint8_t square_blocks;
@@ -33,7 +33,7 @@ constexpr std::array<RoundLimits, 3> kRounds = {{{8, 4}, {24, 12}, {63, 63}}};
 // Maximum number of blocks in a tile's list, because the number of a cell's winner has 16 bits.
 constexpr std::size_t kTileBlocksMax = 65'536;
 
-// Number of pages drawn at once: a target of 4096 x 4096 cells.
+// Maximum number of pages that are gathered together: 4096 x 4096 cells.
 constexpr std::size_t kBatchPages = 256;
 
 // One block or footprint in a square's list, in the format that shaders/merge.frag reads: two texels.
@@ -60,8 +60,8 @@ constexpr std::uint32_t kFootprintPage = LayerAtlas::kPagesMax;
 
 std::uint32_t Wrap(std::int64_t value) { return static_cast<std::uint32_t>(static_cast<std::uint64_t>(value)); }
 
-// Returns true if the steps are too large for coordinates modulo 1024 cells: cells beside the block could wrap around
-// into the block.
+// Returns true if the steps are too large for 32-bit coordinates, which wrap around after 1024 cells. A cell outside
+// the block could then appear inside the block.
 bool IsSteep(const PlacedRectangle& placed) {
   const std::int64_t steps = std::abs(std::int64_t{placed.step_cos}) + std::abs(std::int64_t{placed.step_sin});
   return steps * kSquareSideCells > std::int64_t{500} << kFractionBits;
@@ -79,7 +79,8 @@ class SquareCounts {
  public:
   SquareCounts(std::uint64_t squares, std::uint8_t blocks_max) : wanting_(squares), blocks_max_(blocks_max) {}
 
-  // Adds one block to the list of each square in `squares` that wants more blocks. Returns these squares.
+  // Adds a block to the list of each square in `squares` whose list is not full. Returns the squares whose list got the
+  // block.
   std::uint64_t Add(std::uint64_t squares) {
     const std::uint64_t taken = squares & wanting_;
     listed_ |= taken;
@@ -89,7 +90,7 @@ class SquareCounts {
     }
     return taken;
   }
-  std::uint64_t wanting() const { return wanting_; }  // Squares that want more blocks.
+  std::uint64_t wanting() const { return wanting_; }  // Squares whose list is not full.
   std::uint64_t listed() const { return listed_; }    // Squares that list at least one block.
   std::size_t of(std::size_t square) const { return counts_[square]; }
 
@@ -173,7 +174,7 @@ class GlGather::Painter {
     }
   }
 
-  // Draws in rounds, each with as many tiles at once as the target holds.
+  // Draws the tiles in rounds. A draw contains as many tiles as fit into the target.
   Result<void> GatherTiles(const StopPredicate& stop) {
     std::vector<OpenTile*> open;
     for (OpenTile& tile : tiles_) open.push_back(&tile);
@@ -197,7 +198,7 @@ class GlGather::Painter {
     const double start_ms = NowMs();
     if (Result<void> listed = MakeLists(tiles, limits); !listed) return listed;
     if (entries_.empty()) return {};
-    // All rows of the target except the last are full.
+    // The squares fill the target row by row. Only the last row may be incomplete.
     const std::size_t columns = std::min(square_lists_.size(), side_);
     const std::size_t rows = (square_lists_.size() + columns - 1) / columns;
     square_lists_.resize(rows * columns);
@@ -219,8 +220,8 @@ class GlGather::Painter {
     return {};
   }
 
-  // Fills entries_ and square_lists_ for a draw. If looking up a block rebuilds the atlas, all positions found before
-  // are invalid and the lists are built again.
+  // Fills entries_ and square_lists_ for a draw. If the upload of a block rebuilds the atlas, the positions in the
+  // lists become invalid, and the lists are built again.
   Result<void> MakeLists(std::span<OpenTile*> tiles, const RoundLimits& limits) {
     for (OpenTile* tile : tiles) {
       if (tile->tile != nullptr && tile->tile->blocks.size() + limits.tile_blocks > kTileBlocksMax) {
@@ -248,7 +249,7 @@ class GlGather::Painter {
   Result<void> ListTile(OpenTile& open, const RoundLimits& limits) {
     candidates_.clear();
     SquareCounts counts(open.open, limits.square_blocks);
-    // First block that a square with a full list skipped. The next round starts with this block.
+    // First block that is missing in a square's list because the list is full. The next round starts with this block.
     std::optional<std::size_t> first_left;
     std::size_t next = open.next;
     for (; next < open.list->size() && candidates_.size() < limits.tile_blocks && counts.wanting() != 0; ++next) {
@@ -394,7 +395,8 @@ class GlGather::Painter {
     return tile;
   }
 
-  // Replaces the old tiles by the new tiles. Called after all rounds.
+  // Called after all rounds. Moves the drawn tiles into their pages, and gathers the tiles marked `is_for_cpu` on the
+  // CPU.
   Result<void> Finish(std::span<const OrderedBlock> blocks, const StopPredicate& stop) {
     std::vector<GatherWork> steep;
     std::vector<GatherWork*> steep_origins;

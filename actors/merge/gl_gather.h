@@ -1,13 +1,12 @@
 // GlGather: gathers with OpenGL ES 3.1 (paper, Section 5.3). The result is identical to the CPU's, byte for byte.
 //
-// The paper uses a painter's algorithm: it draws every layer over the whole map, the best one last. GlGather instead
-// assigns each square of 8 x 8 cells a place in the render target and a list of blocks that may know some of its cells,
-// in the order of descending keys. A fragment evaluates a row of 8 cells, one block after another, with the same
-// integer additions as the CPU, and stops when all cells are known. The lists are short, since most cells are known
-// after very few blocks. Squares that still have unknown cells after readback are drawn again with longer lists.
+// The paper's painter's algorithm draws every layer over the whole map, the best layer last. GlGather instead draws
+// squares of 8 x 8 cells. Each square has a list of blocks that may know some of its cells, in the order of descending
+// keys. A fragment evaluates a row of 8 cells, block by block, with the same integer additions as the CPU, and stops
+// when all 8 cells are known. Squares that still have unknown cells after readback are drawn again with longer lists.
 //
-// The CPU gathers tiles that see layers many times finer than the grid, because 32-bit coordinates cannot span a square
-// of such a layer.
+// Tiles that see layers many times finer than the grid are gathered on the CPU, because 32-bit coordinates cannot span
+// a square of such a layer.
 #pragma once
 
 #include <cstdint>
@@ -25,18 +24,19 @@ class EglContext;
 class GlGather final : public GatherBackend {
  public:
   struct Options {
-    // Maximum width and height of the render target in cells, at least 64. The driver may limit them further.
+    // Maximum width and height of the render target in cells, at least 64. The driver's limits may be lower.
     std::int32_t target_cells_max = 4096;
-    std::int32_t atlas_page_texels_max = 1024;  // Side of an atlas page in texels, at least kBlockSideCellsMax.
-    int threads = 1;                            // Number of CPU threads for tiles gathered on the CPU.
-    std::function<bool()> is_lost = {};         // For tests: called before each draw; true simulates a lost context.
-    // Clock for times(), used by benchmarks. If set, each step waits for the GPU.
+    // Maximum side of an atlas page in texels, at least kBlockSideCellsMax.
+    std::int32_t atlas_page_texels_max = 1024;
+    int threads = 1;                     // Number of CPU threads for tiles gathered on the CPU.
+    std::function<bool()> is_lost = {};  // For tests: called before each draw; true simulates a lost context.
+    // Returns the time in milliseconds, for times(). If set, each step waits for the GPU; set it only in benchmarks.
     std::function<double()> now_ms = {};
   };
 
-  // Durations within the last Gather.
+  // Time spent in each step of the last Gather.
   struct Times {
-    double upload_ms = 0;  // Upload of blocks and lists.
+    double upload_ms = 0;  // Building and upload of the lists, and upload of blocks.
     double draw_ms = 0;
     double read_ms = 0;  // Readback from the target to tiles.
   };

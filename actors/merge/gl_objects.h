@@ -65,7 +65,8 @@ GlFramebuffer MakeFramebuffer();
 GlBuffer MakeBuffer();
 GlVertexArray MakeVertexArray();
 
-// Compiles and links a program. Returns kInternal, with the first line of the compiler's message, if that fails.
+// Compiles and links a program. Returns kInternal, with the first line of the driver's message, if compiling or linking
+// fails.
 Result<GlProgram> MakeProgram(const char* vertex_shader, const char* fragment_shader);
 
 GLint GetGlInteger(GLenum name);

@@ -22,7 +22,7 @@ class GlTarget {
 
   // Waits for the draw and reads the lower left width x height pixels. Returns kUnavailable if OpenGL failed.
   Result<void> Read(GLsizei width, GLsizei height);
-  // Pixels of the last Read, row by row. The first integer is in the lower 32 bits.
+  // Pixels of the last Read, row by row. Each pixel holds two 32-bit integers, the first in the lower 32 bits.
   const std::vector<std::uint64_t>& pixels() const { return pixels_; }
 
  private:

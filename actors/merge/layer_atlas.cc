@@ -41,7 +41,7 @@ Result<LayerAtlas::Spot> LayerAtlas::Find(const PlacedBlock& placed) {
   return spot;
 }
 
-// Creates the texture again, with room for twice the current blocks.
+// Creates the texture again, with room for about twice the current blocks.
 Result<void> LayerAtlas::Rebuild() {
   ++generation_;
   std::erase_if(entries_, [](const auto& entry) { return entry.second.map.expired(); });

@@ -1,9 +1,8 @@
-// LayerAtlas: the blocks of local maps in one R32UI array texture, kept between merges.
+// LayerAtlas: the blocks of local maps in one R32UI array texture, kept between merges. Needs a current context.
 //
-// A texel is one word of PackedBlock, with rows along x and strips along y, so 16 cells take 4 bytes on the GPU too.
-// Blocks of any size are packed on shelves, and shelves in pages (layers of the array). Maps are immutable, so a block
-// is uploaded once. A full texture is created again, larger if necessary, with the blocks of maps that still exist.
-// Needs a current context.
+// A texel is one word of PackedBlock (16 cells), with rows along x and strips along y. Blocks are packed side by side
+// on shelves, and shelves in pages (layers of the array). Maps are immutable, so a block is uploaded once. If the
+// texture is full, a new texture is filled with the blocks of all maps that still exist.
 #pragma once
 
 #include <cstddef>
@@ -27,15 +26,15 @@ class LayerAtlas {
     std::int32_t page = 0;
   };
 
-  // `page_texels_max`: maximum side of a page, raised to kBlockSideCellsMax if smaller. The side is a power of two and
-  // at most the driver's limit.
+  // `page_texels_max`: maximum side of a page in texels. A smaller value than kBlockSideCellsMax counts as
+  // kBlockSideCellsMax. The side is a power of two and at most the driver's limit.
   explicit LayerAtlas(std::int32_t page_texels_max);
 
   // Returns the position of a block, after uploading it if necessary. Returns kFull if the driver's maximum number of
   // pages is not enough, and kUnavailable for driver errors.
   Result<Spot> Find(const PlacedBlock& placed);
 
-  // Number of rebuilds of the texture. If it has changed, all positions found before are invalid.
+  // Number of rebuilds of the texture. A rebuild invalidates the positions that Find returned before.
   std::uint64_t generation() const { return generation_; }
 
   GLuint texture() const { return texture_.id(); }
@@ -55,7 +54,7 @@ class LayerAtlas {
   const std::int32_t page_texels_;
   const std::int32_t pages_max_;
   std::int32_t pages_ = 0;
-  // Position of the next block.
+  // Position for the block that is added next.
   Spot next_;
   std::int32_t shelf_height_ = 0;
   GlTexture texture_;

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Packs up to 16 one-byte cells into one word. Missing cells at the right end of a block are unknown.
+// Packs up to 16 one-byte cells into one word. If `count` is less than 16, the missing cells are unknown.
 std::uint32_t PackCellsOfWord(const Cell* cells, std::int32_t count) {
   std::array<std::uint8_t, kStripColumns> bytes{};
   std::memcpy(bytes.data(), cells, static_cast<std::size_t>(count));
@@ -47,8 +47,8 @@ void AddBlocks(const Grid& grid, std::uint8_t level, std::int32_t reach_cells, L
   }
 }
 
-// Returns the maximum extent, in layer cells, of a row of eight cells of the merged map at any rotation. One square
-// reads no more layer cells than this along either axis.
+// Returns an upper bound on the distance, along either axis, between two layer cells that one 8 x 8 square of the
+// merged map reads, at any rotation. Unit: layer cells.
 std::int32_t ReachCells(std::uint32_t layer_um, std::uint32_t grid_um) {
   constexpr double kDiagonal = 1.4143;
   return static_cast<std::int32_t>(7 * kDiagonal * grid_um / layer_um) + 1;
@@ -62,7 +62,7 @@ std::uint64_t SpreadDown(std::uint64_t bits, std::int32_t count) {
 }
 
 bool IsFootprintSide(double side_m, const MergeGrid& grid) {
-  return side_m >= 0 && side_m * 1e6 / grid.resolution_um <= kBlockSideCellsMax;  // False for NaN.
+  return side_m >= 0 && side_m * 1e6 / grid.resolution_um <= kBlockSideCellsMax;  // The comparison is false for NaN.
 }
 
 }  // namespace

@@ -1,11 +1,9 @@
 // LocalMap: a local traversability map in the form used for merging. It is immutable, and its layers are cut into
 // blocks with 2 bits per cell.
 //
-// A block has at most kBlockSideCellsMax cells per side (the range of Q10.22) and at least one known cell. Neighbouring
-// blocks share one column or row, so rounding of their two transforms leaves no seam. Cells are stored in strips of 16
-// columns. One 32-bit word holds 16 cells of one row, the leftmost in the lowest bits, and the words of a strip are in
-// row order. If the merged map is as fine as the layer or finer, 8 x 8 of its cells read at most 16 rows of two
-// neighbouring strips. These are two loads of 64 bytes.
+// A block has at most kBlockSideCellsMax cells per side and at least one known cell. Neighbouring blocks share one
+// column or row, so rounding of their two transforms leaves no seam. Cells are stored in strips of 16 columns. One
+// 32-bit word holds 16 cells of one row, the leftmost in the lowest bits. The words of a strip are in row order.
 //
 // Value types, usable on any thread.
 #pragma once
@@ -26,7 +24,7 @@ struct MergeGrid {
   std::uint32_t resolution_um = 50'000;  // Cell size of the merged map; 1 mm to 100 m.
   double footprint_length_m = 0.75;      // Length along the body's x axis, at most 512 cells. 0 disables footprints.
   double footprint_width_m = 0.5;
-  std::int64_t side_cells_max = 16384;  // Maximum side, in cells, of a box that one call reads.
+  std::int64_t side_cells_max = 16384;  // Maximum side, in cells, of a map and of a box that one call reads.
 };
 
 // Returns kInvalid, with the name of the field, if a value is outside the ranges given in MergeGrid.
@@ -47,12 +45,14 @@ struct LayerBlock {
 inline constexpr std::int32_t kStripColumns = 16;
 inline constexpr std::int32_t kStripPaddingWords = 16;
 
-// Cells of a block, and a coarse bitmap of its known cells. A merge uses the bitmap to skip unknown areas. One bit
-// stands for 4 x 4 cells (8 x 8 in large blocks). Consider a square of 8 x 8 cells of the merged map whose lowest row
-// and column are in these cells: the bit is set if the square may read a known cell. Each bitmap row has 64 bits.
+// Cells of a block, and a coarse bitmap with which a merge skips unknown areas. One bit of the bitmap covers 4 x 4
+// cells, or 8 x 8 cells if a side of the block exceeds 256 cells. The bit stands for the squares (8 x 8 cells of the
+// merged map) whose lowest row and column in the block are in the bit's cells. The bit is clear only if no such square
+// reads a known cell. Each bitmap row has 64 bits.
 class PackedBlock {
  public:
-  // `reach_cells`: maximum number of columns (or rows) between cells that one 8 x 8 square of the merged map reads.
+  // `reach_cells`: maximum distance, in columns or rows, between two cells that one 8 x 8 square of the merged map
+  // reads.
   PackedBlock(const Grid& layer, const LayerBlock& block, std::int32_t reach_cells);
 
   const LayerBlock& block() const { return block_; }
@@ -60,7 +60,8 @@ class PackedBlock {
   std::int32_t strip_words() const { return block_.height; }  // Number of words from one strip to the next.
   const std::uint32_t* words() const { return words_.data() + kStripPaddingWords; }
   const std::uint64_t* coarse_rows() const { return coarse_rows_.data(); }
-  int coarse_shift() const { return coarse_shift_; }  // Binary logarithm of the number of cells along a bit's side.
+  // One bit of the bitmap covers 2^coarse_shift x 2^coarse_shift cells.
+  int coarse_shift() const { return coarse_shift_; }
   std::size_t bytes() const {
     return words_.capacity() * sizeof(std::uint32_t) + coarse_rows_.capacity() * sizeof(std::uint64_t);
   }
@@ -95,15 +96,15 @@ struct LocalMap {
   NodeKey node;
   Pose node_from_map;
   std::vector<LocalLayer> layers;   // Sorted from the finest to the coarsest.
-  std::vector<PackedBlock> blocks;  // Blocks with at least one known cell, by layer.
+  std::vector<PackedBlock> blocks;  // Blocks with at least one known cell, sorted by layer.
   std::vector<LayerBlock> bounds;   // All blocks, including those without a known cell.
 
   AgentId agent() const { return key.stream.origin; }
   std::size_t bytes() const;  // Memory use in bytes.
 };
 
-// Returns kInvalid, with the name of the field, if a layer is too fine for the grid: more than kStepCellsMax cells of
-// the layer along one grid cell. The sizes and the number of layers are checked earlier, by the record validator
+// Converts a map for merging. Returns kInvalid, with the name of the field, if more than kStepCellsMax cells of a layer
+// lie along one grid cell. The record validator has checked the sizes and the number of layers
 // (model/traversability_map.h).
 Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t timestamp_ns,
                                                      const TraversabilityMap& map, const MergeGrid& grid);

@@ -53,8 +53,8 @@ proto::MapObservation ToProto(const MapCollection& collection, const Observation
   return said;
 }
 
-// Returns the observation of the cell that a quarantined map would contribute. Returns nullopt if the cell is unknown
-// in the map, or the map's node is unknown.
+// Returns the observation that a quarantined map would contribute to the cell (x, y). Returns nullopt if the map does
+// not know the cell or cannot be placed.
 std::optional<proto::MapObservation> AskQuarantined(const MapCollection& collection, const MergeGrid& grid,
                                                     const std::shared_ptr<const LocalMap>& map, std::int64_t x,
                                                     std::int64_t y) {

@@ -1,5 +1,5 @@
-// Replies about the merged map: the sources of a cell's value, statistics, fully occluded maps, and changed tiles. Pure
-// functions, called on the merger's thread. Requires: the Merger is up to date.
+// Replies about the merged map: the sources of a cell's value, statistics, fully occluded maps, and changed tiles.
+// Requires: the calling thread is the Merger's thread, and the Merger is up to date.
 #pragma once
 
 #include <cstddef>
@@ -13,13 +13,13 @@ namespace moondb {
 
 // Maximum number of observations per reply. Further observations are only counted.
 inline constexpr int kMapObservationsMax = 200;
-inline constexpr int kMapTilesMax = 16384;  // Maximum number of tiles per part of a reply.
+inline constexpr int kMapTilesMax = 16384;  // Maximum number of tiles per reply.
 
 // Returns the observations of the cell at the requested point, the winner first. Observations of quarantined maps come
 // last.
 proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, const proto::MapWhyRequest& request);
 
-// Sets all fields except `backend`.
+// Returns the statistics of the merged map. The caller sets `backend` and `refused_map_count`.
 proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merger);
 
 inline constexpr std::uint32_t kOccludedMapsMax = 4096;
@@ -31,11 +31,11 @@ proto::OccludedMapsReply OccludedMapsOf(const Merger& merger, std::uint32_t reco
 
 // Returns the tiles that touch the region and changed since `since_version`, starting after `request.after`. If
 // `since_version` is 0, returns all such tiles with a known cell. Stops after kMapTilesMax tiles or about `bytes_max`
-// compressed bytes. Returns kInternal if zstd fails. The caller sets the field `life`.
+// compressed bytes. Returns kInternal if zstd fails. The caller sets `merger_id`.
 Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t since_version,
                                           const proto::MapTilesRequest& request, std::size_t bytes_max);
 
-// Compresses the cells, one byte per cell, into one zstd frame. Returns the frame.
+// Returns the cells, one byte each, as one compressed zstd frame. Returns kInternal if zstd fails.
 Result<std::string> CompressCells(const Grid& grid);
 
 }  // namespace moondb

@@ -32,7 +32,7 @@ Result<void> MapCollection::AddMap(const RecordKey& key, const Timestamp& timest
 
 void MapCollection::RemoveMap(const RecordKey& key) {
   const auto map = maps_.find(key);
-  if (map == maps_.end()) return;  // The quota by number of maps or by bytes has already removed the map.
+  if (map == maps_.end()) return;  // The other quota has already removed the map.
   bytes_ -= map->second.local->bytes();
   maps_.erase(map);
 }

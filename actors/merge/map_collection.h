@@ -1,11 +1,11 @@
-// MapCollection: the maps, node poses and quarantines that an agent knows, kept between merges. It is the input of a
-// Merger.
+// MapCollection: the maps, node poses and quarantines of an agent, kept between merges. Select() returns a Merger's
+// input.
 //
-// The collection depends only on the set of records, not on their order of arrival. Each record must be added once. If
-// records of a kind exceed their limit, the agents with the most records keep only their newest records
-// (model/origin_quota.h), and CountLeftOut counts the dropped records. Optimized poses are an exception: once nodes_max
-// nodes have one, further optimized poses are dropped in order of arrival. This is acceptable because only leaders
-// publish optimized poses. Poses have the bounds of model/geometry.h. Used by one thread at a time.
+// Select() depends only on the set of added records, not on their order. Each record must be added once. If records of
+// a kind exceed their limit, the agents with the most records keep only their newest records (model/origin_quota.h),
+// and CountLeftOut counts the dropped records. Exception: once nodes_max nodes have an optimized pose, optimized poses
+// of further nodes are dropped in order of arrival. Only leaders publish optimized poses. Requires: poses are within
+// the bounds of model/geometry.h. Used by one thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -35,7 +35,7 @@ class MapCollection {
     std::size_t maps_max = 65535;
     std::uint64_t bytes_max = 8ull << 30;  // Maximum total size of all maps.
     std::size_t nodes_max = 4'000'000;     // Maximum number of node records, and of nodes with an optimized pose.
-    std::size_t quarantines_max = 65535;   // Maximum number of quarantine records, including those that lift one.
+    std::size_t quarantines_max = 65535;   // Maximum number of records that quarantine maps or lift a quarantine.
   };
 
   // Selects the input of one merge.
@@ -61,7 +61,7 @@ class MapCollection {
   // Timestamp assigned by the map's origin.
   struct Timestamp {
     std::int64_t ns = 0;
-    bool is_clock_suspect = false;  // If true, the map never wins because of its timestamp.
+    bool is_clock_suspect = false;  // If true, a merge treats the map as older than all maps with a trusted timestamp.
   };
 
   struct Quarantine {
@@ -72,11 +72,11 @@ class MapCollection {
 
   explicit MapCollection(Options options);
 
-  // Adds a map, even if its node is still unknown. Returns kInvalid as MakeLocalMap does.
+  // Adds a map, even if its node is still unknown. Errors are those of MakeLocalMap.
   Result<void> AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map);
 
-  // Adds a node's pose from odometry. If a node has several such records, the record with the smallest key is valid, in
-  // every actor.
+  // Adds a node's pose from odometry. If a node has several such records, every actor uses the record with the smallest
+  // key.
   void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
 
   // Adds an optimized pose. Among several poses of a node, the pose with the highest (term, run) is used.
@@ -86,12 +86,12 @@ class MapCollection {
   // Adds a record that quarantines maps or that lifts a quarantine. A record may lift a quarantine that arrives later.
   void AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine);
 
-  // Returns the input of Merger::Assign for a selection: maps and footprints at the newest poses.
+  // Returns the input of Merger::Assign for a selection: the selected maps and footprints at the poses of their nodes.
   Selected Select(const Selection& selection) const;
 
-  // Returns the node's newest pose; nullopt if the node is unknown.
+  // Returns the node's optimized pose, or its pose from odometry if there is none; nullopt if the node is unknown.
   std::optional<NodePose> PoseOf(const NodeKey& node) const;
-  Timestamp TimestampOf(const RecordKey& map) const;  // Returns the timestamp of a map in the collection.
+  Timestamp TimestampOf(const RecordKey& map) const;  // Returns Timestamp() for an unknown map.
   // Returns the quarantines that no record lifts, sorted by record key.
   std::vector<Quarantine> StandingQuarantines() const;
 
@@ -102,12 +102,11 @@ class MapCollection {
   std::uint64_t map_bytes() const { return bytes_; }
 
  private:
-  // Key that orders optimized poses: number, issuer and epoch of the term, then the run. If these are equal, the record
-  // key decides.
+  // Order of a node's optimized poses: term number, issuer and epoch, then run, then record key. The greatest is used.
   using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
 
   struct Node {
-    std::vector<std::pair<RecordKey, Pose>> raw;  // Sorted by key. More than one element is rare.
+    std::vector<std::pair<RecordKey, Pose>> raw;  // Poses from odometry, sorted by key; usually one.
     std::optional<std::pair<Version, Pose>> optimized;
   };
 
@@ -132,7 +131,7 @@ class MapCollection {
   OriginQuota<NoNote> map_bytes_quota_;
   std::map<RecordKey, proto::MapQuarantine> quarantines_;
   std::multiset<RecordKey> lifted_;
-  // For a record that lifts a quarantine, the item is the key of that quarantine.
+  // The note of a record that lifts a quarantine is the key of that quarantine. Other records have no note.
   OriginQuota<std::optional<RecordKey>> quarantine_quota_;
   std::map<NodeKey, Node> nodes_;
   OriginQuota<NodeKey> node_quota_;

@@ -111,8 +111,7 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kMapStatsRequest:
     case proto::Message::kMapTilesRequest:
     case proto::Message::kOccludedMapsRequest:
-      // Accept requests only from actors of this agent, such as the gateway, which has checked them. Requests from
-      // another agent are unchecked.
+      // Ignore requests of other agents: nobody has checked them. The gateway checks the requests of clients.
       if (context.sender().agent == options_.self) OnQuestion(context, message);
       return;
     case proto::Message::kRecordsStored:

@@ -1,22 +1,14 @@
 // MergeActor: maintains the merged map of all records of this agent (paper, Section 5) and answers requests about it.
-// Requests ask for the map itself (MergeRequest), the sources of a cell's value, map statistics, and changes since a
-// version.
+// Requests ask for the map itself (MergeRequest), the sources of a cell's value, map statistics, changes since a
+// version, or the fully occluded maps. Spawn the actor with kOwnThread.
 //
-// For each request it reads the new records from StorageActor page by page into a MapCollection: nodes, optimized
-// poses, local traversability maps and quarantines. It then updates a Merger on its own thread; spawn the actor with
-// kOwnThread. Maps whose node is unknown wait for the node. A request is answered only after a read that started later
-// than the request arrived. The reply therefore covers all records that were stored when the requester sent the
-// request. After a restart the actor reads all records again: all its state comes from storage.
-//
-// A MergeRequest with `agents` uses only maps of these origins and the footprints of their nodes. Such a request, or a
-// request for raw poses, is merged from scratch. The merged map of all records is kept separately and updated
-// incrementally.
+// Before it answers, the actor reads the new records from StorageActor into a MapCollection and updates a Merger. A
+// reply covers all records that were stored when the request was sent. A MergeRequest for some agents or for raw poses
+// is merged from scratch; the merged map of all records is updated incrementally. After a restart, and after records
+// were pruned, the actor reads all records again.
 //
 // A MapTilesRequest with wait_s is a subscription. If nothing has changed, the request waits for at most wait_s. When
 // StorageActor publishes that records were stored, the subscriptions are evaluated again, at most once per look_period.
-//
-// RetentionActor requests the fully occluded maps (OccludedMapsRequest). An error is returned to it as a ControlReply.
-// After StorageActor publishes that records were pruned, the next request reads all records again.
 //
 // Error codes in replies:
 // - kFull: more than requests_max requests wait, or a limit of Merger or of the reply size is exceeded;
@@ -83,19 +75,20 @@ class MergeActor final : public Actor {
 
   void OnQuestion(Context& context, const proto::Message& message);
   void OnRead(Context& context);
-  void LookSoon(Context& context);  // Starts a timer that evaluates the subscriptions.
+  // Starts a timer that calls LookAgain, if there are subscriptions and no such timer is running.
+  void LookSoon(Context& context);
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);
 
   void StartReading(Context& context);
   void FailAll(Context& context, const Error& error);
   void AnswerCovered(Context& context);
-  // Starts a read from storage for all subscriptions.
+  // Evaluates all subscriptions again, after a read of the new records from storage.
   void LookAgain(Context& context);
   void AnswerExpired(Context& context);
   Result<void> TakeOrLeaveOut(const proto::StoredRecord& stored);
   Result<void> TakeRecord(const proto::StoredRecord& stored);
-  // Brings the merged map of everything up to date.
+  // Updates merger_ if it does not include all of collection_. `everything`: collection_.Select({}).
   Result<void> Update(Context& context, const MapCollection::Selected& everything);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
   Result<void> StartMerger();
@@ -113,13 +106,14 @@ class MergeActor final : public Actor {
   // Null if GL is forced but unavailable, or if the team's map configuration is invalid.
   std::shared_ptr<GatherBackend> backend_;
   Error start_error_;                   // Reason why backend_ is null.
-  std::string backend_description_;     // Last reported description.
+  std::string backend_description_;     // Description of the backend that was reported last.
   std::unique_ptr<Merger> merger_;      // Merged map of all records. Null if backend_ is null.
   bool is_current_ = false;             // True if merger_ includes all of collection_.
   bool is_outdated_ = false;            // True if collection_ may contain pruned records and must be read again.
   std::size_t unusable_map_count_ = 0;  // Number of map records whose cells are too fine for the grid.
   std::size_t unplaced_map_count_ = 0;  // Number of maps and footprints that merger_ rejected in the last update.
-  // Random number chosen at each start. A client's version number from before the restart is invalid.
+  // Version numbers are comparable only under the same id. Chosen at random at each start, and again when the Merger
+  // drops empty pages.
   std::uint64_t merger_id_ = 0;
   RateLimitedLog refused_log_;
   RateLimitedLog dropped_log_;

@@ -28,7 +28,7 @@ struct MergeOptions {
   MergeBackend backend = MergeBackend::kAuto;
 };
 
-// Returns a key for a map that is not a record, such as a mission's: map number `seq` (from 1) of the agent.
+// Returns a key for a map that is not a stored record: map number `seq` (from 1) of the agent.
 RecordKey NumberedMapKey(AgentId agent, std::uint64_t seq);
 
 // Merges the maps and footprints. `footprints` are rover poses (map_from_node); the cells under the rover's body become

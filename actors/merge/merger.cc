@@ -39,7 +39,8 @@ struct TileCell {
   std::size_t cell;
 };
 
-// Calls visit(key, tile, box of the tile) for each tile in `box`, including tiles without a page.
+// Calls visit(page key, index of the tile in the page, box of the tile) for each tile that touches `box`, even if no
+// such page exists.
 template <typename Visit>
 void ForEachTile(const CellBox& box, Visit visit) {
   if (box.is_empty()) return;
@@ -71,7 +72,7 @@ Result<void> CheckBox(const CellBox& box, const MergeGrid& grid) {
                                     " a side: merge fewer agents, or quarantine maps that lie far away");
 }
 
-// Copies one row of a tile within `part`, eight cells at a time.
+// Copies the tile's cells in row `y`, from part.first_x to part.last_x, to `row`.
 void CopyRow(const Tile& tile, const CellBox& part, std::int64_t y, Cell* row) {
   for (std::int64_t x = part.first_x; x <= part.last_x;) {
     const TileCell at(x, y);
@@ -101,7 +102,8 @@ std::vector<PlacedMap> WinnersOf(const std::vector<const Tile*>& tiles) {
   return maps;
 }
 
-// For each block in Tile::blocks: the index of its map in the list of maps (kNoSlot for a footprint), and its level.
+// For each block in Tile::blocks: the index of its map in the list of maps (kNoSlot for a footprint), and the level of
+// the block.
 using Winners = std::vector<std::pair<std::uint32_t, std::uint8_t>>;
 
 Winners SlotsOf(const Tile& tile, const std::vector<PlacedMap>& maps) {
@@ -228,7 +230,7 @@ std::vector<Error> Merger::Assign(std::span<const PlacedMap> maps, std::span<con
   }
   for (const NodeKey& node : gone_footprints) WithdrawFootprint(node);
 
-  // Put rejects an item that cannot be placed at its new pose. The item is then withdrawn from its old pose too.
+  // An item that cannot be placed at its new pose is withdrawn from its old pose too.
   std::vector<Error> refused;
   for (const auto& [key, placed] : wanted_maps) {
     const Result<void> put = Put(*placed);
@@ -322,7 +324,7 @@ void Merger::UpdateOrder() {
 void Merger::MarkDirty() {
   for (const Thing& thing : retired_) MarkWins(*thing);
   for (const PlacedThing* thing : added_) {
-    // The limit on pages is already exceeded, and marking further pages cannot change that.
+    // With more than kPagesMax dirty pages, MakeWorks fails. Stop early.
     if (dirty_.size() > kPagesMax) return;
     MarkGains(*thing);
   }
@@ -340,7 +342,7 @@ void Merger::FreeBuried() {
   std::erase_if(buried_, [&named](const Thing& thing) { return !named.contains(thing.get()); });
 }
 
-// Drops pages that no longer have a known cell.
+// Drops pages without a known cell.
 void Merger::ForgetEmptyPages() {
   std::erase_if(pages_, [](const auto& entry) { return !HasTile(*entry.second); });
   ++forgotten_;
@@ -357,7 +359,7 @@ void Merger::MarkWins(const PlacedThing& retired) {
   });
 }
 
-// Marks the tiles in which `added` would win a cell.
+// Marks the tiles in which `added` may win a cell.
 void Merger::MarkGains(const PlacedThing& added) {
   for (const PlacedBlock& block : added.blocks) {
     ForEachTile(block.rectangle.box, [&](const PageKey& key, std::size_t index, const CellBox& box) {
@@ -376,7 +378,7 @@ void Merger::MarkEverything() {
     if (HasTile(*page)) dirty_[key] = UINT16_MAX;
   }
   for (const OrderedBlock& ordered : order_) {
-    // The limit on pages is already exceeded, and marking further pages cannot change that.
+    // With more than kPagesMax dirty pages, MakeWorks fails. Stop early.
     if (dirty_.size() > kPagesMax) return;
     const CellBox& box = ordered.box;
     const PageKey first = PageAt(box.first_x, box.first_y);

@@ -1,12 +1,9 @@
 // Merger: maintains a merged occupancy grid with the values unknown, free and hazard (paper, Section 5), and the source
 // (map or footprint) of each cell's value.
 //
-// Maps and footprints may be put, moved and withdrawn in any order. Merge() then gathers the affected tiles, or all
-// tiles if most of the input has changed. The result depends only on the current maps and footprints. It does not
-// depend on their order, on earlier merges or on the backend: values and provenance are identical byte for byte.
-//
-// The map is unbounded: only tiles with a known cell, and pages that once had a known cell, take memory. Cell
-// coordinates are int64. All state is in this class, so losing the backend loses no data. Several mergers may share
+// Maps and footprints may be put, moved and withdrawn in any order. Merge() then updates the affected tiles. The values
+// and sources depend only on the current maps and footprints, byte for byte: not on their order, on earlier merges, or
+// on the backend. The map is unbounded; only pages that once had a known cell take memory. Several mergers may share
 // LocalMaps.
 //
 //   Merger merger(grid, *CreateGatherBackend(MergeBackend::kAuto));
@@ -15,8 +12,8 @@
 //   merger.Merge({});
 //   const MergedMap map = *merger.ReadCells(merger.extent());
 //
-// Used by one thread at a time. Reads show the state of the last successful Merge(). After a failed Merge() some tiles
-// may be newer than others.
+// Used by one thread at a time. Reads return the state of the last successful Merge(). After a failed Merge() some
+// tiles may be newer than others.
 #pragma once
 
 #include <cstdint>
@@ -44,7 +41,7 @@ inline constexpr std::uint8_t kFootprintLevel = 255;
 // Slot of a cell whose value does not come from a map.
 inline constexpr std::uint32_t kNoSlot = UINT32_MAX;
 
-// Maximum number of pages: about 10^9 cells, 2.5 GB.
+// Maximum number of pages: about 10^9 cells, which take 2.5 GB of memory.
 inline constexpr std::size_t kPagesMax = 16384;
 
 // A region of the merged map with its provenance.
@@ -54,7 +51,7 @@ struct MergeResult {
   // kNoSlot and level 0. A cell won by a footprint has kNoSlot and kFootprintLevel.
   std::vector<std::uint32_t> slots;
   std::vector<std::uint8_t> levels;
-  // Maps that win a cell in this region, sorted by record key, at the poses that were used.
+  // Maps that win a cell in this region, with the poses that were used, sorted by record key.
   std::vector<PlacedMap> maps;
 
   bool operator==(const MergeResult& other) const;  // Compares maps by their keys.
@@ -62,17 +59,17 @@ struct MergeResult {
 
 // The value that one map or footprint has for a cell.
 struct Observation {
-  PlacedMap placed;  // Has no map if the observation is a footprint.
+  PlacedMap placed;  // placed.map is null if the observation is a footprint.
   NodeKey node;      // Node of the map or footprint.
   std::uint8_t level = kFootprintLevel;
   std::uint32_t resolution_um = 0;
   Cell cell = Cell::kUnknown;
 };
 
-// A map and the number of cells whose value comes from it.
+// A map and the number of cells whose value comes from the map.
 struct MapWins {
   PlacedMap placed;
-  std::uint64_t cells = 0;  // May be 0.
+  std::uint64_t cells = 0;
 };
 
 struct TileKey {
@@ -98,25 +95,26 @@ class Merger {
   // PlaceMap; after an error nothing has changed.
   Result<void> Put(const PlacedMap& placed);
 
-  // Returns false if no map has this key.
+  // Removes a map. Returns false if no map has this key.
   bool Withdraw(const RecordKey& key);
 
-  // Marks the cells under a rover's body at a node as free. Errors as in Put.
+  // Adds a footprint, which marks the cells under a rover's body as free, or moves the footprint of the same node.
+  // Errors are those of PlaceFootprint.
   Result<void> PutFootprint(const Footprint& footprint);
   bool WithdrawFootprint(const NodeKey& node);
 
-  // Replaces the whole input: puts the new and the moved items, and withdraws all others. If several items have the
-  // same key or node, the first is used. Returns one error, as in Put, for each item that was left out.
+  // Replaces all maps and footprints. If several maps have the same key, or several footprints the same node, the first
+  // is used. Returns one error for each map or footprint that cannot be placed and is left out.
   std::vector<Error> Assign(std::span<const PlacedMap> maps, std::span<const Footprint> footprints);
 
-  // Brings the tiles up to date. After an error some tiles are still old; the next Merge() brings them up to date.
-  // Errors are those of GatherBackend::Gather, and kFull for more than kPagesMax pages.
+  // Updates the affected tiles. After an error some tiles are still old; the next Merge() updates them. Errors are
+  // those of GatherBackend::Gather, and kFull for more than kPagesMax pages.
   Result<MergeSummary> Merge(const StopPredicate& stop);
 
-  // Bounding box of all cells of all maps, including unknown ones, and of all footprints.
+  // Bounding box of all cells of all maps, including unknown cells, and of all footprints.
   const CellBox& extent() const { return extent_; }
-  // Counts how often empty pages were dropped to stay within kPagesMax. ChangedSince no longer reports earlier changes
-  // in these pages.
+  // Number of times that empty pages were dropped to stay within kPagesMax. ChangedSince does not report the earlier
+  // changes in dropped pages.
   std::uint64_t forgotten() const { return forgotten_; }
   // Counts the merges that gathered at least one tile.
   std::uint64_t version() const { return version_; }
@@ -124,7 +122,8 @@ class Merger {
   const MergeGrid& grid() const { return grid_; }
   const GatherBackend& backend() const { return *backend_; }
 
-  // Reads any box, including unknown areas. Returns kFull if a side exceeds grid.side_cells_max.
+  // Return the cells of any box, including unknown areas. Read also returns the source of each cell. Both return kFull
+  // if a side exceeds grid.side_cells_max.
   Result<MergedMap> ReadCells(const CellBox& box) const;
   Result<MergeResult> Read(const CellBox& box) const;
 
@@ -135,7 +134,7 @@ class Merger {
   // Returns the observations of all maps and footprints that know the cell, the winning observation first.
   std::vector<Observation> Observe(std::int64_t x, std::int64_t y) const;
 
-  // Returns one entry per map, sorted by record key.
+  // Returns each map with the number of cells that it wins, sorted by record key.
   std::vector<MapWins> CountWins() const;
   // Returns the number of cells that are free because of footprints, by agent.
   std::map<AgentId, std::uint64_t> CountFootprintCells() const;

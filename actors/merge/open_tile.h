@@ -14,7 +14,8 @@
 
 namespace moondb {
 
-// Size of a square in the target. A pixel is a row of 8 cells; the lowest row is first.
+// Size of a square of 8 x 8 cells in the target, in pixels. Each pixel holds a row of 8 cells. The rows follow each
+// other from the lowest on, pixel row by pixel row.
 inline constexpr std::size_t kSquarePixelsX = 4;
 inline constexpr std::size_t kSquarePixelsY = 2;
 
@@ -23,11 +24,12 @@ struct OpenTile {
   std::size_t index = 0;  // Index of the tile in its page.
   CellBox box;
   const std::vector<OrderedBlock>* list = nullptr;  // Blocks of the tile's page.
-  std::size_t next = 0;                             // Index in `list` of the next block.
+  std::size_t next = 0;                             // Index in `list` of the first block of the next round.
   std::uint64_t open = ~std::uint64_t{0};           // Squares with unknown cells, one bit each.
-  std::unique_ptr<Tile> tile;                       // Null until a block may know a cell.
+  std::unique_ptr<Tile> tile;                       // Null until a block is listed for the tile.
   bool is_for_cpu = false;
-  // Squares drawn in the current round, one bit each. In the target they occupy consecutive places from first_place on.
+  // Squares drawn in the current round, one bit each. In the target, these squares occupy consecutive places from
+  // first_place on.
   std::uint64_t squares = 0;
   std::size_t first_place = 0;
   std::size_t first_block = 0;  // Index in tile->blocks of the first block of the current round.

@@ -10,8 +10,8 @@
 namespace moondb {
 namespace {
 
-// Poses farther away than this are rejected. The number is far below the limit of int64 and far beyond the largest page
-// number.
+// Maximum distance of a pose from the origin, in cells. Within this distance, casts to int64 cannot overflow. HasPages
+// checks a stricter limit.
 constexpr double kFarthestCells = 1e15;
 
 bool IsFinite(const Pose& pose) { return pose.position_m.allFinite() && pose.orientation.coeffs().allFinite(); }

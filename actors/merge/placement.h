@@ -1,11 +1,9 @@
 // Placement of maps and footprints on the merged map's grid, and the priority of observations.
 //
-// The policy is a total order (paper, Eq. (1) and its two bullets, Section 5.1). Each known observation of a cell has a
-// key: finer resolution, then newer timestamp, then larger agent id, then larger record key, then the map's earlier
-// layer. The merged cell takes the value of the observation with the largest key. An unknown value is not an
-// observation. The rover's footprint at each known pose is free and overrides all maps. A maximum does not depend on
-// the order of arrival: late maps and duplicate maps lead to the same grid. Sampling is nearest-neighbour: values are
-// never interpolated.
+// Each known observation of a cell has a priority key (paper, Section 5.1, Eq. (1)): finer resolution, then newer
+// timestamp, then larger agent id, then larger record key, then the map's earlier layer. The merged cell takes the
+// value of the observation with the greatest key, whatever the order of arrival. The rover's footprint at a node is
+// free and overrides all maps. A merged cell samples the nearest cell of a layer; values are never interpolated.
 //
 // Value types and pure functions, usable on any thread.
 #pragma once
@@ -37,7 +35,8 @@ struct Footprint {
 
 struct PlacedThing;
 
-// A rectangle of observations: a block of a layer, or a footprint (without `cells`, all free).
+// A rectangle of observations: a block of a layer, or a footprint. All cells of a footprint are free; its `cells` is
+// null.
 struct PlacedBlock {
   PlacedRectangle rectangle;
   const PackedBlock* cells = nullptr;
@@ -51,23 +50,23 @@ struct PlacedBlock {
 
 // A map or footprint and its blocks. Must not move in memory, because each block points to its owner.
 struct PlacedThing {
-  PlacedMap placed;  // Has no map if this is a footprint.
+  PlacedMap placed;  // placed.map is null if this is a footprint.
   NodeKey node;      // Node of the footprint; not set for a map.
   std::vector<PlacedBlock> blocks;
-  CellBox extent;           // Bounding box of all cells, including unknown ones.
+  CellBox extent;           // Bounding box of all cells, including unknown cells.
   bool is_retired = false;  // Set by Merger when the map or footprint is withdrawn.
 };
 
-// Returns true if `a` has the greater key: a strict order. Footprints have greater keys than all maps.
+// Returns true if the key of `a` is greater. This is a strict total order. Footprints have greater keys than all maps.
 bool StandsAbove(const PlacedBlock& a, const PlacedBlock& b);
 
-// Places a map or a footprint on the grid. Returns kInvalid with field "map_from_node" if the pose is not finite or too
-// far away to number its pages. Returns kInvalid with field "layers" if a side of the map exceeds side_cells_max cells
-// of the merged map.
+// Places a map or a footprint on the grid. Returns kInvalid with field "map_from_node" if the pose is not finite, or
+// too far from the origin for the range of page numbers. Returns kInvalid with field "layers" if a side of the map
+// exceeds side_cells_max cells of the merged map.
 Result<std::unique_ptr<PlacedThing>> PlaceMap(const PlacedMap& placed, const MergeGrid& grid);
 Result<std::unique_ptr<PlacedThing>> PlaceFootprint(const Footprint& footprint, const MergeGrid& grid);
 
-// Returns the value of the block or footprint at a cell of the grid.
+// Returns the value of the block or footprint at a cell of the grid; kUnknown outside of the block or footprint.
 Cell CellUnder(const PlacedBlock& block, std::int64_t x, std::int64_t y);
 
 bool AreSamePose(const Pose& a, const Pose& b);

@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Eigen is not used here, because it may order the operations of a product differently on another machine.
+// Eigen is not used here: it may order the operations of a product differently on another machine.
 struct Vector {
   double x = 0;
   double y = 0;
@@ -53,8 +53,8 @@ PlanarPose Project(const Vector& position, const Rotation& q) {
 
 std::int64_t ToFixed(double value) { return std::llround(value * static_cast<double>(1 << kFractionBits)); }
 
-// Upper bound on how far rounding can move an edge of the rectangle, in grid cells. It assumes an error of half a unit
-// per step in both directions, mapped back through the inverse rotation.
+// Returns an upper bound on the distance, in grid cells, by which rounding can move an edge of the rectangle. Each step
+// has an error of at most half a unit in both directions.
 double RoundingCells(double half_x, double half_y, double step) {
   const double unit = 1.0 / static_cast<double>(1 << kFractionBits);
   return 1e-6 + unit * (half_x + half_y + 4) / step;

@@ -8,10 +8,10 @@
 // in units of the rectangle's cells, Q10.22, from its lower left corner. The cell is inside if u is in the half-open
 // interval [0, width_q) and v in [0, height_q). The rectangle's column is then u >> 22 and its row v >> 22.
 //
-// Floating point is used only up to this step. The doubles are rounded once, relative to the grid cell under the
-// rectangle's centre, and all later merging adds the same integers. Every backend and every agent therefore gets the
-// same bytes, even 1,000 km from the origin. Rotations come from the stored quaternion without trigonometry, and the
-// .cc file is compiled with -ffp-contract=off, because libm and fused multiply-add differ between machines.
+// Doubles are rounded once, relative to the grid cell under the rectangle's centre. All later steps add the same
+// integers, so all backends and agents get the same bytes, even 1,000 km from the origin. Libm and fused multiply-add
+// differ between machines. Rotations therefore use the stored quaternion without trigonometry, and the .cc file is
+// compiled with -ffp-contract=off.
 //
 // Pure functions, usable on any thread.
 #pragma once
@@ -24,8 +24,8 @@ namespace moondb {
 
 inline constexpr int kFractionBits = 22;
 
-// A larger block would overflow Q10.22. Coordinates distinguish 1024 cells, so 512 remain for cells sampled
-// outside the rectangle.
+// Maximum side of a block, in cells. Coordinates in Q10.22 distinguish 1024 cells; the other 512 are for grid cells
+// outside the block.
 inline constexpr std::int32_t kBlockSideCellsMax = 512;
 
 // Maximum ratio of the grid's cell size to the rectangle's; larger ratios would overflow Q10.22.
@@ -72,7 +72,7 @@ struct PlanarPose {
 
 PlanarPose ToPlanar(const Pose& map_from_body);
 
-// Projects map_from_node * node_from_map, after composing the two poses in space.
+// Composes the two poses in 3D and projects the result to the horizontal plane.
 PlanarPose ToPlanar(const Pose& map_from_node, const Pose& node_from_map);
 
 // Places a rectangle of width x height cells of size cell_um on a grid of cell size grid_um. The rectangle's centre is

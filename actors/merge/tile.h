@@ -1,11 +1,8 @@
 // The merged map in memory: sparse pages of 256 x 256 cells. A page has 16 tiles of 64 x 64 cells, and a tile 64
 // squares of 8 x 8 cells.
 //
-// A square has 64 bits "known", 64 bits "hazard" and 64 winner numbers, each row by row from the lowest y. One step of
-// a merge processes one square. A winner number is an index in the list of blocks of the cell's tile. So 16 bits are
-// enough for any number of maps, and a tile needs no data of other tiles.
-//
-// Value types.
+// A square has 64 bits "known", 64 bits "hazard" and 64 winner numbers, each row by row from the lowest y. A winner
+// number is an index in the tile's list of blocks, so 16 bits suffice for any number of maps.
 #pragma once
 
 #include <array>
@@ -74,7 +71,7 @@ struct Page {
   std::array<std::uint64_t, kTilesInPage> versions{};
 };
 
-// Returns the box of a page, or, if `tile` is given, of one of its tiles.
+// Returns the box of a page. The second function returns the box of one tile of the page.
 inline CellBox BoxOf(const PageKey& key) {
   const std::int64_t x = std::int64_t{key.x} * kPageSideCells;
   const std::int64_t y = std::int64_t{key.y} * kPageSideCells;

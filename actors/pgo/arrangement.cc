@@ -15,19 +15,19 @@ namespace moondb {
 
 namespace {
 
-// Odometry drifts, so the bodies are slightly bent. This fraction of the typical range is added to each range's sigma.
+// Odometry drift, as a fraction of the median range. Increases the sigma of each range (root sum of squares).
 constexpr double kDriftPart = 0.02;
 constexpr double kCauchySigmas = 2;
-constexpr double kSamePlacePart = 0.05;  // Two places count as the same within this fraction of the typical range.
+constexpr double kSamePlacePart = 0.05;  // Positions closer than this fraction of the median range count as the same.
 constexpr int kIterationsMax = 60;
-constexpr std::size_t kManyBodies = 20;  // Above this number of bodies the normal matrix is large and sparse.
+constexpr std::size_t kManyBodies = 20;  // Above this number, use fewer starts and a sparse solver.
 constexpr int kStartsMin = 4;
 constexpr std::size_t kRangesOfBodyMin = 10;
 
 // Returns element k of a low-discrepancy sequence in [0, 1). Sequences of different `dimension` are uncorrelated.
 double Spread(int k, int dimension) {
-  // The steps are powers of the inverse of the generalised golden ratio (Roberts, 2018).
-  constexpr double kBase = 1.0 / 1.1347241384015194;  // Generalised golden ratio of five dimensions.
+  // The steps are powers of the inverse of the generalised golden ratio in five dimensions (Roberts, 2018).
+  constexpr double kBase = 1.0 / 1.1347241384015194;
   return std::fmod(0.5 + std::pow(kBase, dimension % 5 + 1) * (k + 1) + 0.37 * (dimension / 5) * (k + 1), 1.0);
 }
 
@@ -66,7 +66,7 @@ class Arranger {
   }
 
  private:
-  using Frames = std::map<std::size_t, PoseBlock>;  // map_from_body, keyed by the body's head.
+  using Frames = std::map<std::size_t, PoseBlock>;  // map_from_body, keyed by the head (first node) of the body.
 
   bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
   bool IsBody(std::size_t node) const { return !placed_[node]; }
@@ -99,7 +99,7 @@ class Arranger {
   }
 
   void ChooseForEachBody(const std::vector<const PlainRange*>& joining, std::vector<bool>& is_chosen) const {
-    std::map<std::size_t, std::vector<std::size_t>> ranges_of;  // Indices in `joining`, keyed by the body's head.
+    std::map<std::size_t, std::vector<std::size_t>> ranges_of;  // Indices in `joining`, keyed by the head of the body.
     std::map<std::size_t, std::size_t> chosen_of;
     for (std::size_t i = 0; i < joining.size(); ++i) {
       for (const std::size_t node : {joining[i]->from, joining[i]->to}) {
@@ -115,8 +115,8 @@ class Arranger {
     }
   }
 
-  // Fills order_ with the bodies in the order in which ranges lead to them from the placed nodes. Each entry is a body
-  // and the range that is used to place it.
+  // Fills order_ outwards from the placed nodes. Each entry is a body and the range that joins the body to a placed
+  // node or to a body earlier in order_.
   void OrderBodies() {
     std::map<std::size_t, bool> is_set;
     const auto is_standing = [&](std::size_t node) { return placed_[node] || is_set.contains(heads_[node]); };
@@ -203,7 +203,7 @@ class Arranger {
     problem.AddParameterBlock(&no_bias, 1);
     problem.SetParameterBlockConstant(&no_bias);
     for (auto& [body, frame] : frames) {
-      // A landmark that no pose observes is a body with a single point. The head of any other body is a pose.
+      // A body whose head is a point is a single landmark.
       problem.AddParameterBlock(frame.data(), kPoseSize,
                                 graph_.nodes[body].is_point ? &point_manifold : &body_manifold);
     }

@@ -73,8 +73,7 @@ void BlockMatrix::MakePattern(const std::vector<int>& sizes, const std::vector<N
   }
 }
 
-// Finds the offsets of a block's columns. A node's rows are contiguous in every column, so the offset of the first row
-// is enough.
+// The rows of a node are contiguous in every column, so the offset of the first row is enough.
 BlockMatrix::Columns BlockMatrix::FindColumns(std::size_t row_node, std::size_t column_node, int size) const {
   Columns columns = {kNone, kNone, kNone};
   for (int column = 0; column < size; ++column) {

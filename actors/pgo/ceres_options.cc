@@ -24,7 +24,7 @@ ceres::Solver::Options LeastSquaresOptions(int thread_count, int iterations_max)
 #endif
   options.num_threads = thread_count;
   options.max_num_iterations = iterations_max;
-  // Ranges leave shallow valleys in the cost. Ceres's default tolerance of 1e-6 stops too early in them.
+  // Ranges leave shallow valleys in the cost. Ceres's default tolerance of 1e-6 stops too early in such valleys.
   options.function_tolerance = 1e-9;
   options.parameter_tolerance = 1e-9;
   options.logging_type = ceres::SILENT;

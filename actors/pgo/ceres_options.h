@@ -24,10 +24,11 @@ class StopCallback final : public ceres::IterationCallback {
   const std::function<bool()>& stop_requested_;
 };
 
-// Options of a problem that does not own its factors, losses and manifolds: the caller keeps them.
+// Returns options of a problem that does not own its factors, losses and manifolds. The caller must keep them alive.
 ceres::Problem::Options BorrowingProblemOptions();
 
-// Sparse Cholesky, no log output, and tolerances tight enough for shallow valleys of the cost.
+// Returns options for sparse Cholesky without log output. The tolerances are tight enough for shallow valleys of the
+// cost.
 ceres::Solver::Options LeastSquaresOptions(int thread_count, int iterations_max);
 
 }  // namespace moondb

@@ -16,8 +16,8 @@ using Triplets = std::vector<Eigen::Triplet<double>>;
 
 constexpr int kStands = -1;
 
-// The relaxation separates into one least squares problem per row of the rotation matrices, all with the same
-// coefficient matrix. A pose has `size` unknowns for its rotation row and one for its coordinate; a point has only the
+// The chordal relaxation: one linear least squares problem per row of the rotation matrices, all with the same
+// coefficient matrix. A pose has size_ unknowns for its rotation row and one for its coordinate. A point has only the
 // coordinate.
 class Relaxation {
  public:
@@ -36,8 +36,9 @@ class Relaxation {
     }
   }
 
-  // Returns false if the matrix has a pivot of exactly zero (then the minimum is not unique) or if numbers overflow.
-  // Rounding may hide a zero pivot. The solution is then still finite, which suffices for initial values.
+  // Writes the solution to `state`. Returns false, and does not change `state`, if the minimum is not unique or numbers
+  // overflow. Rounding may hide that the minimum is not unique. The solution is then still finite, which suffices for
+  // initial values.
   bool Solve(PlainState& state) const {
     Eigen::SparseMatrix<double> rows(row_count_, unknown_count_);
     rows.setFromTriplets(entries_.begin(), entries_.end());
@@ -56,8 +57,9 @@ class Relaxation {
   }
 
  private:
-  // Adds the coefficient of unknown number `offset` of a node to the current row. A head is held at the identity: in
-  // problem r its unknowns are the unit vector r, so its coefficients are added to right-hand side r.
+  // Adds the coefficient of the node's unknown number `offset` to the current row. A head is fixed at the identity: in
+  // problem r its rotation row is the unit vector r. The coefficients of a head are therefore added to the right-hand
+  // side.
   void Add(std::size_t node, int offset, double value) {
     const int first = first_unknown_[node];
     if (first != kStands) {
@@ -120,7 +122,8 @@ class Relaxation {
   Triplets standing_entries_;
 };
 
-// Returns the edges at each node by index: an index i < steps.size() is a step, and a larger index is a sighting.
+// Returns, for each node, the indices of its edges. Index i means step i if i < steps.size(), otherwise sighting i -
+// steps.size(). A sighting is listed only at its `from` node.
 std::vector<std::vector<std::size_t>> FindTouching(const StandaloneGraph& graph) {
   std::vector<std::vector<std::size_t>> touching(graph.nodes.size());
   for (std::size_t i = 0; i < graph.steps.size(); ++i) {

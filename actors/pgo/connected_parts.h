@@ -20,7 +20,7 @@ class ConnectedParts {
     parent_[std::max(head_a, head_b)] = std::min(head_a, head_b);
   }
 
-  // Returns the smallest element of the component that contains `thing`.
+  // Returns the lowest element of the component that contains `thing`.
   std::size_t HeadOf(std::size_t thing) {
     while (parent_[thing] != thing) thing = parent_[thing] = parent_[parent_[thing]];
     return thing;

@@ -116,7 +116,8 @@ void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<St
   }
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     const Rover& rover = rovers[i];
-    // Gravity determines roll and pitch better than a configured start, so the prior's sigma for them is large.
+    // Gravity determines roll and pitch better than a configured start, so the start prior has a large sigma for roll
+    // and pitch.
     add(MakePosePriorFactor(
             {starts[i].map_from_node, starts[i].sigma_m, options_.loose_sigma_rad, starts[i].sigma_rad}),
         rover.first);
@@ -241,7 +242,7 @@ StageResult CostTerms::Try(const std::vector<bool>& uses_range, const Stage& sta
 }
 
 double CostTerms::Cost(const std::vector<bool>& uses_range, const State& state) const {
-  State copy = state;  // Ceres takes blocks that are not const.
+  State copy = state;  // Ceres needs mutable blocks.
   double square_sum = 0;
   std::array<double, 6> residuals{};
   for (const Term& term : terms_) {

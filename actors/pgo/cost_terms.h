@@ -1,8 +1,8 @@
-// CostTerms: the cost function of one pose graph. Ceres minimises it over all terms except rejected ranges. Robust
-// kernels (losses) apply only to ranges.
+// CostTerms: the cost F of one pose graph (pose_graph_solver.h), and its minimisation with Ceres. Robust kernels
+// (losses) apply only to ranges.
 //
-// One object serves all stages of a solve. It creates the factors once; each stage evaluates them at the values in a
-// State. Single-threaded, except for Ceres's own threads.
+// One object serves all stages of a solve. `graph` and `options` must outlive this object. Single-threaded, except for
+// Ceres's own threads.
 #pragma once
 
 #include <ceres/cost_function.h>
@@ -34,38 +34,38 @@ struct Stage {
   bool is_near = false;
   // True if a loose tolerance suffices, because the result is used only to classify the ranges.
   bool is_rough = false;
-  std::vector<bool> is_trusted = {};  // Ranges to which the loss is not applied. Empty: none.
+  std::vector<bool> is_trusted = {};  // True for ranges without the loss. Empty: all false.
 };
 
 struct StageResult {
   bool has_converged = false;
   int iterations = 0;
-  std::string text;  // Reason for non-convergence.
+  std::string text;  // Ceres's message if the stage has not converged.
 };
 
 class CostTerms {
  public:
-  // Only nodes in `is_free` are variable. A term is omitted if all its nodes are fixed.
+  // Nodes whose flag in `is_free` is false are constant. Factors whose poses are all constant are omitted.
   CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts,
             const AgentFactsMap& agents, const InitialValues& initial, const std::vector<bool>& is_free,
             const SolverOptions& options);
 
   const State& initial() const { return initial_; }
 
-  // Minimises over all terms except the ranges whose flag in `uses_range` is false. Updates `state` in place. Tries
-  // Levenberg-Marquardt first; if that does not converge, dogleg.
+  // Minimises the cost over all terms except the ranges whose flag in `uses_range` is false. Updates `state` in place.
+  // Tries Levenberg-Marquardt first, and dogleg if Levenberg-Marquardt does not converge.
   StageResult Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const;
 
-  // Returns the stage that starts from the initial values and runs to full tolerance.
+  // Returns the settings of a stage that starts from the initial values and runs to full tolerance.
   Stage FirstStage(Loss loss) const { return {.loss = loss, .is_near = is_warm_}; }
 
   // Returns the cost F at `state` without any loss, over all terms except the ranges whose flag in `uses_range` is
   // false.
   double Cost(const std::vector<bool>& uses_range, const State& state) const;
 
-  // Returns the marginal covariance of each of `nodes`, if `state` is a minimum over the ranges in `uses_range`. Rows
-  // are the position in the frame `map`, then the rotation in the node's own frame (the tangent of PoseManifold).
-  // Returns an empty list if the graph does not determine the covariances. Requires: `nodes` are free.
+  // Returns the marginal covariance of each of `nodes`. Rows are the position in the frame `map`, then the rotation in
+  // the node's own frame (the tangent of PoseManifold). Returns an empty list if the graph does not determine the
+  // covariances. Requires: `nodes` are free, and `state` is a minimum over the ranges in `uses_range`.
   std::vector<Matrix6d> Covariances(const std::vector<bool>& uses_range, const std::vector<std::size_t>& nodes,
                                     State state) const;
 
@@ -111,7 +111,7 @@ class CostTerms {
   bool is_window_;  // True for a solve of a window of nodes: scales and biases are then held constant.
   State initial_;
   std::vector<Term> terms_;
-  std::vector<std::size_t> range_terms_;  // Index in terms_ of each of CheckedGraph::ranges.
+  std::vector<std::size_t> range_terms_;  // Index in terms_ of each range; kNoTerm if omitted.
 };
 
 }  // namespace moondb

@@ -28,7 +28,7 @@ Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
   return result;
 }
 
-// q and -q are the same rotation. Returns the one with w >= 0, whose angle is the smaller one.
+// q and -q are the same rotation. Returns the one with w >= 0.
 Eigen::Quaterniond WithPositiveW(const Eigen::Quaterniond& q) {
   return q.w() < 0 ? Eigen::Quaterniond(-q.w(), -q.x(), -q.y(), -q.z()) : q;
 }
@@ -224,7 +224,7 @@ Pose FromBlock(const PoseBlock& block) { return Pose{PositionOf(block.data()), O
 bool PoseManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   const Eigen::Map<const Eigen::Vector3d> turn(delta + 3);
   const double angle = turn.norm();
-  // sin(a/2)/a tends to 1/2. Below 1e-8 the next term of its series is lost to rounding.
+  // Below 1e-8, sin(a/2)/a equals 1/2 up to rounding.
   const double ratio = angle < 1e-8 ? 0.5 : std::sin(angle / 2) / angle;
   Eigen::Quaterniond step;
   step.w() = std::cos(angle / 2);

@@ -1,14 +1,14 @@
-// Factors of the pose graph, a factor graph: terms of its cost 1/2 sum |residual|^2 (paper, Section 5.2), with analytic
-// Jacobians.
+// Factors (cost terms) of the pose graph, with analytic Jacobians. The cost is 1/2 sum |residual|^2 (paper, Section
+// 5.2).
 //
 // A node is one parameter block of seven numbers, map_from_node: position x y z (m), quaternion x y z w. PoseManifold
-// perturbs it by a six-vector: p + dp in the frame `map`, q * exp(dtheta) in the node's own frame.
+// perturbs this block by a six-vector: p + dp in the frame `map`, q * exp(dtheta) in the node's own frame.
 //
 // The Jacobian of a pose block has seven columns: the derivative by (dp, dtheta) in the first six, zeros in the last.
-// PoseManifold::PlusJacobian is the matching [I6; 0]. Ceres multiplies the two, so the product is the derivative by the
-// perturbation. These factors therefore work only with PoseManifold and AxesManifold.
+// PoseManifold::PlusJacobian is the matching [I6; 0]. Ceres multiplies the two matrices. The product is the derivative
+// by the perturbation. These factors therefore work only with PoseManifold and AxesManifold.
 //
-// Each Make function returns an object owned by the caller. Requires: values are finite and sigmas positive. GraphCheck
+// Each Make function returns an object owned by the caller. Requires: values are finite and sigmas positive. CheckGraph
 // ensures this.
 #pragma once
 
@@ -73,8 +73,8 @@ class AxesManifold final : public ceres::Manifold {
 //
 //   W [ R_i^T (p_j - p_i) - (1 + s) t ;  2 vec(dq) ]
 //
-// W^T W is covariance^-1. dq is q_measured^-1 q_i^-1 q_j with w >= 0. s is the rover's odometry scale error: wheel and
-// visual-inertial odometry are wrong by a constant factor.
+// R, p and q are the rotation, position and quaternion of a pose. t and q_measured are those of from_from_to. W^T W is
+// covariance^-1. dq is q_measured^-1 q_i^-1 q_j with w >= 0. s is the rover's odometry scale error, a constant factor.
 std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to, const Matrix6d& covariance);
 
 // One range. Blocks: pose a, pose b, bias. One residual:
@@ -86,6 +86,7 @@ std::unique_ptr<ceres::CostFunction> MakeRangeFactor(double range_m, double sigm
 
 // One observation of a point from a pose. Blocks: pose, point (its orientation is ignored). Three residuals:
 //   (R^T (l - p) - seen) / sigma
+// R and p are the rotation and position of the pose, l is the position of the point, and seen is from_point_m.
 std::unique_ptr<ceres::CostFunction> MakeSightingFactor(const Eigen::Vector3d& from_point_m, double sigma_m);
 
 // Roll and pitch as measured by gravity; yaw remains free. Block: pose. Two residuals, the x and y components of

@@ -13,8 +13,8 @@ namespace moondb {
 
 namespace {
 
-// No real sensor has a variance outside these bounds. The weight of such a variance would also reduce the numerical
-// precision of all other terms.
+// No real sensor has a variance outside these bounds. A term with such a variance would also reduce the numerical
+// precision of the whole solve.
 constexpr double kVarianceMin = 1e-12;
 constexpr double kVarianceMax = 1e8;
 constexpr const char* kVarianceText = "within 1e-12 and 1e8";
@@ -63,7 +63,7 @@ CheckedNode ToChecked(const NodeKey& key, Pose raw, const AgentFactsMap& agents)
   return CheckedNode{key, raw, is_fixed};
 }
 
-// Sort key of an item: its name, then its content. The content orders items with equal names.
+// Sort key of a node or edge: its natural key, then its content.
 std::pair<NodeKey, std::array<double, 7>> OrderOf(const CheckedNode& node) {
   std::array<double, 7> content{};
   Eigen::Map<Eigen::Vector3d>(content.data()) = node.raw.position_m;
@@ -169,9 +169,8 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
   });
 }
 
-// Removes odometry edges that skip intermediate nodes: such an edge is not one step of a robot. A wrong one, for
-// example a loop closure stored as odometry, can shrink the whole trajectory. Agents refuse to insert such an edge, but
-// a store or a peer may still hold one.
+// Removes odometry edges that skip intermediate nodes. A wrong edge of this kind, for example a loop closure stored as
+// odometry, can shrink the whole trajectory. Agents refuse to insert such an edge, but a store may still hold one.
 void LeaveOutWhatSkipsNodes(CheckedGraph& checked) {
   std::erase_if(checked.odometry, [&checked](const CheckedOdometry& odometry) {
     const auto [first, last] = std::minmax(odometry.from, odometry.to);
@@ -183,7 +182,7 @@ void LeaveOutWhatSkipsNodes(CheckedGraph& checked) {
   });
 }
 
-// Returns, for each node, the smallest node connected to it by odometry.
+// Returns, for each node, the lowest index of a node connected to it by odometry.
 std::vector<std::size_t> FindHeads(const CheckedGraph& graph) {
   ConnectedParts parts(graph.nodes.size());
   for (const CheckedOdometry& edge : graph.odometry) parts.Join(edge.from, edge.to);

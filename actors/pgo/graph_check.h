@@ -1,16 +1,16 @@
 // CheckGraph: returns the usable nodes and edges of a pose graph, and names those that it leaves out.
 //
 // Records arrive in any order and from any agent, and one NaN makes Ceres refuse the whole solve. CheckGraph therefore
-// leaves out each unusable edge, and only that edge. An edge is unusable for one of these reasons:
+// leaves out each unusable node or edge. An edge is unusable, for example, for one of these reasons:
 // - one of its nodes has not arrived;
 // - its covariance is not positive definite;
-// - its variance is one that no sensor has: below 1e-12 or above 1e8, in m^2 or rad^2;
+// - its variance is below 1e-12 or above 1e8, in m^2 or rad^2;
 // - its range exceeds 1e6 m;
 // - one of its numbers is not finite.
 //
-// Among records with the same natural key (the node's key, or the edge's ends) the record with the smallest content is
-// kept. Nodes are sorted by key and edges by their ends, so the solution does not depend on the order of arrival. Pure
-// functions. Results point into `graph`, which must outlive them.
+// Among records with the same natural key (the node's key, or the edge's ends), the first one in a fixed order of the
+// contents is kept. The result therefore does not depend on the order of arrival. Results point into `graph`, which
+// must outlive them.
 #pragma once
 
 #include <cstddef>
@@ -41,7 +41,7 @@ using AgentFactsMap = std::map<AgentId, AgentFacts>;
 
 struct CheckedNode {
   NodeKey key;
-  Pose raw;  // map_from_node as recorded. For a base station with a configured pose: that pose.
+  Pose raw;  // map_from_node as recorded, or the configured pose of a base station.
   bool is_fixed = false;
 };
 
@@ -79,7 +79,7 @@ struct CheckedGraph {
 };
 
 // Checks `graph` and returns its usable part. A base station with a configured pose gets a node {agent, 0} if `graph`
-// has no node of this station.
+// has no usable node with this key.
 CheckedGraph CheckGraph(const PoseGraph& graph, const AgentFactsMap& agents);
 
 // One rover's nodes, which are contiguous in CheckedGraph::nodes.
@@ -94,13 +94,13 @@ struct Rover {
 // Returns the rovers, sorted by agent. Base stations are not included.
 std::vector<Rover> FindRovers(const CheckedGraph& graph);
 
-inline constexpr double kApart_m = 1;  // Places less than this apart count as one.
+inline constexpr double kApart_m = 1;  // Positions closer than this count as the same place.
 
-// Returns true if fixed nodes determine the team's yaw. One fixed node determines only the position. Two fixed nodes at
-// different places (more than kApart_m apart) determine the yaw as well.
+// Returns true if fixed nodes determine the team's yaw: two fixed nodes are more than kApart_m apart horizontally. A
+// single fixed node determines only the position.
 bool FixedNodesHoldYaw(const CheckedGraph& graph);
 
-// Returns for example "agent 2, node 7". Files use the short form "A7" instead.
+// Returns for example "agent 2, node 7".
 std::string ToString(const NodeKey& key);
 
 }  // namespace moondb

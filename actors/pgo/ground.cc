@@ -7,13 +7,13 @@ namespace moondb {
 namespace {
 
 constexpr double kFirstTiltSigmas = 3;
-// The test statistic exceeds this limit by chance only once in 100,000 tests on level ground, for any number of spans.
-// On slopes it exceeds the limit by far.
+// A rover's ground counts as level if the sum of the test statistic (ground.h) over n spans is at most kLimit * n +
+// kLimitOfOne. On level ground, only one test in 100,000 exceeds this limit.
 constexpr double kLimit = 2;
 constexpr double kLimitOfOne = 12;
 
-// Squared horizontal component of the source frame's vertical axis in the target frame. For small angles this is the
-// squared tilt in rad^2.
+// Returns the squared tilt of a rotation: the squared horizontal component of the rotated vertical axis. For small
+// angles the result is in rad^2.
 double SquaredTilt(const Eigen::Quaterniond& turn) {
   return (turn.conjugate() * Eigen::Vector3d::UnitZ()).head<2>().squaredNorm();
 }

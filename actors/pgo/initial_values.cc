@@ -9,14 +9,14 @@ namespace moondb {
 
 namespace {
 
-constexpr double kScaleErrorMax = 0.1;  // More than five sigma of a rover's scale.
-// If at least this fraction of the nodes is warm, the last verdicts are a better start than a robust stage.
+constexpr double kScaleErrorMax = 0.1;  // Five times SolverOptions::scale_sigma.
+// If at least this fraction of the nodes has a pose from the last solution, the solve starts from the last verdicts,
+// without a robust stage.
 constexpr double kWarmShare = 0.8;
-constexpr double kWarmLengthMin_m = 5;  // A shorter distance does not determine the scale.
+constexpr double kWarmLengthMin_m = 5;  // Odometry over a shorter distance does not determine the scale.
 
-// Returns true if the configured start applies to this first node. A node with index 0 is always at the start. Raw
-// poses are the start composed with odometry. If the raw pose of `first` is far from the configured start, earlier
-// nodes are missing, and the start belongs to one of them.
+// Returns true if the configured start is the pose of `first`. Otherwise nodes before `first` have not arrived yet. Raw
+// poses begin at the configured start, so the raw pose of a later node is usually far from the start.
 bool IsAtStart(const CheckedNode& first, const AgentFacts& facts) {
   if (first.key.index == 0) return true;
   const double near_m = std::max(5 * facts.start_sigma_m, 0.5);
@@ -44,8 +44,8 @@ std::vector<std::vector<std::size_t>> FindTouching(const CheckedGraph& graph) {
   return touching;
 }
 
-// Returns the scale error s of the rover by least squares over the steps with both ends in the last solution: minimises
-// sum |d - (1 + s) t|^2.
+// Returns the rover's odometry scale error s by least squares over the steps between nodes that have a pose: minimises
+// sum |d - (1 + s) t|^2, with d from the poses and t from odometry. Returns 0 if these steps are too short.
 double EstimateScale(const CheckedGraph& graph, const Rover& rover, const Poses& poses) {
   double product_sum = 0;
   double square_sum = 0;

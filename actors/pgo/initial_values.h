@@ -1,4 +1,4 @@
-// Initial values of a solve: the last solution, extended by odometry to nodes that it does not contain.
+// Initial values of a solve: poses from the last solution, extended to new nodes by odometry.
 #pragma once
 
 #include <cstddef>
@@ -34,25 +34,24 @@ struct StartPrior {
 };
 
 struct LoosePrior {
-  double sigma_m = 10;  // Uncertainty of a part's pose in the map if no start is configured.
+  double sigma_m = 10;  // Standard deviation of each coordinate if no start is configured.
   double sigma_rad = 1;
 };
 
-// Returns the configured start, if there is one and `first` is node 0 or has a raw pose that agrees with the start.
-// Otherwise the first node is a later node whose predecessors have not arrived: returns its raw pose, with the loose
-// sigmas.
+// Returns the configured start, if there is one and `first` is node 0 or has a raw pose close to the start. Otherwise
+// returns the raw pose of `first`, with the sigmas of `loose`.
 StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents, const LoosePrior& loose);
 
 // Chooses each node's pose from the first available source:
 // 1. the last solution;
 // 2. a neighbour's pose composed with odometry, scaled as in the last solution;
-// 3. across a gap in the odometry, the difference of the raw poses;
-// 4. for the first node, its start.
+// 3. across a gap in the odometry, a neighbour's pose composed with the difference of the raw poses;
+// 4. the rover's start, if no node of the rover has a pose yet.
 InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                 const std::vector<StartPrior>& starts, const std::map<NodeKey, Pose>& last_solution);
 
-// Returns each pair's constant range error at `poses`: the maximum a posteriori estimate over the ranges whose flag in
-// `counts` is true, with a zero-mean prior of bias_sigma_m.
+// Returns the constant range error of each pair of agents at `poses`: the maximum a posteriori estimate over the ranges
+// whose flag in `counts` is true, with a zero-mean prior with standard deviation bias_sigma_m.
 PairNumbers EstimateBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const std::vector<Pose>& poses,
                            const std::vector<bool>& counts, double bias_sigma_m);
 

@@ -18,7 +18,7 @@ struct Group {
   std::optional<Eigen::Vector3d> fixed_m;  // Position of a fixed node that accepted ranges join to the group.
 };
 
-// A node's position in the last solution and in the new one.
+// A node's position in the last and in the new solution.
 struct Move {
   Eigen::Vector3d last_m;
   Eigen::Vector3d solved_m;
@@ -39,7 +39,7 @@ std::vector<Move> FindMoves(const CheckedGraph& graph, const Group& group, const
   return moves;
 }
 
-// Returns the motion (a rotation about z and a translation) that brings the solved positions closest to the last
+// Returns the motion (a rotation about z and a translation) that moves the solved positions closest to the last
 // positions. With `pivot_m`, the motion is only a rotation about `pivot_m`.
 Pose FindWayBack(const std::vector<Move>& moves, const std::optional<Eigen::Vector3d>& pivot_m) {
   Eigen::Vector3d last_m = Eigen::Vector3d::Zero();
@@ -54,8 +54,8 @@ Pose FindWayBack(const std::vector<Move>& moves, const std::optional<Eigen::Vect
   for (const Move& move : moves) {
     const Eigen::Vector3d from = move.solved_m - solved_m;
     const Eigen::Vector3d to = move.last_m - last_m;
-    // A node's heading counts like a point one metre ahead of it. It decides the rotation of a group that did not
-    // drive.
+    // A node's heading counts like a point one metre ahead of the node. Headings decide the rotation of a group that
+    // has not driven.
     sine += from.x() * to.y() - from.y() * to.x() + std::sin(move.turn_rad);
     cosine += from.head<2>().dot(to.head<2>()) + std::cos(move.turn_rad);
   }

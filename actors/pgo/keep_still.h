@@ -1,13 +1,8 @@
-// KeepStill: fixes the gauge by removing rigid motions of a trajectory that the measurements do not determine.
+// KeepStill: removes rigid motions between two solutions that the measurements do not determine (gauge freedom).
 //
-// The data leave gauge freedom: directions in which a rover, or a part of the team joined by ranges, can move rigidly
-// at almost no cost. Examples are a rotation about the base station if no start is known, and a shift within the
-// uncertainty of a start. A solve ends anywhere along such a direction. Without KeepStill, each solve would move every
-// pose, and every map that depends on the pose, by centimetres for no reason.
-//
-// KeepStill therefore undoes the rigid motion (a rotation about z and a translation) since the last solution, if the
-// motion exceeds the publication threshold and undoing it costs almost nothing. Shapes remain as solved. Pure
-// functions.
+// A rover, or a part of the team joined by ranges, can often move rigidly at almost no cost. Examples are a rotation
+// about the base station if no start is known, and a shift within the uncertainty of a start. Without KeepStill, each
+// solve would move every pose, and every map that depends on the pose, by centimetres for no reason.
 #pragma once
 
 #include <vector>
@@ -17,9 +12,10 @@
 
 namespace moondb {
 
-// Returns `state` with its rigid motions undone, first of parts of the team, then of single rovers. `is_inlier`: flags
-// of the accepted ranges, which join rovers to parts. The robust cost rises by less than SolverOptions::still_cost in
-// total.
+// Returns `state` with rigid motions since `last` (a rotation about z and a translation) undone, first of parts of the
+// team, then of single rovers. A motion is undone if it exceeds SolverOptions::still_move_m or still_move_rad, and if
+// the robust cost then rises by less than still_cost in total. `is_inlier`: flags of the accepted ranges, which join
+// rovers to parts.
 State KeepStill(const CheckedGraph& graph, const std::vector<Rover>& rovers, const CostTerms& terms,
                 const std::vector<bool>& is_inlier, const LastSolution& last, const SolverOptions& options,
                 State state);

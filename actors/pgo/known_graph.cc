@@ -8,7 +8,7 @@ namespace moondb {
 
 namespace {
 
-// Calls `take` with the record key and the item of the valid (first) record of each natural key.
+// Calls `take` once per natural key, with the record key and the item of the valid (first) record.
 template <typename Records, typename Take>
 void ForEachStanding(const Records& records, const Take& take) {
   for (auto record = records.begin(); record != records.end(); ++record) {

@@ -1,12 +1,10 @@
-// KnownGraph: the pose graph in this agent's storage, with all poses and verdicts that leaders have published.
-//
-// KnownGraph is filled from records in any order, each once. Published poses and verdicts are read back like any other
-// record. A new or restarted leader therefore continues from the previous leader's solution, except for moves too small
-// to be published (publication.h). Single-threaded.
+// KnownGraph: the pose graph in this agent's storage, with all poses and verdicts that leaders have published. A new or
+// restarted leader continues from these poses and verdicts.
 //
 // Nodes and edges have separate limits. Beyond a limit, the agents with the most records keep only their newest records
 // (model/origin_quota.h), so the graph depends only on the set of records. Published poses and verdicts have limits
 // too. Beyond these limits, later arrivals are dropped, which is acceptable because only leaders publish.
+// Single-threaded.
 #pragma once
 
 #include <cstdint>
@@ -39,31 +37,31 @@ class KnownGraph {
   // The part of the graph that a solve uses.
   struct Selection {
     PoseGraph graph;
-    std::map<AgentId, std::uint64_t> left_out;  // Number of edges left out, by origin.
+    std::map<AgentId, std::uint64_t> left_out;  // Number of edges left out, by the origin of their records.
   };
 
   KnownGraph() : KnownGraph(Limits()) {}
   explicit KnownGraph(const Limits& limits);
 
-  // Adds a node, edge, optimized pose or edge verdict; ignores other types. Returns kInvalid for an invalid pose or
-  // covariance, without changing anything.
+  // Adds a node, edge, optimized pose or edge verdict; ignores other types. Call it once per record, in any order.
+  // Returns kInvalid for an invalid pose or covariance, without changing anything.
   //
   // Conflicts are resolved independently of the order of arrival, so all agents hold the same graph. Among poses of one
-  // node, or verdicts of one edge, the one with the highest (term, run) is kept; if several have it, the one with the
-  // greatest record key. Among records of one natural key (a node's key, or an edge's kind and ends) the one with the
-  // smallest record key is kept.
+  // node, or verdicts on one edge, the record with the highest (term, run, record key) is kept. Among nodes or edges
+  // with the same natural key (the node's key, or the edge's kind and ends), the record with the smallest record key is
+  // kept.
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
-  // Returns all nodes and edges.
   PoseGraph graph() const { return SelectForSolve({UINT64_MAX, UINT64_MAX}).graph; }
   // Returns a graph whose solve stays within `size`. The graph contains all nodes, the odometry from each node to the
   // next, and the newest other edges of each origin, up to a limit per origin. The limit starts at the largest number
   // of such edges of any origin, and is halved until the solve fits or the limit is zero.
   Selection SelectForSolve(const SolveSize& size) const;
-  // Returns the maximum size of a solve with this many nodes. Public pose graphs need several times less.
+  // Returns the maximum size of a solve with this many nodes. Public benchmark graphs need several times less.
   static SolveSize SolveSizeMax(std::size_t node_count);
   std::size_t node_count() const { return nodes_.size(); }
-  // Number of records dropped because a limit was reached, by origin. Origins without dropped records are absent.
+  // Returns the number of records dropped because a limit was reached, by origin. Origins without dropped records are
+  // absent.
   std::map<AgentId, std::uint64_t> CountLeftOut() const;
 
   // Returns the newest published pose of each node, and the ranges whose newest verdict is "rejected".
@@ -79,7 +77,8 @@ class KnownGraph {
 
   std::vector<NodeKey> NewestNodes() const;  // Returns the newest node of each agent.
 
-  // Returns the largest known run of `term`; 0 if there is none.
+  // Returns the number of the last known solve (run) in `term`; 0 if none is known, or if a solve of a later term is
+  // known.
   std::uint64_t LastRun(const proto::Term& term) const;
 
  private:
@@ -87,7 +86,7 @@ class KnownGraph {
   using Version = std::pair<Run, RecordKey>;
 
   using EdgeName = std::pair<NodeKey, NodeKey>;  // The edge's ends (from, to).
-  // Keyed by natural key, then by record key. The first record of each natural key is the valid one.
+  // Keyed by (natural key, record key). The first record of each natural key is the valid one.
   template <typename Name, typename Item>
   using Records = std::map<std::pair<Name, RecordKey>, Item>;
   struct EdgeNote {

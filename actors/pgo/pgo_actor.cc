@@ -42,8 +42,7 @@ void PgoActor::OnStart(Context& context) {
   context.Watch(Topic::kStored);
 }
 
-// Accepts messages only from actors of this agent. Clients send their requests to the gateway, which checks them and
-// passes them on. Other agents have no requests for this actor.
+// Accepts messages only from actors of this agent. Requests of clients arrive through the gateway.
 void PgoActor::OnMessage(Context& context, const proto::Message& message) {
   if (context.sender().agent != options_.self) return;
   if (reader_.OnMessage(context, message)) return OnRead(context);
@@ -87,7 +86,7 @@ void PgoActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const bool is_new_term = !roles_ || OrderOf(roles_->term()) != OrderOf(roles.term());
   if (is_new_term) last_run_ = 0;
   roles_ = roles;
-  if (is_new_term) AwaitQuiet(context);  // Records that arrived under another leader have not been solved here.
+  if (is_new_term) AwaitQuiet(context);  // Schedules a solve of the records that other leaders left.
   if (phase_ == Phase::kIdle) return;
   if (const std::optional<Error> error = WhyNotLeader()) return FinishWith(context, *error);
   if (is_new_term) FinishWith(context, Error{ErrorCode::kRefused, "the roles changed meanwhile; ask again", {}});
@@ -303,8 +302,8 @@ void PgoActor::Answer(Context& context, const Requester& requester, const proto:
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(requester.request_id);
   *message.mutable_optimize_reply() = reply;
-  (void)context.Send(requester.address,
-                     std::move(message));  // Ignore a failed send: the requester may have disconnected.
+  // Ignore a failed send: the requester may have disconnected.
+  (void)context.Send(requester.address, std::move(message));
 }
 
 }  // namespace moondb

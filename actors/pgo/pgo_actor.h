@@ -1,33 +1,16 @@
-// PgoActor: on request, the leader solves the team's pose graph and publishes the trajectories (paper, Section 5.2).
+// PgoActor: the leader solves the team's pose graph, on request or periodically, and publishes the poses that moved and
+// the verdicts that changed as records (paper, Section 5.2; docs/POSE_GRAPH.md).
 //
-//   OptimizeRequest -> reads new records from its storage, page by page -> solves, in the handler -> inserts the poses
-//   that moved and the verdicts that changed, in chunks -> OptimizeReply, once all of them are committed.
+// A request that arrives during a solve waits. If it equals the request in progress and arrived before the solver ran,
+// both requests get the same reply. Otherwise the request is processed later, in order of arrival. A reply is sent once
+// all published records are committed.
 //
-// A request may ask for a solve from scratch, a solve of only a window of the newest nodes, or covariances
-// (proto/graph.proto).
+// If this agent is not the leader, or if the roles change during the solve, the reply is kRefused. If too many requests
+// wait, the reply is kFull. If storage does not answer, the reply is kTimedOut. Records that were committed before an
+// error remain.
 //
-// With `solve_when_quiet` the leader also solves periodically. A solve starts once no nodes or edges have been stored
-// for this duration, which indicates a completed sync. If records never stop arriving, a solve starts `solve_apart`
-// after the first unsolved record.
-//
-// Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy and read back
-// here. A new leader therefore continues from the previous leader's solution.
-//
-// An agent that is not the leader refuses requests with kRefused and the leader's name. A request that arrives during a
-// solve waits. If it equals the request in progress and arrived before the solver ran, both get the same reply.
-// Otherwise it is processed later, in order of arrival. At most `requesters_max` requests wait; further requests are
-// refused with kFull.
-//
-// If storage does not answer within `storage_timeout`, the reply is kTimedOut. Records that storage has already
-// committed remain, and are not published again. If a leader loses its role, it replies kRefused and writes no further
-// chunk. If the role change arrives while the solver runs, nothing is published.
-//
-// A solve has limits (KnownGraph::Limits, SolveSizeMax, solve_time_max). If a limit on records is exceeded, the agents
-// with the most records lose some of them first. AgentStatus.refused names these agents.
-//
-// Subscribes to RolesChanged (and requests the roles from RoleActor at the start), OptimizeRequest, GraphStatsRequest
-// and RecordsStored. Spawn it under actor_name::kPgo on its own thread: a solve takes up to seconds. Solves end early
-// when the system stops.
+// Watches Topic::kRoles and Topic::kStored. Spawn this actor under actor_name::kPgo on its own thread, because a solve
+// takes seconds. A solve ends early when the system stops.
 #pragma once
 
 #include <cstdint>
@@ -53,10 +36,11 @@ class PgoActor final : public Actor {
     proto::TeamConfig team;  // Validated configuration: start poses, antennas, the base station's position, names.
     SolverOptions solver;    // Set thread_count to 1 in simulation. The actor overrides stop_requested.
     PublicationOptions publication;
-    // A periodic solve starts once the graph has not changed for this long. 0: solve only on request.
+    // A periodic solve starts once no nodes or edges have been stored for this long, which indicates a completed sync.
+    // 0: solve only on request.
     Duration solve_when_quiet{};
-    Duration solve_apart = std::chrono::seconds(60);    // Minimum time between two periodic solves.
-    Duration solve_time_max = std::chrono::minutes(5);  // Time limit; a solve that exceeds it changes nothing.
+    Duration solve_apart = std::chrono::seconds(60);    // Minimum time between periodic solves.
+    Duration solve_time_max = std::chrono::minutes(5);  // A solve that takes longer changes nothing.
     std::size_t requesters_max = 16;                    // Maximum number of requests that wait.
     std::size_t read_records_max = 1000;                // Maximum number of records per page.
     std::size_t insert_records_max = 200;               // Maximum number of records per chunk.
@@ -75,7 +59,8 @@ class PgoActor final : public Actor {
     Address address;
     std::uint64_t request_id = 0;
     proto::OptimizeRequest request;
-    // True if the request arrived after the current solve had read its records. The next solve then answers it.
+    // True if the request arrived after the current solve had read its records. The next solve then answers the
+    // request.
     bool is_late = false;
   };
 
@@ -98,8 +83,8 @@ class PgoActor final : public Actor {
   std::optional<Error> WhyNotLeader() const;
   Result<void> TakeRecord(const proto::StoredRecord& stored);
   void SolveNow(Context& context);
-  // Reports the records that the solve does not use, because of a limit or of their origin's role. `left_out`: number
-  // of edges that this solve leaves out, by origin.
+  // Reports to storage the records that the solve does not use, because of a limit or of the origin's role. `left_out`:
+  // number of edges that this solve leaves out, by origin.
   void ReportLeftOut(Context& context, std::map<AgentId, std::uint64_t> left_out);
   SolverOptions OptionsOf(const proto::OptimizeRequest& request) const;
   void WriteNextChunk(Context& context);
@@ -125,16 +110,16 @@ class PgoActor final : public Actor {
   std::size_t written_count_ = 0;
   proto::OptimizeReply reply_;  // Reply to the request being processed.
 
-  // State of the wait until no more records arrive.
+  // State of the wait for a pause in arriving records, after which a periodic solve starts.
   struct Quiet {
     bool is_awaited = false;      // True if the timer for the next periodic solve is running.
-    MonotonicTime oldest_news{};  // Arrival time of the oldest record that no solve has seen.
+    MonotonicTime oldest_news{};  // Arrival time of the oldest record that no solve has read.
     MonotonicTime newest_news{};
     std::optional<MonotonicTime> last_periodic;
   };
   Quiet quiet_;
 
-  // Last run that this agent has published in the current term since this actor's restart.
+  // Number of the last solve (run) that this actor has published in the current term.
   std::uint64_t last_run_ = 0;
   proto::GraphStatsReply stats_;
 };

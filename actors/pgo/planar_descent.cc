@@ -11,7 +11,7 @@ namespace {
 constexpr double kFunctionTolerance = 1e-9;
 constexpr double kStepTolerance = 1e-9;  // Tolerance relative to the norm of all unknowns.
 constexpr double kGradientTolerance = 1e-10;
-constexpr double kRoundingPart = 1e-13;  // Fraction of F lost to rounding in its sum.
+constexpr double kRoundingPart = 1e-13;  // Rounding error of F, as a fraction of F.
 constexpr double kRadiusMax = 1e16;
 constexpr double kRadiusMin = 1e-32;
 constexpr double kDiagonalMin = 1e-6;
@@ -90,8 +90,8 @@ class Descent {
     shrink_ *= 2;
   }
 
-  // Computes the next step. Returns the decrease of F that the linearisation predicts for it; not positive if no step
-  // was found.
+  // Computes the next step. Returns the decrease of F that the linearisation predicts for this step; not positive if no
+  // step was found.
   double Solve(Eigen::VectorXd& step) {
     const Eigen::SparseMatrix<double>& normal = system_.normal().lower();
     std::copy(normal.valuePtr(), normal.valuePtr() + normal.nonZeros(), damped_.valuePtr());
@@ -114,7 +114,7 @@ class Descent {
   double shrink_ = 2;
   Curvature curvature_ = Curvature::kGaussNewton;
   int gauss_newton_steps_ = 0;  // Number of Gauss-Newton steps before the exact curvature is tried again.
-  // gauss_newton_steps_ is set to this when the next step with exact curvature is rejected.
+  // Value that gauss_newton_steps_ gets when the next step with exact curvature is rejected.
   int wait_ = 1;
   Eigen::SparseMatrix<double> damped_;
   OrderedCholesky factorised_;

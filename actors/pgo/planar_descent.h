@@ -1,12 +1,10 @@
-// MinimisePlanar: Levenberg-Marquardt in the plane with variable projection, which re-solves all positions after each
-// step.
+// MinimisePlanar: Levenberg-Marquardt in the plane with variable projection (Ruhe and Wedin, 1980): after each step,
+// all positions are solved again for the new rotations.
 //
-// In a long chain of poses, a step along the tangent of a rotation stretches the chain. Levenberg-Marquardt then takes
-// thousands of small steps through a shallow valley of the cost in which distant poses must swing along. Re-solving the
-// positions lets them swing along, so that the search is only over rotations (variable projection; Ruhe and Wedin,
-// 1980). Re-solving is cheap, because its matrix is factorised only once. Near the minimum the exact second derivatives
-// are used if they are positive definite. Along a shallow valley the Gauss-Newton approximation of the second
-// derivatives is too large, and its steps are too short.
+// In a long chain of poses, one rotation must move all later poses. Without variable projection, Levenberg-Marquardt
+// then takes thousands of small steps. Solving the positions again is cheap, because the matrix is factorised only
+// once. Near the minimum the exact second derivatives are used if they are positive definite, because Gauss-Newton
+// steps are too short along a shallow valley of the cost.
 #pragma once
 
 #include <functional>

@@ -92,7 +92,7 @@ void PlanarSystem::Linearise(const PlanarState& state, Curvature curvature) {
 void PlanarSystem::LineariseArm(std::size_t arm, const PlanarState& state) {
   const auto& [from, to, arm_m, turn_rad, tau, kappa] = arms_[arm];
   const Eigen::Vector2d turned_m = Turned(arm_m, state[from].z());
-  // Velocity of the arm's end per radian of rotation of the first node.
+  // Derivative of turned_m by the yaw of `from`.
   const Eigen::Vector2d swing_m = QuarterTurn(turned_m);
   const Eigen::Vector2d error_m = (state[to] - state[from]).head<2>() - turned_m;
   const double turn_error_rad = state[to].z() - state[from].z() - turn_rad;
@@ -105,7 +105,7 @@ void PlanarSystem::LineariseArm(std::size_t arm, const PlanarState& state) {
   Eigen::Matrix3d own = Eigen::Matrix3d::Zero();
   own.diagonal() << tau, tau, tau * arm_square + stiffness;
   own.block<1, 2>(2, 0) = tau * swing_m.transpose();
-  Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();  // Block of the pair of nodes. Its rows belong to the first node.
+  Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();  // Rows of `from`, columns of `to`.
   cross.diagonal() << -tau, -tau, -stiffness;
   cross.block<1, 2>(2, 0) = -tau * swing_m.transpose();
   Eigen::Matrix3d other = Eigen::Matrix3d::Zero();
@@ -119,7 +119,7 @@ void PlanarSystem::LineariseRange(std::size_t range, const PlanarState& state) {
   const auto& [from, to, range_m, weight] = ranges_[range];
   const Eigen::Vector2d apart_m = (state[to] - state[from]).head<2>();
   const double distance_m = apart_m.norm();
-  // Without a distance the direction is undefined. Its derivative counts as zero.
+  // At distance zero the direction is undefined. Its derivative counts as zero.
   if (distance_m <= kZeroLength_m) return;
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();
   direction.head<2>() = apart_m / distance_m;

@@ -31,8 +31,9 @@ class PlanarSystem {
 
   double Cost(const PlanarState& state) const;
 
-  // Sets gradient() to the gradient of F / 2 at `state`, and normal() to the second derivatives of F / 2. kGaussNewton
-  // approximates them by J^T J, which is never indefinite; kExact computes them exactly.
+  // Sets gradient() to the gradient of F / 2 at `state`, and normal() to the second derivatives of F / 2. With
+  // kGaussNewton the second derivatives are approximated by J^T J, which is never indefinite. With kExact they are
+  // exact.
   void Linearise(const PlanarState& state, Curvature curvature);
   const BlockMatrix& normal() const { return normal_; }
   const Eigen::VectorXd& gradient() const { return gradient_; }
@@ -42,12 +43,11 @@ class PlanarSystem {
   // Moves all positions to the minimum of F for the current rotations and, if there are ranges, for the current
   // directions of the ranges. This is one linear solve with a constant matrix.
   //
-  // F does not increase, because (|p| - r)^2 is the minimum of |p - r n|^2 over unit vectors n (Papalia et al., CORA).
-  // Does nothing if the positions are not determined.
+  // F does not increase (Papalia et al., CORA). Does nothing if the positions are not determined.
   void SettlePositions(PlanarState& state);
 
  private:
-  // A step or a sighting. For a sighting the weight of the rotation is zero.
+  // A step or a sighting. For a sighting kappa, the weight of the rotation, is zero.
   struct Arm {
     std::size_t from = 0;
     std::size_t to = 0;

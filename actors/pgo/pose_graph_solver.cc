@@ -35,8 +35,8 @@ PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& a
   return EstimateBiases(graph, agents, initial.poses, counts, options.bias_sigma_m);
 }
 
-// Returns one flag per node: true if the node is variable. In a window only these nodes are variable: the newest nodes
-// of each rover, and nodes without a previous solution.
+// Returns one flag per node: true if the node is variable. If `window_nodes` is not 0, only the newest nodes of each
+// rover and nodes without a previous solution are variable.
 std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& rovers, const InitialValues& initial,
                            std::size_t window_nodes) {
   std::vector<bool> is_free(graph.nodes.size(), false);
@@ -49,7 +49,7 @@ std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& 
   return is_free;
 }
 
-// Returns the verdicts on the ranges that took part in the solve, or, if `is_all`, on all ranges. A range that did not
+// Returns the verdicts on the ranges that took part in the solve, or on all ranges if `is_all`. A range that did not
 // take part keeps its previous verdict.
 std::vector<RangeVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerms& terms, const StagedResult& staged,
                                        bool is_all) {
@@ -63,7 +63,7 @@ std::vector<RangeVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerm
   return verdicts;
 }
 
-// Returns the rovers that are at different places in the two solutions.
+// Returns the rovers that are more than kApart_m apart in the two solutions.
 std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const State& b) {
   std::set<AgentId> apart;
   for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
@@ -73,12 +73,12 @@ std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const Sta
   return apart;
 }
 
-// One start of the solver, and its result.
+// One solve from one set of initial values, and its result.
 struct Attempt {
   SolveInitialValues initial_values = SolveInitialValues::kOdometry;
   InitialValues initial;
   std::vector<StartPrior> starts;
-  SolverOptions options;  // Copy of the options, with the window of this attempt.
+  SolverOptions options;  // The caller's options, with window_nodes of this attempt.
   std::unique_ptr<CostTerms> terms;
   StagedResult staged;
   // Robust cost of the solution. If the attempt was not accepted, the robust cost at its initial values.
@@ -119,19 +119,19 @@ class Solver {
  private:
   bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
 
-  // Solves from the last solution. If the result is suspect, also solves from odometry and returns the better of the
-  // two.
+  // Solves from the last solution. If the result is suspect, also solves from odometry and returns the better attempt.
   AttemptPointer Best() const {
     AttemptPointer best = BestFrom(initial_);
     if (!initial_.has_warm || IsStopped() || !IsSuspect(*best)) return best;
     AttemptPointer cold = BestFrom(FindInitialValues(checked_, rovers_, starts_, {}));
-    // The robust cost of an attempt that was not accepted is the cost at its initial values. The negative margin
-    // accepts a cold solution that has found the same place again, at about the same cost.
+    // If `best` was not accepted, its robust cost is the cost at its initial values. The negative margin then accepts a
+    // cold solution of about the same cost.
     const double margin = best->staged.is_accepted ? options_.ambiguous_cost : -options_.still_cost;
     return IsBetter(*cold, *best, margin) ? std::move(cold) : std::move(best);
   }
 
-  // Solves from `initial` as given, and again with the unknown rovers placed elsewhere. Returns the best attempt.
+  // Solves from `initial`, and from each arrangement of the rovers without a configured start. Returns the best
+  // attempt.
   AttemptPointer BestFrom(const InitialValues& initial) const {
     std::vector<InitialValues> elsewhere;
     if (!unknown_.empty()) {
@@ -147,7 +147,8 @@ class Solver {
     for (const InitialValues& initial_values : elsewhere) {
       if (IsStopped()) break;
       attempts.push_back(Try(initial_values, SolveInitialValues::kArrangedRovers, /*window_nodes=*/0));
-      // If a rover already has a place, accept another place only if it is clearly better.
+      // If the last solution has placed a rover without a configured start, accept another place only if that place is
+      // clearly better.
       const double margin = best == 0 && is_warm && attempts[0]->staged.is_accepted ? options_.ambiguous_cost : 0;
       if (IsBetter(*attempts.back(), *attempts[best], margin)) best = attempts.size() - 1;
     }
@@ -196,8 +197,8 @@ class Solver {
                                        FindFree(checked_, rovers_, attempt.initial, options.window_nodes), options);
   }
 
-  // Returns the priors of all rovers. A rover with unknown start gets a prior at its initial values, with sigmas so
-  // large that the prior costs nothing.
+  // Returns the start priors of all rovers. The prior of a rover without a configured start is the rover's initial
+  // pose, with sigmas so large that the prior costs nothing.
   std::vector<StartPrior> StartsAt(const InitialValues& initial) const {
     std::vector<StartPrior> starts = starts_;
     for (const std::size_t i : unknown_) {
@@ -271,7 +272,7 @@ class Solver {
   const CheckedGraph checked_;
   std::vector<Rover> rovers_;
   std::vector<StartPrior> starts_;
-  // Rovers that have no configured start and that ranges join to others, as indices in rovers_.
+  // Indices in rovers_ of the rovers that have no configured start and that ranges join to others.
   std::vector<std::size_t> unknown_;
   InitialValues initial_;
   Solution solution_;

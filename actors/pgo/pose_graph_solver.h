@@ -1,5 +1,4 @@
-// SolvePoseGraph: estimates all rovers' trajectories from odometry and ranges (paper, Section 5.2: poses, VIO edges and
-// UWB edges handed to Ceres).
+// SolvePoseGraph: estimates all rovers' trajectories from odometry and ranges (paper, Section 5.2).
 //
 // The solver minimises the following cost over the poses x, each rover's odometry scale s and the bias b of each pair
 // of radios:
@@ -8,29 +7,19 @@
 //           + sum_rover |start prior|^2 + sum_node |gravity|^2 + sum (s / 2 %)^2 + sum (b / 0.1 m)^2 )
 //
 // The solve has these stages:
-// 1. leave out damaged records (graph_check.h);
+// 1. leave out unusable records (graph_check.h);
 // 2. take initial values from the last solution (initial_values.h);
-// 3. minimise with a Cauchy loss on ranges, which tolerates one long range in twenty;
+// 3. minimise with a Cauchy loss on ranges, because many ranges are too long;
 // 4. reject ranges beyond 3.5 sigma;
-// 5. solve least squares over the remaining ranges and test all ranges again, until the tests agree with the previous
-//    ones.
+// 5. repeat least squares over the accepted ranges and tests of all ranges, until the verdicts no longer change.
 //
-// UWB through walls and around rocks measures distances that are too long, in bursts. Least squares over such ranges is
-// worse than odometry without ranges.
-//
-// A warm solve (nearly all nodes have been solved before) starts from the last verdicts instead of the Cauchy stage, so
-// an unchanged graph keeps its poses. If a rover's new ranges do not fit its initial values, a Cauchy stage judges the
-// new ranges and the rejected ranges, while the accepted ranges keep full weight. Rigid motions that the data do not
-// require are undone (keep_still.h). A rover without a configured start is placed by its ranges in every solve
-// (unknown_starts.h). The rover is moved to another place only if that lowers the cost by at least `ambiguous_cost`.
-//
-// A solution is accepted only if all numbers are finite, Ceres converged, and F over the accepted ranges is not above
-// its initial value. If a warm solution is not accepted, or rejects most ranges of a rover, the graph is also solved
-// from odometry, and the solution with the lower robust cost is used. If no solution is accepted, `poses` are the
-// initial values and `text` gives the reason.
+// A warm solve (nearly all nodes have been solved before) starts from the last verdicts instead of stage 3, so an
+// unchanged graph keeps its poses. If a warm solution is not accepted, or rejects most ranges of a rover, the graph is
+// also solved from odometry, and the solution with the lower robust cost is used. A rover without a configured start is
+// placed by its ranges (unknown_starts.h).
 //
 // Deterministic: the same values in any order give the same solution, to the last bit for one thread count and binary.
-// A pure function of its arguments; may run on any thread. Run times: docs/benchmarks/pose_graph.md.
+// May run on any thread.
 //
 //   SolverOptions options;
 //   options.thread_count = 1;
@@ -50,44 +39,44 @@
 namespace moondb {
 
 // Source of the up direction at a node. Raw poses from visual-inertial odometry observe gravity, so their roll and
-// pitch are right on slopes too. In recordings made on a floor, raw poses are plain sums of noisy steps and their tilt
-// is meaningless. The ground then counts as level. kChosen decides for each rover from its own trajectory (ground.h).
+// pitch are right on slopes too. In recordings made on a floor, raw poses are sums of noisy steps, and their tilt is
+// meaningless. kLevelGround therefore assumes no tilt. kChosen decides for each rover from its own trajectory
+// (ground.h).
 enum class GravityReference { kChosen, kRawPoses, kLevelGround };
 
 struct SolverOptions {
   int thread_count = 2;         // Number of Ceres threads; 1 in simulation.
   int iterations_max = 100;     // Maximum number of iterations per stage.
   double cauchy_sigmas = 2;     // Scale of the Cauchy loss of the robust stage.
-  double huber_sigmas = 1.345;  // Scale of Huber's loss, which exists only for comparison.
+  double huber_sigmas = 1.345;  // Scale of the Huber loss, used only for comparison.
   double reject_sigmas = 3.5;   // Ranges with larger residuals are left out of the last stage.
-  // Limit for a range next to a rejected range of the same pair, if both residuals have the same sign.
+  // Replaces reject_sigmas for a range next to a rejected range of the same pair, if both residuals have the same sign.
   double burst_sigmas = 2.5;
   double scale_sigma = 0.02;   // Standard deviation of a rover's odometry scale about 1.
   double bias_sigma_m = 0.10;  // Standard deviation of a pair's constant range error about 0.
   GravityReference gravity_reference = GravityReference::kChosen;
   double gravity_sigma_rad = 0.02;  // Standard deviation of roll and pitch about gravity_reference.
   double ambiguous_cost = 10;       // Two solutions whose robust F differs by less are considered ambiguous.
-  // Limits of keep_still.h. A rigid motion above still_move_m or still_move_rad is undone if F then rises by less than
-  // still_cost.
+  // Limits of KeepStill (keep_still.h). A rigid motion above still_move_m or still_move_rad is undone if F then rises
+  // by less than still_cost.
   double still_move_m = 0.01;
   double still_move_rad = 0.002;
   double still_cost = 0.25;
-  // Prior on the first pose of a rover that has neither a configured start nor ranges, and on the first pose after a
-  // gap.
+  // Standard deviations of the prior on the first pose of a rover that has neither a configured start nor ranges, and
+  // on the first pose after a gap in the odometry.
   double loose_sigma_m = 10;
   double loose_sigma_rad = 1;
-  // Size of a window, for a quick answer: only this many newest nodes of each rover, and nodes without a previous
-  // solution, are variable. Scales, biases and all other poses are held constant. 0: all nodes are variable. All nodes
-  // are also variable if less than 80 % of them have been solved before, or if a rover without a configured start might
-  // belong elsewhere.
+  // If not 0, only this many newest nodes of each rover, and all nodes without a previous solution, are variable. The
+  // solve is then quick. Scales, biases and all other poses are held constant. Ignored if less than 80 % of the nodes
+  // have been solved before, or if a rover without a configured start might belong elsewhere.
   std::size_t window_nodes = 0;
-  // Nodes whose covariance is also computed. Costs about as much as a warm solve.
+  // Nodes whose covariance is also computed. This takes about as long as a warm solve.
   std::vector<NodeKey> covariance_of = {};
   // Polled once per iteration. If it returns true, the solve ends and its solution is not accepted.
   std::function<bool()> stop_requested = {};
 };
 
-// The last published solution, from which a solve continues. This leader or an earlier one published it.
+// The last published solution, from which a solve continues.
 struct LastSolution {
   std::map<NodeKey, Pose> poses;  // map_from_node of each node.
   // Rejected ranges, each given by its two nodes. All other ranges between nodes in `poses` were accepted.
@@ -108,7 +97,7 @@ enum class Anchoring {
 // Initial values of the returned solution.
 enum class SolveInitialValues {
   kOdometry,        // Start poses and odometry.
-  kLastSolution,    // The last solution, with at least 80 % of the nodes that are not fixed.
+  kLastSolution,    // The last solution, which contains at least 80 % of the free nodes.
   kArrangedRovers,  // Rovers without a known start were placed by their ranges.
 };
 
@@ -122,10 +111,9 @@ struct RoverResult {
   std::size_t node_count = 0;
   std::size_t range_count = 0;  // Number of accepted ranges of this rover.
   std::size_t rejected_range_count = 0;
-  std::string text;  // Describes everything that could not be determined. Empty if all was determined.
+  std::string text;  // Describes problems with this rover's data or place. Empty if there are none.
 };
 
-// Verdicts on the usable ranges that took part in the solve, in the order of CheckedGraph::ranges.
 struct RangeVerdict {
   NodeKey from;
   NodeKey to;
@@ -134,18 +122,18 @@ struct RangeVerdict {
 };
 
 struct Solution {
-  bool is_accepted = false;
+  bool is_accepted = false;  // True if all numbers are finite, Ceres converged, and F did not increase.
   SolveInitialValues initial_values = SolveInitialValues::kOdometry;
-  // One line: the reason why the old poses are kept, or the records that were left out. May be empty.
+  // The reason why the solution is not accepted, or that there is nothing to solve. Otherwise empty.
   std::string text;
-  std::map<NodeKey, Pose> poses;     // map_from_node of every usable node, including base stations.
-  std::vector<RangeVerdict> ranges;  // Verdicts of the last stage. Empty if not accepted.
+  std::map<NodeKey, Pose> poses;     // map_from_node of every usable node. The initial values if not accepted.
+  std::vector<RangeVerdict> ranges;  // In the order of CheckedGraph::ranges. Empty if the solution is not accepted.
   // Covariances of the nodes in SolverOptions::covariance_of, including nodes outside a window. Rows are the position
-  // in the frame `map` (m), then the rotation in the node's own frame (rad). Absent for base stations, and for rovers
-  // whose place in the map is unknown (kYawFree, kUnanchored). The covariance of an ambiguous rover is valid for the
-  // place that the solve chose.
+  // in the frame `map` (m), then the rotation in the node's own frame (rad). Base stations, and rovers whose place in
+  // the map is unknown (kYawFree, kUnanchored), have none. The covariance of an ambiguous rover is valid for the place
+  // that the solve chose.
   std::map<NodeKey, Matrix6d> covariances;
-  std::vector<RoverResult> rovers;  // Sorted by agent. Empty if not accepted.
+  std::vector<RoverResult> rovers;  // Sorted by agent. Empty if the solution is not accepted.
   LeftOutMap left_out;              // Unusable nodes and edges.
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;

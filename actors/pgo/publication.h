@@ -1,5 +1,4 @@
 // Converts a solution to records (poses that moved, verdicts that changed) and to the reply that the requester gets.
-// Pure functions.
 #pragma once
 
 #include <cstdint>

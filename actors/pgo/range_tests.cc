@@ -12,12 +12,13 @@ namespace {
 // Hysteresis: a rejected range is accepted again only below this fraction of the limit. Otherwise verdicts could
 // alternate between tests.
 constexpr double kReturnPart = 0.9;
-// Factor on the limit for ranges of a new node, because its initial values come only from odometry.
+// Factor on the limit for ranges of a new node. The initial values of a new node come only from odometry.
 constexpr double kNewRangeSlack = 2;
 constexpr double kMisfitShareMax = 0.4;
 constexpr double kRejectedShareMax = 0.5;
 constexpr double kJudgedRangesMin = 4;  // Fewer ranges are not enough to judge a rover.
-// Two ranges of a pair belong to one burst only if they are at most this many of the pair's usual intervals apart.
+// Two consecutive ranges of a pair of agents belong to one burst only if their time difference is at most this many
+// times the pair's median interval.
 constexpr double kBurstIntervals = 3;
 
 struct Share {
@@ -49,8 +50,8 @@ std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
   return result;
 }
 
-// Rejects ranges next to a rejected range of the same pair beyond a lower limit, if the residuals have the same sign:
-// an obstacle blocks a line of sight for a while.
+// Also rejects a range next to a rejected range of the same pair, if both residuals have the same sign and the range's
+// residual exceeds its limit in `limits`. An obstacle makes several consecutive ranges too long.
 void ExtendBursts(const CheckedGraph& graph, const std::vector<std::size_t>& series,
                   const std::vector<double>& residuals, const std::vector<double>& limits,
                   std::vector<bool>& is_inlier) {

@@ -12,8 +12,8 @@ namespace {
 
 constexpr std::size_t kAnchoringRangesMin = 3;  // With fewer ranges, a rover has more than one possible place.
 
-// Returns `anchored` and all rovers that at least kAnchoringRangesMin accepted ranges join to these, directly or
-// through other rovers.
+// Returns `anchored`, extended by every rover that at least kAnchoringRangesMin accepted ranges join to agents already
+// in the set.
 std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set<AgentId> anchored) {
   for (bool has_grown = true; has_grown;) {
     has_grown = false;

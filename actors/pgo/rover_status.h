@@ -1,4 +1,4 @@
-// Summarises, for each rover, what a solve determined and what it could not determine.
+// Summarises what a solve could and could not determine about each rover.
 #pragma once
 
 #include <set>
@@ -10,8 +10,8 @@
 
 namespace moondb {
 
-// Returns one result per rover. `scales`: odometry scale error s of each rover. `ambiguous`: rovers whose ranges
-// another place fits nearly as well.
+// Returns one result per rover, in the order of `rovers`. `scales`: odometry scale error s of each rover. `ambiguous`:
+// rovers whose ranges another place fits nearly as well.
 std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                      const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges,
                                      const std::vector<double>& scales, const std::set<AgentId>& ambiguous);

@@ -24,8 +24,8 @@ SolveSize EstimateSolveSize(std::size_t node_count, const std::vector<std::pair<
   std::vector<int> step_of_node(node_count);
   for (int step = 0; step < size; ++step) step_of_node[static_cast<std::size_t>(node_of_step.indices()[step])] = step;
 
-  // For each row of the factor, follow the elimination tree from each matrix entry up to the first node already visited
-  // for this row.
+  // Symbolic Cholesky factorisation. For each row of the factor, follow the elimination tree from each matrix entry up
+  // to the first node already visited for this row.
   SolveSize found;
   std::vector<int> parent(node_count, -1);
   std::vector<int> seen_in(node_count, -1);

@@ -2,8 +2,8 @@
 //
 // Ceres factorises the normal equations. Each node is one block row; two nodes joined by an edge share a block, and the
 // factorisation adds further blocks (fill-in). Nodes are eliminated in approximate minimum degree order, which keeps
-// the fill-in small. A chain of n nodes has 2n blocks; n nodes that are all joined to each other have n^2/2 in any
-// order. Each block of the factor takes 288 bytes.
+// the fill-in small. A chain of n nodes has 2n blocks; n nodes that are all joined to each other have n^2/2 blocks in
+// any order. Each block of the factor takes 288 bytes.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ struct SolveSize {
 };
 
 // Counts the blocks and products of a solve of node_count nodes. `joined`: pairs of nodes by index, 0 to node_count -
-// 1; may contain duplicates. Counting stops once either number exceeds its value in `limit`.
+// 1; may contain duplicates. Counting stops once the number of blocks or products exceeds `limit`.
 SolveSize EstimateSolveSize(std::size_t node_count, const std::vector<std::pair<int, int>>& joined,
                             const SolveSize& limit);
 

@@ -1,4 +1,4 @@
-// SolveInStages: minimises from one set of initial values, alternating with tests of the ranges.
+// SolveInStages: minimises the cost from one set of initial values, alternating with outlier tests of the ranges.
 #pragma once
 
 #include <optional>
@@ -23,8 +23,8 @@ struct StagedResult {
 // Minimises with a Cauchy loss on ranges, then alternates least squares and range tests until a test gives the same
 // verdicts as the previous test.
 //
-// `first`: verdicts of a previous solve, for a warm start. They replace the Cauchy stage. If they are doubtful, the
-// Cauchy stage runs, but without the loss on previously accepted ranges.
+// `first`: verdicts that replace the Cauchy stage in a warm solve; nullopt in a cold solve. If `first` is doubtful, the
+// Cauchy stage runs, but without the loss on the ranges in is_trusted.
 StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph, const std::optional<FirstVerdicts>& first,
                            const SolverOptions& options);
 

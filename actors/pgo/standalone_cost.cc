@@ -18,8 +18,8 @@ namespace {
 // For StartQuality::kShallow, the maximum number of iterations is multiplied by this factor.
 constexpr int kShallowIterations = 5;
 
-// |R_j - R_i R_ij|^2 is twice |2 vec(dq)|^2, so a rotation covariance of 1 / (2 kappa) gives the term that the
-// benchmarks use.
+// |R_j - R_i R_ij|^2 is twice |2 vec(dq)|^2 (dq: factors.h), so a rotation covariance of 1 / (2 kappa) gives the
+// rotation term of F (standalone_graph.h).
 Matrix6d CovarianceOf(const PlainStep& step) {
   Matrix6d covariance = Matrix6d::Zero();
   covariance.diagonal() << Eigen::Vector3d::Constant(1 / step.tau), Eigen::Vector3d::Constant(1 / (2 * step.kappa));

@@ -1,9 +1,8 @@
 // StandaloneCost: the cost F of a StandaloneGraph, and its minimisation over a subset of the nodes. Spatial graphs use
 // Ceres. Planar graphs use planar_descent.h, which needs fewer and shorter steps than Ceres.
 //
-// The factors are created once. They serve every start and every prefix of the time. F is invariant to rigid motions:
-// if no active node of a connected component is fixed, the component's first pose is held constant. Single-threaded,
-// except for Ceres's own threads. `graph` must outlive this object.
+// F is invariant to rigid motions: if no active node of a connected component is fixed, the component's first pose is
+// held constant. `graph` and `options` must outlive this object. Single-threaded, except for Ceres's own threads.
 #pragma once
 
 #include <ceres/cost_function.h>
@@ -18,7 +17,7 @@
 namespace moondb {
 
 struct PlainOptions {
-  int thread_count = 2;  // Number of Ceres threads.
+  int thread_count = 2;
   int iterations_max = 200;
   // Polled once per iteration. If it returns true, the solve ends without convergence.
   std::function<bool()> stop_requested = {};
@@ -29,13 +28,13 @@ using ActiveNodes = std::vector<bool>;
 // One block per node, in the order of StandaloneGraph::nodes. A point uses only the first three numbers of its block.
 using PlainState = std::vector<PoseBlock>;
 
-// The quality of the initial values, which determines the initial trust region. kNear means close to the minimum,
-// kRough farther away. kShallow means in a shallow valley, where an earlier minimisation ended without convergence.
+// The quality of the initial values, which determines the initial trust region. kNear: close to the minimum. kRough:
+// farther away. kShallow: in a shallow valley, where an earlier minimisation ended without convergence.
 enum class StartQuality { kNear, kRough, kShallow };
 
 struct PlainFit {
   bool has_converged = false;
-  // F over the edges between active nodes at the end of the solve; infinity if the result is unusable.
+  // The cost F of the edges between active nodes at the end of the solve; infinity if the result is unusable.
   double cost = 0;
   int iterations = 0;
 };

@@ -10,7 +10,7 @@ namespace moondb {
 
 namespace {
 
-// Computes the weights of the benchmarks' isotropic cost from the translation and rotation covariance.
+// Returns a step with the isotropic weights tau and kappa of `covariance` (standalone_graph.h).
 PlainStep StepOf(const Pose& from_from_to, const Matrix6d& covariance, bool is_planar) {
   PlainStep step;
   step.from_from_to = from_from_to;
@@ -24,7 +24,8 @@ PlainStep StepOf(const Pose& from_from_to, const Matrix6d& covariance, bool is_p
   return step;
 }
 
-// Returns the covariance. Inverts the translation and rotation blocks separately, as the benchmarks' readers do.
+// Returns the covariance of an information matrix. Inverts the translation and rotation blocks separately, like the
+// code of SE-Sync and CORA.
 Matrix6d BlockInverse(const Matrix6d& information, bool is_planar) {
   Matrix6d covariance = Matrix6d::Identity();
   if (is_planar) {

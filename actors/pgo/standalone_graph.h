@@ -10,7 +10,7 @@
 // d / trace(translation covariance). In space kappa = 3 / (2 trace(rotation covariance)), in the plane kappa = 1 /
 // (variance of the yaw).
 //
-// Nodes are poses and points (landmarks). In 2-D all nodes lie in the plane z = 0. Value types.
+// Nodes are poses and points (landmarks). In 2-D all nodes lie in the plane z = 0.
 #pragma once
 
 #include <Eigen/Core>
@@ -26,8 +26,8 @@ namespace moondb {
 
 struct PlainNode {
   NodeKey key;  // Agent 0 and the vertex id for a g2o vertex.
-  Pose vertex;  // Pose in the file: ground truth, or some solution.
-  // Time of the node in ns, or its position in a file without timestamps. Used only for ordering.
+  Pose vertex;  // Pose in the file: ground truth or a solution.
+  // Time of the node in ns, or index of the node in a file without timestamps. Used only for ordering.
   std::int64_t time = 0;
   bool is_point = false;
   bool is_fixed = false;  // True if the node is held at `vertex`.

@@ -11,7 +11,7 @@ namespace moondb {
 
 namespace {
 
-constexpr double kSameShapePart = 0.01;  // Fraction of the part's extent.
+constexpr double kSameShapePart = 0.01;  // Tolerance of positions, as a fraction of the part's extent.
 constexpr double kRounding_m = 1e-6;
 
 using Places = std::map<NodeKey, Pose>;

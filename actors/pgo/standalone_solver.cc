@@ -14,10 +14,10 @@ namespace moondb {
 
 namespace {
 
-// Prefix growth starts with these fractions of the whole time. 1 solves the whole time in one step.
+// Initial lengths of the prefix, as fractions of all poses in order of time. 1: solve the whole graph at once.
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
 constexpr double kSameCostPart = 1e-7;
-// An arrangement fits worse than the best one if its cost exceeds the best cost by more than this factor.
+// An arrangement is worse than the best one if its cost exceeds this factor times the best cost.
 constexpr double kWorseTimes = 1.5;
 constexpr int kParallelStartsMax = 60;
 constexpr std::size_t kShapesMax = 8;  // Maximum number of distinct shapes to keep.
@@ -31,7 +31,8 @@ struct Start {
   PlainState state;
 };
 
-// A prefix and its solution, from which a start has already continued.
+// The solution of a prefix, from which a start has already continued. `part`: length of the prefix, as a fraction of
+// all poses.
 struct Passed {
   double part = 0;
   double cost = 0;
@@ -112,8 +113,8 @@ class StandaloneSolver {
     Add(Start{fit, std::move(state)}, InitialValues::kOdometry);
   }
 
-  // Moves each part rigidly so that its first fixed node is at that node's vertex. Then sets every fixed node to its
-  // vertex.
+  // Moves each part rigidly so that the first fixed node of the part is at its vertex. Then sets every fixed node to
+  // its vertex.
   void MoveToFixed(const std::vector<std::size_t>& heads, PlainState& state) const {
     std::map<std::size_t, Pose> map_from_part;
     for (std::size_t node = 0; node < state.size(); ++node) {
@@ -149,8 +150,8 @@ class StandaloneSolver {
     return active;
   }
 
-  // Takes the lowest-cost solution and places each of its parts elsewhere in turn, while the other parts stay in place.
-  // This helps, for example, with a landmark tied only by ranges that is on the wrong side of the trajectory.
+  // Places each part of the lowest-cost solution elsewhere in turn, while the other parts stay in place. This helps,
+  // for example, if a landmark tied only by ranges is on the wrong side of the trajectory.
   void LookBeside() {
     const std::vector<std::size_t> heads = FindHeads(graph_, all_);
     const std::vector<bool> standing = FirstPlaced(all_, heads);
@@ -179,8 +180,8 @@ class StandaloneSolver {
     Add(Start{fit, std::move(state)}, solution_.initial_values);
   }
 
-  // Returns flags of the nodes around which the first arrangement is built: the parts that contain a fixed node, or the
-  // largest part if no node is fixed.
+  // Returns flags of the nodes that stay in place while the other parts are arranged: the parts with a fixed node, or
+  // the largest part if no node is fixed.
   std::vector<bool> FirstPlaced(const ActiveNodes& active, const std::vector<std::size_t>& heads) const {
     std::map<std::size_t, std::size_t> sizes;
     std::set<std::size_t> standing;
@@ -226,8 +227,8 @@ class StandaloneSolver {
     return options;
   }
 
-  // Runs one start to its end. If it reaches a prefix solution from which another start has already continued, it stops
-  // and returns infinite cost. Continuing would repeat the other start and could not confirm its result independently.
+  // Runs one start to its end. If the start reaches a prefix solution from which another start has already continued,
+  // this start stops and returns infinite cost, because it would only repeat the other start.
   Start RunStart(double part, ActiveNodes active, PlainState state) {
     PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
     int iterations = fit.iterations;
@@ -253,7 +254,8 @@ class StandaloneSolver {
     });
   }
 
-  // Places new nodes by composing steps from nodes that are already placed, and arranges new parts around them.
+  // Places the nodes that are active now but not in `before`: by composing edges from placed nodes, or by arranging new
+  // parts around the placed nodes.
   void Extend(const ActiveNodes& before, const ActiveNodes& active, PlainState& state) const {
     std::vector<bool> placed = before;
     ComposeFromPlaced(graph_, active, ComposeAlong::kAll, placed, state);
@@ -289,8 +291,8 @@ class StandaloneSolver {
     best_ = std::move(start.state);
   }
 
-  // Counts this start in starts_at_lowest only if it ends in the same shape as an earlier one. Equal costs are not
-  // enough, because mirrored shapes can have equal cost.
+  // Counts this start in starts_at_lowest if it ends in the same shape as an earlier start of the same cost. Mirrored
+  // shapes can have equal cost.
   void Meet(const PlainState& state) {
     const auto is_same = [&](const PlainState& other) { return HaveSameShape(graph_, joined_, state, other); };
     if (std::any_of(lowest_.begin(), lowest_.end(), is_same)) {
@@ -322,7 +324,7 @@ class StandaloneSolver {
   std::vector<std::int64_t> times_;
   std::vector<Passed> passed_;
   PlainState best_;
-  std::vector<PlainState> lowest_;  // States with the lowest cost, one of each shape.
+  std::vector<PlainState> lowest_;  // Up to kShapesMax lowest-cost states of different shapes.
   PlainSolution solution_;
 };
 

@@ -15,8 +15,8 @@ namespace {
 
 constexpr int kStarts = 60;
 constexpr std::size_t kArrangementsMax = 4;
-// An arrangement is ruled out if its cost exceeds the lowest cost by more than this. A smaller excess may vanish in a
-// full solve, in which the bodies are no longer rigid.
+// An arrangement is ruled out if its cost exceeds the lowest cost by more than this value. A smaller excess may vanish
+// in a full solve, in which the bodies are no longer rigid.
 constexpr double kRuledOutCost = 30;
 
 // Returns the team's ranges as a graph whose nodes are the antennas.
@@ -43,7 +43,7 @@ std::map<AgentId, std::size_t> CountRanges(const CheckedGraph& graph) {
   return counts;
 }
 
-// Returns the team of each agent: the smallest agent that ranges connect to it.
+// Returns the team of each agent: the lowest agent id among the agents that ranges connect to the agent.
 std::map<AgentId, AgentId> FindTeams(const CheckedGraph& graph) {
   std::map<AgentId, std::size_t> places;
   for (const CheckedNode& node : graph.nodes) places.try_emplace(node.key.agent, places.size());
@@ -58,13 +58,13 @@ std::map<AgentId, AgentId> FindTeams(const CheckedGraph& graph) {
   return teams;
 }
 
-// Returns the unknown rovers that stay in place and around which the other unknown rovers are arranged.
+// Returns the rovers of `unknown` that stay in place. The other rovers of `unknown` are arranged around them.
 std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                const std::vector<StartPrior>& starts, const std::vector<std::size_t>& unknown,
                                const InitialValues& initial) {
   const std::map<AgentId, AgentId> teams = FindTeams(graph);
   std::map<AgentId, std::size_t> ranges = CountRanges(graph);
-  std::set<AgentId> placed_teams;  // Teams with a known place. A team is identified by its smallest agent.
+  std::set<AgentId> placed_teams;  // Teams with a known place, each given by its lowest agent id.
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     if (starts[i].is_configured) placed_teams.insert(teams.at(rovers[i].agent));
   }
@@ -84,7 +84,7 @@ std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rove
   return result;
 }
 
-// Input of ArrangeParts. Unknown rovers are bodies; all other nodes are placed.
+// Input of ArrangeParts. The rovers to arrange are bodies; all other nodes are placed.
 struct Bodies {
   std::vector<bool> placed;
   std::vector<std::size_t> heads;

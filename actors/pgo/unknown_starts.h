@@ -1,9 +1,7 @@
-// Initial poses of rovers without a configured start.
-//
-// Ranges to the rest of the team determine the initial pose of such a rover, but often ambiguously. A rover that
-// measures ranges to one other agent from a straight line may be on either side of the line. This file therefore
-// returns several sets of initial values. The caller solves from each set and compares the results. The ambiguity may
-// remain after the first solve, until later ranges resolve it. Pure functions.
+// Initial poses of rovers without a configured start. Ranges to other agents determine the initial pose of such a
+// rover, but often ambiguously. For example, a rover that measures ranges to one other agent from a straight line may
+// be on either side of the line. This file therefore returns several sets of initial values. The caller solves from
+// each set and compares the results.
 #pragma once
 
 #include <cstddef>
@@ -19,14 +17,13 @@ namespace moondb {
 std::vector<std::size_t> FindUnknownRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                            const std::vector<StartPrior>& starts);
 
-// Returns the best arrangements of the unknown rovers (arrangement.h), best first, as initial values. Each unknown
-// rover is an upright rigid body, because gravity determines its roll and pitch. If ranges join unknown rovers only to
-// each other, the rover with the most ranges stays where `initial` has it. The same holds, from the second solve on,
-// for a group that ranges join only to one base station: its place is then right except for the unknown yaw.
+// Returns sets of initial values in which the rovers of `unknown` (result of FindUnknownRovers) are arranged by their
+// ranges (arrangement.h), best first. Each of these rovers is an upright rigid body, because gravity determines its
+// roll and pitch. If ranges join these rovers only to each other, or (from the second solve on) to a single base
+// station, the rover with the most ranges keeps its place in `initial`.
 //
-// If `initial` contains poses from an unknown rover's last solution, returns only arrangements that differ from the
-// current places and fit the ranges nearly as well or better. The result is then empty if the current places are
-// unambiguous.
+// If the last solution contains one of these rovers, returns only arrangements that differ from the places in `initial`
+// and fit the ranges nearly as well or better. The result is then empty if the places are unambiguous.
 std::vector<InitialValues> ArrangeUnknownRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                                 const std::vector<StartPrior>& starts,
                                                 const std::vector<std::size_t>& unknown, const AgentFactsMap& agents,

@@ -34,7 +34,7 @@ double CountOf(const proto::PruneReply& reply) {
   return count;
 }
 
-// Returns whether both assignments name the same leader and the same survivor.
+// Returns true if both assignments name the same leader and the same survivor.
 bool HaveOneRoles(const proto::RoleAssignment& a, const proto::RoleAssignment& b) {
   return a.leader() == b.leader() && a.survivor() == b.survivor();
 }
@@ -42,13 +42,13 @@ bool HaveOneRoles(const proto::RoleAssignment& a, const proto::RoleAssignment& b
 }  // namespace
 
 void RetentionActor::OnStart(Context& context) {
-  // Start at a random id: a late reply to a request from before a restart must not match a new request.
+  // Start at a random id. A late reply to a request from before a restart then matches no current request.
   request_id_ = context.rng()();
   context.Watch(Topic::kRoles);
   LookLater(context);
 }
 
-// A random delay keeps the agents of a team from checking their limits in step.
+// A random delay prevents the agents of a team from checking their limits at the same time.
 void RetentionActor::LookLater(Context& context) {
   const double part = std::uniform_real_distribution(0.5, 1.0)(context.rng());
   (void)context.AfterTimer(std::chrono::duration_cast<Duration>(part * options_.period), kLook);
@@ -100,7 +100,7 @@ void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
   }
 }
 
-// Handles the status of storage. Any other reply is an error.
+// Handles storage's reply to the status request. Any other ControlReply is an error.
 void RetentionActor::OnControlReply(Context& context, const proto::Message& message) {
   const Result<proto::ControlReply> reply = ControlReplyOf(message);
   if (stage_ == Stage::kStatus && reply && reply->status().has_storage()) {
@@ -131,7 +131,6 @@ void RetentionActor::OnTimer(Context& context, const proto::Timer& timer) {
   GiveUp(context, {ErrorCode::kTimedOut, std::string(who) + " did not answer in time", {}});
 }
 
-// If MergeActor fails, the limits are applied without the fully occluded maps.
 bool RetentionActor::SkipsOccludedMaps(Context& context) {
   if (stage_ != Stage::kOccludedMaps || job_.requester) return false;
   ++job_.step;
@@ -139,7 +138,7 @@ bool RetentionActor::SkipsOccludedMaps(Context& context) {
   return true;
 }
 
-// Returns whether the plan prunes this agent's history. No other agent has the history, so no peer is asked first.
+// Returns true if the plan prunes this agent's history. No other agent has the history, so no peer is asked first.
 bool RetentionActor::IsOfHistory() const { return !job_.plan.empty() && job_.plan.front().request.is_history(); }
 
 bool RetentionActor::IsDryRun() const { return !job_.plan.empty() && job_.plan.front().request.is_dry_run(); }
@@ -147,7 +146,7 @@ bool RetentionActor::IsDryRun() const { return !job_.plan.empty() && job_.plan.f
 // --- Requests of other agents ---
 
 // While it prunes, this agent reports an empty have-set. Otherwise two agents could delete each other's last copy. If
-// two agents ask each other at the same time, the one with the larger id gives up its prune.
+// two agents ask each other at the same time, the agent with the larger id gives up its prune.
 void RetentionActor::OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id) {
   const bool asks_peer = stage_ == Stage::kPeers && job_.peers.contains(peer);
   if (asks_peer && peer < options_.self) Refuse(context, AgentName(options_.team, peer) + " removes something, too");
@@ -172,7 +171,7 @@ void RetentionActor::OnOwnHave(Context& context, const proto::Message& message) 
   if (found == asked_.end()) return;
   proto::HaveReply covered;
   for (const proto::StreamHave& stream : message.have_reply().have().streams()) {
-    // Only types under the policy `all` are ever pruned. The have-sets of other types have many gaps.
+    // Only types under the policy `all` are ever pruned. Leave out other types, whose have-sets have many intervals.
     if (SharePolicyOf(options_.team, stream.data_type()) == proto::POLICY_ALL)
       *covered.mutable_have()->add_streams() = stream;
   }
@@ -316,7 +315,7 @@ void RetentionActor::DoStep(Context& context) {
     *request.add_acknowledged() = ToProto(covered);
     for (const auto& [stream, state] : covered.streams()) held[stream].held.Add(state.held);
   }
-  // Records beyond an age limit may lose all copies. For any other limit a peer must still hold a copy.
+  // An age limit may remove the last copy of a record. With any other limit, a peer must still hold a copy.
   if (step.request.older_than_s() == 0) *request.add_acknowledged() = ToProto(held);
   if (step.until_bytes > 0) request.set_content_bytes_max(step.until_bytes - job_.removed_bytes);
   Enter(context, Stage::kPruning, options_.own_timeout);
@@ -332,7 +331,7 @@ void RetentionActor::OnPruned(Context& context, const proto::PruneReply& reply) 
   }
   const PruneStep& step = job_.plan[job_.step];
   AddPruned(reply);
-  // A step that removed nothing and is not complete would repeat forever.
+  // Do not repeat a step that removed nothing: it would repeat forever.
   const bool goes_on = !reply.is_complete() && !step.request.is_dry_run() && !reply.pruned().empty();
   if (!goes_on) {
     job_.reply.set_unacknowledged_count(job_.reply.unacknowledged_count() + reply.unacknowledged_count());

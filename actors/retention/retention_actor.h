@@ -1,30 +1,28 @@
-// RetentionActor ("retention"): prunes this agent's store. Periodically it applies the `retention` limits of the team
-// file (actors/retention/retention_plan.h). On request it executes an operator's PruneOrder and answers with a
+// RetentionActor ("retention"): prunes this agent's store, periodically by the `retention` limits of the team file
+// (actors/retention/retention_plan.h), and on request by an operator's PruneOrder. The reply to an order is a
 // PruneReply.
 //
-// Before it prunes, it requests the current have-sets of the leader and of the designated survivor (except its own)
-// from their RetentionActors over the radio. It uses ControlRequest.have, since a HaveRequest may not leave an agent.
-// RetentionActor requests have-sets again that are older than a minute. Storage then removes only records that all of
-// these have-sets cover. Unless the limit is an age, leader or survivor must still hold the record, so a size limit
-// never removes the last copy.
+// Before a prune, the actor requests the have-sets of the leader and of the designated survivor from their
+// RetentionActors. If this agent has one of these roles, it asks only the other agent. Storage then removes only
+// records that the requested have-sets cover. Unless the limit is an age, an asked agent must still hold the record, so
+// a size limit never removes the last copy. An order to prune this agent's history (PruneOrder.is_history) asks no
+// agent, because no other agent has a copy.
 //
-// Nothing is removed if leader or survivor is not assigned, is unreachable, does not answer, or acts on other roles.
-// PruneReply.text then names the agent. Nothing is removed either for `roles_held_min` after leader or survivor
-// changed. This prevents an agent from taking a role only to confirm a prune.
+// Nothing is removed if the leader or the survivor is not assigned, cannot be reached, does not answer, acts on other
+// roles, or sends a malformed have-set. Nothing is removed either for `roles_held_min` after the leader or the survivor
+// changed. An agent thus cannot take a role only to confirm a prune. PruneReply.text gives the reason.
 //
-// When another agent requests this agent's have-set, this actor reports the have-set of its storage. While it prunes,
-// it reports an empty have-set. A malformed have-set from a peer counts as no answer. For each prune, the actor
-// requests the current roles from RoleActor. An agent that missed a role change therefore asks the previous leader and
-// survivor.
+// The actor also answers other agents' requests for this agent's have-set. While this agent prunes, the answer is an
+// empty have-set.
 //
-// An order to prune the history of this agent's own robot (PruneOrder.is_history) is executed without asking peers,
-// since no other agent has a copy.
+// One prune runs at a time. Each request to storage is atomic, so a restart leaves no step half done.
 //
-// One prune runs at a time; an order that arrives meanwhile is refused with kFull. A restart leaves no prune half done:
-// each request to storage is atomic, and StorageActor publishes what it pruned.
-//
-// Errors in replies: kInvalid (a data type that is never pruned), kFull (a prune is running), kUnavailable (storage or
-// merge actor missing), kTimedOut (that actor did not answer), and that actor's own errors.
+// Errors in replies:
+// - kInvalid: the order names a data type that is never pruned;
+// - kFull: a prune is running;
+// - kUnavailable: the storage, role or merge actor does not accept a request;
+// - kTimedOut: one of these actors did not answer;
+// - any error of these actors.
 #pragma once
 
 #include <map>
@@ -43,12 +41,12 @@ class RetentionActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;  // Complete and checked.
+    proto::TeamConfig team;  // Requires: complete and validated.
     // Upper bound of the random time between two checks of the limits; the lower bound is half of this value.
     Duration period = std::chrono::minutes(10);
     // Timeout for the have-sets of leader and survivor.
     Duration peer_timeout = std::chrono::seconds(20);
-    // How long the have-sets of leader and survivor are valid.
+    // Have-sets of leader and survivor that are older than this are requested again.
     Duration vouched_for = std::chrono::minutes(1);
     // Pruning is refused until leader and survivor have been unchanged for this long.
     Duration roles_held_min = std::chrono::minutes(10);
@@ -75,9 +73,9 @@ class RetentionActor final : public Actor {
     proto::RoleAssignment roles;
     std::map<AgentId, HaveSet> peers;        // Have-sets that leader and survivor reported.
     MonotonicTime asked_at;                  // When the have-sets of the peers were requested.
-    std::map<AgentId, std::string> awaited;  // Peers that have not answered, with their names for people.
+    std::map<AgentId, std::string> awaited;  // Peers that have not answered, with their names and roles for messages.
     double removed_bytes = 0;
-    proto::PruneReply reply;  // The reply, as far as the plan was executed.
+    proto::PruneReply reply;  // Reply for the steps that have been executed.
   };
 
   // A request of a peer for this agent's have-set.
@@ -110,26 +108,27 @@ class RetentionActor final : public Actor {
     return stage_ == stage && message.request_id() == request_id_;
   }
   void Enter(Context& context, Stage stage, Duration timeout);
-  // Sends with the request id of the stage. Ends the job with an error if the message cannot be sent.
+  // Sends the message to this agent's actor, with request_id_ as its id. Ends the job with kUnavailable if the message
+  // cannot be sent.
   void Ask(Context& context, const char* actor, proto::Message message);
   void Begin(Context& context, Job job);
   void DoStep(Context& context);
   void AddPruned(const proto::PruneReply& reply);
-  // Ends the job without an error; `text` says why nothing can be removed.
+  // Ends the job without an error. `text`: the reason why nothing can be removed.
   void Refuse(Context& context, const std::string& text);
   void GiveUp(Context& context, const Error& error);
   void Finish(Context& context);
 
   const Options options_;
   std::optional<proto::RoleAssignment> roles_;  // The assignment that RoleActor published last.
-  // Null if leader and survivor have not changed since this actor started.
+  // Time at which the leader or survivor last changed; null if neither changed since this actor started.
   std::optional<MonotonicTime> roles_since_;
   Stage stage_ = Stage::kIdle;
   Job job_;
   std::uint64_t request_id_ = 0;  // Id of the current stage's requests.
   TimerId stage_timer_ = 0;
-  std::map<AgentId, Asked> asked_;  // The newest request of each peer.
-  // The last reason why the limits were not applied, so that each reason is logged once.
+  std::map<AgentId, Asked> asked_;  // The newest open request of each peer for this agent's have-set.
+  // Reason why the limits were not applied last time. The same reason is not logged twice in a row.
   std::string last_refusal_;
 };
 

@@ -1,9 +1,6 @@
-// ChangeBudget: a token bucket per issuer that limits how often an agent adopts role assignments of another agent. Each
-// adopted assignment is stored, applied and announced. Without a limit, one member that may decide roles could keep the
-// whole team busy with changes.
-//
-// Allows a burst of kAtOnce assignments, then kPerHour. The caller retries an assignment beyond the limit later, if
-// that assignment is still the newest. Value type.
+// ChangeBudget: a token bucket per issuer that limits how often an agent adopts role assignments of another agent.
+// Without a limit, one member that may decide roles could keep the whole team busy with changes. Allows a burst of
+// kAtOnce assignments, then kPerHour per hour.
 #pragma once
 
 #include <algorithm>

@@ -15,7 +15,7 @@ namespace {
 
 enum FailoverTimer : std::uint32_t { kMissed = 0, kCheck = 1 };
 
-// Id of the RoleSetRequest. Only an error in its reply is evaluated; success is learned from RolesChanged.
+// Request id of the RoleSetRequest. Only an error in the reply is evaluated; RolesChanged reports success.
 constexpr std::uint64_t kTakeLead = 1;
 
 constexpr int kChecksInTimeout = 3;
@@ -55,7 +55,7 @@ void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
       leases_.SetAll(message.leases_changed());
       break;
     case proto::Message::kDown:
-      known_ = connected_;  // LeaseActor lost all leases at its restart; only connected agents announce theirs again.
+      known_ = connected_;  // LeaseActor lost all leases at its restart; only connected agents announce leases again.
       break;
     case proto::Message::kControlReply:
       if (const auto taken = CheckControlReply(message); !taken && message.request_id() == kTakeLead) {

@@ -60,7 +60,7 @@ RoleActor::RoleActor(Options options)
                    [this](Context& context, const proto::StoredRecord& record) { return OnRecord(context, record); }) {}
 
 void RoleActor::OnStart(Context& context) {
-  // Start at a random id: a late reply to a request from before a restart must not match a new request.
+  // Start at a random id. Otherwise a late reply to a request from before a restart could match a new request.
   storage_request_id_ = context.rng()();
   context.WatchPeers();
   AskStorage(context);
@@ -279,7 +279,8 @@ void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {
     message.set_ms_type(proto::CONTROL);
     *message.mutable_term() = announcement.announce.roles().term();
     *message.mutable_role_announce() = std::move(announcement.announce);
-    (void)context.Send({announcement.to, actor_name::kRole}, std::move(message));  // Repeated until confirmed.
+    // RoleLogic repeats lost announcements, so ignore a failed send.
+    (void)context.Send({announcement.to, actor_name::kRole}, std::move(message));
   }
   if (actions.announce_timer) {
     if (announce_timer_ != 0) context.Cancel(announce_timer_);

@@ -1,20 +1,16 @@
 // RoleActor ("role"): holds this agent's role assignment and agrees on it with the other agents (RoleLogic).
 //
-// Stores an assignment through StorageActor before it acts on the assignment. To act means to call Context::SetRoles,
-// to publish RolesChanged (Topic::kRoles), and to send RoleAnnounce to the RoleActors of the other agents. If an
+// Stores an assignment through StorageActor before it acts on the assignment. The actor then calls Context::SetRoles,
+// publishes RolesChanged (Topic::kRoles), and sends RoleAnnounce to the RoleActors of the other agents. If an
 // assignment cannot be stored, the agent gives up its role at once (RoleLogic).
 //
 // Answers RoleShowRequest and RoleSetRequest with a RoleShowReply, or with a ControlReply that holds only an error. A
-// RoleSetRequest with wait_s is answered when the new leader and survivor act on the new assignment, or with kRefused
-// if another assignment replaces it before. Answers the ControlRequest `status` with its part of AgentStatus. Accepts
-// requests only from this agent's own actors; requests of clients arrive through the gateway. After a restart, all
-// state is loaded from storage.
+// RoleSetRequest with wait_s is answered once the new leader and survivor act on the new assignment, or after wait_s.
+// If another assignment replaces the new one first, the reply is kRefused. Requests of clients arrive through the
+// gateway; other agents may send only RoleAnnounce, RoleChainRequest and RoleChainReply.
 //
-// In a team with keys, the actor also answers RoleChainRequests of other agents. It reads the assignments stored as
-// records (role_assignment), so it learns of decisions made while it was offline.
-//
-// On StepDown (an actor of this agent fails repeatedly), it hands the agent's role to a connected agent. If no agent is
-// connected, it waits until one connects.
+// On StepDown (an actor of this agent fails repeatedly), the actor hands its agent's role to a connected agent. If no
+// suitable agent is connected, the actor waits until one connects.
 #pragma once
 
 #include <functional>
@@ -42,7 +38,7 @@ class RoleActor final : public Actor {
     Duration leader_wait = std::chrono::seconds(2);
     Duration announce_after = std::chrono::seconds(5);
     Duration announce_after_max = std::chrono::seconds(60);
-    Duration storage_timeout = std::chrono::seconds(5);  // Then the unanswered request is repeated.
+    Duration storage_timeout = std::chrono::seconds(5);  // Time until an unanswered request is repeated.
   };
 
   explicit RoleActor(Options options);
@@ -84,7 +80,7 @@ class RoleActor final : public Actor {
   void StepDownIfDue(Context& context);
   void Perform(Context& context, RoleLogic::Actions actions);
   void Apply(Context& context, const proto::RoleAssignment& roles);
-  void AskStorage(Context& context);  // Asks to load the roles; once loaded, to save logic_.saving().
+  void AskStorage(Context& context);  // Sends a LoadRolesRequest; once loaded, a SaveRolesRequest for saving().
   void AnswerRequester(Context& context, std::optional<Error> error);
   void Answer(Context& context, const Requester& requester, const Result<proto::RoleShowReply>& reply);
   void AnswerWhoWaits(Context& context);
@@ -97,7 +93,7 @@ class RoleActor final : public Actor {
   TimerId storage_timer_ = 0;
   TimerId store_timer_ = 0;
   TimerId announce_timer_ = 0;
-  std::map<AgentId, double> refused_announcements_;  // Counts by sender.
+  std::map<AgentId, double> refused_announcements_;  // Number of refused announcements, by sender.
   RecordReader assignments_;
   RateLimitedLog refused_log_;
   RateLimitedLog unstored_log_;

@@ -119,7 +119,7 @@ RoleLogic::Actions RoleLogic::Adopt(proto::RoleAssignment roles) {
 
 Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::RoleAnnounce& announce) {
   Actions actions;
-  if (!is_loaded_) return actions;  // The sender will announce it again.
+  if (!is_loaded_) return actions;  // The sender will repeat the announcement.
   if (!IsMember(from) || HasLeft(from) || from == options_.self) {
     return Fail(ErrorCode::kRefused, "is not of this team", "sender");
   }
@@ -164,8 +164,8 @@ void RoleLogic::AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs
 // --- Chains ---
 
 void RoleLogic::AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
-  // Request only one chain at a time, because other agents will repeat their announcements. A newer announcement of the
-  // same agent replaces the request.
+  // Request only one chain at a time; other agents will repeat their announcements. A newer announcement of the same
+  // agent replaces the request.
   if (chain_asked_ && chain_asked_->from != from) return;
   const bool goes_on = chain_asked_ && chain_asked_->announced.signature() == theirs.signature();
   if (!goes_on) chain_asked_ = ChainAsked{from, theirs, {}};
@@ -210,7 +210,7 @@ Result<RoleLogic::Actions> RoleLogic::OnChainReply(AgentId from, const proto::Ro
     chain_asked_ = std::move(asked);
     return actions;
   }
-  // Add the oldest first: an assignment is valid only if its predecessor is.
+  // Add the oldest first: an assignment is valid only if its predecessor is valid.
   std::for_each(asked.chain.rbegin(), asked.chain.rend(),
                 [this](const proto::RoleAssignment& roles) { (void)chain_.Add(roles); });
   if (chain_.StandingOf(asked.announced) != RoleChain::Standing::kCounts) {
@@ -299,7 +299,7 @@ RoleLogic::Actions RoleLogic::OnSaveFailed() {
     ActWithoutOwnRole(failed, actions);
     actions.store_timer = options_.store_after;
   } else if (is_waiting_to_lead_) {
-    // This agent may still lead in an earlier term. It must stop, because that term is superseded.
+    // This agent may still lead in an earlier term. The agent must stop leading, because that term is superseded.
     const bool is_first = !std::exchange(own_unstored_, failed).has_value();
     if (is_first) actions.apply = InForce();
     actions.leader_timer = options_.leader_wait;
@@ -429,9 +429,8 @@ Result<void> RoleLogic::CheckIssued(const proto::RoleAssignment& roles) const {
 
 Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const {
   if (Result<void> checked = CheckIssued(roles); !checked) return checked;
-  // Every change keeps or replaces the survivor, so a team that starts with a survivor always has one. Only InForce()
-  // returns roles without a survivor, at a survivor that could not store its assignment; agents never announce those
-  // roles.
+  // A team that starts with a survivor always has one. Only InForce() may return roles without a survivor, and agents
+  // never announce the result of InForce().
   if (roles.survivor() == 0 && options_.initial.survivor() != 0) {
     return Fail(ErrorCode::kRefused, "is missing", "roles.survivor");
   }

@@ -1,29 +1,23 @@
 // RoleLogic: the agreement of a team on its leader and designated survivor (paper, Section 4), as a state machine.
 //
-// Each term has at most one assignment. Terms are ordered by number, issuer and the issuer's epoch; an agent acts on
-// the newest assignment that it knows. It stores an assignment durably before it acts on it or announces it. It then
-// announces the assignment to all other agents, repeatedly and with a growing delay, until every agent is known to hold
-// it. An agent that announces an older assignment receives the newer one in reply. Agents that can communicate
-// therefore agree. Two leaders can only exist in two partitions of a team.
+// Each term has at most one assignment. Terms are ordered by number, issuer and the issuer's epoch. An agent stores the
+// newest assignment that it knows before it acts on the assignment. It then announces the assignment to the other
+// agents, repeatedly, until all agents are known to hold it. An agent that announces an older assignment receives the
+// newer one in reply. Agents that can communicate therefore agree, and two leaders can only exist in two partitions of
+// a team.
 //
 // In a team with keys, the issuer signs its assignments, and agents adopt only valid assignments (model/role_chain.h).
-// An agent that never had a role and is not in command_from cannot change the roles. Propose refuses requests at an
-// agent that may not decide roles. An agent that lacks the predecessor of an announced assignment requests the chain of
-// predecessors from the announcer, page by page, and stores the chain with the assignment. Until then the agent keeps
-// its current assignment.
+// An agent that lacks the predecessor of an announced assignment requests the chain of predecessors from the announcer,
+// page by page. Until the chain is complete, the agent keeps its current assignment.
 //
-// An agent whose stored roles name it leader does not act at once after its start. It announces its assignment and
-// waits for `leader_wait`, or until all agents agree. Unless it hears of a newer term, it then issues the same roles in
-// a new term and acts in that term. Data from before the restart and data from after the restart then never have the
-// same term. An agent that lost its disk and hears from others that it leads also issues a new term. Term 0 is the term
-// of the team file's roles.
+// After a start, the leader first waits for `leader_wait`, or until all agents agree. Unless the leader learns of a
+// newer term, it then issues the same roles in a new term, so data from before and after a restart never have the same
+// term. The team file's roles have term 0.
 //
-// Durability before acting applies to gaining a role, not to losing one. If an assignment of another agent cannot be
-// stored, this agent acts on it without any role of its own: it is neither leader nor survivor, and confirms nothing.
-// This agent stores the assignment as soon as the disk accepts writes. If it restarts before that, it starts with the
-// older assignment on its disk. If this agent cannot store a new term that it issued itself, it does not lead.
+// If an assignment of another agent cannot be stored, this agent acts on the assignment, but without any role of its
+// own, until the disk accepts writes. If this agent cannot store a new term that it issued itself, it does not lead.
 //
-// Pure logic: each input returns the actions to take. Not thread-safe.
+// Each input returns the actions to take. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -54,22 +48,23 @@ class RoleLogic {
     // Agents that have left the team. Their earlier decisions stay valid, but new roles must not name these agents.
     std::set<AgentId> left;
     proto::RoleAssignment initial;                                    // The team file's roles, in term 0.
-    std::function<Result<void>(const proto::RoleAssignment&)> check;  // Fails if the team cannot have these roles.
+    std::function<Result<void>(const proto::RoleAssignment&)> check;  // Fails if the team file forbids these roles.
     // `sign` returns this agent's signature of an assignment. `is_signed` returns whether an assignment has a valid
-    // signature of its issuer. Null in a team without keys.
+    // signature of its issuer. Both are null in a team without keys.
     std::function<std::string(const proto::RoleAssignment&)> sign;
     std::function<bool(const proto::RoleAssignment&)> is_signed;
-    std::function<bool(AgentId)> may_command = [](AgentId) { return true; };  // Evaluates command_from.
+    std::function<bool(AgentId)> may_command = [](AgentId) { return true; };  // True if command_from names the agent.
     // Returns the name of an agent for error texts; "nobody" for 0.
     std::function<std::string(AgentId)> name_of = [](AgentId agent) { return "agent " + std::to_string(agent); };
     Duration leader_wait = std::chrono::seconds(2);
-    Duration announce_after = std::chrono::seconds(5);       // First delay of repeated announcements; doubles.
-    Duration announce_after_max = std::chrono::seconds(60);  // Longest delay of repeated announcements.
+    Duration announce_after = std::chrono::seconds(5);       // First delay between repeated announcements; doubles.
+    Duration announce_after_max = std::chrono::seconds(60);  // Longest delay between repeated announcements.
     Duration store_after = std::chrono::seconds(5);          // Delay before storing is tried again.
   };
 
   static constexpr std::size_t kHistoryMax = 1000;
-  // In a team without keys, a term number further ahead than this is a mistake or an attack, and is rejected.
+  // In a team without keys, a term number that exceeds the highest known number by more than this is a mistake or an
+  // attack, and is rejected.
   static constexpr std::uint64_t kTermJumpMax = 1'000'000;
   // Size limit of one page of a chain. A page is a control message, and delays other control messages by 128 ms at 1
   // Mbit/s.
@@ -89,15 +84,15 @@ class RoleLogic {
     proto::RoleChainRequest request;
   };
 
-  // The actions to take, in the order of the members.
+  // The actions that the caller must take, in the order of the members.
   struct Actions {
-    std::optional<proto::RoleAssignment> save;  // Store this, then call OnSaved or OnSaveFailed.
+    std::optional<proto::RoleAssignment> save;  // Assignment to store; then call OnSaved or OnSaveFailed.
     std::optional<ChainQuestion> question;
-    std::optional<proto::RoleAssignment> apply;  // Act on these roles. They are durable, or give this agent no role.
+    std::optional<proto::RoleAssignment> apply;  // Roles to act on: stored, or without a role of this agent.
     std::vector<Announcement> announcements;
-    std::optional<Duration> announce_timer;  // Delay to OnAnnounceTimer; replaces a running timer.
-    std::optional<Duration> leader_timer;    // Delay to OnLeaderTimer.
-    std::optional<Duration> store_timer;     // Delay to OnStoreTimer.
+    std::optional<Duration> announce_timer;  // Delay until OnAnnounceTimer; replaces a running timer.
+    std::optional<Duration> leader_timer;    // Delay until OnLeaderTimer.
+    std::optional<Duration> store_timer;     // Delay until OnStoreTimer.
   };
 
   explicit RoleLogic(Options options);
@@ -115,12 +110,11 @@ class RoleLogic {
 
   // Returns the assignment that fulfils `request`; the caller passes it to Adopt, which stores it. Fails with
   // kUnavailable before OnLoaded and while another assignment is being stored. Fails with kInvalid for a contradictory
-  // request. Fails with kRefused for impossible roles, and for a request whose `expected` differs from the current
-  // assignment; both errors name the field. Also fails with kRefused while a newer assignment is known that cannot be
-  // stored.
+  // request. Fails with kRefused for impossible roles, if `expected` differs from the current assignment, if this agent
+  // may not decide roles, and while this agent cannot store a newer assignment.
   Result<proto::RoleAssignment> Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const;
   // Returns the assignment by which this agent hands its role to one of the `connected` agents. A leader hands over to
-  // the designated survivor if possible, otherwise to another agent that may lead. It becomes the survivor itself only
+  // the designated survivor if possible, otherwise to another agent that may lead. This agent becomes the survivor only
   // if no other agent can. Fails with kNotFound if this agent has no role. Fails with kUnavailable in the same cases as
   // Propose, and while no suitable agent is connected.
   Result<proto::RoleAssignment> ProposeStepDown(const std::set<AgentId>& connected, const std::string& reason,
@@ -131,24 +125,25 @@ class RoleLogic {
   // Handles an announcement from another agent. Fails with kRefused, without any effect, if the assignment is not
   // acceptable.
   Result<Actions> OnAnnounce(AgentId from, const proto::RoleAnnounce& announce);
-  // OnChainRequest answers an agent that lacks the predecessors of an assignment. OnChainReply handles the reply to
-  // this agent's own request. It fails with kRefused like OnAnnounce; a page other than the requested one ends the
-  // request.
+  // OnChainRequest returns one page of the chain that another agent requests. OnChainReply handles a page of the chain
+  // that this agent requested. If the page is not the requested one, or an assignment in the chain is not acceptable,
+  // OnChainReply fails with kRefused and the request ends.
   proto::RoleChainReply OnChainRequest(const proto::RoleChainRequest& request) const;
   Result<Actions> OnChainReply(AgentId from, const proto::RoleChainReply& reply);
-  // Remembers an assignment that is stored as a record. If this makes an assignment valid that is newer than the
-  // current one, starts to adopt the newer assignment.
+  // Adds an assignment that is stored as a record. If the newest valid assignment is then newer than the current one,
+  // starts to adopt the newest one.
   Actions OnRecord(const proto::RoleAssignment& roles);
 
-  // Handle storage's answer to the request to store saving().
+  // Call one of these when storage has answered the request to store saving().
   Actions OnSaved();
   Actions OnSaveFailed();
-  // Storage has not answered in time. The caller repeats the request, and storage may still report success or failure.
+  // Call if storage has not answered in time. The caller repeats the request, and storage may still report success or
+  // failure.
   Actions OnSaveLate();
   Actions OnStoreTimer();
-  // The assignment being stored. Null if none is.
+  // Returns the assignment being stored; null if there is none.
   const proto::RoleAssignment* saving() const { return saving_ ? &saving_->roles : nullptr; }
-  // Predecessors of saving() that have to be stored with it, oldest first.
+  // Returns the predecessors of saving() that the caller must store with saving(), oldest first.
   std::vector<proto::RoleAssignment> SavingChain() const;
 
   Actions OnAnnounceTimer();
@@ -161,7 +156,7 @@ class RoleLogic {
  private:
   std::optional<proto::RoleAssignment> WithoutOwnRole(const std::set<AgentId>& connected) const;
   Result<void> CheckExpected(const proto::RoleSetRequest& request) const;
-  // Checks what does not depend on the team file's rules for roles: issuer, number, sizes and signature.
+  // Checks the issuer, the term number, the length of the reason and the signature.
   Result<void> CheckIssued(const proto::RoleAssignment& roles) const;
   Result<void> CheckAnnounced(const proto::RoleAssignment& roles) const;
   Result<void> CheckMayDecide() const;
@@ -172,8 +167,8 @@ class RoleLogic {
   proto::RoleAssignment Issue(proto::RoleAssignment roles, bool is_command) const;
   // Starts to store an announced assignment that is valid, if the issuer's budget allows it.
   void AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
-  // Adopts the newest valid assignment if it is newer than the current one. If the issuer's budget is used up, the
-  // announce timer retries.
+  // Adopts the newest valid assignment if it is newer than the current one. If the issuer's budget is used up,
+  // OnAnnounceTimer retries.
   void AdoptNewestKnown(Actions& actions);
   // Takes one change from the issuer's budget. Returns false if the budget is used up.
   bool TakeChange(AgentId issuer);
@@ -184,19 +179,18 @@ class RoleLogic {
   bool IsMember(AgentId agent) const;  // Returns whether the team file names the agent, even if it has left.
   bool HasLeft(AgentId agent) const { return options_.left.contains(agent); }
   // Returns whether `roles` name this agent leader in a term that this agent has not issued since its start. The agent
-  // may have led in that term before the restart. Its disk may be new or restored from an old copy, so the agent cannot
-  // always know.
+  // may have led in that term before its restart, even if its disk does not show this.
   bool IsFromBeforeRestart(const proto::RoleAssignment& roles) const;
   bool IsConfirmedByAll() const;                             // Ignores agents that have left.
-  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // The agent issued the term since its start.
-  // Returns the roles that this agent acts on: the newest known roles, without a role of this agent that could not be
-  // stored.
+  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // True if this agent issued the term since its start.
+  // Returns the roles that this agent acts on: the newest known roles. If these roles could not be stored, this agent's
+  // own role in them is cleared.
   proto::RoleAssignment InForce() const;
   void ActWithoutOwnRole(const proto::RoleAssignment& unstored, Actions& actions);
   void Notify(AgentId to, bool is_reply, Actions& actions) const;
   void NotifyUnconfirmed(Actions& actions);
   void Confirm(AgentId agent, Actions& actions);
-  // Issues the current roles in a new term. `is_start`: true because this agent has started, false because another
+  // Issues the current roles in a new term. `is_start`: true if the reason is a start of this agent, false if another
   // agent made this agent leader.
   void TakeNewTerm(bool is_start, Actions& actions);
 
@@ -216,9 +210,9 @@ class RoleLogic {
   Options options_;
   Time now_{};
   ChangeBudget changes_;        // Used only in a team with keys.
-  bool awaits_budget_ = false;  // The announce timer retries an assignment that had no budget.
+  bool awaits_budget_ = false;  // True if OnAnnounceTimer must retry an assignment beyond the budget.
   RoleChain chain_;
-  std::set<std::string> stored_;  // Signatures of stored assignments that are, or may become, valid.
+  std::set<std::string> stored_;  // Signatures of the stored assignments that are or may become valid.
   std::optional<ChainAsked> chain_asked_;
   bool is_loaded_ = false;
   bool is_waiting_to_lead_ = false;
@@ -229,7 +223,7 @@ class RoleLogic {
   std::vector<proto::RoleAssignment> history_;
   std::set<AgentId> confirmed_;  // Agents known to hold current_.
   std::optional<Saving> saving_;
-  std::optional<proto::RoleAssignment> unstored_;      // Newer than current_, by another issuer, not durable here.
+  std::optional<proto::RoleAssignment> unstored_;      // Newer assignment of another issuer that could not be stored.
   std::optional<proto::RoleAssignment> own_unstored_;  // This agent's own new term that could not be stored.
   Duration announce_delay_{};
 };

@@ -75,7 +75,7 @@ bool BatchMaker::Make(const proto::MissingReply& reply, std::size_t bytes_max, b
   Code(reply, bytes_max, is_part_of_order);
   missing_count_ = ready_->message.remaining();
   if (missing_count_ == 0) is_end_reported_ = true;
-  // If dropped intervals were sent, return false: a message may be too small for all of them.
+  // Return false if dropped intervals were sent, since the message may be too small for all of them.
   return missing_count_ == 0 && reply.dropped().empty();
 }
 
@@ -90,7 +90,7 @@ void BatchMaker::Code(const proto::MissingReply& reply, std::size_t bytes_max, b
   LearnRatio(coded.bytes.size(), content_bytes);
   missing_types_ = BacklogOf(reply, count);
   std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
-  if (is_part_of_order) ++remaining;  // Only the last part of the order may announce that nothing remains.
+  if (is_part_of_order) ++remaining;  // A part of the order must not report that nothing remains.
   if (coded.bytes.size() <= bytes_max || count != 1) return MakeWhole(std::move(coded), reply, remaining, bytes_max);
   const std::uint32_t run = coded.run;
   const bool leans_on_others = coded.leans_on_others;

@@ -1,15 +1,12 @@
 // BatchMaker: makes the batches of one session from the records that storage reports as missing at the destination.
 //
-// One batch is ready at a time. It holds as many records as fit into one message, or the next fragment of a record that
-// does not fit (fragments.h). BatchMaker estimates how many records fit from the ratio of coded bytes to content bytes.
-// Batch numbers count from 1, and do so again when the session starts over. Each batch contains the number of records
-// that remain to be sent after it. In the last batch this number is 0. The last batch also carries the dropped
-// intervals, and contains no records if none were missing.
+// One batch is ready at a time. It holds as many records as fit into one message, or the next fragment of a larger
+// record (fragments.h). Each batch contains the number of records that remain to be sent after it. In the last batch
+// this number is 0. The last batch also carries the dropped intervals, and contains no records if none were missing.
+// Batch numbers start at 1 again when the session starts over.
 //
 // Batches of maps form runs (codec.h), which continue from one order to the next. A new run begins if the destination
-// may lack a batch of the current run. That is the case if a batch was in flight or ready when the session started
-// over, if a batch was lost, or if the destination reports a gap. Closing the session also ends the run. Not
-// thread-safe.
+// may lack a batch of the current run, or after the session was closed. Not thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -36,8 +33,8 @@ struct MadeBatch {
 
 class BatchMaker {
  public:
-  // Requires: `first_run`, the number of the first run, differs from the run numbers of earlier processes, for example
-  // because it is random.
+  // `first_run` is the number of the first run of maps. Requires: `first_run` differs from the run numbers of earlier
+  // processes, for example because it is random.
   BatchMaker(AgentId destination, proto::Codec codec, const PaperSql& paper_sql, std::uint32_t first_run)
       : destination_(destination), codec_(codec), encoder_(paper_sql, first_run) {}
 
@@ -48,18 +45,17 @@ class BatchMaker {
   void TakeAnswer(const proto::Have& answer);
 
   // Makes the next batch from storage's answer, if there is anything to send. A batch of several records has at most
-  // `bytes_max` coded bytes. `is_part_of_order`: the answer covers only a part of the order, so this batch is not
-  // marked as the last one. Returns true if nothing remains to be sent after this batch.
+  // `bytes_max` coded bytes. `is_part_of_order`: the answer covers only a part of the order, so the batch does not end
+  // the order. Returns false if storage must be asked for further missing records.
   bool Make(const proto::MissingReply& reply, std::size_t bytes_max, bool is_part_of_order);
-  // Makes a batch without records that does not end the order. Discards the ready batch and the remaining fragments of
-  // a record.
+  // Makes a batch without records that does not end the order. Discards the ready batch and the fragments not yet sent.
   void MakeEmpty(std::size_t bytes_max);
   // If a record is being sent in fragments, makes the next fragment the ready batch, with at most `bytes_max` coded
   // bytes.
   void MakeNextFragment(std::size_t bytes_max);
   const std::optional<MadeBatch>& ready() const { return ready_; }
-  // Removes the ready batch and returns it. Its number is the value of next_number() before the call. Requires: a batch
-  // is ready.
+  // Removes and returns the ready batch. Its number is the value of next_number() before the call. Requires: a batch is
+  // ready.
   MadeBatch Take();
   std::uint32_t next_number() const { return next_number_; }
 
@@ -70,12 +66,11 @@ class BatchMaker {
 
   // Call if records became missing after storage's answer. The ready batch then no longer ends the order.
   void PutOffEnd();
-  // True if a batch with 0 remaining records was made after the last start of the session and after the last call of
-  // PutOffEnd.
+  // True if a batch with 0 remaining records was made since the last StartOver and the last PutOffEnd.
   bool has_reported_end() const { return is_end_reported_; }
 
-  // Call if the destination lacks a batch of this run. Discards the ready batch and fragments if they belong to the
-  // run, and makes no further batch of it.
+  // Call if the destination lacks a batch of the run. Discards the ready batch and fragments if they belong to the run,
+  // and makes no further batch of the run.
   void DropRun(std::uint32_t run);
   // Ends the current run and frees its memory. The next batch then depends on no earlier batch.
   void EndRun() { encoder_.BeginRun(); }
@@ -87,7 +82,7 @@ class BatchMaker {
   void AddTo(proto::ShareSession& status) const;
 
  private:
-  // A record that is being sent in fragments: its fragments after the ready batch.
+  // The record that is being sent in fragments.
   struct Large {
     RecordKey key;
     std::uint64_t remaining = 0;  // Number of records that remain to be sent after this record.
@@ -107,7 +102,8 @@ class BatchMaker {
   std::uint64_t session_id_ = 0;
   std::uint32_t next_number_ = 1;
   SharingEncoder encoder_;
-  // Each batch of maps begins a new run, because the destination keeps no runs for this session or lost one.
+  // Each batch of maps begins a new run, because the destination keeps no decoder for this session's runs, or lacks a
+  // batch of a run.
   bool is_each_by_itself_ = false;
   double coded_ratio_ = 0.5;  // Coded bytes per content byte, smoothed.
   std::optional<MadeBatch> ready_;

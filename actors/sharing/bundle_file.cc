@@ -53,7 +53,8 @@ int BundleWriter::Add(const proto::RecordBatch& records) {
   if (count == 0 || count == records.records_size()) return count;
   proto::RecordBatch rest = records;
   rest.mutable_records()->DeleteSubrange(0, count);
-  rest.mutable_records()->DeleteSubrange(count, rest.records_size() - count);  // 2 * count records did not fit.
+  // About 2 * count records did not fit, so try at most `count` further records.
+  rest.mutable_records()->DeleteSubrange(count, rest.records_size() - count);
   return count + Add(rest);
 }
 

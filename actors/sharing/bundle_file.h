@@ -1,7 +1,6 @@
-// Bundles for a ground station. A bundle is one file of records within a byte budget, in the compact form of batches,
-// with its have-set and a checksum over all bytes (proto/bundle.proto defines the format).
-//
-// Plain values and functions, which open no files. Not thread-safe.
+// Bundles for a ground station. A bundle is a file of limited size that contains records in the compact form
+// (coding/batch_codec.h), their have-set, and a checksum over all bytes. proto/bundle.proto defines the format. The
+// functions open no files. Not thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -31,8 +30,7 @@ class BundleWriter {
   BundleWriter(proto::BundleFile head, std::size_t bytes_max);
   ~BundleWriter();
 
-  // Adds as many of the first records as fit, and returns their number. If not all records fit, some are encoded
-  // several times to find that number.
+  // Adds as many of the first records as fit, and returns their number.
   int Add(const proto::RecordBatch& records);
 
   const HaveSet& have() const { return have_; }

@@ -38,7 +38,8 @@ proto::RecordBatch FirstOf(const proto::RecordBatch& batch, int count) {
   return first;
 }
 
-// Encodes the batch again and again, with fewer records each time, until it fits into `bytes_max`.
+// Encodes as many of the first records as fit into `bytes_max`, but at least one. Encodes repeatedly, with fewer
+// records each time, until the result fits.
 CodedBatch EncodePlainUpTo(const proto::RecordBatch& batch, bool may_compress, std::size_t bytes_max) {
   CodedBatch coded = EncodePlain(batch, may_compress);
   while (coded.bytes.size() > bytes_max && coded.record_count > 1) {

@@ -1,9 +1,9 @@
-// DecodeBudget: limits the decoded bytes of one sender's batches. A batch of a few hundred bytes can decode to 18 MiB.
-// A sender that repeats such batches would use up the processor.
+// DecodeBudget: limits the decoded bytes of one sender's batches. A batch of a few hundred bytes can decode to 18 MiB,
+// so a sender that repeats such batches could use up the processor.
 //
-// A token bucket of at most kAtOnceBytes decoded bytes. An empty bucket refills within a minute, and each coded byte
-// that arrives adds kBytesPerCodedByte. Batches of an honest sender grow about 10 times when decoded, sparse maps about
-// 100 times. Plain value.
+// The budget is a token bucket of at most kAtOnceBytes decoded bytes. An empty bucket refills within a minute, and each
+// coded byte that arrives adds kBytesPerCodedByte. Batches of an honest sender grow about 10 times when decoded, sparse
+// maps about 100 times. Plain value.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,8 @@ class DecodeBudget {
   // as a full batch.
   static constexpr std::size_t kDamagedBytes = 16 * 1024 * 1024;
 
-  // Adds the budget that a batch of `coded_bytes` brings. Returns true if the batch may be decoded.
+  // Refills the budget for the time since the last call and for a batch of `coded_bytes`. Returns true if the batch may
+  // be decoded.
   bool Takes(std::size_t coded_bytes, Time now) {
     const double minutes = std::chrono::duration<double, std::ratio<60>>(now - at_).count();
     const double earned = minutes * kAtOnceBytes + static_cast<double>(coded_bytes) * kBytesPerCodedByte;

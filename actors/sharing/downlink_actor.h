@@ -1,5 +1,5 @@
-// DownlinkActor ("downlink"): packs records that a ground station lacks into bundles, files of a given size. The files
-// reach the ground station by means outside moondb, such as a relay satellite's pass or a memory stick.
+// DownlinkActor ("downlink"): packs records that a ground station lacks into bundles, which are files of a given size.
+// The files reach the ground station by means outside moondb, such as a relay satellite's pass or a memory stick.
 //
 //   DownlinkRequest{bytes_max}     Makes the next bundle from the records that `ground` of the team file asks for and
 //                                  that are in no earlier bundle, most urgent class first, until the file is full.
@@ -8,12 +8,12 @@
 //                                  file; its records count as downlinked.
 //   DownlinkRequest{}              Lists the bundles that wait for an acknowledgment.
 //
-// A bundle does not change until it is acknowledged, however often it is fetched (ReadBundleRequest, to storage). No
-// record is in two bundles. At most kBundlesWaitingMax bundles wait. Bundle numbers count from 1, and do so again after
-// the disk was lost. Compare the hashes of two bundles to see whether they are the same.
+// A bundle does not change until it is acknowledged, and no record is in two bundles. At most kBundlesWaitingMax
+// bundles wait. Bundle numbers count from 1, and start at 1 again after the disk was lost, so a bundle is identified by
+// its number and its hash together.
 //
-// Accepts requests only from actors of this agent. Serves one request at a time; a few more may wait. Requests
-// fail with these errors.
+// Accepts requests only from actors of this agent. Serves one request at a time, from a queue of at most orders_max
+// requests. Requests fail with these errors.
 //   `kInvalid`: the size is outside the limits of actors/sharing/bundle_file.h or too small for the next record, or the
 //       request has both fields.
 //   `kRefused`: `ground` asks for no records, or too many bundles wait for an acknowledgment.
@@ -75,7 +75,7 @@ class DownlinkActor final : public Actor {
   std::uint64_t question_ = 0;  // Id of the last request to storage.
   TimerId timer_ = 0;
   proto::DownlinkReply reply_;
-  HaveSet taken_;                       // Records that are in bundles, including the new one.
+  HaveSet taken_;                       // Records that are in bundles, including the new bundle.
   std::optional<BundleWriter> writer_;  // Set while a new bundle is being made.
   proto::DownlinkBundle bundle_;        // Description of the new bundle.
 };

@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Never returns 0, since a hash of 0 means "no whole".
+// Never returns 0, since a hash of 0 means that there is no whole.
 std::uint64_t HashOf(const std::string& bytes) {
   return std::max<std::uint64_t>(XXH64(bytes.data(), bytes.size(), 0), 1);
 }
@@ -42,9 +42,9 @@ Result<std::optional<std::string>> FragmentCollector::Take(AgentId sender, const
   Part* part = Find(sender);
   const bool is_known = part != nullptr && part->hash == fragment.hash() && part->size == fragment.whole_bytes();
   if (!is_known && fragment.first_byte() == 0) {
-    // Reuse the buffer of the sender's unfinished whole, so there is one buffer per sender, however often it starts
-    // again. Reserve the full size now: a buffer that grows by doubling would take three times the memory, and memory
-    // pages that are never written cost nothing.
+    // Reuse the buffer of the sender's unfinished whole, so a sender that starts again and again has only one buffer.
+    // Reserve the full size now: a buffer that grows by doubling would take three times the memory, and memory pages
+    // that are never written cost nothing.
     Part begun = part != nullptr ? std::move(*part) : Part{};
     Forget(sender);
     begun.sender = sender;
@@ -55,8 +55,8 @@ Result<std::optional<std::string>> FragmentCollector::Take(AgentId sender, const
     parts_.push_back(std::move(begun));
     part = &parts_.back();
   } else if (!is_known || fragment.first_byte() > part->bytes.size()) {
-    // The hash matches but the size does not. Discard the part: if the receiver reported it again, the sender would
-    // send the same fragment again.
+    // If the hash matches but the size does not, discard the part. Otherwise the receiver would report this part again,
+    // and the sender would send the same fragment again.
     if (!is_known && part != nullptr && part->hash == fragment.hash()) Forget(sender);
     return Fail(ErrorCode::kNotFound, "what comes before this fragment is not here", "fragment");
   }

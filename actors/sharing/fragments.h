@@ -1,13 +1,14 @@
-// Fragmentation: splits a batch that is too large for one radio message into fragments, and resumes after a lost link.
+// Fragments: splits a batch that is too large for one radio message into fragments, and resumes after a lost
+// connection.
 //
-// A batch of one large record is coded once and cut into fragments. Each fragment is a batch of the session with its
-// own number, counts against the credit, and is acknowledged. A fragment identifies the whole coded batch by hash and
-// size. The receiver accepts fragments only in order and keeps them in memory. The Have message of the receiver names
-// the hash of the whole and how many of its bytes it holds. When the last fragment arrives, the receiver decodes the
-// whole.
+// A batch of one large record is coded once and cut into fragments. Each fragment is sent as a batch with its own
+// number, counts against the credit, and is acknowledged. A fragment identifies the whole coded batch by hash and size.
+// The receiver accepts fragments only in order, keeps them in memory, and decodes the whole when the last fragment has
+// arrived. The receiver's answer to a Hello reports the hash of the whole and how many of its bytes have arrived, so
+// the sender can continue there.
 //
 // The receiver holds at most one whole per sender, of at most kWholeBytesMax, and at most `bytes_max` for all senders.
-// If there is no room, it discards the unfinished whole that was begun first. The sender of that whole has to start
+// If there is no room, it discards the unfinished whole that was begun first, and the sender of that whole has to start
 // again.
 #pragma once
 
@@ -29,8 +30,8 @@ namespace moondb {
 // Bytes of the largest record, plus the overhead of its coding.
 inline constexpr std::size_t kWholeBytesMax = kRecordContentBytesMax + 64 * 1024;
 
-// How many bytes of a fragmented batch a receiver holds, counted from the first byte. `hash` 0: it holds no part of a
-// batch.
+// The part of a fragmented batch that a receiver holds: the first `bytes` bytes of the whole with this hash. `hash` 0:
+// the receiver holds no part.
 struct PartOfWhole {
   std::uint64_t hash = 0;
   std::size_t bytes = 0;
@@ -38,11 +39,11 @@ struct PartOfWhole {
 
 class FragmentCutter {
  public:
-  // Starts behind the bytes that the receiver already holds (`covered`), if these belong to `whole`.
+  // Starts after the bytes in `covered`, which the receiver already holds, if `covered` is a part of `whole`.
   FragmentCutter(CodedBatch whole, std::uint32_t record_count, const PartOfWhole& covered);
 
-  // Returns the next batch, with codec, coded, record_count and fragment filled in. It has at most `bytes_max` bytes of
-  // the whole. Requires: `bytes_max` is not 0.
+  // Returns the next fragment as a batch, with codec, coded, record_count and fragment filled in. The fragment has at
+  // most `bytes_max` bytes. Requires: `bytes_max` is not 0.
   proto::Batch Next(std::size_t bytes_max);
   bool is_done() const { return next_ == whole_.bytes.size(); }
 
@@ -59,8 +60,8 @@ class FragmentCollector {
       : bytes_max_(bytes_max), whole_bytes_max_(std::min(bytes_max, whole_bytes_max)) {}
 
   // Adds a fragment. Returns the bytes of the whole if the fragment was the last one, else nullopt. Ignores a duplicate
-  // fragment. kNotFound if earlier fragments are missing here; the sender has to start again. kCorrupt if the fragment
-  // is malformed, or the whole does not match its hash.
+  // fragment. Returns kNotFound if earlier fragments are missing, so the sender has to start again. Returns kCorrupt if
+  // the fragment is malformed, or if the whole does not match its hash.
   Result<std::optional<std::string>> Take(AgentId sender, const proto::Batch& batch);
 
   PartOfWhole PartFrom(AgentId sender) const;
@@ -71,7 +72,8 @@ class FragmentCollector {
     std::uint64_t hash = 0;
     std::uint64_t size = 0;
     std::string bytes;
-    // Bytes of the buffer that this whole or an earlier one has written. Only these bytes take memory.
+    // Number of bytes written to the buffer of `bytes`, for this whole or an earlier one. Only written bytes take
+    // memory.
     std::size_t written_bytes = 0;
   };
 

@@ -1,9 +1,9 @@
 // HaveCollector: assembles a destination's have-set from the pages in which it arrives (model/have_page.h).
 //
-// The collector waits for one page at a time and ignores duplicate and late pages. Collected pages stay until Clear, so
-// only a lost page is requested again. The collector refuses a page that names a record outside the page's own key
-// range, an empty page that is not the last, and a page that would make the have-set larger than the limit. These
-// checks bound the memory for one destination and detect a destination that sends pages endlessly. Plain value.
+// The collector waits for one page at a time, and ignores duplicate and late pages. The collector refuses a page that
+// names a record outside the page's own key range, and an empty page that is not the last. It also refuses a page that
+// would exceed the limit of pages or of the have-set's size. These checks bound the memory for one destination, even if
+// the destination sends pages endlessly. Plain value.
 #pragma once
 
 #include <utility>
@@ -29,7 +29,7 @@ class HaveCollector {
 
   // True if at least one page was collected and the have-set is not complete.
   bool is_begun() const { return page_count_ > 0; }
-  // The first key of the expected page. A default key means the first page.
+  // The first key of the page that the collector waits for. A default key means the first page.
   const RecordKey& next() const { return next_; }
   // Returns the complete have-set and clears the collector. Requires: the last page was collected.
   HaveSet TakeWhole() { return std::exchange(*this, HaveCollector()).have_; }

@@ -89,7 +89,9 @@ void InFlightBatches::NoteRefused(const BatchContents& batch) {
   for (const RecordKey& key : batch.keys) {
     if (!Has(have_, key)) refused_[key.stream].held.Add(key.seq);
   }
-  AddDropped(batch.dropped, refused_);  // The destination may have a reason to keep a record that is dropped here.
+  // Count the dropped intervals as refused, so they are not sent again. The destination may have a reason to keep a
+  // record.
+  AddDropped(batch.dropped, refused_);
 }
 
 std::size_t InFlightBatches::GiveUpBefore(std::uint32_t number) {

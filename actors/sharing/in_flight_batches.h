@@ -1,10 +1,9 @@
-// InFlightBatches keeps the batches that are in flight to a destination (sent, not acknowledged), and the have-set that
-// the destination reported.
+// InFlightBatches keeps the batches that are in flight to a destination (sent, but not acknowledged), and the have-set
+// that the destination reported.
 //
 // Records in flight count as held by the destination only for the choice of the next batch. If a batch is given up, its
-// records count as missing again. Records that the destination refused, although it acknowledged their batch, are not
-// sent again before the session starts over. Unacknowledged bytes stay within the credit (flow control), except that
-// one larger batch may be in flight alone. Plain value.
+// records count as missing again. A record that the destination refused, although it acknowledged the batch, is not
+// sent again before the session starts over. Plain value.
 #pragma once
 
 #include <cstddef>
@@ -29,8 +28,8 @@ struct BatchContents {
   bool leans_on_others = false;  // The batch can be decoded only after the earlier batches of its run.
 };
 
-// Adds the contents of a batch to `have`. A record that is held in `have` and dropped in the batch, or the reverse,
-// ends up in both interval sets.
+// Adds the contents of a batch to `have`. A record that is held in `have` and dropped in the batch, or the reverse, is
+// then in both interval sets of `have`.
 void AddContents(const BatchContents& batch, HaveSet& have);
 
 class InFlightBatches {
@@ -40,11 +39,11 @@ class InFlightBatches {
 
   // Sets the have-set that the destination reported in its answer to a Hello.
   void SetHave(HaveSet have) { have_ = std::move(have); }
-  // Merges a later report of the destination into its have-set.
+  // Adds a later report of the destination to its have-set.
   void Join(const HaveSet& heard) { have_.Merge(heard); }
   const HaveSet& have() const { return have_; }
-  // Returns the have-set that the destination will have when all batches in flight and `more` have arrived. Refused
-  // records are included.
+  // Returns the destination's have-set plus the contents of all batches in flight, `more`, and the records that the
+  // destination refused.
   HaveSet ExpectedHave(const HaveSet& more) const;
 
   void SetCredit(std::size_t bytes) { credit_bytes_ = bytes; }
@@ -56,12 +55,12 @@ class InFlightBatches {
   bool is_empty() const { return batches_.empty(); }
   std::size_t RecordCount() const;
   std::vector<RecordKey> Keys() const;
-  // Number of records of acknowledged batches that the destination refused to store.
+  // Returns the number of records that the destination refused to store since the session started over.
   std::uint64_t RefusedCount() const;
 
   struct Acknowledged {
     std::size_t batches = 0;
-    std::size_t records = 0;  // Number of records that the destination now holds or dropped.
+    std::size_t records = 0;  // Number of records that the destination now holds or has dropped.
     std::size_t bytes = 0;    // Coded bytes.
   };
   // Removes the batch `number`, and each other batch of which the destination now holds or dropped all records. Returns
@@ -70,9 +69,9 @@ class InFlightBatches {
   // Gives up each batch whose number is at least 2 below the acknowledged `number`. Batches arrive nearly in order, so
   // such a batch was lost. Returns how many batches were given up.
   std::size_t GiveUpBefore(std::uint32_t number);
-  // Call if the destination reports that it lacks earlier batches on which this batch depends. Gives the batch up and
-  // returns its run. Returns nullopt, and keeps the batch, if it depends on no other batch. A destination that always
-  // complains thus cannot stall the session permanently.
+  // Call if the destination reports that it cannot decode the batch `number` without earlier batches. Gives the batch
+  // up and returns its run. Returns nullopt and changes nothing if the batch is not in flight or depends on no other
+  // batch. False reports thus cannot stall the session.
   std::optional<std::uint32_t> GiveUpBroken(std::uint32_t number);
 
  private:

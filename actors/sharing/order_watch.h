@@ -1,13 +1,12 @@
-// OrderWatch: tracks the progress of the sharing orders that clients gave this agent, and the requests that wait for
-// them.
+// OrderWatch: tracks the progress of the sharing orders that clients gave this agent, and answers the requests that
+// wait for an order.
 //
 // A request waits for the end of its order (ShareRequest.wait_s) or for the next change of its progress
-// (ShareProgressRequest). The actor supplies the progress of an order (RowsOf). It calls Look after each message and
-// when deadline() is reached; Look does its work at most once per kLookPeriod. An order by role ends with the term in
-// which it was given.
+// (ShareProgressRequest). The actor supplies the progress of an order (RowsOf). The actor calls Look after each message
+// and when deadline() is reached; Look updates the progress at most once per kLookPeriod.
 //
-// Holds at most kOrdersMax orders and kRequestsMax requests. The oldest order for which no request waits is forgotten
-// first. A plain state machine: the caller passes the time with each input. Not thread-safe.
+// Holds at most kRequestsMax requests. If there are kOrdersMax orders, forgets the oldest order for which no request
+// waits. A state machine: the caller passes the time with each input. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -31,12 +30,12 @@ class OrderWatch {
   using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 
   static constexpr Duration kLookPeriod = std::chrono::milliseconds(50);
-  // Shortest time between two answers about changed progress: to clients of this agent, and to clients behind the radio
-  // (kRelayedNewsPeriod).
+  // Shortest time between two answers about changed progress of one order. kRelayedNewsPeriod is for clients whose
+  // requests another agent relayed over the radio.
   static constexpr Duration kNewsPeriod = std::chrono::milliseconds(500);
   static constexpr Duration kRelayedNewsPeriod = std::chrono::seconds(5);
-  // How often progress is updated even if no message arrives, since a countdown such as "drives for 40 s more" changes
-  // with time.
+  // While a request waits, progress is updated at least once per period, since a countdown such as "drives for 40 s
+  // more" changes even if no message arrives.
   static constexpr Duration kCountdownPeriod = std::chrono::seconds(5);
   static constexpr std::size_t kOrdersMax = 32;
   static constexpr std::size_t kRequestsMax = 64;
@@ -54,12 +53,13 @@ class OrderWatch {
   struct Order {
     std::uint64_t number = 0;
     proto::Term term;         // The term in which the order was given.
-    bool is_by_role = false;  // The order ends with its term.
+    bool is_by_role = false;  // The order ends with the term in which it was given.
     std::vector<Pair> pairs;
     bool is_gathering_meant = false;  // The order also waits until the leader has gathered records from other agents.
-    std::set<AgentId> gathering_of;   // Agents whose gathering the order waits for; empty: all agents.
-    std::set<AgentId>
-        gathers_from;  // Agents from which the leader still had to gather at any time since the order began.
+    // If is_gathering_meant, agents from which records are gathered for the order; empty: all agents.
+    std::set<AgentId> gathering_of;
+    // Agents from which the leader had to gather at some time since the order began, even if that is done now.
+    std::set<AgentId> gathers_from;
   };
 
   // The progress of an order, by pair. `is_open_ended`: further pairs may be added, so the order is not complete yet.
@@ -70,13 +70,13 @@ class OrderWatch {
   using RowsOf = std::function<Rows(Order&)>;
 
   struct Request {
-    AgentId agent = 0;  // With `actor`: the address of the requester.
+    AgentId agent = 0;  // With `actor`: the requester's address.
     std::string actor;
     std::uint64_t request_id = 0;
     std::uint64_t order = 0;
     Time until{};
     bool is_for_end = false;          // Waits for the end of the order; false: waits for a change of its progress.
-    std::uint64_t after_version = 0;  // If is_for_end is false: wait for a version above this.
+    std::uint64_t after_version = 0;  // Used if is_for_end is false: waits for a version above this.
     Duration news_period{};  // Shortest time from the last answer about changed progress of this order to the next.
   };
 
@@ -86,9 +86,10 @@ class OrderWatch {
   };
 
   void Add(Order order);
-  // Adds a waiting request. kFull if too many requests wait. kNotFound if the order is unknown.
+  // Adds a waiting request. Fails with kFull if too many requests wait, and with kNotFound if the order is unknown.
   Result<void> Wait(Request request);
-  // Ends all orders by role that were given in another term than `term`. Requests for them are answered with `error`.
+  // Ends all orders with is_by_role that were given in another term than `term`. Requests for these orders are answered
+  // with `error`.
   void EndTerm(const proto::Term& term, const Error& error);
   bool is_waiting() const { return !requests_.empty(); }
   // Updates the progress of the orders and returns the answers that are due. Returns none if the last update was less

@@ -1,6 +1,6 @@
 // Pacer: limits sent bytes to a rate, with a token bucket. The bucket holds at most `burst_bytes` and fills at the
-// rate. Sending is allowed while the bucket is not empty, and may overdraw it; the next send then waits until the debt
-// is paid. The caller passes the time with each call. Plain value.
+// rate. Sending is allowed while the bucket is not empty, and may overdraw the bucket. The next send then waits until
+// the bucket is no longer overdrawn. The caller passes the time with each call. Plain value.
 #pragma once
 
 #include <algorithm>

@@ -1,17 +1,12 @@
-// PeerNotes notifies this agent's StorageActor which records a session's destination has, and which records were handed
-// over to it.
+// PeerNotes notifies this agent's StorageActor which records a session's destination has, and which records were sent
+// to the destination. The notes are for display only and do not affect what is sent.
 //
 // The first note contains the destination's whole have-set, from its answer to a Hello. Later notes contain only the
-// difference that an acknowledgment reported. A note is therefore only as large as the change by one batch, while the
-// have-set grows for years, with epochs and gaps.
+// records that an acknowledgment added, so they stay small while the have-set grows for years.
 //
-// Notes are numbered. If storage missed the note before a difference (because it was restarted, or its mailbox was
-// full), it asks for the whole have-set, and shows the last known state until it arrives. The number of a note is also
-// its message's request_id, so storage's request names the note that it could not use. A request is ignored if a note
-// with the whole have-set was sent after the note that the request names.
-//
-// All notes of one step of the session go into one PeerHave message. The notes are for display only and do not affect
-// what is sent. Plain value.
+// Notes are numbered. If storage missed a note (because storage was restarted, or its mailbox was full), it requests
+// the whole have-set, and names the note that it could not use. All notes that one input of the session causes go into
+// one PeerHave message. Plain value.
 #pragma once
 
 #include <cstdint>
@@ -26,16 +21,17 @@ namespace moondb {
 
 class PeerNotes {
  public:
-  // `first_number` is random, so storage does not mistake a note of an earlier process for the preceding note.
+  // Requires: `first_number` is random, so storage does not mistake a note of an earlier process for the preceding
+  // note.
   PeerNotes(proto::SharingKind kind, AgentId destination, std::uint64_t first_number);
 
-  // Call when the session sends a new Hello. Earlier answers of the destination do not count as answers to it.
+  // Call when the session starts over. Answers to earlier Hellos then no longer count.
   void StartOver() { is_answered_ = false; }
   // Adds a note with the destination's whole have-set, for the streams of `origins`, or for all streams if `origins` is
   // empty.
   void NoteAnswer(const HaveSet& have, const std::set<AgentId>& origins, SharingActions& actions);
-  // Adds a note with the records that `heard` covers and `known` does not; storage already knows of `known`. Adds no
-  // note if there are no such records.
+  // Adds a note with the records that `heard` covers and `known` does not. `known` is the have-set in earlier notes.
+  // Adds no note if there are no such records.
   void NoteAcknowledged(const HaveSet& heard, const HaveSet& known, SharingActions& actions);
   void NoteHandedOver(const std::vector<RecordKey>& keys, SharingActions& actions) const;
   void NoteClosed(SharingActions& actions) const;
@@ -47,7 +43,7 @@ class PeerNotes {
 
  private:
   proto::PeerHave& NoteIn(SharingActions& actions) const;
-  // Returns the PeerHave message of this step, and gives it the next number.
+  // Returns the PeerHave message of this step, with the next number set.
   proto::PeerHave& NumberedNoteIn(SharingActions& actions);
   void NoteAll(const HaveSet& have, SharingActions& actions);
 

@@ -1,10 +1,10 @@
 // PeerOrders: orders peers to share their records with this agent. Each peer has at most one open order.
 //
-// An order is sent again, with a growing delay, until the peer answers. Until the peer has reported the order's end, it
-// is also sent again when the peer reconnects, since the peer's process may have restarted and forgotten the order.
+// An order is sent again, with a growing delay, until the peer answers. If the peer reconnects before it has reported
+// the order's end, the order is sent again, since the peer's process may have restarted and forgotten the order.
 //
-// A plain state machine like SharingSession: inputs return the messages to send, and the caller calls OnTimer when
-// deadline() is reached. The caller adds its term to the messages.
+// A state machine: inputs return the messages to send, and the caller calls OnTimer when deadline() is reached. The
+// caller adds its term to the messages.
 #pragma once
 
 #include <chrono>
@@ -29,22 +29,22 @@ class PeerOrders {
     AgentId self = 0;  // This agent, to which the peers are to send their records.
     proto::SharingKind kind = proto::SHARING_KIND_UNSPECIFIED;
     Duration resend_after = std::chrono::seconds(5);
-    Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this.
+    Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this value.
   };
 
   explicit PeerOrders(const Options& options) : options_(options) {}
 
-  // Sends an order to the peer. Replaces an open order to that peer; if the replaced order had no byte limit, the new
-  // one has none either. `bytes_max` 0: no limit.
+  // Sends an order to the peer. Replaces an open order to the peer; if the replaced order had no byte limit, the new
+  // order has none either. `bytes_max` 0: no limit.
   SharingActions Give(AgentId peer, std::uint64_t number, std::uint64_t bytes_max, Time now);
-  // Call when the peer reconnected. Sends its open order immediately and resets the delay.
+  // Call when the peer reconnected. Sends the open order to the peer immediately and resets the delay.
   SharingActions OnConnected(AgentId peer, Time now);
   SharingActions OnTimer(Time now);
-  // Accepts the peer's answer to an order. `is_taken`: the peer accepted the order. Returns true if the order `number`
+  // Call when the peer answered an order. `is_taken`: the peer accepted the order. Returns true if the order `number`
   // was waiting for an answer.
   bool TakeAnswer(AgentId peer, std::uint64_t number, bool is_taken);
-  // Call when the peer reported the end of the order `number`. Removes the order if it has this number or an earlier
-  // one.
+  // Call when the peer reported the end of the order `number`. Removes the open order to the peer if its number is
+  // `number` or lower.
   void TakeEnd(AgentId peer, std::uint64_t number);
   void Cancel(AgentId peer) { orders_.erase(peer); }
   void CancelAll() { orders_.clear(); }

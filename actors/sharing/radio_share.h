@@ -1,7 +1,8 @@
-// RadioShare: divides this agent's radio budget among the sessions that use the radio.
+// RadioShare: divides this agent's radio budget equally among its moving sessions, which are the sessions that use the
+// radio now.
 //
-// All moving sessions get equal parts: incoming and outgoing sessions, of this sharing actor and of the agent's other
-// sharing actor. The two actors notify each other whenever their number of moving sessions changes. Plain value.
+// The budget is shared by incoming and outgoing sessions of SyncActor and ReplicaActor. The two actors notify each
+// other whenever their number of moving sessions changes. Plain value.
 #pragma once
 
 #include <algorithm>
@@ -12,11 +13,11 @@ namespace moondb {
 
 class RadioShare {
  public:
-  // `bytes_per_second` 0: there is no budget, for example in tests.
+  // `bytes_per_second`: the agent's radio budget; 0: no limit, for example in tests.
   explicit RadioShare(double bytes_per_second) : bytes_per_second_(bytes_per_second) {}
 
   bool is_limited() const { return bytes_per_second_ > 0; }
-  // Returns the bytes per second for each session, if `moving` sessions of this actor use the radio.
+  // Returns each session's part in bytes per second, if `moving` sessions of this actor use the radio.
   double Part(std::size_t moving) const {
     return bytes_per_second_ / static_cast<double>(std::max<std::size_t>(moving + moving_elsewhere_, 1));
   }
@@ -24,19 +25,20 @@ class RadioShare {
   // Sets the number of moving sessions that the other sharing actor reported.
   void SetMovingElsewhere(std::size_t moving) {
     moving_elsewhere_ = moving;
-    // The other actor may have restarted and forgotten the number of this actor's sessions. Notify it again.
+    // The other actor may have restarted and forgotten this actor's number, so make MustNotify return true.
     if (moving == 0 && notified_.value_or(0) > 0) notified_.reset();
   }
   std::size_t moving_elsewhere() const { return moving_elsewhere_; }
 
-  // True unless this number of moving sessions is the last one of which the other sharing actor was notified.
+  // Returns true if the last notification to the other sharing actor gave another number of moving sessions, or if
+  // there was no notification yet.
   bool MustNotify(std::size_t moving) const { return notified_ != moving; }
   void NoteNotified(std::size_t moving) { notified_ = moving; }
 
  private:
   double bytes_per_second_;
   std::size_t moving_elsewhere_ = 0;
-  std::optional<std::size_t> notified_;  // The number of which the other sharing actor was last notified.
+  std::optional<std::size_t> notified_;  // Moving sessions in the last notification to the other actor.
 };
 
 }  // namespace moondb

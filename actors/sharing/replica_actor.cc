@@ -10,7 +10,8 @@
 namespace moondb {
 namespace {
 
-// How long an agent may make no progress before the next agent's turn. Doubles after each turn that ends this way.
+// An asked agent may make no progress for kPatienceMin before the next agent's turn. The time doubles after each such
+// turn, up to kPatienceMax.
 constexpr Duration kPatienceMin = std::chrono::minutes(1);
 constexpr Duration kPatienceMax = std::chrono::hours(1);
 

@@ -25,18 +25,19 @@ class ResendDelay {
     has_started_over_at_once_ = false;
   }
 
-  // The destination refused a batch, for example because it could not store it.
+  // Call when the destination refused a batch.
   void NoteRefusal() { ++refusals_; }
   void ForgetRefusals() { refusals_ = 0; }
   // True if the destination refused at least two batches in a row.
   bool is_refused_again() const { return refusals_ > 1; }
-  // A batch was acknowledged. Fragments are acknowledged even by a destination that cannot store the record, so after a
-  // refusal only acknowledged records count as progress.
+  // Call when a batch was acknowledged, or when a page of the have-set arrived. `has_records`: the acknowledged batch
+  // contained records, not only a fragment. A destination acknowledges fragments even if it cannot store their record,
+  // so after a refusal only acknowledged records count as progress.
   void NoteProgress(bool has_records) {
     if (has_records || refusals_ == 0) Reset();
   }
-  // Call when the destination has forgotten the session. Returns true if the session may start over immediately. This
-  // is allowed once until there is progress; otherwise the delay applies.
+  // Call when the destination has forgotten the session. Returns true if the session may start over immediately. An
+  // immediate start is allowed once until there is progress; otherwise the delay applies.
   bool TakeStartAtOnce() { return !std::exchange(has_started_over_at_once_, true); }
 
  private:

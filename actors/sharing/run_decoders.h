@@ -1,9 +1,8 @@
 // RunDecoders: the decoders of the runs of maps that a receiver gets from its senders (coding/batch_codec.h).
 //
-// A run continues from batch to batch and across sessions of its sender, so a map can be predicted from the preceding
-// map if that map arrived. Senders number their runs. The receiver has `places_max` places, each for the decoder of one
-// sender's current run. A place takes about 4 MB for maps of 4 x 100 x 100 cells, and at most 10 MB, or 42 MB for
-// layers that are two cells wide. A sender without a place codes each batch independently. Not thread-safe.
+// A sender numbers its runs, and continues a run across sessions. The receiver has `places_max` places, each for the
+// decoder of one sender's current run. A place takes about 4 MB for maps of 4 x 100 x 100 cells, and at most 10 MB, or
+// 42 MB for layers that are two cells wide. A sender without a place codes each batch independently. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -27,12 +26,11 @@ class RunDecoders {
   RunDecoders(std::size_t places_max, std::chrono::nanoseconds idle_after)
       : places_max_(places_max), idle_after_(idle_after) {}
 
-  // Gives the sender a place if one is free or idle. Returns true if the sender has a place.
+  // Gives the sender a place if it has none and a place is free or idle. Returns true if the sender then has a place.
   bool TakePlace(AgentId sender, Time now);
 
-  // Decodes a batch of the sender, with the errors of DecodeBatch. `coded` holds the coded bytes of the batch, put
-  // together if they came in fragments. kNotFound if the batch depends on batches of its run that were not decoded
-  // here.
+  // Decodes a batch of the sender. `coded` is the batch's coded bytes, joined if they came in fragments. Fails like
+  // DecodeBatch, with kNotFound if earlier batches of the run were not decoded here.
   Result<proto::RecordBatch> Decode(AgentId sender, const proto::Batch& batch, std::string_view coded, Time now);
 
  private:

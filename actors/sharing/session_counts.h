@@ -1,5 +1,5 @@
-// SessionCounts: counters of one session for status reports. Most counters start at 0 with the actor; some start at 0
-// each time the destination answers a Hello. Plain value.
+// SessionCounts: counters of one session for status reports. The counters of AddSinceAnswerTo restart at 0 each time
+// the destination answers a Hello. All other counters start at 0 with the actor. Plain value.
 #pragma once
 
 #include <chrono>
@@ -29,8 +29,8 @@ class SessionCounts {
   void NoteEnd(Ending ending);
 
   void AddTo(proto::ShareSession& status) const;
-  // Adds the counters that start with the destination's answer. Requires: the destination has answered the session's
-  // last Hello.
+  // Adds the counters since the destination's last answer. Requires: the destination has answered the session's last
+  // Hello.
   void AddSinceAnswerTo(proto::ShareSession& status, Time now) const;
 
  private:

@@ -1,4 +1,5 @@
-// SharingAction: a message that a state machine of this folder returns. The actor that owns the state machine sends it.
+// SharingAction: a message that a state machine of this folder returns. The actor that owns the state machine sends the
+// message.
 #pragma once
 
 #include <vector>
@@ -9,7 +10,7 @@
 namespace moondb {
 
 struct SharingAction {
-  AgentId to = 0;  // Sent to this peer's actor of the same name; 0: to this agent's StorageActor.
+  AgentId to = 0;  // Peer whose actor of the same name gets the message; 0: this agent's StorageActor gets it.
   proto::Message message;
 };
 

@@ -29,9 +29,9 @@ enum TimerKind : std::uint32_t { kSession = 1, kOrders = 2, kStep = 3, kBudget =
 // A peer that was lost less than this time ago does not count as out of reach, since it is likely to reconnect.
 constexpr Duration kReconnectMax = std::chrono::seconds(5);
 
-// Bytes of a message besides the streams of its have-set. Two kinds of messages must fit into the largest peer message
-// together with these bytes: a page of a have-set, and the acknowledgment of a full batch whose records all belong to
-// different streams.
+// Upper bound of a message's bytes besides the streams of its have-set. The assertions below check that the two largest
+// kinds of messages fit into a peer message: a page of a have-set, and the acknowledgment of a full batch whose records
+// all belong to different streams.
 constexpr std::size_t kAroundBytesMax = 8 * 1024;
 static_assert(kHavePageBytesMax + kAroundBytesMax <= kPeerMessageBytesMax);
 static_assert(kBatchRecordsMax * (kHaveStreamBytesMax + kHaveIntervalBytesMax) + kAroundBytesMax <=
@@ -47,11 +47,11 @@ proto::PairProgress MakeRow(AgentId sender, AgentId destination, proto::SharingK
   return row;
 }
 
-// The radio budget in bytes per second; 0 if the team file sets none, as in tests.
+// Returns the radio budget in bytes per second; 0 if the team file sets none, as in tests.
 double BudgetOf(const proto::TeamConfig& team) { return team.radio().budget_kbps() * 1000 / 8; }
 
-// Data types that may be sent while the sender or the destination drives: built-in states under the policy `latest`.
-// These records are small, and each agent has at most one of each type.
+// Returns the data types that may be sent in a window of kStatesOnly: built-in states under the policy `latest`. Their
+// records are small, and each agent has at most one record of each type.
 std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   std::vector<DataType> types;
   for (const DataType type : BuiltInDataTypes()) {
@@ -128,7 +128,7 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
     case proto::Message::kStoreReply:
       return OnStoreReply(context, message);
     case proto::Message::kMissingReply:
-      // A session that sent no such request ignores the answer.
+      // A session that sent no request with this id ignores the answer.
       for (auto& [destination, outgoing] : outgoing_) {
         Perform(context, outgoing,
                 outgoing.session.OnMissingReply(message.request_id(), message.missing_reply(), context.now()));
@@ -199,7 +199,7 @@ void SharingActor::OnBatch(Context& context, const proto::Message& message) {
                       ": " + ToString(actions.error()));
     return;
   }
-  // A batch that was refused, dropped or late, or that depends on missing batches, does not count as progress.
+  // A batch that was refused, dropped or late, or that cannot be decoded without missing batches, is no progress.
   const bool is_taken =
       !actions->empty() && !actions->front().message.has_refusal() && !actions->front().message.have().needs_new_run();
   Perform(context, *std::move(actions));
@@ -267,8 +267,8 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   (void)context.Reply(std::move(reply));
 }
 
-// The leader repeats an order when it reconnects, since this agent's process may have restarted. Returns true if the
-// order is a repetition of one that a session is carrying out.
+// The leader repeats an order when this agent reconnects, since this agent's process may have restarted. Returns true
+// if the order is a repetition of one that a session is carrying out.
 bool SharingActor::IsBeingCarriedOut(ShareOrderId id) {
   const Outgoing* outgoing = id.agent == options_.self || id.number == 0 ? nullptr : FindOutgoing(id.agent);
   return outgoing != nullptr && outgoing->session.StateOf(id) == StandingOrder::Reached::kOpen;
@@ -296,7 +296,7 @@ void SharingActor::WatchOrder(const Context& context, const proto::ShareRequest&
   order.term = roles_.term();
   order.is_by_role = request.destination() == 0 || request.destination() == options_.self;
   order.pairs = std::move(pairs_in_hand_);
-  // An order with a byte limit may end before all records are gathered, so it does not wait for gathering.
+  // An order with a byte limit may end before all records are gathered, so such an order does not wait for gathering.
   order.is_gathering_meant = order.is_by_role && is_leading() && request.bytes_max() == 0;
   order.gathering_of = {request.from_agents().begin(), request.from_agents().end()};
   for (OrderWatch::Pair& pair : order.pairs) {
@@ -350,7 +350,8 @@ OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order&
     AddObstacle(context, agent, row);
     const auto refusal = order_refusals_.find(agent);
     if (kind_ == proto::SHARING_KIND_REPLICATION && refusal != order_refusals_.end()) row.set_why(refusal->second);
-    // If an agent drives or sleeps, its records are gathered when its window opens. The order does not wait for this.
+    // If an agent drives or sleeps, its records are gathered when its window opens. The order does not wait for these
+    // records.
     row.set_is_stopped(!row.why().empty());
   }
   return rows;
@@ -626,7 +627,7 @@ std::optional<proto::OrderEnd> SharingActor::OrderEndBy(AgentId peer) const {
 void SharingActor::OnShareReply(Context& context, const proto::Message& message) {
   const AgentId peer = context.sender().agent;
   const proto::ShareReply& reply = message.share_reply();
-  // The peer does not know the current roles yet. The order to it stays unanswered and is sent again.
+  // The peer does not know the current roles yet. The order stays unanswered and is sent again.
   if (reply.error().code() == proto::ERROR_CODE_UNAVAILABLE) return;
   if (!orders_.TakeAnswer(peer, message.request_id(), !IsError(reply.error()))) return;
   ArmOrdersTimer(context);
@@ -753,7 +754,7 @@ void SharingActor::DivideBudget(Context& context) {
     outgoing.session.SetRate(radio_share_.Part(moving), context.now());
     ArmSessionTimer(context, outgoing);
   }
-  // No message arrives when a sender becomes silent and loses its part, so divide the budget again after kBudgetPeriod.
+  // No message arrives when a sender becomes silent, so a timer makes this actor divide the budget again.
   if (incoming > 0 && !is_budget_timer_armed_) {
     (void)context.AfterTimer(kBudgetPeriod, kBudget, 0);
     is_budget_timer_armed_ = true;

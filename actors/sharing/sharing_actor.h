@@ -1,18 +1,16 @@
-// SharingActor: base class of SyncActor and ReplicaActor: outgoing sessions, incoming sessions, and access to storage.
+// SharingActor: base class of SyncActor and ReplicaActor. Sends records to peers and receives records from peers.
 //
-// The actor exchanges messages with the peers' actors of the same name. Sessions, the receiver, orders to peers and the
-// radio share are plain classes (SharingSession, SharingReceiver, PeerOrders, RadioShare). This actor only sends and
-// receives their messages and supplies timers and roles. There is one outgoing session per destination; sessions to
-// several destinations run at a time.
+// The actor exchanges messages with the peers' actors of the same name. The protocol is implemented by state machines
+// that the actor owns (SharingSession, SharingReceiver, PeerOrders, RadioShare); the actor sends their messages and
+// supplies timers and roles. There is one outgoing session per destination.
 //
-// A restarted actor has forgotten its orders; requesters have to order again. Acknowledged records are not lost. A
-// client may wait until its order is complete (order_watch.h). While the sender or the destination of a session drives
-// or sleeps (LeasesChanged), the session waits. While one of them drives, the session may still send states. Sent and
-// received bytes together stay within radio.budget_kbps of the team file. All sessions, of both directions and both
-// kinds, get equal parts of this budget.
+// A restart loses the actor's orders, but no acknowledged records. A session waits while a lease of this agent or of
+// the destination (driving, sleeping, paused) shuts the window between them. If neither agent sleeps, the session may
+// still send state records (StateTypesOf). Sent and received bytes together stay within radio.budget_kbps of the team
+// file.
 //
-// Timers, roles and storage's answers are accepted from this agent only. Sharing messages are accepted from agents of
-// the team only. All other messages are ignored.
+// Accepts timers, roles and storage's answers from this agent only, and sharing messages from agents of the team only.
+// Ignores all other messages.
 #pragma once
 
 #include <map>
@@ -56,57 +54,59 @@ class SharingActor : public Actor {
   SharingActor(Options options, proto::SharingKind kind);
 
   // Carries out a request to share. Returns the number of sessions for it: started now, already open, or ordered from
-  // peers. kRefused if the roles do not allow the request; kInvalid if the request makes no sense for this agent.
-  // Requires: kind, destination and from_agents were checked. `is_leaders`: the request came from the leader, perhaps
-  // from the leader of a term that this agent does not know yet.
+  // peers. Fails with kRefused if the roles do not allow the request, and with kInvalid if a field is not valid for
+  // this agent or this kind of sharing. `is_leaders`: the request came from the current leader, or its message names a
+  // newer term than this agent's. Requires: CheckShareRequest accepted the request.
   virtual Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) = 0;
-  // Called after roles() changed. Until RoleActor reports roles, roles() are those of the team file.
+  // Called after roles() changed from `previous`. At the actor's start, roles() are the roles of the team file.
   virtual void OnNewRoles(Context& context, const proto::RoleAssignment& previous) = 0;
   virtual void OnPeerEvent(Context&, AgentId) {}
-  // Called if the leases of any agent, and thus the result of IsWindowOpen, may have changed.
+  // Called after the leases of any agent changed, so IsWindowOpen may return other results.
   virtual void OnWindowsChanged(Context&) {}
-  // Called after a batch of the sender arrived. `is_all`: all records that the sender had for this agent when it was
-  // ordered to share are now stored here.
+  // Called when a batch of the sender was accepted (`is_all` is false), and when storage has stored a batch after which
+  // the sender has no more records to send (`is_all` is true).
   virtual void OnReceived(Context&, AgentId, bool /*is_all*/) {}
-  // Called if a peer answered an order with an error.
+  // Called if a peer answered an order of this actor with an error other than kUnavailable.
   virtual void OnOrderRefused(Context&, AgentId) {}
-  // Called once, when the actor starts.
   virtual void OnStarted(Context&) {}
-  // Returns the agents from which the leader still has to gather in this term; nullopt if this is not known yet.
+  // Returns the agents whose records this agent, as leader, still has to gather in this term; nullopt while unknown.
   virtual std::optional<std::vector<AgentId>> YetToGather() const = 0;
-  // Adds the fields that only this kind of sharing knows.
+  // Adds the status fields that only one kind of sharing has.
   virtual void AddStatus(const Context&, proto::ShareStatus&) const {}
   virtual void OnGathering(Context&, const proto::Gathering&) {}
-  // Called when a timer of StartStepTimer fires.
+  // Called when a timer of StartStepTimer expires. `step` is the number that was passed to StartStepTimer.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
-  // Starts a session to the destination, or adds an order to the open session. `is_by_role`: CloseByRole ends the
-  // session. If Share calls this, the session gets the number of the client's order. `bytes_max`: see
-  // SharingSession::Order.
+  // Starts a session to the destination, or gives the open session a further order. During OnShareRequest and
+  // OpenAgain, the session serves the order in_hand_. At other times, nobody waits for the session. `is_by_role`:
+  // CloseByRole closes the session. `bytes_max`: see SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
   // Sends this agent's latest states without an order (SharingSession::BringPeriodic).
   void BringPeriodicStates(Context& context, AgentId destination);
-  // Closes all sessions by role except one to the current leader. Returns the largest number of bytes that a closed
-  // session's order had left: 0 if one of these orders had no limit, nullopt if no closed session had an order.
+  // Closes each session that was opened with `is_by_role`, except a session to the current leader. Returns the largest
+  // number of bytes that an order of the closed sessions could still send; 0 if one of these orders had no limit;
+  // nullopt if no closed session had an order.
   std::optional<std::uint64_t> CloseByRole(Context& context);
-  // Like Open, but for the earlier client's order `order`, which is complete only when this session is complete too.
+  // Like Open with `is_by_role`, but for `order`, which a client gave earlier. The order is then complete only when
+  // this session is complete too.
   void OpenAgain(Context& context, std::uint64_t order, AgentId destination, proto::RecordFilter filter);
-  // Returns the number of the client's order that Share carries out now; 0 outside of Share, or if a peer gave the
+  // Returns the number of the client's order that is being carried out now; 0 if there is none, or if a peer gave the
   // order.
   std::uint64_t order_in_hand() const { return in_hand_.agent == options_.self ? in_hand_.number : 0; }
   // Orders the peer to share its records with this agent, and repeats the order until the peer answers. Returns the
   // order's number.
   std::uint64_t OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max = 0);
-  // Returns the last OrderEnd that the peer reported for an order of this actor. Nullopt until the batch that contains
-  // it is stored.
+  // Returns the newest OrderEnd that the peer reported for an order of this actor. Nullopt if there is none, or if
+  // storage has not stored the batch that contains the OrderEnd yet.
   std::optional<proto::OrderEnd> OrderEndBy(AgentId peer) const;
   void CancelOrder(Context& context, AgentId peer);
   void CancelOrders(Context& context);
   void StartStepTimer(Context& context, Duration delay, std::uint64_t step);
-  // True if no lease of this agent or the peer (driving, sleeping, paused) shuts the window between them.
+  // Returns true if the window to the peer is open: no lease of this agent or the peer (driving, sleeping, paused)
+  // restricts sharing between them.
   bool IsWindowOpen(const Context& context, AgentId peer) const;
-  // Text such as "rover2 drives for 40 s more"; empty if the window is open.
+  // Returns a text such as "rover2 drives for 40 s more", or an empty text if the window is open.
   std::string WhyWindowIsShut(const Context& context, AgentId peer) const;
 
   const proto::TeamConfig& team() const { return options_.team; }
@@ -120,7 +120,7 @@ class SharingActor : public Actor {
   std::string TermText(const proto::Term& term) const;  // Text such as "4 by rover2".
 
  private:
-  // A runtime timer for a deadline that changes.
+  // A runtime timer for a deadline that changes. `armed` is the time to which the timer is set.
   struct DeadlineTimer {
     TimerId timer = 0;
     std::optional<MonotonicTime> armed;
@@ -147,8 +147,8 @@ class SharingActor : public Actor {
   OrderWatch::Rows RowsOf(const Context& context, OrderWatch::Order& order);
   proto::PairProgress OutgoingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair);
   proto::PairProgress IncomingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair) const;
-  // Adds to `row` why the pair makes no progress now. The pair counts as stopped if the peer is out of reach, and as
-  // waiting if the window is shut.
+  // If no records can pass between this agent and the peer now, adds the reason to `row`. The row counts as stopped if
+  // the peer is out of reach, and as waiting if the window is shut.
   void AddObstacle(const Context& context, AgentId peer, proto::PairProgress& row) const;
   bool IsOutOfReach(const Context& context, AgentId peer) const;
   void OnControlRequest(Context& context, const proto::Message& message);
@@ -156,11 +156,12 @@ class SharingActor : public Actor {
   void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
   void OnTimer(Context& context, const proto::Timer& timer);
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
-  // Checks that the sender of the current message may order this agent to share in the term `term`.
+  // Checks that the sender of the current message may order this agent to share. `term` is the message's term. Returns
+  // kUnavailable if `term` is newer than this agent's term, so the sender may be its leader; otherwise kRefused.
   Result<void> CheckOrderer(const Context& context, const proto::Term& term) const;
   bool IsBeingCarriedOut(ShareOrderId id);
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
-  // kRefused if the request is from a client of this agent that expects another term than the current one.
+  // Returns kRefused if a client of this agent sent the request and expects another term than the current one.
   Result<void> CheckExpectedTerm(const Context& context, const proto::ShareRequest& request) const;
 
   SharingSession::Window WindowTo(const Context& context, AgentId peer) const;
@@ -169,14 +170,15 @@ class SharingActor : public Actor {
   Outgoing* FindOutgoing(AgentId destination);
   Outgoing& FindOrMakeOutgoing(Context& context, AgentId destination);
   void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
-  // Sends the receiver's actions. Ignores send errors, since a peer that gets no answer repeats its message.
+  // Sends the message of each action. Ignores send errors, since a peer that gets no answer repeats its message.
   void Perform(Context& context, SharingActions actions);
   void PerformOrders(Context& context, SharingActions actions);
   static void Arm(Context& context, DeadlineTimer& timer, std::optional<MonotonicTime> deadline, std::uint32_t kind,
                   AgentId peer);
   void ArmSessionTimer(Context& context, Outgoing& outgoing);
   void ArmOrdersTimer(Context& context);
-  // Divides the radio budget among this agent's moving sessions, including those of the other sharing actor.
+  // Gives each session of this actor that uses the radio now its part of the agent's radio budget. Sessions of the
+  // agent's other sharing actor get equal parts.
   void DivideBudget(Context& context);
   void NotifyOfLoad(Context& context, std::size_t moving);
 
@@ -184,8 +186,8 @@ class SharingActor : public Actor {
   const proto::SharingKind kind_;
   proto::RoleAssignment roles_;
   std::set<AgentId> connected_;
-  // When the connection to each unconnected agent was lost. For an agent that was never connected: when this actor
-  // started.
+  // Time at which the connection to each unconnected agent was lost. For an agent that was never connected: the time at
+  // which this actor started.
   std::map<AgentId, MonotonicTime> lost_at_;
   Leases leases_;
   std::map<AgentId, Outgoing> outgoing_;  // Outgoing sessions by destination.
@@ -195,7 +197,7 @@ class SharingActor : public Actor {
   std::uint64_t last_order_ = 0;
   ShareOrderId in_hand_;  // The order that Share carries out now.
   std::vector<OrderWatch::Pair> pairs_in_hand_;
-  // Why a peer refused the last order. Cleared when the peer gets a new order.
+  // The error text of each peer that refused its last order. Erased when the peer gets a new order.
   std::map<AgentId, std::string> order_refusals_;
   OrderWatch watch_;
   DeadlineTimer watch_timer_;

@@ -10,16 +10,15 @@
 namespace moondb {
 namespace {
 
-// The session ids of a sender count up. A Hello whose id is below the current one by less than this number is late and
-// ignored.
+// The session ids of a sender count up. A Hello is late, and ignored, if its id is below the current id by less than
+// this number.
 constexpr std::uint64_t kStaleSessions = 1024;
 constexpr std::chrono::seconds kStorageAnswersWithin(10);  // After this time an answer of storage counts as lost.
 
 constexpr int kEveryonesTypesMax = 256;
 
-// Size of two batches with their overhead. A sender that uses its granted rate is never silent for longer than it would
-// need to send this many bytes. A sender that its own budget slows down may be silent for longer, and then does not
-// count as moving.
+// Size of two batches with their overhead, in bytes. A sender that uses its granted rate pauses at most for the time
+// that these bytes take at this rate. A sender that pauses for longer does not count as moving.
 constexpr double kBatchesBytes = 2 * 4500;
 
 SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
@@ -42,8 +41,8 @@ Result<void> CheckDropped(const proto::Batch& batch) {
   return {};
 }
 
-// Returns the acknowledgment of a batch, still without the have-set. It repeats the agent, type and record id of the
-// batch.
+// Returns the acknowledgment of a batch, without its have-set. The acknowledgment names the batch's first record, or,
+// if `records` is empty, only the agent and data type of `message`.
 proto::Message AcknowledgmentOf(const proto::Message& message, const proto::RecordBatch& records) {
   proto::Message result;
   result.set_ms_type(proto::ACKNOWLEDGMENT);
@@ -85,8 +84,8 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
     const bool is_late = age > 0 && age < kStaleSessions && now - known->second.last_heard < options_.idle_after;
     if (is_repeated || is_late) return {};
   }
-  // The Hello asks for a later page, but the session is unknown here. The earlier pages may describe a disk that is
-  // lost, so the session must start over.
+  // The Hello requests a later page, but the session is unknown here. The sender may have received the earlier pages
+  // before this agent's disk was lost, so the session must start over.
   if (have_from != RecordKey() && !(is_known && age == 0)) return RefuseUnknown(sender, hello.session_id());
   if (!is_known && !MakeRoom(now)) {
     return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});
@@ -141,7 +140,8 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   }
   std::optional<std::string> whole;
   if (batch.has_fragment()) {
-    // Ignore a late copy. If it belongs to an earlier record, it would replace the fragments of the current one.
+    // Ignore a late copy of a fragment. A copy that belongs to an earlier record would replace the fragments of the
+    // current record.
     if (batch.batch_number() <= incoming.last_fragment_batch) return SharingActions();
     incoming.last_fragment_batch = batch.batch_number();
     Result<std::optional<std::string>> taken = fragments_.Take(sender, batch);
@@ -161,7 +161,8 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   }
   const bool is_late = batch.batch_number() <= incoming.last_run_batch;
   Result<proto::RecordBatch> records = Decode(sender, message, whole, is_late);
-  const bool lacks_run = !records && records.error().code == ErrorCode::kNotFound;  // Earlier batches are missing.
+  // kNotFound: earlier batches of the run are missing.
+  const bool lacks_run = !records && records.error().code == ErrorCode::kNotFound;
   budget.Charge(records ? records->ByteSizeLong() : lacks_run ? coded_bytes : DecodeBudget::kDamagedBytes);
   if (lacks_run) {
     if (is_late) return SharingActions();
@@ -317,7 +318,7 @@ Result<proto::RecordBatch> SharingReceiver::Decode(AgentId sender, const proto::
     return DecodePaperSql(options_.paper_sql, whole ? *whole : message.sql(), message.record_id());
   }
   const std::string& coded = whole ? *whole : batch.coded();
-  // Decode a late copy without the run's decoder, which it would reset to an earlier state.
+  // Decode a late copy separately, since it would reset the run's decoder to an earlier state.
   return is_late ? DecodeBatch(batch.codec(), coded, batch.record_count()) : runs_.Decode(sender, batch, coded, now_);
 }
 

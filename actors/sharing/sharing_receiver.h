@@ -1,21 +1,21 @@
 // SharingReceiver: the receiving side of all sessions of one kind. With SharingSession it implements anti-entropy: the
-// receiver reports its have-set (a version vector whose entries are interval sets), the sender sends the missing
+// receiver reports its have-set (a version vector whose entries are interval sets), and the sender sends the missing
 // records. Delivery is at least once; storing a record again has no effect.
 //
 //   Hello -> HaveRequest to storage -> Have (one page of the have-set) to the sender
 //   Batch -> decoded -> StoreRequest to storage -> StoreReply after the commit -> Have (touched streams), which
 //            acknowledges the batch
 //
-// Holds no durable state; everything stored is visible in the have-set. A sender has one session, which a newer Hello
-// replaces. Each Hello is answered with at most one page (model/have_page.h). The sender requests the next page with
-// another Hello. Sessions, waiting StoreRequests per sender, coded bytes and decoded bytes are all bounded.
+// Holds no durable state; everything stored is visible in the have-set. Each sender has one session, which a newer
+// Hello replaces. The sender requests each page of the have-set (model/have_page.h) with a Hello. Sessions, waiting
+// StoreRequests per sender, coded bytes and decoded bytes are all bounded.
 //
 // A batch of an unknown session is refused with kNotFound, so its sender starts over at once. A damaged batch is
-// counted and dropped. If a batch depends on missing batches of its run, the receiver asks the sender for a new run
-// (run_decoders.h). A batch may come from any agent of the team, whatever its role or term, since records are immutable
-// and have unique keys. Storage decides which records of the batch to accept (actors/storage/peer_authority.h).
+// counted and dropped. A batch may come from any agent of the team, whatever its role or term; storage decides which
+// records of the batch to accept (actors/storage/peer_authority.h).
 //
-// A plain state machine like SharingSession. Requires: the caller checked that the sender belongs to the team.
+// A state machine: each input returns the messages to send, and the caller passes the time. Not thread-safe. Requires:
+// the caller checked that the sender belongs to the team.
 #pragma once
 
 #include <chrono>
@@ -45,20 +45,21 @@ class SharingReceiver {
 
   struct Options {
     std::string team;     // Name of the team, for error texts.
-    std::string team_id;  // Id as in messages (model/team_id.h); a Hello with another id is refused.
+    std::string team_id;  // The team's id on the wire (model/team_id.h). A Hello with another id is refused.
     std::uint64_t config_hash = 0;
     proto::SharingKind kind = proto::SHARING_KIND_SYNC;
-    std::uint32_t unacked_bytes_max = 8 * 1024;  // Credit in bytes, divided among all moving senders.
-    // A sender that is silent for longer than this gets no part of credit and budget. If a sender's granted rate
-    // requires longer pauses between its batches, it may be silent for longer.
+    std::uint32_t unacked_bytes_max = 8 * 1024;  // Credit in bytes, divided among the moving senders (MovingSessions).
+    // A sender that is silent for longer than this does not count as moving, unless its granted rate requires longer
+    // pauses between batches.
     std::chrono::nanoseconds sending_after = std::chrono::seconds(5);
-    double bytes_per_second_max = 0;  // Radio budget, divided among all moving senders; 0: no limit.
+    double bytes_per_second_max = 0;  // Radio budget, divided among all moving sessions; 0: no limit.
     TypeSchemas schemas;              // This agent's schema of each data type.
     PaperSql paper_sql;               // Used for CODEC_PAPER_SQL.
-    std::size_t sessions_max = 16;    // At this limit a new session replaces a session that was silent for idle_after.
+    // At this limit, a new session replaces one that was silent for idle_after, or is refused.
+    std::size_t sessions_max = 16;
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
     std::size_t run_places_max = 8;  // Number of senders whose runs of maps are kept (run_decoders.h).
-    // If so many StoreRequests of a sender wait, its next batch is dropped and counted.
+    // While so many StoreRequests of a sender wait, further batches of this sender are dropped and counted.
     std::size_t waiting_stores_per_sender_max = 16;
     std::size_t have_page_bytes_max = kHavePageBytesMax;
   };
@@ -71,49 +72,51 @@ class SharingReceiver {
     double refused_hellos = 0;
   };
 
-  // `first_request_id` is random, so answers to requests from before a restart match no new request.
+  // Requires: `first_request_id` is random, so answers to requests from before a restart match no new request.
   SharingReceiver(Options options, std::uint64_t first_request_id);
 
-  // Handle messages from a peer.
   SharingActions OnHello(AgentId sender, const proto::Hello& hello, Time now);
-  // Reads `message.batch`. Returns kCorrupt for a damaged batch, which is already counted; the caller logs the error.
+  // Handles a message that contains a batch. Returns kCorrupt if the batch is damaged. The error is already counted;
+  // the caller logs it.
   Result<SharingActions> OnBatch(AgentId sender, const proto::Message& message, Time now);
 
   // Handle answers from storage. An answer that matches no waiting request is ignored.
   SharingActions OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply);
   SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
 
-  // Counters and order states of one sender, since this actor started.
+  // Counters and order states of one sender since this actor started.
   struct Heard {
     double coded_bytes = 0;       // Coded bytes of all batches.
     std::uint64_t remaining = 0;  // Records that remained to be sent after the last batch.
     std::uint64_t batches = 0;
-    proto::OrderEnd order_end;  // The last OrderEnd whose batch is stored. Its not_taken counts for the whole session.
+    // The last OrderEnd whose batch is stored. Its not_taken includes the records of that batch that storage did not
+    // store.
+    proto::OrderEnd order_end;
     std::uint64_t completed_order = 0;  // The last order of which all records were sent and stored.
     int refusals = 0;                   // Refused batches since a batch of the sender was last stored.
     std::string refusal;                // Error text of the last refusal.
   };
   const Heard& heard(AgentId sender) const;
 
-  // Returns the number of senders that have records left to send and are not silent. Each of them gets a part of credit
-  // and budget.
+  // Returns the number of moving senders. A sender is moving if it has records left to send and is not silent
+  // (Options::sending_after). Each moving sender gets an equal part of the credit and the budget.
   std::size_t MovingSessions(Time now) const;
-  // Sets the number of this agent's other moving sessions, which also get a part of the budget.
+  // Sets the number of this agent's moving sessions outside this receiver. They also get a part of the budget.
   void SetMovingElsewhere(std::size_t sessions) { moving_elsewhere_ = sessions; }
 
   const Counts& counts() const { return counts_; }
   // Agents whose last Hello since they connected contained the hash of another team configuration. Their sessions are
   // accepted nevertheless.
   const std::set<AgentId>& other_configs() const { return other_configs_; }
-  // Call when a peer connected. It may have a new team file, but sends no Hello if it has no records to send.
+  // Call when a peer connected. Removes the peer from other_configs(), since its team file may have been replaced.
   void OnConnected(AgentId peer) { other_configs_.erase(peer); }
 
  private:
   // The answer that is sent when storage has stored a batch.
   struct WaitingStore {
-    proto::Message acknowledgment;  // Without its have-set, which storage's reply adds.
+    proto::Message acknowledgment;  // Complete except for its have-set, which comes from the StoreReply.
     proto::OrderEnd order_end;
-    std::vector<RecordKey> keys;  // Records of the batch, if the batch contains an OrderEnd.
+    std::vector<RecordKey> keys;  // Keys of the batch's records; empty unless the batch contains an OrderEnd.
   };
 
   struct Incoming {
@@ -125,7 +128,7 @@ class SharingReceiver {
     std::map<std::uint64_t, WaitingStore> waiting_stores;  // Waiting StoreRequests by request id.
     Time last_heard{};
     bool is_other_schema = false;
-    bool is_at_end = false;                 // After the sender's last batch, 0 records remain to be sent.
+    bool is_at_end = false;                 // The sender's last batch reported that no records remain to be sent.
     std::uint32_t last_fragment_batch = 0;  // Number of the last batch with a fragment.
     std::uint32_t last_run_batch = 0;       // Number of the last decoded batch that belongs to a run of maps.
     double bytes_per_second = 0;            // The last granted rate; 0: no limit.

@@ -9,14 +9,13 @@
 namespace moondb {
 namespace {
 
-// Limits of the content bytes of one MissingRequest, for any compression ratio. They bound the memory and the coding
-// time per handled message: at most 300,000 map cells, about 15 ms here and at the destination. With more cells per
-// batch, decoding the two batches that fit into the credit would take longer than sending them, and the radio would
-// idle.
+// Limits of the content bytes of one MissingRequest, for any compression ratio. The limits bound the memory and the
+// coding time of one batch: at most 300,000 map cells, about 15 ms at both agents. With more cells per batch, decoding
+// the two batches that fit into the credit would take longer than sending them, and the radio would idle.
 constexpr double kContentBytesMin = 512;
 constexpr double kContentBytesMax = 72 * 1024;
 constexpr std::uint32_t kRecordsMax = 1024;
-// Smaller batches cost more time for headers and commits than they save in waiting.
+// Smaller batches would cost more time for headers and commits than they save in waiting.
 constexpr std::size_t kBatchBytesMin = 1024;
 // Bytes on the radio besides a batch's own bytes: its frame headers and its acknowledgment.
 constexpr std::size_t kBatchOverheadBytes = 300;
@@ -67,7 +66,7 @@ void SharingSession::LookAgain(Time now, SharingActions& actions) {
   } else if (was_waiting || order_.NeedsNewStart()) {
     Start(now, actions);
   } else if (phase_ == Phase::kAwaitingHave) {
-    // The destination is silent and the delay has grown. With a new order, do not wait for the rest of the delay.
+    // The destination is silent and the delay has grown. Do not let the new order wait until the delay has passed.
     if (resend_delay_.has_grown()) GoOn(now, actions);
   } else {
     AskAgain();
@@ -313,7 +312,8 @@ void SharingSession::Complete(SharingActions& actions) {
   if (!order_.is_periodic()) {
     counts_.NoteEnd(Ending::kCompleted);
     const std::uint64_t refused = in_flight_.RefusedCount();
-    // If records were refused, a client that waits for the order must not read that all of it is acknowledged.
+    // If records were refused, report the order as closed, so its client does not assume that all records are
+    // acknowledged.
     order_.End(refused == 0 ? Ending::kCompleted : Ending::kClosed);
     last_error_ = refused == 0 ? "" : "the destination did not take " + std::to_string(refused) + " records";
   }
@@ -384,8 +384,9 @@ bool SharingSession::MayLeave(const MadeBatch& batch) const {
   return batch.message.remaining() > 0 && in_flight_.HasRoomFor(batch.contents.bytes);
 }
 
-// Returns the size limit of the next batch. If no batch is in flight, a batch is sent even if it exceeds the credit.
-// The limit keeps such a batch within this sender's part of the credit, which several senders may share.
+// Returns the size limit of the next batch in coded bytes: the credit or, if lower, the order's remaining bytes,
+// between kBatchBytesMin and batch_bytes_max. If no batch is in flight, MayLeave does not check the credit, so this
+// limit keeps the batch within the credit.
 std::size_t SharingSession::BatchBytesMax() const {
   const std::size_t credit = in_flight_.credit_bytes();
   const std::size_t left = std::min<std::uint64_t>(order_.bytes_left().value_or(credit), credit);

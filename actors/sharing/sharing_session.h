@@ -1,43 +1,25 @@
 // SharingSession: sends one destination the records that it lacks, over a radio that loses and duplicates messages and
 // interrupts connections.
 //
-// This is the sending side of anti-entropy: the session compares the destination's have-set (a version vector whose
-// entries are interval sets) with this agent's records, and retransmits until all are acknowledged. Delivery is at
-// least once, and the receiver's insert is idempotent. There is one session per destination and kind. Sync (own
-// records) and replication (all records) differ only in their filter (paper, Section 4). The session trusts only the
-// destination's have-set, so a lost acknowledgment, a restart on either side, a lost disk or a new leader needs no
-// special case.
+// This is the sending side of anti-entropy. The session compares the destination's have-set (a version vector whose
+// entries are interval sets) with this agent's records, and retransmits until all records are acknowledged. Delivery is
+// at least once, and the receiver's insert is idempotent. Sync (own records) and replication (all records) differ only
+// in their filter. An order stays open until all its records are acknowledged, its byte limit is used up, or Close is
+// called.
 //
 //   Order -> Hello -> (Have, a page) ... -> MissingRequest -> (MissingReply) -> Batch -> (Have: acknowledgment) ...
 //   done
 //
-// The destination's have-set arrives in pages, and the session requests each page with a Hello (have_collector.h). A
-// lost page is requested again after a delay, or when the destination reconnects. The pages that have arrived are kept.
-//
-// The last batch of an order contains the information that no records remain. It is sent even if no record was missing,
-// so the receiver learns that the order ended. Several batches may be in flight. Their records count as held by the
-// destination only for the choice of the next batch. If a batch is given up or the session starts over, these records
-// count as missing again.
-//
 // Flow control: unacknowledged bytes stay within `unacked_bytes_max` and the receiver's credit. A larger message is
-// sent only when nothing else is in flight. After `resend_after` without progress the session starts over under a new
-// id, and repeats this with a growing delay. An order stays open until all its records are acknowledged or Close is
-// called.
+// sent only when nothing else is in flight. The send rate stays within the session's part of the radio budget (SetRate)
+// and the rate that the destination grants.
 //
-// While the window to the destination is not open (SetWindow), the session sends nothing and runs no timer, but accepts
-// acknowledgments of batches in flight. When the window opens, an open session starts over at once. If the window
-// admits only states, an order sends the states that the destination lacks, and its other records wait.
+// After `resend_after` without progress, the session starts over under a new id and requests the have-set again, with a
+// growing delay. Lost acknowledgments, restarts of either side, lost disks and new leaders need no other handling.
+// While the window to the destination is shut (SetWindow), the session sends nothing and runs no timer, but accepts
+// acknowledgments. In a window of kStatesOnly, the session sends only the order's states.
 //
-// The send rate is the smaller of the session's part of this agent's radio budget (SetRate) and the rate that the
-// destination grants. An order may have a limit of coded bytes, and ends when they are used up. If the destination gave
-// the order, the session reports the end to it (OrderEnd). Records of a type whose schemas differ between the two ends
-// (model/type_schema.h) are not sent.
-//
-// The parts of a session are separate classes: the order (standing_order.h), making batches (batch_maker.h), batches in
-// flight (in_flight_batches.h) and notes to storage (peer_notes.h). The session itself has one phase and one deadline.
-//
-// A plain state machine: inputs return the actions to perform. The caller passes the time with each input. Not
-// thread-safe.
+// A state machine: each input returns the messages to send, and the caller passes the time. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -75,31 +57,33 @@ class SharingSession {
   using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 
   struct Options {
-    Duration resend_after = std::chrono::seconds(5);       // Must be longer than a round trip of the radio.
-    Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this.
+    Duration resend_after = std::chrono::seconds(5);       // Must be longer than a round trip over the radio.
+    Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this value.
     std::size_t unacked_bytes_max = 8 * 1024;              // Bytes that a 1 Mbps radio sends in 65 ms.
     std::size_t batch_bytes_max = 4 * 1024;                // Coded bytes. Larger records are sent in fragments.
-    std::size_t bytes_per_second_min = 16 * 1024;          // At a lower rate the session starts over too early.
-    std::vector<DataType> state_types;                     // Types that may be sent in a window of kStatesOnly.
-    proto::Codec codec = proto::CODEC_COMPACT;             // Codec of the sent batches.
-    PaperSql paper_sql;                                    // Used for CODEC_PAPER_SQL.
-    TypeSchemas schemas;                                   // This agent's schema of each data type.
+    // Slowest rate that deadlines assume. A slower radio makes the session start over too early.
+    std::size_t bytes_per_second_min = 16 * 1024;
+    std::vector<DataType> state_types;          // Types that may be sent in a window of kStatesOnly.
+    proto::Codec codec = proto::CODEC_COMPACT;  // Codec of the sent batches.
+    PaperSql paper_sql;                         // Used for CODEC_PAPER_SQL.
+    TypeSchemas schemas;                        // This agent's schema of each data type.
   };
 
   using Window = StandingOrder::Window;
 
-  // Ids of this session count from `first_id`, which is random, so they differ from the ids of an earlier process.
+  // Requires: `first_id` is random. The session's ids count up from `first_id`, so they differ from the ids of an
+  // earlier process.
   SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
 
-  // Gives the session an order. Starts a closed session; an open session asks storage for missing records again. The
-  // order includes records that are stored before this call. Records stored later are included only if their type is
-  // under the policy `latest` (MissingRequest.mark). `bytes_max` not 0: the order ends when about that many coded bytes
-  // are sent, give or take a batch. If an open order has no limit, the new order has none either. StateOf(id) returns
-  // how the order ended. The order is complete when the session next completes.
+  // Gives the session an order, and starts the session if it is closed. An open session asks storage for missing
+  // records again. The order includes the records that are stored before this call. A record that is stored later is
+  // included only if its type is under the policy `latest` (MissingRequest.mark). If `bytes_max` is not 0, the order
+  // ends when about that many coded bytes are sent. If the order replaces an open order without a limit, it has no
+  // limit either. StateOf(id) returns the state of the order.
   SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0, ShareOrderId id = {});
-  // Sends states without an order. If the session is closed, starts it for these states; it is then not counted,
-  // reports no OrderEnd, and is replaced by any order. If the session is open, it only asks storage for new records
-  // again.
+  // Sends the records that `states` selects, without an order. A closed session starts for these states; such a session
+  // is not counted, reports no OrderEnd, and is replaced by any order. An open session only asks storage for missing
+  // records again.
   SharingActions BringPeriodic(const proto::RecordFilter& states, Time now);
   // Ends the session before all records are acknowledged, and forgets the order.
   SharingActions Close();
@@ -110,20 +94,20 @@ class SharingSession {
   SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
   // Handles storage's answer to a MissingRequest. An answer to an earlier request than the last one is ignored.
   SharingActions OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now);
-  // Call if storage could not use the note with this id, since it missed an earlier note about the destination
-  // (peer_notes.h).
+  // Call when storage requests the destination's whole have-set, since it missed a note (peer_notes.h). `request_id` is
+  // the number of the note that storage could not use.
   SharingActions OnPeerHaveRequest(std::uint64_t request_id);
   // Sets this session's part of the agent's radio budget, in bytes per second. 0, the initial value: no limit.
   void SetRate(double bytes_per_second, Time now);
   // Sets the window to the destination, which is initially open.
   SharingActions SetWindow(Window window, Time now);
-  // Call when the destination reconnected. An open session starts over immediately, or requests the expected page
-  // again.
+  // Call when the destination reconnected. An open session starts over immediately. A session that has collected a part
+  // of the destination's have-set requests the next page instead.
   SharingActions OnConnected(Time now);
   // Call when deadline() is reached. Earlier calls have no effect.
   SharingActions OnTimer(Time now);
 
-  // Call if the actor could not send a message. Status shows the text.
+  // Call if the actor could not send a message of this session. Status then contains `text`.
   void NoteError(std::string text) { last_error_ = std::move(text); }
 
   std::optional<Time> deadline() const;  // Nullopt while the session is closed or waits for the window.
@@ -134,7 +118,7 @@ class SharingSession {
   StandingOrder::Reached StateOf(ShareOrderId id) const { return order_.StateOf(id); }
   // True if the destination refused at least two messages without progress in between.
   bool is_refused_again() const { return is_open() && resend_delay_.is_refused_again(); }
-  // True if the session uses the radio now. It then gets a part of the radio budget.
+  // True if the session uses the radio now. Such a session gets a part of the radio budget.
   bool is_moving() const { return is_answered() && !order_.is_waiting(); }
   // Types whose schema differs at the destination, as of its last answer.
   const std::set<DataType>& other_schema_types() const { return order_.other_schema_types(); }
@@ -142,13 +126,13 @@ class SharingSession {
   proto::ShareSession Status(Time now) const;
 
  private:
-  // In each phase, nothing is sent while the order waits for its window.
+  // In every phase, the session sends nothing while order_.is_waiting().
   enum class Phase {
     kClosed,
     kAwaitingHave,  // Waits for the destination's have-set.
-    kSending,       // The have-set is known. Storage may be asked for missing records.
+    kSending,       // Sends batches and asks storage for further missing records.
     kAsking,        // Waits for storage to return missing records.
-    kEnding,        // Storage returned the last missing records.
+    kEnding,        // Sends the last missing records and waits for their acknowledgment.
   };
 
   bool is_answered() const { return phase_ != Phase::kClosed && phase_ != Phase::kAwaitingHave; }
@@ -162,7 +146,8 @@ class SharingSession {
   void TakeGrant(const proto::Have& have, Time now);
   void TakeAcknowledgment(std::uint32_t batch_number, Time now);
   void Start(Time now, SharingActions& actions);  // Calls Restart with the shortest delay.
-  // Like Start, but if useful pages of the have-set have arrived, keeps these pages and requests the next one.
+  // Like Start, but if the collected pages of the have-set are still useful, keeps these pages and requests the next
+  // page.
   void GoOn(Time now, SharingActions& actions);
   void AskForPage(Time now, SharingActions& actions);  // Sends no Hello while the order waits for its window.
   // Starts over under a new session id. Forgets the batches in flight and requests the first page.
@@ -173,8 +158,8 @@ class SharingSession {
   void Fill(Time now, SharingActions& actions);
   void SendWhatMayLeave(Time now, SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
-  // Ends the session when the byte limit of its order is used up. If the destination gave the order, first reports the
-  // end to the destination.
+  // Ends the session, because the byte limit of its order is used up. If the destination gave the order, first sends
+  // the destination a batch that reports the end.
   void EndLimited(Time now, SharingActions& actions);
   bool MayLeave(const MadeBatch& batch) const;
   std::size_t BatchBytesMax() const;
@@ -197,7 +182,8 @@ class SharingSession {
   BatchMaker maker_;
   InFlightBatches in_flight_;
   PeerNotes notes_;
-  // True if, since the last order and the last restart, the destination was notified that the byte limit is used up.
+  // True after the destination was notified that the byte limit is used up. Reset by the next order and by a restart of
+  // the session.
   bool is_limit_reported_ = false;
   double own_rate_ = 0;
   double granted_rate_ = 0;

@@ -1,10 +1,8 @@
-// StandingOrder: the order that one session carries out. It says which records to send, which agents gave the order,
-// and which of the records may be sent now.
+// StandingOrder: the order that one session carries out: its records, its byte limit, and the agents that gave it.
 //
-// An order stays open until the session ends it. Its filter selects the records; its limit, if it has one, bounds the
-// coded bytes. The window to the destination admits all records, only states, or no records. When a session starts over
-// (StartOver, Ask), its scope is fixed: the whole order, only the order's states if the window admits only these, or
-// states without an order. Plain value.
+// An order stays open until the session ends it. The window to the destination admits all records, only states, or no
+// records. Each start of the session sets its scope: all records of the order, only states of the order because the
+// window admits no others, or periodic states without an order. Plain value.
 #pragma once
 
 #include <cstdint>
@@ -36,16 +34,16 @@ class StandingOrder {
  public:
   enum class Window { kOpen, kStatesOnly, kShut };
 
-  // `state_types` may be sent in a window of kStatesOnly. `first_mark` is random, so no mark of an earlier process is
-  // used again.
+  // Records of `state_types` may be sent in a window of kStatesOnly. Requires: `first_mark` is random, so no mark of an
+  // earlier process is used again.
   StandingOrder(std::vector<DataType> state_types, std::uint64_t first_mark)
       : state_types_(std::move(state_types)), mark_(first_mark) {}
 
-  // Sets the order. `is_added`: the new order replaces an open one; if the open order has no limit, the new order has
+  // Sets the order. `is_added`: the new order replaces an open order. If the open order has no limit, the new order has
   // none either. `bytes_max` 0: no limit.
   void Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added);
-  // The state of an order, or of a later order of the same agent that replaced it. kUnknown: the order was never given
-  // to this session.
+  // The state of the order `id`. If a later order of the same agent has replaced it, the later order's state counts.
+  // kUnknown: the session was never given this order.
   enum class Reached { kUnknown, kOpen, kCompleted, kClosed, kLimited };
   Reached StateOf(ShareOrderId id) const;
   void AddPeriodic(const proto::RecordFilter& states);
@@ -55,33 +53,33 @@ class StandingOrder {
   // Sets the window and returns true if it changed. An open window admits all records. With any other window the
   // session sends nothing, not even states, until LookAgain is called.
   bool SetWindow(Window window);
-  // If the window is kStatesOnly, lets the session send again if the order's filter includes a state type.
+  // In a window of kStatesOnly, lets the session send again if the order's filter includes a state type.
   void LookAgain();
-  // Call when all states were sent. The session then waits with the other records until the window opens.
+  // Call when all states were sent. The order's other records then wait until the window opens.
   void HoldBackTheRest() { is_waiting_ = true; }
   bool is_waiting() const { return is_waiting_; }  // True while nothing may be sent.
   bool is_waiting_for_states() const { return is_waiting_ && window_ == Window::kStatesOnly; }
 
   // Call when the session starts over. Sets the scope to the records that the window admits now.
   void StartOver();
-  // Fills in the streams about which the Hello asks the destination.
+  // Fills in the origins and types whose have-set the Hello requests.
   void Ask(proto::Hello& hello);
-  // The origins of the streams about which the last Hello asked; empty: all.
+  // Origins whose have-set the last Hello requested; empty: all origins.
   const std::set<AgentId>& asked_origins() const { return asked_origins_; }
-  // True if the session must start over to send all ordered records. Either the last Hello did not ask about some of
-  // their streams, or the window now admits more records.
+  // True if the session must start over to send all ordered records, because the last Hello did not request the
+  // have-set of all their streams, or because the window now admits more records.
   bool NeedsNewStart() const;
   bool is_periodic() const { return scope_ == Scope::kPeriodicStates; }
-  // True if the session sends only states; sending them does not complete an order.
+  // True if the session sends only states. Sending all states does not complete an order.
   bool is_for_states() const { return scope_ != Scope::kAll; }
-  // Meant() and mark() return the filter and the mark for the next MissingRequest. The mark is a number under which
-  // storage remembers which records existed at the time of the order (MissingRequest.mark). Each order has a new mark.
-  // Mark 0: the states are sent without an order.
+  // Meant() and mark() return the filter and the mark for the next MissingRequest. Storage remembers under the mark
+  // which records existed at the time of the order (MissingRequest.mark). Each order has a new mark. Mark 0: states
+  // without an order.
   proto::RecordFilter Meant() const;
   std::uint64_t mark() const { return is_periodic() ? 0 : mark_; }
 
-  // Returns the number of the newest order that `destination` gave, for the OrderEnd that is sent to it. 0: none of its
-  // orders is open.
+  // Returns the number of the newest order that `destination` itself gave, if it is open, else 0. The OrderEnd to the
+  // destination contains this number.
   std::uint64_t NumberFor(AgentId destination) const;
 
   void SpendBytes(std::size_t coded_bytes);
@@ -100,7 +98,7 @@ class StandingOrder {
   // The newest order that one agent gave, and how it ended.
   struct KnownOrder {
     proto::SessionOrder order;
-    bool is_open = false;  // The session has not ended since this order was given.
+    bool is_open = false;  // True from the time that the order was given until the session ends.
     Reached ended = Reached::kUnknown;
   };
 
@@ -118,7 +116,7 @@ class StandingOrder {
   Window window_ = Window::kOpen;
   bool is_waiting_ = false;
   std::set<AgentId> asked_origins_;
-  std::set<DataType> asked_types_;  // Types for which the last Hello asked about the streams of all origins.
+  std::set<DataType> asked_types_;  // Types for which the last Hello requested the have-set of all origins.
   std::set<DataType> other_schema_types_;
 };
 

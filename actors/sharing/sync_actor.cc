@@ -161,8 +161,7 @@ proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
       filter.add_everyones_types(proto::MAP_QUARANTINE);
     }
   }
-  // For storage, an empty list of types means "all types". In this case restrict the filter to the destination's own
-  // records.
+  // An empty list of types means "all types" to storage, so restrict the filter to the destination's own records.
   if (filter.data_types().empty()) {
     filter.clear_origin_agents();
     filter.add_origin_agents(destination);

@@ -1,27 +1,27 @@
 // SyncActor: sends this agent's own records to one destination, usually the leader (paper, Section 4).
 //
-// The meaning of a ShareRequest{SYNC} depends on the agent and the sender.
-//   From a client at a rover or the base station: starts a session with the agent's own records, to the leader or to
-//       `destination`.
-//   From a client at the leader, without another destination ("collect"): the leader sends the order to every other
-//       agent (or to from_agents), and repeats it until each agent answers. It also sends each rover the rover's newest
-//       optimized poses and edge verdicts, and the base station the records that the policy `ground` asks for. Each
-//       time that an agent's records are complete, the base station gets further records. Rovers and base station also
+// The effect of a ShareRequest{SYNC} depends on the agent and the sender.
+//   From a client at a rover or the base station: the agent sends its own records to the leader or to `destination`.
+//   From a client at the leader, with another `destination`: the leader sends that agent the records described below.
+//   From a client at the leader, without another destination ("collect"): the leader orders every other agent, or those
+//       in from_agents, to send their own records, and repeats the order until each agent answers. The leader also
+//       sends each rover the rover's newest optimized poses and edge verdicts, and the base station the records that
+//       the policy `ground` asks for, again whenever an agent has sent all its records. Rovers and base station also
 //       get back own records that they have lost. If a leader in a new term gathers records meanwhile
 //       (replica_actor.h), the order is complete only after these records are sent too.
-//   From a peer: starts a session with the agent's own records, to `destination` or to the requester.
+//   From a peer: the agent sends its own records to `destination`, or to the peer.
 //
-// If the team file sets radio.states_period_s, each agent that is connected to the leader sends it its latest states
-// with that period, without an order.
+// If the team file sets radio.states_period_s, each agent that is connected to the leader sends the leader its latest
+// states with that period, without an order.
 #pragma once
 
 #include "actors/sharing/sharing_actor.h"
 
 namespace moondb {
 
-// Returns the filter of the records that the team file's `ground` asks for, of all origins. The leader sends them to
-// the base station, and bundles contain them. The filter has no data types if `ground` asks for no records. Do not pass
-// such a filter to StorageActor, for which an empty list means "all types".
+// Returns the filter for the records of all origins that the team file's `ground` asks for. The leader sends these
+// records to the base station, and bundles contain them. The filter has no data types if `ground` asks for no records.
+// Do not pass such a filter to StorageActor, for which an empty list means "all types".
 proto::RecordFilter GroundRecords(const proto::TeamConfig& team);
 
 class SyncActor final : public SharingActor {

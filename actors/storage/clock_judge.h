@@ -1,15 +1,14 @@
 // ClockJudge decides whether this agent's UTC clock can be trusted. It compares the clock with the clocks of other
 // agents, and detects jumps and implausible values.
 //
-// A robot's computer may start in 1970 after a cold start, or hours ahead of its team. Timestamps decide which of two
-// maps is newer. Records that are inserted while the clock is suspect are therefore marked (Record.is_clock_suspect),
-// and a marked timestamp never counts as the newer one. The clock is suspect
+// Records that are inserted while the clock is suspect are marked (Record.is_clock_suspect). The timestamp of a marked
+// record never counts as newer than another timestamp. The clock is suspect
 //   - before 2024, because it was never set;
-//   - if the clocks that differ from it by over a minute outnumber those that agree, itself included; in a tie, if it
-//     differs from the base station's clock;
+//   - if more clocks of the team differ from it by over a minute than agree with it (this agent's clock counts as
+//     agreeing); in a tie, if it differs from the base station's clock;
 //   - after a jump of more than a minute, until another agent's clock agrees with it.
-// Between two reports of a peer, this agent's monotonic clock extrapolates the peer's clock. A plausible but wrong
-// clock is not detected before the first report of a peer.
+// Between two reports of a peer, the peer's clock is extrapolated with this agent's monotonic clock. A plausible but
+// wrong clock is not detected before the first report of a peer.
 #pragma once
 
 #include <chrono>
@@ -28,14 +27,15 @@ class ClockJudge {
   // A time on this agent's monotonic clock.
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
-  // `base_station` 0 means that the team has none.
+  // `base_station` is 0 if the team has no base station.
   explicit ClockJudge(AgentId base_station) : base_station_(base_station) {}
 
   // Remembers that the clock of `peer` shows `utc_ns` (since 1970) now. An implausible value removes the peer's last
   // report.
   void NotePeer(AgentId peer, std::int64_t utc_ns, Time now);
 
-  // Offsets of the peers' clocks from this agent's clock, which shows `utc_ns`. Positive if the peer's clock is ahead.
+  // PeerOffsets returns the offset of each peer's clock from this agent's clock, which shows `utc_ns`. An offset is
+  // positive if the peer's clock is ahead.
   struct PeerOffset {
     AgentId peer = 0;
     double offset_s = 0;
@@ -44,8 +44,8 @@ class ClockJudge {
   std::vector<PeerOffset> PeerOffsets(std::int64_t utc_ns, Time now) const;
 
   struct Verdict {
-    std::string suspect;      // Why the clock is suspect, as text for people; empty if it is not.
-    bool has_jumped = false;  // The clock jumped since the last call of Judge.
+    std::string suspect;      // Why the clock is suspect, as text for people; empty if trusted.
+    bool has_jumped = false;  // True if the clock jumped since the last call of Judge.
   };
   // Judges this agent's clock, which shows `utc_ns`.
   Verdict Judge(std::int64_t utc_ns, Time now);
@@ -59,9 +59,9 @@ class ClockJudge {
   std::map<AgentId, Peer> peers_;
   // This agent's UTC minus its monotonic clock at the last call of Judge; null if its UTC was implausible.
   std::optional<std::int64_t> offset_ns_;
-  // Sum of the clock's jumps since another agent's clock last agreed with it.
+  // Sum of the jumps of this agent's clock since another agent's clock last agreed with it.
   double unproven_jump_s_ = 0;
-  // The UTC clock was implausible at the last call of Judge.
+  // True if the UTC clock was implausible at the last call of Judge.
   bool was_never_set_ = false;
 };
 

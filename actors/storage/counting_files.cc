@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// The method table lies inside the file object, so that Write can find the owner from `file`.
+// SQLite passes a pointer to `methods` (file->pMethods) to Write, which finds the owner through this pointer.
 struct CountingFiles::FileTail {
   sqlite3_io_methods methods{};
   const sqlite3_io_methods* base_methods = nullptr;

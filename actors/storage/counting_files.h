@@ -1,9 +1,8 @@
-// CountingFiles: a SQLite VFS that counts the bytes that SQLite writes to its files. Flash memory wears with the bytes
-// written, and only the VFS sees all of these: the log, checkpoints and rollbacks.
+// CountingFiles: a SQLite VFS that counts the bytes that SQLite writes to its files, to measure the wear of flash
+// memory. Wraps another VFS and forwards all calls to it.
 //
-// Wraps another VFS and forwards all calls to it. The count does not include what the file system itself writes (its
-// journal, rounding up to whole blocks), nor the shared-memory index beside a write-ahead log (32 KiB, rewritten in
-// place).
+// Not counted are the file system's own writes (its journal, rounding up to whole blocks), and the shared-memory index
+// beside a write-ahead log (32 KiB, rewritten in place).
 //
 // Must outlive the connections that were opened through it. Cannot be moved. For one thread at a time.
 #pragma once
@@ -28,7 +27,7 @@ class CountingFiles {
   std::uint64_t written_bytes() const { return written_bytes_; }
 
  private:
-  // `base` is the first member, because SQLite passes a pointer to it to Open.
+  // `base` must be the first member: SQLite passes a pointer to `base` to Open, which casts the pointer to Vfs.
   struct Vfs {
     sqlite3_vfs base{};
     CountingFiles* owner = nullptr;

@@ -13,7 +13,7 @@ namespace moondb {
 namespace {
 
 constexpr double kBytesPerMegabyte = 1e6;
-constexpr std::size_t kDeletableMax = 4;  // Files named in one message.
+constexpr std::size_t kDeletableMax = 4;  // Maximum number of files named in one message.
 
 constexpr std::uint64_t MapFloor(std::uint64_t reserve_bytes) { return 2 * reserve_bytes; }
 constexpr std::uint64_t RecordFloor(std::uint64_t reserve_bytes) { return reserve_bytes / 2; }
@@ -124,7 +124,7 @@ bool DiskGuard::Tend(Database& database, std::mt19937_64& random) {
   is_reserve_whole_ = present >= room->reserve_bytes;
   if (is_reserve_whole_) return false;
   const std::uint64_t lacking = room->reserve_bytes - present;
-  // Growing the reserve must not cause refusals, and must leave room for the log on the disk.
+  // Grow the reserve only if all records will still be accepted afterwards, and if the disk keeps room for the log.
   const bool has_room = room->bytes >= lacking + MapFloor(room->reserve_bytes) &&
                         room->disk_bytes >= lacking + LogFloor(room->reserve_bytes);
   return has_room && reserve_.Grow(room->reserve_bytes, random).has_value();

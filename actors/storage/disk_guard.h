@@ -1,16 +1,16 @@
 // DiskGuard decides which records a store refuses if its disk is nearly full, and frees reserved space if the disk is
-// full. It also remembers whether the disk fails.
+// full. It also remembers why the last write to the disk failed, until a write succeeds.
 //
 // Records are refused with kFull:
 //   - maps, if the room is less than twice the reserve;
 //   - all records, if the room is less than half the reserve, or if the disk has less free space than the write-ahead
-//     log needs. The remaining room is for roles, and for a prune, which makes room.
+//     log needs. The remaining room is for role assignments, and for a prune, which makes room.
 //
 // Room is the free disk space plus the free pages within the file, since a database file never shrinks. If SQLite
-// reports a full disk in spite of these limits, the reserve (actors/storage/reserve_file.h) is given up for roles and
-// prunes. The reserve is rebuilt part by part once there is enough room for it without reaching these limits.
+// reports a full disk in spite of these limits, the reserve (actors/storage/reserve_file.h) is deleted, so role
+// assignments and prunes can be written. The reserve is later rebuilt part by part.
 //
-// Remembers why the last write failed until a write succeeds. A database in memory has no disk, so nothing is refused.
+// A database in memory has no disk, so nothing is refused.
 //
 // For one thread at a time.
 #pragma once
@@ -28,12 +28,11 @@ class StorageStatus;
 
 namespace moondb {
 
-// Returns whether the error comes from the disk (full, not writable or failing), so that the same write may succeed
-// later.
+// Returns true if the disk caused the error (full, not writable or failing). The same write may then succeed later.
 bool IsOfTheDisk(const Error& error);
 
-// Lists the files beside a database that an operator may delete, largest first, with sizes: "moondb.sqlite.damaged-1
-// (12 MB) and agent.log (3 MB) in /data/rover1". Empty if there are none.
+// Returns a text that lists the files beside a database that an operator may delete, largest first:
+// "moondb.sqlite.damaged-1 (12 MB) and agent.log (3 MB) in /data/rover1". Returns an empty text if there are none.
 std::string DeletableFiles(const std::string& database_path);
 
 class DiskGuard {
@@ -46,21 +45,21 @@ class DiskGuard {
   Result<void> CheckRoom(Database& database, Kind kind) const;
 
   // Gives up the reserve if the file has room for records, but the disk has no room for the write-ahead log. Returns
-  // true if the reserve was given up.
+  // true if this freed space.
   bool MakeRoomForLog(Database& database);
 
-  // Gives up the reserve after a write failed with kFull. Returns true if this freed space, so that the write is worth
-  // another attempt.
+  // Gives up the reserve after a write failed with kFull. Returns true if this freed space. The caller should then
+  // repeat the write.
   bool GiveUpReserve(Database& database);
 
-  // Call NoteFailure or NoteSuccess after every write. NoteFailure returns true if the error comes from the disk and
-  // differs from the last noted one.
+  // Call NoteFailure or NoteSuccess after every write. NoteFailure returns true if the disk caused the error and the
+  // failure differs from the last one.
   bool NoteFailure(const Database& database, const Error& error);
-  bool NoteSuccess();  // Returns true if the write before failed.
+  bool NoteSuccess();  // Returns true if a disk failure was noted since the last success.
   const std::string& trouble() const { return trouble_; }
 
-  // Call periodically. Adds one part to the reserve if there is room. Returns true if it added one, so the next call
-  // should follow soon.
+  // Call periodically. Adds one part to the reserve if there is room. Returns true if a part was added; the caller
+  // should then call Tend again soon.
   bool Tend(Database& database, std::mt19937_64& random);
 
   // Fills the fields of StorageStatus about the disk.
@@ -73,7 +72,7 @@ class DiskGuard {
   struct Room {
     std::uint64_t disk_bytes = 0;     // Free bytes on the disk.
     std::uint64_t bytes = 0;          // `disk_bytes` plus the free pages within the file.
-    std::uint64_t log_bytes = 0;      // Size of the write-ahead log; SQLite overwrites it from the start.
+    std::uint64_t log_bytes = 0;      // Size of the write-ahead log, which SQLite can overwrite.
     std::uint64_t reserve_bytes = 0;  // The intended size of the reserve.
   };
   std::optional<Room> RoomOf(Database& database) const;
@@ -82,7 +81,7 @@ class DiskGuard {
   const bool is_on_disk_;
   const std::string agent_;
   ReserveFile reserve_;
-  // True once a check found the reserve complete. Further checks are then skipped.
+  // True after a check found the reserve complete. Tend then does nothing.
   bool is_reserve_whole_ = false;
   std::string trouble_;
 };

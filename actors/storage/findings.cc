@@ -12,8 +12,9 @@ namespace {
 // Number of newest events to read: enough to skip the damage events of failed starts.
 constexpr std::int64_t kLastEventsMax = 64;
 
-// Appends events, the newest first. Epochs are unsigned but stored as the signed numbers of the same bits, so negative
-// numbers are the newer epochs.
+// Appends events of `self` to `events`, newest first. `epochs` is an SQL comparison such as "< 0" for the epoch;
+// `kinds` is an SQL clause that filters the kinds. SQLite stores epochs as signed numbers, so the highest epochs are
+// negative there.
 Result<void> AppendEvents(Database& database, const char* epochs, AgentId self, std::int64_t events_max,
                           const std::string& kinds, std::vector<OwnEvent>& events) {
   Query query = database.Prepare(

@@ -1,8 +1,8 @@
 // Reads this agent's own events: how its previous process ended, and which findings no operator has acknowledged yet
-// (model/event.h). Each call reads the table of events; nothing is cached, so a restart changes no result.
+// (model/event.h). Nothing is cached.
 //
-// The events of one agent are ordered by epoch and seq, even if a peer returned some of them after a lost disk. Errors
-// as for Database.
+// Events are ordered by epoch and seq. This order also holds for events that a peer returned after this agent's disk
+// was lost. The functions fail as Database does.
 #pragma once
 
 #include <cstdint>
@@ -14,11 +14,11 @@
 
 namespace moondb {
 
-// Number of newest events that one call reads; this takes about 60 ms.
+// Maximum number of newest events that one call reads. Reading this many takes about 60 ms.
 inline constexpr std::int64_t kOwnEventsMax = 20'000;
 
 // ReadOwnEvents returns the last `events_max` events of `self`, in the order in which it logged them. ReadFindings
-// returns the findings that are still open after its last kOwnEventsMax events.
+// returns the findings of `self` that are open according to its last kOwnEventsMax events.
 Result<std::vector<OwnEvent>> ReadOwnEvents(Database& database, AgentId self, std::int64_t events_max);
 Result<std::vector<proto::HealthFinding>> ReadFindings(Database& database, AgentId self);
 

@@ -15,7 +15,7 @@ std::uint64_t HashOf(const StreamKey& stream, bool is_dropped, const IntervalSet
 Result<void> WriteIntervals(Database& database, const StreamKey& stream, bool is_dropped, const IntervalSet& old_set,
                             const IntervalSet& new_set) {
   // Within each set, intervals are disjoint and sorted by `first`. They are thus also sorted by (`first`, `last`), and
-  // comparing both numbers finds all changed intervals.
+  // std::set_difference with this order finds all changed intervals.
   const auto less = [](const IntervalSet::Interval& a, const IntervalSet::Interval& b) {
     return a.first != b.first ? a.first < b.first : a.last < b.last;
   };

@@ -16,7 +16,7 @@ class HaveLedger {
  public:
   // Loads the have-set from the table. Skips damaged rows.
   Result<void> Load(Database& database);
-  // Returns whether Load found no damaged row.
+  // Returns true if Load found no damaged row.
   bool is_sound() const { return is_sound_; }
   // Replaces the whole table and the draft by `have`, inside the caller's transaction. Call Keep after the commit.
   Result<void> Replace(Database& database, const HaveSet& have);
@@ -28,7 +28,7 @@ class HaveLedger {
   // Returns the number of streams of an origin, including those that are only in the draft.
   std::size_t StreamsOf(AgentId origin) const;
   void AddHeld(const StreamKey& stream, std::uint64_t seq);
-  // Returns the held record of an origin and type with the greatest epoch and seq. Seq 0 means that none is held.
+  // Returns the held record of an origin and type with the greatest epoch and seq. Returns seq 0 if no record is held.
   RecordKey NewestHeld(AgentId origin, DataType type) const;
   // Marks seqs as dropped: covered by the have-set, but not held.
   void AddDropped(const StreamKey& stream, IntervalSet::Interval interval);

@@ -15,8 +15,9 @@ namespace moondb {
 
 namespace {
 
-// Approximate size of a row in the file. A row that shares its page takes 54 bytes beside content and fields (measured:
-// other columns, the B-tree, pages that are not full). A row longer than a quarter of a page takes whole pages.
+// SQL for the approximate size in bytes of a row in the file. A row that shares its page takes 54 bytes more than its
+// content and fields (measured: other columns, B-tree and unused space). A row longer than a quarter of a page takes
+// whole pages.
 constexpr char kRowBytes[] =
     "CASE WHEN length(content) + length(fields) < 960 THEN length(content) + length(fields) + 54"
     " ELSE 489 + (length(content) + length(fields) + 3642) / 4092 * 4096 END";
@@ -27,8 +28,8 @@ bool IsSound(AgentId self, const Query& query) {
   return HashRecord(key, query.Bytes(5)) == query.Unsigned(4);
 }
 
-// Selects the columns of RecordTable::ReadAfter. The type is part of the SQL text because pages read several types at
-// once, and each prepared statement can be in use only once.
+// Selects the columns of RecordTable::ReadAfter. The type is part of the SQL text, because one page reads several types
+// at the same time and a prepared statement serves one query at a time.
 std::string ReadSql(AgentId self, DataType type) {
   return "SELECT row_id, " + std::to_string(self) +
          ", epoch, seq, hash, content, data_type FROM history WHERE data_type = " + std::to_string(type);
@@ -224,8 +225,9 @@ Result<bool> History::Trim(Database& database, std::optional<std::int64_t> utc_n
   return rows_left == 0;
 }
 
-// Removes the rows of one type that are older than `timestamp_before_ns`, or rows of any age if it is null. Rows are
-// read in the order of storing, so the first row that is too young ends the search.
+// Removes rows of one type whose timestamp is before `timestamp_before_ns`; null removes rows of any age. Reads at most
+// `rows_left` rows in the order of storing, up to the first row that is too young. Subtracts the number of rows read
+// from `rows_left`.
 Result<void> History::DropOlder(Database& database, DataType type, std::optional<std::int64_t> timestamp_before_ns,
                                 std::size_t& rows_left) {
   std::vector<Candidate> expired;
@@ -282,7 +284,7 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
   double bytes = 0;
   std::size_t count = 0;
   for (const Candidate& row : rows) {
-    // The requested bytes are reached.
+    // The rows counted so far have the requested number of bytes.
     if (request.content_bytes_max() > 0 && bytes >= request.content_bytes_max()) break;
     if (count == rows_max) {
       reply.set_is_complete(false);
@@ -298,7 +300,7 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
       return tl::unexpected(done.error());
     }
   }
-  // At most `rows_max` rows are read per type, so there may be more.
+  // At most `rows_max` rows are read per type, so more rows may match the request.
   if (!request.is_dry_run() && count == rows_max) reply.set_is_complete(false);
   for (auto& [type, of_type] : pruned) {
     of_type.set_data_type(type);

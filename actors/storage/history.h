@@ -1,20 +1,16 @@
-// History: states that this agent's own robot recorded under the policy `latest` and that newer states have superseded
-// since. They are kept as long as the team file says (TeamConfig.keep), in the table `history`; their counts and sizes
-// are also kept in memory.
+// History: this agent's own states that newer states have superseded under the policy `latest`. TeamConfig.keep in the
+// team file sets how long states are kept. The history answers questions after the mission, such as how cold the night
+// was.
 //
-// The policy `latest` decides what is shared; History decides what stays on the robot's own disk, to answer questions
-// after the mission, such as how cold the night was. The rest of storage ignores these rows. They are in no have-set,
-// are never sent, are not verified against the have-set, are not counted as records, and take no part in superseding.
-// The rows are lost with the disk. A superseded record moves here in the same transaction that stores its successor.
-// Records of other agents are never kept here.
+// Rows of the history are in no have-set, are never sent to peers, and are lost with the disk. Other agents' records
+// are never kept here. A superseded record moves here in the transaction that stores its successor.
 //
-// A row keeps its row id, so the order of row ids is the order of storing. Rows are clustered by type, so a query for
-// rows of one type reads no rows of other types. A transaction that moves rows in removes the oldest rows of any type,
-// so the limit `bytes_max` holds at its end. Trim enforces age limits, and a `bytes_max` that was lowered, some rows at
-// a time.
+// A row keeps its row id, so the order of row ids is the order of storing. Rows are clustered by type. A transaction
+// that adds rows also removes the oldest rows of any type until the limit `bytes_max` holds. Trim enforces age limits,
+// and a `bytes_max` that was lowered, some rows at a time.
 //
-// As in HaveLedger, changes go to a draft of the counts and sizes. Keep applies the draft, and Forget discards it. For
-// one thread at a time.
+// Counts and sizes are also kept in memory. As in HaveLedger, changes go to a draft, which Keep applies and Forget
+// discards. For one thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -32,30 +28,30 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kHistoryTrimRowsMax = 2000;  // Rows per call of Trim or Prune.
+inline constexpr std::size_t kHistoryTrimRowsMax = 2000;  // Maximum number of rows per call of Trim or Prune.
 
 class History {
  public:
   struct Rules {
-    // Rules of the types under `latest`. No rows of other types are added, and their existing rows stay.
+    // Rules of the types under `latest`. Rows of other types are not added, but existing rows of other types stay.
     std::map<DataType, KeepRule> keep;
     std::uint64_t bytes_max = 0;  // Limit of the size of all rows (Sum::bytes); 0: keep no rows.
   };
   struct Sum {
     std::uint64_t count = 0;
-    std::uint64_t bytes = 0;  // Approximate bytes in the file.
+    std::uint64_t bytes = 0;  // Approximate size of the rows in the file, in bytes.
   };
 
   // `self` is the origin of all rows.
   History(AgentId self, Rules rules) : self_(self), rules_(std::move(rules)) {}
 
   // Computes counts and sizes from the table. Scans the table, but not the overflow pages of long contents. Also finds
-  // the rows that `have` does not count as dropped: a repaired have-set no longer contains the drops of records that
-  // damaged rows had superseded, so peers may send these records again.
+  // the rows that `have` does not count as dropped. Such rows exist after a repair of the have-set, and peers may send
+  // their records again.
   Result<void> Load(Database& database, const HaveSet& have);
-  Sum sum() const { return SumOf(types_); }  // The committed sums.
+  Sum sum() const { return SumOf(types_); }  // Number and size of all rows, as of the last commit.
 
-  // A row whose content does not match its hash. FindDamaged returns all such rows, and reads all contents.
+  // A row whose content does not match its hash. FindDamaged returns all such rows. It reads all contents.
   struct Found {
     DataType type = 0;
     std::uint64_t row_id = 0;
@@ -64,24 +60,25 @@ class History {
   // Returns the highest row id, or 0 if there are no rows.
   Result<std::uint64_t> MaxRowId(Database& database) const;
 
-  // Inside the caller's transaction: copies a row that is about to be deleted from `table`. Requires: the row's origin
-  // is `self`.
+  // Inside the caller's transaction: copies a row that is about to be deleted from `table`, if the rules keep it.
+  // Requires: the row's origin is `self`.
   Result<void> Take(Database& database, const RecordTable& table, const RecordTable::Row& row);
-  // Inside the caller's transaction: removes the row of `key`, because the record is stored again. Does nothing if
-  // there is no such row.
+  // Inside the caller's transaction: removes the row of `key`, because the record is stored again. Does nothing if the
+  // history has no such row.
   Result<void> Remove(Database& database, const RecordKey& key);
   // Inside the caller's transaction: removes the oldest rows until at least `bytes` bytes are freed or no rows are
   // left. Returns the number of bytes freed.
   Result<std::uint64_t> Drop(Database& database, std::uint64_t bytes);
-  // Inside the caller's transaction: removes at most kHistoryTrimRowsMax rows that are older than their type's rule
-  // allows or exceed bytes_max. Returns true if more rows may have to be removed. `utc_now_ns` is null if this agent
-  // does not know the time; Trim then removes no row by age. A row whose timestamp comes from a suspect clock is not
-  // removed by age either, unless its type keeps no rows at all.
+  // Inside the caller's transaction: removes rows that are older than their type's rule allows, and the oldest rows
+  // while the history exceeds bytes_max. Removes at most kHistoryTrimRowsMax rows. Returns true if more rows may have
+  // to be removed. If `utc_now_ns` is null (this agent does not know the time), no row is removed by age. A row whose
+  // timestamp comes from a suspect clock is not removed by age either, unless its type keeps no rows at all.
   Result<bool> Trim(Database& database, std::optional<std::int64_t> utc_now_ns);
   bool NeedsTrim() const;  // Returns false if Trim would find nothing to remove.
-  // Inside the caller's transaction: executes an operator's prune with `request.is_history`. A dry run removes nothing.
+  // Inside the caller's transaction: removes the rows that an operator's request with `is_history` selects. A dry run
+  // removes nothing.
   Result<proto::PruneReply> Prune(Database& database, const proto::PruneRequest& request, std::int64_t utc_now_ns);
-  // Call after the commit of a transaction.
+  // Applies the draft. Call after the commit of a transaction.
   void Keep();
   // Call before a transaction. Discards the draft of an earlier transaction that failed.
   void Forget() { draft_.reset(); }
@@ -93,7 +90,7 @@ class History {
   struct OfType {
     Sum sum;
     std::uint64_t oldest_row_id = 0;
-    std::uint64_t seen_row_id = 0;  // Trim skips the rows up to this id, whose age is unknown. Not stored.
+    std::uint64_t seen_row_id = 0;  // Trim skips rows up to this id: their age is unknown.
   };
   using Types = std::map<DataType, OfType>;
 

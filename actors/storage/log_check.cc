@@ -13,7 +13,8 @@ namespace {
 
 constexpr std::size_t kHeaderBytes = 32;
 constexpr std::size_t kFrameHeaderBytes = 24;
-constexpr std::uint32_t kMagic = 0x377f0682;  // The lowest bit is set if the checksum uses big-endian words.
+// Magic number of the log's header. SQLite sets the lowest bit if the checksums use big-endian words.
+constexpr std::uint32_t kMagic = 0x377f0682;
 constexpr std::size_t kUsualPageBytes = 4096;
 
 using Bytes = std::span<const unsigned char>;
@@ -28,7 +29,7 @@ std::uint32_t LittleEndian(Bytes bytes, std::size_t at) {
          bytes[at];
 }
 
-// The checksum of all bytes added so far.
+// The checksum that SQLite's log stores for its frames, over all bytes added so far.
 class Checksum {
  public:
   explicit Checksum(bool is_big_endian) : read_(is_big_endian ? BigEndian : LittleEndian) {}
@@ -69,11 +70,12 @@ std::string FindLogDamage(const std::string& database_path) {
   std::uint64_t salts = std::uint64_t{BigEndian(header, 16)} << 32 | BigEndian(header, 20);
   std::optional<std::uint64_t> damaged_at;  // Offset of the first damaged frame.
   if (!is_header_good) damaged_at = 0;
-  bool is_committed = false;  // The commit frame of the damaged frame's transaction was read.
+  // True once the commit frame of the damaged frame's transaction was read.
+  bool is_committed = false;
   for (std::uint64_t at = kHeaderBytes; log.read(reinterpret_cast<char*>(frame.data()), frame.size());
        at += frame.size()) {
     const std::uint64_t frame_salts = std::uint64_t{BigEndian(bytes, 8)} << 32 | BigEndian(bytes, 12);
-    // The header is damaged, so its salts may be wrong.
+    // The header is damaged, so its salts may be wrong. Use the salts of the first frame.
     if (!is_header_good && at == kHeaderBytes) salts = frame_salts;
     const bool is_of_this_log = frame_salts == salts;
     if (damaged_at && is_committed && is_of_this_log) {

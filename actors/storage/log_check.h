@@ -1,12 +1,12 @@
 // FindLogDamage checks the write-ahead log of a store for damage, before SQLite opens the store.
 //
-// SQLite reads a log up to the first frame with a wrong checksum and silently discards the rest. This is correct after
-// a power cut during a write. However, a transaction of records is synced to the disk before the next one begins. If
-// another transaction follows the wrong frame, a power cut cannot be the cause: bits of the log were changed, and
-// durable records are lost.
+// SQLite reads a log up to the first frame with a wrong checksum and silently discards the remaining frames. After a
+// power cut during a write, this is correct. However, each transaction of records is synced to the disk before the next
+// transaction begins. If another transaction follows the wrong frame, a power cut cannot be the cause: bits of the log
+// were changed, and durable records are lost.
 //
-// Wrong bits in the last transaction look like an interrupted write and are not reported. After a power cut, a report
-// may concern transactions that are not synced one by one (the log of what peers have, the count of bytes written). No
+// Damage in the last transaction looks like an interrupted write and is not reported. Transactions that are not synced
+// one by one (the log of what peers have, the count of bytes written) may be reported as damaged after a power cut. No
 // record is lost in this case.
 //
 // The format is documented at https://sqlite.org/fileformat2.html#walformat.

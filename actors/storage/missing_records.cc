@@ -100,7 +100,7 @@ class MissingFinder {
   // Returns true if only some of the stream's records pass the filter.
   bool IsPartial(const StreamKey& stream) const { return AgentMeant(stream) != 0; }
 
-  // Returns the only agent whose poses and verdicts pass the filter; 0 if those of all agents pass.
+  // Returns the agent to whose poses and verdicts the filter limits this stream; 0 if the filter has no such limit.
   AgentId AgentMeant(const StreamKey& stream) const {
     return FindRecordTable(stream.type)->knows_agent() && !IsOwn(stream) ? filter_.optimized_poses_of_agent() : 0;
   }
@@ -117,8 +117,8 @@ class MissingFinder {
     return streams;
   }
 
-  // Adds records of the interval to the reply until a limit is reached. Adds the number of the records that are left to
-  // `remaining`.
+  // Adds records of the interval to the reply until a limit is reached. Adds the number of records that did not fit to
+  // the reply's field `remaining`.
   Result<void> AddInterval(const StreamKey& stream, const IntervalSet::Interval& interval, std::uint64_t bytes_max,
                            std::uint64_t records_max, proto::MissingReply& reply) {
     const RecordTable& table = *FindRecordTable(stream.type);
@@ -162,7 +162,7 @@ class MissingFinder {
   const HaveSet* const marked_;
   const proto::RecordFilter& filter_;
   const HaveSet& destination_;
-  // Newest seqs by (origin, type), then by epoch.
+  // Newest seqs of each (origin, type), by epoch.
   std::map<std::pair<AgentId, DataType>, std::map<std::uint64_t, IntervalSet>> newest_;
   std::uint64_t bytes_ = 0;
   bool is_full_ = false;

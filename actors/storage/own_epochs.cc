@@ -23,13 +23,14 @@ constexpr std::uint32_t kMarkMax = 0x3FFF;
 // Returns a hash that is stored with the epoch, to detect a changed byte in the table own_epoch.
 std::uint64_t HashOf(std::uint64_t epoch) { return HashRecord({{0, epoch, 0}, 0}, "begun"); }
 
-// The epochs of this incarnation that another epoch certainly or possibly knew: all with counters up to these numbers.
+// The epochs of this incarnation that another epoch knew when it began. The other epoch certainly knew all epochs with
+// counters up to `certain`, and possibly all epochs with counters up to `possible`.
 struct Knowledge {
   std::uint64_t certain = 0;
   std::uint64_t possible = 0;
 };
 
-// Computes which epochs of this incarnation each epoch knew. Requires: epochs are added in rising order.
+// Computes the Knowledge of each epoch. Requires: epochs are added in rising order.
 class Ancestry {
  public:
   explicit Ancestry(std::uint32_t own_tag) : own_tag_(own_tag) {}
@@ -85,7 +86,7 @@ class Ancestry {
   Found PreviousOf(const EpochParts& parts) const {
     if (parts.previous_mark == 0) return std::nullopt;
     Found previous = Find(by_mark_, std::pair(parts.tag, parts.previous_mark), parts.counter);
-    // In a restored backup, the epoch before the first one has another tag.
+    // The first epoch of a restored backup follows an epoch with another tag.
     if (!previous) previous = Find(by_mark_of_any_tag_, parts.previous_mark, parts.counter);
     if (previous) return previous;
     const auto latest = foreign_by_tag_.find(parts.tag);
@@ -93,7 +94,8 @@ class Ancestry {
     return latest->second.knew;
   }
 
-  // Several epochs may have this hash. Only what all these epochs knew is certain.
+  // Returns the Knowledge of the epoch with this `key` and a counter below `counter`; null if there is none. Marks are
+  // hashes, so several epochs may have the key. Only the epochs that all of them knew are certainly known.
   template <typename Key>
   static Found Find(const std::map<Key, std::vector<Known>>& known, const Key& key, std::uint64_t counter) {
     Found knew;
@@ -109,8 +111,8 @@ class Ancestry {
   }
 
   const std::uint32_t own_tag_;
-  std::map<std::pair<std::uint64_t, std::uint32_t>, std::vector<Known>> by_base_mark_;  // By counter and base mark.
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<Known>> by_mark_;       // By tag and mark.
+  std::map<std::pair<std::uint64_t, std::uint32_t>, std::vector<Known>> by_base_mark_;  // Key: counter, base mark.
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<Known>> by_mark_;       // Key: tag, mark.
   std::map<std::uint32_t, std::vector<Known>> by_mark_of_any_tag_;
   std::map<std::uint32_t, Known> foreign_by_tag_;  // The highest foreign epoch of each tag.
 };
@@ -192,7 +194,7 @@ OwnEpochs::Danger OwnEpochs::Endangered() const {
   return danger;
 }
 
-// Draws a tag that no known epoch has. Accepts any tag once half of all tags are taken.
+// Draws a tag that no known epoch has. If half of all tags are taken, the drawn tag may be taken too.
 std::uint32_t OwnEpochs::DrawTag(std::mt19937_64& random) const {
   std::set<std::uint32_t> taken;
   for (const std::uint64_t epoch : begun_) taken.insert(PartsOf(epoch).tag);
@@ -211,8 +213,8 @@ Result<OwnEpochs::Next> OwnEpochs::Draw(std::mt19937_64& random) const {
     const std::uint64_t previous = begun_.empty() ? 0 : *begun_.rbegin();
     return Next{EpochOf({PartsOf(base).counter + 1, tag, BaseMarkOf(base), MarkOf(previous)}, random()), tag};
   }
-  // The counter is used up. Continue above the highest epoch in random steps. The bits of such epochs no longer contain
-  // valid tags.
+  // The counter is used up. Continue above the highest epoch in random steps. The bits of such an epoch no longer
+  // contain a valid tag.
   const std::uint64_t left = std::numeric_limits<std::uint64_t>::max() - base;
   if (left == 0) return Fail(ErrorCode::kInternal, "no epochs are left for this agent's records");
   return Next{base + 1 + random() % std::min<std::uint64_t>(left, 0xFFFF'FFFF), tag};

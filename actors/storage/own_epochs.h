@@ -1,20 +1,20 @@
-// OwnEpochs keeps the known epochs of this agent's own records. It says which epochs this file's history began, and
-// which epochs have states that a later epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
+// OwnEpochs keeps the known epochs of this agent's own records: epochs that this file's history began, and *foreign*
+// epochs. It finds states that a later epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
 //
 // The 64 bits of an epoch identify its ancestry:
-//   - 16 bits: counter, one above the counter of its *base*, the highest own epoch known when it began;
-//   - 10 bits: tag of the incarnation that began it;
-//   - 8 bits: derived from the mark of its base; 0 if it had no base;
-//   - 14 bits: mark of the previous epoch in its file's history; 0 if it is the first;
+//   - 16 bits: counter, one above the counter of its *base*, which is the highest own epoch known when the epoch began;
+//   - 10 bits: tag of the incarnation that began the epoch;
+//   - 8 bits: derived from the mark of the base; 0 if there was no base;
+//   - 14 bits: mark of the previous epoch in its file's history; 0 for the first epoch;
 //   - 16 random bits, so that two diverging copies of one file do not use the same epoch twice.
-// A *mark* is a hash of all bits of an epoch. An *incarnation* is one history of a database file. The incarnation's tag
-// is drawn with its first epoch. A file that was created empty starts a new incarnation. A copy that `moonctl db
-// backup` made also starts one, because the tag is removed from the copy (kForgetIncarnationSql).
+// A *mark* is a hash of all bits of an epoch. An *incarnation* is one history of a database file; its tag is drawn with
+// its first epoch. A file that was created empty starts a new incarnation. A copy made by `moonctl db backup` also
+// starts a new incarnation, because the tag is removed from the copy (kForgetIncarnationSql).
 //
 // A *foreign* epoch is an epoch of this agent that a peer reports or returns and that this file's history did not
 // begin. It began on another disk of this agent, or in a copy of this file that kept the tag. A foreign epoch knew the
-// records of its base, of the previous epoch in its file, and of all epochs that these two knew. If the previous epoch
-// is not known here, the highest known epoch below it with the same tag is used instead.
+// records of its base, of the previous epoch in its file, and of all epochs that these two epochs knew. If the previous
+// epoch is not known here, the highest known epoch below the foreign epoch with the same tag is used instead.
 //
 // Load and Write run inside the caller's transaction and fail as Database does. The other functions use no database.
 #pragma once
@@ -46,10 +46,10 @@ std::uint64_t EpochOf(const EpochParts& parts, std::uint64_t random);
 
 inline constexpr std::uint32_t kEpochTagMax = 0x3FF;
 inline constexpr std::uint64_t kEpochCounterMax = 0xFFFF;
-// Largest accepted distance of a claimed epoch: 16384 process starts of this agent on a disk that was lost. Without
-// this limit, a false claim could use up all epochs.
+// A claimed epoch may exceed the highest epoch at the start of this process by at most this number. It equals 16384
+// process starts on a lost disk. Without this limit, a false claim could use up all epochs.
 inline constexpr std::uint64_t kOwnEpochJumpMax = 1ull << (48 + 14);
-// Only this many foreign epochs are kept, the highest ones, so claims of peers cannot fill the memory.
+// Maximum number of foreign epochs in memory. Only the highest are kept, so claims of peers cannot fill the memory.
 inline constexpr std::size_t kForeignEpochsMax = 4096;
 
 class OwnEpochs {
@@ -57,11 +57,12 @@ class OwnEpochs {
   // Loads the epochs that the file's history began. Foreign epochs are not stored; Learn adds them.
   Result<void> Load(Database& database);
 
-  // Returns true if this incarnation has begun an epoch. Returns false for a restored copy, and for a new file for
-  // which peers returned this agent's records.
+  // Returns true if this incarnation has begun an epoch. Returns false for a restored copy or a new file that has not
+  // begun an epoch yet, even if peers have returned this agent's records.
   bool has_incarnation() const { return tag_ != 0; }
   std::uint64_t highest() const;  // The highest known epoch; 0 if none is known.
-  // Call once, after the process has loaded its file. IsPossible judges later claims by the highest epoch at this time.
+  // Call once, after the process has loaded its file. IsPossible compares later claims with the epoch that is highest
+  // at this call.
   void NoteStart() { highest_at_start_ = highest(); }
   // Returns whether an epoch that a peer claims can exist: it is not 0, and at most kOwnEpochJumpMax above the highest
   // epoch at the start of the process. Later claims do not raise this limit.
@@ -69,23 +70,23 @@ class OwnEpochs {
   bool IsKnown(std::uint64_t epoch) const { return begun_.contains(epoch) || foreign_.contains(epoch); }
   void Learn(std::uint64_t epoch);  // Adds a foreign epoch. Does nothing if this file's history began the epoch.
 
-  // Epochs of this incarnation whose states are in danger. They are below the highest foreign epoch, which did not know
-  // them. Older states stored under the foreign epoch would therefore replace their states. Lower foreign epochs need
-  // no check: the disk that began the highest foreign epoch has already reissued or replaced the states that they did
+  // Epochs of this incarnation whose states are in danger: the highest foreign epoch is above them but did not know
+  // them. Older states stored under the foreign epoch would replace their states. Lower foreign epochs need no check.
+  // The disk that began the highest foreign epoch has already reissued or replaced the states that the lower epochs did
   // not know.
   struct Danger {
     std::set<std::uint64_t> certain;
-    // Epochs that may be in danger: the base of the foreign epoch is not known well enough to decide.
+    // Epochs that may be in danger. Too little is known about the base of the foreign epoch to decide.
     std::set<std::uint64_t> possible;
   };
   Danger Endangered() const;
 
-  // An epoch above all known epochs. The caller passes it to Write, and to NoteBegun after the commit.
+  // An epoch above all known epochs. The caller passes it to Write and, after the commit, to NoteBegun.
   struct Next {
     std::uint64_t epoch = 0;
     std::uint32_t tag = 0;  // The tag of this incarnation; drawn now if the incarnation had none.
   };
-  // kInternal if no epochs are left.
+  // Fails with kInternal if no epochs are left.
   Result<Next> Draw(std::mt19937_64& random) const;
   Result<void> Write(Database& database, const Next& begun) const;
   void NoteBegun(const Next& begun);

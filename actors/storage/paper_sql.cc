@@ -25,7 +25,7 @@ constexpr int kNumbersMax = 36;   // Values of one repeated field, such as a cov
 constexpr int kMessagesMax = 16;  // Messages of one repeated field, such as the layers of a map.
 constexpr int kDepthMax = 5;
 constexpr std::size_t kColumnsMax = 1500;
-// Limit of the steps of SQLite's virtual machine. An insert of kColumnsMax values needs fewer.
+// Maximum number of steps of SQLite's virtual machine. An insert of kColumnsMax values needs fewer steps.
 constexpr int kStepsMax = 20'000;
 
 constexpr char kNoInsert[] = "is not an insert into the table of its type";
@@ -37,7 +37,7 @@ struct PathStep {
 
 struct Column {
   std::string name;
-  std::vector<PathStep> path;  // Path that starts at the Record.
+  std::vector<PathStep> path;  // Path from the Record to the field.
 };
 
 struct PaperTable {
@@ -116,8 +116,8 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
-// SQLite converts about one in some thousand short literals to a neighbouring number. It converts literals with many
-// digits exactly.
+// With few digits, SQLite converts about one literal in some thousand to a neighbouring number. With kMany, it converts
+// every literal exactly.
 enum class Digits { kFew, kMany };
 
 std::string Real(double value, Digits digits) {
@@ -196,7 +196,7 @@ std::optional<std::string> ValueOf(const proto::Record& record, const Column& co
   return LiteralOf(*message, last, digits);
 }
 
-// Sets one field of a message from a column of the current row.
+// Sets one field of a message to the value in column `number` of the current row.
 void SetValue(sqlite3_stmt* row, int number, const PathStep& step, Message& message) {
   const Reflection& all = *message.GetReflection();
   const FieldDescriptor* field = step.field;
@@ -243,7 +243,8 @@ void SetValue(sqlite3_stmt* row, int number, const PathStep& step, Message& mess
   }
 }
 
-// Returns false if the column belongs to a repeated field whose earlier values are missing.
+// Sets one field of the record to the value in column `number` of the current row. Returns false if the column belongs
+// to a repeated field whose earlier values are missing.
 bool Take(sqlite3_stmt* row, int number, const Column& column, proto::Record& record) {
   Message* message = &record;
   for (std::size_t i = 0; i + 1 < column.path.size(); ++i) {
@@ -310,7 +311,7 @@ int Authorize(void* table, int action, const char* name, const char*, const char
 
 int Stop(void*) { return 1; }
 
-// Opens an in-memory database that has only this table, without rows.
+// Opens an in-memory database that contains only `table`, without rows.
 DatabaseHandle OpenFor(const PaperTable& table) {
   sqlite3* opened = nullptr;
   const int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_MEMORY | SQLITE_OPEN_NOMUTEX;
@@ -340,11 +341,11 @@ DatabaseHandle OpenFor(const PaperTable& table) {
   return database;
 }
 
-// Text outside of quoted values costs SQLite a hundred times its size in memory, and a search of all columns for each
-// name. It may therefore be no longer than SqlOf writes. Only letters, digits and kSigns are permitted there, so that
-// other syntax cannot hide quotes.
+// Returns true if the text outside of quoted values is at most as long as SqlOf can write, and has only letters, digits
+// and kSigns, so that other syntax cannot hide quotes. The length is limited because SQLite needs a hundred times the
+// size of such text in memory, and searches all columns for each name in it.
 bool IsShortOutsideQuotes(std::string_view sql, const PaperTable& table) {
-  constexpr std::size_t kNumberBytesMax = 32;  // Bytes of a number with its separator.
+  constexpr std::size_t kNumberBytesMax = 32;  // Maximum bytes of a number and its separator.
   constexpr std::size_t kOtherBytesMax = 160;
   constexpr std::string_view kSigns = "_ ,.()+-";
   std::size_t left = kOtherBytesMax + table.name.size();

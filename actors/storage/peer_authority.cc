@@ -26,8 +26,8 @@ proto::RefusalCause ToProto(PeerAuthority::Cause cause) {
   return proto::REFUSAL_CAUSE_UNSPECIFIED;
 }
 
-// Returns whether the agent may use more of `room`. Half of the room is divided equally among the agents. The other
-// half is for agents that need more.
+// Returns true if `origin` may use more of `room`. Half of the room is divided equally among the agents of the team.
+// The agents that exceed their part share the other half.
 template <typename UsedBy>
 bool HasRoom(AgentId origin, const std::set<AgentId>& team, std::uint64_t room, const UsedBy& used_by) {
   const std::uint64_t half = room / 2;
@@ -153,7 +153,7 @@ void PeerAuthority::Describe(const HaveSet& have, proto::AgentStatus& status) co
     const auto add = [&left_out](const auto& counts, proto::RefusalCause cause) {
       for (const auto& [origin, count] : counts) {
         double& shown = left_out[{origin, cause}];
-        shown = std::max(shown, count);  // The maximum, because two readers may read the same records.
+        shown = std::max(shown, count);  // The maximum, not the sum: two readers may count the same records.
       }
     };
     add(report.without_role(), proto::REFUSAL_CAUSE_UNCOUNTED);

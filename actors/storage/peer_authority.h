@@ -1,17 +1,17 @@
 // PeerAuthority: decides which peers may supply which records.
 //
 // Records of an agent are accepted from that agent itself and from the base station. They are also accepted from an
-// agent that is or was leader or survivor by a valid assignment held here (model/role_chain.h). Role assignments and
-// map quarantines are signed, so any agent may supply them. Other peers may not supply records or drops of a third
-// agent; these are refused, and counted for the sender. A dishonest member can thus lie only about itself. Claims about
-// this agent's own epochs are accepted from peers that may supply records of other agents. In a team without signing
-// keys all peers are trusted.
+// agent that is or was leader or survivor by a valid assignment held here (model/role_chain.h). Other peers may not
+// supply records of a third agent, or report them as dropped; such messages are refused, and counted for the sender. A
+// dishonest member can thus lie only about itself. Exceptions: any agent may supply role assignments and map
+// quarantines, because they are signed. In a team without signing keys all peers are trusted. Claims about this agent's
+// own epochs are accepted from peers that may supply records of other agents.
 //
-// Streams: a have-set has at most kHaveStreamsMax streams. Half of these are divided equally among the agents of the
-// team. An agent that needs more streams takes them from the other half until that is used up. Further streams are
-// refused.
+// Streams: a have-set has at most kHaveStreamsMax streams. Half of the streams are divided equally among the agents of
+// the team. An agent that needs more streams takes them from the other half until that half is used up. Further streams
+// are refused.
 //
-// Disk space: the same rule limits the bytes of other agents' records. This agent's own records are not limited by it.
+// Disk space: the same rule limits the bytes of other agents' records, but not those of this agent's own records.
 #pragma once
 
 #include <cstdint>
@@ -42,14 +42,14 @@ namespace moondb {
 
 class PeerAuthority {
  public:
-  // Returns whether records of the type are signed, so that any agent may supply them.
+  // Returns whether records of the type are signed. Any agent may supply signed records.
   static bool IsSignedType(DataType type) { return type == proto::ROLE_ASSIGNMENT || type == proto::MAP_QUARANTINE; }
 
-  static constexpr std::size_t kOwnBeyondMax = 64;  // Keys of own records that are remembered per peer.
+  static constexpr std::size_t kOwnBeyondMax = 64;  // Maximum number of keys per peer (NoteOwnBeyond).
 
   struct Options {
     AgentId self = 0;
-    AgentId base = 0;  // 0 if the team has no base station.
+    AgentId base = 0;  // The base station; 0 if the team has none.
     std::set<AgentId> team;
     RoleChain::Options roles = RoleChain::WithoutKeys();
     // Used only in a team with signing keys. `is_signed` checks an assignment's signature with its issuer's key.
@@ -61,46 +61,50 @@ class PeerAuthority {
 
   explicit PeerAuthority(Options options);
 
-  // Loads the assignments in the store: those that this agent acted on, and those stored as records.
+  // Loads the role assignments in the store: the assignments that this agent acted on, and the assignments stored as
+  // records.
   Result<void> Load(Database& database);
-  // Call after an assignment is committed. `is_record` is true if it was stored as a record.
+  // Call after an assignment is committed. `is_record` is true if the assignment was stored as a record.
   void NoteAssignment(const proto::RoleAssignment& roles, bool is_record);
   void NoteIfSigned(const proto::RoleAssignment& roles);
-  // Returns `roles` and its predecessors, newest first, back to the first assignment of its era. Stops before the first
-  // assignment that is held as a record.
+  // Returns `roles` and its predecessors, newest first. The list ends at the first assignment of its era, or before the
+  // first assignment that is held as a record.
   std::vector<proto::RoleAssignment> NotHeldAsRecords(const proto::RoleAssignment& roles) const;
 
-  // Returns whether records of other agents are accepted from `sender`. 0 stands for this agent.
+  // Returns whether records of other agents are accepted from `sender`. `sender` 0 means this agent.
   bool IsBelieved(AgentId sender) const;
-  // kRefused, and counted, if the sender may not supply the record.
+  // Fails with kRefused, and counts the refusal, if the sender may not supply the record.
   Result<void> CheckRecord(AgentId sender, const RecordKey& key, const proto::Record& record);
-  // kRefused, and counted, if the sender may not report drops of this stream.
+  // Fails with kRefused, and counts the refusal, if the sender may not report drops of this stream.
   Result<void> CheckOrigin(AgentId sender, const StreamKey& stream);
-  // kRefused, and counted, if the stream is new in `ledger` and its origin has used up its streams.
+  // Fails with kRefused, and counts the refusal, if `ledger` lacks the stream and the stream's origin has used up its
+  // streams.
   Result<void> CheckRoom(AgentId sender, const StreamKey& stream, const HaveLedger& ledger);
-  // kRefused, and counted for `origin`, if its records have used up their part of `room_bytes`. `room_bytes` is the
-  // disk space for the records of all agents. `used_bytes` is the space used now, by origin.
+  // Fails with kRefused, and counts the refusal for `origin`, if the records of `origin` have used up their part of
+  // `room_bytes`. `room_bytes` is the disk space for the records of all agents. `used_bytes` is the space used now, by
+  // origin.
   Result<void> CheckDiskRoom(AgentId origin, const std::map<AgentId, std::uint64_t>& used_bytes,
                              std::uint64_t room_bytes);
-  // kRefused, and counted, if its issuer did not sign the assignment.
+  // Fails with kRefused, and counts the refusal, if the assignment is not signed by its issuer.
   Result<void> CheckAssignment(AgentId sender, const proto::RoleAssignment& roles);
-  // kRefused if the quarantine concerns another agent's maps, or lifts another agent's quarantine, without the right to
-  // do so. This agent has the right if it is the leader or is listed in command_from of the team file.
+  // Checks a quarantine that this agent wants to store. Fails with kRefused if it concerns another agent's maps or
+  // lifts another agent's quarantine, unless this agent is the leader or is listed in command_from of the team file.
   Result<void> CheckOwnQuarantine(const proto::Record& record) const;
   // Returns the newest known valid term.
   const proto::Term& newest_term() const { return chain_.newest().term(); }
-  // Counts a record that no role allowed its origin to write (CheckSpeaker).
+  // Counts a record that its origin had no role to write (CheckSpeaker).
   void CountStatement(AgentId origin) { CountRefused(origin, Cause::kStatement, 0); }
-  // Remembers the report of a reader (an actor): how many stored records of each origin it ignores because of the
-  // origin's role. Replaces the reader's last report.
+  // Remembers the report of a reader (an actor): how many stored records of each origin the reader ignores because of
+  // the origin's role. Replaces the reader's last report.
   void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report);
 
-  // Remembers which of this agent's own records `peer` named although this disk never held them. Each key is the last
-  // such record of a stream. If only the epoch is known, type and seq are 0. If `is_all`, the list is complete and
-  // replaces earlier reports of the peer. At most kOwnBeyondMax keys are remembered per peer.
+  // Remembers own records of this agent that `peer` reported although this disk never held them. Each key is the last
+  // such record of a stream; type and seq are 0 if only the epoch is known. If `is_all`, `beyond` replaces earlier
+  // reports of the peer. At most kOwnBeyondMax keys are remembered per peer.
   void NoteOwnBeyond(AgentId peer, const std::vector<RecordKey>& beyond, bool is_all);
 
-  // Fills in the counts of refused records, by sender, and the own records that peers named and that are not in `have`.
+  // Fills in the counts of refused records by sender, and the own records that peers reported and `have` does not
+  // cover.
   void Describe(const HaveSet& have, proto::AgentStatus& status) const;
 
  private:
@@ -108,11 +112,11 @@ class PeerAuthority {
 
   const Options options_;
   RoleChain chain_;
-  std::set<std::string> held_as_records_;                                 // Signatures of assignments held as records.
+  std::set<std::string> held_as_records_;                                 // Signatures of assignments.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // Counts by sender, cause and origin.
-  // Last seqs by peer and stream; 0 if only the epoch is known.
+  // Keys of NoteOwnBeyond: the last seq of each peer and stream; 0 if only the epoch is known.
   std::map<AgentId, std::map<StreamKey, std::uint64_t>> own_beyond_;
-  std::map<std::string, proto::LeftOutReport> left_out_;  // Last reports by reader.
+  std::map<std::string, proto::LeftOutReport> left_out_;  // Last report of each reader.
 };
 
 }  // namespace moondb

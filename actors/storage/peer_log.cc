@@ -77,7 +77,7 @@ Result<void> PeerLog::Load(Database& database) {
   const Result<bool> is_sound = ReadAll(database);
   if (!is_sound) return tl::unexpected(is_sound.error());
   if (*is_sound) return {};
-  covered_.clear();  // The next sessions report again what their peers have.
+  covered_.clear();  // Later sessions report their peers' records again.
   return database.Execute("DELETE FROM peer_have");
 }
 

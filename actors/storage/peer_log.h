@@ -1,10 +1,10 @@
-// PeerLog: the log of which records each peer is known to have, and which records open sessions have handed to it. The
-// view replication_log shows it.
+// PeerLog: the log of which records each peer is known to have, and which records open sessions have sent to the peer.
+// The view replication_log shows the log.
 //
-// The log is used for display, and for the uncertain cases of OwnEpochs::Danger. It may lose entries at a power cut;
-// the next session restores them. A session first reports all records that its peer has, then numbered differences
-// (proto::PeerHave). A difference whose number does not follow that of the last report is not applied, and the session
-// is asked for a full report.
+// The log is used for display, and for the uncertain cases of OwnEpochs::Danger. A power cut may remove entries; the
+// next session restores them. A session first reports all records that its peer has (a full report), then numbered
+// differences (proto::PeerHave). If a difference does not have the number after the last report's number, the
+// difference is not applied, and the session must send a full report.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +19,12 @@ namespace moondb {
 
 class PeerLog {
  public:
-  // Loads the table. Deletes the entries about records that sessions of an earlier process handed over.
+  // Loads the table. Deletes the entries about records that sessions of an earlier process sent.
   Result<void> Load(Database& database);
 
-  // Applies a report. Returns false if the report is a difference that does not follow the last applied report; then
-  // only its part about the session is applied. kInvalid if the report is malformed. Other errors are as for Database.
-  // After an error the log is unchanged, and returns false for the next difference.
+  // Applies a report. Returns false if the report is a difference that does not follow the last applied report. In this
+  // case only the report's part about the session is applied. Fails with kInvalid if the report is malformed. Other
+  // errors are as for Database. After an error the log is unchanged, and Note returns false for the next difference.
   Result<bool> Note(Database& database, const proto::PeerHave& note);
 
   // Returns whether any peer is known to cover the record (to hold or have dropped it).

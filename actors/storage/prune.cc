@@ -77,7 +77,7 @@ class Chooser {
     return std::find(types.begin(), types.end(), type) != types.end();
   }
 
-  // Calls `take` for the rows of `seqs` that are old enough, until it returns false.
+  // Calls `take` for each row of `seqs` that is old enough, until `take` returns false.
   template <typename Take>
   Result<void> VisitOld(const StreamKey& stream, const IntervalSet& seqs, Take take) {
     const RecordTable& table = *FindRecordTable(stream.type);
@@ -98,7 +98,7 @@ class Chooser {
     return {};
   }
 
-  // Reads the whole record, so call this only for rows that are about to be selected.
+  // Reads the whole record. Call this only for rows that are otherwise selected.
   Result<bool> IsOfUnknownAge(const PruneChoice::Chosen& row) {
     if (!timestamp_before_ns_) return false;
     const Result<proto::Record> record = row.table->ReadRecord(database_, row.row.row_id);

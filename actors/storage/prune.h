@@ -42,12 +42,12 @@ struct PruneChoice {
   bool is_complete = true;  // False if a limit above left out candidates.
 };
 
-// Checks the numbers of a request: kInvalid, with the field named, for a negative, non-finite or too large number.
+// Fails with kInvalid, and names the field, if a number of the request is negative, not finite or too large.
 Result<void> CheckPruneLimits(const proto::PruneRequest& request);
 
-// `have` is this agent's own have-set, and `utc_now_ns` counts from 1970. kInvalid, with the field named, if
-// `acknowledged` is empty or contains a malformed have-set. Also kInvalid if the request names too many records, or if
-// a number is invalid. Other errors are as for Database.
+// Selects the records to prune. `have` is this agent's own have-set; `utc_now_ns` counts from 1970. Fails with
+// kInvalid, and names the field, if `acknowledged` is empty or contains a malformed have-set, if the request names too
+// many records, or if a number is invalid. Other errors are as for Database.
 Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const SharingRules& rules,
                                   const proto::PruneRequest& request, std::int64_t utc_now_ns);
 

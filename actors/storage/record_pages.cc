@@ -9,7 +9,7 @@ namespace moondb {
 
 namespace {
 
-// A query, positioned on the next of its rows that the request asks for.
+// A query whose current row is the next row that the request asks for.
 struct Cursor {
   Query query;
   bool is_at_end = false;

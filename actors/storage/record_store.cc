@@ -34,11 +34,12 @@ namespace {
 constexpr std::size_t kRejectionsKept = 8;
 constexpr std::uint64_t kRowIdMax = std::uint64_t{1} << 62;
 constexpr int kInsertRecordsMax = 65536;
-constexpr std::uint64_t kRowBytes = 100;             // Approximate size of a row beside its content.
-constexpr std::uint64_t kRoomBytesMin = 256 * 1024;  // Minimum bytes of history to remove for a record.
+constexpr std::uint64_t kRowBytes = 100;  // Approximate size of a row beside its content.
+// If the disk is full, at least this many bytes of history are removed to make room for a record.
+constexpr std::uint64_t kRoomBytesMin = 256 * 1024;
 
-// Returns whether `record` repeats the stored record. `is_clock_suspect` and `is_state` may differ, since the agent
-// sets them by its clock and its policy. `content` is the serialised `record`.
+// Returns whether `record` repeats the stored record. `content` is the serialised `record`. `is_clock_suspect` and
+// `is_state` may differ, since the storing agent sets these two fields itself.
 bool IsRepeated(const std::string& stored_content, const proto::Record& record, const std::string& content) {
   if (stored_content == content) return true;
   proto::Record stored;
@@ -63,8 +64,8 @@ std::string SetAsideText(const std::string& aside) {
          "; an empty one was begun, and what no other agent had is in that file alone";
 }
 
-// Returns whether `states` contain a shared state of a greater order. Requires: all states have the origin, type and
-// latest key of the state with `order`.
+// Returns whether `states` contains a shared state (seq is not 0) of a greater order. Requires: all states have the
+// origin, type and latest key of the state with `order`.
 bool IsSuperseded(const RecordOrder& order, const std::vector<RecordTable::Row>& states) {
   return std::any_of(states.begin(), states.end(),
                      [&order](const auto& state) { return state.key.seq != 0 && state.order() > order; });
@@ -135,7 +136,7 @@ class RecordStore::Writing {
     return DeleteRow(table, row);
   }
 
-  // Bytes used, by origin. Requires: RoomToShare counted them.
+  // Returns the bytes used, by origin. Requires: RoomToShare returned a number before this transaction began.
   const std::map<AgentId, std::uint64_t>& used_bytes() const { return *used_bytes_; }
   // Indices of the nodes of this agent that this transaction inserts.
   const std::set<std::uint64_t>& nodes() const { return nodes_; }
@@ -194,8 +195,8 @@ Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
     spdlog::error("storage: {}: {}", options.path, log_damage);
     (*store)->damage_.push_back(log_damage);
   }
-  // If this process opened the file before, do not replace it by an empty one: other actors have read rows that would
-  // then be missing. Only a new process begins an empty file.
+  // Only a new process replaces a damaged file by an empty one. In a running process, other actors may have read rows
+  // that an empty file lacks.
   if (store || store.error().code != ErrorCode::kCorrupt || options.is_checked) return store;
   const Result<std::string> aside = Database::SetAside(options.path, options.vfs);
   if (!aside) return tl::unexpected(aside.error());
@@ -396,8 +397,8 @@ Result<void> RecordStore::LearnOwnEpochs(const std::set<std::uint64_t>& epochs) 
     own_epochs_.Learn(epoch);
     is_reissue_due_ = true;
   }
-  // New records under a lower epoch would count as older than the records that peers already have, so the next insert
-  // begins a new epoch.
+  // Records inserted under a lower epoch would count as older than the records that peers already have. The next insert
+  // therefore begins a new epoch.
   if (epoch_ < own_epochs_.highest()) epoch_ = 0;
   if (!is_reissue_due_) return {};
   const Result<void> done = Reissue();
@@ -418,7 +419,7 @@ Result<void> RecordStore::Reissue() {
   return {};
 }
 
-// Returns the endangered states that no newer state has superseded, in the order in which they were inserted.
+// Returns the endangered states (OwnEpochs::Danger) that no newer state has superseded, in the order of insertion.
 Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
   std::vector<RecordKey> found;
   const OwnEpochs::Danger danger = own_epochs_.Endangered();
@@ -436,8 +437,8 @@ Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
     }
     for (const IntervalSet::Interval& interval : newest[stream.type][stream.epoch].intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
-        // If a peer covers the record, the other disk may have received it from the peer. In this uncertain case the
-        // record does not count as endangered.
+        // It is uncertain whether the foreign epoch's disk had the record. If a peer covers the record, that disk may
+        // have received it from the peer, so the record does not count as endangered.
         if (is_guess && peer_log_.IsCoveredByAny({stream, seq})) continue;
         found.push_back({stream, seq});
       }
@@ -460,7 +461,7 @@ Result<void> RecordStore::ReissueOne(const RecordKey& old_key, Writing& writing)
   if (!*row || HashRecord(old_key, content) != (*row)->hash || !record.ParseFromString(content)) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: " + ToString(old_key));
   }
-  // A record that was inserted under the policy `all` is never superseded.
+  // A record that was inserted under the policy `all` is never superseded, so it needs no reissue.
   if (!record.is_state()) return {};
   const Result<RecordKey> key = writing.NextKey(old_key.stream.type);
   if (!key) return tl::unexpected(key.error());
@@ -483,8 +484,8 @@ Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport
   for (const std::uint64_t epoch : report.epochs()) {
     if (!own_epochs_.IsKnown(epoch)) unknown.push_back({{options_.self, epoch, 0}, 0});
   }
-  // `unknown` is computed before the epochs are learned. A learned epoch counts as known, even if no peer has returned
-  // any of its records yet.
+  // `unknown` must be computed before LearnOwnEpochs: a learned epoch counts as known, even if no peer has returned any
+  // of its records yet.
   authority_.NoteOwnBeyond(peer, unknown, /*is_all=*/false);
   return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }
@@ -539,7 +540,7 @@ Result<void> RecordStore::CheckRoomForMaps(const proto::InsertRequest& request) 
                                     std::string("what is left of the disk is for states"));
 }
 
-// Bundles and history are not counted: their sizes are limited, so they never take the room of records.
+// Does not count bundles and history. Their sizes have limits of their own.
 Result<std::uint64_t> RecordStore::UsedByRecords() {
   const Result<std::uint64_t> used = database_->UsedPageBytes();
   if (!used) return used;
@@ -680,7 +681,7 @@ Result<void> RecordStore::CheckConsecutive(const proto::PoseGraphEdge& edge, con
       if (!*row) break;
       nodes.insert(query.Unsigned(0));
     }
-    // Nodes of this transaction do not count as stored yet.
+    // Nodes that this transaction inserts do not count as stored yet.
     for (const std::uint64_t index : writing.nodes()) nodes.erase(index);
     own_nodes_ = std::move(nodes);
   }
@@ -715,7 +716,8 @@ void RecordStore::Reject(Error error, Stored& result) {
   if (result.rejections.size() < kRejectionsKept) result.rejections.push_back(std::move(error));
 }
 
-// Adds the signed assignments in the request first, because they may decide which records of the request are accepted.
+// Notes the signed assignments in the request. Call before the records are checked, because an assignment may decide
+// which records are accepted.
 void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   for (const proto::StoredRecord& stored : request.records()) {
     if (stored.key().data_type() != proto::ROLE_ASSIGNMENT) continue;
@@ -724,7 +726,7 @@ void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   }
 }
 
-// Returns the records of the request that pass validation. Rejects and counts the others.
+// Returns the records of the request that pass validation. Rejects and counts the other records.
 std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequest& request, Stored& result) {
   std::vector<Opened> opened;
   for (const proto::StoredRecord& stored : request.records()) {
@@ -763,7 +765,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   for (const RecordKey& key : result.never_valid) touched.insert(key.stream);
   HaveSet dropped;
   for (const proto::StreamHave& stream : request.dropped()) {
-    // The type may be under `latest` only in the sender's team file. Its drops are then ignored here.
+    // Ignore drops of a type that may not be dropped here. The sender's team file may have another policy for the type.
     if (!rules_.MayBeDropped(static_cast<DataType>(stream.data_type()))) continue;
     const Result<void> checked = CheckDropped(request.sender(), stream, dropped);
     if (!checked) Reject(checked.error(), result);
@@ -798,7 +800,8 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   for (const RecordKey& key : result.never_valid) covered[key.stream].held.Add(key.seq);
   *result.reply.mutable_covered() = ToProto(covered);
   if (result.reply.covered().ByteSizeLong() <= kHavePageBytesMax) return result;
-  // The reply would be too long. Report only the intervals with the records of the request, without the drops.
+  // The reply would be too long. Report only the intervals that contain a record of the request. Intervals that contain
+  // only dropped records are left out.
   HaveSet named;
   for (const Opened& record : opened) named[record.key.stream].held.Add(record.key.seq);
   for (const RecordKey& key : result.never_valid) named[key.stream].held.Add(key.seq);
@@ -913,7 +916,7 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   IntervalSet superseded = never_held;
   const RecordKey newest = ledger_.NewestHeld(stream.origin, stream.type);
   // Versioned records are ordered by term and run, which a drop does not contain. Any held record may be newer than the
-  // dropped ones.
+  // dropped records.
   const bool is_order_known = !IsVersioned(stream.type);
   if (newest.seq == 0 || (is_order_known && newest.stream.epoch < stream.epoch)) {
     superseded = IntervalSet();
@@ -971,8 +974,8 @@ proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
 }
 
 Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
-  // Only kCorrupt is returned: peers can read records even while the disk accepts no writes. Endangered states will be
-  // reissued before the first record of a later epoch is stored.
+  // Ignore all errors except kCorrupt: peers can read records even while the disk accepts no writes. Endangered states
+  // are reissued later, before the first record of a later epoch is stored.
   const Result<void> trained = LearnOwnEpochs(request.destination(), request.destination_have(), /*is_all=*/false);
   if (!trained && trained.error().code == ErrorCode::kCorrupt) return tl::unexpected(trained.error());
   return FindMissing(*database_, ledger_.have(), rules_, authority_.IsBelieved(options_.self), MarkedBy(request),
@@ -1016,8 +1019,8 @@ Result<std::uint64_t> RecordStore::DropHistory(std::uint64_t bytes) {
 bool RecordStore::MakesRoom(const Error& failure, std::uint64_t content_bytes) {
   history_.Forget();
   if (failure.code != ErrorCode::kFull || history_.sum().count == 0) return false;
-  // Remove twice the content's bytes: rows of the history share pages with other rows, and records take more space than
-  // their contents.
+  // Remove twice the content's bytes: rows of the history share pages with other rows, and a record takes more space
+  // than its content.
   const Result<std::uint64_t> freed = DropHistory(std::max(kRoomBytesMin, 2 * content_bytes));
   if (freed && *freed > 0) {
     spdlog::warn("storage: {} is full; {} bytes of history were removed for new records", database_->path(), *freed);

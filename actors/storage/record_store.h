@@ -1,33 +1,26 @@
 // RecordStore: everything that an agent stores, in one SQLite file: records, the have-set, roles, and what peers have
 // (paper, Sections 3 and 4).
 //
-// Records are immutable and named by (origin, epoch, data type, seq). Each call that writes is one transaction. If it
-// fails, file and memory are as before, and the store remains usable. Rules:
-// - An epoch begins at the first shared insert of a process, above every own epoch known here
-//   (actors/storage/own_epochs.h). An agent whose disk was lost or restored therefore never uses a name twice. If a
-//   peer knows a later epoch of this agent, the disk was lost or restored: the current epoch ends, and the next insert
-//   begins an epoch above the later one. An epoch that is thousands of process starts ahead is refused.
-// - If a later epoch of this agent cannot have known the newest states of an earlier one, these states are *reissued*.
-//   They are stored again, as states, under an epoch above all known epochs, in one transaction and before any row of
-//   the later epoch. An older state that a peer returns thus never replaces a newer one. If reissuing fails, the call
-//   stores nothing, and later calls retry.
-// - seqs have no gaps within (epoch, type): they are allocated in the transaction that stores their rows.
-// - Under the policy `latest`, a state (Record.is_state) supersedes the older states of its (origin, type, latest key).
-//   States are ordered by (epoch, seq); optimized poses and verdicts are first ordered by term and run (RecordOrder).
-//   The transaction that stores the newer state deletes the older rows and marks their seqs as dropped. A state that
-//   arrives or is inserted after its successor is dropped immediately. A record that its origin stored under `all`
-//   supersedes nothing and is never superseded. Storing a state costs a lookup of all records with its key.
-// - Superseded records of this agent move into its history, if the history keeps them (actors/storage/history.h). If
-//   the file or the disk is full, history is removed first.
-// - Own records of a custom type can be inserted only if the team file declares the type. Peers' records of undeclared
-//   types are carried (actors/storage/sharing_rules.h). If a type is no longer declared, its rows stay.
-// - A peer's drops are accepted only for `latest` and carried types, and only if a newer record of that origin and type
-//   is held here. For poses and verdicts any held record suffices, since a drop does not contain their order. A row
-//   that is the newest of its key stays until its successor arrives. A batch with the drop may overtake the batch with
-//   the successor, and the successor may be permanently lost with its only disk.
-// - A pruned record (actors/storage/prune.h) is dropped in the have-set, so it is never fetched again. Other agents do
-//   not learn of this drop, since drops are sent only for `latest` and carried types. If this disk is lost, peers
-//   return the records that they still hold. A node or edge that is inserted again after it was pruned is a new record.
+// Records are immutable and named by (origin, epoch, data type, seq). Each call that writes is one transaction. If the
+// transaction fails, file and memory are as before, and the store remains usable.
+//   - Epochs: the first shared insert of a process begins an epoch above every own epoch known here (own_epochs.h). If
+//     a peer knows a later own epoch, the disk was lost or restored, and the next insert begins an epoch above that
+//     epoch.
+//   - Reissuing: if a later epoch of this agent cannot have known the newest states of an earlier epoch, these states
+//     are stored again under a new epoch. An older state that a peer returns thus never replaces a newer state. If
+//     reissuing fails, the call stores nothing, and later calls retry.
+//   - seqs have no gaps within (epoch, type), because they are allocated in the transaction that stores their rows.
+//   - Superseding: under the policy `latest`, a state (Record.is_state) supersedes the older states of its (origin,
+//     type, latest key), in RecordOrder. One transaction stores the newer state, deletes the older rows or moves them
+//     to the history (history.h), and marks their seqs as dropped. A record stored under `all` supersedes nothing and
+//     is never superseded.
+//   - Custom types: an own record can be inserted only if the team file declares its type. Peers' records of undeclared
+//     types are carried (sharing_rules.h).
+//   - Drops: a peer's drops are accepted only for `latest` and carried types, and only if a newer record of that origin
+//     and type is held here (for poses and edge verdicts: any record). The newest row of a key stays until its
+//     successor arrives, because the successor may be lost.
+//   - Pruned records (prune.h) are dropped in the have-set, so they are never fetched again. Peers do not learn of
+//     these drops. If this disk is lost, peers return the records that they still hold.
 //
 // For one thread at a time. Cannot be moved or copied; Open returns a pointer.
 #pragma once
@@ -69,12 +62,12 @@ class RecordStore {
   struct Options {
     std::string path;  // The file. Its folder must exist. ":memory:" for tests.
     std::string vfs;   // VFS name, as for Database::Open.
-    AgentId self = 0;  // The owner of the store. The file remembers it.
+    AgentId self = 0;  // This agent. The file stores it as its owner.
     // All agents of the team, this one included. Records from or about any other agent are refused.
     std::set<AgentId> team;
     // Sharing policies of the built-in types. Types without a policy are not shared.
     SharingRules::Policies policies;
-    CustomTypes custom_types;       // The complete custom types of the team file.
+    CustomTypes custom_types;       // The custom types of the team file.
     std::set<DataType> for_ground;  // Types of which a ground station wants all records.
     std::uint64_t seed = 0;         // Seed of the random bits of epochs.
     std::uint64_t bytes_max = 0;    // Size limit of the file; 0: limited by the disk only.
@@ -83,32 +76,33 @@ class RecordStore {
     // True if this process opened the file before. The file is then not checked again (1 ms per MB).
     bool is_checked = false;
     History::Rules history;  // Which own superseded records are kept; none by default.
-    // Which peers are trusted; by default all. Open fills in `self` and `team`.
+    // Which peers may supply which records; by default all peers may. Open fills in `self` and `team`.
     PeerAuthority::Options authority;
     // Signs an own record that any agent may supply. Empty in a team without signing keys.
     std::function<std::string(const RecordKey&, const proto::Record&)> sign;
   };
 
-  // Opens the file, creates it if needed, and checks all of it. A damaged file is renamed and replaced by an empty one
-  // with a new epoch; peers then send the records again that they hold. A shared record whose row is missing or does
-  // not match its hash is no longer held, so peers send it again.
+  // Opens the file, creates it if needed, and checks all of it. A damaged file is renamed and replaced by an empty file
+  // with a new epoch. If the row of a shared record is missing or does not match its hash, the record is no longer
+  // held. In both cases peers send the lost records again if they hold them.
   //
-  // An existing store also opens on a disk that is full, failing or read-only, unless it has to be repaired. On a full
-  // disk Open gives up the reserve for this, and a later start logs the events that this start could not log.
+  // An existing store also opens on a disk that is full, failing or read-only, unless the store has to be repaired. On
+  // a full disk Open gives up the reserve, and a later start logs the events that this start could not log.
   //
-  // kRefused, without touching the file: other store version, other program or other agent (schema.h). kUnavailable: in
-  // use by another process. kFull, kInternal, kCorrupt: as for Database.
+  // Fails with kRefused, without a change to the file, if the file belongs to another store version, program or agent
+  // (schema.h). Fails with kUnavailable if another process uses the file. kFull, kInternal and kCorrupt are as for
+  // Database.
   static Result<std::unique_ptr<RecordStore>> Open(Options options);
-  // The error because of which Open could not write to the file; null if all writes succeeded or none were needed.
+  // The error that kept Open from writing to the file; null if all writes succeeded or none were needed.
   const std::optional<Error>& start_trouble() const { return start_trouble_; }
   // Path of the damaged file that Open set aside; empty if there was none.
   const std::string& set_aside() const { return set_aside_; }
-  // Damage that Open found, one sentence each.
+  // One sentence for each damage that Open found.
   const std::vector<std::string>& damage() const { return damage_; }
 
-  // Call once at the start of a process, before its actors run. Logs events about the damage that Open found, and about
-  // a previous process that ended without stopping. If the store has no events yet, it also logs a damaged file that an
-  // earlier, failed start set aside.
+  // Call once at the start of a process, before its actors run. Logs the damage that Open found, and whether the
+  // previous process ended without stopping. If the store has no events yet, also logs a damaged file that an earlier,
+  // failed start set aside.
   Result<void> LogLastRun(std::int64_t utc_now_ns);
   // Call last when the process stops in an orderly way. The next process then logs no abnormal end.
   Result<void> WriteDownStop(std::int64_t utc_now_ns);
@@ -116,22 +110,23 @@ class RecordStore {
   Result<std::vector<proto::HealthFinding>> Findings();
 
   // Inserts all own records, or inserts none and returns an error. If a record with the same natural key (node, edge)
-  // and the same content exists, its key is returned. If it has other content, the error is kInvalid.
+  // and the same content exists, the reply contains the existing record's key. If the existing record has other
+  // content, the error is kInvalid.
   struct Inserted {
     proto::InsertReply reply;
     proto::RecordsStored stored;  // last_row_id is 0 if there are no new rows.
   };
   Inserted Insert(const proto::InsertRequest& request);
 
-  // Stores records of any origin from a peer. Each record is validated, and stored or rejected, on its own. If the
-  // transaction fails, none is stored. After a success, all records that `reply.covered` covers survive a power cut.
-  // `reply.covered` exceeds the size of a have-set page only if very many of its records need an interval each.
+  // Stores records of any origin from a peer. Each record is validated, and stored or rejected, separately. If the
+  // transaction fails, no record is stored. After a success, all records that `reply.covered` covers survive a power
+  // cut. `reply.covered` exceeds the size of a have-set page only if very many of its records need an interval each.
   struct Stored {
     proto::StoreReply reply;
     proto::RecordsStored stored;
     std::vector<Error> rejections;  // The first few rejections, for the log file.
-    // Records that no role allowed their origin to write (CheckSpeaker). `reply.covered` includes them, so the session
-    // does not send them again; the store's own have-set does not.
+    // Records that their origin had no role to write (CheckSpeaker). `reply.covered` includes these records, so the
+    // session does not send them again. The store's own have-set does not include them.
     std::vector<RecordKey> never_valid;
   };
   Stored Store(const proto::StoreRequest& request);
@@ -148,37 +143,37 @@ class RecordStore {
   // Returns the records reissued since the last call of this function.
   proto::RecordsStored TakeReissued();
 
-  // Returns the records that a destination lacks; see FindMissing. kInvalid for a malformed have-set. Other errors are
-  // as for Database.
+  // Returns the records that a destination lacks; see FindMissing. Fails with kInvalid if the destination's have-set is
+  // malformed. Other errors are as for Database.
   Result<proto::MissingReply> GetMissing(const proto::MissingRequest& request);
   // Reads a page of the held records. If the request has is_history, reads a page of this agent's own history instead.
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
   // Stores the role assignment to act on, with its missing predecessors, in one transaction. If the assignment makes
   // this agent leader or survivor, it is also stored as a record, with its predecessors that are not yet records. Peers
-  // need them to check that this agent may supply other agents' records.
+  // need these records to check that this agent may supply other agents' records.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
-  // Remembers how many records a reader ignores; see PeerAuthority::NoteLeftOut.
+  // Remembers the number of records that a reader ignores; see PeerAuthority::NoteLeftOut.
   void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) {
     authority_.NoteLeftOut(reader, report);
   }
-  // Fills in how many records of each peer this store refused; see PeerAuthority::Describe.
+  // Fills in the number of refused records per peer; see PeerAuthority::Describe.
   void DescribeRefused(proto::AgentStatus& status) const { authority_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();
-  // Applies a report of what a peer has; see PeerLog::Note.
+  // Applies a session's report of the records that a peer has; see PeerLog::Note.
   Result<bool> NotePeerHave(const proto::PeerHave& note);
-  // `day` is today, in days since 1970, for the count of bytes written.
+  // `day` is today, in days since 1970. StorageStatus shows the bytes written per day.
   Result<proto::StorageStatus> GetStatus(std::uint32_t day = 0);
   // Call once a minute. Saves the count of bytes written, if it changed.
   Result<void> SaveWritten(std::uint32_t day) { return write_count_.Save(*database_, day); }
 
-  // Removes at most `rows_max` rows; a dry run only counts them. Durable on return. On a full disk, pass a small
-  // `rows_max`, since the removal of few rows needs little space. Errors as for ChooseToPrune.
+  // Removes at most `rows_max` rows; a dry run only counts the rows. Durable on return. On a full disk, pass a small
+  // `rows_max`, since the removal of few rows needs little space. Fails as ChooseToPrune does.
   Result<proto::PruneReply> Prune(const proto::PruneRequest& request, std::int64_t utc_now_ns,
                                   std::size_t rows_max = SIZE_MAX);
   // Rewrites an existing value, to test whether the disk accepts writes.
   Result<void> TryToWrite();
-  // Call periodically. Removes some rows that history no longer keeps. Returns true if there may be more such rows.
-  // `utc_now_ns` is null if this agent does not know the time.
+  // Call periodically. Removes some rows that the history's rules no longer keep. Returns true if there may be more
+  // such rows. `utc_now_ns` is null if this agent does not know the time.
   Result<bool> TrimHistory(std::optional<std::int64_t> utc_now_ns);
   // Call if space is short. Removes the oldest rows of history until `bytes` bytes are freed or history is empty.
   // Returns the bytes freed. Durable on return.
@@ -197,7 +192,7 @@ class RecordStore {
   Database& database() { return *database_; }
 
  private:
-  class Writing;  // One transaction with its drafts.
+  class Writing;  // A transaction and its drafts.
 
   // The have-set at the time when an order to a destination started (MissingRequest.mark).
   struct Mark {
@@ -215,14 +210,14 @@ class RecordStore {
   static PeerAuthority::Options AuthorityOptions(const Options& options);
   Result<void> Load();
   Result<void> Repair();  // Repairs the damage that a check of all rows found (RowAudit).
-  // Makes this agent the owner of the file. If it already is the owner, an error of the disk is only stored in
-  // start_trouble_.
+  // Makes this agent the owner of the file. If this agent already is the owner, a disk error is stored in
+  // start_trouble_ and not returned.
   Result<void> Claim();
   Result<proto::PruneReply> PruneHistory(const proto::PruneRequest& request, std::int64_t utc_now_ns);
   Result<void> WriteNextRowId(std::uint64_t row_id);
-  Result<std::uint64_t> UsedByRecords();  // Bytes of file pages, without bundles and history.
-  // Returns the maximum size of the file: Options::bytes_max, or less if the disk has less space. Null while the file
-  // is smaller than one agent's part, since no agent's limit can be exceeded then.
+  Result<std::uint64_t> UsedByRecords();  // Returns the bytes of file pages, without bundles and history.
+  // Returns the maximum size of the file: Options::bytes_max, or less if the disk has less space. Returns null while
+  // the file is smaller than one agent's part of this size, because no agent can then exceed its part.
   Result<std::optional<std::uint64_t>> RoomToShare();
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
   Result<void> CheckOwnRecord(const proto::Record& record) const;
@@ -230,7 +225,7 @@ class RecordStore {
   // reissue failed.
   Result<void> LearnOwnEpochs(const std::set<std::uint64_t>& epochs);
   // Adds own epochs that occur in a peer's have-set. Skips impossible epochs, and epochs for which the peer is not
-  // trusted. If `is_all`, the peer has no other records of this agent.
+  // trusted. If `is_all`, `claimed` contains all records of this agent that the peer has.
   Result<void> LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed, bool is_all);
   std::set<std::uint64_t> BelievedEpochs(AgentId peer, const std::set<std::uint64_t>& claimed);
   Result<void> Reissue();
@@ -246,7 +241,8 @@ class RecordStore {
                             Writing& writing);
   Result<void> InsertOne(const proto::Record& record, const std::string& content, bool is_local, Writing& writing,
                          proto::RecordKey& key);
-  // kInvalid for odometry between two nodes of this agent if the index of another stored node lies between theirs.
+  // Fails with kInvalid if the edge is odometry between two nodes of this agent, and the index of another stored node
+  // lies between the indices of the two nodes.
   Result<void> CheckConsecutive(const proto::PoseGraphEdge& edge, const Writing& writing);
 
   struct Opened {
@@ -256,9 +252,9 @@ class RecordStore {
   };
   std::vector<Opened> OpenBrought(const proto::StoreRequest& request, Stored& result);
   // Returns the have-set at the time of the request's mark; null if the request has no mark. If the mark is new, saves
-  // the current have-set for it.
+  // the current have-set under it.
   const HaveSet* MarkedBy(const proto::MissingRequest& request);
-  // Returns the stream's state as it is reported to peers (HaveRequest.is_for_peer).
+  // Returns the state of a stream to report to peers (HaveRequest.is_for_peer).
   StreamHave ForPeer(DataType type, const StreamHave& have) const;
   Result<void> StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);
   Result<void> StoreOne(AgentId sender, const Opened& opened, std::optional<std::uint64_t> room_bytes, Writing& writing,
@@ -268,7 +264,7 @@ class RecordStore {
   void NoteAssignmentsIn(const proto::StoreRequest& request);
   Result<void> CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record);
   void Reject(Error error, Stored& result);
-  // If `failure` is kFull, removes history. Returns true if rows were removed, so that a retry may succeed.
+  // If `failure` is kFull, removes history. Returns true if rows were removed; the caller should then retry.
   bool MakesRoom(const Error& failure, std::uint64_t content_bytes);
 
   static Result<std::unique_ptr<RecordStore>> OpenFile(const Options& options);
@@ -285,14 +281,14 @@ class RecordStore {
   PeerAuthority authority_;
   WriteCount write_count_;
   std::mt19937_64 random_;
-  std::uint64_t epoch_ = 0;  // 0 until the next shared insert begins an epoch.
+  std::uint64_t epoch_ = 0;  // Current epoch of own records; 0 until a shared insert begins it.
   OwnEpochs own_epochs_;
   bool is_reissue_due_ = false;  // True if a newly known epoch may endanger states.
   proto::RecordsStored reissued_;
   std::uint64_t next_row_id_ = 1;
   std::uint64_t rejected_count_ = 0;
   std::uint64_t pruned_count_ = 0;
-  std::uint64_t map_bytes_ = 0;  // Bytes of the contents of maps.
+  std::uint64_t map_bytes_ = 0;  // Bytes of the contents of all map rows.
   // Bytes of the contents of all rows except history, plus kRowBytes per row, by origin. Null until they are counted.
   std::optional<std::map<AgentId, std::uint64_t>> used_bytes_;
   // Indices of this agent's nodes; null until they are read.

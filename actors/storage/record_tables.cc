@@ -20,7 +20,7 @@ void BindCustom(const proto::Record& record, std::string_view content, Query& qu
 
 constexpr char kCustomColumns[] = "data_type, metadata, payload_at, payload_bytes";
 
-// Returns SQL that makes a JSON object of the columns of a row.
+// Returns SQL for a JSON object with the columns of a row.
 std::string JsonSql(const std::vector<std::string>& columns) {
   std::string sql;
   for (const std::string& column : columns) sql += (sql.empty() ? "json_object('" : ", '") + column + "', " + column;
@@ -70,7 +70,7 @@ void RecordTable::MakeSql(const std::string& type, const std::vector<std::string
   const bool is_versioned = IsVersioned(type_);
   const std::string row = "SELECT row_id, origin, epoch, seq, hash, latest_key, " + type + ", length(content)" +
                           (is_versioned ? ", term_number, term_issuer, term_issuer_epoch, run" : "") + " FROM " + name_;
-  // For a built-in type this ends in `20 = ?5`, a constant that is true for every row.
+  // For a built-in type, `type` is a number. The last condition is then `20 = ?5` or similar, and true for every row.
   const std::string in_interval = " WHERE origin = ?1 AND epoch = ?2 AND seq BETWEEN ?3 AND ?4 AND " + type + " = ?5";
   sql_.find = row + " WHERE origin = ? AND epoch = ? AND seq = ? AND " + type + " = ?";
   sql_.find_by_latest_key = row + " WHERE origin = ? AND " + type + " = ? AND latest_key = ?";
@@ -249,7 +249,8 @@ Result<proto::Record> RecordTable::ReadRecord(Database& database, std::uint64_t 
   return record;
 }
 
-// Adds up the sizes here and not in SQL: GROUP BY would visit the rows in the order of the index by origin.
+// Adds up the sizes here, not in SQL. With GROUP BY, SQLite would visit the rows in the order of the index by origin
+// instead of the table's order, which is slower.
 Result<std::map<AgentId, RecordTable::Size>> RecordTable::SizesByOrigin(Database& database) const {
   std::map<AgentId, Size> sizes;
   Query query = database.Prepare(sql_.read_sizes);

@@ -1,8 +1,8 @@
 // RecordTable stores and finds records in one SQL table: the table of one built-in data type, or the table of all
 // custom types.
 //
-// The columns beside `content` are derived from the content on insertion (schema.h). Functions that write run inside
-// the caller's transaction. All functions fail as Database does.
+// The columns other than `content` are derived from the content on insertion (schema.h). Functions that write run
+// inside the caller's transaction. All functions fail as Database does.
 #pragma once
 
 #include <cstdint>
@@ -63,12 +63,12 @@ class RecordTable {
   // Returns the states (Record.is_state) of one origin, type and latest key, shared or not.
   Result<std::vector<Row>> FindStates(Database& database, AgentId origin, DataType type,
                                       std::string_view latest_key) const;
-  // Returns the seqs, by epoch, of the valid shared records of one origin and type: those that are the greatest of
-  // their latest key by RecordOrder.
+  // Returns, by epoch, the seqs of the shared records of one origin and type that are the greatest of their latest key
+  // by RecordOrder.
   Result<std::map<std::uint64_t, IntervalSet>> FindNewest(Database& database, AgentId origin, DataType type) const;
   Result<std::vector<Row>> FindInInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                           std::uint64_t last) const;
-  // Key and content of a row. FindByNaturalKey returns the first row with that natural key, or null.
+  // Key and content of a row. FindByNaturalKey returns the first row with `natural_key`; null if there is none.
   struct Named {
     RecordKey key;
     std::string content;
@@ -82,9 +82,10 @@ class RecordTable {
                      AgentId agent) const;
   Result<std::uint64_t> CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                       std::uint64_t last, AgentId agent) const;
-  // Reads rows with the columns 0 row_id, 1 seq, 2 timestamp_ns, 3 the content's bytes. Does not read contents.
+  // Reads rows with the columns 0 row_id, 1 seq, 2 timestamp_ns, 3 length of the content in bytes. Does not read
+  // contents.
   Query ReadHeads(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last) const;
-  // kNotFound if there is no such row.
+  // Fails with kNotFound if there is no such row.
   Result<proto::Record> ReadRecord(Database& database, std::uint64_t row_id) const;
   // Count and bytes of an origin's rows, shared or not. SizesByOrigin scans the table, but reads no contents.
   struct Size {
@@ -92,14 +93,15 @@ class RecordTable {
     std::uint64_t content_bytes = 0;
   };
   Result<std::map<AgentId, Size>> SizesByOrigin(Database& database) const;
-  // ReadAfter reads the rows after `row_id` in rising order. ReadNewestFirst reads all rows, the newest first. Both
-  // have the columns of ReadInterval.
+  // ReadAfter reads the rows after `row_id` in rising order. ReadNewestFirst reads all rows, the newest first. The
+  // columns of both queries are those of ReadInterval.
   Query ReadAfter(Database& database, std::uint64_t row_id) const;
   Query ReadNewestFirst(Database& database) const;
   // Returns the number of an origin's rows that are not shared, by data type.
   Result<std::map<DataType, std::uint64_t>> CountNotShared(Database& database, AgentId origin) const;
 
-  // SQL that copies the row with the bound row id into the table `history`, with the typed columns as JSON.
+  // SQL that copies the row with the bound row id into the table `history`. The row's typed columns are written as
+  // JSON.
   const std::string& copy_to_history() const { return sql_.copy_to_history; }
 
   bool knows_agent() const { return table_ != nullptr && !table_->agent_condition.empty(); }
@@ -129,7 +131,7 @@ class RecordTable {
 // Returns the tables of the built-in types in the order of their numbers, then the table of custom types.
 const std::vector<RecordTable>& RecordTables();
 
-// Null if the type has no table.
+// Returns null if the type has no table.
 const RecordTable* FindRecordTable(DataType type);
 
 }  // namespace moondb

@@ -1,5 +1,5 @@
-// Validates records on their way into the store: the agents that they name, and that key, content and hash match.
-// model/record_check.h checks the fields of a record.
+// Validates records before they are stored: a record may name only agents of the team, and its key, content and hash
+// must match. model/record_check.h checks the fields of a record.
 #pragma once
 
 #include <cstdint>
@@ -12,17 +12,18 @@
 
 namespace moondb {
 
-// Runs CheckRecord. Also returns kInvalid, with the field named, if the record names an agent that is not in `team`.
+// Runs CheckRecord. Also fails with kInvalid, and names the field, if the record names an agent that is not in `team`.
 // CheckSpeaker (model/record_authority.h) decides whether the origin may write the record.
 Result<void> CheckTeamRecord(const proto::Record& record, const std::set<AgentId>& team);
 
 // Returns the record inside `stored`, which came from a peer.
-//   - kInvalid: unknown origin, no epoch, seq outside 1 to 2^63 - 1, a type without a table (every custom id has one),
-//     content of another type, or an error of CheckTeamRecord.
-//   - kCorrupt: wrong hash, content that does not parse or is longer than kRecordContentBytesMax.
+//   - Fails with kInvalid if the origin is unknown, the epoch is 0, the seq is outside 1 to 2^63 - 1, the type has no
+//     table (each custom id has one), the content is of another type, or CheckTeamRecord fails.
+//   - Fails with kCorrupt if the hash is wrong, or if the content does not parse or is longer than
+//     kRecordContentBytesMax.
 Result<proto::Record> OpenStored(const proto::StoredRecord& stored, const std::set<AgentId>& team);
 
-// Serialises a record deterministically. Its origin does this once; the bytes never change afterwards.
+// Serialises a record deterministically. Once the origin has stored a record, its bytes never change.
 std::string SerializeRecord(const proto::Record& record);
 
 }  // namespace moondb

@@ -13,7 +13,7 @@ namespace moondb {
 namespace {
 
 constexpr std::uint64_t kPartOfDisk = 8;
-// Bytes per write: no more than SQLite itself writes at a time. A VFS accepts at most 128 KiB.
+// Bytes per write. A VFS accepts at most 128 KiB.
 constexpr int kBlockBytes = 64 * 1024;
 
 // A file of the VFS. The destructor closes it.
@@ -22,7 +22,7 @@ class OpenFile {
   OpenFile(sqlite3_vfs* vfs, const std::string& path, int flags)
       : memory_((static_cast<std::size_t>(vfs->szOsFile) + sizeof(std::max_align_t)) / sizeof(std::max_align_t)) {
     std::memset(memory_.data(), 0, memory_.size() * sizeof(std::max_align_t));
-    // SQLite opens a super-journal without a lock, and its first sync also syncs the folder.
+    // For a super-journal, the VFS takes no lock, and the first sync of the file also syncs the folder.
     code_ = vfs->xOpen(vfs, path.c_str(), file(), flags | SQLITE_OPEN_SUPER_JOURNAL, nullptr);
   }
   ~OpenFile() {

@@ -1,10 +1,9 @@
-// ReserveFile: a file beside a database that is deleted when the disk is full. Its space then allows a prune, a change
-// of roles, and the writes of a process's start.
+// ReserveFile: a file beside a database that is deleted when the disk is full. The freed space is for a prune, a change
+// of roles, and the writes at the start of a process.
 //
-// The reserve of moondb.sqlite is moondb.reserve. It holds random bytes, so that no file system compresses it. It is
-// written once and synced. Its size is kReserveBytesMax, or an eighth of a small disk. This is more than these writes
-// need. They need space for the largest write-ahead log: 4 MB, at which SQLite moves the log into the file, plus one
-// record of 8 MiB. They also need space by which the file grows when the log is moved into it.
+// The reserve of moondb.sqlite is moondb.reserve. It is filled with random bytes, so no file system can compress it.
+// Its size is kReserveBytesMax, or an eighth of a small disk. The largest write-ahead log fits into this space: SQLite
+// moves the log into the file at 4 MB, and one record may add 8 MiB. The growth of the file by this move fits too.
 //
 // All calls use a SQLite VFS, so a simulated disk has a reserve too. No other file is ever deleted.
 #pragma once
@@ -20,18 +19,17 @@ namespace moondb {
 inline constexpr std::uint64_t kReserveBytesMax = 16ull << 20;
 inline constexpr std::uint64_t kReservePartBytes = 1ull << 20;  // Bytes that one call of Grow adds and syncs.
 
-// Returns the intended size of the reserve for a disk of `capacity_bytes`.
 std::uint64_t ReserveBytesFor(std::uint64_t capacity_bytes);
 
 class ReserveFile {
  public:
-  // `vfs` as for Database::Open. A database ":memory:" has no reserve, and all calls do nothing.
+  // `vfs` is as for Database::Open. For a database ":memory:" there is no reserve, and all calls do nothing.
   ReserveFile(const std::string& database_path, std::string vfs);
 
   const std::string& path() const { return path_; }
   std::uint64_t Bytes() const;  // 0 if there is no reserve.
-  // Adds one part, unless the reserve already has `goal` bytes. Durable on return. After an error (kFull, kInternal)
-  // the existing reserve remains.
+  // Adds one part of kReservePartBytes, unless the reserve already has `goal` bytes. Durable on return. After an error
+  // (kFull, kInternal) the existing reserve remains.
   Result<void> Grow(std::uint64_t goal, std::mt19937_64& random);
   // Deletes the reserve. Returns false if there was none, or if it could not be deleted.
   bool GiveUp();

@@ -1,5 +1,5 @@
 // Stores the role assignments that this agent has acted on, and their predecessors, oldest first. An assignment is
-// durable before any actor acts on it (docs: terms).
+// durable before any actor acts on it.
 #pragma once
 
 #include <vector>
@@ -9,10 +9,11 @@
 
 namespace moondb {
 
-inline constexpr int kRoleHistoryMax = 16384;  // Older assignments are deleted.
+// Maximum number of stored assignments. Older assignments are deleted.
+inline constexpr int kRoleHistoryMax = 16384;
 
 // Adds an assignment, inside the caller's transaction. Returns false, and changes nothing, if `roles` equals the newest
-// assignment. Returns the database's error if a statement fails.
+// assignment. Fails as Database does.
 Result<bool> AddRoles(Database& database, const proto::RoleAssignment& roles);
 
 Result<proto::LoadRolesReply> LoadRoles(Database& database);

@@ -28,7 +28,7 @@ Result<void> RowAudit::ReadTable(Database& database, const RecordTable& table) {
     row_id_max_ = std::max(row_id_max_, row_id);
     const proto::StoredRecord record = table.Read(query);
     const RecordKey key = FromProto(record.key());
-    if (key.seq == 0) continue;  // A local row. No other agent has a copy.
+    if (key.seq == 0) continue;  // A local row. No peer has a copy.
     if (HashRecord(key, record.content()) == record.hash() && key.seq <= kSeqMax) {
       have_[key.stream].held.Add(key.seq);
     } else {
@@ -54,7 +54,8 @@ void RowAudit::TakeDropped(const HaveSet& in_file, const SharingRules& rules) {
   }
   for (const auto& [stream, have] : in_file.streams()) {
     // A lost row may have superseded a record that a peer still holds. Forget the dropped seqs of such types, so that
-    // the peer sends this record again. Under `all` no record is superseded; its dropped seqs were pruned and stay.
+    // the peer sends this record again. Types under the policy `all` have no superseded records: their dropped seqs are
+    // pruned records and stay dropped.
     const bool may_be_replaced = rules.PolicyOf(stream.type) != proto::POLICY_ALL;
     if (may_be_replaced && gone_.contains({stream.origin, stream.type})) continue;
     const IntervalSet dropped = have.dropped.Minus(have_.Get(stream).held);

@@ -57,8 +57,9 @@ CREATE TABLE custom_record(
 CREATE INDEX custom_record_latest ON custom_record(latest_key, data_type, origin);
 )sql";
 
-// A node's pose is the newest optimized one, or the raw pose if there is none. If several records have one natural key,
-// the smallest record key is valid. `(x < 0), x` orders signed columns as the unsigned numbers of the same bits.
+// A node's pose is the newest optimized pose, or the raw pose if there is none. If several records have one natural
+// key, the record with the smallest key is valid. `(x < 0), x` orders signed columns as the unsigned numbers of the
+// same bits.
 constexpr char kViews[] = R"sql(
 CREATE VIEW replica AS
   SELECT printf('%d.%016x.%d.%d', origin, epoch, data_type, seq) AS replica_id, origin AS agent_id
@@ -174,7 +175,7 @@ std::string SchemaSql() {
   return sql + kCustomTables + SharedRecordSql() + kViews + HistoryViewSql();
 }
 
-// A store version above this limit is damage, because moondb will never have so many versions.
+// A store version above this limit means that the header is damaged. moondb will never have so many versions.
 constexpr std::int64_t kVersionMax = 10'000;
 
 // The identity in a file's header, and the number of its tables, indexes and views.
@@ -211,7 +212,8 @@ Result<std::set<std::string>> StatementsOf(Database& database) {
   }
 }
 
-// Returns whether the schema has all statements of this version. Further statements belong to the user and are ignored.
+// Returns whether the schema has all statements of this version. Ignores additional statements, which belong to the
+// user.
 Result<bool> HasAllStatements(Database& database) {
   const Result<std::set<std::string>> present = StatementsOf(database);
   if (!present) return tl::unexpected(present.error());

@@ -1,11 +1,12 @@
-// The tables and views of an agent's store, and the check whether a file is a store that this program opens.
+// The tables and views of an agent's store, and the check that a file is a store of this version.
 //
 // Each data type has one table (paper, Table 1) with typed columns for SQL. These columns are derived from `content`;
 // only `content` is permanent and sent to peers. Row ids form one sequence over all of these tables, in the order of
 // storing. epoch and seq are NULL if a row is not marked for sharing.
 //
 //   - have_interval: the held and dropped seqs. Hashes in this table and in role_history reveal damaged rows.
-//   - replica, replication_log: views that show the paper's tables (Section 4) to people. The agent does not read them.
+//   - replica, replication_log: views that show the paper's tables (Section 4) to people. The agent does not read these
+//     views.
 //   - custom_record: the records of all custom data types (proto/team.proto). The payload is a part of `content`. The
 //     view v_custom_record shows the names of the types that the team file declared at the last start.
 //   - written: the bytes that the store wrote to the disk, by day since 1970.
@@ -28,14 +29,14 @@ namespace moondb {
 inline constexpr std::int64_t kStoreApplicationId = 0x6D6F6F6E;  // "moon"
 inline constexpr int kStoreVersion = 3;
 
-// Checks that the file is new, or a store of this version with its tables, indexes and views. Further tables, indexes
-// and views belong to the user and are ignored. Changes nothing. kRefused: a store of another version, or the file of
-// another program. kCorrupt: a damaged header or a damaged statement of the schema, which would later make SQLite fail
-// with misleading errors.
+// Checks that the file is new, or a store of this version with its tables, indexes and views. Additional tables,
+// indexes and views belong to the user and are ignored. Changes nothing. Fails with kRefused for a store of another
+// version or the file of another program. Fails with kCorrupt if the header or a statement of the schema is damaged;
+// such damage would later make SQLite fail with misleading errors.
 Result<void> CheckSchema(Database& database);
 
-// Makes a new file a store, in one transaction, so that a crash leaves it either new or complete. Does nothing to any
-// other file.
+// Makes a new file a store, in one transaction. After a crash the file is either new or a complete store. Does nothing
+// to a file that is not new.
 Result<void> MakeSchema(Database& database);
 
 }  // namespace moondb

@@ -1,9 +1,9 @@
 // SharingRules decides which records of each data type this store keeps and passes on.
 //
-// Each type of the team has a policy. A custom type that is not, or no longer, declared in this agent's team file is
-// *carried*. Its policy is unknown here, so records of other agents are kept unchanged and passed on to agents that
-// lack them. Such a record is dropped if a peer reports that it is superseded. This agent's own rows of a carried type
-// are kept and not shared. Plain values.
+// Each type of the team has a policy. A custom type that this agent's team file does not declare (any more) is
+// *carried*: its policy is unknown here. Other agents' records of the type are kept unchanged and passed on to agents
+// that lack them. A carried record is dropped if a peer reports that it is superseded. This agent's own rows of a
+// carried type are kept and not shared.
 #pragma once
 
 #include <map>
@@ -19,7 +19,7 @@ struct SharingRules {
   using Policies = std::map<DataType, proto::Policy>;
 
   AgentId self = 0;
-  Policies policies;         // Policies of the built-in types. Types without one are not shared.
+  Policies policies;         // Policies of the built-in types. Types without a policy are not shared.
   CustomTypes custom_types;  // All custom types of the team file, with policy and priority.
   // Types of which a ground station wants all records. Empty, except on the base station.
   std::set<DataType> for_ground = {};

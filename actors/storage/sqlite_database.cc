@@ -26,16 +26,16 @@ constexpr char kInMemory[] = ":memory:";
 constexpr int kBusyTimeout_ms = 2000;
 constexpr int kStepsBetweenLooks = 100'000;
 constexpr std::uint64_t kPageBytes = 4096;  // Default of SQLite.
-// SQLite moves the log into the file when it reaches this length.
+// SQLite moves the log into the file when the log reaches this length.
 constexpr std::uint64_t kLogPagesMax = 1000;
-constexpr std::uint64_t kLogPagesMin = 16;  // Minimum log length, for a tiny disk.
-// After a checkpoint, a longer log is truncated to this length.
+constexpr std::uint64_t kLogPagesMin = 16;  // kLogPagesMax is reduced to this on a tiny disk.
+// After a checkpoint, SQLite truncates a longer log to this length.
 constexpr std::uint64_t kLogBytesKept = 16ull << 20;
 
 std::string AsidePath(const std::string& path, int number) { return path + ".damaged-" + std::to_string(number); }
 
-// Renames a file and its log. The log is renamed first: after a crash between the two renames, a log that is still
-// there could be mistaken for the log of the next file.
+// Renames a file and its log, the log first. Otherwise a crash between the two renames would leave a log that SQLite
+// takes for the log of the next file at this path.
 Result<void> MoveFile(const std::string& from, const std::string& to) {
   for (const char* ending : {"-wal", ""}) {
     std::error_code error;
@@ -47,7 +47,7 @@ Result<void> MoveFile(const std::string& from, const std::string& to) {
 }
 
 // Returns the path to which the next damaged file is renamed. If there are already Database::kDamagedMax such files,
-// removes the smallest and renumbers the later ones.
+// removes the smallest file and renumbers the later files.
 Result<std::string> FreeAsidePath(const std::string& path) {
   int smallest = 1;
   std::uintmax_t smallest_bytes = UINTMAX_MAX;
@@ -106,7 +106,7 @@ bool IsReadOnly(const std::string& path) {
   return ::statvfs(FolderOf(path).c_str(), &status) == 0 && (status.f_flag & ST_RDONLY) != 0;
 }
 
-// Returns "file:PATH", with the characters escaped that have a meaning in a URI.
+// Returns "file:PATH". Escapes characters that have a meaning in a URI.
 std::string UriOf(const std::string& path) {
   std::string uri = "file:";
   for (const char letter : path) {
@@ -200,7 +200,8 @@ std::string_view Query::Bytes(int column) const {
   return bytes ? std::string_view(static_cast<const char*>(bytes), size) : std::string_view();
 }
 
-// On a read-only file system no process can write, so no locks are needed. Lock files may be missing there.
+// With kReadOnly, no locks are used ("unix-none"): on a read-only file system no process can write, and lock files may
+// be missing.
 Database::Database(std::string path, const std::string& vfs, Access access)
     : path_(std::move(path)),
       access_(access),
@@ -231,20 +232,22 @@ Result<void> Database::OpenConnection(const std::string& vfs) {
   std::string name = path_;
   int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
   if (access_ == Access::kReadOnly) {
-    // An existing log has to be read too. Without a log, `immutable` keeps SQLite from trying to create one.
+    // If there is a log, SQLite must read it too. If there is no log, `immutable` keeps SQLite from trying to create
+    // one.
     name = UriOf(path_) + (WalBytes() > 0 ? "?mode=ro" : "?immutable=1");
     flags = SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_URI;
   }
   const int code = sqlite3_open_v2(name.c_str(), &connection_, flags, files_->name());
   if (code != SQLITE_OK) return FailWith(code);
   sqlite3_extended_result_codes(connection_, 1);
-  // Another program may have written triggers or a schema into the file that change rows. Disable them.
+  // Another program may have written harmful triggers or a harmful schema into the file. Disable triggers, and
+  // statements that could corrupt the file.
   sqlite3_db_config(connection_, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_db_config(connection_, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
   sqlite3_progress_handler(connection_, kStepsBetweenLooks, OnSteps, this);
   sqlite3_busy_timeout(connection_, kBusyTimeout_ms);
-  // In exclusive mode WAL needs no shared memory. A custom VFS may not have shared memory, and a full disk has no room
-  // for it.
+  // In exclusive mode WAL needs no shared memory. A custom VFS may not support shared memory, and a full disk has no
+  // room for it.
   if (!vfs.empty() || access_ != Access::kShared) return Execute("PRAGMA locking_mode=EXCLUSIVE");
   return {};
 }
@@ -253,8 +256,8 @@ Result<void> Database::Configure(std::uint64_t bytes_max) {
   if (access_ == Access::kReadOnly) return Execute("PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;");
   std::uint64_t log_pages = kLogPagesMax;
   std::uint64_t log_bytes = kLogBytesKept;
-  // On a small disk, limit the log to well below the size of the reserve, since the reserve has to make room for the
-  // log.
+  // On a small disk, limit the log to well below the size of the reserve, because the space of the reserve must suffice
+  // for the log.
   if (const std::optional<DiskSpace> space = GetDiskSpace()) {
     const std::uint64_t reserve = ReserveBytesFor(space->capacity_bytes);
     log_pages = std::clamp(reserve / 4 / kPageBytes, kLogPagesMin, kLogPagesMax);
@@ -285,7 +288,7 @@ Result<std::string> Database::SetAside(const std::string& path, const std::strin
   if (!aside) return aside;
   if (const Result<void> moved = MoveFile(path, *aside); !moved) return tl::unexpected(moved.error());
   std::error_code ignored;
-  std::filesystem::remove(path + "-shm", ignored);  // Index of the file that was renamed.
+  std::filesystem::remove(path + "-shm", ignored);  // Shared-memory index of the renamed file.
   return *aside;
 }
 
@@ -307,7 +310,8 @@ Database::~Database() {
   if (lock_file_ >= 0) close(lock_file_);
 }
 
-// SQLite's own locks would let two agents alternate on one file and give two records the same number.
+// Locks PATH.lock. SQLite's own locks would let two agents write to one file in turn, and give two records the same
+// number.
 Result<void> Database::Lock() {
   if (path_ == kInMemory) return {};
   const std::string lock_path = path_ + ".lock";
@@ -339,7 +343,8 @@ tl::unexpected<Error> Database::FailWith(int code) const {
                        (sqlite3_system_errno(connection_) == ENOSPC || sqlite3_system_errno(connection_) == EDQUOT);
   if (is_full) code = SQLITE_FULL;
   std::string text = sqlite3_errstr(code);
-  // The connection's message is more specific, but it may belong to another error. Use it only if the code is the same.
+  // The connection's message is more specific, but may belong to another error. Use the message only if the codes are
+  // equal.
   if (connection_ && (sqlite3_errcode(connection_) & 0xFF) == (code & 0xFF)) text = sqlite3_errmsg(connection_);
   return Fail(CodeOf(code), "database " + path_ + ": " + text);
 }
@@ -431,7 +436,7 @@ Result<void> Database::CheckInPlace() {
   const std::uint64_t bytes_before = file_bytes_;
   if (const Result<void> there = CheckFile("", file_, file_bytes_); !there) return there;
   if (file_bytes_ < bytes_before) {
-    // Another program may have vacuumed the file. Its first page then states the new length.
+    // Another program may have vacuumed the file. The file's first page then contains the new length.
     if (file_bytes_ < BytesByHeader()) {
       return NotInPlace(
           "", "was cut from " + std::to_string(bytes_before) + " to " + std::to_string(file_bytes_) + " bytes");
@@ -444,7 +449,7 @@ Result<void> Database::CheckInPlace() {
 std::uint64_t Database::BytesByHeader() const {
   constexpr sqlite3_int64 kPageSizeAt = 16;
   constexpr sqlite3_int64 kPageCountAt = 28;
-  // Use SQLite's own handle. Closing another handle of the same file would release SQLite's locks on it.
+  // Use SQLite's own handle. Closing another handle of the same file would release SQLite's locks on the file.
   sqlite3_file* file = nullptr;
   unsigned char size[2] = {};
   unsigned char count[4] = {};
@@ -460,8 +465,8 @@ std::uint64_t Database::BytesByHeader() const {
 Result<void> Database::CheckFile(const char* ending, std::optional<FileIdentity>& opened, std::uint64_t& bytes) {
   struct stat status {};
   if (::stat((path_ + ending).c_str(), &status) != 0) {
-    // SQLite creates the log after opening, so it may be missing at first. Other errors of stat do not show whether the
-    // file is in place.
+    // SQLite creates the log after opening the file, so the log may be missing at first. Other errors of stat do not
+    // show whether the file is in place.
     if (!opened || (errno != ENOENT && errno != ENOTDIR)) return {};
     return NotInPlace(ending, "was removed or moved");
   }
@@ -472,7 +477,8 @@ Result<void> Database::CheckFile(const char* ending, std::optional<FileIdentity>
 }
 
 tl::unexpected<Error> Database::NotInPlace(const char* ending, const std::string& what) {
-  LeaveAsItIs();  // A file that is now at this path may have its own log.
+  // Another file that is now at this path may have its own log.
+  LeaveAsItIs();
   return Fail(ErrorCode::kCorrupt, (*ending == 0 ? "database " : "the log of a database, ") + path_ + ending + ", " +
                                        what +
                                        " while this agent had it open, so new records would be lost. Put the file "
@@ -502,7 +508,7 @@ Result<void> Database::SetDurability(Durability durability) {
 
 Result<Transaction> Transaction::Begin(Database& database, Database::Durability durability) {
   if (const Result<void> set = database.SetDurability(durability); !set) return tl::unexpected(set.error());
-  // With IMMEDIATE the transaction fails here, and not at a later statement, if another process writes.
+  // With IMMEDIATE, the transaction fails at its beginning, and not at a later statement, if another process writes.
   const Result<void> begun = database.Prepare("BEGIN IMMEDIATE").Run();
   if (!begun) return tl::unexpected(begun.error());
   return Transaction(database);
@@ -515,8 +521,8 @@ Transaction::~Transaction() {
 }
 
 Result<void> Transaction::Commit() {
-  // Check before the commit: the commit may move the log into a truncated file and thus lengthen it, which would hide
-  // the truncation. Check again after the commit, for the returned result.
+  // Check before the commit: the commit may move the log into a truncated file and so lengthen the file, which would
+  // hide the truncation. Check again after the commit, for the returned result.
   if (const Result<void> there = database_->CheckInPlace(); !there) return there;
   const Result<void> committed = database_->Prepare("COMMIT").Run();
   if (!committed) return committed;

@@ -1,7 +1,8 @@
 // Database, Transaction, Query: the C++ interface to SQLite through which all writes to a store are made.
 //
-// For one thread at a time. Statements are prepared once and cached (4.7 times faster than SQL text). Unsigned 64-bit
-// numbers are stored as the signed numbers of the same bits. Compare them in C++, or in SQL by `(x < 0), x`.
+// For one thread at a time. Statements are prepared once and cached, which is 4.7 times faster than preparing them for
+// each use. Unsigned 64-bit numbers are stored as the signed numbers of the same bits. Compare them in C++, or in SQL
+// by `(x < 0), x`.
 //
 // Errors of all calls:
 //   - kFull: the disk is full, or the size limit is reached.
@@ -43,8 +44,8 @@ struct DiskSpace {
 // File control by which a custom VFS fills a DiskSpace. SQLite leaves numbers from 100 on to applications.
 inline constexpr int kDiskSpaceControl = 5301;
 
-// One use of a prepared statement. The destructor makes the statement available again. The same SQL cannot be in use
-// twice.
+// One use of a prepared statement. The destructor makes the statement available again. Two Query objects with the same
+// SQL must not exist at the same time.
 class Query {
  public:
   Query(Query&& other) noexcept;
@@ -87,14 +88,14 @@ class Query {
 
 class Database {
  public:
-  // A commit with kFull survives a power cut. A commit with kNormal survives the end of the process, but not a power
-  // cut.
+  // A commit with kFull survives a power cut. A commit with kNormal survives the end of the process, but perhaps not a
+  // power cut.
   enum class Durability { kFull, kNormal };
 
   enum class Access {
     kShared,  // Other processes may read the file at the same time.
-    // Other processes cannot read the file. No shared-memory index (PATH-shm) is written, so this works on a full or
-    // failing disk.
+    // Other processes cannot read the file. No shared-memory index (PATH-shm) is written, so this access works on a
+    // full or failing disk.
     kAlone,
     kReadOnly  // For a read-only file system. Every write fails with kInternal.
   };
@@ -103,11 +104,11 @@ class Database {
 
   // Opens or creates `path` in WAL mode; ":memory:" makes a database that exists as long as this object. A file is
   // locked (PATH.lock) against a second writer, but other processes may read it.
-  //   - `bytes_max` limits the size of the file; 0 means that only the disk does.
+  //   - `bytes_max` limits the size of the file; 0: limited by the disk only.
   //   - `vfs` names a custom file system that is registered with SQLite, for simulations; no other process uses it.
-  //   - `access` becomes kReadOnly on a read-only file system. A missing file is then an error (kInternal).
-  //   - `check` is called before anything is written to the file, and must only read. If it returns an error, the file
-  //     stays unchanged and Open returns the error.
+  //   - `access` becomes kReadOnly on a read-only file system. If the file is missing there, Open fails with kInternal.
+  //   - `check` is called before anything is written to the file, and must only read. If `check` returns an error, the
+  //     file stays unchanged and Open returns the error.
   static Result<std::unique_ptr<Database>> Open(const std::string& path, std::uint64_t bytes_max = 0,
                                                 const std::string& vfs = {}, Access access = Access::kShared,
                                                 FileCheck check = nullptr);
@@ -116,8 +117,8 @@ class Database {
   // ones, so that an agent on a bad disk still starts. In a custom `vfs` the file is deleted.
   static Result<std::string> SetAside(const std::string& path, const std::string& vfs = {});
   static constexpr int kDamagedMax = 10;
-  // Returns the path of the last file that SetAside renamed and that still exists. Empty if there is none, or in a
-  // custom `vfs`.
+  // Returns the path of the last file that SetAside renamed and that still exists. Returns an empty path if there is no
+  // such file, or for a custom `vfs`.
   static std::string LastSetAside(const std::string& path, const std::string& vfs = {});
   ~Database();
   Database(const Database&) = delete;
@@ -126,17 +127,17 @@ class Database {
   // Requires: `sql` is one statement from this program's code.
   Query Prepare(const std::string& sql);
 
-  // Runs any number of statements without parameters and results.
+  // Runs any number of statements that have no parameters. Discards their results.
   Result<void> Execute(const std::string& sql);
 
-  // Returns the first column of the first row as a number. kNotFound if there are no rows.
+  // Returns the first column of the first row as a number. Fails with kNotFound if there are no rows.
   Result<std::int64_t> Number(const std::string& sql);
 
-  // kCorrupt if the file is damaged. Reads the whole file.
+  // Reads the whole file. Fails with kCorrupt if the file is damaged.
   Result<void> QuickCheck();
 
-  // Makes the destructor leave the write-ahead log as it is, instead of moving it into the file. For a file that is
-  // damaged or belongs to another program.
+  // Makes the destructor leave the write-ahead log as it is, instead of moving it into the file. Call this for a file
+  // that is damaged or belongs to another program.
   void LeaveAsItIs();
 
   const std::string& path() const { return path_; }
@@ -148,12 +149,12 @@ class Database {
   Result<std::uint64_t> FreePageBytes();  // Bytes of free pages within the file.
   // Moves the write-ahead log into the file. The log then starts again from its beginning.
   Result<void> Checkpoint();
-  // kCorrupt if another program removed, moved, replaced or truncated the file or its log while it was open. Later
-  // writes would be lost. Costs two calls of stat.
+  // Fails with kCorrupt if, since Open, another program removed, moved, replaced or truncated the file or its log.
+  // Later writes would then be lost. Costs two calls of stat.
   Result<void> CheckInPlace();
-  // Limit of the steps of SQLite's virtual machine in one Step; a Step that exceeds it fails with kCorrupt. No
-  // statement on an intact store needs so many steps. On a file that another program changed, a statement may never
-  // end. kStepsMax steps take minutes; reading a whole file takes some fifty steps per row.
+  // Maximum number of steps of SQLite's virtual machine in one call of Query::Step. A call that needs more fails with
+  // kCorrupt. On a file that another program changed, a statement might never end. On an intact store no statement
+  // needs so many steps: reading a whole file takes some fifty steps per row. kStepsMax steps take minutes.
   static constexpr std::uint64_t kStepsMax = 10'000'000'000;
   void SetStepsMax(std::uint64_t steps) { steps_max_ = steps; }  // For tests.
   // Bytes of the pages in use, in the file and in the log. Free pages are not counted.
@@ -175,7 +176,7 @@ class Database {
   Result<void> CheckFile(const char* ending, std::optional<FileIdentity>& opened, std::uint64_t& bytes);
   std::uint64_t BytesByHeader() const;  // File length according to the file's first page.
   tl::unexpected<Error> NotInPlace(const char* ending, const std::string& what);
-  // Size of the file at the path with this ending; 0 if it does not exist.
+  // Returns the size of the file PATH + `ending`; 0 if it does not exist.
   std::uint64_t FileBytes(const char* ending) const;
   static int OnSteps(void* database);
   tl::unexpected<Error> FailWith(int code) const;
@@ -191,7 +192,7 @@ class Database {
   std::unique_ptr<CountingFiles> files_;
   sqlite3* connection_ = nullptr;
   Durability durability_ = Durability::kFull;
-  std::uint64_t steps_ = 0;  // SQLite's steps in the current Step of a statement.
+  std::uint64_t steps_ = 0;  // Steps of the virtual machine in the current call of Query::Step.
   std::uint64_t steps_max_ = kStepsMax;
   std::unordered_map<std::string, Query::Prepared> statements_;
 };
@@ -204,8 +205,8 @@ class Transaction {
   Transaction& operator=(Transaction&&) = delete;
   ~Transaction();
 
-  // On success the transaction is in the file that is now at the database's path (Database::CheckInPlace), as durable
-  // as Durability says.
+  // After a success, the transaction is in the file at the database's path (Database::CheckInPlace), and as durable as
+  // the `durability` given to Begin.
   Result<void> Commit();
 
  private:

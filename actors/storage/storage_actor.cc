@@ -22,11 +22,12 @@ namespace {
 
 enum TimerKind : std::uint32_t { kScrub = 1, kSaveWritten = 2, kTend = 3, kTrimHistory = 4 };
 
-// Rows per prune on a full disk. Removing so few rows needs little space.
+// Maximum number of rows per prune on a full disk. Removing so few rows needs little space.
 constexpr std::size_t kRowsOnFullDisk = 200;
 
 constexpr double kMegabyte = 1e6;
-// RetentionActor prunes the store to below this level. If the store is fuller, too few records may be removed.
+// RetentionActor prunes the store to below this fraction of its budget. If the store takes more, RetentionActor could
+// not remove enough records.
 constexpr double kBudgetUsedMax = 0.9;
 
 std::uint32_t DayOf(std::int64_t utc_ns) {
@@ -42,7 +43,8 @@ std::string Megabytes(double bytes) {
 
 constexpr std::uint64_t kHistoryDropBytes = 1024 * 1024;
 
-// Removes history before records are refused for lack of room. Pages that become free within the file count as room.
+// Removes history if the disk is short of room, before records are refused. Pages that become free within the file
+// count as room.
 void DropHistoryWhereShort(const DiskGuard& disk, RecordStore& store) {
   const Result<void> room = disk.CheckRoom(store.database(), DiskGuard::Kind::kMap);
   if (room || room.error().code != ErrorCode::kFull) return;
@@ -106,7 +108,8 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
 void StorageActor::OnStart(Context& context) {
   if (!OpenStore(context)) return;
   proto::RecordsStored changed;
-  changed.set_is_pruned(true);  // Before its restart, this actor may have pruned records without publishing this.
+  // Before its restart, this actor may have pruned records without notifying other actors.
+  changed.set_is_pruned(true);
   Publish(context, changed);
   context.WatchPeers();
   (void)IsClockSuspect(context);  // The first call starts the detection of clock jumps.
@@ -210,8 +213,8 @@ void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) 
   if (event.is_connected()) ReportEpochs(context, event.peer());
 }
 
-// Reports the epochs of the peer's own records that are known here. If a report is lost, the next link repeats it. It
-// is also sent before records of the peer are returned to the peer.
+// Sends the peer an EpochReport: the epochs of the peer's own records that this store covers. Called whenever a link to
+// the peer opens, so a lost report is repeated, and before records of the peer are returned to it.
 void StorageActor::ReportEpochs(Context& context, AgentId peer) {
   proto::Message report;
   report.set_ms_type(proto::CONTROL);
@@ -290,8 +293,8 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
   Publish(context, stored.stored);
 }
 
-// Stores the batch. If there is no room for maps, stores the other records and replies with an error. The error keeps
-// the sender's session open until there is room again. The have-set then covers the records that were stored now.
+// Stores the batch. If there is no room for maps, stores the other records and replies with an error, which keeps the
+// sender's session open until there is room again. The have-set then covers the records that were stored now.
 RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& request) {
   const auto is_map = [](const proto::StoredRecord& record) {
     return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
@@ -324,7 +327,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     *message.mutable_missing_reply() = *std::move(reply);
   } else {
     Note(context, "what is missing", reply.error());
-    // Report no records, but 1 as remaining, so the session asks again.
+    // Return no records and 1 remaining record, so the session asks again.
     message.mutable_missing_reply()->set_remaining(1);
   }
   Answer(context, std::move(message));
@@ -355,8 +358,8 @@ void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& 
   if (saved) Publish(context, *saved);
 }
 
-// If the log is full and cannot be moved into the file because a few pages are lacking, all writes fail although the
-// file has room.
+// Needed if the log is full and the disk lacks a few pages to move the log into the file: all writes then fail,
+// although the file has room.
 bool StorageActor::GivesUpReserveFor(const proto::Error& error) {
   return error.code() == proto::ERROR_CODE_FULL && options_.bytes_max == 0 && disk_.GiveUpReserve(store_->database());
 }
@@ -378,8 +381,8 @@ void StorageActor::NoteWrite(const Result<void>& written) {
   }
 }
 
-// Notes the result of storing records. Ignores errors that do not come from the disk, and requests that stored no row:
-// they show nothing about the disk.
+// Notes the result of storing records. Ignores errors that do not come from the disk, and requests that stored no row,
+// because neither shows whether the disk works.
 void StorageActor::NoteWrite(const proto::Error& error, const proto::RecordsStored& stored) {
   if (IsError(error)) return NoteWrite(tl::unexpected(FromProto(error)));
   if (stored.last_row_id() != 0) NoteWrite(Result<void>());
@@ -388,7 +391,7 @@ void StorageActor::NoteWrite(const proto::Error& error, const proto::RecordsStor
 void StorageActor::OnLoadRoles(Context& context) {
   Result<proto::LoadRolesReply> loaded = store_->LoadRoles();
   if (!loaded) {
-    // Acting without known roles would be worse than a restart.
+    // Fail, because acting without known roles would be worse than a restart.
     context.Fail(loaded.error());
     return;
   }
@@ -452,7 +455,7 @@ std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {
   return "";
 }
 
-// Executes a prune. While this agent does not know the time, no record is removed by age.
+// Executes a prune. If this agent's clock is suspect, removes no record by age.
 void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request) {
   proto::Message message;
   proto::PruneReply& reply = *message.mutable_prune_reply();
@@ -488,7 +491,7 @@ void StorageActor::Tend(Context& context) {
     const Result<void> written = store_->TryToWrite();
     NoteWrite(written);
     if (!written) FailIfDamaged(context, written.error());
-    // Reopen it, so that other processes may read the file again.
+    // Reopen the store, so that other processes can read the file again.
     const bool is_alone = store_->database().access() == Database::Access::kAlone && options_.vfs.empty();
     if (written && is_alone) return Reopen(context);
   }
@@ -497,7 +500,7 @@ void StorageActor::Tend(Context& context) {
   (void)context.AfterTimer(is_reserve_growing ? options_.reserve_pause : options_.tend_period, kTend);
 }
 
-// Reopens the store. The rows are the same, so actors that have read from it continue.
+// Reopens the store. Its rows are the same, so other actors need no restart.
 void StorageActor::Reopen(Context& context) {
   spdlog::info("storage: the disk can be written again; reopens {}", options_.path);
   store_.reset();
@@ -513,8 +516,8 @@ void StorageActor::SaveWritten(Context& context) {
   (void)context.AfterTimer(options_.written_period, kSaveWritten);
 }
 
-// Removes history rows by age, and rows that exceed a limit that was lowered. While this agent does not know the time,
-// no row is removed by age.
+// Removes history rows by age, and rows that exceed a lowered limit. If this agent's clock is suspect, removes no row
+// by age.
 void StorageActor::TrimHistory(Context& context) {
   const bool tells_time = !IsClockSuspect(context);
   const Result<bool> has_more =
@@ -583,7 +586,7 @@ void StorageActor::Scrub(Context& context) {
   for (const proto::VerifyFinding& finding : reply->findings()) {
     const std::string which = finding.has_key() ? ToString(FromProto(finding.key())) + ": " : "";
     const Error damage{ErrorCode::kCorrupt, which + finding.text(), ""};
-    // Other agents do not have this agent's local records, so a restart could not repair this one.
+    // Other agents do not have this agent's local records, so a restart could not repair a damaged local record.
     const bool is_local = finding.has_key() && finding.key().seq() == 0;
     if (!is_local) return Note(context, "reading through the store", damage);
     spdlog::error("storage: a local record is damaged: {}", ToString(damage));
@@ -647,8 +650,9 @@ void StorageActor::Note(Context& context, const char* what, const Error& error) 
   FailIfDamaged(context, error);
 }
 
-// Ends the process if the store is damaged (Supervisor). The next process checks the whole file, and repairs or
-// replaces it. This process cannot do so, because other actors have read rows that would then be missing.
+// If the store is damaged, makes this actor fail, and the Supervisor ends the process. The next process checks the
+// whole file, and repairs or replaces it. This process cannot do so, because other actors have read rows that would
+// then be missing.
 void StorageActor::FailIfDamaged(Context& context, const Error& error) {
   if (error.code == ErrorCode::kCorrupt) context.Fail(error);
 }

@@ -1,23 +1,21 @@
 // StorageActor: the only owner of an agent's database. It answers the requests of proto/storage.proto, retention.proto
 // and downlink.proto, and the ControlRequest `status` with its part of AgentStatus.
 //
-// The only message that it accepts from peers is EpochReport. When a link comes up, each side reports which epochs of
-// the other agent's own records it knows. An agent whose disk was lost or restored thus learns of its later epochs at
-// once. If only this actor was restarted, it learns of them with the next link or session.
+// The actor accepts only EpochReport from peers. When a link opens, each side reports which epochs of the other agent's
+// own records it knows. An agent whose disk was lost or restored thus learns of its later epochs.
 //
-// RecordStore does most of the work. Each reply is sent after the commit that it reports. If a write fails, the reply
-// contains the error and the actor continues. If the file cannot be opened, the actor fails. The process ends if the
-// file is found damaged, or if another program removed, moved, replaced or truncated it.
-//
-// The actor checks the whole store periodically (Options::scrub_period), as each process does at its start. It thus
-// detects damage while another disk still holds the lost records. Records that are inserted while this agent's clock is
-// suspect are marked. Spawn this actor with its own thread, because commits wait for the disk.
+// Each reply is sent after the commit that it reports. If a write fails, the reply contains the error and the actor
+// continues. If the file cannot be opened, the actor fails. The process ends if the file is found damaged, or if
+// another program removed, moved, replaced or truncated the file. The actor checks the whole store periodically
+// (Options::scrub_period), to detect damage while another disk still holds the lost records.
 //
 // If the disk is nearly full, the actor first refuses maps, then all records, of its own robot and of peers
-// (actors/storage/disk_guard.h). If only maps are refused, it stores the other records of a peer's batch but replies
-// with an error. The sender keeps the rest and retries with a growing delay. Roles and prunes are stored as long as the
-// disk accepts anything, and the reserve is given up for them. A store that had to be opened without writing is
-// reopened when the disk works again.
+// (actors/storage/disk_guard.h). While only maps are refused, the actor stores the other records of a peer's batch and
+// replies with an error. The sender retries the maps with a growing delay. Role assignments and prunes are stored as
+// long as the disk accepts any write, and the reserve is given up for them.
+//
+// Records that are inserted while this agent's clock is suspect are marked. Spawn this actor with its own thread,
+// because commits wait for the disk.
 #pragma once
 
 #include <functional>
@@ -59,7 +57,8 @@ class StorageActor final : public Actor {
     Duration history_period = std::chrono::minutes(1);
     // Pause between two parts of a history trim. A part removes at most kHistoryTrimRowsMax rows.
     Duration history_pause = std::chrono::seconds(1);
-    // The damaged file that the start of this process set aside, shown in the status.
+    // Path of the damaged file that was set aside at the start of this process; empty if there was none. Shown in the
+    // status.
     std::string set_aside;
     // Returns the UTC time at which the process began to stop in an orderly way; null if it did not. Called when the
     // actor ends. The actor logs this time as the last event of the store.
@@ -73,8 +72,7 @@ class StorageActor final : public Actor {
   explicit StorageActor(Options options);
   ~StorageActor() override;
 
-  // Returns the options for opening the same store before the actor runs. A program does this at its start, to show an
-  // error.
+  // Returns options with which a program can open the same store before the actor runs, to show an error at its start.
   static RecordStore::Options StoreOptions(const Options& options);
 
   void OnStart(Context& context) override;
@@ -103,13 +101,13 @@ class StorageActor final : public Actor {
   void Tend(Context& context);
   void Reopen(Context& context);
   Result<void> CheckRoom(DiskGuard::Kind kind);
-  // Call these two functions after CheckRoom found room. If the disk is full nevertheless, they give up the reserve and
-  // retry once.
+  // Call these two functions after CheckRoom found room. If the disk is full nevertheless, both functions give up the
+  // reserve and retry once.
   RecordStore::Inserted InsertWhereRoomSeems(const proto::InsertRequest& request);
   RecordStore::Stored StoreWhereRoomSeems(const proto::StoreRequest& request);
-  // Returns true if the reserve was given up after a failed write, so that a retry may succeed.
+  // Gives up the reserve after a failed write. Returns true if this freed space; the caller should then retry once.
   bool GivesUpReserveFor(const proto::Error& error);
-  // Calls `write`. If the disk is full, gives up the reserve and calls it once more.
+  // Calls `write`. If the disk is full, gives up the reserve and calls `write` once more.
   template <typename Write>
   auto WriteInAnyCase(Write write) -> decltype(write());
   void NoteWrite(const Result<void>& written);
@@ -117,20 +115,22 @@ class StorageActor final : public Actor {
   RecordStore::Stored StoreAsRoomAllows(const proto::StoreRequest& request);
   void SaveWritten(Context& context);
   void TrimHistory(Context& context);
-  // Returns a text that says why little space is left; empty if there is enough space.
+  // Returns a text for people that explains why little space is left; empty if there is enough space.
   std::string SpaceLow(const proto::StorageStatus& status) const;
-  bool MoveScrubOn(const proto::VerifyReply& reply);  // Returns true after the last part.
+  // Sets `next_scrub_` to the part after `reply`. Returns true after the last part of a scrub.
+  bool MoveScrubOn(const proto::VerifyReply& reply);
   void Answer(Context& context, proto::Message reply);
   void Note(Context& context, const char* what, const Error& error);
   void FailIfDamaged(Context& context, const Error& error);
   void Publish(Context& context, const proto::RecordsStored& stored);
   void PublishReissued(Context& context);
-  // Returns whether records that are inserted now must be marked.
+  // Judges the clock. Returns whether records that are inserted now must be marked (Record.is_clock_suspect).
   bool IsClockSuspect(Context& context);
 
   const Options options_;
   ClockJudge clock_judge_;
-  std::string clock_suspect_;  // Why the clock is suspect, according to the last check; empty if it is not.
+  // Why the clock is suspect, according to the last check, as text for people; empty if the clock is trusted.
+  std::string clock_suspect_;
   std::unique_ptr<RecordStore> store_;
   proto::VerifyRequest next_scrub_;
   DiskGuard disk_;

@@ -110,8 +110,7 @@ Result<void> ForgetIncarnation(sqlite3* copy, const std::filesystem::path& to) {
   return {};
 }
 
-// Gives the finished copy `part` its final name `to`, so that a file under that name is always complete. Does not
-// overwrite an existing file.
+// Renames the finished copy `part` to `to`, so that a file named `to` is always complete. Fails if `to` exists.
 Result<void> Publish(const std::filesystem::path& part, const std::filesystem::path& to) {
   const std::filesystem::path folder = to.has_parent_path() ? to.parent_path() : ".";
   std::error_code error;
@@ -165,7 +164,7 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   const Result<Connection> source = OpenToRead(file);
   if (!source) return tl::unexpected(source.error());
   const std::filesystem::path part = to.string() + ".part-" + std::to_string(getpid());
-  // A copy must be as private as the store. SQLite would create it with the mode of the umask.
+  // A copy must be as private as the store. SQLite would create the file with the permissions of the umask.
   const int created = open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, S_IRUSR | S_IWUSR);
   if (created < 0) {
     return Fail(ErrorCode::kInternal, std::string("cannot be written: ") + std::strerror(errno), to.string());
@@ -182,8 +181,8 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   Result<void> done;
   const bool is_damaged = code == SQLITE_CORRUPT || code == SQLITE_NOTADB;
   if (code != SQLITE_DONE) done = FailWith(code, nullptr, is_damaged ? file : to);
-  // The agent continues to write to the store after the copy was made. A restored copy must not be taken for the store
-  // with these later records.
+  // The agent continues to write to its store. Peers must not take a restored copy for the store with these later
+  // records.
   if (done) done = ForgetIncarnation(copy->get(), to);
   copy->reset();
   if (done) done = Publish(part, to);

@@ -82,7 +82,8 @@ void NoteMissing(const StreamKey& stream, const IntervalSet& missing, proto::Ver
   }
 }
 
-// The seqs of the rows that FindRows read: those after `after`, at most `rows_max`.
+// The seqs of the rows that FindRows read. FindRows reads the first `rows_max` rows of a stream whose seq is greater
+// than `after`.
 struct SeqsWithRows {
   IntervalSet seqs;
   std::uint64_t last_seq = kSeqOfIntervalMax;  // All rows up to this seq were read.

@@ -26,7 +26,8 @@ Result<void> WriteCount::Load(Database& database) {
 }
 
 Result<void> WriteCount::Save(Database& database, std::uint32_t day) {
-  // No writes since the last save. Without this check an idle agent would write in order to count its own writes.
+  // Nothing was written since the last save. Without this check, an idle agent would save a count in order to count its
+  // own saves.
   if (database.WrittenBytes() == seen_) return {};
   const std::uint64_t counted = database.WrittenBytes();
   std::map<std::uint32_t, std::uint64_t> days = Days(database, day);
@@ -47,7 +48,7 @@ Result<void> WriteCount::Save(Database& database, std::uint32_t day) {
 
 std::map<std::uint32_t, std::uint64_t> WriteCount::Days(const Database& database, std::uint32_t day) const {
   std::map<std::uint32_t, std::uint64_t> days = days_;
-  // Later days come from a clock that was ahead.
+  // Days after `day` come from a time when the clock was ahead.
   days.erase(days.upper_bound(day), days.end());
   days[day] += database.WrittenBytes() - counted_;
   KeepLast(days);

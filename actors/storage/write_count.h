@@ -1,9 +1,9 @@
-// WriteCount counts the bytes that a store writes to its disk per day, since writing wears flash memory. It is kept in
-// memory and in the table `written`.
+// WriteCount counts the bytes that a store writes to its disk per day, since writing wears flash memory. The count is
+// kept in memory and in the table `written`.
 //
-// The bytes are counted when SQLite passes them to the file system (actors/storage/counting_files.h). The count does
-// not include further writes of the file system itself, nor those of the last minute before a process ended. Days
-// follow the agent's clock; a minute across midnight counts for the day in which it ends.
+// The bytes are counted when SQLite passes them to the file system (actors/storage/counting_files.h). Not counted are
+// the file system's own writes, and writes in the last minute of a process. Days follow the agent's clock. Bytes
+// written in a minute across midnight count for the day in which the minute ends.
 #pragma once
 
 #include <cstdint>
@@ -19,15 +19,16 @@ class WriteCount {
  public:
   Result<void> Load(Database& database);
 
-  // Saves the count of bytes written since the last call. Does nothing if no bytes were written except by that call
-  // itself. Not durable, because this is only a statistic.
+  // Saves the count of bytes written since the last call. Does nothing if only that call itself wrote bytes since then.
+  // Not durable, because this is only a statistic.
   Result<void> Save(Database& database, std::uint32_t day);
 
-  // Returns the last kWrittenDaysKept days, by day since 1970. Bytes that are not saved yet count for `day`.
+  // Returns the bytes written on each of the last kWrittenDaysKept days, by day since 1970. Bytes that are not saved
+  // yet count for `day`.
   std::map<std::uint32_t, std::uint64_t> Days(const Database& database, std::uint32_t day) const;
 
  private:
-  std::map<std::uint32_t, std::uint64_t> days_;  // The saved days.
+  std::map<std::uint32_t, std::uint64_t> days_;  // Bytes written on each day, as last saved.
   // The part of Database::WrittenBytes that `days_` includes.
   std::uint64_t counted_ = 0;
   std::uint64_t seen_ = 0;  // Database::WrittenBytes at the end of the last save.

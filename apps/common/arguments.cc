@@ -5,7 +5,8 @@
 namespace moondb {
 namespace {
 
-// Runs `parse`, which may throw CLI11's errors. Prints the help or the version if the command line asks for it.
+// Calls `parse`, which throws CLI11's errors. Returns nothing if `parse` succeeds. Prints the help or the version if
+// the command line asks for it.
 template <typename ParseWords>
 std::optional<ParseStop> StopOf(const CLI::App& app, ParseWords parse) {
   try {

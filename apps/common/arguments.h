@@ -1,15 +1,13 @@
-// Command lines: a tree of commands, their options, and the variables that options fill.
+// Parses command lines: a tree of commands with options that set variables.
 //
 //   std::string team;
 //   moondb::Command app("wire_feed", "Gives a mission to a running team.");
 //   app.AddOption("-t,--team", team, "Team file").EnvName("MOONDB_TEAM").Required();
 //   if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
 //
-// The root command and every subcommand have the options -h and --help. An option whose name has no dash is a
-// positional argument. Bound variables must outlive the command. A mistake in a definition, such as a name that is used
-// twice, throws. Not thread-safe.
-//
-// CLI11 parses. Only arguments.cc includes its headers, because they take several seconds to compile.
+// Every command has the options -h and --help. An option whose name has no dash is a positional argument. Bound
+// variables must outlive the command. An invalid definition, such as a name that is used twice, throws an exception.
+// Only arguments.cc includes the headers of CLI11, because they take several seconds to compile. Not thread-safe.
 #pragma once
 
 #include <concepts>
@@ -38,12 +36,12 @@ concept OptionValue = std::same_as<T, std::string> || std::same_as<T, int> || st
     std::same_as<T, std::optional<double>> || std::same_as<T, std::vector<std::string>> ||
     std::same_as<T, std::vector<std::int64_t>> || std::same_as<T, std::vector<std::uint64_t>>;
 
-// The types of the bounds of an option's value (Option::Within). `--help` and error messages name the type.
+// The types of bounds that Option::Within accepts.
 template <typename T>
 concept OptionBound =
     std::same_as<T, int> || std::same_as<T, std::uint32_t> || std::same_as<T, std::uint64_t> || std::same_as<T, double>;
 
-// An option, a flag or an argument. Its Command owns it. Setters return the option itself.
+// An option, a flag or a positional argument of a Command, which owns it. Setters return the option itself.
 class Option {
  public:
   Option(const Option&) = delete;
@@ -58,9 +56,9 @@ class Option {
   Option& Excludes(Option& other);                 // Parsing fails if this option and `other` are both given.
   Option& Needs(Option& other);                    // Parsing fails if this option is given without `other`.
 
-  // Checks of the option's values. Each check applies to every value.
+  // Checks that parsing applies to each value of the option.
   template <OptionBound T>
-  Option& Within(T low, T high);  // The bounds `low` and `high` are allowed values.
+  Option& Within(T low, T high);  // Allows the values from `low` to `high`, both included.
   Option& Positive();
   Option& OneOf(const std::vector<std::string>& values);
   Option& ExistingFolder();
@@ -88,13 +86,13 @@ struct CommandNote {
   bool is_showing = false;  // True if the command changes nothing, so --watch may repeat it.
 };
 
-// The reason why parsing ends the program: the command line asks for help or is wrong.
+// The reason why the program ends after parsing: the command line asks for the help or the version, or is wrong.
 struct ParseStop {
   int exit_code = 0;  // 0: --help or --version, already printed. Otherwise CLI11's error number.
   std::string error;  // One line that describes the error; empty if exit_code is 0.
 };
 
-// A command. It owns its options and its subcommands. The root command represents the program. Setters return the
+// A command, which owns its options and its subcommands. The root command represents the program. Setters return the
 // command itself.
 class Command {
  public:
@@ -103,7 +101,7 @@ class Command {
   Command(const Command&) = delete;
   Command& operator=(const Command&) = delete;
 
-  // `names` is "-t,--team", or "file" for a positional argument.
+  // Adds an option. Example of `names`: "-t,--team". A name without a dash, such as "file", adds a positional argument.
   template <OptionValue T>
   Option& AddOption(const std::string& names, T& variable, const std::string& description = "");
   // Adds an option that accepts the names in `choices` and stores the enumerator of the given name in `variable`.
@@ -111,24 +109,26 @@ class Command {
   Option& AddChoice(const std::string& names, Enum& variable, const std::map<std::string, Enum>& choices,
                     const std::string& description);
   Option& AddFlag(const std::string& names, bool& variable, const std::string& description = "");
-  // Adds a flag with an optional value: with "--watch{2}", --watch sets the variable to "2" and --watch=5 sets it to
-  // "5".
+  // Adds a flag with an optional value. For example, the flag "--watch{2}" sets the variable to "2" on --watch, and to
+  // "5" on --watch=5.
   Option& AddFlag(const std::string& names, std::string& variable, const std::string& description = "");
   Option& AddVersionFlag(const std::string& names, const std::string& version);
   Command& AddSubcommand(const std::string& name, const std::string& description);
 
   Command& RequireSubcommand();  // Parsing fails unless exactly one subcommand is given.
-  Command& AllowSubcommand();    // At most one subcommand can be given.
-  Command& Fallthrough();        // Options of this command may follow subcommands that are added after this call.
-  Command& ShowDefaults();       // --help shows the default of each option that is added after this call.
-  Command& Footer(const std::string& text);           // Text at the end of --help.
+  Command& AllowSubcommand();    // Parsing fails if more than one subcommand is given.
+  // Allows options of this command after subcommands on the command line. Call before AddSubcommand.
+  Command& Fallthrough();
+  Command& ShowDefaults();                   // --help shows the default of each option that is added after this call.
+  Command& Footer(const std::string& text);  // Text at the end of --help.
   Command& Callback(std::function<void()> callback);  // Parse calls `callback` if the command line gives this command.
   Command& SetNote(CommandNote note);
 
-  // Reads a command line into the variables, then calls the callbacks. Returns nothing if the program is to continue.
-  // Prints the help or the version if the command line asks for it. Does not print errors: ParseStop has their text.
+  // Parses a command line: sets the variables of the options, then calls the callbacks of the given commands. Returns
+  // nothing if the program is to continue. Prints the help or the version if the command line asks for it, but prints
+  // no errors.
   std::optional<ParseStop> Parse(int argc, const char* const* argv);
-  // Parses one string that begins with the program's name, like the Parse above. Words that contain blanks must be
+  // Like Parse(argc, argv), but for one string that begins with the program's name. Words that contain blanks must be
   // quoted.
   std::optional<ParseStop> Parse(const std::string& line);
   // Like Parse, but also prints errors to stderr. Returns the exit code if the program is to end, otherwise nothing.
@@ -147,7 +147,7 @@ class Command {
   std::vector<const Command*> subcommands() const;
   std::vector<Command*> subcommands();
   std::vector<const Option*> options() const;  // Includes the positional arguments and --help.
-  // Returns the command's own option that `word` ("--json" or "-a") names. Null: it has no such option.
+  // Returns the command's own option that `word` ("--json" or "-a") names. Null: the command has no such option.
   const Option* FindOwnOption(const std::string& word) const;
 
  private:

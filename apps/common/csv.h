@@ -1,4 +1,4 @@
-// CSV for spreadsheets and scripts, quoted by the rules of RFC 4180. Pure functions.
+// CSV fields, quoted by the rules of RFC 4180. Thread-safe.
 #pragma once
 
 #include <string>

@@ -28,8 +28,8 @@ constexpr std::string_view kTeamIdKey = "team_id: ";
 constexpr std::string_view kAgentIdKey = "agent_id: ";
 constexpr std::size_t kSmallFileBytesMax = 4096;
 
-// Describes a lock of the whole file. The kernel reports the state of such a lock in `l_type` without taking the lock.
-// A test with flock would hold the lock for a moment, and an agent that starts then would fail.
+// Returns a lock of the whole file for fcntl. `type` is F_RDLCK or F_WRLCK. Unlike a flock, such a lock can be queried
+// without being taken. Taking the lock to test it could make a starting agent fail.
 struct flock LockOf(short type) {
   struct flock lock {};
   lock.l_type = type;
@@ -48,7 +48,8 @@ pid_t ReadPid(int descriptor) {
   return pid && *pid <= 0x7FFF'FFFF ? static_cast<pid_t>(*pid) : 0;
 }
 
-// Returns the process that holds the flock of the folder, as /proc/locks lists it. 0: no process, or it is not visible.
+// Returns the id of the process that holds the folder's flock, read from /proc/locks. 0: /proc/locks lists no such
+// process.
 pid_t HolderOf(const std::filesystem::path& folder) {
   struct stat status {};
   if (::stat(folder.c_str(), &status) != 0) return 0;
@@ -68,8 +69,8 @@ pid_t HolderOf(const std::filesystem::path& folder) {
   return 0;
 }
 
-// Writes this process's id into the file. Returns false if another process's id may remain there. Overwrites the old
-// content in place, because a full disk has no space for another block. If that fails, empties the file.
+// Writes this process's id over the old content of the file, because a full disk has no space for another block.
+// Empties the file if writing fails. Returns false if another process's id may remain in the file.
 bool WritePid(int descriptor) {
   const std::string pid = std::to_string(::getpid()) + "\n";
   const auto size = static_cast<off_t>(pid.size());
@@ -187,8 +188,8 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
 
   const std::string file = folder / kPidFile;
   const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-  // `agent.pid` cannot be opened because the disk is full, faulty or read-only. The lock of the folder suffices. Some
-  // network file systems cannot lock a folder; the start then fails.
+  // The disk is full, faulty or read-only, so `agent.pid` cannot be opened. The folder's flock suffices. On network
+  // file systems that do not support flock of folders, Take fails instead.
   if (descriptor < 0 && is_folder_locked && (errno == EROFS || errno == ENOSPC || errno == EIO)) return lock;
   if (descriptor < 0) return Fail(ErrorCode::kInternal, ErrnoText(), file);
   lock.descriptor_ = descriptor;
@@ -199,8 +200,8 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
   }
   if (WritePid(descriptor)) return lock;
   if (!is_folder_locked) return Fail(ErrorCode::kInternal, ErrnoText(), file);
-  // The file still holds another process's id. Release the file's lock, so that readers do not take that process for
-  // the owner.
+  // The file may still hold another process's id. Release the file's lock, so that OwnerOf ignores this id and reports
+  // the process that holds the folder's flock.
   ::close(std::exchange(lock.descriptor_, -1));
   return lock;
 }

@@ -1,13 +1,11 @@
-// An agent's data folder on this machine, and the lock that lets only one process use it.
+// An agent's data folder on this machine, and the lock that lets only one process use the folder.
 //
-// The lock is an open file description lock (F_OFD_SETLK) on `agent.pid` in the folder, which holds the owner's process
-// id. The kernel releases the lock when the process dies, so a leftover file means nothing. The folder itself is locked
-// too (flock). If `agent.pid` cannot be written, because the disk is full, faulty or read-only, only the flock protects
-// the folder, and the kernel's list of locks names the owner.
+// The lock consists of a file lock (F_OFD_SETLK) on `agent.pid`, which holds the owner's process id, and a flock of the
+// folder. The kernel releases both locks when the process ends. If the disk is full, faulty or read-only, so that
+// `agent.pid` cannot be written, the flock alone protects the folder.
 //
-// An agent's folder is found by the agent's id, which is permanent, and not by its name. `agent.identity` in the folder
-// names the owner of the data. `agent.endpoint` holds the client endpoint of the process that holds the lock,
-// independent of the environment in which that process was started. If the lock is free, `agent.endpoint` is stale.
+// `agent.identity` names the team and the agent that own the data, by their permanent ids. `agent.endpoint` holds the
+// client endpoint of the process that holds the lock. If the lock is free, `agent.endpoint` is outdated.
 #pragma once
 
 #include <sys/types.h>
@@ -29,7 +27,7 @@ std::filesystem::path DefaultDataRoot(const std::filesystem::path& team_folder);
 
 // The agent whose data a folder holds.
 struct DataOwner {
-  std::string team_id;  // In the form in which team files write it.
+  std::string team_id;  // Value of `team_id` in the team file.
   AgentId agent = 0;
   bool operator==(const DataOwner&) const = default;
 };
@@ -38,10 +36,11 @@ DataOwner DataOwnerOf(const proto::TeamConfig& team, const proto::AgentConfig& a
 // Returns the owner that the folder's `agent.identity` names. Returns nothing if that file is missing or unreadable.
 std::optional<DataOwner> ReadDataOwner(const std::filesystem::path& folder);
 
-// Returns the path of the agent's data folder in `root`. `root` need not exist. Chooses the folder that names this
-// agent as its owner, whatever the folder's name. Ignores folders without a plain name, such as "rover1.old". Without
-// such a folder, returns `root`/NAME. Returns `root`/NAME-ID if another agent of the team owns `root`/NAME. kRefused if
-// several folders name this agent and none has its name, or if `root`/NAME holds another team's data.
+// Returns the path of the agent's data folder in `root`, which need not exist: the folder whose `agent.identity` names
+// this agent, whatever the folder's name. If no folder names this agent, returns `root`/NAME, or `root`/NAME-ID if
+// another agent of the team owns `root`/NAME. Ignores folders whose names cannot be agents' names, such as
+// "rover1.old". Returns kRefused if several folders name this agent and none of them is `root`/NAME, or if `root`/NAME
+// holds another team's data.
 Result<std::filesystem::path> FindDataFolder(const std::filesystem::path& root, const proto::TeamConfig& team,
                                              const proto::AgentConfig& agent);
 
@@ -49,18 +48,19 @@ Result<std::filesystem::path> FindDataFolder(const std::filesystem::path& root, 
 // kInternal if the file cannot be written.
 Result<void> MarkDataFolder(const std::filesystem::path& folder, const DataOwner& owner);
 
-// Returns the client endpoint that `agent.endpoint` in `folder` holds. Empty: the file is missing or holds none.
+// Returns the client endpoint from `agent.endpoint` in `folder`. Empty: the file is missing or empty.
 std::string ReadEndpoint(const std::filesystem::path& folder);
-// Writes the endpoint to `agent.endpoint` unless the file already holds it. kInternal if it cannot be written.
+// Writes the endpoint to `agent.endpoint` unless the file already holds it. Returns kInternal if writing fails.
 Result<void> WriteEndpoint(const std::filesystem::path& folder, const std::string& endpoint);
 
-// Returns the id of the process that holds the locks of `folder` now. 0: no process.
+// Returns the id of the process that holds the lock of `folder`. 0: no process holds the lock, or its id is unknown.
 pid_t OwnerOf(const std::filesystem::path& folder);
 
 class DataFolderLock {
  public:
-  // Creates the folder (0700) if it is missing, takes the locks, and writes this process' id if the disk accepts it.
-  // Returns kRefused if another process holds the locks, and kInternal if the folder cannot be made or locked.
+  // Creates `folder` (mode 0700) if it is missing, locks it, and writes this process's id to `agent.pid` if the disk
+  // accepts the write. Returns kRefused if another process holds the lock, and kInternal if the folder cannot be
+  // created or locked.
   static Result<DataFolderLock> Take(const std::filesystem::path& folder);
 
   DataFolderLock(DataFolderLock&& other) noexcept;

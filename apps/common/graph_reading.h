@@ -1,4 +1,4 @@
-// Reads the pose graph that an agent holds, with the poses and verdicts that leaders published for it.
+// Reads an agent's pose graph and the results that leaders published: optimized poses, and verdicts on ranges.
 #pragma once
 
 #include "actors/pgo/known_graph.h"

@@ -1,4 +1,4 @@
-// Text form of a hash, for people. Pure function, thread-safe.
+// Text form of a hash. Thread-safe.
 #pragma once
 
 #include <cstdint>

@@ -1,7 +1,5 @@
-// JsonWriter: one JSON document, written from left to right, for `--json`.
-//
-// JsonWriter inserts commas and escapes. The caller is responsible for the order of calls: a value after each Key. Raw
-// adds messages as text (see ToJson). Plain value, not thread-safe.
+// JsonWriter: writes one JSON document from left to right, for `--json`. Inserts commas and escapes strings. The caller
+// must write one value after each Key. Not thread-safe.
 #pragma once
 
 #include <string>
@@ -27,10 +25,10 @@ class JsonWriter {
   JsonWriter& Null();
   JsonWriter& Raw(std::string_view json);  // Appends `json`, which is one complete value.
 
-  // Writes {"code":"refused","field":"...","text":"..."}.
+  // Writes an object such as {"code":"refused","field":"...","text":"..."}.
   JsonWriter& WriteError(const Error& error);
 
-  // Writes {"team":"mission","agent":"rover1"}.
+  // Writes an object such as {"team":"mission","agent":"rover1"}.
   JsonWriter& WriteNotes(const FileNotes& notes);
 
   const std::string& text() const { return text_; }
@@ -38,7 +36,7 @@ class JsonWriter {
  private:
   JsonWriter& Open(char bracket);
   JsonWriter& Close(char bracket);
-  void Separate();  // Writes a comma if another value precedes the next one.
+  void Separate();  // Writes a comma if the document ends with a complete value.
 
   std::string text_;
   bool is_comma_due_ = false;

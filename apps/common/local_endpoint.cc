@@ -20,8 +20,8 @@ std::string WhyNot(const std::string& agent, const std::string& path, int error)
   return "agent " + agent + ": " + path + ": " + std::strerror(error);
 }
 
-// Explains why no client can connect although the process runs: no process listens at `endpoint`, which the agent's
-// process reported.
+// Explains why no client can connect although process `pid` runs the agent. `endpoint` is the content of the agent's
+// `agent.endpoint`; nothing listens there. Empty: the process has not written the file.
 std::string WhyNot(const std::string& agent, pid_t pid, const std::string& endpoint) {
   const std::string runs = "agent " + agent + " runs as process " + std::to_string(pid);
   if (endpoint.empty()) return runs + ", but has not said where its socket is; is its disk full?";
@@ -38,7 +38,7 @@ bool IsSafe(const std::string& endpoint) {
 
 Result<LocalEndpoint> FindLocalEndpoint(const TeamFile& team, const proto::AgentConfig& agent) {
   LocalEndpoint found;
-  std::string reported;  // The endpoint that the agent's process reported.
+  std::string reported;  // Content of `agent.endpoint`. Empty: no process owns the folder.
   if (const auto folder = FindDataFolder(DefaultDataRoot(team.folder), team.config, agent)) {
     std::error_code error;
     found.was_here = std::filesystem::exists(*folder / kDatabaseFile, error);

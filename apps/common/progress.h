@@ -1,5 +1,5 @@
-// Progress: shows the progress of long work on stderr. A terminal gets a bar that is redrawn. Other outputs get plain
-// lines: at most one per second, or one per 10 s if only the text changes, and always the last one. Not thread-safe.
+// Progress: shows the progress of a long operation on stderr. A terminal shows a bar that is redrawn. Other outputs get
+// lines: at most one per second, or one per 10 s if only the text changes, and one at the end. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -12,7 +12,7 @@ class Progress {
   explicit Progress(std::string label);
   ~Progress();  // Ends the line that shows the progress.
 
-  // Shows `done` of `total` (0: no work), with `text` after the bar.
+  // Shows the fraction `done` / `total`, and `text` after the bar. If `total` is 0, shows 100 %.
   void Show(double done, double total, const std::string& text);
 
  private:

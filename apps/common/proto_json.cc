@@ -18,8 +18,8 @@ std::string ToJson(const google::protobuf::Message& message) {
 
 namespace {
 
-// Parses `json` into `message`. Errors name `field` and carry protobuf's message, whose first line gives the reason and
-// whose other lines give the position.
+// Parses `json` into `message`. Returns kInvalid with `field` and the first line of protobuf's error message, which
+// gives the reason.
 Result<void> ParseJson(const std::string& json, const std::string& field, google::protobuf::Message* message) {
   if (json.find_first_not_of(" \t\r\n") == std::string::npos) {
     return Fail(ErrorCode::kInvalid, "expected a JSON object", field);
@@ -30,7 +30,8 @@ Result<void> ParseJson(const std::string& json, const std::string& field, google
   return Fail(ErrorCode::kInvalid, text.substr(0, text.find('\n')), field);
 }
 
-// Removes the text field NAME_text from `object` and returns its value. Nothing if the field is absent.
+// Removes the field NAME_text from `object` and returns its value. Returns nothing if the field is absent, and kInvalid
+// if the field is not text or `object` also has the field NAME.
 Result<std::optional<std::string>> TakeText(const std::string& name, google::protobuf::Struct& object) {
   const auto found = object.fields().find(name + "_text");
   if (found == object.fields().end()) return std::nullopt;

@@ -14,12 +14,13 @@ namespace moondb {
 
 std::string ToJson(const google::protobuf::Message& message);
 
-// Returns a record whose body is the JSON object `json` of `type` ("temperature", {"celsius": 3}). The timestamp stays
-// 0. kInvalid with protobuf's message, which names the field.
+// Returns a record of the data type `type` with the body `json`, for example "temperature" and {"celsius": 3}. The
+// timestamp is 0. Returns kInvalid, with protobuf's message, if `json` does not fit the type.
 Result<proto::Record> RecordFromJson(const std::string& type, const std::string& json);
 
-// Like RecordFromJson, for a custom type: {"payload": BASE64, "latest_key": BASE64, "metadata": TEXT}. Each field is
-// optional. "payload_text" and "latest_key_text" give the bytes as text instead.
+// Like RecordFromJson, for the custom type `name` with the id `type`. `json` is {"payload": BASE64, "latest_key":
+// BASE64, "metadata": TEXT}. Each field is optional. "payload_text" and "latest_key_text" hold the bytes as text
+// instead of base64.
 Result<proto::Record> CustomRecordFromJson(const std::string& name, DataType type, const std::string& json);
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// Table: rows of text in aligned columns, for people. Plain value.
+// Table: rows of text in aligned columns. Functions that format bytes, times and numbers. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,8 @@
 
 namespace moondb {
 
-// Emphasis of a row on a colour terminal. There is no green: a row without a known fault is not known to be good.
+// Colour of a row on a colour terminal: kBad is red. No tone is green, because a row without a known fault may still be
+// faulty.
 enum class Tone { kPlain, kBad };
 
 class Table {
@@ -33,13 +34,13 @@ class Table {
 
 // Formats a number of bytes: "1.5 MB", "812 B". Units are powers of 1000.
 std::string FormatBytes(double bytes);
-// Formats a duration: "35 s", "4 min", "2.5 h".
+// Formats a duration: "35 s", "4 min", "2.5 h". Returns "never" if `seconds` is negative.
 std::string FormatSeconds(double seconds);
 // Formats `timestamp_ns`, which counts from 1970: "2026-11-21 14:54:33 UTC". Returns "-" for 0, which means no time.
 std::string FormatUtc(std::int64_t timestamp_ns);
 // Returns `value` with `digits` decimal places: "0.34".
 std::string FormatFixed(double value, int digits);
-// Returns a count that is stored as a double: "12".
+// Formats a whole number that is stored as a double: "12".
 std::string FormatCount(double count);
 
 }  // namespace moondb

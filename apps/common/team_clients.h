@@ -11,15 +11,16 @@
 
 namespace moondb {
 
-// Returns the agent of that name. kInvalid, with a suggestion, if the team has no such agent.
+// Returns the agent called `name`. Returns kInvalid, with a similar name if there is one, if the team has no such
+// agent.
 Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, const std::string& name);
 
 // Like AgentNamed, but returns kRefused for an agent that has left the team.
 Result<const proto::AgentConfig*> MemberNamed(const proto::TeamConfig& team, const std::string& name);
 
-// Connects a client that knows the team's custom types. If the options have a secret_key, connects to the agent's
-// client_address, otherwise to the agent's ipc socket on this machine. If `via` is not null, connects to `via`, which
-// relays the requests to `agent` over the radio.
+// Connects a client that knows the team's custom types to `agent`. If `via` is not null, connects to `via` instead,
+// which relays the requests to `agent` over the radio. With a secret_key in `options`, connects to the client_address
+// in the team file, otherwise to the ipc socket on this machine.
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
                                           Client::Options options, const proto::AgentConfig* via = nullptr);
 

@@ -1,11 +1,11 @@
-// Properties of stdout. Plain functions, thread-safe.
+// Properties of stdout. Thread-safe.
 #pragma once
 
 namespace moondb {
 
-bool IsOnTerminal();  // stdout is a terminal.
+bool IsOnTerminal();  // Returns true if stdout is a terminal.
 
-// Returns true on a terminal that supports colours, unless NO_COLOR (no-color.org) has a value.
+// Returns true on a terminal that supports colours, unless the variable NO_COLOR (no-color.org) has a value.
 bool AreColorsWanted();
 
 }  // namespace moondb

@@ -1,5 +1,5 @@
-// The answers of several agents to one request, as commands show them. Every agent that got the request has an entry.
-// The entry of an agent that did not answer is an error.
+// AgentAnswers: the answers of several agents to one request. Every agent that got the request has an entry. The entry
+// of an agent that did not answer is an error.
 #pragma once
 
 #include <string>
@@ -26,7 +26,8 @@ inline bool IsUnreachable(const Error& error) {
   return error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kTimedOut;
 }
 
-// Returns kUnreachable if any agent did not answer, otherwise the exit code of the first error.
+// Returns kUnreachable if any agent did not answer, otherwise the exit code of the first error. Returns kDone if there
+// is no error.
 template <typename T>
 ExitCode ExitCodeOf(const AgentAnswers<T>& answers) {
   ExitCode code = ExitCode::kDone;
@@ -38,7 +39,8 @@ ExitCode ExitCodeOf(const AgentAnswers<T>& answers) {
   return code;
 }
 
-// Begins the JSON object of one agent: its name, whether it answered, and its error if there is one.
+// Begins the JSON object of one agent: its name, whether it answered, and its error if there is one. The caller ends
+// the object.
 template <typename T>
 void BeginAgent(const AgentAnswer<T>& asked, JsonWriter& json) {
   const bool is_reachable = asked.answer.has_value() || !IsUnreachable(asked.answer.error());
@@ -46,7 +48,7 @@ void BeginAgent(const AgentAnswer<T>& asked, JsonWriter& json) {
   if (!asked.answer) json.Key("error").WriteError(asked.answer.error());
 }
 
-// Text that people see in place of a missing answer.
+// Returns the text shown in place of an agent's answer: the kind of failure, and the error.
 inline std::string WhyNoAnswer(const Error& error) {
   if (IsUnreachable(error)) return "unreachable: " + ToString(error);
   return (error.code == ErrorCode::kRefused ? "refused: " : "failed: ") + ToString(error);

@@ -21,7 +21,7 @@ class SpawnSettings {
     ::posix_spawn_file_actions_init(&actions);
     ::posix_spawn_file_actions_adddup2(&actions, log, STDOUT_FILENO);
     ::posix_spawn_file_actions_adddup2(&actions, log, STDERR_FILENO);
-    // Must be the last action: `log` itself may be descriptor 0 if no other file was open.
+    // Open stdin last: if stdin was closed, `log` is descriptor 0.
     ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
     ::posix_spawnattr_init(&attributes);
     sigset_t none;

@@ -29,7 +29,7 @@ constexpr char kHead[] =
     "# command may do everything. Agents read it again when it changes; `moonctl clients` edits it.\n";
 
 struct ClientsArguments {
-  std::string file;  // Empty: clients.yaml beside the team file.
+  std::string file;  // Path of the client list. Empty: clients.yaml beside the team file.
   std::string name;
   std::string rights;
   std::string public_key_file;  // Public key of the client. Empty: make a new key pair.
@@ -47,7 +47,7 @@ Result<std::filesystem::path> ListFile(CommandContext& context, const ClientsArg
   return Fail(ErrorCode::kInvalid, "which team? Give -t team.yaml, set MOONDB_TEAM, or give --file clients.yaml");
 }
 
-// Reads the client list. A missing file is an empty list.
+// Reads the client list. Returns an empty list if the file is missing.
 Result<proto::ClientList> Read(const std::filesystem::path& file) {
   auto list = ReadClientList(file);
   if (!list && list.error().code == ErrorCode::kNotFound) return proto::ClientList();
@@ -84,8 +84,8 @@ struct ListEdit {
   proto::ClientList list;
 };
 
-// Returns the comments at the top of the file, which an edit keeps. kRefused if there are comments elsewhere, because
-// an edit would lose them.
+// Returns the comments at the top of the file, or kHead if the file cannot be read. Returns kRefused if there are
+// comments elsewhere, because writing the list would lose them.
 Result<std::string> HeadOf(const std::filesystem::path& file) {
   const auto text = ReadTextFile(file);
   if (!text) return kHead;
@@ -95,7 +95,8 @@ Result<std::string> HeadOf(const std::filesystem::path& file) {
   for (; rest.starts_with("#"); ++number) head += std::string(TakeLine(rest)) + "\n";
   for (; !rest.empty(); ++number) {
     const std::string_view line = TakeLine(rest);
-    // A '#' after a blank begins a comment. A key may contain '#', but no blank before it.
+    // In YAML, a '#' begins a comment only at the start of a line or after a blank. A key may contain '#', but no
+    // blank.
     if (!line.starts_with("#") && line.find(" #") == line.npos && line.find("\t#") == line.npos) continue;
     return Fail(ErrorCode::kRefused, "this comment would be lost: bring it to the head of the file, or edit it by hand",
                 FileLine(file.string(), number));
@@ -115,7 +116,7 @@ Result<ListEdit> BeginEdit(CommandContext& context, const ClientsArguments& argu
   return ListEdit{*std::move(lock), *std::move(file), *std::move(head), *std::move(list)};
 }
 
-// Returns the new content of the file. Returns the error of the agents' parser if the parser rejects this content.
+// Returns the new content of the file. If the agents' parser would reject the new content, returns the parser's error.
 Result<std::string> TextOf(const ListEdit& edit) {
   std::string text = ClientListText(edit.list, edit.head);
   if (auto read = ParseClientList(text, edit.file.string()); !read) return tl::unexpected(read.error());
@@ -141,8 +142,8 @@ Result<proto::ClientRights> ParseRights(const std::string& name) {
               "--rights");
 }
 
-// Returns the public key for the list. If it makes a new key pair, adds the secret key to `files`, which the caller
-// publishes before it writes the list.
+// Returns the client's public key. If no key file was given, makes a new key pair and adds the secret key to `files`,
+// which the caller publishes before it writes the client list.
 Result<std::string> PublicKey(const ClientsArguments& arguments, const std::filesystem::path& secret_file,
                               NewFiles& files) {
   if (!arguments.public_key_file.empty()) return ReadPublicKey(arguments.public_key_file);
@@ -152,8 +153,8 @@ Result<std::string> PublicKey(const ClientsArguments& arguments, const std::file
   return keys->public_key;
 }
 
-// Returns the path for a new secret key. The default is in the user's folder, because files beside the team file are
-// copied to robots. Returns `out`, which may be empty, if no key is made.
+// Returns the path for the new secret key: `out`, or NAME.sec in the user's folder if `out` is empty. The default is
+// not beside the team file, because files there are copied to robots. Returns `out`, even if empty, if no key is made.
 Result<std::filesystem::path> SecretFile(const ClientsArguments& arguments) {
   if (!arguments.public_key_file.empty() || !arguments.out.empty()) return std::filesystem::path(arguments.out);
   auto folder = UserFolder();

@@ -1,5 +1,5 @@
-// A moonctl command is a Command with a CommandNote (an example and more). Its callback stores the action that main
-// runs. A group such as "role", which only holds subcommands, has no note.
+// Adds commands to moonctl. A command has a CommandNote, and its callback stores the action that main runs. A group
+// such as "role" only holds subcommands and has no note.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ inline constexpr bool kShows = true;
 // Adds a command whose --help ends with the note's example.
 Command& AddCommand(Command& group, const std::string& name, const std::string& description, CommandNote note);
 
-// Returns the command's note, or for a group the note of its first command. Null: there is no note.
+// Returns the command's note, or for a group the note of its first command. Null: the command has no note.
 const CommandNote* NoteOf(const Command& command);
 
 // Ends the --help of every group below `root` with the example of the group's first command.

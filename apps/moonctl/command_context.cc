@@ -102,7 +102,8 @@ void CommandContext::NoteConfigHash(const proto::AgentConfig& of, std::uint64_t 
                OtherConfigText(hash, team_->hash).c_str());
 }
 
-// Prints on stderr which agent relays the requests. With --json, the document names the relay instead.
+// Prints on stderr, once per relay, that `by` relays requests. With --json, prints nothing: the document names the
+// relays.
 void CommandContext::NoteRelay(const proto::AgentConfig& by) {
   if (std::find(relays_.begin(), relays_.end(), by.name()) != relays_.end()) return;
   relays_.push_back(by.name());
@@ -186,7 +187,7 @@ Result<AgentClient> CommandContext::ConnectToLeaderOf(const proto::RoleAssignmen
                 name + " leads the team, but has left it: name another leader by moonctl role set");
   }
   auto leader = Connect(name);
-  // Suggest a new leader only if no other agent hears this leader. A leader that others hear is not lost.
+  // Suggest a new leader only if no other agent is connected to this leader. A connected leader is not lost.
   const proto::AgentConfig* named = FindAgent((*team)->config, static_cast<AgentId>(roles.leader()));
   if (!leader && IsUnreachable(leader.error()) && named != nullptr && !reach_->IsHeard(*named)) {
     leader.error().text += "; it leads the team: if it is lost, let the survivor lead by moonctl role set";

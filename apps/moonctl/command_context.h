@@ -1,4 +1,4 @@
-// CommandContext: the state that all commands of moonctl share: global options, team, connections to agents, output.
+// CommandContext: the global options, the team file, the connections to agents and the output of a moonctl command.
 //
 // With --json, stdout gets exactly one document, which is {"error": ...} if the command fails. Without --json, stdout
 // gets the results, and stderr gets errors and progress. Not thread-safe.
@@ -26,11 +26,11 @@
 
 namespace moondb {
 
-// Parses the value of a lease's --for, at most 24 h. Returns kInvalid, with the field "--for" and an example, if
-// ParseDuration rejects the text.
+// Parses the duration of a lease, the value of --for, at most 24 h. Returns kInvalid, with the field "--for" and an
+// example, if `text` is no such duration.
 Result<std::chrono::milliseconds> ParseLeaseDuration(const std::string& text);
 
-// The T of a function `ask` that returns a Result<T>.
+// The type T, for a function of type `Ask` that takes a Client& and returns a Result<T>.
 template <typename Ask>
 using AnswerOf = typename std::invoke_result_t<Ask, Client&>::value_type;
 
@@ -39,20 +39,21 @@ class CommandContext {
   explicit CommandContext(std::filesystem::path program_folder) : program_folder_(std::move(program_folder)) {}
 
   // The command line fills in these members.
-  std::string team_path;  // Empty: $MOONDB_TEAM.
-  std::string agent;      // Empty: each command chooses the agent itself.
-  std::string via;  // The agent that relays all requests. Empty: $MOONDB_VIA. If that is not set, moonctl connects to
-                    // an agent directly if it can, otherwise through a reachable agent (apps/moonctl/team_reach.h).
+  std::string team_path;  // Path of the team file. Empty: $MOONDB_TEAM.
+  std::string agent;      // The agent given with -a. Empty: each command chooses an agent.
+  // The agent that relays all requests. Empty: the agent in $MOONDB_VIA. If that variable is not set, TeamReach chooses
+  // a relay for each agent that it cannot reach directly.
+  std::string via;
   bool is_json = false;
-  std::string key_file;              // The client's secret key. Empty: $MOONDB_CLIENT_KEY. If that is not set, no key.
+  std::string key_file;              // File of the client's secret key. Empty: $MOONDB_CLIENT_KEY, or no key.
   std::string timeout;               // Examples: "3s", "500ms", "2m". Empty: each command's default.
-  std::string watch;                 // Seconds between two runs of the command. Empty: it runs once.
+  std::string watch;                 // Seconds between two runs of the command. Empty: a single run.
   std::function<ExitCode()> action;  // Runs the chosen command.
 
   // Printed above each result, except with --json. --watch sets a new heading for each run of the command.
   std::string heading;
 
-  // Parses `timeout`. Call it before any action.
+  // Parses `timeout`. Call before `action`. Returns kInvalid, with the field "--timeout", if the text is no duration.
   Result<void> ParseTimeout();
   // Restricts later calls to agents on this machine: the client uses no key, and no agent relays requests.
   void StayHere() {
@@ -60,40 +61,40 @@ class CommandContext {
     is_here_ = true;
   }
 
-  // Returns the team file, which is read once. Every error is kInvalid, because the command has sent no request yet.
+  // Returns the team file, which the first call reads. Every error is kInvalid.
   Result<const TeamFile*> Team();
   std::filesystem::path TeamPath() const;
   const std::filesystem::path& program_folder() const { return program_folder_; }
 
-  // ClientOptions sets the timeouts: 3 s for short calls and 600 s for long calls, unless --timeout is given. Reads the
-  // client's key once. Returns kInvalid, with the option or variable that names the key file, if the key cannot be
-  // read. WaitTimeout is 600 s, unless --timeout is given.
+  // Returns the client's key and its timeouts: 3 s for short calls and 600 s for long calls, unless --timeout is given.
+  // The first call reads the key file. Returns kInvalid, with the option or variable that names the key file, if the
+  // key cannot be read.
   Result<Client::Options> ClientOptions();
-  std::chrono::milliseconds WaitTimeout() const;
+  std::chrono::milliseconds WaitTimeout() const;             // --timeout, or 600 s by default.
   bool has_timeout() const { return timeout_.has_value(); }  // Returns true if --timeout was given.
 
-  // Connects to the agent of that name, if necessary through a relay. If an agent relays the requests, prints one line
-  // on stderr; with --json, Print instead adds a field `via` to the document.
+  // Connects to the agent called `name`, if necessary through a relay. Prints the relay's name on stderr, or with
+  // --json adds the name to the document as `via`.
   Result<AgentClient> Connect(const std::string& name);
   Result<AgentClient> ConnectHere(const std::string& name);  // Connects directly, without a relay.
   bool is_relayed() const { return !relays_.empty(); }       // Returns true if another agent relayed a request.
-  // Returns the assignment with the newest term among all agents that answer. kUnavailable if none answers.
+  // Returns the role assignment with the newest term among all agents that answer. Errors are as for
+  // TeamReach::NewestRoles.
   Result<proto::RoleAssignment> Roles();
-  // Returns the hash of the agent's team file, as the agent last reported it. 0: not reported. If an agent reports a
-  // hash that differs from the hash of this command's team file, one line on stderr says so.
+  // Returns the hash of the agent's team file that the agent last reported. 0: the agent has reported no hash.
   std::uint64_t ConfigHashOf(AgentId of) const;
   // Returns the agent given with -a, otherwise all agents that have not left the team. kInvalid if the team has no such
   // agent, kRefused if that agent has left.
   Result<std::vector<const proto::AgentConfig*>> ChosenAgents();
-  // Calls `ask`, a Result<T>(Client&), for each chosen agent (ChosenAgents). The entry of an agent that cannot be
-  // reached is an error. kInvalid if the key cannot be read.
+  // Calls `ask`, which takes a Client& and returns a Result<T>, for each of ChosenAgents(). The entry of an agent that
+  // cannot be reached is an error. Returns kInvalid if the key cannot be read.
   template <typename Ask>
   auto AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>>;
 
   // Connects to the agent given with -a, otherwise to the leader in the assignment with the newest term that any agent
   // reports.
   Result<AgentClient> ConnectToChosenOrLeader();
-  // Connects to the leader that `roles` names. kRefused if it names none.
+  // Connects to the leader in `roles`. Returns kRefused if `roles` has no leader, or if the leader has left the team.
   Result<AgentClient> ConnectToLeaderOf(const proto::RoleAssignment& roles);
 
   // Report, Done and Print write the outcome of the command and return its exit code.

@@ -1,4 +1,4 @@
-// Searches the tree of commands, for completion, the manual page and "did you mean". Plain functions.
+// Searches the tree of commands. Used by completion, the manual page and "did you mean".
 #pragma once
 
 #include <functional>
@@ -25,7 +25,7 @@ void VisitCommands(const Command& root, const std::function<void(const Command&)
 const Command& GivenCommand(const Command& root);
 
 // Returns the option that `word` ("--json", "-a", "--watch=5") names, among the options of `command` and its ancestors.
-// Null: there is none.
+// Null: there is no such option.
 const Option* FindOption(const Command& command, const std::string& word);
 // Returns the name without the value: "--json" of "--json=1".
 std::string OptionName(const std::string& word);
@@ -33,8 +33,8 @@ std::string OptionName(const std::string& word);
 // Returns the long option names ("--agent") of a command and its ancestors.
 std::vector<std::string> OptionNames(const Command& command);
 
-// The options and the arguments of the command itself, in the order in which they were added. Arguments have no dash in
-// their name.
+// OwnOptions returns the options and ArgumentsOf the positional arguments of the command itself, in the order in which
+// they were added.
 std::vector<const Option*> OwnOptions(const Command& command);
 std::vector<const Option*> ArgumentsOf(const Command& command);
 

@@ -6,11 +6,11 @@
 namespace moondb {
 namespace {
 
-// The position at which the last word stands on the command line.
+// The role of the last word on the command line: the value of an option, or an argument or subcommand of `command`.
 struct Cursor {
   const Command* command = nullptr;
-  const Option* value_of = nullptr;  // The last word is the value of this option. Null: of no option.
-  int argument = 0;  // If `value_of` is null: the index of the positional argument that the last word may be.
+  const Option* value_of = nullptr;  // The option whose value the last word is. Null: no option.
+  int argument = 0;                  // Number of positional arguments before the last word.
 };
 
 Cursor FindCursor(const Command& root, const std::vector<std::string>& words) {
@@ -33,8 +33,8 @@ Cursor FindCursor(const Command& root, const std::vector<std::string>& words) {
   return cursor;
 }
 
-// Returns the positional argument to which word number `place` belongs. An argument takes as many words as it allows
-// values. Null: there is no such argument.
+// Returns the positional argument to which the positional word number `place` (from 0) belongs. Each argument takes up
+// to values_max() words. Null: the command takes fewer words.
 const Option* ArgumentAt(const Command& command, int place) {
   for (const Option* argument : ArgumentsOf(command)) {
     place -= argument->values_max();
@@ -43,7 +43,8 @@ const Option* ArgumentAt(const Command& command, int place) {
   return nullptr;
 }
 
-// Adds the candidates that the option's type name lists: "AGENT", "FILE", "TEXT:{ros,png}", "{AGENT,leader,survivor}".
+// Adds the candidates that the option's type name describes: "AGENT", "FILE", "TEXT:{ros,png}",
+// "{AGENT,leader,survivor}".
 void AddValues(const Option& option, const TeamWords& team, Completion& completion) {
   const std::string type = option.type_name();
   const std::size_t open = type.find('{');

@@ -15,7 +15,7 @@ namespace {
 constexpr char kFiles[] = ":files";
 
 // Each script calls `moonctl __complete` with the words up to the cursor. The answer has one line per candidate: the
-// word, a tab and its description. A line ":files" requests path completion.
+// word, a tab and its description. After a line ":files", the shell also completes paths.
 constexpr char kBash[] = R"(# bash completion for moonctl; put there by `moonctl completion bash`.
 _moonctl() {
   local line program=${COMP_WORDS[0]/#\~/$HOME}
@@ -70,7 +70,7 @@ complete -c moonctl -f -a '(__moonctl_complete)'
 
 const std::map<std::string, std::string> kScripts = {{"bash", kBash}, {"zsh", kZsh}, {"fish", kFish}};
 
-// Reads the team file that the words name, otherwise the one in $MOONDB_TEAM.
+// Reads the team file that -t or --team in `words` names, otherwise the team file in $MOONDB_TEAM.
 TeamWords ReadTeamWords(const std::vector<std::string>& words, CommandContext& context) {
   for (std::size_t i = 0; i + 1 < words.size(); ++i) {
     if (words[i] != "-t" && OptionName(words[i]) != "--team") continue;

@@ -10,7 +10,8 @@ namespace moondb {
 
 class Command;
 
-inline constexpr char kCompleteWord[] = "__complete";  // First word of a script's request: complete the words after it.
+// First word of a completion script's request. The words to complete follow it.
+inline constexpr char kCompleteWord[] = "__complete";
 
 ExitCode PrintCompletions(const Command& root, const std::vector<std::string>& words, CommandContext& context);
 

@@ -25,8 +25,8 @@ struct ConfigArguments {
   bool is_fixing = false;
 };
 
-// Adds a team id to the file if it has none. Returns the new id, or an empty string if the file is unchanged. Does not
-// report other faults of the file, which its next reader finds.
+// Adds a team id to the file if it has none. Returns the new id, or an empty string if the file is unchanged. Ignores
+// other faults of the file.
 Result<std::string> AddTeamId(const std::filesystem::path& file) {
   const auto yaml = ReadTextFile(file);
   if (!yaml) return tl::unexpected(yaml.error());
@@ -156,7 +156,7 @@ void AddConfigCommands(Command& app, CommandContext& context) {
   Command& group = app.AddSubcommand("config", "The team file");
   group.RequireSubcommand();
   auto arguments = std::make_shared<ConfigArguments>();
-  // Makes `config check FILE` equal to `-t FILE config check`.
+  // Adds a command that takes the team file as an argument: `config check FILE` equals `-t FILE config check`.
   const auto add_reader = [&](const char* name, const char* description, const CommandNote& note,
                               const std::function<ExitCode(CommandContext&)>& run) -> Command& {
     Command& command = AddCommand(group, name, description, note);

@@ -55,7 +55,7 @@ void WriteRange(const proto::FieldRule& rule, JsonWriter& json) {
 void WriteList(const FieldDescriptor& field, JsonWriter& json) {
   const proto::FieldRule& rule = RuleOf(field);
   if (field.cpp_type() == FieldDescriptor::CPPTYPE_STRING) {
-    json.Key("type").BeginArray().String("array").String("string").EndArray();  // A single string is read as a list.
+    json.Key("type").BeginArray().String("array").String("string").EndArray();  // The parser also accepts one string.
   } else {
     json.Key("type").String("array");
   }
@@ -75,7 +75,7 @@ void WriteField(const FieldDescriptor& field, JsonWriter& json) {
   } else if (field.is_repeated()) {
     WriteList(field, json);
   } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-    // Draft 7 ignores members beside a reference.
+    // JSON Schema draft 7 ignores members beside "$ref". The reference is therefore put into "allOf".
     json.Key("allOf").BeginArray().BeginObject();
     WriteType(field, json);
     json.EndObject().EndArray();

@@ -54,7 +54,8 @@ std::string ListText(const Message& message, const FieldDescriptor& field) {
   return count == 0 ? "" : "[" + text + "]";
 }
 
-// Writes a configuration as YAML, in the order of its fields, and collects the paths of defaulted values.
+// Writes a configuration as YAML, in the order of its fields. Collects the paths of the fields that have default
+// values.
 class Writer {
  public:
   explicit Writer(const std::set<std::string>& given) : given_(given) {}

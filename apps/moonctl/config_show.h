@@ -1,5 +1,5 @@
 // A team's complete configuration as its agents use it: the values of the team file and the defaults of all other
-// fields. Plain functions.
+// fields. Thread-safe.
 #pragma once
 
 #include <set>
@@ -11,14 +11,15 @@
 
 namespace moondb {
 
-// Returns the paths of the fields that the file sets ("agents[0].id"), with the indices of the parsed configuration.
+// Returns the paths ("agents[0].id") of the fields that the team file `yaml` sets. Indices are those of the parsed
+// configuration, in which custom types are sorted by id.
 std::set<std::string> GivenFields(const std::string& yaml);
 
 // Returns the configuration as YAML in the form of a team file. Appends "# default" to values whose paths are not in
 // `given`. Parsing this YAML gives the same configuration.
 std::string EffectiveYaml(const proto::TeamConfig& team, const std::set<std::string>& given);
 
-// Returns the paths of the values that are not in `given`, so the agents use their defaults.
+// Returns the paths of the fields that are not in `given`. The agents use the default values of these fields.
 std::vector<std::string> DefaultedFields(const proto::TeamConfig& team, const std::set<std::string>& given);
 
 }  // namespace moondb

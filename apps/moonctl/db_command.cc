@@ -32,7 +32,8 @@ double CountOf(const proto::StorageStatus& storage, std::optional<DataType> type
   return count;
 }
 
-// Returns a table with one row per data type, including types that are not shared. Agents that do not answer have "?".
+// Returns a table with one row per data type, including types that are not shared. Shows "?" for agents that do not
+// answer.
 std::string RowsText(const CustomTypes& custom_types, const AgentAnswers<proto::AgentStatus>& answers) {
   std::set<DataType> types;
   for (const auto& [agent, status] : answers) {

@@ -1,4 +1,4 @@
-// The longer commands of `moonctl db`: they send several requests to an agent, or work on its database file.
+// The commands of `moonctl db` that send several requests to an agent or work on its database file.
 #pragma once
 
 #include <string>
@@ -8,12 +8,12 @@
 
 namespace moondb {
 
-// Each agent, or the agent given with -a, verifies its own store. Returns kFailed if any store is damaged, otherwise
-// kUnreachable if an agent does not answer.
+// Makes each agent, or the agent given with -a, verify its own store. Returns kFailed if any store is damaged,
+// otherwise kUnreachable if an agent does not answer.
 ExitCode VerifyStores(CommandContext& context);
 
-// Compares two agents: counts the records that only one of them holds, and compares the contents of the records that
-// both hold. Returns kFailed if the agents differ.
+// Counts the records that only one of the two agents holds, and compares the contents of the records that both agents
+// hold. Returns kFailed if the agents differ.
 ExitCode CompareStores(CommandContext& context, const std::string& first, const std::string& second);
 
 // Arguments of `db prune`, which runs on one agent.
@@ -22,18 +22,19 @@ struct PruneArguments {
   std::vector<std::string> types;
   bool occluded_maps = false;
   bool is_history = false;
-  double megabytes_max = 0;  // 0: no limit.
+  // Maximum size of the removed records in megabytes. The oldest records are removed first. 0: no limit.
+  double megabytes_max = 0;
   bool is_dry_run = false;
 };
 
-// Makes the agent given with -a remove the records that need not be kept, and prints what was removed. Returns kRefused
-// if nothing can be removed because the leader or the survivor does not answer the agent.
+// Makes the agent given with -a remove records that need not be kept, and prints a summary. Returns kRefused if nothing
+// can be removed because the leader or the survivor does not answer the agent.
 ExitCode PruneStore(CommandContext& context, const PruneArguments& arguments);
 
 // Arguments of `db query` and `db backup`, which work on an agent's database file on this machine.
 struct StoreFileArguments {
   std::string text;         // The query, or the path of the backup.
-  std::string data_folder;  // Folder as given to `moonctl up`. Empty: the default.
+  std::string data_folder;  // Value of `moonctl up --data-dir`. Empty: the default.
 };
 
 inline constexpr std::size_t kQueryRowsMax = 1'000'000;
@@ -41,7 +42,7 @@ inline constexpr std::size_t kQueryRowsMax = 1'000'000;
 struct QueryArguments : StoreFileArguments {
   std::size_t rows_max = 0;  // 0: a default that depends on the output format.
   bool is_csv = false;
-  std::string out;  // CSV file. Empty: stdout.
+  std::string out;  // Path of the CSV file. Empty: stdout.
 };
 
 ExitCode QueryFile(CommandContext& context, const QueryArguments& arguments);

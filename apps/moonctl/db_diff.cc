@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kKeysMax = 10;  // Differing records listed per series.
+constexpr std::size_t kKeysMax = 10;  // Maximum number of listed records per series.
 
 struct Side {
   AgentClient agent;

@@ -12,7 +12,7 @@
 namespace moondb {
 namespace {
 
-// Returns the database file of the agent given with -a. It must be on this machine.
+// Returns the path of the database file of the agent given with -a. The file is on this machine but may be missing.
 Result<std::filesystem::path> StoreOf(CommandContext& context, const std::string& data_folder) {
   if (context.agent.empty()) return Fail(ErrorCode::kInvalid, "which agent's file? Give -a rover1");
   if (!context.via.empty()) return Fail(ErrorCode::kInvalid, "reads a file on this machine; run it there", "--via");
@@ -85,7 +85,8 @@ std::string CsvOf(const QueryAnswer& answer) {
   return text;
 }
 
-// A truncated CSV looks complete. Report the truncation on stderr.
+// Writes CSV to the file `out`, or to stdout if `out` is empty. Reports truncation on stderr, because a truncated CSV
+// looks complete.
 ExitCode PutOutCsv(CommandContext& context, const QueryAnswer& answer, const std::string& out) {
   if (answer.is_cut) std::fputs("moonctl: there are more rows; see --limit\n", stderr);
   const std::string csv = CsvOf(answer);

@@ -19,7 +19,7 @@ struct Verification {
   double orphaned = 0;
   double file_check_s = 0;  // Duration of the file check, during which storage answers no requests.
   double total_s = 0;
-  std::size_t findings_count = 0;     // Number of reported findings. Agents report only the first ones.
+  std::size_t findings_count = 0;     // Number of reported findings. An agent reports only its first findings.
   std::vector<std::string> findings;  // The first kFindingsShown findings.
 
   bool is_sound() const { return findings.empty(); }
@@ -37,7 +37,7 @@ double SecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-// Verifies one part of the store with as many requests as needed. If the store is too damaged to be read, adds this
+// Verifies one part of the store with as many requests as needed. If the store is too damaged to be read, adds the read
 // error as a finding.
 Result<void> VerifyOnePart(Client& client, proto::VerifyPart part, const std::function<void()>& progress,
                            Verification& found) {

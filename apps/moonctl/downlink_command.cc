@@ -51,13 +51,14 @@ Result<AgentClient> ConnectToDownlinker(CommandContext& context) {
   return context.Connect(AgentName((*team)->config, base));
 }
 
-// Returns a command for the operator to type, such as "moonctl downlink ack 7". If this command was given -a, adds it.
+// Returns a command for the operator to type, such as "moonctl downlink ack 7". Includes the option -a if this command
+// has one.
 std::string Typed(const CommandContext& context, const std::string& words) {
   return "moonctl " + (context.agent.empty() ? "" : "-a " + context.agent + " ") + "downlink " + words;
 }
 
-// Returns kRefused if `path` exists with content other than `file`. The existing file may be the only copy of a bundle
-// that had the same number in a store that was lost since.
+// Returns kRefused if a file with other content than `file` exists at `path`. That file may be the only copy of an
+// older bundle with the same number, made before the agent lost its store.
 Result<void> KeepAnother(const std::string& path, const std::string& file) {
   if (!std::filesystem::exists(path)) return {};
   const auto present = ReadTextFile(path, kBundleBytesMax);
@@ -136,7 +137,7 @@ ExitCode GetBundle(CommandContext& context, const DownlinkArguments& arguments) 
   return context.Done(json.text(), "wrote " + *file);
 }
 
-// Checks that the bundle of this number, which waits at the agent, equals the file.
+// Checks that the agent's bundle with this number equals the file.
 Result<void> CheckSame(Client& client, const DownlinkArguments& arguments) {
   const auto file = ReadTextFile(arguments.file, kBundleBytesMax);
   if (!file) return tl::unexpected(InputError(file.error()));
@@ -172,7 +173,7 @@ ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arg
 ExitCode ShowBundle(CommandContext& context, const DownlinkArguments& arguments) {
   const auto file = ReadTextFile(arguments.file, kBundleBytesMax);
   if (!file) return context.Report(InputError(file.error()));
-  // The team file gives the custom types their names. A bundle can be read without these names.
+  // Without a team file, the bundle is shown without the names of the custom types.
   CustomTypes custom_types;
   if (!context.TeamPath().empty()) {
     const auto team = context.Team();

@@ -10,7 +10,7 @@ enum class ExitCode {
   kFailed = 1,
   kUsage = 2,        // The command line, the team file or other input is wrong.
   kUnreachable = 3,  // Some agents do not answer.
-  kRefused = 4,      // Examples: a role conflict, an outdated state, not the leader.
+  kRefused = 4,      // Examples: a role conflict, outdated state, an agent that is not the leader.
   kTimedOut = 5,     // Waiting for an acknowledgment or an answer took too long.
 };
 
@@ -29,8 +29,8 @@ constexpr ExitCode ExitCodeOf(ErrorCode code) {
   }
 }
 
-// Turns an error of a file that the operator named into kInvalid: the file is missing or damaged, so the command line
-// is wrong.
+// Returns `error` as kInvalid. Call this if a file that the operator named is missing or damaged, because the command
+// line is then wrong.
 inline Error InputError(Error error) {
   error.code = ErrorCode::kInvalid;
   return error;

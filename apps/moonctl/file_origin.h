@@ -1,5 +1,5 @@
-// The origin of an exported file, and the agents that the source of the data could not reach. The file may lack data of
-// these agents. Not thread-safe.
+// The origin of an exported file, and the agents whose data the file may lack, because the source agent was not
+// connected to them. Not thread-safe.
 #pragma once
 
 #include <string>
@@ -12,14 +12,13 @@ namespace moondb {
 struct FileOrigin {
   std::string team;
   std::string agent;
-  std::string time;          // UTC.
+  std::string time;          // UTC, as text.
   std::string out_of_reach;  // Names of unreachable agents, "nobody", or "unknown" if the source does not report them.
 };
 
 FileOrigin OriginOf(const proto::TeamConfig& team, const AgentClient& source);
 
-// Returns the notes on the origin. Inserts `content`, the notes on the content ("maps" "183"), before the last note,
-// out_of_reach.
+// Returns notes on the origin and, before the last one (out_of_reach), the notes in `content`, such as "maps": "183".
 FileNotes NotesOf(const FileOrigin& origin, FileNotes content);
 
 }  // namespace moondb

@@ -12,10 +12,11 @@ IntervalSet Behind(const IntervalSet& seqs, std::uint64_t seq) {
   return seqs.Minus(before);
 }
 
-// Splits `seqs` into two halves: the smaller and the larger seqs. Requires: at least two seqs.
+// Splits `seqs` into a half with the smaller and a half with the larger sequence numbers. Requires: at least two
+// numbers.
 std::pair<IntervalSet, IntervalSet> Halves(const IntervalSet& seqs) {
   std::pair<IntervalSet, IntervalSet> halves;
-  std::uint64_t left = seqs.Count() / 2;  // Number of seqs still missing in the first half.
+  std::uint64_t left = seqs.Count() / 2;  // Number of seqs still to be added to the first half.
   for (const IntervalSet::Interval& interval : seqs.intervals()) {
     const std::uint64_t taken = std::min(left, interval.last - interval.first + 1);
     if (taken > 0) halves.first.Add({interval.first, interval.first + taken - 1});

@@ -38,7 +38,7 @@ ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadReque
   while (true) {
     const auto page = feed.Next(kWait);
     if (!page && page.error().code != ErrorCode::kTimedOut) return context.Report(page.error());
-    if (!page) {  // The radio lost a frame, or the agent is busy. Report it once.
+    if (!page) {  // The radio lost a frame, or the agent is busy. Report the delay once.
       const bool is_reported = std::exchange(is_late, true);
       if (!is_reported) std::fprintf(stderr, "moonctl: %s; going on\n", ToString(page.error()).c_str());
       continue;

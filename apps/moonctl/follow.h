@@ -9,8 +9,9 @@
 namespace moondb {
 
 // Prints one line, made by `line_of`, for each record that the agent stores after this call. If `filter`.after_row_id
-// is not 0, prints all records after that row. Returns kUnreachable if the agent is lost. A late answer only causes one
-// line on stderr. Exits with code 0 on SIGINT and SIGTERM, and silently if the reader has closed stdout.
+// is not 0, prints all records after that row. Returns kUnreachable if the agent is lost. If an answer is late, prints
+// one line on stderr and continues. Exits with code 0 on SIGINT and SIGTERM, and silently if the reader has closed
+// stdout.
 ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadRequest filter,
                        const std::function<std::string(const proto::StoredRecord&, const proto::Record&)>& line_of);
 

@@ -1,7 +1,7 @@
-// Converts between g2o and PyFG, and maps g2o vertices to agents.
+// Converts between g2o and PyFG.
 //
-// A g2o vertex only has a 64-bit id. Ids are written as GTSAM symbols: the letter of the robot in the highest byte, the
-// index of the node in the lower bytes. Ids that fit this form are read as symbols. Plain functions.
+// A g2o vertex has a 64-bit id and names no agent. Ids are written as GTSAM symbols: the highest byte is the letter of
+// the robot, the lower bytes are the index of the node.
 #pragma once
 
 #include "model/error.h"
@@ -10,13 +10,13 @@
 
 namespace moondb {
 
-// Converts poses and odometry. Omits ranges, because g2o has no edge for them. kInvalid if an index exceeds 2^56 or a
-// covariance is singular.
+// Converts poses and odometry. Omits ranges, because g2o has no edge for them. Returns kInvalid if the index of a node
+// is 2^56 or more, or if a covariance is singular.
 Result<G2o> ToG2o(const Pyfg& pyfg);
 
-// Converts a g2o graph; timestamps become 0. A vertex whose id is no symbol gets the letter `plain_agent`
-// (AgentOfLetter); 0 rejects such vertices. kInvalid if a vertex has no agent, an information matrix is singular, or
-// there is no vertex.
+// Converts a g2o graph. Timestamps become 0. Assigns vertices whose ids are not GTSAM symbols to `plain_agent`, the
+// number of a letter (AgentOfLetter). Returns kInvalid if there is such a vertex and `plain_agent` is 0, if an
+// information matrix is singular, or if there is no vertex.
 Result<Pyfg> ToPyfg(const G2o& g2o, AgentId plain_agent);
 
 }  // namespace moondb

@@ -100,7 +100,8 @@ std::string NodeName(const proto::TeamConfig& team, const NodeKey& node) {
   return AgentName(team, node.agent) + ":" + std::to_string(node.index);
 }
 
-// Returns the standard deviation of one coordinate of a pose: 0 to 2 are the position, 3 to 5 the rotation.
+// Returns the standard deviation of one coordinate of a pose as text, or "-" without a valid covariance. Coordinates 0
+// to 2 are the position, 3 to 5 the rotation.
 std::string SigmaText(const proto::NodeCovariance& node, int coordinate, const char* unit) {
   const auto covariance = FromUpperTriangle(node.covariance());
   if (!covariance) return "-";
@@ -161,11 +162,11 @@ ExitCode OptimizeGraph(CommandContext& context, const OptimizeArguments& argumen
   return context.Done(ToJson(*solve), SolveText((*team)->config, *solve));
 }
 
-// Statistics of the ranges between two agents, by the newest verdicts.
+// Statistics of the ranges between two agents. A range is rejected or not according to its newest verdict.
 struct PairStats {
   std::size_t range_count = 0;
   std::size_t rejected_count = 0;
-  double worst_sigmas = 0;  // Largest residual of the rejected ranges, with its sign.
+  double worst_sigmas = 0;  // Residual with the largest magnitude among the rejected ranges, in sigmas.
 };
 
 using AgentPair = std::pair<AgentId, AgentId>;  // Two agents, the smaller id first.

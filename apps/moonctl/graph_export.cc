@@ -27,7 +27,7 @@ struct HeldGraph {
   PoseGraph graph;                                // Has raw or optimized poses, as the user chose.
   std::vector<const PublishedVerdict*> verdicts;  // One for each of graph.ranges. Null: no verdict.
   std::size_t rejected_count = 0;
-  std::size_t waiting_edge_count = 0;  // Edges that are omitted.
+  std::size_t waiting_edge_count = 0;  // Number of omitted edges.
   std::set<NodeKey> optimized;         // Nodes that have an optimized pose.
 };
 
@@ -58,8 +58,8 @@ HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
   return held;
 }
 
-// Renames the agents to the letters of the file. The base station becomes a landmark without a timestamp, because
-// PyFactorGraph's reader rejects timestamps of landmarks.
+// Replaces each agent's id by the number of its letter in the file. The base station becomes a landmark without a
+// timestamp, because PyFactorGraph's reader rejects timestamps of landmarks.
 Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   std::map<AgentId, AgentId> letters;
   for (const auto& [letter, agent] : AgentsByLetter(team)) letters[agent] = letter;
@@ -90,8 +90,8 @@ Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   return pyfg;
 }
 
-// Returns a CSV with all ranges and their verdicts. `named` is the exported graph, which has the same ranges with the
-// letters of the agents.
+// Returns a CSV with all ranges and their verdicts. `named` is the exported graph: it has the same ranges in the same
+// order, with letters in place of agent ids.
 std::string VerdictsText(const HeldGraph& held, const Pyfg& named) {
   std::string text = "from,to,timestamp_s,range_m,variance_m2,verdict,residual_sigmas\n";
   for (std::size_t i = 0; i < held.graph.ranges.size(); ++i) {
@@ -128,8 +128,8 @@ FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {
   return notes;
 }
 
-// Returns the file with the notes, which is written beside the graph. Comments in the graph file would break common
-// programs: PyFactorGraph, and for g2o the Ceres examples and SE-Sync.
+// Returns a file for the notes, FILE.origin.txt. Notes as comments in the graph file would break common programs:
+// PyFactorGraph, and for g2o the Ceres examples and SE-Sync.
 FileBytes OriginFile(const std::string& file, const FileNotes& notes) {
   return {file + ".origin.txt", NotesText(notes)};
 }

@@ -63,8 +63,8 @@ class Importer {
     ++count;
   }
 
-  // The landmark with the base station's letter becomes the base station's node. Skips other landmarks, because no
-  // agent can insert a place without a node.
+  // Turns the landmark with the base station's letter into the base station's node. Leaves out other landmarks, because
+  // each node belongs to an agent.
   void AddLandmarks() {
     for (const PyfgLandmark& landmark : pyfg_.landmarks) {
       const auto key = Translate(landmark.key);

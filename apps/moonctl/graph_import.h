@@ -1,7 +1,7 @@
 // Turns a PyFG file into the records that each agent would have inserted itself.
 //
-// Vertices in such files are usually ground truth or a solution. Only the first vertex of each rover is used. Its other
-// raw poses are composed from odometry, as the robot would have known them. Plain functions.
+// Vertices in such files are usually ground truth or a solution. The import uses only the first vertex of each rover,
+// and composes the rover's other raw poses from odometry, as the rover itself would have done.
 #pragma once
 
 #include <map>
@@ -15,7 +15,8 @@
 namespace moondb {
 
 struct GraphImport {
-  std::map<AgentId, std::vector<proto::Record>> records;  // By inserting agent. Nodes precede edges.
+  // Records by the agent that inserts them. The nodes of an agent precede its edges.
+  std::map<AgentId, std::vector<proto::Record>> records;
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
   std::size_t range_count = 0;
@@ -24,8 +25,8 @@ struct GraphImport {
   std::size_t left_out_count = 0;
 };
 
-// Returns the records for the graph. kInvalid if a letter of the file belongs to no agent of the team, or if no
-// odometry leads from a rover's first node to one of its nodes.
+// Returns the records for the graph. Returns kInvalid if a letter of the file belongs to no agent of the team, or if
+// the odometry does not lead from the first node of a rover to each of its other nodes.
 Result<GraphImport> PrepareImport(const proto::TeamConfig& team, const Pyfg& pyfg);
 
 }  // namespace moondb

@@ -26,8 +26,7 @@ proto::RoleAssignment NewestOf(const std::map<std::uint32_t, AgentReport>& repor
   proto::RoleAssignment newest;
   for (const auto& [agent, report] : reports) {
     if (!report.status) continue;
-    // An agent acts on an assignment that it cannot store, except for its own role. Another agent may have stored the
-    // assignment. So unstored assignments count here.
+    // An assignment that this agent could not store counts too, because another agent may have stored it.
     const proto::RoleAssignment& roles =
         report.status->has_unstored_roles() ? report.status->unstored_roles() : report.status->roles();
     if (!IsNewer(newest.term(), roles.term())) newest = roles;
@@ -115,7 +114,7 @@ void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
 
 bool IsFarOff(const proto::PeerClockOffset& clock) { return std::abs(clock.offset_s()) > kClockOffsetMax_s; }
 
-// Returns the agents whose clocks differ from most other agents' clocks.
+// Returns the agents whose clocks differ by more than kClockOffsetMax_s from the clocks of most of their peers.
 std::set<std::uint32_t> WrongClocksIn(const std::map<std::uint32_t, AgentReport>& reports) {
   std::set<std::uint32_t> wrong;
   for (const auto& [agent, report] : reports) {
@@ -139,7 +138,7 @@ void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status
   }
 }
 
-// Describes rejected messages that only a lying or faulty member of the team sends.
+// Describes the messages or records of one sender that an agent refused, and the reason.
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom& refused) {
   const std::string sender = AgentName(team, refused.agent_id());
   const std::string count = FormatCount(refused.count());
@@ -197,7 +196,7 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
   }
 }
 
-// Adds implausible odometry scales to the findings of their rovers, not to those of the leader that solved.
+// Adds a finding to each rover with an implausible odometry scale, not to the leader that solved.
 void JudgeSolve(const proto::OptimizeReply& solve, std::map<std::uint32_t, Findings>& all) {
   for (const proto::RoverSolution& rover : solve.rovers()) {
     if (IsPlausibleOdometryScale(rover.odometry_scale())) continue;

@@ -1,4 +1,4 @@
-// Derives a team's faults from its agents' reports, for `moonctl health`. Pure functions.
+// Finds the faults of a team in its agents' reports, for `moonctl health`. Thread-safe.
 #pragma once
 
 #include <map>
@@ -13,21 +13,23 @@
 
 namespace moondb {
 
-inline constexpr double kClockOffsetMax_s = 10;  // Between two agents, including the message's travel time.
-inline constexpr double kNoProgressMax_s = 60;   // For an open session without a known reason to wait.
+// A larger difference between the clocks of two agents is a fault. The difference includes the travel time of a
+// message.
+inline constexpr double kClockOffsetMax_s = 10;
+// An open session that has no reason to wait and makes no progress for a longer time is a fault.
+inline constexpr double kNoProgressMax_s = 60;
 
-// The answers of one agent. FindingsOn does not judge missing members.
+// The answers of one agent. FindingsOn ignores missing members.
 struct AgentReport {
   std::optional<proto::AgentStatus> status;
   std::optional<proto::ShareStatus> shares;
   std::optional<proto::OptimizeReply> last_solve;  // Set only for the leader.
-  std::uint64_t config_hash = 0;                   // TeamFile::hash of its team file. 0: not reported.
+  std::uint64_t config_hash = 0;                   // TeamFile::hash of the agent's team file. 0: not reported.
 };
 
-// Returns the faults of each agent, one line per fault, by agent id. Agents without faults have no entry. An agent that
-// cannot be reached has a report without status. A finding of an agent (AgentStatus.findings) is a fault until an
-// operator acknowledges it. `config_hash` is the hash of the file from which `team` was read; 0 disables the comparison
-// with the agents' hashes.
+// Returns the faults of each agent, one line per fault, by agent id. Agents without faults have no entry. A finding of
+// an agent (AgentStatus.findings) is a fault until an operator acknowledges the finding. `config_hash` is the hash of
+// the file from which `team` was read; 0 disables the comparison with the agents' hashes.
 std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamConfig& team,
                                                              const std::map<std::uint32_t, AgentReport>& reports,
                                                              std::uint64_t config_hash = 0);
@@ -35,10 +37,10 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
 // Returns text such as "hash 9f3a..., here 4c01..." for an agent whose team file differs from the team file read here.
 std::string OtherConfigText(std::uint64_t theirs, std::uint64_t here);
 
-// Returns the term and its issuer: "4 by rover2".
+// Returns the term and the agent that issued it: "4 by rover2".
 std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& term);
 
-// Returns a warning that an agent knows a newer assignment but cannot write it to its disk.
+// Returns a warning that an agent cannot write the newer assignment `unstored` to its disk.
 std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored);
 
 }  // namespace moondb

@@ -65,7 +65,7 @@ ExitCode ShowHealth(CommandContext& context) {
 }
 
 struct Acknowledged {
-  std::vector<proto::HealthFinding> findings;  // The acknowledged findings.
+  std::vector<proto::HealthFinding> findings;
   double refused_commands = 0;  // Relayed commands refused since the agent's start or the last acknowledgment.
 };
 

@@ -8,7 +8,8 @@ Series SeriesOf(const StreamKey& stream) { return {stream.origin, stream.type}; 
 }  // namespace
 
 std::map<Series, std::vector<Holding>> HoldingsOf(const std::vector<HaveSet>& haves) {
-  HaveSet known;  // A record that any agent dropped counts as dropped, because no agent needs it any more.
+  // The union of all have-sets. A record that any agent dropped counts as dropped, because no agent needs it any more.
+  HaveSet known;
   for (const HaveSet& have : haves) known.Merge(have);
   std::map<Series, std::vector<Holding>> holdings;
   for (const auto& [stream, of_anybody] : known.streams()) {

@@ -1,4 +1,4 @@
-// Compares agents' holdings by the have-sets that they reported. Pure functions.
+// Compares the records that agents hold, using the have-sets that the agents reported. Thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -10,13 +10,13 @@
 
 namespace moondb {
 
-// The records of one origin and data type, over the streams of all epochs.
+// Identifies the records of one origin and data type, over all epochs.
 using Series = std::pair<AgentId, DataType>;
 
 struct Holding {
   std::uint64_t held = 0;
-  std::uint64_t lacking = 0;  // Records that another agent holds and this agent's have-set does not cover. Excludes
-                              // superseded records.
+  // Number of records that another agent holds and this agent's have-set does not cover. Excludes superseded records.
+  std::uint64_t lacking = 0;
 };
 
 // Returns each agent's holdings of each series. Within a series, the agents are in the order of `haves`. Omits series

@@ -21,9 +21,9 @@ namespace moondb {
 namespace {
 
 struct KeysArguments {
-  std::string file;  // Empty: the file given with -t or in $MOONDB_TEAM.
+  std::string file;  // Empty: the team file given with -t or in $MOONDB_TEAM.
   std::string name;
-  std::string out;  // Folder for new keys. Empty: depends on the owner of the keys.
+  std::string out;  // Folder for new keys. Empty: the folder of the team file for an agent, UserFolder() for a client.
   bool is_client = false;
 };
 
@@ -93,7 +93,7 @@ ExitCode MakeKeys(CommandContext& context, const KeysArguments& arguments) {
 // State of a secret key on this machine: present or not, valid or not.
 struct SecretHere {
   bool is_here = false;
-  std::string wrong;  // Why the key cannot be used. Empty: there is no key, or it is valid.
+  std::string wrong;  // Why the key cannot be used. Empty: the key is valid or missing.
 };
 
 // Checks whether `file` exists and holds the secret key that belongs to `public_key`. `public_key_of` reads a secret
@@ -122,7 +122,8 @@ SecretHere SigningSecretHere(const std::filesystem::path& file, const std::strin
   });
 }
 
-// Returns the names of the files that exist ("rover1.sec, rover1.sign"), followed by their faults. "-": none exists.
+// Returns the names of the files that exist ("rover1.sec, rover1.sign"), followed by their faults. Returns "-" if no
+// file exists.
 std::string SecretsText(const std::vector<std::pair<std::filesystem::path, SecretHere>>& secrets) {
   std::string text;
   for (const auto& [file, secret] : secrets) {
@@ -144,7 +145,7 @@ bool AddAgent(const TeamFile& team, const proto::AgentConfig& agent, Table& tabl
   const std::filesystem::path public_file = team.folder / agent.key();
   const std::filesystem::path secret_file = SecretKeyPath(public_file);
   const std::filesystem::path signing_file = SigningSecretPath(secret_file);
-  const std::string key = ReadPublicKey(public_file).value_or("");  // The reader of the team file has checked this key.
+  const std::string key = ReadPublicKey(public_file).value_or("");  // Reading the team file has checked this key.
   const SecretHere secret = CurveSecretHere(secret_file, key);
   const SecretHere signing = SigningSecretHere(signing_file, agent.signing_key());
   const bool is_right = secret.wrong.empty() && signing.wrong.empty();
@@ -164,7 +165,7 @@ void AddClient(const proto::ListedClient& client, Table& table, JsonWriter& json
   const auto folder = UserFolder();
   const std::filesystem::path file = folder ? *folder / (client.name() + ".sec") : std::filesystem::path();
   const SecretHere secret = file.empty() ? SecretHere() : CurveSecretHere(file, client.key());
-  // The file may belong to a client of another team with the same name. Such a key does not fit and is not shown.
+  // The file may hold the key of a client of another team with the same name. Such a key does not fit and is not shown.
   const bool is_here = secret.is_here && secret.wrong.empty();
   table.Add({client.name(), RightsName(client.rights()), FingerprintOf(client.key()), is_here ? file.string() : "-"});
   json.BeginObject().Key("name").String(client.name()).Key("rights").String(RightsName(client.rights()));

@@ -21,7 +21,8 @@ struct LogArguments {
 };
 
 struct LoggedEvent {
-  std::uint64_t row_id = 0;  // Row of the event in the connected agent's store, in the order of storing.
+  // Row of the event in the connected agent's store. Rows are numbered in the order of storing.
+  std::uint64_t row_id = 0;
   AgentId agent = 0;
   proto::Record record;
 };
@@ -91,7 +92,7 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
   if (!events) return context.Report(events.error());
   std::uint64_t last_row_id = 0;
   for (const LoggedEvent& event : *events) last_row_id = std::max(last_row_id, event.row_id);
-  // Sort by time of origin, because events may arrive late.
+  // Sort by timestamp, because events may arrive late from other agents.
   std::stable_sort(events->begin(), events->end(), [](const LoggedEvent& a, const LoggedEvent& b) {
     return std::pair(a.record.timestamp_ns(), a.row_id) < std::pair(b.record.timestamp_ns(), b.row_id);
   });

@@ -37,7 +37,7 @@ ExitCode Run(int argc, char** argv) {
       return ExitCode::kDone;
     }
     const auto mistyped = DescribeMistyped(app, words);
-    // --json may follow the word that could not be parsed.
+    // Search all words for --json, because parsing may have failed before it.
     context.is_json = std::find(words.begin(), words.end(), "--json") != words.end();
     return context.Report({ErrorCode::kInvalid, mistyped.value_or(stop->error), {}});
   }

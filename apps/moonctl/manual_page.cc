@@ -91,7 +91,7 @@ std::string Synopsis(const Command& command) {
   return text;
 }
 
-// Returns true if the command gets its own section. A group gets none if it requires a subcommand.
+// Returns true if the command gets its own section. A group that requires a subcommand gets no section.
 bool IsCommand(const Command& command) { return command.subcommands().empty() || !command.requires_subcommand(); }
 
 std::string CommandText(const Command& command) {

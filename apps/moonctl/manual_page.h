@@ -1,4 +1,4 @@
-// Generates the manual page moonctl.1 from the tree of commands. Pure function.
+// Generates the manual page moonctl.1 from the tree of commands. Thread-safe.
 #pragma once
 
 #include <string>

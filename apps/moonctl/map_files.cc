@@ -1,8 +1,8 @@
 #include "apps/moonctl/map_files.h"
 
 #include "apps/moonctl/written_files.h"
+#include "model/cell_colors.h"
 #include "model/geotiff.h"
-#include "model/map_picture.h"
 #include "model/ros_map.h"
 #include "model/text.h"
 

@@ -14,7 +14,7 @@
 namespace moondb {
 
 // Formats: "nav2" writes map.yaml and map.pgm, "png" writes map.png and map.pgw, "geotiff" writes map.tif. PNG and
-// GeoTIFF crop the unknown area around the map, except for a margin. Every format includes the notes. Only GeoTIFF uses
+// GeoTIFF omit the unknown area around the map, except for a margin. Every format includes the notes. Only GeoTIFF uses
 // `site`.
 struct MapExport {
   std::filesystem::path folder;  // Created if missing.

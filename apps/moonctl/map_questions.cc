@@ -147,7 +147,8 @@ Result<proto::Record> MakeQuarantine(CommandContext& context, const QuarantineAr
   return record;
 }
 
-// Checks that the quarantine to lift exists. Otherwise a mistyped ID would silently lift nothing.
+// Returns kNotFound if `quarantine` lifts a quarantine that does not exist, for example because the operator mistyped
+// its ID.
 Result<void> CheckStands(Client& client, const proto::MapQuarantine& quarantine) {
   if (!quarantine.has_lifts()) return {};
   const auto stats = client.MapStats();

@@ -24,7 +24,7 @@ std::optional<std::string> DescribeMistyped(const Command& app, const std::vecto
     }
     std::vector<std::string> names;
     for (const Command* sub : current->subcommands()) names.push_back(sub->name());
-    if (names.empty()) continue;  // The word is an argument.
+    if (names.empty()) continue;  // The word is an argument, because the command has no subcommands.
     return "unknown command \"" + word + "\"" + DidYouMean(word, names);
   }
   return std::nullopt;

@@ -14,7 +14,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// Returns the lease of `agent` from the agent's `reply`. Its durations are 0 if the agent holds no lease.
+// Returns the lease of `agent` from the agent's `reply`. The durations in the result are 0 if the agent holds no lease.
 proto::AgentLease LeaseOf(const proto::AgentConfig& agent, const proto::LeaseReply& reply) {
   for (const proto::AgentLease& lease : reply.leases()) {
     if (lease.agent_id() == agent.id()) return lease;
@@ -24,7 +24,7 @@ proto::AgentLease LeaseOf(const proto::AgentConfig& agent, const proto::LeaseRep
   return none;
 }
 
-// Pauses or resumes each agent. An unreachable agent does not stop the others from being paused.
+// Pauses each chosen agent for `duration`, or resumes it if `duration` is 0. Continues if an agent is unreachable.
 ExitCode SetPause(CommandContext& context, milliseconds duration) {
   const auto answers =
       context.AskEach([duration](Client& client) { return client.SetLease(proto::LEASE_KIND_PAUSED, duration); });

@@ -1,4 +1,4 @@
-// `sync pause` and `sync resume`: an operator stops bulk transfers with one agent or all agents for a limited time.
+// `sync pause` stops bulk transfers with one agent or all agents for a limited time. `sync resume` ends a pause.
 #pragma once
 
 #include "apps/moonctl/command_context.h"
@@ -7,7 +7,7 @@ namespace moondb {
 
 class Command;
 
-// See apps/moonctl/commands.h. `sync` is the group that gets the commands.
+// Adds the commands to the group `sync`. Requires: `context` outlives `sync`.
 void AddPauseCommands(Command& sync, CommandContext& context);
 
 }  // namespace moondb

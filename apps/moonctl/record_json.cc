@@ -7,8 +7,7 @@
 namespace moondb {
 namespace {
 
-// Writes `bytes` as text, under the key NAME_text, if they are UTF-8, as most keys and some payloads are. Protobuf's
-// JSON shows bytes only as base64.
+// Writes `bytes` as text, under the key NAME_text, if they are UTF-8. Protobuf's JSON shows bytes only as base64.
 void WriteTextOf(const std::string& name, const std::string& bytes, JsonWriter& json) {
   if (!bytes.empty() && IsUtf8(bytes)) json.Key(name + "_text").String(bytes);
 }

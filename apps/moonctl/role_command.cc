@@ -27,7 +27,7 @@ struct RoleArguments {
   std::string reason;
 };
 
-// Shows the assignment that each agent holds. Differences reveal a split team.
+// Shows the role assignment that each agent holds. Different assignments reveal a split team.
 ExitCode ShowRoles(CommandContext& context) {
   const auto answers = context.AskEach([](Client& client) { return client.Roles(); });
   if (!answers) return context.Report(answers.error());
@@ -97,8 +97,8 @@ Result<proto::RoleSetRequest> ParsePairs(const proto::TeamConfig& team, const st
   return request;
 }
 
-// Converts the agents of "swap rover1 rover2" to a request. kRefused if they are not the current leader and survivor:
-// the operator then relies on outdated roles.
+// Converts the agents of "swap rover1 rover2" to a request. Returns kRefused if these agents are not the current leader
+// and survivor, because the operator then relies on outdated roles.
 Result<proto::RoleSetRequest> ParseSwap(const proto::TeamConfig& team, const std::vector<std::string>& words,
                                         const proto::RoleAssignment& standing) {
   proto::RoleSetRequest request;

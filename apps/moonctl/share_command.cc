@@ -52,7 +52,8 @@ std::string Joined(const std::vector<std::string>& words) {
 }
 
 // Connects to the agent given with -a, otherwise to the leader in the newest assignment that any agent reports. Sets
-// the expected term of `request` to the agent's term. kRefused if the leader holds another term than that assignment.
+// the expected term of `request` to the connected agent's term. Returns kRefused if the leader's term differs from the
+// term of the newest assignment.
 Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& request) {
   std::optional<proto::RoleAssignment> newest;
   if (context.agent.empty()) {
@@ -77,20 +78,19 @@ Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& r
 
 // --- Results of an order ---
 
-// Returns true if the pair only gathers records at the leader. In a sync, each replication does. In a replication, the
-// pair whose destination took the order does.
+// Returns true if the pair only gathers records at the agent `asked`, which accepted the order. In a sync, every
+// replication gathers. In a replication, the pair with the destination `asked` gathers.
 bool IsGathering(const proto::PairProgress& pair, proto::SharingKind kind, AgentId asked) {
   return pair.kind() == proto::SHARING_KIND_REPLICATION &&
          (kind == proto::SHARING_KIND_SYNC || pair.destination() == asked);
 }
 
-// Returns the agent of the pair that did not take the order.
+// Returns the agent of the pair that is not `asked`.
 AgentId OtherEnd(const proto::PairProgress& pair, AgentId asked) {
   return static_cast<AgentId>(pair.sender() == asked ? pair.destination() : pair.sender());
 }
 
-// Describes the incomplete pairs: "rover1 to rover2 (rover2 drives for 38 s more), rover3 to rover1 (408 records
-// left)".
+// Lists the incomplete pairs: "rover1 to rover2 (rover2 drives for 38 s more), rover3 to rover1 (408 records left)".
 std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgress& progress) {
   std::vector<std::string> pairs;
   for (const proto::PairProgress& pair : progress.pairs()) {
@@ -152,7 +152,7 @@ class ShareProgressLine {
   std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
 };
 
-// The output of `now --wait` for a finished order.
+// The output of `sync now --wait` or `replicate now --wait` for a finished order.
 class SharedReport {
  public:
   SharedReport(const proto::TeamConfig& team, proto::SharingKind kind, const proto::AgentConfig& asked,
@@ -175,7 +175,7 @@ class SharedReport {
     }
   }
 
-  // Returns true if a reachable destination refused records or did not accept all of them.
+  // Returns true if a reachable destination is incomplete for another reason than a limit of the order.
   bool is_failed() const { return is_failed_; }
   ExitCode exit_code() const {
     return unreachable_.empty() && not_gathered_.empty() ? ExitCode::kDone : ExitCode::kUnreachable;
@@ -278,7 +278,7 @@ void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& sess
   json.Key("session").Raw(ToJson(session)).EndObject();
 }
 
-// Adds one agent's sessions of this kind to the table and the JSON. Without sessions, adds a row that says so.
+// Adds one agent's sessions of this kind to the table and the JSON. If there are none, adds a row that says so.
 void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
                   proto::SharingKind kind, Table& table, JsonWriter& json) {
   json.Key("sessions").BeginArray();
@@ -293,8 +293,8 @@ void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const
   json.EndArray().Key("received_records").Number(status.received_records());
 }
 
-// Describes what the agent refused from its peers outside of sessions, and differing team files and schemas. Empty:
-// nothing.
+// Describes the records and messages that the agent rejected, dropped or refused, and peers with other team files or
+// schemas. Empty: there are none.
 std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus& status, proto::SharingKind kind) {
   std::string text;
   const auto add = [&text](double count, const char* what) {
@@ -317,7 +317,7 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus&
   return text;
 }
 
-// Lists by type how many records each session still has to send. Empty: no session has any.
+// Lists, per session and data type, the records that are still to be sent. Empty: there are none.
 std::string BacklogText(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
                         proto::SharingKind kind) {
   std::string text;

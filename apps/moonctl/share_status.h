@@ -1,4 +1,4 @@
-// Shows one session in `sync status` and `replicate status`. Pure functions.
+// Formats one session for `sync status` and `replicate status`. Thread-safe.
 #pragma once
 
 #include <optional>
@@ -10,11 +10,13 @@
 
 namespace moondb {
 
-// The pace of a session since its destination last answered a Hello. Time before that answer does not count; silence
-// after it does. Members are empty if the session is closed, or if it has no answer or no acknowledged record yet.
+// The average rate of a session since its destination last answered a Hello, including pauses. Members are empty if the
+// session is closed, or if it has no answer or no acknowledged record yet.
 struct SharePace {
-  std::optional<double> bytes_per_s;  // Bytes after coding.
-  std::optional<double> eta_s;        // Time left at the rate of the records so far. Maps come last and take longer.
+  std::optional<double> bytes_per_s;  // Acknowledged bytes (after coding) per second.
+  // Estimated time left, at the rate of the records so far. Too short while maps remain, which come last and take
+  // longer.
+  std::optional<double> eta_s;
 };
 SharePace PaceOf(const proto::ShareSession& session);
 

@@ -55,8 +55,8 @@ std::string RemarksOn(const proto::TeamConfig& team, const proto::AgentConfig& a
   return remarks;
 }
 
-// Reports if two agents lead: either the team is split, or one of the two does not know the newest assignment yet.
-// Empty: at most one agent leads.
+// Returns a warning if several agents lead, because the team is split or an agent does not know the newest assignment
+// yet. Empty: at most one agent leads.
 std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
   std::string leaders;
   int count = 0;
@@ -68,8 +68,8 @@ std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::
   return count < 2 ? "" : leaders + " lead: they do not reach each other, or have not agreed yet\n";
 }
 
-// Lists the agents that drive, sleep or are paused, by their own reports. Agents that do not answer are listed by other
-// agents' reports.
+// Lists the agents that drive, sleep or are paused, by their own reports. For an agent that does not answer, uses the
+// reports of other agents.
 std::string LeasesText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
   std::map<AgentId, proto::AgentLease> known;
   for (const proto::AgentStatus& status : statuses) {
@@ -109,7 +109,7 @@ ExitCode ShowStatus(CommandContext& context) {
     json.EndObject();
   }
   json.EndArray();
-  // Agents that have left get no requests, but their ids and names stay reserved.
+  // List the agents that have left, because their ids and names stay reserved. They get no requests.
   json.Key("left").BeginArray();
   for (const proto::AgentConfig& agent : (*context.Team())->config.agents()) {
     if (!agent.left() || !context.agent.empty()) continue;

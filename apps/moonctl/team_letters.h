@@ -1,5 +1,5 @@
 // The letters of agents in PyFG files. Rovers are A, B, ... in the order of the team file. L is reserved for the base
-// station. Plain functions.
+// station. Thread-safe.
 #pragma once
 
 #include <map>
@@ -9,7 +9,7 @@
 
 namespace moondb {
 
-// Returns the team's agent for each letter. The keys are the letters' numbers in the alphabet (AgentOfLetter in
+// Returns the team's agent for each letter. The keys are the numbers of the letters in the alphabet (AgentOfLetter in
 // model/pyfg.h).
 std::map<AgentId, AgentId> AgentsByLetter(const proto::TeamConfig& team);
 

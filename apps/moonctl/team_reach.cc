@@ -52,8 +52,8 @@ Result<AgentClient> TeamReach::ConnectHere(const proto::AgentConfig& agent, Abse
   }
   auto client = ConnectTo(team_, agent, ClientOptionsFor(agent));
   if (client) return AgentClient{&agent, std::move(*client)};
-  // With a key, moonctl inspects no local socket or data folder, so it does not know whether the agent is on this
-  // machine.
+  // With a key, moonctl inspects no local socket or data folder, so moonctl does not know whether the agent is on
+  // this machine.
   if (!options_.client.secret_key.empty() && IsSilence(client.error())) {
     *absence = {true, true, false, client.error().text};
   }

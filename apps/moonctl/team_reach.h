@@ -1,8 +1,8 @@
-// TeamReach: connects moonctl to each agent of a team. It connects directly if the agent accepts this client (on this
-// machine, or with a key at the agent's client_address). Otherwise it uses a relay: a directly reachable agent that is
+// TeamReach: connects moonctl to each agent of a team. A direct connection is possible to an agent on this machine and,
+// with a key, to an agent with a client_address. Otherwise TeamReach uses a relay: a directly reachable agent that is
 // connected to the wanted agent (ControlRequest.for_agent).
 //
-// The peer status reported by directly reachable agents is cached for two seconds. Not thread-safe.
+// The peer status that directly reachable agents report is cached for two seconds. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -32,21 +32,21 @@ class TeamReach {
     // Called with TeamFile::hash of an answering agent's team file.
     std::function<void(const proto::AgentConfig& agent, std::uint64_t hash)> on_config_hash;
     std::function<void(const proto::AgentConfig& via)> on_relay;  // Called when `via` has relayed a request.
-    std::function<void(const std::string& text)> on_remark;       // Called with a fault of this machine that a person
-                                                                  // should know.
+    std::function<void(const std::string& text)> on_remark;       // Called with a fault of this machine, for the user.
   };
 
   // Requires: `team` outlives this object.
   TeamReach(const TeamFile& team, Options options) : team_(team), options_(std::move(options)) {}
 
   // Connects directly or through a relay. The text of kUnavailable says whether the agent is on this machine and which
-  // agent heard it last. kRefused if the agent does not accept this client.
+  // agent heard it last. Returns kRefused if the agent does not accept this client.
   Result<AgentClient> Connect(const proto::AgentConfig& agent);
   // Connects directly, without a relay. Returns the same errors as Connect.
   Result<AgentClient> ConnectHere(const proto::AgentConfig& agent);
 
   // Returns the assignment with the newest term among the agents that are directly reachable, or among all agents if
-  // Options::via is set. kUnavailable if none answers.
+  // Options::via is set. If no agent answers with an assignment, returns the refusal of an agent, or kUnavailable if
+  // none refused.
   Result<proto::RoleAssignment> NewestRoles();
 
   // Returns true if a directly reachable agent is connected to `agent`.
@@ -65,7 +65,7 @@ class TeamReach {
   };
   // The reason why a direct connection to an agent failed.
   struct Absence {
-    bool is_absent = false;  // No process listens for the agent. False: a process listens, but does not answer.
+    bool is_absent = false;  // No process was found for the agent, so a relay may help.
     bool was_here = false;   // The agent runs or has run on this machine.
     bool runs_here = false;  // The agent runs on this machine, but its socket is missing.
     std::string why;

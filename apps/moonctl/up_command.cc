@@ -32,7 +32,7 @@ constexpr std::chrono::seconds kAgreementTimeout(8);
 constexpr std::chrono::milliseconds kStartPollPeriod(20);
 
 struct UpArguments {
-  std::string data_folder;    // Empty: moondb-data in the team file's folder.
+  std::string data_folder;    // Folder of the data folders. Empty: moondb-data in the team file's folder.
   std::string merge_backend;  // Empty: the default of moondb_agent.
   std::string log_format;     // Value of moondb_agent's --log-format.
 };
@@ -46,14 +46,14 @@ struct LocalAgent {
   std::string state;
   std::string role = "-";
   bool is_ours = false;  // This command started the agent.
-  std::string remark;    // A line below the table. Empty: none.
+  std::string remark;    // A line printed below the table. Empty: no line.
   bool is_failed = false;
   bool has_left = false;  // The agent has left the team. It can be stopped, but is never started.
 };
 
 using SteadyClock = std::chrono::steady_clock;
 
-// Polls until `condition` is true, at most until `deadline`.
+// Polls until `condition` is true. Returns false if `condition` is not true by `deadline`.
 bool WaitUntil(SteadyClock::time_point deadline, const std::function<bool()>& condition) {
   while (!condition()) {
     if (SteadyClock::now() >= deadline) return false;
@@ -68,7 +68,7 @@ Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& 
   return connected->client->Status();
 }
 
-// Returns the id of the process that answers requests to the agent. 0: no process answers.
+// Returns the id of the process that answers requests for the agent. 0: no process answers.
 pid_t AnsweringProcess(CommandContext& context, const LocalAgent& agent) {
   const auto status = AskStatus(context, agent);
   return status ? static_cast<pid_t>(status->pid()) : 0;
@@ -112,7 +112,7 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     }
     const pid_t answering = status ? static_cast<pid_t>(status->pid()) : 0;
     if (answering == 0 || answering == local.pid) continue;
-    // Another process runs this agent. Do not start a second one, and do not stop that process.
+    // Another process runs this agent. Do not start a second process, and do not stop the running one.
     local.is_failed = true;
     local.state = "process " + std::to_string(answering) + " runs this agent from another data folder";
   }
@@ -123,7 +123,8 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
   return agents;
 }
 
-// Returns a log file in the data folder, or a new temporary file if the file system is read-only.
+// Returns agent.log in the data folder. If the file system is read-only, returns a new temporary file, or /dev/null if
+// that file cannot be created.
 std::filesystem::path LogFor(const LocalAgent& agent) {
   if (::access(agent.folder.c_str(), W_OK) == 0 || errno != EROFS) return agent.folder / "agent.log";
   std::string name = std::filesystem::temp_directory_path() / ("moondb-" + agent.name + "-XXXXXX");
@@ -132,8 +133,8 @@ std::filesystem::path LogFor(const LocalAgent& agent) {
   return log >= 0 ? name : "/dev/null";
 }
 
-// Returns true if all agents know the same assignment, and its leader has begun an era (actors/role). Fills in the
-// agents' roles.
+// Returns true if all agents answer and hold the same role assignment, which is newer than the roles of the team file.
+// Updates `role` of the agents.
 bool IsAgreed(CommandContext& context, std::vector<LocalAgent>& agents) {
   std::set<std::tuple<std::uint64_t, std::uint32_t, std::uint64_t>> terms;
   for (LocalAgent& agent : agents) {
@@ -198,8 +199,8 @@ void Shutdown(CommandContext& context, LocalAgent& agent) {
   agent.is_failed = true;
 }
 
-// Prints the agents and returns the exit code. The agents in `left` have left the team: they come last and do not
-// affect the exit code.
+// Prints the agents in `agents`, then the agents in `left`, which have left the team. Returns kFailed if any of these
+// agents failed, otherwise kDone.
 ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent>& agents,
                      const std::vector<LocalAgent>& left = {}) {
   Table table({"AGENT", "PID", "STATE", "ROLE", "DATA"});
@@ -261,7 +262,7 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
     bool has_ended = false;
     Result<void> started;
     const bool is_decided = WaitUntil(deadline, [&] {
-      // The process that owned the folder at first may have ended since. If no process owns it now, start the agent.
+      // The process that owned the folder at first may have ended. If no process owns the folder now, start the agent.
       if (!agent.is_ours && OwnerOf(agent.folder) == 0) started = start(agent);
       has_ended = agent.is_ours && HasEnded(agent.pid);
       return !started || has_ended || AnsweringProcess(context, agent) == agent.pid;
@@ -279,8 +280,8 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
   if (std::any_of(agents->begin(), agents->end(), has_failed)) {
     StopOurs(*agents);
   } else {
-    // Wait for agreement on the roles, so that the next command finds a leader. A team whose leader runs on another
-    // machine may not agree yet, which is no failure.
+    // Wait for agreement on the roles, so that the next command finds a leader. No agreement is no failure: the leader
+    // may run on another machine.
     WaitUntil(SteadyClock::now() + kAgreementTimeout, [&] { return IsAgreed(context, *agents); });
   }
   return ShowOutcome(context, *agents, left);

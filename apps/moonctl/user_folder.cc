@@ -5,7 +5,7 @@
 namespace moondb {
 namespace {
 
-// Returns the folder that `variable` names. Empty: the variable is not set, or is no absolute path.
+// Returns the folder that the environment variable names. Empty: the variable is not set, or is not an absolute path.
 std::filesystem::path FolderIn(const char* variable) {
   const char* value = std::getenv(variable);
   const std::filesystem::path folder = value == nullptr ? "" : value;

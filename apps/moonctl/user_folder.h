@@ -1,4 +1,4 @@
-// The folder in which moonctl keeps the secret keys of clients. They belong to the user, not to a robot.
+// The folder in which moonctl keeps the secret keys of clients. These keys belong to the user, not to a robot.
 #pragma once
 
 #include <filesystem>
@@ -7,8 +7,8 @@
 
 namespace moondb {
 
-// Returns $XDG_CONFIG_HOME/moondb, or ~/.config/moondb if that variable is not set. kInvalid, with a remedy, if neither
-// variable names a folder.
+// Returns $XDG_CONFIG_HOME/moondb, or ~/.config/moondb if that variable is not set. Returns kInvalid, with a remedy, if
+// neither XDG_CONFIG_HOME nor HOME is an absolute path.
 Result<std::filesystem::path> UserFolder();
 
 }  // namespace moondb

@@ -30,9 +30,9 @@ namespace {
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
-// Opens and closes the store before any actor runs, so that Start returns an error if the store is damaged. Logs how
-// the last process ended, even if this start fails later. Returns the path of the store file that was set aside; empty:
-// none.
+// Opens and closes the store before any actor runs, so that Start returns an error if the store is unusable. Logs how
+// the last process ended, even if this start fails later. Returns the path of the damaged file that RecordStore::Open
+// set aside, or "" if there was none.
 Result<std::string> CheckStore(const StorageActor::Options& options) {
   RecordStore::Options store_options = StorageActor::StoreOptions(options);
   std::random_device entropy;
@@ -64,7 +64,7 @@ Result<void> CheckOwnActors(const TeamFile& team, const std::vector<OwnActor>& a
 SpawnOptions SpawnOptionsOf(const StandardActor& actor) {
   SpawnOptions spawn;
   spawn.placement = actor.placement;
-  // These actors solve and merge, which takes longer as the mission grows.
+  // Actors with their own thread may take long, for example to solve a large pose graph.
   if (actor.placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
   return spawn;
 }
@@ -79,8 +79,7 @@ class Agent::Impl {
   ~Impl() {
     if (dumps_on_crash_) DumpTraceOnCrash(nullptr, "");
     if (!has_failed_) stopped_at_ns_ = UtcNowNs();
-    // Stop the actors before destroying the transport, because actors may still send. After Stop, no thread calls the
-    // system.
+    // Stop the actors before destroying the transport, because running actors send through it.
     if (system_ != nullptr) system_->Stop();
     transport_.reset();
   }
@@ -101,7 +100,8 @@ class Agent::Impl {
     }
     MakeSystem();
     if (auto running = Run(); !running) return running;
-    // Clients with other environment variables find the endpoint in this file. A full disk must not prevent the start.
+    // Write the endpoint to a file, for clients whose environment variables yield another endpoint. A full disk must
+    // not prevent the start.
     if (auto reported = WriteEndpoint(options_.data_folder, endpoint_); !reported)
       spdlog::warn("{}", ToString(reported.error()));
     return {};
@@ -175,8 +175,8 @@ class Agent::Impl {
     return options;
   }
 
-  // Creates the transport, then starts the system. Messages that arrive in between are dropped, as the transport's
-  // contract allows.
+  // Creates the transport, then starts the system. Messages that arrive between these steps are dropped, which
+  // Transport's contract permits.
   Result<void> Run() {
     ZeroMqTransport::Options options;
     options.self = self_;
@@ -204,8 +204,9 @@ class Agent::Impl {
   std::optional<SigningKey> signing_key_;  // Set if the team has keys.
   std::string set_aside_;                  // The store file that this start set aside; empty: none.
   bool dumps_on_crash_ = false;
-  std::atomic<bool> has_failed_ = false;         // An actor failed permanently, so the agent did not stop on request.
-  std::atomic<std::int64_t> stopped_at_ns_ = 0;  // 0: the agent runs, or it failed.
+  // True if an actor failed permanently.
+  std::atomic<bool> has_failed_ = false;
+  std::atomic<std::int64_t> stopped_at_ns_ = 0;  // UTC of the stop on request. 0: the agent runs or has failed.
   std::atomic<bool> is_running_ = false;
   std::atomic<MergeBackend> merge_backend_ = MergeBackend::kCpu;  // The backend that the merge actor uses.
   std::unique_ptr<ActorSystem> system_;
@@ -231,7 +232,7 @@ Result<std::unique_ptr<Agent>> Agent::Start(const TeamFile& team, AgentOptions o
   const DataOwner owner = DataOwnerOf(team.config, *FindAgent(team.config, options.name));
   if (auto marked = MarkDataFolder(options.data_folder, owner); !marked) {
     if (marked.error().code == ErrorCode::kRefused) return tl::unexpected(marked.error());
-    spdlog::warn("{}", ToString(marked.error()));  // The disk may be full. The store also names its owner.
+    spdlog::warn("{}", ToString(marked.error()));  // Continue: the disk may be full, and the store names its owner too.
   }
   auto impl = std::make_unique<Impl>(team, std::move(options), std::move(*lock));
   if (auto started = impl->Start(); !started) return tl::unexpected(started.error());

@@ -26,12 +26,11 @@ namespace {
 
 enum ExitCode : int { kStopped = 0, kFailed = 1, kUsage = 2, kBeyondHelp = 70 };
 
-// If stopping takes longer, SIGALRM ends the process. No acknowledged record is lost then.
+// Time limit for stopping. After this time, SIGALRM ends the process, which loses no acknowledged record.
 constexpr unsigned kStopSecondsMax = 5;
 
-// libzmq aborts the process if it cannot open another file. This limit is far above 16 times the connections that
-// ConnectionLimiter admits for an agent of the largest team (runtime/transport/connection_limiter.h), including
-// connections in their handshake.
+// libzmq aborts the process if it cannot open another file for a connection. This limit is far above 16 times the
+// connections that ConnectionLimiter admits for an agent of the largest team, including connections in their handshake.
 constexpr rlim_t kOpenFilesLeast = 8'192;
 constexpr int kLargeBufferBytes = 4 * 1024 * 1024;
 constexpr rlim_t kOpenFilesWanted = 65'536;
@@ -68,7 +67,7 @@ int Complain(const AgentProgram& program, int code, const std::string& text) {
   return code;
 }
 
-// Waits until a signal arrives or one of the agent's threads calls Wake. Signal handlers do no work.
+// Waits until a signal arrives or one of the agent's threads calls Wake.
 class StopWaiter {
  public:
   // Blocks the signals that Wait waits for. Requires: no other thread has started, because threads inherit the blocked
@@ -89,7 +88,7 @@ class StopWaiter {
   StopWaiter(const StopWaiter&) = delete;
   StopWaiter& operator=(const StopWaiter&) = delete;
 
-  // Makes Wait return. Its exit code is the first one other than kStopped, otherwise kStopped. Thread-safe.
+  // Makes Wait return. Wait returns the first exit code other than kStopped, or kStopped if there is none. Thread-safe.
   void Wake(int exit_code) {
     int expected = kStopped;
     if (exit_code != kStopped) exit_code_.compare_exchange_strong(expected, exit_code);
@@ -97,7 +96,7 @@ class StopWaiter {
     (void)!::write(event_descriptor_, &one, sizeof(one));
   }
 
-  // Returns the exit code after a signal or a wake-up.
+  // Blocks until a signal arrives or Wake is called. Returns the exit code.
   int Wait() {
     pollfd descriptors[] = {{signal_descriptor_, POLLIN, 0}, {event_descriptor_, POLLIN, 0}};
     while (::poll(descriptors, 2, -1) <= 0) {
@@ -134,8 +133,8 @@ AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program
   return options;
 }
 
-// Makes malloc return freed buffers of at least kLargeBufferBytes to the system. By default, glibc raises its limit
-// with the size of freed buffers, up to 32 MiB, and each thread would keep twice that.
+// Makes malloc return freed buffers of at least kLargeBufferBytes to the system. By default, glibc raises this
+// threshold to the size of freed buffers, up to 32 MiB, and each thread would keep up to twice that size.
 void GiveLargeBuffersBack() { (void)::mallopt(M_MMAP_THRESHOLD, kLargeBufferBytes); }
 
 void RaiseOpenFiles() {
@@ -151,7 +150,7 @@ void RaiseOpenFiles() {
                files.rlim_cur, kOpenFilesLeast);
 }
 
-// Reads the command line. Returns the exit code if the program is to end.
+// Reads the command line. Returns the exit code if the program must end now, otherwise nothing.
 std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& program, Arguments& arguments) {
   Command app(program.name, "Runs one agent of a moondb team.");
   AddOptions(app, arguments);
@@ -167,7 +166,7 @@ std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& pr
 int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   std::signal(SIGPIPE, SIG_IGN);  // If the reader of the log exits, the agent must continue.
   ::umask(S_IRWXG | S_IRWXO);     // Only this user may read the robot's data.
-  // The agent's memory holds its secret keys. Write no core file of it, and let only root read it.
+  // The agent's memory holds its secret keys. Write no core file, and let only root read the memory.
   (void)::prctl(PR_SET_DUMPABLE, 0);
   Arguments arguments;
   if (auto exit_code = ReadCommandLine(argc, argv, program, arguments)) return *exit_code;
@@ -203,7 +202,8 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   const std::string ready =
       arguments.agent + " of team " + team->config.team() + ", clients at " + (*agent)->client_endpoint();
   if (logs_json) {
-    spdlog::info("is ready: {}", ready);  // Every line must be JSON, even if stdout and stderr are the same file.
+    // With JSON logs, every line must be JSON, even if stdout and stderr are the same file.
+    spdlog::info("is ready: {}", ready);
   } else {
     std::printf("ready: %s\n", ready.c_str());
     std::fflush(stdout);

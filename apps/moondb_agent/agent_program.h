@@ -1,5 +1,5 @@
-// The main program of an agent: command line, team file, log, signals, ready line, exit codes. moondb_agent adds
-// nothing to it. Your program adds its own actors:
+// The main program of an agent: reads the command line and the team file, opens the log, and runs an Agent until a
+// signal or a client stops it. A program that adds its own actors:
 //
 //   int main(int argc, char** argv) {
 //     moondb::AgentProgram program;
@@ -32,16 +32,15 @@ struct AgentProgram {
   // is printed and ends the program with exit code 2.
   std::function<Result<std::vector<OwnActor>>(AgentId self, const proto::TeamConfig& team)> make_actors;
 
-  // Optional. The main thread calls on_running when the agent runs, and on_stopping before the agent stops. The
-  // function on_running may start threads of the program, such as a sensor driver that calls Agent::Post. The function
-  // on_stopping must join these threads.
+  // Optional. The main thread calls on_running when the agent runs, and on_stopping before the agent stops. on_running
+  // may start threads, such as a sensor driver that calls Agent::Post. on_stopping must join these threads.
   std::function<void(Agent&)> on_running;
   std::function<void()> on_stopping;
 };
 
-// Runs one agent until SIGTERM, SIGINT or a client's stop request. Prints a line that begins with "ready:" once it
-// runs. Requires: called on the main thread before any other thread starts, because threads inherit the signals that it
-// blocks. Ignores SIGPIPE from then on. Throws only if a function of `program` throws.
+// Runs one agent until SIGTERM, SIGINT or a client's stop request. Prints a line that begins with "ready:" once the
+// agent runs. Requires: called on the main thread before any other thread starts, because threads inherit the signals
+// that it blocks. Ignores SIGPIPE from then on. Throws only if a function of `program` throws.
 //
 // Returns the exit code. 0: stopped on request. 1: a fault of the environment (ports, database, folder, GL). 2: the
 // command line, the team file or make_actors is wrong. 70: an actor failed permanently.

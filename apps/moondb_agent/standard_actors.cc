@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// The leader solves after no node or edge has been stored for this time. The time is longer than the pause between two
+// The leader starts a solve when no node or edge has been stored for this time. Longer than the pause between two
 // batches of a sync.
 constexpr Duration kSolveWhenQuiet = std::chrono::seconds(3);
 

@@ -1,7 +1,5 @@
-// The list of standard actors of an agent. standard_actors.cc has one row for each actor.
-//
-// moondb_agent, the simulator and the tests of whole teams start the actors of this list, so none of these programs can
-// omit an actor by accident.
+// The standard actors of an agent. All programs that run whole agents (moondb_agent, the simulator, the tests of whole
+// teams) use this list, so none can omit an actor.
 #pragma once
 
 #include <cstdint>

@@ -10,11 +10,11 @@ namespace {
 
 constexpr double kWaitTurn_rad = 1.0;
 constexpr double kSectorWeight_m = 6;    // Cost of a goal per radian outside the rover's sector.
-constexpr double kCrowdDistance_m = 10;  // The goals of two rovers are crowded if their distance is less.
+constexpr double kCrowdDistance_m = 10;  // A goal costs more if another rover's goal is nearer than this.
 constexpr double kCrowdWeight = 1.5;
 constexpr double kGoalJitter_m = 3;
 constexpr double kGoalLeast_m = 1;
-constexpr double kLookAhead_m = 4;  // A rover looks for a straight path this far along its route.
+constexpr double kLookAhead_m = 4;  // Route points beyond this distance are not tried as targets of a straight step.
 constexpr double kDetour_m = 0.4;   // Added to the separation when a rover plans its route around other rovers.
 
 double Wrap(double angle_rad) { return std::remainder(angle_rad, 2 * std::numbers::pi); }
@@ -59,7 +59,7 @@ class TeamDriver {
     }
   }
 
-  // Makes one step of all rovers. The rover that chooses first changes from node to node.
+  // Moves all rovers by one step. The rovers choose their steps in turn, at each node beginning with another rover.
   void Step(int node) {
     const std::size_t count = rovers_.size();
     std::vector<Eigen::Vector2d> ends;
@@ -74,8 +74,8 @@ class TeamDriver {
     }
   }
 
-  // Returns the end of the rover's next step, or its current position if it must wait. Rovers that choose later count
-  // as stationary: they will consider this rover's step, and can always wait.
+  // Returns the end of the rover's next step, or its current position if it must wait. Rovers that have not chosen yet
+  // count as stationary. They will avoid this rover's step when they choose.
   Eigen::Vector2d ChooseStep(std::size_t index, const std::vector<Eigen::Vector2d>& ends) {
     RoverState& rover = rovers_[index];
     for (int attempt = 0; attempt < 2; ++attempt) {
@@ -128,8 +128,8 @@ class TeamDriver {
     rover.route = routes_.RouteTo(goal, ways);
   }
 
-  // Returns the unseen cell with the lowest cost: near along the paths, inside the rover's sector, away from other
-  // rovers' goals. Returns a random cell if all cells have been seen.
+  // Returns the unseen cell with the lowest cost. The cost is low for a short path inside the rover's sector and away
+  // from other rovers' goals. Returns a random cell if all cells have been seen.
   int ChooseGoal(std::size_t index, const RouteMap::Ways& ways) {
     int best = -1;
     double best_cost = 1e300;

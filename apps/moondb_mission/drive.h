@@ -2,7 +2,8 @@
 // rovers.
 //
 // At each node a rover turns on the spot towards its next step and then drives straight. All rovers drive their steps
-// of one period simultaneously. A rover that would come too near to another one waits and looks around.
+// of one period simultaneously. A rover that would come nearer than separation_m to another rover waits and looks
+// around.
 #pragma once
 
 #include <Eigen/Core>

@@ -53,8 +53,7 @@ int Generate(const Request& request) {
   if (!made) return Complain(ToString(made.error()), made.error().code == ErrorCode::kInvalid ? 2 : 1);
   Result<void> done = WriteMadeMission(*made, request.folder);
   if (done && !request.picture.empty()) {
-    const std::string caption = "seed " + std::to_string(request.options.seed) + ": hazards and true ways";
-    done = WritePng(DrawMission(*made, caption), request.picture);
+    done = WritePicture(PictureOf(*made, request.options.seed), request.picture);
   }
   if (!done) return Complain(ToString(done.error()), 1);
   PrintSummary(*made, request);
@@ -74,7 +73,7 @@ void AddGenerate(Command& app, Request& request) {
       .DefaultShown();
   command.AddOption("--crater-share", options.terrain.crater_share, "Craters against the lunar equilibrium")
       .DefaultShown();
-  command.AddOption("--picture", request.picture, "Also draw hazards and true ways into this PNG");
+  command.AddOption("--picture", request.picture, "Also draw hazards and true tracks into this .png or .svg file");
 }
 
 int Main(int argc, char** argv) {

@@ -14,7 +14,8 @@ Eigen::Quaterniond SmallTurn(const Eigen::Vector3d& turn_rad) {
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle, turn_rad / angle));
 }
 
-// Errors of the ranges between two radios in addition to white noise: a constant bias, and the rest of a burst.
+// Errors of the ranges between two radios in addition to white noise: a constant bias, and the number of measurements
+// left in the current burst.
 struct PairState {
   double bias_m = 0;
   int burst_left = 0;

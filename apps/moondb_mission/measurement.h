@@ -1,11 +1,11 @@
 // Simulates a team's measurements of its motion: visual-inertial odometry and UWB ranges with realistic errors.
 //
-// Odometry has white noise per step. In x and y it is 1 cm + 2 % of the step, in z 0.3 of that. In yaw it is 0.002 rad
-// + 0.005 rad/m + 1 % of the turn, in roll and pitch a tenth of that. Each rover also has a scale error that is
-// constant over the mission. The stated covariance does not include it.
+// Odometry has white noise. By default, its standard deviation per step is 1 cm + 2 % of the step in x and y, and 0.3
+// of that in z. In yaw it is 0.002 rad + 0.005 rad/m + 1 % of the turn, and in roll and pitch a tenth of that. Each
+// rover also has a constant scale error, which the covariances in the edges do not include.
 //
-// Ranges are measured between antennas. They have white noise, a constant bias per pair, and bursts of measurements
-// that are too long (no line of sight).
+// Ranges are measured between antennas. Ranges have white noise, a constant bias per pair of agents, and bursts of
+// measurements that are too long because the line of sight is blocked.
 #pragma once
 
 #include <map>
@@ -37,13 +37,14 @@ struct RangeOptions {
   double burst_mean_m = 1.5;
 };
 
-// Returns one odometry edge between each two consecutive nodes of one rover. `true_nodes` are in order and have true
+// Returns one odometry edge per pair of consecutive nodes. `true_nodes` are the nodes of one rover, in order, with true
 // poses.
 std::vector<OdometryEdge> MeasureOdometry(const std::vector<GraphNode>& true_nodes, const OdometryOptions& options,
                                           Random& random);
 
-// Returns ranges between all pairs of agents at every `every_nodes`-th node. Ranges to a base station refer to its node
-// 0. `truth` holds each rover's nodes from 0 and each base station's node 0. `period_ns` is the time between nodes.
+// Returns the ranges up to range_max_m between all pairs of agents, at every `every_nodes`-th node. Ranges to a base
+// station refer to its node 0. `truth` holds each rover's nodes from 0 and each base station's node 0. `period_ns` is
+// the time between nodes.
 std::vector<RangeEdge> MeasureRanges(const std::vector<MissionAgent>& agents, const std::map<NodeKey, Pose>& truth,
                                      int node_count, std::int64_t period_ns, const RangeOptions& options,
                                      Random& random);

@@ -26,7 +26,7 @@ double Random::Uniform() { return static_cast<double>(engine_() >> 11) * 0x1p-53
 double Random::Uniform(double low, double high) { return low + (high - low) * Uniform(); }
 
 double Random::Normal() {
-  // The Box-Muller transform. 1 - u is never 0.
+  // The Box-Muller transform. 1 - Uniform() is never 0.
   const double radius = std::sqrt(-2 * std::log(1 - Uniform()));
   return radius * std::cos(2 * std::numbers::pi * Uniform());
 }

@@ -13,8 +13,8 @@ class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
 
-  // Returns an independent random stream for one purpose. A change to one part of a mission then leaves the other parts
-  // unchanged.
+  // Returns an independent random stream for one purpose. Each part of a mission has its own stream, so a change to one
+  // part leaves the others unchanged.
   static Random Stream(std::uint64_t seed, std::uint64_t purpose);
 
   double Uniform();                         // Uniform in [0, 1).

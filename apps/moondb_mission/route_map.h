@@ -20,8 +20,8 @@ struct Disc {
 
 class RouteMap {
  public:
-  // For each cell, the length of the shortest path from one place (infinite: no path), and the cell's predecessor on
-  // that path.
+  // For each cell: the length of the shortest path from the start of FindWays (infinite if there is no path), and the
+  // cell's predecessor on that path.
   struct Ways {
     std::vector<float> length_m;
     std::vector<int> previous;
@@ -39,7 +39,8 @@ class RouteMap {
   // enter the discs in `avoid`, but may start inside one.
   Ways FindWays(const Eigen::Vector2d& from_m, const std::vector<Disc>& avoid) const;
 
-  // Returns the centres of the cells on the path from the start to `goal`, without the start.
+  // Returns the centres of the cells on the path from the start of `ways` to `goal`, without the start. Empty if there
+  // is no path.
   std::vector<Eigen::Vector2d> RouteTo(int goal, const Ways& ways) const;
 
  private:

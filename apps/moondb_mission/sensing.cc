@@ -9,9 +9,12 @@ namespace moondb {
 namespace {
 
 constexpr double kRayStep_rad = 0.0044;  // A quarter of a degree: 4 cm at 10 m.
-constexpr double kPatch_rad = 0.035;     // Samples in one patch share their depth error and misclassification.
+// A patch covers kPatch_rad in direction and kPatch_m in distance. Samples in one patch share their depth error and
+// misclassification.
+constexpr double kPatch_rad = 0.035;
 constexpr double kPatch_m = 0.5;
-constexpr double kGrazingSlack = 1e-3;  // Level terrain just behind level terrain counts as seen.
+// A point counts as visible if its line of sight is at most this slope below the steepest line of sight before it.
+constexpr double kGrazingSlack = 1e-3;
 
 struct Patch {
   double depth_error = 0;  // In standard deviations.

@@ -6,8 +6,8 @@
 // Sometimes distant hazards are missed, and distant free terrain is classified as a hazard. Other rovers are obstacles.
 // Some maps contain an obstacle that does not exist.
 //
-// A cell is a hazard if a hazard was seen in it. Otherwise it is free if free terrain was seen in it. This holds for
-// each layer separately, coarse layers included.
+// A cell is a hazard if a hazard was seen in it. Otherwise it is free if free terrain was seen in it. Each layer
+// follows this rule separately.
 #pragma once
 
 #include <vector>
@@ -25,19 +25,23 @@ struct CameraOptions {
   double field_of_view_rad = 2.1;
   double range_min_m = 0.3;
   double range_max_m = 10;
-  double depth_error_per_m = 0.004;  // Sigma of the distance = this * distance^2: 0.1 m at 5 m, 0.4 m at 10 m.
-  double miss_share = 0.3;      // Share of hazards missed at range_max_m. It decreases with the square of the distance.
-  double false_share = 0.01;    // Share of free patches at range_max_m seen as hazards. It decreases in the same way.
-  double phantom_share = 0.05;  // Share of maps with an obstacle that does not exist.
+  // Sigma of a measured distance d is depth_error_per_m * d^2: 0.1 m at 5 m, 0.4 m at 10 m.
+  double depth_error_per_m = 0.004;
+  // Share of hazards missed at range_max_m. At other distances, the share is proportional to the distance squared.
+  double miss_share = 0.3;
+  // Share of free patches at range_max_m seen as hazards. At other distances, the share is proportional to the distance
+  // squared.
+  double false_share = 0.01;
+  double phantom_share = 0.05;   // Share of maps with an obstacle that does not exist.
   double rover_radius_m = 0.35;  // Other rovers are discs of this radius.
-  double rover_height_m = 0.35;  // Height of these discs.
+  double rover_height_m = 0.35;  // Height of the other rovers.
   int layer_count = 4;
   int cells_per_side = 100;
   std::uint32_t finest_resolution_um = 50'000;
 };
 
-// Returns the map that a rover makes at `node`. Requires: `map_from_body` is level. `turn_rad` is the turn at the node,
-// made after the map's heading was measured.
+// Returns the map that a rover makes at `node`. Requires: `map_from_body`, the pose before the rover turns, is level.
+// `turn_rad` is the turn that the rover makes at the node.
 TraversabilityMap Sense(const Terrain& terrain, NodeKey node, const Pose& map_from_body, double turn_rad,
                         const std::vector<Eigen::Vector2d>& other_rovers_m, const CameraOptions& options,
                         Random& random);

@@ -9,7 +9,7 @@ namespace moondb {
 namespace {
 
 constexpr double kRockHeightOverDiameter = 0.5;
-constexpr double kEquilibriumCratersPerM2 = 0.0794;  // Number of craters above 1 m: 10^-1.1.
+constexpr double kEquilibriumCratersPerM2 = 0.0794;  // Craters of at least 1 m diameter per m^2: 10^-1.1.
 constexpr double kCraterDepthLeast = 0.02;
 constexpr double kCraterDepthSpan = 0.16;
 constexpr double kRimOverDepth = 0.2;
@@ -21,10 +21,10 @@ constexpr int kSwells = 5;
 
 double RockDecay(double share) { return 1.79 + 0.152 / share; }
 
-// Number of rocks per area up to each diameter, from the smallest diameter upwards.
+// Cumulative size distribution of rocks. Entries are in ascending order of diameter.
 struct SizeLadder {
   std::vector<double> diameter_m;
-  std::vector<double> per_m2;  // Number of rocks below the diameter of the entry.
+  std::vector<double> per_m2;  // Number of rocks per m^2 smaller than diameter_m[i].
 };
 
 SizeLadder MakeLadder(const TerrainOptions& options, double least_m) {
@@ -152,7 +152,8 @@ bool Terrain::IsOnLandingGround(const Eigen::Vector2d& center_m, double radius_m
 void Terrain::DrawCraters(Random& random) {
   const double least_m = options_.crater_diameter_min_m;
   const double most_m = options_.crater_diameter_max_m;
-  // Craters larger than D: N(>D) is proportional to D^-2. So a random D is Dmin / sqrt(1 - u (1 - (Dmin / Dmax)^2)).
+  // N(>D), the number of craters larger than D, is proportional to D^-2. Inverting the distribution gives a random D of
+  // Dmin / sqrt(1 - u (1 - (Dmin / Dmax)^2)) for a uniform u.
   const double span = 1 - (least_m * least_m) / (most_m * most_m);
   const double per_m2 = options_.crater_share * kEquilibriumCratersPerM2 / (least_m * least_m) * span;
   const int count = random.Poisson(per_m2 * 4 * half_m_ * half_m_);

@@ -1,4 +1,5 @@
-// Terrain: an area of the Moon with craters and rocks, and the parts of it that a small rover cannot cross.
+// Terrain: heights of a simulated area of the Moon with craters and rocks, and the cells that a small rover cannot
+// cross.
 //
 // Rocks follow Golombek and Rapp (JGR 102, 1997). Rocks with a diameter of at least D metres cover the share
 //     F(D) = k exp(-q D),  q = 1.79 + 0.152 / k,
@@ -65,8 +66,8 @@ class Terrain {
   const std::vector<Rock>& rocks() const { return rocks_; }
   const std::vector<Crater>& craters() const { return craters_; }
 
-  // Heights in metres. GroundM: the bare terrain. SurfaceM: with rocks and the lander. Points outside have the height
-  // of the nearest edge.
+  // Heights in metres. GroundM: the bare terrain. SurfaceM: with rocks and the lander. Points outside the terrain have
+  // the height of the nearest edge.
   double GroundM(const Eigen::Vector2d& point_m) const { return ground_m_[OffsetOf(point_m)]; }
   double SurfaceM(const Eigen::Vector2d& point_m) const { return surface_m_[OffsetOf(point_m)]; }
   bool IsHazard(const Eigen::Vector2d& point_m) const { return is_hazard_[OffsetOf(point_m)] != 0; }
@@ -86,7 +87,7 @@ class Terrain {
   void AddBase();
   bool IsOnLandingGround(const Eigen::Vector2d& center_m, double radius_m) const;
   std::size_t OffsetOf(const Eigen::Vector2d& point_m) const;
-  // Calls visit(offset, distance from the centre) for the cells within the radius.
+  // Calls visit(offset, distance_m) for each cell whose centre is within `radius_m` of `center_m`.
   template <typename Visit>
   void ForEachCellNear(const Eigen::Vector2d& center_m, double radius_m, Visit visit);
 

@@ -37,7 +37,7 @@ Result<const MissionAgent*> MissionAgentOf(const Mission& mission, const proto::
                                        "; make the team file by moonctl config init --mission");
 }
 
-// Removes from `records` those that the agent already holds. Returns how many records were removed.
+// Removes from `records` the records that the agent already holds. Returns how many were removed.
 Result<std::size_t> LeaveOutKnown(Client& client, AgentId agent, std::vector<proto::Record>& records) {
   proto::ReadRequest request;
   request.add_origin_agents(agent);

@@ -18,8 +18,8 @@ struct FeedArguments {
   std::vector<std::string> agents;  // Names of the agents. Empty: all agents.
 };
 
-// Skips records that the agents already hold, so that an interrupted feed can be repeated. Prints progress on stderr
-// and one line per agent on stdout.
+// Runs the command. Skips records that the agents already hold, so an interrupted feed can be repeated. Prints progress
+// on stderr and one line per agent on stdout.
 Result<void> Feed(const FeedArguments& arguments);
 
 }  // namespace moondb

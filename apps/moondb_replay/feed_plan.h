@@ -1,7 +1,7 @@
 // Computes the records that each robot of a mission would have inserted at its agent, in order of timestamps.
 //
-// Nodes have raw poses. Ranges belong to the agent of their first end. Maps are packed as on robots. The truth is never
-// included. Plain functions. PlanFeed reads the maps' pictures from the mission's folder.
+// Nodes have raw poses, never the true ones. Each range belongs to the agent of its RangeEdge::from. PlanFeed reads the
+// images of the maps from the mission's folder.
 #pragma once
 
 #include <optional>
@@ -14,7 +14,7 @@
 
 namespace moondb {
 
-// Interval of mission time in nanoseconds, without its end.
+// Half-open interval of mission time: includes from_ns, excludes to_ns.
 struct TimeSpan {
   std::int64_t from_ns = 0;
   std::int64_t to_ns = 0;
@@ -26,8 +26,8 @@ struct TimeSpan {
 // ReadMissionMap.
 Result<std::vector<proto::Record>> PlanFeed(const Mission& mission, AgentId agent, const TimeSpan& span);
 
-// Returns a key that identifies a record within a feed: the type, the timestamp and the natural key. With it, a
-// repeated feed stores no record again.
+// Returns a key that identifies a record within a feed: the type, the timestamp and the natural key. A repeated feed
+// uses the key to skip records that the agent already holds.
 std::string FeedKey(const proto::Record& record);
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// A common frame for maps that people compare side by side: the bounding box of all known cells. Plain functions.
+// A common frame for maps that people compare side by side: the bounding box of all known cells.
 #pragma once
 
 #include <span>
@@ -20,7 +20,7 @@ struct MapFrame {
 // maps have the same resolution.
 MapFrame FrameOf(std::span<const MergedMap* const> maps, std::int64_t margin_cells);
 
-// Returns the part of the map inside `frame`. Cells that the map does not have are unknown.
+// Returns the part of the map inside `frame`. Cells outside the map are unknown.
 MergedMap InFrame(const MergedMap& map, const MapFrame& frame);
 
 }  // namespace moondb

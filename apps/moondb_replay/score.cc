@@ -11,7 +11,7 @@ namespace {
 
 MergeOptions OptionsOf(const proto::TeamConfig& team) {
   MergeOptions options;
-  options.backend = MergeBackend::kCpu;  // The CPU and GL backends give the same bytes.
+  options.backend = MergeBackend::kCpu;  // The CPU and GL backends produce byte-identical maps.
   options.grid.resolution_um = static_cast<std::uint32_t>(std::lround(team.map().resolution_m() * 1e6));
   options.grid.footprint_length_m = team.map().footprint_m(0);
   options.grid.footprint_width_m = team.map().footprint_m(1);
@@ -31,7 +31,7 @@ bool AreEqual(const MergedMap& a, const MergedMap& b) {
          a.origin_cell_y == b.origin_cell_y && a.grid == b.grid;
 }
 
-// Returns the true poses of the nodes that the agent holds.
+// Returns the true poses of the nodes in `known`.
 Poses TruePoses(const Mission& mission, const Poses& known) {
   Poses poses;
   for (const auto& [node, pose] : known) {

@@ -1,8 +1,8 @@
 // Scores an agent's results on a mission: trajectories and merged maps, at raw and at optimized poses, compared with
 // the truth, which no agent has seen.
 //
-// Merges all maps again from the records that the agent holds. One result is whether the agent's own merged map equals
-// the map that is merged here, byte for byte. Plain functions on plain values.
+// Merges all maps again from the records that the agent holds. Also checks whether the agent's own merged map is
+// byte-identical to the map merged here at the newest poses.
 #pragma once
 
 #include <vector>
@@ -62,8 +62,8 @@ struct Scored {
   ScoredMaps maps;
 };
 
-// Scores the records that an agent holds. `agents_map` is the map that the agent merged itself. kNotFound if the agent
-// holds no node of the mission, or no map.
+// Scores the records that an agent holds. `agents_map` is the map that the agent merged itself. Returns kNotFound if
+// the agent holds no node of the mission, or no map.
 Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, const Held& held,
                          const MergedMap& agents_map);
 

@@ -8,7 +8,7 @@
 #include "apps/common/team_clients.h"
 #include "apps/moondb_replay/map_frame.h"
 #include "apps/moondb_replay/score.h"
-#include "model/map_picture.h"
+#include "apps/picture/picture.h"
 #include "model/text.h"
 
 namespace moondb {
@@ -25,23 +25,50 @@ struct Setting {
   std::string agent_backend;
 };
 
-std::vector<AgentId> AgentsOf(const proto::TeamConfig& team) {
-  std::vector<AgentId> agents;
-  for (const proto::AgentConfig& agent : team.agents()) agents.push_back(agent.id());
-  return agents;
-}
+constexpr Color kTruthColor = {196, 198, 204};
+constexpr Color kOdometryColor = {70, 70, 70};
 
-std::string Caption(const std::string& what, const TrajectoryError& error, const MapAgreement& agreement) {
+std::string Title(const std::string& what, const TrajectoryError& error, const MapAgreement& agreement) {
   return what + ": ATE " + FormatFixed(error.rmse_m, 2) + " m, hazard IoU " + FormatFixed(agreement.hazard_iou, 2);
 }
 
-// Returns the tracks of the rovers. The base station has no track.
-std::vector<Track> RoverTracks(const Setting& setting, const Poses& poses) {
-  return TracksOf(poses, AgentsOf(setting.team.config));
+// Returns the tracks of all agents, in the team's order. The base station's track is one point.
+std::vector<Track> TeamTracks(const Setting& setting, const Poses& poses) {
+  std::vector<TrackAgent> agents;
+  for (const proto::AgentConfig& agent : setting.team.config.agents()) agents.push_back({agent.id(), agent.name()});
+  return TracksOf(poses, agents);
+}
+
+Picture NewPicture(const Setting& setting, int panel_width_px) {
+  Picture picture;
+  picture.panel_width_px = panel_width_px;
+  if (setting.team.config.has_site()) picture.north_yaw_rad = setting.team.config.site().north_yaw_rad();
+  return picture;
+}
+
+// Writes NAME.png and NAME.svg.
+Result<void> WriteBoth(const Picture& picture, const std::filesystem::path& folder, const std::string& name) {
+  if (auto written = WritePicture(picture, folder / (name + ".png")); !written) return written;
+  return WritePicture(picture, folder / (name + ".svg"));
+}
+
+// Returns the comparison of a map with the true one, cell by cell. Both cover the same cells.
+Result<Raster> ComparisonRaster(const MergedMap& map, const MergedMap& truth) {
+  const auto matches = MatchHazardCells(map, truth);
+  if (!matches) return tl::unexpected(matches.error());
+  Raster raster = RasterOf(map);
+  for (std::size_t i = 0; i < matches->size(); ++i) raster.cells[i] = static_cast<std::uint8_t>((*matches)[i]);
+  // In the order of HazardMatch.
+  raster.classes = {{{212, 214, 219}, "unmapped"},
+                    {{255, 255, 255}, "free"},
+                    {{20, 20, 20}, "hazard hit"},
+                    {{0, 114, 178}, "missed"},
+                    {{230, 130, 0}, "phantom"}};
+  return raster;
 }
 
 Result<void> WriteRovers(const Setting& setting, const std::filesystem::path& out) {
-  const std::vector<Track> tracks = RoverTracks(setting, NewestPoses(setting.held));
+  const std::vector<Track> tracks = TeamTracks(setting, NewestPoses(setting.held));
   for (int place = 0; place < setting.team.config.agents_size(); ++place) {
     const proto::AgentConfig& agent = setting.team.config.agents(place);
     if (agent.kind() != proto::AGENT_KIND_ROVER) continue;
@@ -50,44 +77,54 @@ Result<void> WriteRovers(const Setting& setting, const std::filesystem::path& ou
     const bool has_map = std::any_of(setting.held.maps.begin(), setting.held.maps.end(),
                                      [&agent](const HeldMap& map) { return map.key.stream.origin == agent.id(); });
     if (!has_map) continue;
-    MapPictureOptions options;
-    options.caption = agent.name();
-    const Image image = DrawMap(*merged, {tracks[static_cast<std::size_t>(place)]}, options);
-    if (auto written = WritePng(image, out / (agent.name() + ".png")); !written) return written;
+    Picture picture = NewPicture(setting, 1200);
+    picture.panels = {{"Maps of " + agent.name(),
+                       RasterOf(CroppedToKnown(*merged, kPictureMarginCells)),
+                       {tracks[static_cast<std::size_t>(place)]}}};
+    if (auto written = WriteBoth(picture, out, agent.name()); !written) return written;
   }
   return {};
 }
 
 Result<void> WritePictures(const Setting& setting, const std::filesystem::path& out) {
-  const Poses raw = RawPoses(setting.held);
-  const Poses newest = NewestPoses(setting.held);
   const ScoredMaps& maps = setting.scored.maps;
   const Score& score = setting.scored.score;
-  const std::vector<Track> before = RoverTracks(setting, raw);
-  const std::vector<Track> after = RoverTracks(setting, newest);
-  const std::vector<Track> truth = RoverTracks(setting, setting.mission.truth);
+  const std::vector<Track> before = TeamTracks(setting, RawPoses(setting.held));
+  const std::vector<Track> after = TeamTracks(setting, NewestPoses(setting.held));
+  const std::vector<Track> truth = TeamTracks(setting, setting.mission.truth);
 
-  // All pictures have one frame, so each place is at the same pixel in all of them.
+  // All pictures show the same part of the frame `map`.
   const MergedMap* all[] = {&maps.before, &maps.after, &maps.truth};
   const MapFrame frame = FrameOf(all, kPictureMarginCells);
-  MapPictureOptions options;
-  options.is_cropped = false;
-  options.caption = Caption("odometry", score.before, score.map_before);
-  const Image picture_before = DrawMap(InFrame(maps.before, frame), before, options);
-  options.caption = Caption("optimized", score.after, score.map_after);
-  const Image picture_after = DrawMap(InFrame(maps.after, frame), after, options);
-  options.caption = "truth";
-  const Image picture_truth = DrawMap(InFrame(maps.truth, frame), truth, options);
-  TrajectoryPlotOptions plot;
-  plot.caption = "trajectories: truth pale, odometry grey, optimized coloured";
+  const MergedMap map_before = InFrame(maps.before, frame);
+  const MergedMap map_after = InFrame(maps.after, frame);
+  const MergedMap map_truth = InFrame(maps.truth, frame);
+  const Panel panel_before = {Title("Odometry", score.before, score.map_before), RasterOf(map_before), before};
+  const Panel panel_after = {Title("Optimized", score.after, score.map_after), RasterOf(map_after), after};
+  const Panel panel_truth = {"Merged at the true poses", RasterOf(map_truth), truth};
+  auto compared_before = ComparisonRaster(map_before, map_truth);
+  if (!compared_before) return tl::unexpected(compared_before.error());
+  auto compared_after = ComparisonRaster(map_after, map_truth);
+  if (!compared_after) return tl::unexpected(compared_after.error());
+  std::vector<Track> trajectories = Restyled(truth, TrackStyle::kBroad, "true track", kTruthColor);
+  for (Track& track : Restyled(before, TrackStyle::kDashed, "odometry", kOdometryColor)) {
+    trajectories.push_back(std::move(track));
+  }
+  trajectories.insert(trajectories.end(), after.begin(), after.end());
 
-  const std::pair<const char*, Image> pictures[] = {{"merged_before.png", picture_before},
-                                                    {"merged_after.png", picture_after},
-                                                    {"merged_truth.png", picture_truth},
-                                                    {"before_after.png", SideBySide(picture_before, picture_after)},
-                                                    {"trajectories.png", DrawTrajectories(before, after, truth, plot)}};
-  for (const auto& [name, picture] : pictures) {
-    if (auto written = WritePng(picture, out / name); !written) return written;
+  Panel optimized = panel_after;
+  optimized.title = "Merged map at optimized poses";
+  const std::pair<const char*, std::vector<Panel>> pictures[] = {
+      {"merged_before", {panel_before}},
+      {"merged_after", {panel_after}},
+      {"merged_truth", {panel_truth}},
+      {"before_after",
+       {optimized, {panel_before.title, *compared_before, {}}, {panel_after.title, *compared_after, {}}}},
+      {"trajectories", {{"Tracks", {}, trajectories}}}};
+  for (const auto& [name, panels] : pictures) {
+    Picture picture = NewPicture(setting, panels.size() == 1 ? 1200 : 760);
+    picture.panels = panels;
+    if (auto written = WriteBoth(picture, out, name); !written) return written;
   }
   return WriteRovers(setting, out);
 }

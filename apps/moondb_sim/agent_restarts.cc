@@ -20,7 +20,7 @@ using std::chrono::seconds;
 // After this time the transport reports a dead link as down. A working link carries a message at least every 30 s, and
 // the transport waits 3 s longer.
 constexpr Duration kLinkDeadline = seconds(33);
-// Limit of queued messages in a mailbox, plus four per agent. Ten queued messages are usual in a team of four.
+// A mailbox may queue at most this many messages, plus four per agent of the team. In a team of four, ten are usual.
 constexpr double kMailboxMax = 48;
 
 }  // namespace
@@ -69,7 +69,7 @@ void AgentRestarts::KillFor(AgentId agent, Duration down) {
   Kill(agent);
 }
 
-// Stops the agent whose power was cut. May be called in the middle of a handler.
+// Crashes the running agent whose files have the path prefix `prefix`. May be called while an actor handles a message.
 void AgentRestarts::OnPowerCut(const std::string& prefix) {
   was_cut_ = true;
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
@@ -98,8 +98,7 @@ void AgentRestarts::OnEnded(AgentId agent) {
   world_.In(seconds(1) + world_.DrawDuration(minutes(2)), [this, agent] { Restart(agent); });
 }
 
-// Reports to the other agents that the link to `agent` is up or down, as the transport does at its deadlines. Without
-// this call the agents depend on their own timers.
+// Takes the links between `agent` and the other agents up or down, and notifies both ends. Skips agents in `gone_`.
 void AgentRestarts::NotifyOthers(AgentId agent, bool is_up) {
   if (is_up) gone_.erase(agent);
   if (!is_up) gone_.insert(agent);
@@ -151,15 +150,16 @@ void AgentRestarts::MarkBackup(AgentId agent) {
   if (database && (*database)->QuickCheck()) (void)(*database)->Execute(kForgetIncarnationSql);
 }
 
-// Damages one value in the agent's database. The invariants still require the agent to hold all undamaged records.
+// Damages the agent's database: one record if `fault` is "damage_record", otherwise one interval of the have-set. The
+// invariants still require the agent to hold all undamaged records.
 void AgentRestarts::BreakDatabase(AgentId agent, const std::string& fault) {
   world_.disk.CutPowerAfter(SimulatedWorld::Prefix(agent), 0);
-  // The damage is written to the database, so the disk must accept writes.
+  // The disk must accept the writes that damage the database.
   world_.disk.SetRoom(SimulatedWorld::Prefix(agent), std::nullopt);
   world_.disk.SetFailing(SimulatedWorld::Prefix(agent), false);
   Result<std::unique_ptr<Database>> database = Database::Open(SimulatedWorld::PathOf(agent), 0, world_.disk.name());
   HaveLedger ledger;
-  // The database is already damaged, or the agent lost power before it created the tables.
+  // Return if the database is already damaged, or if the agent lost power before it created the tables.
   if (!database || !(*database)->QuickCheck() || !ledger.Load(**database)) return;
   world_.invariants.SeeHave(agent, ledger.have());
   if (fault == "damage_record") {
@@ -179,8 +179,8 @@ void AgentRestarts::CheckHave(AgentId agent) {
   world_.In(seconds(10), [this, agent] { CheckHave(agent); });
 }
 
-// Reports every actor failure that no injected fault caused. Agents with a disk that is damaged in many places are
-// exempt.
+// Reports a violation if an actor of the agent failed without an injected fault. Exempts the agents in `damaged_`.
+// Schedules a restart of the agent if its process has ended.
 void AgentRestarts::CheckFailures(AgentId agent) {
   const bool is_ended = !world_.team.is_running(agent) && !to_restart_.contains(agent);
   const bool is_failing = world_.team.restarts(agent) > failures_[agent];
@@ -192,11 +192,11 @@ void AgentRestarts::CheckFailures(AgentId agent) {
     world_.Violate("starts",
                    "an actor of agent " + std::to_string(agent) + " failed by itself; the last that failed: " + last);
   }
-  if (is_ended) OnEnded(agent);  // Restart the agent, as a service manager does.
+  if (is_ended) OnEnded(agent);
 }
 
-// Checks that the agent's mailboxes stay within the limit and drop no message. Runs with a Byzantine agent are exempt:
-// a flooded agent drops messages, and honest senders retransmit them.
+// Checks that the agent's mailboxes stayed within the limit and dropped no message. Exempts runs with a Byzantine
+// agent, because it may flood mailboxes.
 void AgentRestarts::CheckMailboxes(AgentId agent) {
   if (world_.byzantine != 0) return;
   for (const proto::ActorStatus& actor : world_.team.GetSystemStatus(agent).actors) {

@@ -29,16 +29,16 @@ class AgentRestarts {
 
   // Cuts the agent's power; it restarts after about two minutes at most. Does nothing if the agent does not run.
   void Kill(AgentId agent);
-  // Kills the agent if it runs, and applies `fault` (options.cc) to its disk before its next restart.
+  // Kills the agent if it runs. Applies the disk fault named `fault` (FaultKinds) before the agent's next restart.
   void KillWithDisk(AgentId agent, const std::string& fault);
-  // Kills the agent, and restarts it after `down`. The other agents learn of the loss within a minute.
+  // Kills the agent if it runs, and restarts it after `down`. The other agents are notified of the loss within 33 s.
   void KillFor(AgentId agent, Duration down);
-  // Returns whether the agent is down and the other agents know it.
+  // Returns whether the agent is down and the other agents were notified of the loss.
   bool is_gone(AgentId agent) const { return gone_.contains(agent); }
   // Restarts the agent as soon as its store opens. Does nothing if the agent runs.
   void Restart(AgentId agent);
 
-  // Registers a failure. Call it before a fault makes an actor of the agent fail.
+  // Call before an injected fault makes an actor of the agent fail. Otherwise CheckFailures reports the failure.
   void NoteFailure(AgentId agent) { ++failures_[agent]; }
   bool is_damaged(AgentId agent) const { return damaged_.contains(agent); }
   void CheckFailures(AgentId agent);
@@ -55,15 +55,15 @@ class AgentRestarts {
 
   SimulatedWorld& world_;
   SimulatedRobots& robots_;
-  bool was_cut_ = false;                       // Whether any agent lost power since the last reset to false.
-  std::map<AgentId, std::string> disk_fault_;  // Faults to apply at each agent's next restart.
+  bool was_cut_ = false;                       // True if any agent lost power since CheckStore last cleared this flag.
+  std::map<AgentId, std::string> disk_fault_;  // Disk fault to apply at each agent's next restart.
   std::map<AgentId, SimulatedDisk::Image> old_disks_;
   std::set<AgentId> to_restart_;          // Agents that are down and will be restarted.
-  std::map<AgentId, Duration> down_for_;  // Down times of agents that KillFor kills.
-  std::set<AgentId> gone_;                // Agents that are down, and whose loss the other agents know.
-  std::set<AgentId> broken_;              // Agents with a disk that BreakDisk changed, until their store opens.
-  std::set<AgentId> damaged_;             // Agents with a disk that is damaged in many places.
-  // Failures of each agent's actors that faults caused, counted like SimulatedTeam::restarts.
+  std::map<AgentId, Duration> down_for_;  // Time that each agent killed by KillFor stays down.
+  std::set<AgentId> gone_;                // Agents that are down, after the other agents were notified.
+  std::set<AgentId> broken_;              // Agents whose disk BreakDisk changed and whose store has not opened since.
+  std::set<AgentId> damaged_;             // Agents whose disk is damaged in many places.
+  // Expected value of SimulatedTeam::restarts for each agent. Higher values are failures without an injected fault.
   std::map<AgentId, std::uint64_t> failures_;
 };
 

@@ -17,14 +17,14 @@ Wrong CheckInserted(const proto::InsertRequest& request, const proto::InsertRepl
   for (const proto::RecordKey& name : reply.keys()) {
     const RecordKey key = FromProto(name);
     if (key.stream.origin != facts.self) return ToString(key) + " is another agent's";
-    // A later record of the same insert may have superseded a state.
+    // The agent need not hold the record: if it is a state, a later record of the same insert may have superseded it.
     if (!facts.after.Get(key.stream).Covered().Contains(key.seq)) return ToString(key) + " is not there";
   }
   return std::nullopt;
 }
 
 // Checks a page of one data type that starts at the first row. The page may contain only records that the agent holds.
-// If it is marked complete and starts with the oldest row, it must contain all of them.
+// If the page is complete and begins with the oldest row, it must contain all held records of the type.
 Wrong CheckPage(const proto::ReadRequest& request, const proto::ReadReply& reply, const AgentFacts& facts) {
   if (request.is_history() || request.after_row_id() != 0 || request.data_types_size() != 1) return std::nullopt;
   if (facts.before != facts.after) return std::nullopt;

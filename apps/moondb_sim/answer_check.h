@@ -1,8 +1,7 @@
-// Checks whether an agent's successful answer to a client is true, as far as the agent's state at the instant of the
-// answer shows: the invariant answer_true.
+// Checks invariant answer_true: an agent's successful answer to a client agrees with the agent's state at the instant
+// of the answer.
 //
-// Pure functions. Other checkers cover effects that last: invariants.h covers inserts, map_checker.h maps, and
-// bundle_checker.h bundles.
+// Other checkers cover lasting effects: invariants.h covers inserts, map_checker.h maps, and bundle_checker.h bundles.
 #pragma once
 
 #include <optional>
@@ -18,11 +17,12 @@ struct AgentFacts {
   AgentId self = 0;
   HaveSet before;               // Have-set before the agent handled the request.
   HaveSet after;                // Have-set after the agent answered.
-  proto::RoleAssignment roles;  // Assignment that the agent's actors last received.
+  proto::RoleAssignment roles;  // Role assignment that the agent's actors last received.
   proto::Term durable_term;     // Term of the roles on the agent's disk.
 };
 
-// Returns why a successful answer is untrue. Null if the answer is true, or if requests of this kind are not checked.
+// Returns why `reply`, a successful answer to `request`, is untrue. Null if the answer is true, or if requests of this
+// kind are not checked.
 std::optional<std::string> WhyUntrue(const proto::ControlRequest& request, const proto::ControlReply& reply,
                                      const AgentFacts& facts);
 

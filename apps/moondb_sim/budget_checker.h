@@ -18,13 +18,14 @@ class BudgetChecker {
   BudgetChecker(double bytes_per_second, double burst_bytes)
       : bytes_per_second_(bytes_per_second), burst_bytes_(burst_bytes) {}
 
-  // Adds a batch that the agent sends or receives. Returns a text if the batches of the last minute exceed the budget.
+  // Call when the agent sends or receives a batch of `bytes` bytes. Returns a description if the batches of the last
+  // minute exceed the budget; null otherwise.
   std::optional<std::string> OnBatch(std::size_t bytes, MonotonicTime now);
 
  private:
   double bytes_per_second_;
   double burst_bytes_;
-  std::deque<std::pair<MonotonicTime, std::size_t>> batches_;  // Batches of the last minute, with their bytes.
+  std::deque<std::pair<MonotonicTime, std::size_t>> batches_;  // Time and bytes of each batch of the last minute.
   std::size_t bytes_ = 0;                                      // Sum of the bytes in `batches_`.
 };
 

@@ -147,7 +147,7 @@ bool ByzantineAgent::OnRadio(AgentId from, AgentId to, const proto::Message& mes
   return is_attacking_;
 }
 
-// Remembers a message for a later replay. Requests of clients are skipped, since they never travel between agents.
+// Remembers a message for Replay. Skips requests of clients, because they never travel between agents.
 void ByzantineAgent::Remember(const Address& to, const proto::Message& message) {
   if (message.hop_sender() == kClients || message.hop_sender() == 0) return;
   seen_.push_back({to, message});
@@ -174,7 +174,8 @@ AgentId ByzantineAgent::DrawHonestBut(AgentId agent) {
   }
 }
 
-// Draws the key of a record that `holder` holds. The record's origin is `origin`, and its type is in ForgedTypes().
+// Returns the key of a random record that `holder` holds; null if there is none. Considers only records of `origin`
+// with a type in ForgedTypes().
 std::optional<RecordKey> ByzantineAgent::DrawKey(AgentId holder, AgentId origin) {
   const std::optional<HaveSet> have = world_.HaveOf(holder);
   if (!have) return std::nullopt;
@@ -187,7 +188,7 @@ std::optional<RecordKey> ByzantineAgent::DrawKey(AgentId holder, AgentId origin)
   return keys[Draw(keys.size())];
 }
 
-// Opens a session with the target and sends one batch in it.
+// Opens a sharing session with the target and sends `batch` in it.
 void ByzantineAgent::Bring(AgentId target, proto::Batch batch) {
   const bool is_sync = Draw(2) == 0;
   const char* actor = is_sync ? actor_name::kSync : actor_name::kReplica;
@@ -280,8 +281,8 @@ void ByzantineAgent::ForgePose(AgentId target) {
   BringRecord(target, key, record);
 }
 
-// Sends edges between other agents' nodes, or quarantines of their maps. Stores must reject the edges, which
-// ByzantineChecker verifies. Readers must ignore the quarantines.
+// Sends an edge between nodes of honest agents, or a quarantine of their maps. Stores must reject the edge
+// (ByzantineChecker). Readers must ignore the quarantine.
 void ByzantineAgent::Slander(AgentId target) {
   RecordKey key{{world_.byzantine, rng_() >> 1, proto::POSE_GRAPH_EDGE}, 1 + Draw(4)};
   const AgentId victim = DrawHonest();
@@ -327,8 +328,8 @@ void ByzantineAgent::Drop(AgentId target) {
   Bring(target, std::move(batch));
 }
 
-// Sends different agents different contents under one key. Uses a type that no map depends on, because MapChecker
-// expects equal maps from agents that hold the same keys.
+// Sends a record whose key may have another content at other agents. Uses the type POWER, on which no map depends,
+// because MapChecker expects equal maps from agents that hold the same keys.
 void ByzantineAgent::Equivocate(AgentId target) {
   std::optional<RecordKey> key = DrawKey(world_.byzantine, world_.byzantine);
   if (!key) return;
@@ -398,7 +399,8 @@ void ByzantineAgent::Replay(AgentId target) {
 
 // --- Forged roles and commands ---
 
-// Makes an assignment that gives the Byzantine agent a role, signed with its own key.
+// Returns a forged role assignment, in which the Byzantine agent is leader or survivor. Its term is higher than the
+// target's present term. In a team with keys, the Byzantine agent signs it.
 proto::RoleAssignment ByzantineAgent::Assignment(AgentId target) {
   const proto::RoleAssignment present = RolesOf(target);
   const bool has_keys = HasSigningKeys(world_.config);
@@ -416,7 +418,7 @@ proto::RoleAssignment ByzantineAgent::Assignment(AgentId target) {
   roles.set_reason(kByzantineReason);
   if (!has_keys) return roles;
   roles.set_follows(present.signature());
-  if (Draw(4) == 0) roles.mutable_term()->set_issuer(present.leader());  // Signed by the Byzantine agent anyway.
+  if (Draw(4) == 0) roles.mutable_term()->set_issuer(present.leader());  // Wrong issuer: the Byzantine agent signs.
   roles.set_signature(SigningKeyOf(world_.byzantine).Sign(SignedBytes(world_.config, roles)));
   return roles;
 }
@@ -507,7 +509,8 @@ void ByzantineAgent::Flood(AgentId target) {
   }
 }
 
-// Sends odometry between all pairs of many nodes. Stores accept it, because all nodes are the sender's own.
+// Sends a dense graph: odometry between all pairs of kDenseNodes nodes. Stores accept the records, because all nodes
+// belong to the sender.
 void ByzantineAgent::JoinAll(AgentId target) {
   if (dense_count_ == kDenseMax) return;
   ++dense_count_;

@@ -1,10 +1,10 @@
-// ByzantineAgent: a rover that an attacker has taken over. Its own actors run as usual. In addition it sends arbitrary
-// messages to the actors of other agents. It sends them under its own identity, since links are authenticated by keys,
-// and only uses messages that may leave an agent (runtime/transport/inbound.h). It knows all records of all agents, and
-// is neither leader nor survivor. When an honest agent gives it a role, it stops lying: SECURITY.md describes the power
-// of a malicious leader.
+// ByzantineAgent: a rover that an attacker has taken over. Its own actors run as usual, but it also sends forged
+// messages to the actors of other agents. Links are authenticated, so it sends them under its own identity, and only
+// messages that may leave an agent (runtime/transport/inbound.h). It knows all records of all agents.
 //
-// It uses its own random stream, so adding an attack does not change the rest of a seeded run.
+// It has no role in the team file, and stops its attacks when an honest agent gives it a role. SECURITY.md describes
+// what a malicious leader can do. Attacks use their own random stream, so adding one does not change the rest of a
+// seeded run.
 #pragma once
 
 #include <cstdint>
@@ -30,7 +30,8 @@ struct AttackKind {
   std::string what;
 };
 
-// The attacks, in the order of `--list`. RareStateOf names the rare state of each attack.
+// All attacks, in the order of `--list`. RareStateOf returns the name of the rare state (rare_states.h) that counts
+// handled messages of an attack.
 const std::vector<AttackKind>& AttackKinds();
 std::string RareStateOf(const AttackKind& kind);
 
@@ -39,14 +40,14 @@ class ByzantineAgent {
   // If the world has no Byzantine agent, this object does nothing.
   ByzantineAgent(SimulatedWorld& world, ByzantineChecker& checker);
 
-  void Start();  // Attacks until SimulatedWorld::is_quiet.
+  void Start();  // Attacks at random times until SimulatedWorld::is_quiet.
 
   // Called before an actor of any agent handles `message`.
   void OnHandle(const Address& actor, const proto::Message& message);
   // Called when `from` sends `message` to `to`. Returns true if the message is an attack.
   bool OnRadio(AgentId from, AgentId to, const proto::Message& message);
 
-  // The attacks. Requires: `target` is an honest agent.
+  // Each of these functions sends messages of one attack to `target`. Requires: `target` is an honest agent.
   void ForgeRecord(AgentId target);
   void ForgeEvent(AgentId target);
   void ForgePose(AgentId target);
@@ -89,10 +90,10 @@ class ByzantineAgent {
   std::size_t kind_ = 0;       // Index of the present attack in AttackKinds().
   bool is_attacking_ = false;  // True while an attack sends messages.
   int dense_count_ = 0;        // Dense graphs sent so far.
-  std::deque<Seen> seen_;      // Messages that the Byzantine agent's actors handled or sent.
-  // Session ids that other agents opened with the Byzantine agent, by agent and actor.
+  std::deque<Seen> seen_;      // The last messages that the Byzantine agent's actors handled or sent.
+  // Id of the newest session that each other agent opened with each of the Byzantine agent's actors.
   std::map<std::pair<AgentId, std::string>, std::uint64_t> sessions_;
-  std::map<std::uint64_t, std::size_t> in_flight_;  // Kinds of attacks in flight, by hash of the message.
+  std::map<std::uint64_t, std::size_t> in_flight_;  // Index in AttackKinds() of each sent attack, by message hash.
 };
 
 }  // namespace moondb::simulation

@@ -9,8 +9,8 @@ namespace {
 
 std::string ByzantineName(AgentId agent) { return "agent " + std::to_string(agent); }
 
-// Returns whether a leader derives records of the type. A rover that never led does not forward such records of a
-// former leader. The next leader derives them again.
+// Returns whether a leader derives records of the type from other records. A new leader may lack the derived records of
+// a former leader, and derives them again.
 bool IsDerived(DataType type) { return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT; }
 
 }  // namespace
@@ -19,8 +19,7 @@ void ByzantineChecker::OnForged(const proto::Record& record) { forged_.merge(Sta
 
 void ByzantineChecker::OnImpossible(const RecordKey& key) { impossible_.insert(key); }
 
-// Returns whether the Byzantine agent forged the record in another agent's name. All other records are true, whichever
-// agent sends them.
+// Returns whether the Byzantine agent forged the record in another agent's name.
 bool ByzantineChecker::IsMadeUp(const proto::StoredRecord& record) const {
   return record.key().origin_agent() != liar_ && forged_.contains(ContentHash(record.content()));
 }
@@ -35,8 +34,8 @@ void ByzantineChecker::OnStoreRequest(AgentId agent, const proto::Message& messa
       expected.may_store += IsMadeUp(record) || IsSlander(record) ? 0 : 1;
     }
   } else {
-    // The Byzantine agent may have given different contents of one record to different peers, so its records may be
-    // refused.
+    // Records of the Byzantine agent may be refused, because it may send different peers different contents of one
+    // record.
     expected.may_refuse = 0;
     for (const proto::StoredRecord& record : request.records()) {
       expected.may_refuse += record.key().origin_agent() == liar_ ? 1 : 0;
@@ -49,7 +48,7 @@ void ByzantineChecker::OnStoreRequest(AgentId agent, const proto::Message& messa
   expected_[{agent, message.request_id()}] = expected;
 }
 
-// Returns whether the record makes a statement that its origin may not make, even with a role.
+// Returns whether the record's origin may not write the record in any role (CheckSpeaker).
 bool ByzantineChecker::IsSlander(const proto::StoredRecord& stored) {
   proto::Record record;
   return record.ParseFromString(stored.content()) && CheckRecord(record) &&

@@ -13,7 +13,7 @@
 
 namespace moondb::simulation {
 
-// Timeouts that the simulated agents' gateways use.
+// Timeouts of the simulated agents' gateways.
 inline constexpr Duration kClientTimeout = std::chrono::seconds(20);
 inline constexpr Duration kLongClientTimeout = std::chrono::seconds(60);
 
@@ -29,13 +29,14 @@ class ClientCalls {
 
   explicit ClientCalls(SimulatedWorld& world) : world_(world) {}
 
-  // Sends `request` from a new client. Calls `then` with the answer, if one arrives. Does nothing if the agent does not
-  // run.
+  // Sends `request` from a new client to the agent's gateway. Calls `then` with the answer, if an answer arrives. Does
+  // nothing if the agent does not run.
   void Ask(AgentId agent, const proto::ControlRequest& request, Then then);
-  // Runs the team until it is idle, and calls `then` for each answer that has arrived.
+  // Runs the team until it is idle, and calls `then` for each answer that has arrived. Runs again every second while
+  // requests are open.
   void Run();
 
-  // Drops the open requests to `agent`, whose process has ended.
+  // Drops the open requests to `agent`. Call when its process or its gateway has ended.
   void Forget(AgentId agent);
 
  private:

@@ -8,7 +8,7 @@
 namespace moondb::simulation {
 namespace {
 
-// Time for the mailboxes at both gateways and for the slow radio.
+// Longest time that a request and its answer may spend on the radio and in mailboxes.
 constexpr Duration kOnTheWay = std::chrono::seconds(2);
 
 }  // namespace

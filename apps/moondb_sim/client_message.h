@@ -1,5 +1,4 @@
-// Messages between simulated clients and their agents' gateways, and among gateways, storage and retention. The
-// simulator builds and parses them only here. Free functions.
+// Builds and parses the messages of simulated clients and of RetentionActors.
 #pragma once
 
 #include <optional>
@@ -24,7 +23,7 @@ Duration AnsweredWithin(const proto::ControlRequest& request, Duration timeout, 
 // Returns a readable name of the request, such as "downlink for agent 4".
 std::string NameOf(const proto::ControlRequest& request);
 
-// Returns the have-set that one RetentionActor sends to another in an answer; null for other messages.
+// Returns the have-set if `message` is the answer of one RetentionActor to another; null for other messages.
 std::optional<HaveSet> HaveInAnswer(const proto::Message& message);
 
 }  // namespace moondb::simulation

@@ -1,7 +1,7 @@
-// Damage that SQLite's own check does not detect: one changed value within a sound database file.
+// Changes one value in a database file. The file stays sound, so SQLite's own check does not detect the damage.
 //
-// Requires: the agent does not run, and `database` is its database, opened on the simulated disk. The functions return
-// null if there is nothing to damage. Equal files and random numbers give equal damage.
+// Requires: the agent does not run, and `database` is its database on the simulated disk. The functions return null if
+// there is nothing to damage. Equal files and random numbers give equal damage.
 #pragma once
 
 #include <optional>
@@ -15,8 +15,8 @@ namespace moondb::simulation {
 // Changes one byte in the content of a shared record. Returns the record's key.
 std::optional<RecordKey> DamageRecord(Database& database, std::mt19937_64& rng);
 
-// A damaged interval of the have-set, with its stream. DamageInterval sets one end of the interval to another number: a
-// near one, one beyond the other end, or a huge one.
+// A damaged interval of the have-set, with its stream. DamageInterval replaces the first or the last seq of the
+// interval by another number, which may be negative or huge.
 struct DamagedInterval {
   StreamKey stream;
   bool is_dropped = false;

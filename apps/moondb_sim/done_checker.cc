@@ -11,7 +11,9 @@
 namespace moondb::simulation {
 namespace {
 
-constexpr double kWait_s = 55;  // How long an order waits. The operator repeats each kind of order every 60 s.
+// Longest time that an order's requester waits for the answer. Less than the 60 s after which the operator repeats each
+// kind of order.
+constexpr double kWait_s = 55;
 
 std::string Name(AgentId sender, AgentId destination) {
   return "agent " + std::to_string(sender) + " to agent " + std::to_string(destination);
@@ -77,8 +79,7 @@ void DoneChecker::OnRoles(AgentId agent) {
   before_term_of_[agent] = last_;
 }
 
-// The destination of an open order may have held a record and lost the record with its disk. So open orders are no
-// longer checked against earlier have-sets.
+// Clears the have-sets of open orders, because the agent may have lost records that these have-sets would require.
 void DoneChecker::OnDiskLost(AgentId agent) {
   last_.erase(agent);
   for (auto& [leader, stores] : before_term_of_) stores.erase(agent);

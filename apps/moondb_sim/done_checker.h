@@ -1,8 +1,9 @@
-// DoneChecker: checks that a sharing order is complete when an agent answers that it is: the invariant done_is_true.
+// DoneChecker: gives sharing orders as the operator, and checks that an order is complete when the leader answers that
+// it is (invariant done_is_true).
 //
-// The operator gives orders that wait for completion. The checker records each agent's have-set when an order is given,
-// and compares it with the stores at the instant of the answer. A leader gathers other agents' records only once in a
-// term. For these records the checker uses the have-sets that it last recorded before the leader's term.
+// The checker records all have-sets when it gives an order, and compares them with the have-sets at the instant of the
+// answer. A leader gathers other agents' records only once per term, so the checker compares gathered records with the
+// have-sets that it last recorded before the term.
 #pragma once
 
 #include <cstdint>
@@ -21,10 +22,10 @@ class DoneChecker {
  public:
   explicit DoneChecker(SimulatedWorld& world) : world_(world) {}
 
-  // Sends an order of the operator to `leader`, which must lead.
+  // Sends a sharing order of the operator to `leader`. Requires: `leader` leads.
   void Order(AgentId leader, proto::SharingKind kind);
-  // Returns whether an order was answered. Must not be called within a handler. If it returns true, call CheckAnswers
-  // before anything else happens.
+  // Receives the answers to orders, and returns whether there are any. If true, the caller must call CheckAnswers at
+  // the same instant. Must not be called while an actor handles a message.
   bool HasAnswers();
   void CheckAnswers();
 
@@ -44,9 +45,8 @@ class DoneChecker {
 
   void Check(const Waiting& waiting, const proto::ShareProgress& progress);
   std::optional<std::string> WhyNotDone(const Waiting& waiting, const proto::ShareProgress& progress);
-  // Returns a text about the first record that the sender held earlier (`before`) and the destination lacks, such as
-  // "agent 3 to agent 1: 3.0001...12 is not there". Considers only records for which `is_meant` is true. Returns null
-  // if the destination lacks no record.
+  // Returns a description of the first record that `sender` held in `before` and `destination` lacks in `now`; null if
+  // there is none. Considers only records for which `is_meant` returns true. Ignores pruned and superseded records.
   template <typename IsMeant>
   std::optional<std::string> WhyLacking(const Stores& before, const Stores& now, AgentId sender, AgentId destination,
                                         IsMeant is_meant) const;
@@ -57,7 +57,7 @@ class DoneChecker {
   std::map<std::uint64_t, Waiting> waiting_;  // Open orders by request id.
   std::vector<std::pair<Waiting, proto::ShareReply>> answers_;
   Stores last_;                               // Have-sets when the newest order was given.
-  std::map<AgentId, Stores> before_term_of_;  // Have-sets before the present term of each leader.
+  std::map<AgentId, Stores> before_term_of_;  // Have-sets last recorded before each agent's present term.
   std::map<AgentId, MonotonicTime> roles_changed_at_;
 };
 

@@ -10,7 +10,8 @@ namespace {
 
 // Tolerance for durations, which are sent as seconds in floating point.
 constexpr Duration kFailoverRounding = std::chrono::milliseconds(1);
-// Time that the actors of one agent may take to notify each other.
+// After leader_timeout_s, the survivor must request the lead within this time. Its actors need the time to notify each
+// other.
 constexpr Duration kOverdue = std::chrono::seconds(15);
 
 }  // namespace
@@ -48,7 +49,9 @@ void FailoverChecker::OnOwn(const proto::Message& message, const LeaseChecker& l
     case proto::Message::kPeerEvent:
       return SetConnected(message.peer_event(), now);
     case proto::Message::kDown:
-      lost_.clear();  // Announcements of the failed actor are void. The new one announces connected peers again.
+      // LeaseActor lost all leases at its restart. Only connected agents announce their leases again, so forget the
+      // others.
+      lost_.clear();
       return;
     default:
       return;

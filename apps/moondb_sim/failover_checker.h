@@ -1,8 +1,6 @@
-// FailoverChecker: checks that one agent takes the lead on its own only if it has cause, and that it then does so in
-// time. These are the invariants failover_has_cause and failover_happens. The checker sees only the messages that the
-// agent's actors handle.
-//
-// A checker covers one process lifetime of the agent.
+// FailoverChecker: checks that one agent takes the lead without an operator only with a cause (invariant
+// failover_has_cause), and that it does so in time (failover_happens). It uses only the messages that the agent's
+// actors handle, and covers one process lifetime of the agent.
 #pragma once
 
 #include <map>
@@ -21,21 +19,22 @@ class FailoverChecker {
  public:
   FailoverChecker(AgentId self, const proto::TeamConfig& team, MonotonicTime now);
 
-  // Called when an actor of the agent handles `message`. Returns a text if `message` is the agent's own request to lead
-  // and the agent had no cause to send it.
+  // Call when an actor of the agent handles `message`. Returns a description if `message` is the agent's own request to
+  // lead and the agent had no cause to send it; null otherwise.
   std::optional<std::string> OnHandle(const std::string& actor, const proto::Message& message,
                                       const LeaseChecker& leases, MonotonicTime now);
-  // Called when the actor fails and restarts.
+  // Call when the agent's actor named `actor` fails and restarts.
   void OnFailure(const std::string& actor, MonotonicTime now);
 
-  // Returns a text if the agent should have taken the lead before `now`; null otherwise.
+  // Returns a description of the failure if the agent should have taken the lead before `now`; null otherwise.
   std::optional<std::string> WhyOverdue(const LeaseChecker& leases, MonotonicTime now) const;
 
-  // Returns whether `message` is a survivor's request to its own RoleActor to lead.
+  // Returns whether `message` to `actor` is a survivor's request to its own RoleActor to lead.
   static bool IsFailover(const std::string& actor, const proto::Message& message);
 
  private:
-  // Returns why the agent may not take the lead now. Returns null if it has missed the leader for at least `missed`.
+  // Returns why the agent may not take the lead at `now`; null if it may. To take the lead, the agent must have missed
+  // the leader for at least `missed`.
   std::optional<std::string> WhyNot(const LeaseChecker& leases, MonotonicTime now, Duration missed) const;
   void OnOwn(const proto::Message& message, const LeaseChecker& leases, MonotonicTime now);
   void SetRoles(const proto::RoleAssignment& roles, MonotonicTime now);
@@ -47,12 +46,12 @@ class FailoverChecker {
   proto::RoleAssignment roles_;
   MonotonicTime roles_since_;
   std::set<AgentId> connected_;
-  std::map<AgentId, MonotonicTime> lost_;  // Lost agents, with the time of disconnection.
-  // When any of the agent's actors last received a message from each other agent.
+  std::map<AgentId, MonotonicTime> lost_;  // When each agent that is not connected any more was lost.
+  // Time at which an actor of this agent last handled a message from each other agent.
   std::map<AgentId, MonotonicTime> heard_;
-  MonotonicTime reached_since_;         // Since when an agent is connected. Not valid if `connected_` is empty.
+  MonotonicTime reached_since_;         // When `connected_` last became non-empty. Invalid while it is empty.
   MonotonicTime asked_;                 // When the agent last requested to lead.
-  std::optional<std::string> verdict_;  // Result of WhyNot at the agent's last timer. The agent decides only then.
+  std::optional<std::string> verdict_;  // Result of WhyNot at the last timer of FailoverActor.
 };
 
 }  // namespace moondb::simulation

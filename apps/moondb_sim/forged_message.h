@@ -1,5 +1,4 @@
-// Messages that a Byzantine agent forges: records that look true, and messages that no honest agent sends. Free
-// functions.
+// Forges the messages of a Byzantine agent: valid records, and messages that no honest agent sends.
 #pragma once
 
 #include <cstdint>
@@ -16,12 +15,12 @@ inline constexpr std::uint64_t kFarSeq = 1ull << 40;
 // Run numbers of forged poses start here. No leader solves that often.
 inline constexpr std::uint64_t kForgedRunMin = 1'000'000;
 
-// Returns a record with unique content that is valid under `key`. Poses are of a node of `named` and have `term`;
-// quarantines are for maps of `named`. The timestamp is within one second of `clock_ns`.
+// Returns a record with unique content that is valid under `key`. A pose is of a node of agent `named` in `term`. A
+// quarantine is of maps of agent `named`. The timestamp is within one second of `clock_ns`.
 proto::Record ForgedRecord(const RecordKey& key, AgentId named, const proto::Term& term, std::int64_t clock_ns,
                            std::mt19937_64& rng);
 
-// Returns a malformed or misplaced message of up to 64 kB. Its kind is one that may leave an agent.
+// Returns a random message of up to 64 kB. Its kind may leave an agent; its content is malformed or random.
 proto::Message DrawGarbage(std::mt19937_64& rng);
 
 }  // namespace moondb::simulation

@@ -15,8 +15,8 @@ std::pair<std::uint64_t, std::uint64_t> PlaceInSeries(const RecordKey& key) { re
 
 bool IsSameSeries(const StreamKey& a, const StreamKey& b) { return a.origin == b.origin && a.type == b.type; }
 
-// The last state of each origin and type; seq 0 if there is none. `seqs` selects which seqs of a stream count, such as
-// the held ones.
+// LastStates returns the key of the last state of each origin and type; its seq is 0 if there is none. `seqs` returns
+// the seqs of a stream to consider, such as the held seqs (HeldOf).
 using LastOfSeries = std::map<std::pair<AgentId, DataType>, RecordKey>;
 template <typename SeqsOf>
 LastOfSeries LastStates(const HaveSet& have, const SeqsOf& seqs) {
@@ -32,7 +32,8 @@ LastOfSeries LastStates(const HaveSet& have, const SeqsOf& seqs) {
 
 std::string NameOf(AgentId agent) { return "agent " + std::to_string(agent); }
 
-// Returns text about records of one stream, such as "1.0000000000000005.30.2 and 3 more of that stream".
+// Returns a description of the records `seqs` of one stream, such as "1.0000000000000005.30.2 and 3 more of that
+// stream".
 std::string Some(const StreamKey& stream, const IntervalSet& seqs) {
   return ToString(RecordKey{stream, seqs.intervals().front().first}) + " and " + std::to_string(seqs.Count() - 1) +
          " more of that stream";
@@ -76,7 +77,7 @@ Records WithoutPrunedOrNotes(const Records& records, const HaveSet& have) {
 IntervalSet HeldOf(const StreamHave& stream) { return stream.held; }
 IntervalSet HadOf(const StreamHave& stream) { return stream.Covered(); }
 
-// Returns the content that the robot gave. Storage adds a signature and a term to quarantines, which are removed here.
+// Returns the content without the signature and the term that storage adds to a quarantine.
 std::string WithoutSignature(const RecordKey& key, const std::string& content) {
   proto::Record record;
   if (key.stream.type != proto::MAP_QUARANTINE || !record.ParseFromString(content)) return content;
@@ -223,7 +224,8 @@ void Invariants::ForgetDropped(AgentId agent, AgentId origin, DataType type) {
   ForgetWhatIsLost();
 }
 
-// Keeps in `inserted_` only the records that at least one agent certainly covers and may pass on (CanBring).
+// Keeps in `inserted_` only the records that some agent certainly covers (`held_`) and that other agents accept from
+// this agent (CanBring).
 void Invariants::ForgetWhatIsLost() {
   HaveSet kept;
   for (const auto& [key, stream] : inserted_.streams()) {
@@ -323,7 +325,7 @@ void Invariants::CheckPoses(AgentId agent, const HaveSet& have) {
     for (const IntervalSet::Interval& interval : seqs.held.intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
         const auto name = pose_names_.find({stream, seq});
-        if (name == pose_names_.end()) return;  // The insert of this pose has not been answered.
+        if (name == pose_names_.end()) return;  // The insert of this pose is not confirmed yet.
         PoseVersion& version = newest[name->second.node];
         version = std::max(version, name->second.version);
       }

@@ -1,21 +1,21 @@
-// Invariants: conditions that a simulated team must meet, and the state that their checks need. Classes in parentheses
-// check the invariant that they follow. The team is quiescent when faults have ended and sharing is complete.
+// Invariants: conditions that a simulated team must meet, and the state that their checks need. A class in parentheses
+// checks the invariant before it. The team is quiescent when faults have ended and sharing is complete.
 //
 // - one_content: No record key ever has two contents.
 // - one_assignment: A term has at most one assignment of roles.
 // - term_goes_up: No agent acts on a lower term than before, even after a restart of its process.
-// - acknowledged_held: Records that an agent reported as covered, or that its disk held, are there after a crash,
-//   unless they were damaged.
+// - acknowledged_held: After a crash, an agent covers all records that it reported as covered or that its disk held,
+//   except damaged records.
 // - leader_solves: The origin of an optimized pose leads in the term of the pose.
 // - one_pose_a_run: A node has at most one optimized pose per term and run.
 // - pose_goes_up: No agent's newest optimized pose of a node has an older term and run than before.
 // - newest_state: No agent drops a state before it holds a newer one. When the team is quiescent, the leader and the
-//   agent itself hold the newest state of each type and key. The newest state is the last one that the robot gave and
-//   that reached a disk that was not lost since (StateChecker).
+//   origin hold the origin's newest state of each type and key. The newest state is the last state that the robot gave
+//   to its agent and that reached a disk that was not lost since (StateChecker).
 // - nothing_lost: When the team is quiescent, leader and survivor cover every record that was stored anywhere.
 //   Exceptions: all disks with the record were lost, or all agents that held the record pruned it.
-// - survivor_is_leader: When the team is quiescent, the survivor holds what the leader holds, except what either of
-//   them pruned.
+// - survivor_is_leader: When the team is quiescent, the survivor holds the same records as the leader, except
+//   records that one of them pruned.
 // - done_is_true: When an agent answers that a sharing order is complete, each destination holds the records that the
 //   sender held when the order was given, or newer records of the same keys (DoneChecker).
 // - stores_after_prune: An agent whose prune freed much of a full disk again stores records other than maps.
@@ -33,14 +33,15 @@
 // - comes_to_rest: When the team is quiescent, no session is open, and only periodic messages are sent.
 // - unacked_bounded: A session has no more bytes in flight than its limit, and no batch exceeds the limit of a batch.
 // - end_is_last: A session sends its last batch only after all earlier batches are acknowledged.
-// - mailbox_bounded: No mailbox holds more than 48 messages plus 4 per agent, and none drops any.
-// - nothing_refused: No agent refuses another agent's message or fails to decode it, unless it lost the session.
+// - mailbox_bounded: No mailbox holds more than 48 messages plus 4 per agent, and no mailbox drops a message.
+// - nothing_refused: No agent refuses another agent's message or fails to decode it, unless the receiver lost the
+//   session.
 // - quiet_window: An agent sends no Hello and no Batch while it sleeps, or while the receiver sleeps as far as it
-//   knows. While one of the two drives or is paused, it sends only batches of states (LeaseChecker).
+//   knows. While one of the two agents drives or is paused, the sender sends only batches of states (LeaseChecker).
 // - failover_has_cause: An agent that takes the lead without an operator is the survivor, and has missed the leader for
 //   leader_timeout_s (FailoverChecker).
 // - failover_happens: A survivor that has missed its leader for leader_timeout_s takes the lead (FailoverChecker).
-// - starts: No actor fails unless a fault was injected, at its start or later.
+// - starts: No actor fails, at its start or later, unless a fault was injected.
 #pragma once
 
 #include <cstdint>
@@ -64,7 +65,7 @@ namespace moondb::simulation {
 struct Violation {
   std::string rule;
   double time_s = 0;
-  std::uint64_t step = 0;  // Number of messages handled before the violation.
+  std::uint64_t step = 0;  // Messages handled in the run before the violation.
   std::string text;
 };
 
@@ -79,59 +80,60 @@ struct QuiescentTeam {
 
 class Invariants {
  public:
-  using PoseVersion = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;  // Term and run.
+  using PoseVersion = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;  // Term and run of a pose.
 
   using Report = std::function<void(const std::string& rule, std::string text)>;
   struct Team {
     AgentId liar = 0;  // The Byzantine agent, whose statements and records prove nothing; 0 if none.
     AgentId base = 0;  // The base station; 0 if none.
-    // If true, agents accept other agents' records only from trusted peers (actors/storage/peer_authority.h).
+    // If true, agents accept a third agent's records only from trusted peers (actors/storage/peer_authority.h).
     bool has_keys = false;
   };
   explicit Invariants(Report report) : Invariants(std::move(report), Team()) {}
   Invariants(Report report, const Team& team)
       : report_(std::move(report)), liar_(team.liar), base_(team.base), has_keys_(team.has_keys) {}
 
-  // Called when `where` has the record in its store, or receives it for its store.
+  // Call when agent `where` holds the record in its store, or receives the record in order to store it.
   void SeeRecord(const RecordKey& key, const std::string& content, AgentId where);
-  // Called when `agent` acts on `roles`. Roles that are not durable count only until the agent's RoleActor ends.
+  // Call when `agent` acts on `roles`. If they are not on its disk (`is_durable` is false), they count only until
+  // ForgetUnstoredRoles.
   void SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable = true);
   void ForgetUnstoredRoles(AgentId agent) { unstored_roles_of_.erase(agent); }
-  // Called when the robot of `agent` gives it `record`. Requires: the calls are in the order in which the robot gives
-  // records.
+  // Call for each record that the robot of `agent` gives to its agent, in the order in which the robot gives them.
   void SeeGiven(AgentId agent, const proto::Record& record) {
     if (agent != liar_) states_.OnGiven(agent, record);
   }
-  // Called when the agent confirms that it stored `record` under `key`. The stored content may differ in the flags that
+  // Call when the agent confirms that it stored `record` under `key`. The stored content may differ in the flags that
   // storage sets (StatementHashes).
   void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
-  // Called when an agent whose policy keeps all notes confirms that it stored this note.
+  // Call when an agent whose policy keeps all notes confirms that it stored this note.
   void SeeKept(const RecordKey& key) { kept_notes_[key.stream].held.Add(key.seq); }
-  // Exempts an event that was inserted shortly before the end of the run, because the last orders need not share it.
+  // Exempts a record that was inserted shortly before the end of the run: the last sharing orders need not include it.
   void ExcuseLate(const RecordKey& key) { late_[key.stream].held.Add(key.seq); }
-  // Called when `agent` reports this have-set to another agent, or when its disk holds the have-set while it does not
-  // run.
+  // Call when `agent` reports `have` to another agent, or when `have` was read from the agent's disk while it is down.
   void SeeHave(AgentId agent, const HaveSet& have);
 
-  // Called when the agent's disk was replaced. Forgets the records that the old disk held.
+  // Call when the agent's disk was replaced. Forgets the records that the old disk held.
   void ForgetDisk(AgentId agent);
   void ForgetRoles(AgentId agent) { roles_of_.erase(agent); }
-  // Called when the record's row was damaged. The agent may then lack the record, and lacks older records that the
-  // record superseded.
+  // Call when the record's row at `agent` was damaged. The agent may then lack the record and the older records that
+  // the record superseded.
   void ForgetRecord(AgentId agent, const RecordKey& key);
-  // Called when the agent may no longer know which records of the origin and type it dropped.
+  // Call when `agent` may no longer know which records of `origin` and `type` it dropped.
   void ForgetDropped(AgentId agent, AgentId origin, DataType type);
 
-  // Returns whether some agent acted on roles that name `agent`. A receiver that does not know these roles yet refuses
-  // other agents' records from `agent`, and accepts them later.
+  // Returns whether any agent ever acted on roles that name `agent` as leader or survivor. Peers that do not know these
+  // roles yet may refuse other agents' records from `agent`.
   bool HasHadRole(AgentId agent) const { return had_role_.contains(agent); }
 
-  // Returns whether a record in `have` supersedes the record of `key`.
+  // Returns whether `have` holds the record of `key`, or a record that supersedes it. Returns false for types whose
+  // records are never superseded.
   bool IsReplacedIn(const HaveSet& have, const RecordKey& key) const;
 
-  // Checks the complete have-set of `agent`.
+  // Checks `have`, which must be the complete have-set of `agent`.
   void CheckHave(AgentId agent, const HaveSet& have);
-  // Checks the states in a have-set of `agent`. The have-set must be complete for at least some origins.
+  // Checks the states in a have-set of `agent`. Requires: for each origin in `have`, all streams of this origin are in
+  // `have`.
   void CheckStates(AgentId agent, const HaveSet& have) const;
   void CheckQuiescent(QuiescentTeam team);
 
@@ -168,19 +170,19 @@ class Invariants {
   const AgentId base_;
   const bool has_keys_;
   std::map<RecordKey, std::uint64_t> content_of_;                     // Hash of each record's content.
-  std::map<RecordKey, std::set<std::uint64_t>> inserted_as_;          // Hashes of the contents that storage may make.
-  std::map<std::string, std::pair<AgentId, AgentId>> assignment_of_;  // Leader and survivor of each term.
+  std::map<RecordKey, std::set<std::uint64_t>> inserted_as_;          // Hashes that the stored content may have.
+  std::map<std::string, std::pair<AgentId, AgentId>> assignment_of_;  // Leader and survivor, by serialized term.
   std::set<AgentId> had_role_;                                        // Agents with a role in `assignment_of_`.
   std::map<AgentId, proto::RoleAssignment> roles_of_;                 // Durable roles of each agent.
   std::map<AgentId, proto::RoleAssignment> unstored_roles_of_;
   StateChecker states_;
   HaveSet late_;
   HaveSet kept_notes_;
-  HaveSet inserted_;                 // Confirmed records, except those lost with all disks that held them.
+  HaveSet inserted_;                 // Confirmed records, without the lost records (ForgetWhatIsLost).
   std::map<AgentId, HaveSet> held_;  // Records that each agent certainly covers.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
   std::map<RecordKey, PoseName> pose_names_;
-  std::map<RecordKey, std::pair<Node, Node>> verdict_names_;  // By verdict: both nodes of the range.
+  std::map<RecordKey, std::pair<Node, Node>> verdict_names_;  // Both nodes of the range that each verdict judges.
   struct Poses {
     HaveSet held;  // Optimized poses held at the last check.
     std::map<Node, PoseVersion> newest;

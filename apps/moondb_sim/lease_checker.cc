@@ -11,8 +11,8 @@ namespace {
 
 // Tolerance for durations, which are sent as seconds in floating point.
 constexpr Duration kRounding = std::chrono::milliseconds(1);
-// An agent numbers its announcements upwards from a number that it draws at the start of its process. It sends fewer
-// announcements than this.
+// An agent numbers its lease announcements upwards from a random number, which it draws when its process starts. A
+// process sends fewer announcements than this.
 constexpr std::uint64_t kNumbersOfOneBoot = 1 << 20;
 
 MonotonicTime Until(double seconds, MonotonicTime now) {
@@ -20,8 +20,8 @@ MonotonicTime Until(double seconds, MonotonicTime now) {
   return now + std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
 }
 
-// Returns whether the batch may be sent while an agent drives or is paused: it has only states, and does not complete
-// an order.
+// Returns whether the batch may be sent while its sender or receiver drives or is paused: the batch has only states,
+// and is not the last of its session.
 bool IsOfStates(const proto::Message& message) {
   const proto::Batch& batch = message.batch();
   if (message.remaining() == 0 || !batch.dropped().empty() || batch.has_fragment()) return false;
@@ -62,7 +62,7 @@ void LeaseChecker::OnAnnounce(AgentId from, const proto::LeaseAnnounce& announce
   Lease& lease = leases_[from];
   const std::uint64_t behind = lease.number.value_or(announce.number()) - announce.number();
   if (behind != 0 && behind <= kNumbersOfOneBoot) return;  // An older announcement that arrived late.
-  if (lease.number == announce.number()) return;           // A repetition. The lease counts from the first one.
+  if (lease.number == announce.number()) return;           // A repetition. The lease runs from the first announcement.
   lease.ended = LastQuiet(from, now);
   lease.number = announce.number();
   lease.reported = now;

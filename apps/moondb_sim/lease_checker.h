@@ -1,9 +1,9 @@
-// LeaseChecker: tracks which agents drive, sleep or are paused, as far as one agent knows, and checks the messages that
-// its sharing actors send meanwhile (invariant quiet_window). It reads the messages to the agent's LeaseActor, and does
-// not rely on that actor's conclusions.
+// LeaseChecker: tracks which agents drive, sleep or are paused, as far as one agent knows, and checks that its sharing
+// actors respect these leases (invariant quiet_window). It uses only the messages that the agent's actors handle.
 //
-// A checker covers one process lifetime of the agent. Events within one instant of virtual time may happen in any
-// order, so a message takes effect at the next instant. A restarted actor knows no leases until it receives them again.
+// A checker covers one process lifetime of the agent. A lease takes effect at the instant after its message, because
+// events within one instant of virtual time may happen in any order. A restarted actor knows no leases until it
+// receives them again.
 #pragma once
 
 #include <map>
@@ -19,16 +19,17 @@ class LeaseChecker {
  public:
   explicit LeaseChecker(AgentId self = 0) : self_(self) {}
 
-  // Called when an actor of the agent handles `message`.
+  // Call when the agent's actor named `actor` handles `message`.
   void OnHandle(const std::string& actor, const proto::Message& message, MonotonicTime now);
-  // Called when the actor fails and restarts.
+  // Call when the agent's actor named `actor` fails and restarts.
   void OnFailure(const std::string& actor);
 
-  // Returns a text if an actor of the agent may not send `message` to `to` now.
+  // Returns a description of the lease that forbids `actor` to send `message` to agent `to` at `now`; null if there is
+  // none.
   std::optional<std::string> WhyQuiet(const std::string& actor, AgentId to, const proto::Message& message,
                                       MonotonicTime now) const;
   // Returns the last time, not later than `now`, at which `agent` drove or slept, as far as the checked agent knows.
-  // `agent` could be silent then. MonotonicTime::min() means never.
+  // Returns MonotonicTime::min() if there is none.
   MonotonicTime LastQuiet(AgentId agent, MonotonicTime now) const;
 
  private:
@@ -38,10 +39,10 @@ class LeaseChecker {
     MonotonicTime driving_until = MonotonicTime::min();
     MonotonicTime sleeping_until = MonotonicTime::min();
     MonotonicTime paused_until = MonotonicTime::min();
-    MonotonicTime ended = MonotonicTime::min();  // End of the previous lease.
+    MonotonicTime ended = MonotonicTime::min();  // When the previous lease ended.
   };
 
-  // Returns the time at which the lease of that kind ends.
+  // Returns the member of `lease` with the end time of a lease of `kind`.
   static MonotonicTime& UntilOf(Lease& lease, proto::LeaseKind kind);
   void OnRequest(const proto::LeaseRequest& request, MonotonicTime now);
   void OnAnnounce(AgentId from, const proto::LeaseAnnounce& announce, MonotonicTime now);

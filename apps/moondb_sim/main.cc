@@ -123,8 +123,8 @@ void PrintViolations(const Request& request, std::uint64_t seed, const SimReport
 struct Outcome {
   double done = 0;
   double broken = 0;
-  std::map<std::string, int> rare;  // Sums of SimReport::rare.
-  JsonWriter list;                  // JSON array of the seeds that violate an invariant.
+  std::map<std::string, int> rare;  // Sums of SimReport::rare over all runs.
+  JsonWriter list;                  // JSON array of the seeds whose runs violate an invariant.
 };
 
 void RunSeed(const Request& request, std::uint64_t seed, bool is_only_one, Outcome& outcome) {

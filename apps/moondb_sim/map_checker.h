@@ -1,6 +1,6 @@
-// MapChecker: checks that an agent's merged map depends only on its records, as clients see them (invariant
-// map_of_records). Agents that hold the same nodes, poses, maps and quarantines give the same map at any time. The
-// tiles sent to a client that follows the map together equal the map.
+// MapChecker: checks that an agent's merged map depends only on the records that the agent holds (invariant
+// map_of_records). Agents that hold the same nodes, poses, maps and quarantines must return the same map. The tiles
+// that a following client received must together equal the map.
 #pragma once
 
 #include <cstdint>
@@ -18,12 +18,14 @@ namespace moondb::simulation {
 
 class MapChecker {
  public:
-  // Checks the merged map that `agent` gives while its have-set is `have`. Returns a text if the map is wrong.
-  // Requires: if a client follows the agent's map, OnTiles was called at the same instant.
+  // Checks `reply`, the merged map that `agent` returned for `request` while its have-set was `have`. Returns a
+  // description if the map is wrong; null otherwise. Requires: if a client follows the agent's map, OnTiles was called
+  // at the same instant.
   std::optional<std::string> OnMap(AgentId agent, const HaveSet& have, const proto::MergeRequest& request,
                                    const proto::MergeReply& reply);
-  // One client follows the map of each agent. NextTiles returns the client's next request. OnTiles checks the tiles of
-  // the answer, adds them to the client's map, and returns a text if they are wrong.
+  // One simulated client follows the map of each agent. NextTiles returns the client's next request. OnTiles adds the
+  // tiles of the answer to the client's map, and returns a description if the tiles cannot be decoded or are
+  // incomplete; null otherwise.
   proto::MapTilesRequest NextTiles(AgentId agent) const;
   std::optional<std::string> OnTiles(AgentId agent, const proto::MapTilesReply& reply);
 
@@ -42,7 +44,8 @@ class MapChecker {
   std::map<AgentId, Followed> followed_;
 };
 
-// Compares the tiles that a client received with the merged map. Returns the first difference; null if none.
+// Compares the tiles that a client received with the merged map. Returns a description of the first difference; null if
+// there is none.
 std::optional<std::string> WhyOther(const std::map<std::pair<std::int64_t, std::int64_t>, Grid>& tiles,
                                     const MergedMap& merged);
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint64_t kPrunedEvery = 3;
 constexpr std::uint64_t kPolicyChangedEvery = 7;
-// One seed in four: every second even seed. Even seeds have signing keys.
+// One seed in four has a Byzantine agent. These seeds are even, so their teams have signing keys.
 constexpr std::uint64_t kByzantineEvery = 4;
 
 }  // namespace
@@ -72,9 +72,9 @@ double SimOptions::FaultsPerHour(const FaultKind& kind) const {
   if (is_faultless) return 0;
   const bool changes_policy = seed % kPolicyChangedEvery == 0;
   if (kind.name == "policy") return changes_policy ? kind.per_hour : 0;
-  // The invariants cannot distinguish a lost record from a pruned one, so most seeds run without prunes. A pruned note
-  // would look lost. The maps of `full_prune` are costly for the solver, the merger, and the compact codec that some
-  // odd seeds use.
+  // The maps that `full_prune` inserts are too costly for the solver, the merger, and the compact codec that some odd
+  // seeds use. Most seeds run without prunes, because the invariants cannot distinguish a lost record from a pruned
+  // one. Seeds with notes run without prunes, because a pruned note would look lost.
   if (kind.name == "full_prune" && (has_all_actors() || seed % 2 != 0)) return 0;
   const bool is_prune = kind.name == "prune" || kind.name == "full_prune";
   if (is_prune && (seed % kPrunedEvery != 0 || changes_policy)) return 0;

@@ -21,10 +21,10 @@ struct FaultKind {
   std::string what;
 };
 
-// All faults, in the order of `--list`.
+// All faults, in the order in which `--list` prints them.
 const std::vector<FaultKind>& FaultKinds();
 
-// Which of the standard actors (apps/moondb_agent/standard_actors.h) the agents have.
+// Selects which standard actors (apps/moondb_agent/standard_actors.h) each agent has.
 enum class SimulatedActors {
   kAll,      // All standard actors; clients send requests through the gateway.
   kSharing,  // Actors for storage, roles, leases and sharing. Robots and the operator send requests to these actors.
@@ -55,8 +55,8 @@ struct SimOptions {
   bool is_store_checked = true;  // Check the store before each process start.
   bool is_paced = true;          // Limit the sessions to the radio budget.
 
-  // Returns the radio budget of each agent in kbit/s, which the invariants check. The budget is so small that the
-  // refill of an empty disk needs all of it, but nothing else does.
+  // Returns the radio budget of each agent in kbit/s. Unless `measures_refill` is true, the budget is so small that the
+  // refill of an empty disk uses all of it. All other traffic needs less.
   double BudgetKbps() const;
 
   // Returns the id of the Byzantine rover; 0 if none. The team file gives this rover no role.
@@ -64,18 +64,19 @@ struct SimOptions {
   int RoverCount() const { return Byzantine() == 0 ? rovers : rovers + 1; }
 
   double FaultsPerHour(const FaultKind& kind) const;
-  // Returns whether robots insert notes and team files change. An agent keeps only the latest notes until its team file
-  // changes.
+  // Returns whether rovers insert notes (kNote) and the fault `policy` replaces team files. An agent keeps only the
+  // newest note of each latest key until its team file is replaced, and all notes afterwards.
   bool ChangesPolicy() const;
 
   bool has_all_actors() const { return actors == SimulatedActors::kAll; }
 };
 
-// Sets the attacks from text of the form NAME,NAME... An unknown name gives kInvalid with the list of valid names.
+// Adds the attacks in `text`, which has the form NAME,NAME,... Fails with kInvalid if a name is unknown; the error
+// lists the valid names.
 Result<void> SetAttacks(const std::string& text, SimOptions& options);
 
-// Sets the rate per hour of one fault from text of the form NAME=RATE. Invalid text gives kInvalid; for an unknown name
-// the error lists the valid names.
+// Sets the rate per hour of one fault from `text`, which has the form NAME=RATE. Fails with kInvalid if `text` is
+// malformed or the name is unknown. For an unknown name, the error lists the valid names.
 Result<void> SetFault(const std::string& text, SimOptions& options);
 
 }  // namespace moondb::simulation

@@ -1,6 +1,5 @@
 // OwnInserts: tracks the records that each agent's actors insert into its StorageActor (solved poses, events, and
-// records of clients), and reports them once they are confirmed. Matches requests and replies by request id, and
-// ignores inserts without one.
+// records of clients), and returns them once they are confirmed. Ignores inserts that are local or have no request id.
 #pragma once
 
 #include <cstdint>
@@ -15,11 +14,12 @@ namespace moondb::simulation {
 
 class OwnInserts {
  public:
-  // Called before the agent's StorageActor handles the insert request.
+  // Call before the agent's StorageActor handles `message`, an insert request.
   void OnRequest(AgentId agent, const proto::Message& message);
-  // Called before an actor of the agent handles the reply. Returns the records that the reply confirms as stored.
+  // Call before an actor of the agent handles `message`, the reply. Returns the records that the reply confirms as
+  // stored.
   std::vector<std::pair<RecordKey, proto::Record>> OnReply(AgentId agent, const proto::Message& message);
-  // Drops the agent's open requests, which will not be answered. Returns whether there were open requests.
+  // Call when the agent's process has ended. Drops the agent's open requests, and returns whether there were any.
   bool Forget(AgentId agent);
 
  private:

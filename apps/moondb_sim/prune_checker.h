@@ -1,5 +1,5 @@
-// PruneChecker: checks that one simulated agent pruned only records that leader and designated survivor had reported as
-// covered when the agent asked them. It sees only requests and answers on the radio, and the agent's have-sets.
+// PruneChecker: checks that one simulated agent prunes only records that leader and designated survivor reported as
+// covered when the agent asked them. It uses only messages and the agent's have-sets.
 #pragma once
 
 #include <map>
@@ -11,14 +11,14 @@
 
 namespace moondb::simulation {
 
-// Returns the dropped records in `have` whose types are never superseded. Only a prune can have removed such records.
+// Returns the dropped records in `have` of types whose records are never superseded. Only a prune removes such records.
 HaveSet PrunedOf(const HaveSet& have);
 
 class PruneChecker {
  public:
   explicit PruneChecker(AgentId self) : self_(self) {}
 
-  // Called before the agent requests the have-sets of this leader and survivor.
+  // Call when the agent receives `roles`, before it requests the have-sets of leader and survivor.
   void OnRoles(const proto::RoleAssignment& roles) {
     roles_ = roles;
     reported_.clear();
@@ -27,14 +27,15 @@ class PruneChecker {
   // Called when the agent's StorageActor receives a request to prune.
   void OnPruneRequest();
 
-  // Checks the agent's complete have-set. Returns a text if the agent pruned a record that it was not allowed to prune.
+  // Checks `have`, the agent's complete have-set. Returns a description if the agent pruned a record that leader and
+  // survivor had not reported as covered; null otherwise.
   std::optional<std::string> OnHave(const HaveSet& have) const;
 
  private:
   const AgentId self_;
   proto::RoleAssignment roles_;
   std::map<AgentId, HaveSet> reported_;
-  HaveSet allowed_;  // `held`: records that leader and survivor both covered at a prune of this agent.
+  HaveSet allowed_;  // `held`: records that leader and survivor had reported as covered when this agent pruned.
 };
 
 }  // namespace moondb::simulation

@@ -55,7 +55,7 @@ void QuiescenceChecks::Check() {
     team.records[agent] = world_.ReadAll(agent);
   }
   byzantine_.CheckQuiescent(team);
-  // If the Byzantine agent was ever given a role, other agents may accept its earlier lies. Then nothing is certain.
+  // If the Byzantine agent ever had a role, other agents may have accepted its lies, so invariants cannot be checked.
   if (!byzantine_.is_trusted()) world_.invariants.CheckQuiescent(team);
   if (world_.options.has_all_actors()) clients_.CheckQuiescent();
   CheckBytesEnd();

@@ -20,20 +20,21 @@ class QuiescenceChecks {
                    const ByzantineChecker& byzantine, const std::map<AgentId, PruneChecker>& prunes)
       : world_(world), restarts_(restarts), clients_(clients), byzantine_(byzantine), prunes_(prunes) {}
 
-  // Runs all checks. Advances time by 11 minutes, in which the team must stay idle.
+  // Runs all checks. Advances the simulated time by 11 minutes. In the last 10, the team may send only periodic
+  // messages.
   void Check();
 
  private:
-  // Returns the roles on which all honest agents agree: their RoleActors and their other actors know the same roles.
-  // Returns null if an invariant is violated.
+  // Returns the role assignment that all actors of all honest agents know. Reports a violation and returns null if an
+  // agent does not run, or if two assignments differ.
   std::optional<proto::RoleAssignment> CheckRoles();
   void CheckHistory(AgentId agent, const HaveSet& have);
   void CheckBytesEnd();
   void CheckSessions(AgentId agent);
-  // Returns the most bytes that periodic sessions may send within `length` if the leader needs no new states.
+  // Returns the most bytes that periodic sessions of all agents may send within `length` when there are no new states.
   std::uint64_t StatesBytesMax(Duration length) const;
-  // Returns the most bytes that the survivor's checks of the leader (FailoverActor) and the answers may take within
-  // `length`.
+  // Returns the most bytes that the survivor's checks of the leader (FailoverActor), with their answers, may take
+  // within `length`.
   std::uint64_t LeaderCheckBytesMax(Duration length) const;
 
   SimulatedWorld& world_;

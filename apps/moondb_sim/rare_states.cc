@@ -69,7 +69,8 @@ void RareStates::OnHandle(const Address& actor, const proto::Message& message) {
   if (IsMapAnswer(message)) merging_[actor.agent] = std::max(0, merging_[actor.agent] - 1);
 }
 
-// The first assignment that an actor receives is no change, because it was valid before the actor started.
+// Call when the actor receives roles of term number `term`. The first roles since the actor's start do not count as a
+// change of roles, because they were valid before the start.
 void RareStates::OnRoles(const Address& actor, std::uint64_t term) {
   const auto [known, is_first] = term_of_.try_emplace(actor, term);
   const bool is_new = !is_first && term > known->second;

@@ -1,5 +1,5 @@
-// RareStates: counts how often a run reached rare states, because bugs hide in such states. A sweep that never reached
-// a rare state has not tested it. The counts come from messages that actors handle and the radio carries.
+// RareStates: counts how often a run reached rare states, in which bugs hide. A sweep that never reached a rare state
+// has not tested it.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +20,7 @@ struct RareState {
   std::string what;
 };
 
-// All rare states, in the order of reports. Some can be reached only with all actors.
+// All rare states, in the order of reports. Some occur only with SimulatedActors::kAll.
 const std::vector<RareState>& RareStateKinds();
 
 class RareStates {

@@ -8,7 +8,7 @@ namespace moondb::simulation {
 constexpr AgentId kSender = 1;
 
 void SessionChecker::OnHello(const proto::Hello& hello) {
-  if (hello.has_have_from()) return;  // Requests a further page of the have-set; no batch is in flight yet.
+  if (hello.has_have_from()) return;  // This Hello only requests a further page of the have-set.
   session_id_ = hello.session_id();
   have_ = HaveSet();
   in_flight_.clear();
@@ -45,8 +45,8 @@ void SessionChecker::OnHave(const proto::Have& have) {
   if (!heard || have.session_id() != session_id_) return;
   have_.Merge(*heard);
   std::erase_if(in_flight_, [&](const auto& entry) {
-    // The acknowledged batch has a number that is higher by two or more. The sender then treats this batch as lost and
-    // retransmits its records.
+    // If the acknowledged batch number exceeds the number of this batch by two or more, the sender treats this batch as
+    // lost and retransmits its records.
     const bool is_given_up = !have.needs_new_run() && entry.first + 2 <= have.batch_number();
     return entry.first == have.batch_number() || is_given_up || IsCovered(entry.second);
   });
@@ -57,7 +57,6 @@ Result<SessionChecker::Handed> SessionChecker::Open(const proto::Message& messag
   Handed handed;
   handed.bytes = batch.ByteSizeLong();
   if (batch.has_fragment()) {
-    // The last fragment completes the record.
     const bool is_last = batch.fragment().first_byte() + batch.coded().size() == batch.fragment().whole_bytes();
     const Result<RecordKey> key = ParseRecordKey(message.record_id());
     if (!key) return tl::unexpected(key.error());

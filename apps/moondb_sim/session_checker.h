@@ -1,5 +1,5 @@
-// SessionChecker: tracks the unacknowledged batches that one agent sends to another in their present session. It uses
-// only the messages of both agents, not the session's own state.
+// SessionChecker: tracks the unacknowledged batches in the present session of one agent's actor with another agent, and
+// checks the limits of the session. It uses only messages, not the session's own state.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +21,8 @@ class SessionChecker {
  public:
   explicit SessionChecker(SharingSession::Options limits = {}) : limits_(limits) {}
 
-  // Called when the sender sends a Hello or a batch. OnBatch returns each violated invariant with a text:
-  // unacked_bounded, end_is_last, or nothing_refused for a batch that does not decode.
+  // Call when the sender sends a Hello or a batch. OnBatch returns name and description of each violated invariant:
+  // unacked_bounded, end_is_last, or nothing_refused if the batch cannot be decoded.
   void OnHello(const proto::Hello& hello);
   std::vector<std::pair<std::string, std::string>> OnBatch(const proto::Message& message);
   // Called when the sender handles an acknowledgement.
@@ -40,11 +40,11 @@ class SessionChecker {
   std::uint64_t session_id_ = 0;
   HaveSet have_;  // The receiver's have-set, as the sender knows it.
   std::map<std::uint32_t, Handed> in_flight_;
-  // Decoders of the sent batches. They receive every batch, in the order of sending.
+  // `fragments_` and `runs_` decode all sent batches, in the order of sending.
   FragmentCollector fragments_{2 * kWholeBytesMax};
   RunDecoders runs_{1, {}};
-  // Compression run of the last fragmented record that cannot be decoded, because this session did not send all its
-  // fragments. Batches of this run cannot be decoded either. 0: none.
+  // Compression run of the last fragmented record that could not be decoded, because the present session did not send
+  // all its fragments; 0 if there is none. Other batches of this run cannot be decoded either.
   std::uint32_t unheard_run_ = 0;
 };
 

@@ -12,7 +12,7 @@ namespace moondb::simulation {
 
 struct SimReport {
   std::vector<Violation> violations;     // The first violations, at most ten.
-  std::vector<std::string> last_events;  // Messages handled before the first violation.
+  std::vector<std::string> last_events;  // Last messages handled before the first violation.
   std::map<std::string, int> faults;     // How often each fault struck.
   std::map<std::string, int> rare;       // How often the run reached each rare state.
   std::uint64_t records = 0;             // Records inserted by robots.

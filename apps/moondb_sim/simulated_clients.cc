@@ -18,7 +18,7 @@ using std::chrono::minutes;
 using std::chrono::seconds;
 
 constexpr Duration kAskPeriod = seconds(15);  // Average time between requests.
-constexpr std::uint64_t kSeveralEvery = 8;    // One round of requests in eight has several, up to kSeveralMax.
+constexpr std::uint64_t kSeveralEvery = 8;    // One round of requests in eight has several requests.
 constexpr std::uint64_t kSeveralMax = 5;
 constexpr std::uint64_t kOtherWayEvery = 6;
 constexpr std::uint64_t kSwapAmidFragmentsEvery = 2;
@@ -96,7 +96,7 @@ void SimulatedClients::AskForPage(AgentId agent) {
   });
 }
 
-// Waits for samples that are newer than the newest stored one.
+// Requests the newest sample, then waits for newer samples.
 void SimulatedClients::AskForNews(AgentId agent) {
   proto::ControlRequest request;
   request.mutable_read()->add_data_types(kSample);
@@ -130,7 +130,7 @@ void SimulatedClients::AskWhatStands(AgentId agent) {
   SendAnyWay(agent, request);
 }
 
-// Sends requests that change nothing and whose answers are not verified.
+// Sends a random request of a kind whose answers are not checked.
 void SimulatedClients::AskForSights(AgentId agent) {
   proto::ControlRequest request;
   switch (world_.rng() % 7) {
@@ -198,7 +198,7 @@ void SimulatedClients::AskToSwap(AgentId agent) {
   AskAmidChange(*leaders.begin(), request);
 }
 
-// Makes the leader solve, merge and give up its role at the same instant.
+// Makes the leader solve, merge and execute `change` at the same instant.
 void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest& change) {
   proto::ControlRequest solve;
   solve.mutable_optimize();
@@ -209,7 +209,8 @@ void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest
   Send(leader, change);
 }
 
-// Swaps roles while the survivor has only the first fragment of a large record.
+// When the leader sends the first fragment of a large record, swaps the roles in half of the cases. The survivor then
+// has only this fragment.
 void SimulatedClients::OnRadio(AgentId from, const proto::Message& message) {
   const bool is_first_fragment = message.batch().has_fragment() && message.batch().fragment().first_byte() == 0;
   if (!is_first_fragment || message.source_actor() != actor_name::kReplica || !world_.Leaders().contains(from)) return;
@@ -316,8 +317,7 @@ void SimulatedClients::CheckAnswer(AgentId agent, const proto::ControlRequest& r
   if (wrong) world_.Violate("answer_true", "agent " + std::to_string(agent) + ", " + NameOf(request) + ": " + *wrong);
 }
 
-// Checks that the leader stores at least as many poses of its newest run as its answer says. The Byzantine agent is
-// exempt, even after an honest agent has made it leader.
+// Checks that `leader` stores at least as many poses of its newest run as `reply` reports. Exempts the Byzantine agent.
 void SimulatedClients::CheckSolved(AgentId leader, const proto::OptimizeReply& reply) {
   if (leader == world_.byzantine) return;
   std::map<std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>, double> counts;
@@ -360,7 +360,7 @@ void SimulatedClients::CheckMap(AgentId agent) {
 
 // --- Bundles ---
 
-// Mostly asks the base station, which has the link to the ground station.
+// Sends a random downlink request, mostly to the base station, which has the link to the ground station.
 void SimulatedClients::AskForBundles(AgentId agent) {
   const AgentId asked = world_.rng() % 4 == 0 ? agent : world_.base;
   proto::DownlinkRequest order;
@@ -417,8 +417,8 @@ void SimulatedClients::Report(AgentId agent, const BundleChecker::Broken& broken
 
 // --- Quiescent team ---
 
-// Restarts each MergeActor, which then reads all records again. The new map must equal the map that the actor
-// maintained during the run.
+// Checks each agent's map before and after a restart of its MergeActor. The restarted actor reads all records again,
+// and must build the same map.
 void SimulatedClients::CheckQuiescent() {
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
     CheckMap(agent);
@@ -428,7 +428,8 @@ void SimulatedClients::CheckQuiescent() {
   CheckBundlesWhenIdle(world_.base);
 }
 
-// Fetches and acknowledges all waiting bundles, then does the same with bundles of the remaining records.
+// Fetches and acknowledges all waiting bundles. Then orders bundles of the remaining records, and fetches and
+// acknowledges these bundles. Reports records that are in no bundle.
 void SimulatedClients::CheckBundlesWhenIdle(AgentId agent) {
   BundleChecker& checker = bundles_[agent];
   const auto order = [&](std::uint64_t bytes_max, std::uint32_t acknowledge) {
@@ -436,7 +437,7 @@ void SimulatedClients::CheckBundlesWhenIdle(AgentId agent) {
     request.set_bytes_max(bytes_max);
     request.set_acknowledge(acknowledge);
     Order(agent, request);
-    // Each file that was fetched requires a further request.
+    // Each fetched file triggers the request for the next file. Run until all files are fetched.
     for (int i = 0; i < kBundlesWhenIdleMax && (i == 0 || checker.UnknownBundle() != 0); ++i) calls_.Run();
   };
   order(0, 0);

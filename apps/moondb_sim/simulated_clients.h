@@ -1,9 +1,8 @@
-// SimulatedClients: sends requests of operators, planners and people at consoles to the simulated agents' gateways, in
-// each run with all actors. The clients insert, read, inspect, and follow the map. They order solves, leases, prunes
-// and bundles, change roles, and send invalid requests. Usually one request is sent at an instant, sometimes several,
-// now and then through another agent.
+// SimulatedClients: sends requests of operators, planners and people at consoles to the simulated agents' gateways, and
+// checks each answer (answer_check.h, map_checker.h, bundle_checker.h). Only for runs with SimulatedActors::kAll.
 //
-// Each answer is checked against what is known at that instant (answer_check.h, map_checker.h, bundle_checker.h).
+// Usually one request is sent at an instant, sometimes several. Some requests are sent to another agent, which relays
+// them to the agent that they are for.
 #pragma once
 
 #include <functional>
@@ -29,8 +28,8 @@ class SimulatedClients {
   void OnRadio(AgentId from, const proto::Message& message);
   void OnDiskLost(AgentId agent) { bundles_[agent].OnDiskLost(); }
 
-  // Checks the maps of all agents. Checks that the base station packs every record that the ground station wants.
-  // Requires: the team is quiescent.
+  // Checks the maps of all agents. Checks that the base station packs every record for the ground station into a
+  // bundle. Requires: the team is quiescent.
   void CheckQuiescent();
 
  private:
@@ -39,7 +38,7 @@ class SimulatedClients {
 
   void Work();
 
-  // Each function sends one kind of request.
+  // Each of these functions sends one kind of request.
   void AskToInsert(AgentId agent);
   void AskToInsertTooMuch(AgentId agent);
   void AskForPage(AgentId agent);
@@ -58,7 +57,7 @@ class SimulatedClients {
   void AskWrongly(AgentId agent);
 
   void Send(AgentId agent, proto::ControlRequest request, ClientCalls::Then then = {});
-  // Sends the request, sometimes through another agent.
+  // Sends the request to `agent`, sometimes through another agent that relays it.
   void SendAnyWay(AgentId agent, proto::ControlRequest request, ClientCalls::Then then = {});
   void CheckAnswer(AgentId agent, const proto::ControlRequest& request, const std::optional<HaveSet>& before,
                    const Answer& answer);
@@ -67,7 +66,7 @@ class SimulatedClients {
 
   void Order(AgentId agent, const proto::DownlinkRequest& order);
   void OnDownlinkReply(AgentId agent, const proto::DownlinkRequest& order, const Answer& answer);
-  void FetchUnknown(AgentId agent);  // Fetches bundles not fetched yet, one after the other.
+  void FetchUnknown(AgentId agent);  // Fetches all bundles that were not fetched yet, one after the other.
   void Fetch(AgentId agent, std::uint32_t number, const std::string& begin);
   void CheckBundlesWhenIdle(AgentId agent);
   void Report(AgentId agent, const BundleChecker::Broken& broken);

@@ -15,13 +15,14 @@ constexpr double kStatesPeriod_s = 300;
 constexpr std::uint64_t kKeepsAllEvery = 2;  // In one seed of two, superseded states are removed only for lack of room.
 constexpr double kHistory_mb = 0.02;
 
-// In one seed of four, agents use the compact codec, which takes half of a run's time. The others use zstd.
+// In one seed of four, agents use the compact codec; in other seeds, zstd. The compact codec takes half of a run's
+// computing time.
 constexpr std::uint64_t kCompactEvery = 4;
 
-// In one seed of two, agents sign role assignments. The others are teams without keys.
+// In one seed of two, the team has signing keys.
 constexpr std::uint64_t kKeysEvery = 2;
 
-// Adds a type with the same policy for sharing and for the ground station.
+// Adds a custom type. `policy` applies to sharing in the team and to the ground station.
 void AddCustomType(proto::TeamConfig& team, DataType id, const std::string& name, proto::Policy policy,
                    std::uint32_t priority, std::uint32_t bytes_max) {
   proto::CustomType& type = *team.add_custom_types();
@@ -33,8 +34,8 @@ void AddCustomType(proto::TeamConfig& team, DataType id, const std::string& name
   type.set_bytes_max(bytes_max);
 }
 
-// Adds settings for the actors that take no part in sharing: a site in which rovers drive, and types to merge and to
-// pack for the ground station.
+// Adds the settings that only SimulatedActors::kAll needs: team id, poses of the agents, further shared types, merged
+// map, and automatic solving.
 void AddAllActors(proto::TeamConfig& team) {
   team.set_team_id("0123456789abcdef0123456789abcdef");
   for (proto::AgentConfig& agent : *team.mutable_agents()) {
@@ -91,7 +92,7 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
     // Notes test only sharing, so the ground station gets none.
     team.mutable_custom_types()->rbegin()->set_ground(proto::POLICY_NONE);
   }
-  // The limit has room for some minutes of states, so agents remove the oldest states all the time.
+  // The history has room for only some minutes of states, so agents keep removing the oldest states.
   team.mutable_retention()->set_history_mb_max(kHistory_mb);
   (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";
   (*team.mutable_keep())["optimized_pose"] = "1h";

@@ -14,7 +14,7 @@ namespace moondb::simulation {
 namespace {
 
 constexpr int kSectorBytes = 512;
-constexpr std::uint64_t kCapacityBytes = 4 << 20;  // Capacity that files report; storage derives its reserve from it.
+constexpr std::uint64_t kCapacityBytes = 4 << 20;  // Reported disk capacity, from which storage derives its reserve.
 constexpr double kJulianDay2026 = 2461041.5;       // Julian day of 2026-01-01 UTC.
 
 std::atomic<std::uint64_t> disk_count = 0;
@@ -142,7 +142,7 @@ struct DiskCalls {
     *size = static_cast<sqlite3_int64>(file->content.size());
     return SQLITE_OK;
   }
-  static int Lock(sqlite3_file*, int) { return SQLITE_OK; }  // The database has only one connection.
+  static int Lock(sqlite3_file*, int) { return SQLITE_OK; }  // No locks are needed: the database has one connection.
   static int CheckReservedLock(sqlite3_file*, int* is_locked) {
     *is_locked = 0;
     return SQLITE_OK;

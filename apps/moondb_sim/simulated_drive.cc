@@ -11,13 +11,13 @@ namespace {
 
 constexpr double kStep_m = 2;
 constexpr double kTurn_rad = 0.15;
-constexpr double kStepNoise_m = 0.03;  // This and the other noise constants are half widths of uniform noise.
+constexpr double kStepNoise_m = 0.03;  // Noise constants are half widths of uniform distributions.
 constexpr double kTurnNoise_rad = 0.005;
 constexpr double kRangeNoise_m = 0.15;
 constexpr std::int32_t kMapCells = 16;
 constexpr std::uint32_t kMapResolution_um = 200'000;
 constexpr double kHazardRatio = 0.1;
-// One map in 40 has random cells. Such a map exceeds one message with any codec.
+// One map in 40 is large and has random cells, so that it does not fit into one message with any codec.
 constexpr std::uint64_t kRandomMapEvery = 40;
 constexpr std::int32_t kLargeMapCells = 320;
 

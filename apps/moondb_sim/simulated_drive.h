@@ -1,5 +1,5 @@
-// SimulatedDrive: drives the simulated rovers, and makes their robots' measurements: nodes, noisy odometry, ranges to
-// each other and to the base station, and small maps of the surroundings. Each rover drives in its own circle.
+// SimulatedDrive: moves each simulated rover along its own circle, and returns its records: nodes, noisy odometry,
+// ranges to other agents, and small maps of the surroundings.
 #pragma once
 
 #include <map>
@@ -15,8 +15,8 @@ class SimulatedDrive {
  public:
   explicit SimulatedDrive(SimulatedWorld& world) : world_(world) {}
 
-  // Returns the agent's next node and the edges to this node. The first node is at the agent's start. A base station
-  // has only one node.
+  // Moves the agent to its next node. Returns this node and its edges to earlier nodes. The first call returns the node
+  // at the agent's start. Call only once for a base station.
   std::vector<proto::Record> NextNode(AgentId agent);
   // Returns a map of the rover's surroundings at its last node.
   proto::Record MapHere(AgentId rover);

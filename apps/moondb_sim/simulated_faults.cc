@@ -16,7 +16,7 @@ constexpr std::uint64_t kEndedEarlyEvery = 3;  // One lease in three is ended ea
 constexpr std::uint64_t kStartsInTroubleEvery = 3;
 // Leader and survivor receive a rover's maps within this time if the links are up.
 constexpr Duration kBroughtWithin = minutes(5);
-constexpr Duration kPrunedAfter = seconds(30);  // Time between the full disk and the operator's prune.
+constexpr Duration kPrunedAfter = seconds(30);  // Time from FillDisk to the operator's prune.
 constexpr Duration kFullForPrune = minutes(4);
 constexpr Duration kGoesToSleep = seconds(3);  // Time between a rover's sleeping lease and its power cut.
 

@@ -1,4 +1,5 @@
-// SimulatedFaults: applies the faults of options.cc to a simulated team, at random times and at their rates.
+// SimulatedFaults: injects the faults of FaultKinds() into a simulated team, at random times and at their configured
+// rates.
 #pragma once
 
 #include <set>
@@ -17,11 +18,11 @@ class SimulatedFaults {
       : world_(world), robots_(robots), restarts_(restarts) {}
 
   void Start();
-  // Ends all faults when the world becomes quiet: the radio is perfect and all links are up. Agents that are down stay
-  // down, and leases remain.
+  // Ends all faults of disks, radio and links. Agents that are down stay down, and leases remain valid.
   void End();
 
-  // Called before an actor of `agent` handles a message. Returns how the actor fails at this message.
+  // Call before an actor of `agent` handles a message. Returns how the actor must fail at this message; Fault::kNone if
+  // it must not fail.
   Fault AtHandler(AgentId agent);
   // Returns whether messages from `from` to `to` are lost.
   bool IsDeaf(AgentId from, AgentId to) const { return deaf_.contains({from, to}); }
@@ -34,7 +35,7 @@ class SimulatedFaults {
   void Cut();
   void Deafen();
   void Divide();
-  // Brings the link up, unless one of the agents is known to be down.
+  // Brings the link between `a` and `b` up, unless AgentRestarts::is_gone is true for `a` or `b`.
   void Join(AgentId a, AgentId b);
   // Takes the links between `part` and the other agents down, and brings all other links up.
   void JoinParts(const std::set<AgentId>& part);
@@ -47,7 +48,7 @@ class SimulatedFaults {
   void FillAndPrune();
   void FillDisk(AgentId agent, Duration length);
   void ChangePolicy();
-  void TroubleDisk(bool is_full);  // Fills the disk if `is_full`; otherwise makes its writes fail.
+  void TroubleDisk(bool is_full);  // Makes a random disk full if `is_full`; otherwise makes its writes fail.
   AgentId DrawRover();
   void SetRoles(AgentId agent, proto::RoleSetRequest request);
 

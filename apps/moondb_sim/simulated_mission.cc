@@ -44,14 +44,14 @@ using std::chrono::seconds;
 constexpr double kMessagesMaxPerHour = 50'000;  // Limit for each agent; 500 is usual.
 constexpr Duration kSharePeriod = seconds(60);
 constexpr Duration kInspectPeriod = minutes(1);
-constexpr double kQuietRatio = 1.0 / 6;  // Last part of the run, which has no faults.
+constexpr double kQuietRatio = 1.0 / 6;  // Fraction at the end of the run that has no faults.
 
-// Time between solves, which are long: a solve takes longer than all other work in a minute of a run.
+// Least simulated time between solves. A solve takes more computing time than all other work in a simulated minute.
 constexpr Duration kSolveApart = minutes(5);
 
 constexpr std::uint64_t kConfigHash = 1;
-// Bytes of content that the prune must free: more than twice the bytes that an agent with a full disk reserves for
-// roles.
+// After a prune has freed this many bytes of content on a full disk, the agent must store records again. More than
+// twice the bytes that an agent with a full disk reserves for roles.
 constexpr double kFreedBytesMin = 768 * 1024;
 // Page size of have-sets in one seed of two. With the default size, the have-set after an hour would fit into one page.
 constexpr std::size_t kSmallPageBytes = 1000;
@@ -142,8 +142,8 @@ class Mission {
     world_.AdvanceTo(time);
   }
 
-  // Returns the end of the run. The end is later than `end` if a leader solved shortly before, so that the leader can
-  // replicate the results to its survivor.
+  // Returns `end`, or a later time if a leader solved shortly before. The leader then has time to replicate the results
+  // to its survivor.
   MonotonicTime EndFrom(MonotonicTime end) const {
     return std::min(std::max(end, derived_at_ + 2 * kSharePeriod), end + 10 * kSharePeriod);
   }
@@ -154,7 +154,7 @@ class Mission {
     StandardActorOptions options;
     options.storage.path = SimulatedWorld::PathOf(agent);
     options.storage.vfs = world_.disk.name();
-    options.storage.is_checked = true;  // CheckStore has checked the store.
+    options.storage.is_checked = true;  // AgentRestarts::CheckStore has checked the store.
     options.sharing.session = world_.options.session;
     if (world_.options.seed % 2 == 0) options.sharing.have_page_bytes_max = kSmallPageBytes;
     options.pgo.solver.thread_count = 1;
@@ -302,8 +302,8 @@ class Mission {
     freed.since = world_.team.now();
   }
 
-  // Called when an actor of the agent learns that its insert is stored. If the agents do not have all actors
-  // (has_all_actors), only robots insert, and SimulatedRobots reports their inserts.
+  // Call when an actor of the agent handles the reply to its insert. Used only with SimulatedActors::kAll. Otherwise
+  // only robots insert, and SimulatedRobots reports their inserts.
   void SeeInserted(AgentId agent, const proto::Message& message) {
     if (!world_.options.has_all_actors()) return;
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
@@ -356,7 +356,7 @@ class Mission {
     if (wrong && !IsByzantine(from) && !IsByzantine(to)) {
       world_.Violate("quiet_window", who + *wrong);
     }
-    const bool is_honest = !IsByzantine(from) && !IsByzantine(to);  // Sender and receiver are honest.
+    const bool is_honest = !IsByzantine(from) && !IsByzantine(to);
     if (message.has_hello()) checkers_[{from, message.source_actor(), to}].OnHello(message.hello());
     if (message.has_batch()) {
       world_.report.batch_bytes += message.ByteSizeLong();
@@ -370,7 +370,7 @@ class Mission {
     }
     if (message.has_refusal()) {
       const Error error = FromProto(message.refusal().error());
-      // The receiver no longer knows the session, or its store failed.
+      // A refusal is usual if its sender no longer knows the session, or if the sender's store failed.
       const bool is_usual =
           error.code == ErrorCode::kNotFound ||
           (error.code == ErrorCode::kUnavailable && (restarts_.is_damaged(from) || world_.HadDiskTrouble(from)));
@@ -476,9 +476,9 @@ class Mission {
   std::uint64_t hash_ = 0;
   MonotonicTime derived_at_{};  // When poses or verdicts were last stored.
   MonotonicTime late_from_{};   // Events inserted after this time need not reach other agents.
-  // Too many messages were sent. The radio drops all further messages, to end the run.
+  // True after too many messages were handled. The radio then drops all messages, and the run ends.
   bool is_stormy_ = false;
-  // Sessions by sender, actor and receiver.
+  // Checker of each session, by sending agent, sending actor and receiving agent.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionChecker> checkers_;
   std::map<AgentId, BudgetChecker> budgets_;
   std::map<AgentId, proto::Term> saving_term_;

@@ -15,9 +15,9 @@ using std::chrono::seconds;
 constexpr Duration kInsertPeriod = seconds(10);
 constexpr int kInsertsPerMap = 6;
 constexpr std::uint64_t kQuarantineEvery = 60;  // One quarantine on average in this number of turns.
-constexpr std::uint64_t kLargeMapEvery = 30;    // One map in 30 has about 15 kB coded; the others have 0.2 kB.
+constexpr std::uint64_t kLargeMapEvery = 30;    // One map in 30 takes about 15 kB coded; other maps take 0.2 kB.
 constexpr std::size_t kOpenMax = 32;
-constexpr std::uint64_t kSilentEvery = 4;  // One seed in four has silent robots.
+constexpr std::uint64_t kSilentEvery = 4;  // In one seed of four, robots report states rarely.
 constexpr Duration kSilence = std::chrono::hours(1);
 constexpr std::uint64_t kBeacons = 5;  // Number of latest keys that beacons use.
 constexpr int kPlainMaps = 16;
@@ -26,12 +26,13 @@ constexpr std::uint64_t kNotes = 2;         // Number of latest keys that notes 
 constexpr std::uint64_t kTurnsPerNote = 3;  // A rover inserts a note every third turn.
 constexpr Duration kOptimizedAfterStart = seconds(2);
 constexpr Duration kOptimizePeriod = minutes(5);
-// Each run optimizes this many last nodes of each rover, so each node is optimized twice.
+// Each run covers the last 60 nodes of each rover, and optimizes every sixth. A rover adds 30 nodes between two runs.
 constexpr std::uint64_t kOptimizedNodes = 60;
 constexpr std::uint64_t kOptimizedStep = 6;
-constexpr std::uint64_t kTurnsPerNode = 6;  // For driving robots. More nodes would make solving and merging too slow.
-constexpr std::uint64_t kLiftedEvery = 3;   // One quarantine record in three lifts an earlier one.
-constexpr Duration kQuarantinedAt = minutes(30);  // Longest age and duration of a quarantined interval.
+// A driving robot inserts a node every sixth turn. More nodes would make solving and merging too slow.
+constexpr std::uint64_t kTurnsPerNode = 6;
+constexpr std::uint64_t kLiftedEvery = 3;         // One quarantine record in three lifts an earlier one.
+constexpr Duration kQuarantinedAt = minutes(30);  // Longest age of a quarantined interval's start, and longest length.
 
 proto::NodeKey Node(AgentId agent, std::uint64_t index) {
   proto::NodeKey key;
@@ -90,7 +91,7 @@ bool SimulatedRobots::IsSilent() const { return world_.options.seed % kSilentEve
 void SimulatedRobots::OnAgentStarted(AgentId agent) {
   if (!IsSilent() || agent == world_.base || world_.is_quiet) return;
   robots_[agent].silent_until = MonotonicTime();
-  // Report the state now, or not before the next turn.
+  // Report the state now or at the next turn.
   if (world_.rng() % 2 == 0) ReportState(agent);
   world_.In(world_.DrawDuration(kOptimizedAfterStart), [this, agent] {
     if (!world_.is_quiet && world_.Leaders().contains(agent)) OptimizeAt(agent);
@@ -141,8 +142,7 @@ void SimulatedRobots::Drive(AgentId agent, Robot& robot) {
   if (world_.rng() % kQuarantineEvery == 0) robot.open.push_back(QuarantineOfLate());
 }
 
-// Inserts the open records. Unanswered nodes and edges are inserted again, because storage recognises repeats.
-// Unanswered maps are not inserted again, because they might be stored twice.
+// Inserts the newest kOpenMax records of `robot.open`, and drops the older records.
 void SimulatedRobots::InsertOpen(AgentId agent, Robot& robot) {
   while (robot.open.size() > kOpenMax) robot.open.pop_front();
   for (const proto::Record& record : robot.open) Insert(agent, {record});
@@ -174,7 +174,7 @@ void SimulatedRobots::SetPose(proto::Pose& pose) {
   pose.mutable_orientation()->set_w(1);
 }
 
-// Returns a quarantine of maps of any agent. Without MergeActor the choice of maps does not matter.
+// Returns a quarantine of a random agent's maps. Used only without MergeActor, so the choice of maps does not matter.
 proto::Record SimulatedRobots::Quarantine() {
   proto::Record record;
   record.mutable_map_quarantine()->set_agent_id(world_.DrawAgent());
@@ -205,7 +205,7 @@ proto::Record SimulatedRobots::MapAt(AgentId rover, std::uint64_t index) {
   *map.mutable_node() = Node(rover, index);
   map.mutable_node_from_map()->mutable_position_m();
   map.mutable_node_from_map()->mutable_orientation()->set_w(1);
-  // In some turns, the map does not fit into one message with any codec.
+  // A large map does not fit into one message with any codec.
   const bool is_large = world_.rng() % kLargeMapEvery == 0;
   const std::uint32_t side_cells = is_large ? 192 : 16;
   for (int i = 0; i < 2; ++i) {
@@ -245,7 +245,7 @@ void SimulatedRobots::Insert(AgentId agent, std::vector<proto::Record> records) 
   for (const proto::Record& record : records) *request.mutable_insert()->add_records() = record;
   proto::Message message;
   message.set_request_id(++request_id_);
-  // No client may insert optimized poses.
+  // Clients may not insert optimized poses.
   const bool is_by_client = world_.options.has_all_actors() && !records.front().has_optimized_pose();
   if (is_by_client) {
     message = ClientMessage(request_id_, request);
@@ -269,7 +269,7 @@ void SimulatedRobots::TakeInsertReplies(AgentId agent) {
     NoteInserted(agent, asked->second, *reply);
     robot.asked.erase(asked);
   }
-  // Unanswered nodes and edges are inserted again.
+  // Insert unanswered nodes and edges again. Do not repeat other records, because storage might store them twice.
   for (auto& [id, records] : robot.asked) {
     for (proto::Record& record : records) {
       if (HasName(record)) robot.open.push_back(std::move(record));
@@ -309,7 +309,7 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
   }
 }
 
-// Lets each leader optimize its nodes. There may be two leaders.
+// Optimizes at each leader, every kOptimizePeriod. There may be several leaders at a time.
 void SimulatedRobots::Optimize() {
   if (world_.is_quiet) return;
   world_.In(kOptimizePeriod, [this] { Optimize(); });

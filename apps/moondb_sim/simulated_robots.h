@@ -1,9 +1,9 @@
-// SimulatedRobots: the agents' robots, and an optimizer at the leader. Each rover inserts a state and a node every ten
-// seconds and a map every minute, and repeats inserts that were not answered. In one seed of four, a rover reports its
-// state when its agent starts, and then not for an hour. In these seeds a leader optimizes right after its start.
+// SimulatedRobots: simulates the agents' robots, and an optimizer at each leader. Every ten seconds a rover inserts a
+// state and a node, and every minute a map. It repeats unanswered inserts of nodes and edges. In one seed of four, a
+// rover reports its state when its agent starts and then not for an hour, and a leader optimizes right after its start.
 //
-// With all actors, robots are clients of their agents' gateways and drive (SimulatedDrive). They insert a node with its
-// edges and a map every minute, and leave the pose graph to PgoActor.
+// With SimulatedActors::kAll, robots are clients of their agents' gateways and drive (SimulatedDrive). They insert a
+// node, its edges and a map every minute. PgoActor replaces the optimizer.
 #pragma once
 
 #include <cstdint>
@@ -22,21 +22,21 @@ class SimulatedRobots {
   explicit SimulatedRobots(SimulatedWorld& world) : world_(world), drive_(world) {}
 
   void Start();                           // Inserts records until SimulatedWorld::is_quiet.
-  void TakeInsertReplies(AgentId agent);  // Reports records that the agent confirmed as stored.
-  // The robot's software or an operator requests a lease from its agent; 0 ends the lease. Does nothing if the agent
-  // does not run.
+  void TakeInsertReplies(AgentId agent);  // Reports newly confirmed records to the invariants.
+  // Requests a lease of `kind` for the time `length`, as a robot's software or an operator does. `length` 0 ends the
+  // lease. Does nothing if the agent does not run.
   void SetLease(AgentId agent, proto::LeaseKind kind, Duration length);
-  // Inserts maps that take much space on the disk and little on the radio.
+  // Inserts large uniform maps, which take much space on the disk and little on the radio.
   void LearnPlainMaps(AgentId rover);
   void OnAgentStarted(AgentId agent);  // Call before the agent connects to others.
   void OnAgentEnded(AgentId agent);    // Drops the agent's open requests.
 
  private:
   struct Robot {
-    std::uint64_t turns = 0;       // Number of turns; each inserts one node, unless the robot drives.
+    std::uint64_t turns = 0;       // Turns so far. Each turn inserts one node, unless the robot drives.
     MonotonicTime silent_until{};  // The robot reports no states before this time.
     std::map<std::uint64_t, std::vector<proto::Record>> asked;
-    std::deque<proto::Record> open;  // Records to insert.
+    std::deque<proto::Record> open;  // Records to insert at the next turn.
   };
 
   bool IsSilent() const;
@@ -62,10 +62,10 @@ class SimulatedRobots {
 
   SimulatedWorld& world_;
   SimulatedDrive drive_;
-  std::vector<RecordKey> quarantines_;  // Quarantines stored with all actors; some are lifted later.
+  std::vector<RecordKey> quarantines_;  // Stored quarantines, some of which are lifted later. Only with all actors.
   std::uint64_t request_id_ = 0;
   std::map<AgentId, Robot> robots_;
-  // Last run of each leader and term, since the leader's restart.
+  // Number of the last run, by leader and term number. Cleared when the leader's process ends.
   std::map<std::pair<AgentId, std::uint64_t>, std::uint64_t> run_;
 };
 

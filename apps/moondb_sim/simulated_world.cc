@@ -13,8 +13,8 @@ namespace {
 
 constexpr std::size_t kViolationsMax = 10;
 constexpr std::size_t kLastEvents = 60;
-// Limits of the time in which an agent must store records after a prune. Until kRefusedBefore, robots may read refusals
-// from before the prune. After kStoresFor, peers' records may have filled the freed space.
+// After a prune, an agent must store records from kRefusedBefore until kStoresFor. Earlier, robots may still receive
+// refusals from before the prune. Later, peers' records may have filled the freed space.
 constexpr Duration kRefusedBefore = std::chrono::seconds(15);
 constexpr Duration kStoresFor = std::chrono::seconds(75);
 
@@ -102,8 +102,8 @@ std::set<AgentId> SimulatedWorld::Leaders() const {
 proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto::Message question) {
   const Address requester{agent, "checker"};
   (void)team.Take(requester);
-  // Let gateways forward pending messages first. Otherwise actors would handle these messages before the answer
-  // returns, and the answer could be outdated.
+  // Let gateways forward pending messages first. An actor that handled such a message after `question` could invalidate
+  // its own answer.
   if (options.has_all_actors()) team.RunUntilIdle();
   is_asking = true;
   (void)team.Post(requester, {agent, actor}, std::move(question));

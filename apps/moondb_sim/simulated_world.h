@@ -1,7 +1,7 @@
-// SimulatedWorld: state that the parts of a simulated mission share: the team and its disks, one schedule, one random
-// stream, the invariants, and the report. Robots, faults and checks use it.
+// SimulatedWorld: state that the parts of a simulated mission (robots, faults, checks) share: the team and its disks,
+// one schedule, one random stream, the invariants, and the report.
 //
-// Single-threaded. Each draw from `rng` changes all later ones, so only equal options give equal runs.
+// Single-threaded. An additional draw from `rng` changes the rest of a run.
 #pragma once
 
 #include <cstdint>
@@ -37,7 +37,7 @@ class SimulatedWorld {
   void At(MonotonicTime time, Action action);
   void In(Duration delay, Action action);
   void AdvanceTo(MonotonicTime time);  // Does nothing if `time` is in the past.
-  double NowS() const;                 // Seconds since the start.
+  double NowS() const;                 // Simulated seconds since `start`.
   std::int64_t ClockOf(AgentId agent) { return team.utc_now_ns() + clock_offset[agent].count(); }
 
   double Draw();  // Returns a uniform random number in [0, 1).
@@ -45,8 +45,8 @@ class SimulatedWorld {
   AgentId DrawAgent();
   AgentId DrawOther(AgentId agent);
 
-  // Reports a violated invariant. The report keeps the first violations, and the last events before the first
-  // violation.
+  // Adds a violation of invariant `rule` to the report. The report keeps the first ten violations, and the last
+  // messages before the first violation.
   void Violate(const std::string& rule, std::string text);
   bool HasEnough() const;  // Returns whether there are enough violations to end the run early.
   void NoteEvent(const Address& actor, const proto::Message& message);
@@ -55,13 +55,15 @@ class SimulatedWorld {
   const proto::TeamConfig& ConfigOf(AgentId agent) const {
     return keeps_all_notes.contains(agent) ? config_with_all_notes : config;
   }
-  // Returns whether the agent must accept records other than maps. It must if a prune has just freed much of its full
+  // Returns whether the agent must accept records other than maps, because a prune has just freed much of its full
   // disk.
   bool MustStore(AgentId agent) const;
-  // Returns whether the agent's disk was full or failing within the last minute, so it may refuse to store records.
+  // Returns whether the agent's disk is full or failing, or was within the last minute. The agent may then refuse to
+  // store records.
   bool HadDiskTrouble(AgentId agent) const;
   std::set<AgentId> Leaders() const;  // Returns the running agents that act as leader.
-  // Returns the actor's last answer to `question` at this instant; empty if there is no answer.
+  // Sends `question` to the actor, and runs the team until it is idle. Returns the actor's last answer; an empty
+  // message if there is none.
   proto::Message AskActor(AgentId agent, const char* actor, proto::Message question);
   std::optional<HaveSet> HaveOf(AgentId agent);
   Records ReadAll(AgentId agent);  // Returns all shared records that the agent holds.
@@ -82,10 +84,10 @@ class SimulatedWorld {
     double content_bytes = 0;
     std::optional<MonotonicTime> since;  // When enough bytes were freed to store records again; empty before.
   };
-  std::map<AgentId, FreedOnFullDisk> freed_on_full_disk;  // Bytes freed by a prune that runs or has finished.
+  std::map<AgentId, FreedOnFullDisk> freed_on_full_disk;  // Bytes that the prune of each full disk has freed.
   std::set<AgentId> keeps_all_notes;                      // Agents whose team file keeps all notes.
   bool is_quiet = false;                                  // Faults and inserts have ended.
-  bool is_asking = false;                                 // The checks send requests, during which no actor fails.
+  bool is_asking = false;                                 // True during AskActor, when no fault makes an actor fail.
   SimulatedDisk disk;
   Invariants invariants;
   RareStates rare_states;
@@ -101,7 +103,7 @@ class SimulatedWorld {
     AgentId from;
   };
 
-  std::deque<Event> events_;  // The latest messages.
+  std::deque<Event> events_;  // The latest handled messages.
 };
 
 }  // namespace moondb::simulation

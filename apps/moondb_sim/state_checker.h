@@ -1,7 +1,8 @@
-// StateChecker: checks that the stored state is the last state that a robot's software gave.
+// StateChecker: checks that agents store the last state that a robot gave to its agent.
 //
-// Records do not show this: a state that is stored again gets another key, and keys may be wrong. So this class numbers
-// the states in the order in which robots give them. It recognises a state by its content, which is always unique.
+// Keys do not prove the order of states: a state that is stored again gets another key, and keys may be wrong. So this
+// class numbers the states in the order in which robots give them. It recognises a state by its content, which is
+// unique.
 #pragma once
 
 #include <cstdint>
@@ -36,18 +37,18 @@ inline bool MayBeSuperseded(DataType type) {
 
 class StateChecker {
  public:
-  // Called when the robot of `origin` gives `record` to its agent, which may or may not store the record. Ignores types
-  // that are no states.
+  // Call when the robot of `origin` gives `record` to its agent, which may or may not store the record. Ignores records
+  // that are not states.
   void OnGiven(AgentId origin, const proto::Record& record);
-  // Called when a record with this hash of its content was seen anywhere.
+  // Call when the record of `key` was seen at any agent, with the hash of its content.
   void OnContent(const RecordKey& key, std::uint64_t content_hash);
-  // Called when `agent` holds the state on its disk. From then on the agent must hold this state or a later one.
+  // Call when the state of `key` is on the agent's disk. From then on, WhyOld expects this state or a later one.
   void OnHeld(AgentId agent, const RecordKey& key);
-  // Called when the agent's disk was replaced.
+  // Call when the agent's disk was replaced.
   void ForgetDisk(AgentId agent) { last_on_.erase(agent); }
 
-  // Returns a text if the quiescent `agent` holds an older state of `origin` than the state that some disk held; null
-  // otherwise. `origin` 0 means all origins.
+  // Returns a description if `records`, all records of `agent`, have an older state of `origin` than a disk of any
+  // agent held; null otherwise. `origin` 0 means all origins. Requires: the team is quiescent.
   std::optional<std::string> WhyOld(AgentId agent, AgentId origin, const Records& records) const;
 
  private:
@@ -60,13 +61,13 @@ class StateChecker {
 
   std::uint64_t given_ = 0;
   std::map<std::uint64_t, Given> given_by_content_;             // States that robots gave, by hash of the content.
-  std::map<RecordKey, std::uint64_t> content_of_;               // Hashes of the contents of states.
+  std::map<RecordKey, std::uint64_t> content_of_;               // Content hash of each state.
   std::map<AgentId, std::map<Series, std::uint64_t>> last_on_;  // Number of the last state on each agent's disk.
 };
 
 std::uint64_t ContentHash(const std::string& content);
-// Returns the hashes of all contents that storage may make of a robot's record: with and without the flag of a suspect
-// clock, and with and without the flag of the policy `latest`.
+// Returns the hashes of all contents with which storage may store `given`: with is_clock_suspect false or true, and
+// with is_state false or true.
 std::set<std::uint64_t> StatementHashes(const proto::Record& given);
 
 }  // namespace moondb::simulation

@@ -1,5 +1,5 @@
-// Headers that most files of moondb include. They are precompiled (cmake/MoondbCompile.cmake), but no file may rely on
-// that.
+// Precompiled headers of moondb (cmake/MoondbCompile.cmake): those that most files include. Every file must still
+// include what it uses.
 #pragma once
 
 #include <google/protobuf/arena.h>

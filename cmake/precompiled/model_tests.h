@@ -1,5 +1,4 @@
-// Headers that most tests of model/ include. They are precompiled (cmake/MoondbCompile.cmake), but no file may rely on
-// that.
+// Precompiled headers of the tests of model/ (cmake/MoondbCompile.cmake). Every file must still include what it uses.
 #pragma once
 
 #include <gmock/gmock.h>

@@ -1,5 +1,5 @@
-// Headers that most files above model/ include. They are precompiled (cmake/MoondbCompile.cmake), but no file may rely
-// on that. Headers of status messages are excluded: a new field of a status must not recompile everything
+// Precompiled headers of the code above model/ (cmake/MoondbCompile.cmake). Every file must still include what it uses.
+// Headers of status messages are excluded, because a new field of a status must not recompile everything
 // (tools/check_rebuild).
 #pragma once
 

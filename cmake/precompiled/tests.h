@@ -1,4 +1,4 @@
-// Headers that most tests include. They are precompiled (cmake/MoondbCompile.cmake), but no file may rely on that.
+// Precompiled headers of the tests (cmake/MoondbCompile.cmake). Every file must still include what it uses.
 #pragma once
 
 #include "cmake/precompiled/model_tests.h"

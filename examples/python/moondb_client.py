@@ -23,8 +23,8 @@ import sharing_pb2
 import types_pb2
 
 REQUEST_BYTES_MAX = 32 * 1024 * 1024
-BEYOND_WAIT_S = 30.0  # Seconds that a call waits for its answer in addition to wait_s.
-PAUSES_S = (0.1, 0.3, 1.0, 2.0, 3.0)  # Pauses before repetitions of a sync or replication request.
+BEYOND_WAIT_S = 30.0  # Time that a call waits for its answer, in addition to wait_s.
+PAUSES_S = (0.1, 0.3, 1.0, 2.0, 3.0)  # Pauses before a sync or replication request is repeated.
 
 
 class AgentError(Exception):
@@ -76,7 +76,7 @@ class MoondbClient:
         while self._dealer.poll(1000 * (timeout_s or self._timeout_s)):
             answer = control_pb2.ClientMessage.FromString(self._dealer.recv())
             if answer.request_id != self._request_id:
-                continue  # This is the reply to an earlier call that has timed out.
+                continue  # A late reply to an earlier call.
             if answer.control_reply.team_id != self._team_id:
                 raise ValueError(f"{self._endpoint} is of another team")
             if answer.control_reply.error.code:

@@ -2,7 +2,7 @@
 //
 //   soil_survey_agent -t team.yaml -a rover1 --soil-sensor /sys/bus/iio/devices/iio:device0/in_soilmoisture_raw
 //
-// The sensor is a file that contains the share of water as a number. Without --soil-sensor the agent stores no
+// The sensor is a file that contains the fraction of water as a number. Without --soil-sensor the agent stores no
 // measurements of its own.
 
 #include "apps/common/arguments.h"

@@ -44,7 +44,7 @@ void SoilMoistureActor::OnMessage(Context& context, const Message& message) {
     case Message::kCustom:
       return OnCustom(context, message.custom());
     default:
-      return;  // A message of a later version.
+      return;  // Ignore messages that this version does not know.
   }
 }
 
@@ -66,7 +66,7 @@ void SoilMoistureActor::Measure(Context& context) {
   }
 }
 
-// Payloads come from other agents and may contain anything. Skips those that are not measurements.
+// Adds the record to the sums. Ignores payloads that are not measurements: other agents may send anything.
 moondb::Result<void> SoilMoistureActor::Add(const moondb::proto::StoredRecord& stored) {
   moondb::proto::Record record;
   SoilMoisture moisture;
@@ -89,7 +89,7 @@ void SoilMoistureActor::OnCustom(Context& context, const google::protobuf::Any& 
   }
   Message message;
   message.mutable_custom()->PackFrom(reply);
-  (void)context.Reply(std::move(message));  // A lost reply does no harm: the requester asks again.
+  (void)context.Reply(std::move(message));  // If the reply is lost, the requester asks again.
 }
 
 }  // namespace soil_survey

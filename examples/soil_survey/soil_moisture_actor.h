@@ -1,12 +1,12 @@
-// SoilMoistureActor ("soil"): measures the soil's moisture periodically, stores it, and computes each agent's average.
+// SoilMoistureActor ("soil"): measures the soil's moisture periodically, and computes the average of each agent's
+// measurements.
 //
-// Every `period` it reads the sensor and sends StorageActor a record of the team's custom type `soil_moisture`.
-// Measurements of other agents arrive in the storage of this agent through moondb's sharing. The actor reads all
-// measurements from this storage. It answers AverageRequest, from an actor or a client, with the averages over all of
-// them.
+// Every `period` the actor reads the sensor and inserts a record of the custom type `soil_moisture`. It reads all
+// stored measurements, including those that other agents have shared, and answers AverageRequest from actors and
+// clients.
 //
-// Its state is a sum over stored records, which the actor reads again after a restart. If an insert fails, the actor
-// logs this and loses the measurement; the next measurement follows soon.
+// After a restart the actor reads all measurements again. If an insert fails, it logs the error and the measurement is
+// lost.
 #pragma once
 
 #include <chrono>
@@ -25,7 +25,7 @@ namespace soil_survey {
 inline constexpr char kActorName[] = "soil";
 inline constexpr char kDataTypeName[] = "soil_moisture";
 
-// Returns the share of water, 0 to 1. Called inside a handler, so it must not block.
+// Returns the fraction of water, 0 to 1. Called inside a handler, so it must not block.
 using Sensor = std::function<moondb::Result<double>()>;
 
 class SoilMoistureActor final : public moondb::Actor {

@@ -1,5 +1,5 @@
-// Tests the actor in a simulated team: real storage and sharing, a virtual clock, a radio, and crashes. It uses no
-// sleeps and no sockets.
+// Tests SoilMoistureActor in a simulated team, with real storage and sharing, a virtual clock, a radio, and crashes.
+// Uses no sleeps and no sockets.
 #include "soil_moisture_actor.h"
 
 #include <gtest/gtest.h>
@@ -59,7 +59,7 @@ class SoilMoistureActorTest : public testing::Test {
     team_.Spawn(agent, "sync", [sync] { return std::make_unique<moondb::SyncActor>(sync); });
   }
 
-  // Requests the averages from the actor of `agent`. Returns the number of measurements of each agent.
+  // Requests the averages from the actor of `agent`. Returns the number of measurements by agent.
   std::map<AgentId, std::uint64_t> MeasurementsKnownTo(AgentId agent) {
     Message question;
     question.mutable_custom()->PackFrom(AverageRequest());
@@ -76,10 +76,10 @@ class SoilMoistureActorTest : public testing::Test {
     return measurements;
   }
 
-  // Returns the number of records that `agent` stores. The request has an address of the same agent as its sender,
-  // because storage accepts no others.
+  // Returns the number of records that `agent` stores. The request's sender has an address at the same agent, because
+  // storage refuses requests of others.
   std::uint64_t RecordsStoredAt(AgentId agent) {
-    const Address operator_at{agent, "operator"};  // Address of a probe in this test; no actor has it.
+    const Address operator_at{agent, "operator"};  // The test receives messages to this address.
     moondb::proto::ControlRequest question;
     question.mutable_status();
     EXPECT_EQ(team_.Post(operator_at, {agent, "storage"}, moondb::MessageOf(question)), SendResult::kAccepted);
@@ -93,7 +93,7 @@ class SoilMoistureActorTest : public testing::Test {
   }
 
   const moondb::TeamFile file_;
-  const Address planner_{kLeader, "planner"};  // Address of a probe in this test; no actor has it.
+  const Address planner_{kLeader, "planner"};  // The test receives messages to this address.
   moondb::simulation::SimulatedTeam team_{/*seed=*/1};
 };
 

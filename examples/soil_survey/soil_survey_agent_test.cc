@@ -1,4 +1,4 @@
-// Tests the actor in a real agent: threads, a database file, sockets, a client.
+// Tests SoilMoistureActor in a real agent, with threads, a database file, sockets and a client.
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
@@ -37,7 +37,7 @@ class SoilSurveyAgentTest : public testing::Test {
     return options;
   }
 
-  // Repeats the request as a client until the reply contains an average, for at most 30 s. Returns the last reply.
+  // Sends AverageRequest as a client until the reply contains an average, for at most 30 s. Returns the last reply.
   static AverageReply AskUntilThereIsAnAverage(const moondb::Agent& agent) {
     AverageReply reply;
     const auto client = moondb::Client::Connect(agent.client_endpoint(), "rover1", {});

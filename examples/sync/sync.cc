@@ -1,4 +1,4 @@
-// Syncs, waits at most 5 s, and prints what is missing. Usage: sync ENDPOINT AGENT
+// Usage: sync ENDPOINT AGENT. Syncs, waits at most 5 s, and prints what is missing.
 #include <cstdio>
 
 #include "client/client.h"

@@ -1,14 +1,14 @@
-// Fault that SimulatedTeam::SetFault injects when an actor is about to handle a message.
+// Faults that SimulatedTeam::SetFault can inject when an actor handles a message.
 #pragma once
 
 namespace moondb::simulation {
 
-// Kinds of faults. After a fault, the actor restarts as after Context::Fail.
+// After a fault, the actor restarts as after Context::Fail.
 enum class Fault {
   kNone,
   kBeforeHandler,   // The actor fails instead of handling the message.
-  kAtFirstSend,     // The first Send or Publish throws and sends nothing. If there is no send: as kAfterHandler.
-  kAfterFirstSend,  // The first Send or Publish sends and then throws. If there is no send: as kAfterHandler.
+  kAtFirstSend,     // Throws in the first Send or Publish, which sends nothing. If there is none: as kAfterHandler.
+  kAfterFirstSend,  // Throws after the first Send or Publish. If there is none: as kAfterHandler.
   kAfterHandler,    // The actor fails after the handler has completed and sent everything.
 };
 

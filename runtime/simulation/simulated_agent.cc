@@ -208,7 +208,8 @@ void SimulatedAgent::ScheduleStep(Host& host) {
 }
 
 void SimulatedAgent::Step(Host& host) {
-  // The actor waits for its restart. Its messages stay in the mailbox, and StartHost schedules a step for each of them.
+  // Without an actor, the host waits for its restart. Messages stay in the mailbox; StartHost schedules a step for each
+  // of them.
   if (!host.has_actor()) return;
   Mailbox::Item* taken = host.mailbox.Take();
   if (taken == nullptr) return;

@@ -1,9 +1,8 @@
 // SimulatedAgent: one agent of a SimulatedTeam, with its actors, mailboxes and supervision. It corresponds to an
 // ActorSystem in its own process.
 //
-// Every delayed action is an event in the team's queue. When an event is due, it has no effect if the agent's process
-// has crashed since the event was added (boot()). An actor's timer also has no effect if the actor's incarnation has
-// ended.
+// Every delayed action is an event in the team's queue. An event has no effect if the agent has crashed since the event
+// was added (boot() differs). An actor's timer also has no effect if the actor's incarnation has ended.
 #pragma once
 
 #include <cstdint>
@@ -38,9 +37,10 @@ class AgentSurroundings {
   virtual std::int64_t utc_now_ns() const = 0;  // True UTC, without the agent's clock offset.
   virtual TimerQueue<Event>& events() = 0;
   virtual SendResult Send(const Address& from, const Address& to, proto::Message message) = 0;
-  // Delivers `message` to the actor at `to`, or to the probe if no actor has this address. `sender`: see Mailbox::Item.
+  // Delivers `message` to the actor at `to`. If no actor has this address, keeps the message for SimulatedTeam::Take.
+  // `sender`: see Mailbox::Item.
   virtual SendResult HandOver(const Address& to, OwnedMessage message, const Address* sender) = 0;
-  // Returns a copy of `sender` that stays valid as long as any message may wait.
+  // Returns a pointer to a copy of `sender` that stays valid as long as the team exists.
   virtual const Address* Remember(const Address& sender) = 0;
   virtual Fault FaultFor(const Address& actor, const proto::Message& message) = 0;
   virtual void Trace(const Address& to, const Address& sender, const proto::Message& message) = 0;
@@ -57,7 +57,7 @@ class SimulatedAgent {
     std::uint16_t trace_name = 0;
   };
 
-  // Traffic counters of one peer, since the process restarted.
+  // Traffic with one peer since the start of this agent's process.
   struct PeerCounters {
     std::uint64_t sent_messages = 0;
     std::uint64_t sent_bytes = 0;
@@ -81,22 +81,23 @@ class SimulatedAgent {
   const std::map<AgentId, PeerCounters>& peers() const { return peers_; }
 
   void SetBaseStation(AgentId base_station) { roles_.SetBaseStation(base_station); }
-  void SetRoles(const proto::RoleAssignment& roles);  // Applied again after each restart.
+  // Sets the agents that the aliases resolve to, now and after each restart.
+  void SetRoles(const proto::RoleAssignment& roles);
   AgentId Resolve(AgentId agent) const { return roles_.Resolve(agent); }
 
   void Spawn(SpawnedActor spawned);
   void Crash();
-  // `connected` lists the peers that the agent can reach.
+  // Starts the agent again with all its spawned actors. `connected` lists the peers that the agent can reach.
   void Restart(const std::vector<AgentId>& connected);
   void CrashActor(const std::string& actor);
 
-  // Call one of these when a peer connected or disconnected. OnPeerChanged notifies the actors that watch peers;
-  // OnPeerAtStart notifies only actors that begin to watch later.
+  // OnPeerChanged: call when a peer connects or disconnects; notifies the actors that watch peers. OnPeerAtStart: call
+  // for each peer that is connected when the agent starts; actors are notified when they begin to watch.
   void OnPeerChanged(AgentId peer, bool is_connected);
   void OnPeerAtStart(AgentId peer) { (void)monitors_.OnPeerChanged(peer, true); }
   void Watch(const std::string& actor, Topic topic) { Notify(monitors_.Watch(actor, topic)); }
 
-  // Pushes `message` to an actor of that name. Returns the result, or nothing if no such actor was spawned.
+  // Pushes `message` into the mailbox of `actor`. Returns the result, or nothing if no actor of that name was spawned.
   std::optional<SendResult> Push(const std::string& actor, OwnedMessage& message, const Address* sender);
 
   SystemStatus Status() const;
@@ -107,8 +108,8 @@ class SimulatedAgent {
 
   void MakeHost(const SpawnedActor& spawned);
   void StartHost(Host& host);
-  // Processes the result of a handler. Returns true if the actor must be restarted immediately. `item` is the handled
-  // message; null in OnStart and between messages.
+  // Processes the end of a handler. `item` is the handled message; null in OnStart and between messages. `failure`: the
+  // handler's error, if it failed. Returns true if the actor must be restarted immediately.
   bool SettleHandler(Host& host, Mailbox::Item* item, const std::optional<Error>& failure);
   bool Recover(Host& host, Mailbox::Item* item, const Error& failure);
   void StepDown(const Host& failed, const Error& failure);
@@ -128,13 +129,13 @@ class SimulatedAgent {
   MonotonicTime crashed_;
   Duration utc_offset_{};
   RoleTable roles_;
-  proto::RoleAssignment given_roles_;  // Roles that the process knows when it starts.
+  proto::RoleAssignment given_roles_;  // Roles to apply at each start of the process.
   std::vector<SpawnedActor> spawned_;
   std::vector<std::unique_ptr<Host>> hosts_;  // One Host per element of spawned_, in the same order.
   std::uint64_t restarts_ = 0;
   std::map<AgentId, PeerCounters> peers_;
   Monitors monitors_;
-  TraceBook trace_;  // Kept across restarts, like the dead letters.
+  TraceBook trace_;  // The trace and the dead letters are kept across restarts.
   DeadLetters dead_letters_;
 };
 

@@ -44,7 +44,8 @@ void SimulatedRadio::SetLink(AgentId a, AgentId b, bool is_up, bool is_known) {
 bool SimulatedRadio::is_up(AgentId a, AgentId b) const { return !cuts_.contains(LinkOf(a, b)); }
 
 double SimulatedRadio::DrawRatio() {
-  // Not std::uniform_real_distribution: its numbers differ between standard libraries, and the run of a seed would too.
+  // Not std::uniform_real_distribution: its numbers differ between standard libraries, so that a seed would not
+  // reproduce a run.
   return static_cast<double>(rng_() >> 11) * 0x1.0p-53;
 }
 

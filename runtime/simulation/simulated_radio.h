@@ -1,4 +1,5 @@
-// SimulatedRadio: decides whether and when a message between agents arrives. It knows sizes and times, never contents.
+// SimulatedRadio: decides whether and when a message between agents arrives. It uses only the sizes and times of
+// messages.
 //
 // Single-threaded and seeded: the same calls in the same order give the same results.
 #pragma once
@@ -15,7 +16,7 @@ namespace moondb::simulation {
 
 struct RadioOptions {
   Duration latency = std::chrono::milliseconds(1);
-  Duration latency_jitter{};   // Uniform addition to the latency. Above 0, messages may be reordered.
+  Duration latency_jitter{};   // Maximum of a random addition to the latency. Above 0, messages may be reordered.
   double loss_ratio = 0;       // Probability of loss per message, 0 to 1.
   double duplicate_ratio = 0;  // Probability of a second delivery, up to duplicate_delay_max later.
   Duration duplicate_delay_max = std::chrono::seconds(30);
@@ -34,12 +35,12 @@ class SimulatedRadio {
     std::vector<MonotonicTime> arrivals;  // Arrival times; empty if the message is lost.
   };
 
-  // Sends a message of `bytes` bytes. Flight::result is kUnreachable if the link is cut and its ends know of the cut,
-  // kFull if the sender's outbox is full.
+  // Sends a message of `bytes` bytes. Flight::result is kUnreachable if the link is cut and both ends know of the cut,
+  // and kFull if the sender's outbox is full.
   Flight Transmit(AgentId from, AgentId to, std::size_t bytes, MonotonicTime now);
 
-  // Cuts or restores a link. `is_known`: the agents at both ends know of the cut. Otherwise they continue to send, and
-  // the messages are lost.
+  // Cuts or restores a link. After a cut with `is_known`, Transmit returns kUnreachable. After a cut without
+  // `is_known`, Transmit accepts messages and loses them.
   void SetLink(AgentId a, AgentId b, bool is_up, bool is_known);
   bool is_up(AgentId a, AgentId b) const;
 
@@ -47,7 +48,7 @@ class SimulatedRadio {
   void ClearOutbox(AgentId agent) { outbox_empty_at_.erase(agent); }
 
   RadioOptions& options() { return options_; }
-  std::uint64_t bytes() const { return bytes_; }  // Bytes sent, including those of lost messages.
+  std::uint64_t bytes() const { return bytes_; }  // Bytes sent, including the bytes of lost messages.
 
  private:
   enum class Cut { kUnknown, kKnown };

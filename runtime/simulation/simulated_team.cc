@@ -18,7 +18,7 @@ namespace moondb::simulation {
 namespace {
 
 constexpr std::int64_t kUtcStart_ns = 1'767'225'600'000'000'000;  // UTC at the start of a run: 2026-01-01.
-// Not zero: a time that was never set must not look like the start of the run.
+// Not zero, so that a time that was never set differs from the start of the run.
 constexpr MonotonicTime kStart(std::chrono::seconds(1000));
 constexpr std::size_t kKeptMax = 100'000;
 constexpr std::uint64_t kEventsAtOnceMax = 1'000'000;
@@ -180,7 +180,7 @@ SendResult SimulatedTeam::Impl::Send(const Address& from, const Address& to, pro
 
 SendResult SimulatedTeam::Impl::Route(const Address& from, const Address& resolved, proto::Message&& message) {
   if (resolved.agent != kClients && !agents_.contains(resolved.agent)) return SendResult::kNoPeer;
-  // A client runs on the same machine as its agent.
+  // A client runs on the same machine as its agent, so its messages do not cross the radio.
   const bool is_local = from.agent == kClients || resolved.agent == kClients || from.agent == resolved.agent;
   if (is_local) {
     WriteLocalEnvelope(from.agent, resolved.agent, message);
@@ -238,7 +238,8 @@ void SimulatedTeam::Impl::Arrive(AgentId from, AgentId to, const std::string& by
   Check(message->ParseFromString(bytes), "what was serialised can be parsed");
   const std::string actor = message->destination_actor();
   trace_hash_ = XXH64(bytes.data(), bytes.size(), trace_hash_);
-  (void)HandOver({to, actor}, std::move(message), /*sender=*/nullptr);  // If the mailbox is full, it counts the drop.
+  // A full mailbox counts the dropped message itself.
+  (void)HandOver({to, actor}, std::move(message), /*sender=*/nullptr);
 }
 
 void SimulatedTeam::Impl::Keep(const Address& address, const proto::Message& message) {
@@ -255,8 +256,8 @@ std::vector<proto::Message> SimulatedTeam::Impl::Take(const Address& address) {
 }
 
 void SimulatedTeam::Impl::Trace(const Address& to, const Address& sender, const proto::Message& message) {
-  // Bodies are hashed when they cross the radio (Arrive). Between an agent's own actors they may hold values that the
-  // seed does not determine, such as a file's size or a solver's time.
+  // Do not hash the body here. Arrive hashes the messages between agents. Messages between an agent's own actors may
+  // hold values that the seed does not determine, such as a file's size or a solver's time.
   const std::string line = std::to_string(Duration(now_.time_since_epoch()).count()) + " " + ToString(sender) + " " +
                            ToString(to) + " " + std::to_string(message.body_case()) + " " +
                            std::to_string(message.request_id());

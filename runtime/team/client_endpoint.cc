@@ -12,13 +12,13 @@
 namespace moondb {
 namespace {
 
-// Returns the path in an environment variable. An empty variable counts as unset.
+// Returns the path in an environment variable; an empty path if the variable is unset or empty.
 std::filesystem::path FolderIn(const char* variable) {
   const char* folder = std::getenv(variable);
   return folder == nullptr ? "" : folder;
 }
 
-// Returns a folder name such as "moon-4f2a91c0". The id separates teams of the same name on one machine.
+// Returns a folder name such as "moon-4f2a91c0". The start of the team's id distinguishes teams of the same name.
 std::string TeamFolder(const proto::TeamConfig& team) {
   const std::string id = TeamIdBytes(team.team_id());
   return id.empty() ? team.team() : team.team() + "-" + TeamIdStart(id);
@@ -51,7 +51,7 @@ Result<std::string> ClientEndpointIn(const std::filesystem::path& run_folder, co
     return Fail(ErrorCode::kInvalid, path + ": longer than a socket's path may be (107 characters); " +
                                          "set MOONDB_RUN_DIR to a shorter folder");
   }
-  // A socket of another user must not be mistaken for the agent's.
+  // Refuse a folder in which another user could create a socket with this path.
   if (const Result<void> is_private = CheckPrivateFolder(folder); !is_private) {
     return tl::unexpected(is_private.error());
   }

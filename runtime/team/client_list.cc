@@ -39,7 +39,7 @@ class ClientListChecker {
 
   void Add(const std::string& field, const std::string& text) { errors_.Add(PlaceOf(places_, field), field, text); }
 
-  // True if the field is present and valid so far.
+  // Returns true if the field is present and has no error. Adds an error if the field is missing.
   bool Require(const std::string& field) {
     if (!places_.contains(field)) Add(field, "missing");
     return !errors_.Has(field);
@@ -95,7 +95,7 @@ Result<proto::ClientList> ReadClientList(const std::filesystem::path& path) {
 std::string ClientListText(const proto::ClientList& list, const std::string& head) {
   std::string text = head + (list.clients().empty() ? "clients: []\n" : "clients:\n");
   for (const proto::ListedClient& client : list.clients()) {
-    // No escaping: Z85 contains neither quotes nor backslashes.
+    // Z85 contains neither quotes nor backslashes, so the key needs no escaping.
     text += "  - {name: " + client.name() + ", key: \"" + client.key() + "\", rights: " + RightsName(client.rights()) +
             "}\n";
   }

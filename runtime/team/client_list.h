@@ -5,7 +5,7 @@
 //     - {name: anna, key: "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7", rights: command}   # The public key, in Z85.
 //     - {name: wall_display, key: "...", rights: view}
 //
-// People or `moonctl clients` write the file. Agents read it again when it changes, without a restart.
+// People or `moonctl clients` write the file. Agents read a changed file again without a restart.
 #pragma once
 
 #include <chrono>
@@ -25,13 +25,13 @@ inline constexpr int kListedClientsMax = 256;
 inline constexpr char kClientsFile[] = "clients.yaml";
 
 // Reads a client list. On error, returns kNotFound if the file is missing, otherwise kInvalid. Error::text then holds
-// one error per line, each with its place in the file. Errors are those of ReadYaml, bad names, malformed keys, invalid
-// rights, duplicate names or keys, and too many clients.
+// one error per line, each with its place in the file. Besides the errors of ReadYaml, these are bad names, malformed
+// keys, invalid rights, duplicate names or keys, and too many clients.
 Result<proto::ClientList> ReadClientList(const std::filesystem::path& path);
-// As ReadClientList, from text. `name` is the file name in error messages.
+// As ReadClientList, but parses the text `yaml`. `name` is the file name in error messages.
 Result<proto::ClientList> ParseClientList(const std::string& yaml, const std::string& name);
 
-// Returns the list in the format of ReadClientList, below the comment lines `head`.
+// Returns the text of a file for ReadClientList. `head` holds comment lines for the start of the text.
 std::string ClientListText(const proto::ClientList& list, const std::string& head);
 
 // The rights of client keys, kept up to date with the file. Not thread-safe.
@@ -42,17 +42,16 @@ class ClientKeys {
   // Minimum time between two checks of the file.
   static constexpr std::chrono::seconds kLookPeriod{1};
 
-  // Reads the file. A missing, invalid or unreadable file is logged and does not prevent the agent's start; the list is
-  // then empty.
+  // Reads the file. If the file is missing, invalid or unreadable, logs this and returns an empty list.
   static ClientKeys Open(std::filesystem::path path, Time now);
 
-  // Returns the client with this public key (Z85), or nothing if the key is not listed. Before that, reads the file
-  // again if it changed, and checks this at most once per kLookPeriod. An invalid file leaves the list unchanged; a
-  // missing file empties it. Each reading is logged once.
+  // Returns the client with this public key (Z85), or nothing if the key is not listed. First reads the file again if
+  // it has changed, which is checked at most once per kLookPeriod. An invalid file leaves the list unchanged; a missing
+  // file empties the list. Logs each reading of the file.
   std::optional<proto::ListedClient> Find(const std::string& key, Time now);
 
  private:
-  // Version of the file. Files of equal versions are assumed to have equal contents.
+  // Version of the file. Two files with equal versions are assumed to have equal contents.
   struct Version {
     std::uint64_t inode = 0;
     std::int64_t bytes = -1;      // -1: the file does not exist.
@@ -62,7 +61,8 @@ class ClientKeys {
 
   explicit ClientKeys(std::filesystem::path path) : path_(std::move(path)) {}
   Version Look() const;
-  // Reads the file and logs the result. If the file has an error, appends `if_wrong` to the logged text.
+  // Reads the file and logs the result. If the file has an error, leaves the list unchanged and appends `if_wrong` to
+  // the logged text.
   void Read(const char* if_wrong);
 
   std::filesystem::path path_;

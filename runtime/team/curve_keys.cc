@@ -18,7 +18,7 @@ Result<void> CheckIsFile(const std::filesystem::path& path) {
   std::error_code error;
   if (std::filesystem::is_regular_file(path, error)) return {};
   if (std::filesystem::exists(path, error)) return Fail(ErrorCode::kInvalid, path.string() + ": not a regular file");
-  // In a folder that this process may not enter, the existence of the file is unknown.
+  // `error` is set if the existence is unknown, for example because this process may not enter the folder.
   return Fail(ErrorCode::kInvalid, path.string() + ": " + (error ? error.message() : "no such file"));
 }
 

@@ -1,5 +1,5 @@
 // CURVE keys and their files. A file holds one line of 40 characters (Z85, the encoding of ZeroMQ). Everyone may read
-// NAME.pub; only the owner may read NAME.sec.
+// the public key NAME.pub; only the owner may read the secret key NAME.sec.
 #pragma once
 
 #include <array>
@@ -23,20 +23,20 @@ Result<CurveKeys> MakeCurveKeys();
 // True if `text` is 40 characters in Z85.
 bool IsCurveKey(const std::string& text);
 
-// Encodes 32 bytes as Z85, or decodes them. FromZ85 returns nothing for malformed text.
+// Convert between 32 bytes and 40 characters of Z85. FromZ85 returns nothing for malformed text.
 using KeyBytes = std::array<std::uint8_t, 32>;
 std::string ToZ85(const KeyBytes& bytes);
 std::optional<KeyBytes> FromZ85(const std::string& text);
 
-// Read a key file. Return kInvalid if the file is missing or does not hold exactly one key, or if a secret key is
-// readable by anyone but its owner.
+// Read a key file. Return kInvalid if the file is missing or does not hold exactly one key. ReadSecretKey also returns
+// kInvalid if anyone but the owner may read the file.
 Result<std::string> ReadPublicKey(const std::filesystem::path& path);
 Result<std::string> ReadSecretKey(const std::filesystem::path& path);
 
-// Returns the public key of a secret key.
+// Returns the public key of a secret key. Returns kInvalid if `secret_key` is malformed.
 Result<std::string> PublicKeyOf(const std::string& secret_key);
 
-// Returns the path of the secret key: NAME.sec beside NAME.pub.
+// Returns NAME.sec beside the public key's file NAME.pub.
 std::filesystem::path SecretKeyPath(std::filesystem::path public_key_path);
 
 }  // namespace moondb

@@ -1,5 +1,5 @@
-// Applies the field rules of proto/field_options.proto to a message that was read from YAML (yaml_reader.h). Pure
-// functions, thread-safe.
+// Applies the field rules of proto/field_options.proto to a message that was read from YAML (yaml_reader.h).
+// Thread-safe.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -13,16 +13,15 @@ namespace moondb {
 
 const proto::FieldRule& RuleOf(const google::protobuf::FieldDescriptor& field);
 
-// Adds to `errors` each missing required key, number outside its range and list of wrong length.
+// Adds an error to `errors` for each missing required key, each number outside its range and each list of wrong length.
 void CheckFields(const google::protobuf::Message& message, const Places& places, PlacedErrors* errors);
 
-// Sets each field that has a default and is not in `places`. Creates missing top-level sections that have defaults, but
-// no nested messages.
+// Sets each field of `message` that has a default and is not in `places`. Creates missing top-level sections that have
+// defaults, but no nested messages.
 void FillFields(const Places& places, google::protobuf::Message* message);
 
-// Returns places for a message that was not read from a file: fields that are set count as given. In proto3 a number
-// that is 0 cannot be distinguished from a missing one, so it counts as missing. Every bool of a present section counts
-// as given.
+// Returns the Places of a message that was not read from a file. They contain each field that is set and each bool of a
+// present section. A number that is 0 counts as missing, because proto3 does not distinguish 0 from missing.
 Places PlacesOf(const google::protobuf::Message& message);
 
 }  // namespace moondb

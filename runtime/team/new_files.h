@@ -18,15 +18,15 @@ class NewFiles {
   NewFiles& operator=(const NewFiles&) = delete;
   ~NewFiles();  // Removes the temporary files.
 
-  // Writes `content` to a temporary file in the same folder and syncs it to disk. Creates a missing folder with access
-  // for its owner only. Returns kRefused if `path` exists, kInternal if a system call fails.
+  // Writes `content` to a temporary file in the folder of `path` and syncs it to disk. Creates a missing folder with
+  // access for its owner only. Returns kRefused if `path` exists, kInternal if a system call fails.
   Result<void> Add(const std::filesystem::path& path, const std::string& content, mode_t mode);
 
-  // Moves each file to its path, in the order of Add. On the first failure, removes the files that this call has moved.
-  // Returns kRefused if a file has appeared at a path since Add.
+  // Moves each file to its path, in the order of the Add calls. On the first failure, removes the files that this call
+  // has moved. Returns kRefused if a file has appeared at a path since Add, kInternal if a system call fails.
   Result<void> Publish();
 
-  // Removes the files that Publish created, for callers whose later steps fail.
+  // Removes the files that Publish created. For callers whose later steps fail.
   void TakeBack();
 
  private:

@@ -1,4 +1,4 @@
-// PlacedErrors: collects the errors of one file, each with its place: `team.yaml:4:10: agents[1].id: text`.
+// PlacedErrors: collects the errors of one file, each with its place, such as `team.yaml:4:10: agents[1].id: text`.
 #pragma once
 
 #include <compare>
@@ -8,7 +8,7 @@
 
 namespace moondb {
 
-// Position in a file. Line and column count from 1.
+// Position in a file. Lines and columns count from 1.
 struct Place {
   int line = 1;
   int column = 1;
@@ -26,7 +26,7 @@ class PlacedErrors {
   // Ignores later errors of `field`.
   void Mute(const std::string& field) { muted_.insert(field); }
 
-  // True if an error was added for this field or for a part of it, or if the field was muted.
+  // Returns true if an error was added for this field or for a part of it, or if the field was muted.
   bool Has(const std::string& field) const;
 
   bool empty() const { return errors_.empty(); }
@@ -45,8 +45,8 @@ class PlacedErrors {
   std::set<std::string> muted_;
 };
 
-// Returns `text` in quotation marks, shortened. Control characters and non-ASCII bytes appear as \x1b, because the text
-// may come from a file and be printed to a terminal.
+// Returns `text` in quotation marks, shortened. Control characters and non-ASCII bytes become escapes such as \x1b,
+// because the text may come from a file and be printed to a terminal.
 std::string Quoted(const std::string& text);
 
 }  // namespace moondb

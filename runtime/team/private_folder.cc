@@ -25,7 +25,7 @@ Result<void> CheckPrivateFolder(const std::filesystem::path& folder) {
   if (!is_own_folder || (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
     return Fail(ErrorCode::kInvalid, folder.string() + ": must be a folder of this user's with mode 0700");
   }
-  // If the parent is a link, check the owner of the link too: the owner decides to which folder the link leads.
+  // If the parent is a link, also check the owner of the link, who can redirect the link to another folder.
   const std::filesystem::path parent = folder.parent_path();
   struct stat link {};
   if (lstat(parent.c_str(), &link) != 0 || stat(parent.c_str(), &status) != 0) {
@@ -44,7 +44,7 @@ Result<void> MakePrivateFolder(const std::filesystem::path& folder) {
   std::filesystem::path missing;
   for (const std::filesystem::path& part : folder) {
     missing /= part;
-    // Each created level is private, so no other user can replace it.
+    // Create each level with mode 0700, so that no other user can replace it.
     if (mkdir(missing.c_str(), kOwnerOnly) != 0 && errno != EEXIST) {
       return Fail(ErrorCode::kInvalid, missing.string() + ": " + std::strerror(errno));
     }

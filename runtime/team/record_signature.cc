@@ -13,7 +13,7 @@ constexpr char kRecordPurpose[] = "moondb record 1";
 std::string SignedBytes(const proto::TeamConfig& team, const RecordKey& key, const proto::Record& record) {
   proto::Record unsigned_record = record;
   unsigned_record.mutable_map_quarantine()->clear_signature();
-  // The concatenation is unambiguous: purpose and id have fixed lengths, and the key follows its length.
+  // The concatenation is unambiguous: purpose and id have fixed lengths, and the length of the key precedes the key.
   const std::string key_bytes = ToProto(key).SerializeAsString();
   return kRecordPurpose + team.team_id() + static_cast<char>(key_bytes.size()) + key_bytes +
          unsigned_record.SerializeAsString();

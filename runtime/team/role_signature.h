@@ -1,4 +1,4 @@
-// Signatures of role assignments, made with the signing key of the issuer. The team file holds the public keys.
+// Signatures of role assignments, made with the signing key of the issuer. The team file contains the public keys.
 #pragma once
 
 #include <string>
@@ -9,14 +9,15 @@
 
 namespace moondb {
 
-// Returns true if the team signs: every agent has a signing key. An `insecure` team does not sign.
+// Returns true if every agent has a signing key and the team is not `insecure`. Role assignments of such a team are
+// signed.
 bool HasSigningKeys(const proto::TeamConfig& team);
 
-// Returns the bytes to sign: the purpose, the team id, and the assignment without its signature.
+// Returns the bytes to sign: a constant text for this purpose, the team id, and the assignment without its signature.
 std::string SignedBytes(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
 
-// Returns true if the signature matches the issuer's key in the team file. False if the issuer is not in the team or
-// has no key.
+// Returns true if the assignment's signature matches the issuer's key in the team file. Returns false if the issuer is
+// not in the team or has no key.
 bool IsSigned(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
 
 // Returns the options of a RoleChain for this team.

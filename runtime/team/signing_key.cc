@@ -12,7 +12,7 @@ namespace {
 static_assert(crypto_sign_BYTES == kSignatureBytes);
 static_assert(crypto_sign_PUBLICKEYBYTES == sizeof(KeyBytes) && crypto_sign_SEEDBYTES == sizeof(KeyBytes));
 
-// Initialises libsodium once per process. Every public function calls this, because any of them may be called first.
+// Initialises libsodium once per process. Every public function calls Begin, because any of them may be called first.
 void Begin() {
   static const bool is_ready = sodium_init() >= 0;
   Check(is_ready, "libsodium starts");

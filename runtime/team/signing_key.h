@@ -1,6 +1,6 @@
-// Ed25519 keys with which agents sign statements that no other agent may forge (runtime/team/role_signature.h).
-// Implemented with libsodium. The secret file holds the seed as one line of 40 characters (Z85, like CURVE keys),
-// readable by its owner only. The public key is in the team file.
+// Ed25519 keys with which agents sign role assignments and map quarantines. Implemented with libsodium. The secret file
+// holds the seed as one line of 40 characters (Z85, like CURVE keys), readable by its owner only. The public key is in
+// the team file.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@ class SigningKey {
 
   // Generates a key from system entropy.
   static SigningKey Make();
-  // Returns a reproducible key, for tests and simulations.
+  // Returns the key of this seed. For tests and simulations.
   static SigningKey FromSeed(const Seed& seed);
   // Reads the secret file, with the checks of ReadSecretKey (curve_keys.h).
   static Result<SigningKey> Read(const std::filesystem::path& path);
@@ -36,17 +36,17 @@ class SigningKey {
   SigningKey() = default;
 
   Seed seed_{};
-  std::array<std::uint8_t, 64> secret_{};  // Seed and public key, the format of libsodium.
+  std::array<std::uint8_t, 64> secret_{};  // Seed and public key, the format of a secret key in libsodium.
   std::string public_key_;
 };
 
-// True if the text is 40 characters in Z85 that encode a point of the curve.
+// Returns true if `public_key` is 40 characters in Z85 that encode a point of the curve.
 bool IsSigningKey(const std::string& public_key);
 
-// Returns true if the signature is valid. Returns false also for a malformed key or signature.
+// Returns true if the signature is valid. Returns false also if the key or the signature is malformed.
 bool IsSignatureOf(const std::string& public_key, std::string_view bytes, std::string_view signature);
 
-// Returns the path of the signing secret: NAME.sign beside the secret CURVE key NAME.sec.
+// Returns NAME.sign beside the secret CURVE key's file NAME.sec.
 std::filesystem::path SigningSecretPath(std::filesystem::path secret_key_path);
 
 }  // namespace moondb

@@ -26,8 +26,8 @@ namespace {
 constexpr std::size_t kNameLengthMax = 32;
 constexpr std::size_t kKeyFileLengthMax = 255;
 
-// True if `name` can be the name of a custom type. Such names appear beside the names of built-in types in commands and
-// JSON.
+// Returns true if `name` can name a custom type: a plain name (IsPlainName) that begins with a letter and has no
+// hyphen.
 bool IsTypeName(const std::string& name) {
   return IsPlainName(name) && std::islower(static_cast<unsigned char>(name[0])) && name.find('-') == std::string::npos;
 }
@@ -43,8 +43,8 @@ bool IsHost(const std::string& host) {
          std::all_of(host.begin(), host.end(), is_host_character);
 }
 
-// Returns why `address` is invalid for listening and connecting, or "" if it is valid. `who` names the connecting side
-// in the text.
+// Returns why `address` is invalid for listening and connecting, or "" if `address` is valid. The text calls the
+// connecting side `who`.
 std::string WhyNoAddress(const std::string& address, const std::string& who) {
   if (address.rfind("ipc://", 0) == 0) {
     const std::string path = address.substr(6);
@@ -72,7 +72,7 @@ std::string WhyNoAddress(const std::string& address, const std::string& who) {
 
 using Policies = google::protobuf::Map<std::string, proto::Policy>;
 
-// Null if no built-in type has this name.
+// Returns null if no built-in type has this name.
 const DataTypeRow* RowNamed(const std::string& name) { return FindDataType(DataTypeFromName(name).value_or(0)); }
 
 class TeamChecker {
@@ -101,7 +101,7 @@ class TeamChecker {
 
   void Add(const std::string& field, const std::string& text) { errors_.Add(PlaceOf(places_, field), field, text); }
 
-  // True if the field is present and has no error so far.
+  // Returns true if the field is present and has no error so far.
   bool IsRead(const std::string& field) const { return IsGiven(field) && !errors_.Has(field); }
 
   void CheckPolicies(const std::string& section, const Policies& policies) {
@@ -121,7 +121,7 @@ class TeamChecker {
     Add("team_id", "expected 32 digits of 0 to 9 and a to f, got " + Quoted(team_.team_id()));
   }
 
-  // Checks that there is at least one rover and at most one base station, not counting agents that left.
+  // Checks that there are at least one rover and at most one base station. Ignores agents that left the team.
   void CheckKinds() {
     const auto& agents = team_.agents();
     const auto is_base = [](const proto::AgentConfig& agent) {
@@ -166,7 +166,7 @@ class TeamChecker {
     CheckPlace(agent, path);
   }
 
-  // Checks that every agent has a signing key or, in a team without keys, that no agent has one.
+  // Checks that every agent has a signing key or that, in a team without keys, no agent has one.
   void CheckSigningKeys() {
     for (int i = 0; i < team_.agents_size(); ++i) {
       const proto::AgentConfig& agent = team_.agents(i);
@@ -249,7 +249,7 @@ class TeamChecker {
     }
   }
 
-  // Checks the keep rule `text` of a type. `share` is the type's policy, which the field `share_field` gives.
+  // Checks the keep rule `text` of a type. `share` is the type's policy, which comes from the field `share_field`.
   void CheckKeep(const std::string& field, const std::string& text, proto::Policy share,
                  const std::string& share_field) {
     if (!IsRead(field) || errors_.Has(share_field)) return;
@@ -316,8 +316,8 @@ class TeamChecker {
     }
   }
 
-  // Checks a team without command_from. There the base station commands; if it has left the team, command_from is
-  // required.
+  // Checks a team without command_from. The base station commands such a team. If the base station has left the team,
+  // command_from is required.
   void CheckBaseCommands() {
     const auto& agents = team_.agents();
     const bool has_left = std::any_of(agents.begin(), agents.end(), [](const proto::AgentConfig& agent) {
@@ -360,14 +360,16 @@ void FillPolicies(proto::Policy DataTypeRow::*by_default, Policies* policies) {
   }
 }
 
-// Returns the canonical text of a keep rule, because files with the same meaning must have the same hash.
+// Returns the canonical text of the keep rule `given`, or `by_default` if `given` is not a rule. Files with the same
+// meaning must have the same hash.
 std::string KeepText(const std::string& given, const std::string& by_default) {
   const std::optional<KeepRule> rule = ParseKeepRule(given);
   return rule ? ToString(*rule) : by_default;
 }
 
-// Requires: `share` is complete. Types that only the solver writes, and rewrites at each run, keep no superseded
-// records.
+// Completes `keep`: adds the rule of each type that is under `latest` by default, and makes all rules canonical. The
+// default rule is `latest` for a type under `latest` with versions (only the solver writes such types), otherwise
+// `all`. Requires: `share` is complete.
 void FillKeep(proto::TeamConfig* team) {
   auto& keep = *team->mutable_keep();
   for (const DataTypeRow& row : DataTypeRows()) {

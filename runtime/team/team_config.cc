@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::size_t kTeamFileBytesMax = 1'000'000;
 
-// Checks the key files that the team file names. Requires: the text of the team file passed its checks.
+// Checks the key files that the team file names, and adds their errors to `errors`.
 void CheckKeyFiles(const TeamFile& team, const Places& places, PlacedErrors* errors) {
   std::map<std::string, std::string> owners;
   for (int i = 0; i < team.config.agents_size(); ++i) {
@@ -33,7 +33,7 @@ void CheckKeyFiles(const TeamFile& team, const Places& places, PlacedErrors* err
       errors->Add(PlaceOf(places, field), field, "is the key of " + owner->second + " too");
     }
   }
-  // A key must not serve both for connections and for signatures.
+  // A key must not be used both for connections and for signatures.
   for (int i = 0; i < team.config.agents_size(); ++i) {
     const auto owner = owners.find(team.config.agents(i).signing_key());
     if (owner == owners.end()) continue;
@@ -76,7 +76,7 @@ proto::Policy BuiltInPolicyOf(const Policies& policies, DataType type) {
 Result<TeamFile> ReadTeamFile(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) {
-    // In a folder that this process may not enter, the existence of the file is unknown.
+    // `error` is set if the existence is unknown, for example because this process may not enter the folder.
     if (error) return Fail(ErrorCode::kInvalid, path.string() + ": " + error.message());
     return Fail(ErrorCode::kNotFound, path.string() + ": no such file");
   }
@@ -135,7 +135,7 @@ proto::RoleAssignment InitialRoles(const proto::TeamConfig& team) {
   proto::RoleAssignment roles;
   if (const auto* leader = FindAgent(team, team.roles().leader())) roles.set_leader(leader->id());
   if (const auto* survivor = FindAgent(team, team.roles().survivor())) roles.set_survivor(survivor->id());
-  roles.mutable_term();  // Term 0 has no issuer. Every other assignment is newer.
+  roles.mutable_term();  // The initial term (0) has no issuer. Every other term is newer.
   roles.set_reason("team file");
   return roles;
 }

@@ -1,7 +1,7 @@
 // The team's configuration: one YAML file, the same on every agent, checked before anything starts.
 //
-// Reads the file into proto::TeamConfig by reflection. All errors are reported together, each with its place and, for a
-// misspelt word, a suggestion:
+// The file is read into proto::TeamConfig by reflection. All errors are reported together, each with its place and, for
+// a misspelt word, a suggestion:
 //   team.yaml:4:10: agents[1].id: expected an integer, got "two"
 // If the file has a YAML syntax error, only that error is reported.
 #pragma once
@@ -20,50 +20,55 @@ namespace moondb {
 
 struct TeamFile {
   proto::TeamConfig config;      // The configuration with all defaults and policies filled in.
-  std::filesystem::path folder;  // Base folder of relative key file paths.
+  std::filesystem::path folder;  // Relative paths of key files are relative to this folder.
   std::uint64_t hash = 0;        // XXH64 of SerializeTeam; equal for files with the same meaning.
 };
 
-// Reads a team file. Error::text holds one error per line.
+// Reads a team file. Returns kNotFound if the file is missing, otherwise kInvalid on error. Error::text holds one error
+// per line.
 Result<TeamFile> ReadTeamFile(const std::filesystem::path& path);
 
-// As ReadTeamFile, from text. `name` is the file name in error messages.
+// As ReadTeamFile, but parses the text `yaml` and checks no key files. `name` is the file name in error messages.
 Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name);
 
-// Returns the same bytes for equal teams. SerializeAsString does not guarantee this for maps.
+// Returns the same bytes for equal teams, which SerializeAsString does not guarantee for maps.
 std::string SerializeTeam(const proto::TeamConfig& team);
 
 // Returns the built-in and custom types, in the order of their numbers.
 std::vector<DataType> DataTypesOf(const proto::TeamConfig& team);
 
-// Returns which records of a type are shared: by rovers with the leader and by the leader with the survivor
-// (SharePolicyOf), or with the base station (GroundPolicyOf). POLICY_NONE for a type that the team does not know.
+// SharePolicyOf returns which records of a type rovers share with the leader, and the leader with the survivor.
+// GroundPolicyOf returns which records of a type are shared with the base station. Both return POLICY_NONE for a type
+// that the team does not have.
 proto::Policy SharePolicyOf(const proto::TeamConfig& team, DataType type);
 proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type);
 
-// Returns how long an origin keeps superseded records of a type; `all` if its records are never superseded.
+// Returns how long an origin keeps superseded records of a type. Returns `all` if records of the type are never
+// superseded.
 KeepRule KeepRuleOf(const proto::TeamConfig& team, DataType type);
 
-// Returns the role assignment of the file, with term 0.
+// Returns the role assignment of the team file, with term 0.
 proto::RoleAssignment InitialRoles(const proto::TeamConfig& team);
 
-// Returns kRefused if `roles` is invalid, and was invalid even before any agent left the team. Reasons are an unknown
-// agent, no leader, the same agent as leader and survivor, or a base station in either role. `field` is "leader" or
-// "survivor".
+// Returns kRefused if `roles` names an unknown agent, no leader, the same agent as leader and survivor, or a base
+// station in either role. Agents that have left the team are allowed, because older assignments name them. The error's
+// field is "leader" or "survivor".
 Result<void> CheckRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
 
-// Returns the role of `agent` under `roles`; ROLE_UNSPECIFIED if it is unknown or has left.
+// Returns the role of `agent` under `roles`; ROLE_UNSPECIFIED if `agent` is unknown or has left the team.
 proto::Role RoleOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent);
 
-// Writes a new team as commented YAML, with CURVE keys beside it (secrets with mode 0600). The `agent_count` agents use
-// loopback ports from `first_port`. If there are at least two, the last one is a base station. Never overwrites a file.
+// Writes a new team as commented YAML, with key files beside it (secrets with mode 0600). The `agent_count` agents use
+// loopback ports from `first_port`. If there are at least two agents, the last one is a base station. Never overwrites
+// a file.
 Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port);
 
-// As WriteInitialTeam, for given agents: `team` holds names, addresses, kinds, start poses and antennas.
+// As WriteInitialTeam, but for the agents in `team`, which holds names, addresses, kinds, start poses and antennas.
 Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfig& team);
 
 // Returns the ipc:// endpoint for an agent's clients. The socket lies in a folder of this user with mode 0700, under
-// $MOONDB_RUN_DIR, $XDG_RUNTIME_DIR/moondb or /tmp/moondb-UID. Returns kInvalid if the path is too long for a socket.
+// $MOONDB_RUN_DIR, $XDG_RUNTIME_DIR/moondb or /tmp/moondb-UID. Returns kInvalid if the path is too long for a socket or
+// the folder fails CheckPrivateFolder.
 Result<std::string> ClientEndpoint(const TeamFile& team, const std::string& agent_name);
 
 }  // namespace moondb

@@ -164,7 +164,7 @@ std::string CommandFromText(const proto::TeamConfig& team) {
   return text;
 }
 
-// Requires: `team` has all its defaults.
+// Returns the text of a new team file. Requires: `team` has all its defaults.
 std::string TeamText(const proto::TeamConfig& team) {
   std::string text = kHead;
   text += "team: " + team.team() + "\n";
@@ -193,7 +193,7 @@ std::string TeamText(const proto::TeamConfig& team) {
   return text + CustomTypesText(team.custom_types());
 }
 
-// Reads the text and ignores its errors, which are reported when the file is checked.
+// Reads the text into `team`. Ignores errors, which are reported when the file is checked.
 Places ReadLeniently(const std::string& yaml, proto::TeamConfig* team) {
   Places places;
   PlacedErrors errors("");
@@ -201,14 +201,14 @@ Places ReadLeniently(const std::string& yaml, proto::TeamConfig* team) {
   return places;
 }
 
-// Returns the offset of a line. Requires: the text has a line with this number, counted from 1.
+// Returns the offset of a line, counted from 1. Requires: the text has this line.
 std::size_t BeginOfLine(const std::string& yaml, int line) {
   std::size_t at = 0;
   for (int i = 1; i < line && at != std::string::npos; ++i) at = yaml.find('\n', at) + 1;
   return at;
 }
 
-// Returns the text with `added` as a new line below the line of `place`, indented by `indent` blanks.
+// Returns the text with `added` as a new line below the line of `place`, indented by `indent` spaces.
 std::string WithLineBelow(const std::string& yaml, Place place, std::size_t indent, const std::string& added) {
   const std::size_t end = yaml.find('\n', BeginOfLine(yaml, place.line));
   const bool has_end = end != std::string::npos;
@@ -218,9 +218,8 @@ std::string WithLineBelow(const std::string& yaml, Place place, std::size_t inde
   return longer.insert(has_end ? end + 1 : yaml.size(), (has_end ? "" : line_end) + line);
 }
 
-// Returns two candidates: `yaml` with the text `field` ("name: value") on a new line below the field `before` at
-// `place`, and `yaml` with the text in front of that field, for fields inside braces. Returns none if `before` is not
-// found.
+// Returns two candidates: `yaml` with `field` ("name: value") on a new line below the field `before` at `place`, and
+// `yaml` with `field` in front of that field, for fields inside braces. Returns none if `before` is not found.
 std::vector<std::string> WithField(const std::string& yaml, const std::string& before, Place place,
                                    const std::string& field) {
   const std::size_t line = BeginOfLine(yaml, place.line);
@@ -249,7 +248,7 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
   }
   FillDefaults(PlacesOf(team), &team);
   const std::string yaml = TeamText(team);
-  // Validate the caller's team by reading the text.
+  // Validate the caller's team by parsing the text.
   const Result<TeamFile> read = ParseTeamFile(yaml, path.string());
   if (!read) return tl::unexpected(read.error());
   if (SerializeTeam(read->config) != SerializeTeam(team)) {
@@ -291,7 +290,7 @@ Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_
     const std::size_t line = BeginOfLine(yaml, name->second.line);
     const std::string fixed =
         WithLineBelow(yaml, name->second, yaml.find_first_not_of(' ', line) - line, TeamIdText(team_id));
-    // Accept the text only if the reader finds the same team with the new id.
+    // Accept the text only if it parses to the same team with the new id.
     proto::TeamConfig found;
     (void)ReadLeniently(fixed, &found);
     if (SerializeTeam(found) == SerializeTeam(wanted)) return fixed;
@@ -312,7 +311,7 @@ Result<std::string> WithSigningKeys(const std::string& yaml, const std::map<std:
       const auto place = places.find("agents[" + std::to_string(i) + "].key");
       if (place != places.end()) candidates = WithField(fixed, "key", place->second, field);
     }
-    // Accept a candidate only if the reader finds the same team with the new key.
+    // Accept a candidate only if it parses to the same team with the new key.
     const auto is_right = [&wanted](const std::string& candidate) {
       proto::TeamConfig found;
       (void)ReadLeniently(candidate, &found);

@@ -1,5 +1,5 @@
-// Writes team files and keys. Adds a missing team id or signing keys to a team file that was written by hand. Team
-// files are read by runtime/team/team_config.h.
+// Writes team files and keys. Adds a missing team id or missing signing keys to a team file that was written by hand.
+// To read team files, see runtime/team/team_config.h.
 #pragma once
 
 #include <filesystem>
@@ -14,8 +14,8 @@
 
 namespace moondb {
 
-// As WriteInitialTeam in runtime/team/team_config.h, for a team called `name`. If `name` is empty, the team is named
-// after the file's folder (PlainNameOf).
+// As WriteInitialTeam in runtime/team/team_config.h, for a team called `name`. If `name` is empty, derives the team's
+// name from the name of the file's folder (PlainNameOf).
 Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port,
                               const std::string& name);
 
@@ -23,30 +23,30 @@ Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count
 // the result is cut to 32 characters. Returns "team" if nothing remains.
 std::string PlainNameOf(const std::string& text);
 
-// Returns `yaml` with a line `team_id: ...` after the team's name, otherwise unchanged. Returns kInvalid if no such
-// line can be added because the name is missing or the text is not YAML. Requires: `yaml` has no team id.
+// Returns `yaml` with a new line `team_id: ...` below the team's name. Returns kInvalid if the line cannot be added
+// because the name is missing or the text is not YAML. Requires: `yaml` has no team id.
 Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_id);
 
-// Returns `yaml` with a line `signing_key: ...` for each agent in `keys`, otherwise unchanged. `keys` maps names of
-// agents to public keys. Returns kInvalid if such a line cannot be added. Requires: none of these agents has a signing
-// key in `yaml`.
+// Returns `yaml` with a new field `signing_key: ...` for each agent in `keys`, which maps names of agents to public
+// keys. Returns kInvalid if a field cannot be added. Requires: none of these agents has a signing key in `yaml`.
 Result<std::string> WithSigningKeys(const std::string& yaml, const std::map<std::string, std::string>& keys);
 
-// A completed team file, and the agents whose signing keys were added.
+// A completed team file and the names of the agents whose signing keys were added.
 struct SigningKeysAdded {
   std::string yaml;
   std::vector<std::string> agents;
 };
 
-// Returns `yaml` with signing keys for all agents that have none, and adds the files of their secrets to `files`.
-// Returns kInvalid, with all errors, if the result would not be a valid team file, or if the team has no keys. Returns
-// kRefused if a secret file already exists. `file` is the file name in errors; secret files are created beside it.
+// Returns `yaml` with signing keys for all agents that have none, and adds the files of the secrets to `files`. Returns
+// kInvalid, with all errors, if the result would not be a valid team file or if the team is `insecure`. Returns
+// kRefused if a secret file already exists. `file` is the file name in errors; the secret files lie beside the public
+// keys.
 Result<SigningKeysAdded> AddSigningKeys(const std::string& yaml, const std::filesystem::path& file, NewFiles* files);
 
-// Adds the key files of an agent to `files`: its public key at `public_path`, and its secrets NAME.sec and NAME.sign
-// beside it. Errors as for NewFiles.
+// Adds the key files of an agent to `files`: a new public CURVE key at `public_path`, and the secrets NAME.sec and
+// NAME.sign beside it. Errors as for NewFiles::Add and MakeCurveKeys.
 Result<void> AddAgentKeys(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files);
-// Adds only the secret of `signing`, as NAME.sign beside the public key.
+// Adds only the secret of `signing` to `files`, as NAME.sign beside the public key.
 Result<void> AddSigningSecret(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files);
 
 }  // namespace moondb

@@ -7,9 +7,9 @@
 
 namespace moondb {
 
-// Returns kInvalid, and says how to fix it, if the owner of the file or folder is neither this user nor root, or if
+// Returns kInvalid, with a remedy in the text, if the owner of the file or folder is neither this user nor root, or if
 // others may write to it. "Others" means all users, or a group other than this process's own. A process of root accepts
-// any owner, since root can read all files anyway. Sticky folders and missing files pass.
+// any owner. Sticky folders and missing files pass.
 Result<void> CheckTrusted(const std::filesystem::path& path);
 
 }  // namespace moondb

@@ -23,7 +23,7 @@ using google::protobuf::EnumValueDescriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// Limit of list elements. With YAML aliases, a small file could repeat one long list many times.
+// Maximum number of elements per list. Without it, YAML aliases in a small file could repeat one long list many times.
 constexpr std::size_t kElementsMax = 256;
 
 Place ToPlace(const YAML::Mark& mark) { return {std::max(mark.line, 0) + 1, std::max(mark.column, 0) + 1}; }
@@ -71,7 +71,8 @@ bool IsPlainText(const std::string& text) {
   return std::all_of(text.begin(), text.end(), [](char c) { return c >= 0x20 && c < 0x7f; });
 }
 
-// Parses the whole text as a number, without a plus sign, spaces or other bases.
+// Parses the whole text as a decimal number without a plus sign or spaces. If this fails, returns nothing and sets
+// `code`.
 template <typename T>
 std::optional<T> ToNumber(const std::string& text, std::errc* code) {
   T value{};
@@ -82,7 +83,7 @@ std::optional<T> ToNumber(const std::string& text, std::errc* code) {
   return value;
 }
 
-// Reads one document into a message. Each Reader reads only once.
+// Reads one document into a message. A Reader can be used only once.
 class Reader {
  public:
   Reader(Places* places, PlacedErrors* errors) : places_(*places), errors_(*errors) {}
@@ -124,7 +125,8 @@ class Reader {
   using ReadEntry =
       std::function<void(const std::string& key, const YAML::Node& value, Place place, const std::string& path)>;
 
-  // Calls `read` for each entry whose key is one of `names`, including entries without a value.
+  // Calls `read` for each entry of `node` whose key is one of `names`, including entries without a value. Adds errors
+  // for other entries.
   void ReadEntries(const YAML::Node& node, Place place, const std::string& path, const std::vector<std::string>& names,
                    const ReadEntry& read) {
     if (node.IsNull()) return;  // A section such as "radio:" with all its fields commented out.
@@ -157,9 +159,9 @@ class Reader {
 
   void AddUnknown(const std::vector<std::string>& names, const std::string& key, Place place, const std::string& path) {
     const std::string quoted = Quoted(key);
-    // Strip the quotes again. The remaining text is escaped and safe to print.
+    // Remove the quotation marks. The remaining text is escaped and safe to print.
     errors_.Add(place, Join(path, quoted.substr(1, quoted.size() - 2)), "no such field" + DidYouMean(key, names));
-    // Mute the field that was probably meant: its absence follows from this error.
+    // Mute the field that was probably meant: its absence is a consequence of this error.
     if (const auto meant = ClosestWord(key, names)) errors_.Mute(Join(path, *meant));
   }
 
@@ -173,7 +175,7 @@ class Reader {
                 });
   }
 
-  // Reads one value. Sets a singular field, or appends to a repeated one.
+  // Reads one value into `field` of `message`. Appends the value if `field` is repeated.
   void ReadValue(const YAML::Node& node, Place place, const std::string& path, const FieldDescriptor& field,
                  Message* message) {
     const auto* reflection = message->GetReflection();
@@ -199,7 +201,7 @@ class Reader {
       case FieldDescriptor::CPPTYPE_UINT32: {
         const auto value = ToNumber<std::uint32_t>(text, &code);
         if (value) return reflection->SetUInt32(message, &field, *value);
-        // An integer outside the range of uint32 is reported as out of range, not as malformed.
+        // Report an integer that exceeds uint32 as out of range, not as malformed.
         return expected(code == std::errc::result_out_of_range || ToNumber<std::int64_t>(text, &code)
                             ? "an integer from 0 to 4294967295"
                             : "an integer");

@@ -1,9 +1,9 @@
 // ReadYaml: reads one YAML document into a protobuf message, by reflection.
 //
-// Keys are the message's field names. Enumeration values are written in lower case without the prefix of the
-// enumeration (`base_station` for AGENT_KIND_BASE_STATION). UNSPECIFIED values cannot be written. The reader is
-// stricter than yaml-cpp. Unknown and duplicate keys, wrong types, and non-finite or too long numbers are errors. All
-// errors are reported together with their places, but if there is a YAML syntax error, only that error is reported.
+// Keys are the message's field names. Enumeration values are written in lower case without the enumeration's prefix
+// (`base_station` for AGENT_KIND_BASE_STATION). UNSPECIFIED values cannot be written. Unknown and duplicate keys, wrong
+// types, and non-finite or too long numbers are errors. All errors are reported together with their places; a YAML
+// syntax error is reported alone.
 //
 // Supports only the features that team files need: messages, repeated fields, text (ASCII), bool, uint32, double,
 // enumerations, and maps whose keys are the values of an enumeration (FieldRule::keys).
@@ -19,21 +19,21 @@
 
 namespace moondb {
 
-// Places of the values that the file gives, by field path ("agents[1].id"). Includes values with errors.
+// Places of the values in a file, by field path ("agents[1].id"). Includes values with errors.
 using Places = std::map<std::string, Place>;
 
-// Returns the place of `field`, or of the nearest enclosing field that the file gives.
+// Returns the place of `field`. If `field` is not in `places`, returns the place of the nearest enclosing field that
+// is, or the start of the file.
 Place PlaceOf(const Places& places, std::string field);
 
-// Reads the valid fields into `message` and adds the invalid ones to `errors`.
+// Reads the valid fields into `message`, and adds an error for each invalid field.
 void ReadYaml(const std::string& yaml, google::protobuf::Message* message, Places* places, PlacedErrors* errors);
 
-// Reads the value of one field from text in the format of a file, such as "true" or "[0, 0, 0]". Fails a Check if the
-// text cannot be read.
+// Reads the value of one field from text such as "true" or "[0, 0, 0]". Fails a Check if the text cannot be read.
 void ReadYamlField(const std::string& yaml, const google::protobuf::FieldDescriptor& field,
                    google::protobuf::Message* message);
 
-// Returns the keys that a map may have, in the order of the enumeration.
+// Returns the keys that entries of `map` may have, in the order of the enumeration.
 std::vector<std::string> KeysOf(const google::protobuf::FieldDescriptor& map);
 
 // Returns the name of a value in YAML, such as "base_station" for AGENT_KIND_BASE_STATION.

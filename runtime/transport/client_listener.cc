@@ -19,12 +19,13 @@
 namespace moondb {
 namespace {
 
-constexpr int kQueueMessages = 16;  // Queue length per client and direction.
-// Limits of the messages that wait in libzmq for one keyed connection, each of which may have the maximum size. Further
-// replies are dropped, because the client does not read them.
+constexpr int kQueueMessages = 16;  // Over ipc: limit of messages in libzmq per client and direction.
+// Limits of the messages that wait in libzmq per TCP connection. Each message may have the maximum size. If the client
+// reads too slowly, further replies are dropped.
 constexpr int kKeyedRequestsWaiting = 2;
 constexpr int kKeyedRepliesWaiting = 1;
-// A request of a client without rights is parsed up to this size and answered with an error. A larger one is dropped.
+// A request of a client without rights is parsed up to this size and answered with an error. A larger request is
+// dropped.
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;
 constexpr int kClientBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
@@ -35,7 +36,7 @@ constexpr std::chrono::milliseconds kHeldPeriod(20);  // Interval between retrie
 constexpr std::chrono::minutes kHeldMax(2);
 constexpr char kIpc[] = "ipc://";
 constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
-constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of keyed clients.
+constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of clients over tcp://.
 
 Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
   const std::filesystem::path path = endpoint.substr(std::string_view(kIpc).size());
@@ -48,7 +49,7 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   router.Set(ZMQ_CURVE_SERVER, 1);
   router.Set(ZMQ_CURVE_SECRETKEY, secret_key);
   router.Set(ZMQ_ZAP_DOMAIN, ZapHandler::kClientDomain);
-  // Close connections that never finish the handshake, and those whose machine has disappeared.
+  // Close connections that never finish the handshake, and connections whose machine has disappeared.
   router.Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
   router.Set(ZMQ_TCP_KEEPALIVE, 1);
   router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kClientKeepAlive_s);
@@ -58,7 +59,8 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   return router.Bind(*numeric);
 }
 
-// Returns the number in a routing id that a ROUTER assigned: a zero byte followed by 32 bits, big-endian.
+// Returns the number in a routing id that a ROUTER assigned: a zero byte followed by 32 bits, big-endian. Returns
+// nothing for an id of another form.
 std::optional<std::uint32_t> NumberOf(std::string_view routing_id) {
   if (routing_id.size() != 5 || routing_id[0] != '\0') return std::nullopt;
   std::uint32_t number = 0;
@@ -102,7 +104,7 @@ Result<std::unique_ptr<ClientListener>> ClientListener::Open(const ZmqContext& c
   Check(is_ipc == (options.identity_of == nullptr), "clients come over ipc, or with a key");
   Result<ZmqSocket> router = ZmqSocket::Make(context, ZMQ_ROUTER);
   if (!router) return tl::unexpected(router.error());
-  // A send to a client that left or does not read fails immediately and does not block others.
+  // With this option, a send to a client that left or does not read fails immediately.
   router->Set(ZMQ_ROUTER_MANDATORY, 1);
   router->Set(ZMQ_RCVHWM, is_ipc ? kQueueMessages : kKeyedRequestsWaiting);
   router->Set(ZMQ_SNDHWM, is_ipc ? kQueueMessages : kKeyedRepliesWaiting);
@@ -211,7 +213,7 @@ void ClientListener::OnFrame(const ZmqReceived& received, const Transport::Deliv
   const std::string key(received.frame.user_id());
   const std::string name = table_.NameOf(route, key);
   if (is_keyed()) unread_.OnRequest(route, key, received.file);
-  // Only this user can connect over ipc.
+  // Only this user can connect over ipc, and has all rights.
   ClientIdentity client{proto::CLIENT_RIGHTS_COMMAND, {}};
   if (is_keyed()) client = options_.identity_of(std::string(received.frame.user_id()));
   if (client.rights == proto::CLIENT_RIGHTS_NONE && received.frame.size() > kRefusedBytesMax) {
@@ -257,7 +259,7 @@ bool ClientListener::Hand(Reply& reply) {
   return true;
 }
 
-// Keeps a reply until its client has read earlier ones. Drops the reply if too many bytes are held, per key or in
+// Keeps a reply until its client has read earlier replies. Drops the reply if too many bytes are held, per key or in
 // total; the limits are those of UnreadReplies.
 void ClientListener::Hold(Reply reply) {
   const std::string key = unread_.KeyOf(std::string(reply.route.text()));

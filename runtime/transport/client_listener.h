@@ -1,17 +1,16 @@
-// ClientListener: a ROUTER socket that receives an agent's client requests and sends the replies. On ipc://, in a
-// folder that only this user can enter, clients have all rights. On tcp://, under CURVE, a client has the rights of its
-// key at the time of each request.
+// ClientListener: a ROUTER socket that receives the requests of an agent's clients and sends the replies. Over ipc://,
+// in a folder that only this user can enter, clients have all rights. Over tcp://, with CURVE, a client has the rights
+// of its key at the time of each request.
 //
-// libzmq aborts the process if a client connects while no more files can be opened, and it cannot limit the number of
-// clients. The limit on open files must therefore be well above the number of clients, including those in their
-// handshake. A client_address belongs on a private network.
+// libzmq aborts the process if a client connects while no more files can be opened, and libzmq cannot limit the number
+// of clients. The limit on open files must be well above the number of clients, including those in their handshake. A
+// client_address belongs on a private network.
 //
-// A ROUTER numbers its connections upwards from a random number that no client knows. These numbers are the routing
-// ids. libzmq aborts the process if a connection has claimed the next number as its own routing id. This class reads
-// the first number when it starts, and derives from it which ids the ROUTER has assigned. A message over TCP with a
-// routing id that the ROUTER did not assign is reported as a claimed id (docs/SECURITY.md).
+// libzmq also aborts the process if a TCP client has claimed the routing id that the ROUTER assigns next. These ids are
+// consecutive numbers from a random start, which no client knows. ClientListener reads the start, and reports each
+// message with an id that the ROUTER has not assigned as a claimed id (docs/SECURITY.md).
 //
-// Send is thread-safe. All other functions: the transport's thread only.
+// Send is thread-safe. All other functions must be called on the transport's thread.
 #pragma once
 
 #include <chrono>
@@ -37,8 +36,8 @@ namespace moondb {
 
 class ClientListener {
  public:
-  // Limit of concurrent connections with one key (ConnectionRules::Listener::key_max). Routing ids are kept for this
-  // many connections of a key, including closed ones.
+  // Limit of concurrent connections with one key (ConnectionRules::Listener::key_max). The routing ids of this many
+  // connections per key are kept, including closed connections.
   static constexpr std::size_t kConnectionsOfKeyMax = 15;
 
   // Returns the identity of the client with this key (Z85), according to the current client list.
@@ -47,36 +46,35 @@ class ClientListener {
   struct Options {
     AgentId self = 0;
     std::string endpoint;               // ipc://..., or tcp://, which also requires secret_key and identity_of.
-    std::size_t message_bytes_max = 0;  // Limit for requests and replies.
-    std::string secret_key;             // The agent's secret key.
+    std::size_t message_bytes_max = 0;  // Size limit of a request or reply.
+    std::string secret_key;
     IdentityOf identity_of;
-    // With keys: called when a complete message has arrived over the connection with descriptor `file`, from a client
-    // with `key`. `has_claimed_id`: the client chose its routing id itself.
+    // Over tcp:// only: called when a complete message has arrived over the connection with descriptor `file`, from a
+    // client with `key`. `has_claimed_id`: the client chose its routing id itself.
     std::function<void(int file, std::string_view key, bool has_claimed_id)> on_message;
-    // With keys: returns the number of handshakes admitted so far. The ROUTER has assigned at most this many routing
-    // ids.
+    // Over tcp:// only: returns the number of handshakes admitted so far. The ROUTER has assigned at most this many
+    // routing ids.
     std::function<std::uint32_t()> admitted_handshakes;
-    // With keys: called with the socket before it starts to listen.
+    // Over tcp:// only: called with the socket before it starts to listen.
     std::function<Result<void>(ZmqSocket& listener)> before_listening;
   };
 
-  // Opens the socket. Requires: `wake_up` outlives the object; at most one of an agent's two ClientListeners uses keys.
-  // Returns kUnavailable if the address is in use, kInvalid if the folder is not private to this user. A missing folder
-  // is created.
+  // Opens the socket. Requires: `wake_up` outlives the object; at most one of an agent's two ClientListeners uses
+  // tcp://. Returns kUnavailable if the address is in use, kInvalid if the folder is not private to this user. A
+  // missing folder is created.
   static Result<std::unique_ptr<ClientListener>> Open(const ZmqContext& context, WakeUp& wake_up, Options options);
 
-  // Sends a reply to the named client (runtime/transport/client_table.h). Returns kUnreachable if the client is
-  // unknown, kFull if too much waits or the message is too large. For a message that is too large, the client receives
-  // an error with the same request_id.
+  // Sends a reply to the client `name` (ClientTable). Returns kUnreachable if the client is unknown, kFull if too many
+  // replies wait or the message is too large. Instead of a message that is too large, the client receives an error with
+  // the same request_id.
   SendResult Send(const std::string& name, const proto::Message& message);
 
-  // Delivers requests and sends replies, up to a limit that lets other sockets have their turn. Returns true if more
-  // wait.
+  // Sends waiting replies and delivers a limited number of requests. Returns true if more of either wait.
   bool Work(const Transport::Deliver& deliver);
   bool has_replies() const;
 
-  // Listens again if the socket's file was removed, for example by a login manager at logout. Until then no new client
-  // can connect. Call periodically.
+  // Listens again if the ipc socket's file was removed, for example by a login manager at logout. New clients cannot
+  // connect until then. Call periodically.
   void KeepPlace(std::chrono::steady_clock::time_point now);
   // Time at which KeepPlace or Work must run at the latest.
   std::chrono::steady_clock::time_point deadline() const;
@@ -105,15 +103,16 @@ class ClientListener {
 
   const Options options_;
   ZmqSocket router_;
-  const std::uint32_t first_id_;  // With keys: the ROUTER's number for its first connection, which is internal.
+  const std::uint32_t first_id_;  // Over tcp:// only: the number that FirstNumberOf returned.
   WakeUp& wake_up_;
   ClientTable table_;
   RateLimitedLog log_;
   bool is_listening_ = true;
-  // When KeepPlace next checks whether the socket's file exists, or tries to listen again.
+  // Time at which KeepPlace next checks whether the socket's file exists, or tries to listen again.
   std::chrono::steady_clock::time_point looks_at_{};
 
-  // With keys: replies that wait until their clients have read earlier ones, oldest first. Transport's thread only.
+  // Over tcp:// only. `unread_` counts the replies that clients have not read yet. `held_` holds the replies, oldest
+  // first, whose clients must read earlier replies first. Transport's thread only.
   UnreadReplies unread_;
   std::deque<Reply> held_;
   std::chrono::steady_clock::time_point tries_held_at_{};

@@ -19,8 +19,8 @@ std::string ClientTable::NameOf(const std::string& routing_id, const std::string
   return clients_.front().name;
 }
 
-// Makes room for a connection of `owner`. If `owner` is at its limit, removes the one of its connections that was
-// silent for longest. If the table is full, removes such a connection of the owner with the most connections.
+// If `owner` is at its limit, removes the connection of `owner` that was silent for longest. Otherwise, if the table is
+// full, removes the connection that was silent for longest among those of the owner with the most connections.
 void ClientTable::MakeRoomFor(const std::string& owner) {
   const bool has_its_part = counts_[owner] >= clients_of_owner_max_;
   if (!has_its_part && clients_.size() < clients_max_) return;

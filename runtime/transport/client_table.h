@@ -1,7 +1,8 @@
-// ClientTable: names the connections of clients, for routing replies. Thread-safe.
+// ClientTable: gives each client connection a name, and maps the name to the routing id for replies. Thread-safe.
 //
-// libzmq does not report when a client leaves. The table keeps only the connections that were heard most recently. The
-// number per owner (the client's key) is limited, so that no owner's connections displace those of another.
+// libzmq does not report when a client leaves, so the table keeps only the connections that were heard most recently.
+// An owner is a client's key. The number of connections per owner is limited, so that one owner cannot displace all
+// others.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +26,7 @@ class ClientTable {
 
   std::optional<std::string> RoutingIdOf(const std::string& name) const;
 
-  // Removes the connection.
+  // Removes the connection with this routing id, if there is one.
   void Forget(const std::string& routing_id);
 
  private:

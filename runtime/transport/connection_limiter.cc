@@ -58,7 +58,7 @@ void ConnectionLimiter::Work(MonotonicTime now) {
 
 bool ConnectionLimiter::Admit(std::uint16_t port, const std::string& key, const std::string& peer, MonotonicTime now) {
   if (rules_.Admit(port, key, peer)) return true;
-  // Limit the rate: a look at each of many handshakes would use a whole processor.
+  // Limit the rate: a look at all connections for each of many handshakes would use a whole processor.
   if (now < looked_at_ + kLookAfter) return false;
   Look(now);  // Connections that closed since the last look no longer count.
   return rules_.Admit(port, key, peer);
@@ -67,14 +67,15 @@ bool ConnectionLimiter::Admit(std::uint16_t port, const std::string& key, const 
 void ConnectionLimiter::Look(MonotonicTime now) {
   looked_at_ = now;
   for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List(), now)) {
-    Count(cut);  // Count first: when the peer notices the cut, the counters then already include it.
+    // Count first, so that the counters include the cut when the peer notices it.
+    Count(cut);
     TcpConnections::ShutDown(cut.connection);
   }
   LookAtLinks();
 }
 
-// Adds flooded links to flooded_links_. Stops watching them, and each link that closed or whose descriptor now belongs
-// to another connection.
+// Adds flooded links to flooded_links_. Stops watching flooded links, closed links, and links whose descriptor now
+// belongs to another connection.
 void ConnectionLimiter::LookAtLinks() {
   std::erase_if(links_, [&](const auto& entry) {
     const auto& [peer, opened] = entry;

@@ -1,12 +1,12 @@
 // ConnectionLimiter: cuts incoming TCP connections that exceed their limits (connection_rules.h), because libzmq does
-// not limit them. After a cut, libzmq closes the connection and frees the partial message.
+// not limit them. After a cut, which is a TCP shutdown, libzmq closes the connection and frees the partial message.
 //
-// Also watches the links: the connections that this agent opened to its peers. Over a link, a peer sends nothing but
-// its part of the handshake. TakeFloodedLinks reports a peer that sends more than kLinkBytesMax.
+// Also watches the links: the connections that this agent opened to its peers. Over a link, a peer may send only its
+// part of the handshake. TakeFloodedLinks reports a peer that sends more than kLinkBytesMax.
 //
-// ConnectionLimiter looks at the connections shortly after data arrive on any of them, then a few times at growing
-// intervals. Without traffic it never looks, and an idle agent sleeps. Between two looks a connection can receive some
-// 10 MB at the rate at which libzmq reads.
+// The connections are checked shortly after data arrive on any of them, then a few times at growing intervals. Without
+// traffic there are no checks, and an idle agent sleeps. Between two checks a connection can receive about 10 MB, at
+// the rate at which libzmq reads.
 //
 // Transport's thread only, except the cut_* functions, which are thread-safe.
 #pragma once
@@ -34,7 +34,7 @@ class ConnectionLimiter {
   static constexpr Duration kLookAfter = std::chrono::milliseconds(50);
   static constexpr Duration kLookAfterMax = std::chrono::milliseconds(800);
 
-  // `listeners` holds the limits of each port. Returns kUnavailable if no more files can be opened.
+  // `listeners` holds the limits of each listening port. Returns kUnavailable if no more files can be opened.
   static Result<std::unique_ptr<ConnectionLimiter>> Make(std::map<std::uint16_t, ConnectionRules::Listener> listeners);
 
   // Limit of bytes that may arrive over a link. A handshake takes less than 1 KiB.
@@ -44,11 +44,11 @@ class ConnectionLimiter {
   void OnAccepted(int file, MonotonicTime now);
   // Call when libzmq opened the link's connection to `peer` with this file descriptor.
   void OnLinkConnected(AgentId peer, int file, MonotonicTime now);
-  // Returns the agents that sent more than kLinkBytesMax over a link since its connection opened. Reports each
-  // connection once.
+  // Returns the agents that sent more than kLinkBytesMax over a link since its connection opened. Each connection is
+  // reported once.
   std::vector<AgentId> TakeFloodedLinks() { return std::exchange(flooded_links_, {}); }
 
-  // Descriptor that becomes readable when data arrive. Call OnReadable then.
+  // Descriptor that becomes readable when data arrive on a connection. Call OnReadable then.
   int file() const { return connections_->file(); }
   void OnReadable(MonotonicTime now);
   // Time at which Work must be called next.
@@ -59,7 +59,7 @@ class ConnectionLimiter {
   void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false) {
     rules_.OnMessage(file, key, peer_port, has_claimed_id);
   }
-  // Returns false if the key has reached its connection limit (ConnectionRules::Admit).
+  // Admits a connection as ConnectionRules::Admit does. Returns false if the key has reached its connection limit.
   bool Admit(std::uint16_t port, const std::string& key, const std::string& peer, MonotonicTime now);
 
   // Numbers of connections that were cut, by cause.

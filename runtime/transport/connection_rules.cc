@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Returns the part of an address that a host cannot choose freely: 24 bits of IPv4, 64 bits of IPv6.
+// Returns the network part of an address, which a host cannot choose freely: 24 bits of IPv4, 64 bits of IPv6.
 std::string NetworkOf(const std::string& address) {
   in6_addr bits{};
   if (inet_pton(AF_INET6, address.c_str(), &bits) != 1) return address.substr(0, address.rfind('.'));
@@ -94,7 +94,8 @@ void ConnectionRules::Update(const std::vector<TcpConnection>& connections, Time
   delivered_.clear();
 }
 
-// Removes the oldest admissions of each address that has more admissions than silent connections.
+// For each port and address, keeps as many admissions as there are connections without a message. Removes the oldest
+// ones first.
 void ConnectionRules::EndAdmissions() {
   std::map<std::pair<std::uint16_t, std::string>, std::size_t> silent;
   for (const auto& [file, known] : known_) {

@@ -1,21 +1,12 @@
-// ConnectionRules: decides which incoming TCP connections exceed their limits, before or after their keys are known
-// (docs/SECURITY.md). libzmq limits neither the number of connections nor the memory of an incomplete message.
+// ConnectionRules: decides which incoming TCP connections to cut, because libzmq limits neither their number nor the
+// memory of an incomplete message (docs/SECURITY.md).
 //
-// Places: each address of the team has reserved places; all other addresses share a fixed number of places. If there
-// are too many connections, the first to be cut are those that never completed a message and whose address completed
-// none within the last hour. Next are other connections that never completed a message. Among equals, the oldest
-// connection of the network with the most connections is cut. A network is all addresses with the same first 24 bits
-// (IPv6: 64), because one host can use all of them. At most `key_max` connections with a completed message may use one
-// key. Beyond that, the connection that was silent for longest is cut, so that no key takes the places of another.
+// Three limits apply to each port: connections per address (JudgePlaces), connections per key (JudgeKeys), and bytes
+// received since the last complete message (JudgeBytes).
 //
-// A key with `key_max` connections is not admitted again (Admit). The key of a connection is unknown until its first
-// message. An admission therefore counts towards `key_max` until a connection from the same address completes its first
-// message with that key. If an address has fewer silent connections than admissions, its oldest admissions end too.
-//
-// Bytes: a connection may receive kFreeBytes beyond its last complete message, which is more than any frame between
-// agents. A connection exceeds this with a client's large message, with data that this agent reads slowly, or with a
-// message that never ends. The connections of a port that exceed it may have `shared_bytes` more in total; above that,
-// the connection with the most bytes is cut. A message of one-byte parts uses about four times its wire size in memory.
+// The key of a connection is unknown until its first message. An admission (Admit) therefore counts towards `key_max`
+// until a connection from the same address completes its first message with that key. An address that has more
+// admissions than connections without a message loses its oldest admissions.
 //
 // Holds no sockets and reads no clock: ConnectionLimiter passes the data in.
 #pragma once
@@ -36,7 +27,7 @@ struct TcpConnection {
   int file = -1;
   std::uint16_t port = 0;            // The local port.
   std::string peer;                  // Numeric address of the peer, such as "10.0.0.3".
-  std::uint16_t peer_port = 0;       // Together with `peer` and `file`, distinguishes the connection from later ones.
+  std::uint16_t peer_port = 0;       // With `peer`, distinguishes the connection from later ones with the same `file`.
   std::uint64_t bytes_received = 0;  // Bytes received since the connection opened.
 };
 
@@ -44,15 +35,17 @@ class ConnectionRules {
  public:
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
+  // Bytes that each connection may receive after its last complete message. Exceeds the largest frame between agents.
   static constexpr std::uint64_t kFreeBytes = 320 * 1024;
   static constexpr std::chrono::hours kRememberedTime{1};
-  // Limit of remembered addresses. Beyond it, the address that was silent for longest is forgotten.
+  // Limit of addresses in remembered_. Beyond it, the address that was silent for longest is forgotten.
   static constexpr std::size_t kRememberedMax = 1024;
 
   struct Listener {
     std::map<std::string, std::size_t> places;  // Reserved places by address.
     std::size_t others_max = 0;                 // Limit of connections from all other addresses together.
     std::size_t key_max = 0;                    // Limit of connections with one key.
+    // Bytes of incomplete messages that the connections of a port share, in addition to kFreeBytes (JudgeBytes).
     std::uint64_t shared_bytes = 0;
   };
 
@@ -65,13 +58,13 @@ class ConnectionRules {
   // `listeners` holds the limits of each port.
   explicit ConnectionRules(std::map<std::uint16_t, Listener> listeners) : listeners_(std::move(listeners)) {}
 
-  // Call when a complete message has arrived over the connection with descriptor `file`. `key` is the sender's, empty
-  // without CURVE. `peer_port` rules out a later connection with the same descriptor; 0 means unknown.
-  // `has_claimed_id`: the connection chose its own routing id, and must be cut.
+  // Call when a complete message has arrived over the connection with descriptor `file`. `key`: the sender's public
+  // key; empty without CURVE. `peer_port`: the peer's port, to detect that the descriptor now belongs to another
+  // connection; 0 if unknown. `has_claimed_id`: the connection chose its own routing id, and must be cut.
   void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false);
 
-  // Admits a connection from `peer` to `port` whose handshake has shown this key, and counts it. Returns false without
-  // counting if the key has `key_max` connections, including those admitted since the last Judge.
+  // Admits a connection from the address `peer` to `port` if `key` has fewer than `key_max` connections and admissions
+  // on this port. Returns true and counts the admission; otherwise returns false.
   bool Admit(std::uint16_t port, const std::string& key, const std::string& peer);
 
   // Returns the connections to cut, each once. `connections` holds all current connections, in any order.
@@ -81,10 +74,10 @@ class ConnectionRules {
   struct Known {
     TcpConnection connection;
     std::uint64_t number = 0;           // Number in the order of arrival.
-    std::uint64_t bytes_delivered = 0;  // bytes_received at its last complete message.
+    std::uint64_t bytes_delivered = 0;  // Value of bytes_received at its last complete message.
     bool has_delivered = false;
     std::string key;             // Key of its last message.
-    std::uint64_t heard_at = 0;  // Value of look_ when its last message was noticed.
+    std::uint64_t heard_at = 0;  // Number of the Judge call (look_) that noticed its last message.
     bool has_claimed_id = false;
     bool is_cut = false;
 
@@ -95,8 +88,15 @@ class ConnectionRules {
   void Remember(const std::string& peer, Time now);
   void EndAdmissions();
   void JudgeClaims(std::vector<Cut>& cuts);
+  // If more than `key_max` connections have completed a message with one key, cuts those that were silent for longest.
   void JudgeKeys(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
+  // Cuts connections beyond the places of their address, or beyond the shared places. Cuts first the connections that
+  // never completed a message and whose address completed none within kRememberedTime, then other connections that
+  // never completed a message, then all others. Among equals, the network with the most connections loses its oldest. A
+  // network is all addresses with the same first 24 bits (IPv6: 64), because one host can use all of them.
   void JudgePlaces(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
+  // Adds up the bytes of all connections that received more than kFreeBytes after their last complete message. While
+  // the sum exceeds kFreeBytes + `shared_bytes`, cuts the connection with the most bytes.
   void JudgeBytes(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
   static void CutOff(Known& known, Cause cause, std::vector<Cut>& cuts);
 
@@ -107,14 +107,14 @@ class ConnectionRules {
     std::uint16_t peer_port = 0;
     bool has_claimed_id = false;
   };
-  std::map<int, Delivered> delivered_;  // Messages since the last call of Judge, by descriptor.
+  std::map<int, Delivered> delivered_;  // Last message since the last call of Judge, by descriptor.
   // An admitted connection that has not completed a message yet.
   struct Admission {
     std::uint16_t port = 0;
     std::string key;
     std::string peer;
   };
-  std::vector<Admission> admissions_;       // Admissions without a message so far, oldest first.
+  std::vector<Admission> admissions_;       // Admissions, oldest first.
   std::map<std::string, Time> remembered_;  // Time of the last complete message by address.
   std::uint64_t last_number_ = 0;
   std::uint64_t look_ = 0;

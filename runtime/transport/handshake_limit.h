@@ -1,4 +1,4 @@
-// HandshakeLimit: limits how many connections one key may open per minute, including those that close again.
+// HandshakeLimit: limits how many connections one key may open per minute, including connections that have closed.
 #pragma once
 
 #include <chrono>

@@ -41,7 +41,7 @@ bool MayComeFromOutside(const proto::Message& message) {
   }
 }
 
-// Unknown fields are never read, and a reused message would keep their memory (OwnedMessage).
+// Removes unknown fields. Nothing reads them, and a reused message would keep their memory (OwnedMessage).
 void DropUnknownFields(proto::Message* message) {
   const auto* reflection = message->GetReflection();
   if (reflection->GetUnknownFields(*message).empty()) return;

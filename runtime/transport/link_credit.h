@@ -1,17 +1,15 @@
-// LinkCredit, LargeFrameNotice, ReceivedCount: flow control by credit. They limit the bytes in flight to a peer, by the
-// number of bytes that the peer reports as received.
+// LinkCredit, LargeFrameNotice, ReceivedCount: flow control by credit. The peer reports how many bytes have arrived
+// (proto::LinkReport), and the sender keeps at most one credit of unreported bytes in flight. All other frames wait in
+// the outbox, where control messages overtake them.
 //
-// A high-water mark counts messages on the sending side only. Megabytes for a peer that does not read would still enter
-// libzmq and both kernels. They would become stale and delayed, and be lost with the connection. Each end therefore
-// reports how many bytes have arrived (proto::LinkReport). The sender keeps at most one credit of unreported bytes in
-// flight. The rest waits in the outbox, where control messages overtake it. A full outbox refuses messages: this is the
-// backpressure to the senders.
+// ZeroMQ's high-water mark is not enough. It counts messages on the sending side only: megabytes for a peer that does
+// not read would enter libzmq and both kernels, become stale, and be lost with the connection.
 //
-// The credit starts small, for slow radios. It grows when a full credit is reported quickly, which keeps the delay of
-// the bytes in flight at a fraction of a second on any link. Each direction has its own connection, numbered by its
-// sender. A report contains this number, and reports about earlier connections are ignored.
+// The credit starts small, for slow radios, and grows when reports arrive quickly. This keeps the delay of the bytes in
+// flight at a fraction of a second on any link. Each direction has its own connection, numbered by its sender. Reports
+// about earlier connections are ignored.
 //
-// Accounting only: each call passes the time in. The caller provides the locking.
+// Reads no clock: each call passes the time in. Not thread-safe: the caller provides the locking.
 #pragma once
 
 #include <chrono>
@@ -23,23 +21,24 @@
 
 namespace moondb {
 
-// The sending end of a link, over successive connections.
+// Limits the bytes in flight from this agent to one peer, over successive connections.
 class LinkCredit {
  public:
   struct Options {
     std::size_t bytes_min = 32 * 1024;    // Smallest and initial credit: 0.26 s of a 1 Mbps radio.
-    std::size_t bytes_max = 1024 * 1024;  // Upper limit; at least bytes_min.
-    // The credit doubles if all bytes of a round are reported within this time and the credit was used up. It is halved
-    // if a round takes more than four times as long. A 1 Mbps radio takes 260 ms for the smallest credit.
+    std::size_t bytes_max = 1024 * 1024;  // Largest credit; at least bytes_min.
+    // The credit doubles if a Round ends within this time and a frame had to wait for credit. The credit is halved if a
+    // Round takes more than four times as long.
     Duration round_fast = std::chrono::milliseconds(25);
   };
 
   explicit LinkCredit(const Options& options) : options_(options), credit_bytes_(options.bytes_min) {}
 
-  // Call when a new connection with the number `link` (not 0) opened. Nothing has been sent over it.
+  // Call when a new connection with the number `link` (not 0) opened, before anything is sent over the connection.
   void Open(std::uint32_t link);
 
-  // True if a frame may be sent now. A frame larger than the credit is sent when nothing else is in flight.
+  // Returns true if a frame of this size may be sent now. A frame larger than the credit may be sent when nothing else
+  // is in flight.
   bool HasRoomFor(std::size_t frame_bytes) const {
     return unreported_bytes() == 0 || unreported_bytes() + frame_bytes <= credit_bytes_;
   }
@@ -56,8 +55,8 @@ class LinkCredit {
   std::size_t credit_bytes() const { return credit_bytes_; }
 
  private:
-  // A measurement that starts at `begun` and ends when the peer has reported the first `sent_bytes` bytes of the
-  // connection.
+  // Measures how long the peer takes to report sent bytes: from `begun` until the peer has reported the first
+  // `sent_bytes` bytes of the connection.
   struct Round {
     MonotonicTime begun;
     std::uint64_t sent_bytes = 0;
@@ -73,24 +72,24 @@ class LinkCredit {
   bool was_blocked_ = false;    // True if a frame waited for credit in this round.
 };
 
-// Remembers that a large frame was announced to its receiver. An announcement covers the next frame only. Another frame
-// sent first, or a report without an announcement, cancels it.
+// Remembers the size of the large frame that was announced to the receiver. The announcement applies to the next frame
+// only: sending any frame cancels it, and each later report replaces it.
 class LargeFrameNotice {
  public:
   void OnReportSent(std::uint64_t coming_bytes) { announced_bytes_ = coming_bytes; }
   void OnFrameSent() { announced_bytes_ = 0; }
-  // True if the receiver expects a frame of this size, and extends its deadlines for it.
+  // Returns true if the receiver expects a frame of this size, and extends its deadlines for that frame.
   bool Covers(std::uint64_t frame_bytes) const { return announced_bytes_ == frame_bytes; }
 
  private:
   std::uint64_t announced_bytes_ = 0;
 };
 
-// The receiving end of a link.
+// Counts the bytes that arrive from one peer, for the reports to the peer.
 class ReceivedCount {
  public:
-  // Call with the number of the connection over which a frame arrived. If it is another connection than before,
-  // restarts counting at 0 and returns true.
+  // Call with the number of the connection over which a frame arrived. If the number has changed, restarts counting at
+  // 0 and returns true; otherwise returns false.
   bool OnLink(std::uint32_t link);
   void SetReportAfter(std::size_t bytes) { report_after_bytes_ = bytes; }
 

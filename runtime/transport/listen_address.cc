@@ -36,7 +36,7 @@ Result<void> ClaimIpcPath(const std::string& endpoint) {
     case ENOENT:
       return {};
     case ECONNREFUSED:
-      (void)unlink(path.c_str());  // Left by a process that was killed.
+      (void)unlink(path.c_str());  // A killed process left this socket file.
       return {};
     case 0:
       return Fail(ErrorCode::kUnavailable, "cannot listen on " + endpoint + ": Address already in use");
@@ -82,7 +82,7 @@ std::string NumericAddressOf(const std::string& endpoint) {
   std::array<char, INET6_ADDRSTRLEN> text{};
   for (const int family : {AF_INET, AF_INET6}) {
     if (inet_pton(family, host.c_str(), bytes.data()) != 1) continue;
-    return inet_ntop(family, bytes.data(), text.data(), text.size());  // In the system's canonical form.
+    return inet_ntop(family, bytes.data(), text.data(), text.size());  // Returns the system's canonical form.
   }
   return "";
 }

@@ -1,5 +1,4 @@
-// Functions for the endpoints that an agent listens on: free a stale ipc:// path, resolve a host name to a numeric
-// address, and extract port and address.
+// Functions for the endpoints that an agent listens on.
 #pragma once
 
 #include <cstdint>
@@ -15,14 +14,16 @@ namespace moondb {
 // listens, kInvalid if the file is not a socket. Other endpoints: no effect.
 Result<void> ClaimIpcPath(const std::string& endpoint);
 
-// Converts a host name to a number, since libzmq can listen only on numeric addresses: "tcp://localhost:7400" becomes
-// "tcp://127.0.0.1:7400". Uses the system's resolver. Returns kUnavailable if the name is unknown.
+// Returns a TCP endpoint with its host name replaced by the numeric IPv4 address, because libzmq can listen only on
+// numeric addresses: "tcp://localhost:7400" becomes "tcp://127.0.0.1:7400". Returns other endpoints unchanged. Uses the
+// system's resolver. Returns kUnavailable if the name is unknown.
 Result<std::string> NumericEndpoint(const std::string& endpoint);
 
-// TcpPortOf returns the port of a TCP endpoint, NumericAddressOf its numeric address: 7400 and "10.0.0.3" for
-// "tcp://10.0.0.3:7400". The address of localhost is "127.0.0.1". For endpoints other than TCP they return nothing and
-// "". NumericAddressOf also returns "" for other host names, because it does no lookup.
+// Returns the port of a TCP endpoint, such as 7400 for "tcp://10.0.0.3:7400". Returns nothing for other endpoints.
 std::optional<std::uint16_t> TcpPortOf(const std::string& endpoint);
+
+// Returns the numeric address of a TCP endpoint, such as "10.0.0.3" for "tcp://10.0.0.3:7400", and "127.0.0.1" for
+// localhost. Returns "" for other host names, because it does no lookup, and for other endpoints.
 std::string NumericAddressOf(const std::string& endpoint);
 
 }  // namespace moondb

@@ -30,7 +30,8 @@ void Outbox::CountOut(const Entry& entry) {
   control_bytes_ -= entry.frame.size();
 }
 
-// Searches linearly: few waiting messages have a key, and control messages do not wait behind bulk data.
+// Returns the waiting entry with the class and key of `entry`, or null. Searches linearly: messages with a key are
+// control messages, and few of them wait at a time.
 Outbox::Entry* Outbox::FindWaiting(const Entry& entry) {
   if (entry.key.empty()) return nullptr;
   std::deque<Entry>& waiting = classes_[entry.outbound_class];

@@ -15,12 +15,13 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-// The credit must limit the bytes in libzmq. This mark is high enough never to be reached, even by small frames.
+// High-water mark in messages. LinkCredit limits the bytes in libzmq, so even small frames never reach this mark.
 constexpr int kSendQueueMessages = 2000;
 constexpr int kReconnectFirst_ms = 100;
 constexpr int kReconnectLast_ms = 4000;
 constexpr int kConnectTimeout_ms = 5000;
-// Closes a connection whose peer's kernel acknowledges nothing for this long. No cost on an idle link.
+// libzmq closes a connection if the peer's kernel acknowledges no data for this long. This adds no traffic to an idle
+// link.
 constexpr int kUnacknowledgedMax_ms = 15000;
 constexpr Duration kDelayFirst = milliseconds(100);
 constexpr Duration kDelayLast = seconds(30);
@@ -38,8 +39,8 @@ void SetUp(const PeerConnection::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_TCP_MAXRT, kUnacknowledgedMax_ms);
   dealer->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.frame_bytes_max));
   if (options.address.find('[') != std::string::npos) dealer->Set(ZMQ_IPV6, 1);
-  // Without CURVE the connection's routing id is the only identity. If the peer's ROUTER has not noticed that this
-  // agent's earlier connection closed, the new connection replaces it.
+  // Without CURVE, the routing id identifies this agent to the peer's ROUTER. A new connection replaces an earlier one
+  // with the same id that the ROUTER still considers open.
   if (!options.own_keys) return dealer->Set(ZMQ_ROUTING_ID, std::to_string(options.self));
   dealer->Set(ZMQ_CURVE_SERVERKEY, options.peer_key);
   dealer->Set(ZMQ_CURVE_PUBLICKEY, options.own_keys->public_key);

@@ -16,16 +16,15 @@ namespace {
 
 using std::chrono::seconds;
 
-// Number of small messages in a row that are sent in their own frames before a burst is assumed.
+// A burst begins after this many messages in a row, each less than kBurstPause after the previous one.
 constexpr int kSentAtOnce = 4;
 constexpr Duration kBurstPause = std::chrono::microseconds(20);
 // How long a small message in a burst waits for others to share its frame.
 constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
-// Lowest usable rate of a radio. While a large frame is in flight, deadlines are extended by the time that it takes at
-// this rate.
+// Rate of the slowest usable radio. While a large frame is in flight, deadlines are extended by the time that the frame
+// takes at this rate.
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
-// For how long Status reports, after each detection, that two processes use one key. Such processes replace each
-// other's connection every few seconds.
+// After a detection of two processes with one key, Status reports them for this time.
 constexpr std::chrono::minutes kTwoProcessesShown(10);
 constexpr int kReturnsOfRestartsMax = 4;  // Two restarts within kTwoProcessesShown cause at most this many returns.
 
@@ -44,8 +43,8 @@ Result<std::unique_ptr<PeerLink>> PeerLink::Make(const ZmqContext& context, Wake
   return link;
 }
 
-// Connection numbers start at a random value. A late report to a previous process of this agent then matches no
-// connection of this one.
+// Connection numbers start at a random value. A late report that was meant for a previous process of this agent then
+// matches no connection of this process.
 PeerLink::PeerLink(const ZmqContext& context, WakeUp& wake_up, Options options)
     : wake_up_(wake_up),
       options_(std::move(options)),
@@ -80,7 +79,7 @@ SendResult PeerLink::Send(const proto::Message& message) {
   {
     const std::lock_guard lock(mutex_);
     SendResult result = is_small_enough ? SendResult::kAccepted : SendResult::kTooLong;
-    // The link may have opened after the first check, when the frame was not built.
+    // If the link opened after the first check of is_open_, the frame was not built.
     if (!is_open_ || (is_small_enough && entry.frame.empty())) result = SendResult::kUnreachable;
     if (result == SendResult::kAccepted) result = SendOrKeep(now, std::move(entry));
     if (result != SendResult::kAccepted) {
@@ -88,7 +87,7 @@ SendResult PeerLink::Send(const proto::Message& message) {
       if (result == SendResult::kTooLong) WarnOfTooLong(message, bytes);
       return result;
     }
-    // The first waiting message has already scheduled the transport's thread.
+    // No wake-up is needed: the first waiting message has already scheduled the transport's thread.
     if (outbox_.messages() > 1 && flush_at_ > now && credit_.HasRoomFor(outbox_.bytes())) return result;
     UpdateExpectation(now);
     due = Deadline();
@@ -103,8 +102,8 @@ void PeerLink::WarnOfTooLong(const proto::Message& message, std::size_t bytes) {
             std::to_string(options_.connection.frame_bytes_max));
 }
 
-// Sends directly, without the outbox and the transport's thread, if possible. Large frames must be announced first,
-// which the transport's thread does.
+// Sends the frame on the calling thread if possible, otherwise queues it in the outbox. Frames larger than the credit
+// are always queued, because the transport's thread must announce them first.
 SendResult PeerLink::SendOrKeep(MonotonicTime now, Outbox::Entry&& entry) {
   const bool is_for_shared_frame = burst_.IsInBurst(now) && entry.frame.size() * 2 <= SharedFrameBytesMax();
   const bool is_first = outbox_.empty();
@@ -124,8 +123,8 @@ bool PeerLink::TrySend(MonotonicTime now, const Outbox::Entry& entry) {
   return false;
 }
 
-// A shared frame may use an eighth of the credit, which reflects the speed of the link. Initially that is 4 kB, which a
-// 1 Mbps radio sends in 33 ms.
+// Returns the size limit of a shared frame: an eighth of the credit, at most kSharedFrameBytesMax. Initially that is 4
+// KiB, which a 1 Mbps radio sends in 33 ms.
 std::size_t PeerLink::SharedFrameBytesMax() const { return std::min(credit_.credit_bytes() / 8, kSharedFrameBytesMax); }
 
 bool PeerLink::Burst::IsInBurst(MonotonicTime now) {
@@ -195,7 +194,8 @@ void PeerLink::OnReport(const proto::LinkReport& report, std::uint32_t link_numb
     ++counts_.refused_reports;
     return;
   }
-  // A peer that connected to this agent can be reached, and waits for its reports.
+  // The peer has opened a new connection to this agent. Reconnect immediately: the peer is reachable and waits for
+  // reports.
   if (received_count_.OnLink(link_number) && !is_open_) is_hurried_ = true;
   if (report.report_after_bytes() != 0) received_count_.SetReportAfter(report.report_after_bytes());
   if (report.is_asking()) reports_.Request();
@@ -239,7 +239,7 @@ void PeerLink::OnEvent(const ZmqEvent& event, MonotonicTime now) {
       if (is_open_) return;
       is_open_ = true;
       ++counts_.connects;
-      link_number_ += link_number_ == UINT32_MAX ? 2 : 1;  // Skip 0, which means none.
+      link_number_ += link_number_ == UINT32_MAX ? 2 : 1;  // Skip 0, which means "no connection".
       credit_.Open(link_number_);
       health_.OnOpened(now);
       reports_.OnOpened();
@@ -330,7 +330,7 @@ void PeerLink::Flush(MonotonicTime now) {
   UpdateExpectation(now);
 }
 
-// Sends waiting frames up to the credit, and up to the first large frame.
+// Sends waiting frames until the credit is used up, the socket is full, or a report must be sent first.
 void PeerLink::SendWaiting(MonotonicTime now) {
   while (const Outbox::Entry* front = outbox_.Front()) {
     const std::size_t bytes = front->frame.size();

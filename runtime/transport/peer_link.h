@@ -1,18 +1,14 @@
-// PeerLink: the link to one peer: a connection that this agent only sends on, its outbox, and the traffic counters of
-// the peer.
+// PeerLink: sends messages to one peer over a connection on which only this agent sends, and counts the traffic with
+// the peer in both directions.
 //
-// When a connection breaks (runtime/transport/peer_connection.h), or its peer is silent for too long
-// (runtime/transport/link_health.h), the link reconnects. If the peer reaches this agent first, the link reconnects
-// immediately. The link counts as connected after the handshake, in which CURVE has verified that the other end holds
-// the peer's secret key.
+// The link reconnects if the connection breaks (runtime/transport/peer_connection.h) or the peer is silent for too long
+// (runtime/transport/link_health.h). The link counts as connected after the handshake, in which CURVE has verified that
+// the other end holds the peer's secret key.
 //
-// At most one credit of bytes is in flight (runtime/transport/link_credit.h); the rest waits in the outbox. The outbox
-// is cleared when the connection is lost. Senders retransmit anyway, and stale frames would only delay the
-// retransmissions.
+// At most one credit of bytes is in flight (runtime/transport/link_credit.h); all other messages wait in the outbox.
+// Losing the connection clears the outbox: senders retransmit, and old messages would delay the retransmissions.
 //
-// Send and Status are thread-safe. All other functions: the transport's thread only. If nothing waits, a sender passes
-// its frame directly to the socket. In a burst, small messages wait up to 0.1 ms for others to share their frame. A
-// mutex guards the socket and its related members.
+// Send and Status are thread-safe. All other functions must be called on the transport's thread.
 #pragma once
 
 #include <atomic>
@@ -40,8 +36,7 @@ namespace moondb {
 
 class PeerLink {
  public:
-  // Number of connects and disconnects of an unstable link that are logged in a burst. Further ones are logged at a
-  // limited rate.
+  // An unstable link logs this many connects and disconnects in a row, then one per RateLimitedLog::kPeriod.
   static constexpr int kLoggedChangesAtOnce = 20;
 
   struct Options {
@@ -52,35 +47,37 @@ class PeerLink {
     LinkHealth::Options health;
   };
 
-  // Starts to connect. Requires: `context` and `wake_up` (the transport's) outlive the link. Returns kUnavailable if
-  // sockets cannot be created.
+  // Starts to connect. Requires: `context` and `wake_up` outlive the link. Returns kUnavailable if sockets cannot be
+  // created.
   static Result<std::unique_ptr<PeerLink>> Make(const ZmqContext& context, WakeUp& wake_up, Options options);
 
-  // Sends a message. Returns kTooLong if its frame would exceed connection.frame_bytes_max.
+  // Sends a message or queues it in the outbox. Returns kUnreachable if the link is not connected, kFull if the outbox
+  // is full, kTooLong if the frame would exceed connection.frame_bytes_max.
   SendResult Send(const proto::Message& message);
   proto::PeerStatus Status() const;
 
-  // Call when a frame of this peer with `count` messages arrived. `is_on_link`: the frame arrived over the peer's
-  // newest connection, which its reports describe, and not over a replaced one.
+  // Call when a frame of this peer with `count` messages arrived. `is_on_link`: true if the frame arrived over the
+  // peer's newest connection, false if over a replaced one. Only bytes of the newest connection count in the reports to
+  // the peer.
   void OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on_link);
   void OnReport(const proto::LinkReport& report, std::uint32_t link_number, bool is_on_link);
-  // Call when a replaced process with the peer's key returned (LinkOrder::returns).
+  // Call when LinkOrder::returns of the peer has increased: a replaced process with the peer's key has connected again.
   void OnReturn();
   // Call when a frame was rejected. Its bytes still count as received.
   void OnRejected(std::size_t frame_bytes, bool is_on_link);
 
-  // Processes the monitor's events of the connection.
+  // Processes the events that the connection's monitor has reported.
   void OnMonitorReadable();
-  // Returns the descriptor of the connection if a connection opened since the last call.
+  // Returns the descriptor of the TCP connection if it opened since the last call, otherwise nothing.
   std::optional<int> TakeConnectedFile();
   // Call when the peer sent data over this link, on which only this agent may send. Closes the connection for 30 s.
   void OnFlooded(MonotonicTime now);
   void OnSocketReadable();
 
-  // Call after all received data were passed in. Closes or opens connections, and sends reports and waiting messages.
-  // Then calls `peer_changed` for the changes since the last call.
+  // Call after all received frames were passed to OnMessages, OnReport or OnRejected. Opens or closes the connection,
+  // sends reports and waiting messages, and calls `peer_changed` for each connect and disconnect since the last call.
   void Work(MonotonicTime now, const Transport::PeerChanged& peer_changed);
-  MonotonicTime deadline() const;  // Time of the next Work if nothing arrives.
+  MonotonicTime deadline() const;  // Time at which Work must run even if nothing arrives.
 
   int socket_file() const { return connection_.socket_file(); }  // -1: no socket exists.
   int monitor_file() const { return connection_.monitor_file(); }
@@ -149,7 +146,7 @@ class PeerLink {
 
   mutable std::mutex mutex_;
   PeerConnection connection_;
-  std::atomic<bool> is_open_{false};  // Written under the lock. Read without it for a first check.
+  std::atomic<bool> is_open_{false};  // Written under mutex_. Send also reads it without mutex_.
   std::uint32_t link_number_;         // Number of the current or last connection.
   LinkCredit credit_;
   LinkHealth health_;
@@ -162,7 +159,8 @@ class PeerLink {
 
   // Events since the last Work. Transport's thread only.
   bool is_heard_ = false;
-  bool is_hurried_ = false;  // The peer has a connection to this agent while this agent has none to it.
+  // True if the peer connected to this agent while this link was closed.
+  bool is_hurried_ = false;
   std::vector<bool> changes_;
   std::optional<int> connected_file_;
 

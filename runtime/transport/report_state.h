@@ -1,7 +1,7 @@
 // ReportState: decides when a link must send a report (proto::LinkReport), and remembers what the last report
 // contained.
 //
-// Bookkeeping of the sending end. Not thread-safe: the caller provides the locking.
+// Not thread-safe: the caller provides the locking.
 #pragma once
 
 #include <cstddef>
@@ -14,12 +14,12 @@ namespace moondb {
 
 class ReportState {
  public:
-  // Call when a new connection opened. Its first report must precede everything else on it.
+  // Call when a new connection opened. The first frame on a connection must be a report.
   void OnOpened();
   bool is_opening_due() const { return is_opening_due_; }
 
-  void Request() { is_due_ = true; }          // The peer requested a report, or the received bytes require one.
-  void AskPeer() { is_asking_peer_ = true; }  // The next report requests one from the peer.
+  void Request() { is_due_ = true; }          // Makes a report due: the peer requested one, or enough bytes arrived.
+  void AskPeer() { is_asking_peer_ = true; }  // Makes a report due that requests a report from the peer.
 
   bool IsDue(const LinkCredit& credit) const {
     return is_opening_due_ || is_asking_peer_ || is_due_ || reported_credit_bytes_ != credit.credit_bytes();
@@ -31,14 +31,15 @@ class ReportState {
   void OnSent(const LinkCredit& credit, std::uint64_t coming_bytes);
 
   void OnFrameSent() { large_frame_notice_.OnFrameSent(); }
-  // True if the peer expects a frame of this size, and extends its deadlines for it.
+  // Returns true if the peer expects a frame of this size, and extends its deadlines for that frame.
   bool HasAnnounced(std::uint64_t frame_bytes) const { return large_frame_notice_.Covers(frame_bytes); }
 
  private:
   bool is_opening_due_ = false;
   bool is_due_ = false;
   bool is_asking_peer_ = false;
-  std::size_t reported_credit_bytes_ = 0;  // Credit in the last report. The peer derives its report interval from it.
+  // Credit when the last report was sent. The peer's report interval was derived from it.
+  std::size_t reported_credit_bytes_ = 0;
   LargeFrameNotice large_frame_notice_;
 };
 

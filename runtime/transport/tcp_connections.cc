@@ -82,7 +82,7 @@ std::optional<TcpConnection> TcpConnections::Read(int file) {
   event.data.fd = file;
   if (::epoll_ctl(epoll_, EPOLL_CTL_MOD, file, &event) != 0) (void)::epoll_ctl(epoll_, EPOLL_CTL_ADD, file, &event);
   const std::optional<TcpInfo> info = ReadTcpInfo(file);
-  if (!info || !info->is_established) return std::nullopt;  // The peer has left, and libzmq will notice shortly.
+  if (!info || !info->is_established) return std::nullopt;  // The peer has closed the connection.
   const TcpConnection connection{file, own->port, peer->address, peer->port, info->bytes_received.value_or(0)};
   known_[file] = {*peer_address, connection};
   return connection;

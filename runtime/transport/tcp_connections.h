@@ -2,9 +2,9 @@
 // reports. libzmq owns the descriptors. This class only reads their state, and may shut a connection down; libzmq then
 // closes it.
 //
-// A descriptor may have been closed and reused since libzmq reported it, so the peer's address is read each time. The
-// remaining state is read again only after traffic on the connection: with 64 agents on one machine, those system calls
-// used a tenth of the processor time. Requires Linux: TCP_INFO (tcpi_bytes_received, Linux 4.1), epoll. Not
+// A descriptor may have been closed and reused since libzmq reported it, so the peer's address is read each time. All
+// other state is read again only after data arrived on the connection: with 64 agents on one machine, reading it each
+// time used a tenth of the processor time. Requires Linux: TCP_INFO (tcpi_bytes_received, Linux 4.1), epoll. Not
 // thread-safe.
 #pragma once
 
@@ -31,19 +31,19 @@ class TcpConnections {
   TcpConnections(const TcpConnections&) = delete;
   TcpConnections& operator=(const TcpConnections&) = delete;
 
-  // Descriptor that becomes readable when data arrive on a connection after List, Look or Read has read the
-  // connection's state. Drain makes the descriptor unreadable again.
+  // Descriptor that becomes readable when data arrive on a connection after its state was read (List, Look, Read).
+  // Drain makes the descriptor unreadable again.
   int file() const { return epoll_; }
   void Drain();
 
-  // Call when libzmq accepted a connection with this descriptor. Connections to other ports are ignored.
+  // Call when libzmq accepted a connection with this descriptor. Connections to ports other than `ports` are ignored.
   void OnAccepted(int file);
-  // Returns the established connections to the ports, and watches each. Opens no files.
+  // Returns the accepted connections to `ports` that are established, and watches each for data. Opens no files.
   std::vector<TcpConnection> List();
-  // Returns the connection with this descriptor, and watches it. Returns nothing if it is not an established TCP
-  // connection.
+  // Returns the connection with this descriptor, and watches it for data. Returns nothing if the descriptor is not an
+  // established TCP connection.
   std::optional<TcpConnection> Read(int file);
-  // As Read, but reads a known connection again only if data have arrived on it.
+  // Like Read, but returns the last read state if no data have arrived on the connection since then.
   std::optional<TcpConnection> Look(int file);
 
   // Returns the peer's port, or 0 if the descriptor is not a connection.

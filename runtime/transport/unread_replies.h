@@ -1,8 +1,8 @@
-// UnreadReplies: limits the reply bytes that wait for keyed clients that have not read them.
+// UnreadReplies: limits the bytes of replies that clients on tcp:// have not read yet.
 //
-// libzmq and the kernel buffer replies that a client does not read. Each reply passed to libzmq counts for its
-// connection until the client's system has acknowledged its bytes (TCP_INFO). There is a limit per key and one for all
-// keys. A reply larger than the limit is allowed if no other reply waits. Not thread-safe.
+// A reply counts from the time when it is passed to libzmq until the client's kernel has acknowledged its bytes
+// (TCP_INFO). There is a limit per client key and one for all keys together. A reply larger than the limit is allowed
+// if no other reply waits. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +18,8 @@ class UnreadReplies {
   static constexpr std::uint64_t kOfKeyMax = 8 * 1024 * 1024;
   static constexpr std::uint64_t kOfAllMax = 32 * 1024 * 1024;
 
-  // Returns the bytes that the peer has acknowledged since the connection opened, or nothing if the descriptor is not a
-  // connection (any more).
+  // Returns the bytes that the peer has acknowledged since the connection opened, or nothing if the descriptor is no
+  // longer a connection.
   using AckedBytes = std::function<std::optional<std::uint64_t>(int file)>;
 
   static std::optional<std::uint64_t> AckedBytesOf(int file);
@@ -29,8 +29,8 @@ class UnreadReplies {
   // Call when a request arrived with this routing id, from a client with this key, over the connection with descriptor
   // `file`.
   void OnRequest(const std::string& route, const std::string& key, int file);
-  // Returns true if libzmq may take one more reply of this size for this routing id. True for a routing id without
-  // requests.
+  // Returns true if a reply of this size may be passed to libzmq for this routing id. Always true for a routing id
+  // without requests.
   bool HasRoom(const std::string& route, std::uint64_t bytes);
   // Counts a reply that was passed to libzmq.
   void Count(const std::string& route, std::uint64_t bytes);
@@ -46,7 +46,7 @@ class UnreadReplies {
     std::uint64_t given = 0;         // Bytes passed to libzmq since acked_before was read.
   };
 
-  // Returns the waiting bytes, or nothing if the connection is closed and libzmq has dropped them.
+  // Returns the bytes that the client has not acknowledged, or nothing if the connection is closed.
   std::optional<std::uint64_t> WaitingOf(const Connection& connection) const;
 
   AckedBytes acked_bytes_;

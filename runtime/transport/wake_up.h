@@ -1,7 +1,7 @@
 // WakeUp: a file descriptor with which any thread can wake one sleeping thread.
 //
-// The sleeper announces until when it will sleep. Other threads make the descriptor readable (they ring) only for work
-// that is due earlier. They do not ring while the thread is awake or if the work is due later.
+// The sleeping thread announces until when it will sleep. RingFor makes the descriptor readable only if the thread
+// sleeps and the new work is due before that time.
 #pragma once
 
 #include <atomic>
@@ -22,9 +22,9 @@ class WakeUp {
   // Thread-safe.
   void RingFor(MonotonicTime due = MonotonicTime::min());
 
-  // For the sleeper. The sleeper calls IsLooking before it computes its deadline, SleepsUntil with the result, and
-  // IsAwake after it wakes (`by_file`: woken by RingFor). Until IsAwake, RingFor rings for anything earlier than the
-  // announced time.
+  // The sleeping thread calls IsLooking before it computes its deadline, SleepsUntil with that deadline, and IsAwake
+  // after it wakes. `by_file`: the descriptor was readable. Between IsLooking and SleepsUntil, RingFor makes the
+  // descriptor readable for any work.
   void IsLooking() { sleeps_until_ = kAnyTime; }
   void SleepsUntil(MonotonicTime time) { sleeps_until_ = time.time_since_epoch().count(); }
   void IsAwake(bool by_file);

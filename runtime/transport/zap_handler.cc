@@ -11,7 +11,7 @@ namespace {
 
 constexpr char kEndpoint[] = "inproc://zeromq.zap.01";
 
-// Parts of a request, in order.
+// Message parts of a ZAP request, in order.
 enum Part : std::size_t { kVersion, kRequestId, kDomain, kPeerAddress, kRoutingId, kMechanism, kKey, kPartCount };
 
 // ZAP status code and text for each ZapHandler::Admission.

@@ -1,9 +1,10 @@
-// ZapHandler: decides which CURVE keys are admitted, and sets their user ids (ZeroMQ RFC 27).
+// ZapHandler: decides which CURVE keys are admitted, and assigns a User-Id to each admitted connection (ZAP, ZeroMQ RFC
+// 27).
 //
-// libzmq asks the handler by inproc messages during each handshake; without a handler, libzmq would admit every key.
-// The key of an agent gets the agent's id as User-Id, which libzmq attaches to each frame of the connection. On sockets
-// of the domain kClientDomain, keys of clients are admitted instead, with the key itself (Z85) as User-Id. A temporary
-// refusal uses ZAP's temporary error, after which libzmq retries later.
+// libzmq asks the handler during each handshake; without a handler, libzmq would admit every key. libzmq attaches the
+// User-Id to each frame of the connection. On sockets of kAgentDomain, the User-Id is the id of the agent that owns the
+// key. On sockets of kClientDomain, it is the client's key in Z85. For kNotNow, the answer is ZAP's temporary error,
+// after which libzmq retries later.
 #pragma once
 
 #include <functional>
@@ -25,18 +26,17 @@ class ZapHandler {
   static constexpr char kAgentDomain[] = "moondb";
   static constexpr char kClientDomain[] = "moondb-clients";
   enum class Admission { kAdmitted, kUnknown, kNotNow };
-  // `address` is the client's numeric address.
+  // Decides whether to admit a client with this key from the numeric address `address`.
   using AdmitClient = std::function<Admission(const std::string& key, const std::string& address)>;
   using OnRefused = std::function<void(bool is_client)>;
 
   // Binds in `context`; must be called before any socket uses CURVE. `agents` maps public keys in Z85 to ids. Calls
-  // `on_refused` for each handshake with an unknown key, before the answer is sent. When a peer receives a refusal, the
-  // refusal has thus already been counted.
+  // `on_refused` for each handshake with an unknown key, before the answer is sent.
   static Result<ZapHandler> Make(const ZmqContext& context, std::map<std::string, AgentId> agents,
                                  OnRefused on_refused);
   void LetClientsIn(AdmitClient admit_client) { admit_client_ = std::move(admit_client); }
 
-  // Answers the waiting requests.
+  // Answers the waiting requests of libzmq.
   void OnReadable();
   int file() const { return socket_.file(); }
 
@@ -46,7 +46,7 @@ class ZapHandler {
 
   struct Answer {
     Admission admission = Admission::kUnknown;
-    std::string user_id;  // User-Id of the key, if it is admitted.
+    std::string user_id;  // User-Id of an admitted key, otherwise empty.
   };
   Answer Ask(const std::vector<ZmqFrame>& request) const;
 

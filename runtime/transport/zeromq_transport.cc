@@ -41,7 +41,7 @@ constexpr int kKeepAlive_s = 60;
 constexpr std::size_t kConnectionsPerAgent = 4;
 constexpr std::size_t kStrangersMax = 32;     // Limit of connections to the agent's peer address from outside the team.
 constexpr std::size_t kKeyedClientsMax = 64;  // Limit of connections to client_address.
-// Limits of the messages and time per turn of a socket. Some frames take 14 ms to parse.
+// Limits of messages and time per call of ReceiveFromPeers. Some frames take 14 ms to parse.
 constexpr std::size_t kBatchMessages = 256;
 constexpr Duration kTurnTime = std::chrono::milliseconds(5);
 // Upper limit of the bytes that CURVE adds to a frame. libzmq applies ZMQ_MAXMSGSIZE to the encrypted frame, and closes
@@ -53,8 +53,7 @@ constexpr std::uint64_t kAgentsSharedBytes = 1024 * 1024;
 static_assert(kPeerFrameBytesMax + kCurveBytes < ConnectionRules::kFreeBytes, "each frame can be delivered");
 static_assert(LinkCredit::Options().bytes_max <= kAgentsSharedBytes);
 // After receiving from peers, the thread stays awake this long in case an answer follows. Putting a processor to sleep
-// and waking it takes tens of microseconds, and as much processor time. Measured: with this, a round trip takes 0.6
-// times as long.
+// and waking it takes tens of microseconds. Measured: staying awake shortens a round trip to 0.6 of its time.
 constexpr Duration kLingerTime = std::chrono::microseconds(60);
 
 // Indices in files_, the descriptors that the thread waits for.
@@ -65,7 +64,7 @@ constexpr std::size_t kAcceptedFiles = 4 + kClientListenersMax;
 constexpr std::size_t kListenersMax = 2;  // Listening sockets whose accepted connections are watched.
 constexpr std::size_t kOtherFiles = kAcceptedFiles + kListenersMax;  // Number of descriptors before those of peers.
 
-// Returns the timeout for ppoll.
+// Returns the time left until `time`, at most one hour, as a timeout for ppoll.
 timespec TimeUntil(MonotonicTime time) {
   if (time == MonotonicTime::min()) return {};
   const Duration left =
@@ -121,7 +120,7 @@ class ZeroMqTransport::Impl {
   SendResult Send(const Address& to, const proto::Message& message) {
     Check(!message.has_link_report(), "only transports send link reports");
     if (to.agent == kClients) {
-      SendResult sent = SendResult::kUnreachable;  // The result of each ClientListener that does not know the client.
+      SendResult sent = SendResult::kUnreachable;  // Result of a listener that does not know the client.
       for (const auto& listener : listeners_) {
         if (sent == SendResult::kUnreachable) sent = listener->Send(to.actor, message);
       }
@@ -162,9 +161,9 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Opens the socket that receives frames of peers. With keys it is a DEALER, which assigns no routing ids that a peer
-  // could claim; each frame contains the number of its connection (LinkOrder). Without keys it is a ROUTER: the routing
-  // id that a connection claims names its agent.
+  // Opens the socket that receives frames of peers. With keys, the socket is a DEALER, which assigns no routing ids
+  // that a peer could claim. Each frame contains the number of its connection (LinkOrder). Without keys, the socket is
+  // a ROUTER, and the routing id that a connection claims names its agent.
   Result<void> OpenPeerListener() {
     Result<ZmqSocket> listener = ZmqSocket::Make(context_, keys_ ? ZMQ_DEALER : ZMQ_ROUTER);
     if (!listener) return tl::unexpected(listener.error());
@@ -176,7 +175,7 @@ class ZeroMqTransport::Impl {
       listener->Set(ZMQ_CURVE_SERVER, 1);
       listener->Set(ZMQ_CURVE_SECRETKEY, keys_->own.secret_key);
       listener->Set(ZMQ_ZAP_DOMAIN, ZapHandler::kAgentDomain);
-      // Keep-alive finds connections whose machine has disappeared: they send nothing and are not replaced.
+      // Keep-alive closes connections whose machine has disappeared. Nothing else would close them.
       listener->Set(ZMQ_TCP_KEEPALIVE, 1);
       listener->Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAlive_s);
     } else {
@@ -193,7 +192,7 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Watches the connections that `listener` accepts. Must be called before it listens.
+  // Watches the connections that `listener` accepts. Must be called before `listener` listens.
   Result<void> WatchAccepted(ZmqSocket& listener) {
     const std::string endpoint = "inproc://accepted-" + std::to_string(accepted_.size());
     Result<ZmqSocket> monitor = listener.MakeMonitor(context_, endpoint, ZMQ_EVENT_ACCEPTED);
@@ -264,8 +263,8 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Sets the connection limits of each port. Agents whose address is a host name use the places that all other
-  // addresses share.
+  // Sets the connection limits of each port. The places of an agent whose address is a host name are added to the
+  // places that all other addresses share.
   Result<void> OpenGuard() {
     std::map<std::uint16_t, ConnectionRules::Listener> listeners;
     const proto::AgentConfig& self = *FindAgent(team_, options_.self);
@@ -312,7 +311,7 @@ class ZeroMqTransport::Impl {
     if (!client) return ZapHandler::Admission::kUnknown;
     const std::optional<std::uint16_t> port = TcpPortOf(FindAgent(team_, options_.self)->client_address());
     Check(port.has_value(), "clients with keys come over TCP");
-    ReadAccepted(now);  // The guard must know each connection before it is asked to admit one.
+    ReadAccepted(now);  // The guard must know all accepted connections before it decides.
     const bool has_handshakes = handshake_limit_.HasRoom(key, now);
     if (!has_handshakes || !guard_->Admit(*port, key, PlainAddress(address), now)) {
       ++refused_.deferred_clients;
@@ -333,7 +332,7 @@ class ZeroMqTransport::Impl {
       Sleep();
       if (zap_handler_) zap_handler_->OnReadable();
       has_more_ = ReceiveFromPeers();
-      // The ClientListeners work last: KeepPlace may consume libzmq's notification of new requests.
+      // Call Work after KeepPlace, which may consume libzmq's notification of new requests.
       for (const auto& listener : listeners_) listener->KeepPlace(std::chrono::steady_clock::now());
       for (const auto& listener : listeners_) has_more_ = listener->Work(deliver_) || has_more_;
       const MonotonicTime now = std::chrono::steady_clock::now();
@@ -413,8 +412,8 @@ class ZeroMqTransport::Impl {
     }
   }
 
-  // Delivers frames of peers, within the limits of a turn. libzmq alternates between the peers. Returns true if more
-  // frames wait.
+  // Delivers frames of peers, up to kBatchMessages messages and for kTurnTime. libzmq alternates between the peers.
+  // Returns true if more frames may wait.
   bool ReceiveFromPeers() {
     ZmqReceived received;
     const MonotonicTime end = std::chrono::steady_clock::now() + kTurnTime;
@@ -426,7 +425,7 @@ class ZeroMqTransport::Impl {
     return true;
   }
 
-  // Returns the number of messages in the frame, or 1 if it was rejected.
+  // Delivers the messages of a frame. Returns their number, or 1 for a report or a rejected frame.
   std::size_t OnPeerFrame(const ZmqReceived& received) {
     guard_->OnMessage(received.file, received.frame.user_id());
     std::optional<AgentId> authenticated;
@@ -440,7 +439,8 @@ class ZeroMqTransport::Impl {
     if (messages && !peers_.contains(messages->front()->hop_sender())) {
       messages = Fail(ErrorCode::kRefused, "claimed to be an agent that the team does not have");
     }
-    // Without keys, only the routing id that the connection claims shows which agent to blame.
+    // The sender of an invalid frame is the agent of the key. Without keys, it is the agent that the connection's
+    // routing id claims.
     const AgentId sender =
         messages ? messages->front()->hop_sender() : authenticated.value_or(AgentOfUserId(received.route.text()));
     const auto peer = peers_.find(sender);
@@ -493,9 +493,9 @@ class ZeroMqTransport::Impl {
 
   std::vector<pollfd> files_;
   bool is_busy_ = false;   // True if data from peers ended the last sleep.
-  bool has_more_ = false;  // A socket may have more messages.
+  bool has_more_ = false;  // True if a socket may have more messages.
   struct Refused {
-    std::atomic<std::uint64_t> agents = 0;  // Refused handshakes of connections from agents.
+    std::atomic<std::uint64_t> agents = 0;  // Number of refused handshakes of agents.
     std::atomic<std::uint64_t> clients = 0;
     RateLimitedLog agent_log;
     RateLimitedLog client_log;

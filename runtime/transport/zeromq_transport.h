@@ -1,16 +1,13 @@
 // ZeroMqTransport: implements Transport with ZeroMQ. One thread owns all sockets of an agent.
 //
-// Between agents, a bound DEALER only receives, and one DEALER per peer only sends (runtime/transport/peer_link.h). All
-// of them use CURVE. A ZAP handler admits only the keys of the team file and binds each key to its agent, whatever the
-// connection claims. A frame is counted and dropped if its hop_sender is not the agent of the key, or if its body is
-// internal to one agent. A frame between agents is a proto::PeerFrame; small messages in quick succession share one.
-// Clients use separate ROUTERs (runtime/transport/client_listener.h) with request and reply, one proto::Message per
-// frame.
+// Between agents, one socket only receives, and one DEALER per peer only sends (runtime/transport/peer_link.h). A ZAP
+// handler admits only the CURVE keys of the team file. A frame is counted and dropped if its hop_sender is not the
+// agent of the key, or if its body is internal to one agent. Clients use separate ROUTERs
+// (runtime/transport/client_listener.h).
 //
-// By default libzmq queues for absent peers and buffers megabytes for frozen ones. Queues are bounded here by a byte
-// credit per connection, ZMQ_IMMEDIATE and LINGER 0. Deadlines detect silent peers, without ZMTP's heartbeat.
-// ConnectionLimiter cuts connections that exceed their limits. The thread sleeps until a socket, a sender or a deadline
-// wakes it.
+// Bytes in flight are limited by a credit per connection (runtime/transport/link_credit.h), because libzmq would queue
+// for absent peers and buffer megabytes for frozen ones. Deadlines detect silent peers
+// (runtime/transport/link_health.h). ConnectionLimiter cuts connections that exceed their limits.
 #pragma once
 
 #include <cstdint>
@@ -36,8 +33,8 @@ class ZeroMqTransport final : public Transport {
   struct Options {
     AgentId self = 0;
     std::string client_endpoint;  // ipc://...; empty: no clients over ipc.
-    // Size limits. Larger frames are not sent; receiving a larger frame closes the connection. For requests of clients
-    // with keys, the limit is at most kKeyedRequestBytesMax.
+    // Size limits. Larger frames are not sent; receiving a larger frame closes the connection. For requests over
+    // tcp://, the limit is at most kKeyedRequestBytesMax.
     std::size_t frame_bytes_max = kPeerFrameBytesMax;         // Limit of a frame between agents.
     std::size_t client_message_bytes_max = 32 * 1024 * 1024;  // Limit of a request or reply.
     Outbox::Options outbox;                                   // Limits per peer of messages that wait for credit.
@@ -47,11 +44,13 @@ class ZeroMqTransport final : public Transport {
     std::string clients_file;     // List of clients admitted at client_address (runtime/team/client_list.h).
   };
 
-  // Binds the sockets and starts the thread. Both callbacks may run before this returns. Requires: `team` passed its
-  // checks. `team_folder` is the folder of relative key files. Returns kUnavailable if an address is in use. Returns
-  // kInvalid for a key file that is missing, malformed, (if secret) readable by others, or that does not match the team
-  // file. Also returns kInvalid if the folder of client_endpoint is not private to this user; a missing folder is
-  // created. An invalid clients_file is logged, and admits no clients until it is fixed.
+  // Binds the sockets and starts the thread. Both callbacks may run before Create returns. Requires: `team` passed its
+  // checks. Relative paths of key files start at `team_folder`.
+  //
+  // Returns kUnavailable if an address is in use. Returns kInvalid if a key file is missing, malformed or does not
+  // match the team file, or if a secret key file is readable by others. Also returns kInvalid if the folder of
+  // client_endpoint is not private to this user; a missing folder is created. An invalid clients_file is logged, and
+  // admits no clients until it is fixed.
   static Result<std::unique_ptr<ZeroMqTransport>> Create(const proto::TeamConfig& team, const std::string& team_folder,
                                                          Options options, Deliver deliver, PeerChanged peer_changed);
   ~ZeroMqTransport() override;  // Joins the thread and drops the messages in outboxes.

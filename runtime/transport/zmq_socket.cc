@@ -67,7 +67,7 @@ Result<ZmqSocket> ZmqSocket::Make(const ZmqContext& context, int type) {
   if (socket.socket_ == nullptr) {
     return Fail(ErrorCode::kUnavailable, std::string("cannot make a socket: ") + zmq_strerror(zmq_errno()));
   }
-  // Unsent messages are lost when a socket closes; sharing retransmits them.
+  // Unsent messages are lost when a socket closes. The sharing actors retransmit them.
   socket.Set(ZMQ_LINGER, 0);
   std::size_t size = sizeof socket.file_;
   Check(zmq_getsockopt(socket.get(), ZMQ_FD, &socket.file_, &size) == 0, "a socket has a file to wait for");
@@ -105,12 +105,12 @@ Result<ZmqSocket> ZmqSocket::MakeMonitor(const ZmqContext& context, const std::s
     return Fail(ErrorCode::kUnavailable, std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
   }
   if (const auto joined = monitor->Connect(endpoint); !joined) return tl::unexpected(joined.error());
-  // The descriptor signals news only after the socket was once found empty.
+  // The descriptor signals events only after a receive has found the socket empty.
   (void)monitor->ReceiveEvent();
   return monitor;
 }
 
-// An event has two frames: its number with its value, and the address.
+// An event message has two frames: the event's number and value, and the endpoint.
 std::optional<ZmqEvent> ZmqSocket::ReceiveEvent() {
   std::vector<ZmqFrame> parts;
   if (!Receive(&parts)) return std::nullopt;

@@ -1,4 +1,4 @@
-// ZmqSocket, ZmqFrame: owners of a libzmq socket and of a libzmq message. They report errors without exceptions.
+// ZmqSocket, ZmqFrame: own a libzmq socket and a libzmq message. They throw no exceptions.
 //
 // Not thread-safe. Another thread may take over a socket after synchronisation with a lock.
 #pragma once
@@ -18,14 +18,14 @@ namespace moondb {
 struct ZmqContextDeleter {
   void operator()(void* context) const;
 };
-// Must be destroyed after all of its sockets: destruction waits for them.
+// Owns a libzmq context. Destruction waits until all sockets of the context are closed.
 using ZmqContext = std::unique_ptr<void, ZmqContextDeleter>;
 
 // Creates a context. Also seeds rand() from system entropy, once per process. The first routing id of each ROUTER comes
-// from rand(), and libzmq aborts the process if a peer has claimed an id before a ROUTER assigns it.
+// from rand(). A client that claims the id that a ROUTER assigns next makes libzmq abort the process.
 ZmqContext MakeZmqContext(int io_threads);
 
-// Bytes in libzmq's own memory, which sending and receiving do not copy.
+// A message part in libzmq's memory, which sending and receiving do not copy.
 class ZmqFrame {
  public:
   ZmqFrame() { zmq_msg_init(&message_); }
@@ -49,7 +49,6 @@ class ZmqFrame {
   mutable zmq_msg_t message_;  // Mutable because libzmq reads it through non-const pointers.
 };
 
-// A message that was received.
 struct ZmqReceived {
   ZmqFrame route;         // Routing id that a ROUTER puts before the message; empty from other sockets.
   ZmqFrame frame;         // First part of the message. Further parts are read and dropped.
@@ -91,20 +90,22 @@ class ZmqSocket {
   // Returns the next event of a monitor, or nothing if none waits.
   std::optional<ZmqEvent> ReceiveEvent();
 
-  // Receive a message. Never block; return false if nothing waits. At most kPartsMax parts of a message are kept.
+  // Receive the next message without blocking. Return false if none waits. The first overload keeps at most kPartsMax
+  // parts and drops all others.
   bool Receive(std::vector<ZmqFrame>* parts);
   bool Receive(ZmqReceived* message);
   static constexpr std::size_t kPartsMax = 8;
 
-  // Sends a frame. Never blocks. A sent frame is empty afterwards. kWouldBlock and kNoRoute leave the (first) frame
-  // unchanged.
+  // Sends a frame without blocking. Returns kSent and empties the frame, or leaves it unchanged: kWouldBlock if the
+  // queue is full, kNoRoute for other errors, such as an unknown routing id. `has_more`: another part of the message
+  // follows.
   ZmqSend Send(ZmqFrame* frame, bool has_more = false);
 
-  // Handles libzmq's internal commands, for a socket that is never received from.
+  // Handles libzmq's internal commands. Needed for a socket on which Receive is never called.
   void Process();
 
-  // Descriptor that becomes readable when libzmq has news for this socket. Then call Receive until nothing waits, or
-  // Process: only after that does the descriptor signal further news.
+  // Descriptor that becomes readable when libzmq has events for this socket. Then call Process, or Receive until it
+  // returns false. Until then, the descriptor signals no further events.
   int file() const { return file_; }
 
  private:

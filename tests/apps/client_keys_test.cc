@@ -1,5 +1,4 @@
-// Tests with real processes over TCP on this machine: remote operators with client keys, and programs that follow
-// records.
+// Tests with real processes over TCP on this machine: remote operators with client keys, and `record list -f`.
 
 #include <gmock/gmock.h>
 #include <signal.h>
@@ -32,7 +31,7 @@ class ClientKeysProcessTest : public ProcessTeam {
     arguments.insert(arguments.begin(), {"--key", key.string()});
     return arguments;
   }
-  // Default file of a client's secret key.
+  // Returns the default file of the client's secret key.
   std::filesystem::path KeyOf(const std::string& client) const {
     return folder_ / "config" / "moondb" / (client + ".sec");
   }
@@ -57,7 +56,7 @@ TEST_F(ClientKeysProcessTest, AKeyGrantsItsRightsUntilItIsRevoked) {
   EXPECT_EQ(refused.exit_code, 4);
   EXPECT_THAT(refused.error, HasSubstr("this needs the right to share; the key of anna has the right to view"));
   MoonctlExpecting(4, With(KeyOf("anna"), {"role", "swap", "--via", "rover1"}));
-  // rover2 has no client_address, so moonctl reaches it through an agent that has one.
+  // rover2 has no client_address, so moonctl reaches it through rover1.
   const Outcome through = Moonctl(With(KeyOf("anna"), {"status", "-a", "rover2"}));
   EXPECT_EQ(through.exit_code, 0) << through.out;
   EXPECT_EQ(through.error, "moonctl: through rover1, over the radio\n");
@@ -78,7 +77,8 @@ TEST_F(ClientKeysProcessTest, AKeyGrantsItsRightsUntilItIsRevoked) {
   const auto shown = MoonctlJson(0, {"status", "-a", "rover1"});
   const auto& agent = shown.fields().at("agents").list_value().values(0).struct_value().fields().at("status");
   EXPECT_GE(agent.struct_value().fields().at("refused_clients").number_value(), 2);
-  MoonctlExpecting(0, With(folder_ / "new.sec", {"down"}));  // `down` needs no key: it stops processes of this machine.
+  // `down` needs no key, because it stops processes of this machine.
+  MoonctlExpecting(0, With(folder_ / "new.sec", {"down"}));
 }
 
 TEST_F(ClientKeysProcessTest, ListsClientsAndReportsErrors) {
@@ -111,7 +111,7 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndReportsErrors) {
   EXPECT_THAT(error(2, {"role", "swap"}), AllOf(HasSubstr("MOONDB_CLIENT_KEY"), HasSubstr("no such file")));
   MoonctlExpecting(0, {"clients", "list"});  // `clients list` needs no key.
   environment_.erase("MOONDB_CLIENT_KEY");
-  // If the client list cannot be written, no secret key may remain and no listed client may be lost.
+  // If the client list cannot be written, `clients add` must not leave a secret key behind or lose a listed client.
   const std::string list = *ReadTextFile(folder_ / "clients.yaml");
   std::filesystem::create_directory(folder_ / "clients.yaml.part");
   EXPECT_THAT(error(1, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("cannot be written"));
@@ -153,7 +153,7 @@ TEST_F(ClientKeysProcessTest, FollowsNewRecordsUntilInterrupted) {
   Child text(
       {"/bin/bash", "-c", std::string("set -o pipefail; ") + MOONCTL_PROGRAM + " record list -f -a rover1 | head -n 1"},
       environment_, folder_ / "text");
-  // Both commands show each new record without delay, and no record that was stored before they started to follow.
+  // Both commands show each new record at once, but no record that was stored before they started.
   std::string key;
   EXPECT_TRUE(Until([&] {
     key = MoonctlExpecting(0, insert);

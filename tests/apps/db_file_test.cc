@@ -1,4 +1,4 @@
-// A store's file read by programs that are not part of moondb: a CSV reader and SQLite's sqldiff.
+// Reads a store's files with programs that are not part of moondb: a CSV reader and SQLite's sqldiff.
 
 #include <gmock/gmock.h>
 
@@ -51,7 +51,7 @@ TEST_F(DbFileTest, WritesCsvThatAnotherProgramReads) {
             "['1', '2', '3', '4', '5', '6', '7', '8', '9']]\n")
       << read.error;
 
-  // NULL and the empty text must differ, and stdout must contain only the table.
+  // NULL and the empty text must differ. stdout must contain only the table.
   EXPECT_EQ(MoonctlExpecting(0, {"-a", "rover1", "db", "query", "SELECT NULL AS a, '' AS b", "--csv"}), "a,b\n,\"\"\n");
   const Outcome cut = Moonctl({"-a", "rover1", "db", "query", "SELECT 1 AS a UNION SELECT 2", "--csv", "--limit", "1"});
   EXPECT_EQ(cut.out, "a\n1\n");
@@ -67,8 +67,8 @@ TEST_F(DbFileTest, WritesCsvThatAnotherProgramReads) {
 TEST_F(DbFileTest, LeaderAndSurvivorAreTheSameToSqldiff) {
   if (!HasProgram("sqldiff") || !HasProgram("sqlite3")) GTEST_SKIP() << "sqlite3 or sqldiff is not installed";
   MoonctlExpecting(0, {"up"});
-  // Each agent inserts its rows before it receives rows of others. The leader's and the survivor's store therefore
-  // contain the rows in different orders.
+  // Each agent inserts its rows before it receives rows of others, so the leader and the survivor store the rows in
+  // different orders.
   for (int rover = 1; rover <= 3; ++rover) {
     const std::string name = "rover" + std::to_string(rover);
     for (int index = 0; index < 3; ++index) {

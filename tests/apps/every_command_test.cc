@@ -1,5 +1,5 @@
-// Runs every command of the real moonctl against a real team: with all agents well, with one killed, and with one
-// frozen. Checks its text, its JSON and its exit code.
+// Runs every command of the real moonctl against a real team, while all agents run, while one is dead, and while one is
+// frozen. Checks the text, the JSON and the exit code.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <signal.h>
@@ -18,14 +18,16 @@ namespace {
 
 using Words = std::vector<std::string>;
 
-// rover1 leads, rover2 is the designated survivor, and rover3 is killed or frozen.
+// A command and its expected exit codes. rover1 leads, rover2 is the designated survivor, and rover3 is killed or
+// frozen.
 struct Case {
-  Words words;    // The words after `moonctl`, the command's name first. % stands for the number of the pass, @ for the
-                  // test's folder, KEY for the key of a record of rover3.
-  int when_well;  // Exit code if all agents are well.
+  // The words after `moonctl`. In a word, % stands for the number of the pass, @ for the folder of the test, and KEY
+  // for the key of a record of rover3.
+  Words words;
+  int when_well;  // Exit code if all agents run.
   int when_killed;
   int when_frozen;
-  std::string says;  // A part of the command's text output if all agents are well.
+  std::string says;  // Part of the text output if all agents run.
 };
 
 constexpr int kDone = 0, kFailed = 1, kUnreachable = 3;
@@ -74,7 +76,7 @@ const std::vector<Case>& Cases() {
       {{"db", "diff", "rover1", "rover3"}, kFailed, kUnreachable, kUnreachable, "ORIGIN"},
       {{"db", "prune", "--older-than", "30d", "-a", "rover1", "--dry-run"}, kDone, kDone, kDone, "all"},
       {{"db", "prune", "--history", "-a", "rover1"}, kDone, kDone, kDone, "all"},
-      // Commands on the file itself, which need no agent.
+      // `db query` and `db backup` read the database file, so they need no agent.
       {{"db", "query", "select count(*) as n from temperature", "-a", "rover3"}, kDone, kDone, kDone, "n"},
       {{"db", "backup", "@/rover3-%.sqlite", "-a", "rover3"}, kDone, kDone, kDone, "wrote"},
       {{"downlink", "--budget-kb", "64", "--out", "@/new%.bundle"}, kDone, kDone, kDone, "bundle 1"},
@@ -116,7 +118,7 @@ bool IsErrorJson(const std::string& text) {
 
 class EveryCommandTest : public ProcessTeam {
  protected:
-  // Starts a team with a mission's records, all of which are shared.
+  // Starts a team, inserts a mission's records, and waits until all of them are shared.
   void SetUp() override {
     environment_ = {
         {"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}, {"XDG_CONFIG_HOME", folder_ / "config"}};
@@ -146,7 +148,8 @@ class EveryCommandTest : public ProcessTeam {
     return Moonctl(words);
   }
 
-  // Runs all commands with text output, then all with JSON output. `expected` is the member of Case with the exit code.
+  // Runs all commands with text output, then all with JSON output. `expected` is the member of Case that holds the
+  // expected exit code.
   void RunAll(int Case::*expected) {
     std::vector<bool> are_errors;
     for (const bool is_json : {false, true}) {
@@ -161,7 +164,8 @@ class EveryCommandTest : public ProcessTeam {
         if (is_json) {
           EXPECT_EQ(IsErrorJson(outcome.out), are_errors[i]) << outcome.out;
         } else {
-          // A command that fails completely prints one line. Otherwise it shows the agents that answered.
+          // A command that fails completely prints one line to stderr. Otherwise it prints the answers that it
+          // received.
           are_errors.push_back(outcome.out.empty());
           if (outcome.out.empty()) {
             EXPECT_TRUE(outcome.error.starts_with("moonctl: ")) << outcome.error;
@@ -188,14 +192,13 @@ TEST_F(EveryCommandTest, ReportsItsResultWithAllWithDeadAndWithFrozenAgents) {
 
   const pid_t frozen = PidOf("rover3");
   ASSERT_EQ(::kill(frozen, SIGSTOP), 0);
-  timeout_ = "600ms";  // Short, because many commands wait until it has passed.
+  timeout_ = "600ms";  // Short, because many commands wait until the timeout.
   RunAll(&Case::when_frozen);
   ASSERT_EQ(::kill(frozen, SIGCONT), 0);
   MoonctlExpecting(kDone, {"down"});
   MoonctlExpecting(kUnreachable, {"status"});
 }
 
-// Fails if Cases() lacks a new command.
 TEST(EveryCommandListTest, KnowsEveryCommand) {
   CommandContext context("");
   Command app;

@@ -20,7 +20,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
 
-// rover2 stood 100 m from the origin; its maps are centred on the origin.
+// The node is 100 m from the origin. MapOf centres maps on the origin, away from the footprint of the rover.
 constexpr char kNode[] =
     R"({"node": {"agent_id": 2}, "map_from_node": {"position_m": {"x": 100}, "orientation": {"w": 1}}})";
 
@@ -42,8 +42,8 @@ proto::Record MapOf(const Grid& grid, std::uint64_t node) {
 
 class ExportTest : public ProcessTeam {
  protected:
-  // Starts a team whose rover2 has two maps: one of noise around the origin, far from rover2's footprint, and one whose
-  // node does not exist. Then kills rover3.
+  // Starts a team, and inserts two maps of noise at rover2: one for an existing node, and one for a missing node. Then
+  // kills rover3.
   void StartWithMap() {
     std::string team = *ReadTextFile(team_file_);
     ASSERT_TRUE(WriteTextFile(team_file_, team + "\nsite: {lat_deg: 7.4, lon_deg: -59, north_yaw_rad: 0.5}\n"));
@@ -93,7 +93,7 @@ TEST_F(ExportTest, WritesProvenanceOfGraphsIfTheFormatAllowsComments) {
 
   check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "g.g2o", "--format", "g2o"}));
   check(text_of("g.g2o.origin.txt"));
-  EXPECT_EQ(text_of("g.g2o").find('#'), std::string::npos);  // Some g2o readers accept no comments either.
+  EXPECT_EQ(text_of("g.g2o").find('#'), std::string::npos);  // Some g2o readers accept no comments.
   EXPECT_TRUE(ReadG2o(folder_ / "g.g2o"));
 
   check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "t", "--format", "tum"}));
@@ -112,7 +112,7 @@ TEST_F(ExportTest, WritesTheBaseStationAsTheFormatsOwnReaderTakesIt) {
       R"({"node": {"agent_id": 4}, "map_from_node": {"position_m": {"x": 1, "y": 2, "z": 3}, "orientation": {"w": 1}}})";
   MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kBase, "-a", "base"});
   MoonctlExpecting(0, {"-a", "base", "graph", "export", folder_ / "g.pyfg"});
-  EXPECT_EQ(*ReadTextFile(folder_ / "g.pyfg"), "VERTEX_XYZ L0 1 2 3\n");  // A landmark, which has no timestamp.
+  EXPECT_EQ(*ReadTextFile(folder_ / "g.pyfg"), "VERTEX_XYZ L0 1 2 3\n");  // A landmark line has no timestamp.
 }
 
 TEST_F(ExportTest, AllFormatsHoldTheSameCells) {
@@ -133,14 +133,14 @@ TEST_F(ExportTest, AllFormatsHoldTheSameCells) {
   EXPECT_THAT(info, HasSubstr("NoData Value=0"));
   EXPECT_THAT(run("gdalinfo map.png"), HasSubstr("Pixel Size = (0.05"));
 
-  // PROJ computes the longitude and latitude of a point 1 km east and 5 km north of the site. The expected numbers were
-  // computed along a great circle.
+  // PROJ computes the longitude and latitude of a point 1 km east and 5 km north of the site. The expected values come
+  // from the great-circle formula.
   const std::string at =
       run("echo 1000 5000 | gdaltransform -s_srs \"$(gdalsrsinfo -o proj4 map.tif | tr -d '\\n')\" -t_srs "
           "'+proj=longlat +R=1737400 +no_defs' | awk '{printf \"%.9f %.9f\", $1, $2}'");
   EXPECT_EQ(at, "-58.966732613 7.564888189");
 
-  // Each pixel's class in the TIFF matches its colour in the PNG.
+  // Each pixel's class in the TIFF must match its colour in the PNG.
   run("gdal_translate -q -of ENVI map.tif tif.raw && gdal_translate -q -of ENVI map.png png.raw");
   const std::string tif = *ReadTextFile(folder_ / "map" / "tif.raw"), png = *ReadTextFile(folder_ / "map" / "png.raw");
   EXPECT_EQ(tif, png);

@@ -1,6 +1,6 @@
 // A library for LD_PRELOAD that simulates a failing disk in tests with real processes. While the file named by
 // MOONDB_FAILING_DISK exists, each write to a store, its log, its index or its reserve fails with an I/O error. Reads
-// work.
+// succeed.
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
 #endif

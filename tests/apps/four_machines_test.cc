@@ -1,4 +1,4 @@
-// Tests of a team as in a mission: each agent runs on its own machine, and an operator works at one of the machines.
+// Tests a team whose agents run on separate machines. An operator works at one of the machines.
 
 #include <gmock/gmock.h>
 #include <signal.h>
@@ -20,12 +20,12 @@ using Words = std::vector<std::string>;
 constexpr char kThroughRover2[] = "moonctl: through rover2, over the radio\n";
 const std::vector<std::string> kNames = {"rover1", "rover2", "rover3", "base"};
 
-// A folder simulates each machine. It holds the team file and one agent's secret keys, data and sockets.
+// Each machine is a folder with the team file and with one agent's secret keys, data and sockets.
 class FourMachinesTest : public ProcessTeam {
  protected:
   void SetUp() override {
     ProcessTeam::SetUp();
-    environment_.clear();  // The operator's shell. Each agent gets a run folder of its own.
+    environment_.clear();  // The operator has no MOONDB_RUN_DIR. StartOn sets one for each agent.
     LetCommandsComeThrough("base, rover2");
     for (const std::string& name : kNames) {
       std::filesystem::create_directories(MachineOf(name));
@@ -52,7 +52,7 @@ class FourMachinesTest : public ProcessTeam {
     for (auto& [name, agent] : agents_) (void)agent->Wait();
   }
 
-  // Sets command_from in the team file to these agents.
+  // Sets command_from in the team file to `names`.
   void LetCommandsComeThrough(const std::string& names) {
     std::string yaml = *ReadTextFile(team_file_);
     const std::string line = "command_from: [base]";
@@ -69,7 +69,7 @@ class FourMachinesTest : public ProcessTeam {
         command, std::map<std::string, std::string>{{"MOONDB_RUN_DIR", MachineOf(name) / "run"}}, MachineOf(name));
   }
 
-  // Runs `moonctl` with these words on the machine of the agent `name`.
+  // Runs `moonctl` with `words` on the machine of the agent `name`.
   Outcome At(const std::string& name, Words words) {
     words.insert(words.begin(), {"-t", MachineOf(name) / "team.yaml"});
     return Moonctl(std::move(words));
@@ -137,7 +137,6 @@ TEST_F(FourMachinesTest, CommandsOfTheReadmeWorkThroughOneAgentAndNameIt) {
   EXPECT_EQ(AtRover2(0, {"-a", "rover2", "status"}).error, "") << "its own agent is asked itself";
 }
 
-// rover3's operator may ask for the status of all agents, but may command only rover3.
 TEST_F(FourMachinesTest, AnAgentOutsideCommandFromRelaysOnlyQueries) {
   EXPECT_EQ(At("rover3", {"status"}).exit_code, 0);
   const Outcome refused = At("rover3", {"-a", "rover1", "record", "insert", "temperature", "{\"celsius\": 1}"});
@@ -171,7 +170,7 @@ TEST_F(FourMachinesTest, ReportsWhichAgentsAreElsewhereAndWhichAreLost) {
   EXPECT_THAT(status.out, Not(HasSubstr("is not running")));
   EXPECT_THAT(status.out, HasSubstr("leader"));
 
-  // A leader that other agents still reach is not lost, even if it does not answer.
+  // A leader that other agents still reach does not count as lost, even if it does not answer.
   agents_.at("rover1")->Signal(SIGSTOP);
   const Outcome silent = AtRover2(5, {"sync", "now", "--timeout", "1s"});
   EXPECT_THAT(silent.error, HasSubstr("agent rover1 is not on this machine, rover2 heard it "));
@@ -185,7 +184,7 @@ TEST_F(FourMachinesTest, ReportsWhichAgentsAreElsewhereAndWhichAreLost) {
   const Outcome set = At("rover2", {"role", "set", "rover2", "leader", "rover3", "survivor"});
   EXPECT_THAT(set.out, HasSubstr("leader rover2")) << set.error;
 
-  // If no agent answers, the machine's own agent is reported.
+  // If no agent runs, the output names this machine's agent and why the others cannot be asked.
   EndOn("base");
   agents_.at("rover2")->Signal(SIGTERM);
   (void)agents_.at("rover2")->Wait();

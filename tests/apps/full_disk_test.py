@@ -79,7 +79,7 @@ class Disk:
         (self.folder / "fill").unlink()
 
     def remount(self, options):
-        # Retry, because files of a process may stay open for a moment after the process has ended.
+        # Retry: files of a process may stay open for a moment after its end.
         deadline = time.monotonic() + 10
         while run("mount", "-o", f"remount,{options}", self.folder, check=False).returncode != 0:
             if time.monotonic() > deadline:
@@ -184,7 +184,7 @@ class Team:
         self.moonctl("sync", "now", "--wait")
         self.moonctl("replicate", "now", "--wait")
         for _ in range(3):
-            self.insert()  # No other agent has these records yet.
+            self.insert()  # These records are only on this agent's disk.
         goal = min(16 << 20, os.statvfs(self.data).f_blocks * os.statvfs(self.data).f_frsize // 8)
         self.until("the reserve is made", lambda: self.storage().get("reserve_bytes", 0) >= goal)
 
@@ -361,7 +361,7 @@ CASES = {
     "read-only, rover": (read_only, "rover3"),
     "taken away": (taken_away, "rover3"),
 }
-# Cases that do not depend on the file system run on one file system only.
+# These cases do not depend on the file system. They run on one file system only.
 ON_ONE = {"failing", "taken away"}
 
 

@@ -12,8 +12,7 @@ import shutil
 import subprocess
 import sys
 
-# Instruction that a compiler puts at permitted targets of indirect jumps. Whether the processor checks the targets also
-# depends on the C library. Debian 12's C library does not turn the check on for x86.
+# Instruction that marks a permitted target of indirect jumps: endbr64 or bti c.
 LANDINGS = {"x86_64": bytes.fromhex("f30f1efa"), "aarch64": bytes.fromhex("3f2303d5")}
 LANDINGS_MIN = 100
 NAMES = ["moondb_agent", "moonctl", "moondb_mission", "moondb_replay", "moondb_sim"]

@@ -104,15 +104,15 @@ def remove_left_behind():
 
 class Team:
     def __init__(self, programs, folder, network, agent_program="moondb_agent"):
-        self.environment = None  # Environment of the agents. None: that of this program.
+        self.environment = None  # Environment of the agents. None: this program's environment.
         self.programs, self.folder, self.network = pathlib.Path(programs), folder, network
         self.agent_program = self.programs / agent_program
         self.file = folder / "team.yaml"
         self.agents = {}
         run(self.programs / "moonctl", "config", "init", "--agents", len(NAMES), self.file)
         text = self.file.read_text(encoding="utf-8")
-        # Turn off periodic solves. Otherwise the leader could store solved poses between a transfer and the comparison
-        # of stores.
+        # Turn off automatic solving. Otherwise the leader could store solved poses between a transfer and the
+        # comparison of the stores.
         text = text.replace("solve_by_itself: true", "solve_by_itself: false")
         for i in range(len(NAMES)):
             text = text.replace(f"tcp://127.0.0.1:{7400 + i}", f"tcp://{address(i)}:7400")
@@ -213,7 +213,7 @@ def lab(programs, agent_program="moondb_agent"):
     if os.geteuid() != 0 or not shutil.which("ip") or not shutil.which("tc"):
         raise Unsupported("needs root, ip and tc (package iproute2)")
     with contextlib.ExitStack() as stack:
-        # On SIGTERM, run the clean-up registered below, as after an exception.
+        # Exit through an exception on SIGTERM, so that the clean-up below runs.
         before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
         stack.callback(signal.signal, signal.SIGTERM, before)
         remove_left_behind()

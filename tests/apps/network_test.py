@@ -27,7 +27,7 @@ def check_same(team, leader, survivor):
     for agent in range(len(NAMES)):
         own = {key: value for key, value in team.records(agent).items() if key[0] == agent + 1}
         lacking = [key for key, value in own.items() if at_leader.get(key) != value]
-        # `own` has no superseded states, because each agent keeps only the newest state of each key.
+        # No superseded state is in `own`: an agent keeps only the newest state of each key.
         if lacking:
             raise Failure(f"{NAMES[leader]} lacks {len(lacking)} of {NAMES[agent]}'s records, such as {lacking[0]}")
     return len(at_leader)
@@ -63,7 +63,7 @@ def tell(team, network, mission, started):
     team.moonctl("role", "swap")
     team.share("sync")
     team.share("replicate")
-    # Wait, because the new leader also receives the records that the deposed leader was still replicating.
+    # The new leader may still receive records that the deposed leader was replicating.
     team.until(lambda: team.records(1) == team.records(0), "leader and survivor do not come to hold the same")
     say(started, f"leader and survivor hold the same {check_same(team, 1, 0)} records")
 

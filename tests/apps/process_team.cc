@@ -13,8 +13,6 @@
 
 namespace moondb {
 
-// Replaces the loopback addresses that `config init` writes by ipc sockets in `folder`, and turns off periodic solves.
-// The records of such a solve could disturb a test that compares the records of agents.
 void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::path& folder) {
   std::string text = *ReadTextFile(team_file);
   const std::string address = "tcp://127.0.0.1:";

@@ -1,6 +1,6 @@
-// ProcessTeam: base of tests with real processes. It makes a folder with the team file of three rovers and a base
-// station, with CURVE and with ipc sockets in that folder, so it needs no ports. At the end it kills all agents that
-// still run.
+// ProcessTeam: base of tests with real processes. Makes a temporary folder with the team file of three rovers and a
+// base station. The team uses CURVE and ipc sockets in that folder, so it needs no ports. TearDown kills all agents
+// that still run.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -19,7 +19,8 @@
 
 namespace moondb {
 
-// Replaces the loopback addresses that `config init` writes by ipc sockets in `folder`, and turns off periodic solves.
+// Adapts a team file of `config init`. Replaces loopback addresses by ipc sockets in `folder`. Turns off automatic
+// solving, whose records could disturb tests that compare the records of agents.
 void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::path& folder);
 
 class ProcessTeam : public testing::Test {
@@ -27,7 +28,6 @@ class ProcessTeam : public testing::Test {
   void SetUp() override;
   void TearDown() override;
 
-  // Runs `moonctl` for this team. The run folder (MOONDB_RUN_DIR) lies in `folder_`.
   Outcome Moonctl(std::vector<std::string> arguments);
   // Runs `moonctl`, expects `exit_code`, and returns stdout.
   std::string MoonctlExpecting(int exit_code, std::vector<std::string> arguments);
@@ -39,7 +39,7 @@ class ProcessTeam : public testing::Test {
   Outcome Run(std::vector<std::string> command);
 
   std::unique_ptr<Client> Connect(const std::string& name);
-  // Returns the process id of the agent, from its data folder's lock. 0: the agent is not running.
+  // Returns the agent's process id, read from the lock of its data folder. 0: the agent is not running.
   pid_t PidOf(const std::string& name);
   void Kill(const std::string& name);  // Sends SIGKILL and waits until the agent has ended.
 

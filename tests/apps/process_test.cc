@@ -1,4 +1,4 @@
-// Runs the programs as an operator does: real processes, real sockets, a real disk, kill -9.
+// Tests the programs as an operator uses them: with real processes, real sockets, a real disk and kill -9.
 
 #include <gmock/gmock.h>
 #include <google/protobuf/util/json_util.h>
@@ -46,7 +46,7 @@ constexpr char kNodeJson[] = R"({
 
 std::string KeyOf(const std::string& out) { return out.substr(0, out.find('\n')); }
 
-// Returns maps of noise, which the codec cannot compress well.
+// Returns maps of noise, which are hard to compress.
 std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed, AgentId agent = 2) {
   std::mt19937_64 random(seed);
   std::vector<proto::Record> records;
@@ -71,7 +71,7 @@ std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed, AgentId agen
 TEST_F(ProcessTest, AMapReachesTheLeaderAndThenTheSurvivor) {
   MoonctlExpecting(0, {"up"});
   EXPECT_THAT(MoonctlExpecting(0, {"status"}), HasSubstr("designated_survivor"));
-  // Insert a record at rover3 too. The survivor must receive it through the leader.
+  // Insert a record at rover3 too. The survivor can receive it only through the leader.
   const std::string state =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"}));
   EXPECT_EQ(MoonctlExpecting(0, {"record", "next-node", "-a", "rover2"}), "0\n");
@@ -98,7 +98,7 @@ TEST_F(ProcessTest, AMapReachesTheLeaderAndThenTheSurvivor) {
 TEST_F(ProcessTest, ExplainsACellAndExcludesQuarantinedMapsEverywhere) {
   MoonctlExpecting(0, {"up"});
   MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2"});
-  std::string map = kMapJson;  // A map that does not overlap the rover's own footprint.
+  std::string map = kMapJson;  // This map does not overlap the rover's own footprint.
   map.replace(map.find("\"position_m\": {}"), 16, "\"position_m\": {\"x\": 3}");
   MoonctlExpecting(0, {"record", "insert", "local_traversability_map", map, "-a", "rover2"});
   MoonctlExpecting(0, {"sync", "now", "--wait"});
@@ -150,7 +150,7 @@ TEST_F(ProcessTest, HealthReportsToScriptsByItsExitCode) {
   EXPECT_FALSE(MoonctlJson(1, {"health"}).fields().at("is_healthy").bool_value());
 }
 
-// Overwrites 8192 bytes of a stopped agent's store with noise, from offset 4096.
+// Overwrites bytes 4096 to 12287 of a stopped agent's store with noise.
 void DamageStore(const std::filesystem::path& file, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::string noise(8192, '\0');
@@ -181,7 +181,7 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
   EXPECT_THAT(text, HasSubstr("set aside as " + store.string() + ".damaged-1"));
   EXPECT_THAT(text, HasSubstr("not acknowledged"));
   EXPECT_EQ(Moonctl({"health", "-a", "rover3"}).exit_code, 1);
-  // By now the agent may have received back events of its lost store. None of them was stored before the damage event.
+  // The agent may already have received events of its lost store, but the damage event is still the first one stored.
   const std::string first = "SELECT kind, text FROM v_event WHERE agent_id = 3 ORDER BY row_id LIMIT 1";
   EXPECT_THAT(MoonctlExpecting(0, {"db", "query", first, "-a", "rover3"}), HasSubstr("damage"));
   EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover3", "--origin", "rover3"}), HasSubstr("set aside as"));
@@ -195,8 +195,7 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
   EXPECT_THAT(Moonctl({"health", "-a", "rover2"}).out, Not(HasSubstr("ended without stopping")));
   EXPECT_THAT(Moonctl({"health", "-a", "rover3"}).out, HasSubstr("set aside")) << "rover2's alone were";
   EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge"}), HasSubstr("set aside"));
-  // An acknowledgment does not hide that records are missing. Whether the records are still missing, already back, or
-  // not yet known to be missing depends on when other agents reach rover3.
+  // An acknowledgment does not hide that records are missing, unless other agents have already restored them.
   EXPECT_TRUE(Until([this] {
     return Moonctl({"health", "-a", "rover3"}).out.find("records of this agent that its disk never had") !=
                std::string::npos ||
@@ -204,7 +203,7 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
   })) << Moonctl({"health", "-a", "rover3"}).out;
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; })) << Moonctl({"health"}).out;
-  // The acknowledgment survives a restart of the agent, and the log keeps the acknowledged finding.
+  // The acknowledgment survives a restart of the agent. The log keeps the acknowledged finding.
   MoonctlExpecting(0, {"down", "-a", "rover3"});
   MoonctlExpecting(0, {"up"});
   ASSERT_TRUE(Until([this] { return Moonctl({"health", "-a", "rover3"}).exit_code == 0; }));
@@ -260,11 +259,11 @@ TEST_F(ProcessTest, LosesNothingAcknowledgedWhenTheLeaderIsKilledDuringASync) {
   update();
   std::cout << "acknowledged when the leader died: " << acknowledged << " of 600\n";
 
-  // Acknowledged records are available as soon as the leader is back, whichever batches were in flight when it died.
+  // The restarted leader holds all acknowledged records at once.
   const auto leader = StartAgent("rover1");
   ASSERT_TRUE(Until([&] { return Moonctl({"status", "-a", "rover1"}).exit_code == 0; }));
   EXPECT_GE(static_cast<double>(KeysHeldBy("rover1").size()), acknowledged);
-  // All records arrive once all agents have reached the leader again.
+  // All other records arrive when all agents have reached the leader again.
   ASSERT_TRUE(Until([&] { return Moonctl({"sync", "now", "--wait"}).exit_code == 0; }));
   EXPECT_THAT(KeysHeldBy("rover1"), IsSupersetOf(*inserted));
   leader->Signal(SIGTERM);
@@ -286,14 +285,15 @@ TEST_F(ProcessTest, TheSurvivorCanLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(0, {"role", "set", "rover2", "leader", "rover3", "survivor"});
   const std::string key =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "power", "{\"battery_ratio\": 0.5}", "-a", "rover3"}));
-  // rover1 is dead. The records of all other agents are shared, and the exit code reports that records are missing.
+  // rover1 is dead. The sync completes for all other agents. The exit code reports that records of rover1 may be
+  // missing.
   MoonctlExpecting(3, {"sync", "now", "--wait"});
   MoonctlExpecting(0, {"record", "get", key, "-a", "rover2"});
-  // All reachable records are replicated; records held only by rover1 may follow later.
+  // Records that only rover1 holds cannot be replicated yet.
   EXPECT_THAT(MoonctlExpecting(3, {"replicate", "now", "--wait"}),
               HasSubstr("everything is acknowledged; not there yet is what is held only by rover1 (is out of reach)"));
 
-  // The deposed leader learns of the new roles when it restarts.
+  // The deposed leader receives the new roles when it restarts.
   const auto former = StartAgent("rover1");
   EXPECT_TRUE(Until([&] {
     return Moonctl({"role", "show", "-a", "rover1"}).out.find("rover1  rover ") == 0 ||
@@ -302,8 +302,8 @@ TEST_F(ProcessTest, TheSurvivorCanLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(4, {"graph", "optimize", "-a", "rover1"});
 }
 
-// A leader in a new term requests all records from all agents. This takes longer than the order of one `sync now`, so
-// --wait must wait for it too.
+// A leader that lost its disk requests all records from all agents. This takes longer than the order of one `sync now`,
+// and --wait must wait for it too.
 TEST_F(ProcessTest, WaitsUntilALeaderThatLostItsDiskHasCollectedAllRecords) {
   MoonctlExpecting(0, {"up"});
   constexpr std::uint64_t kSeed = 20261122;
@@ -316,7 +316,7 @@ TEST_F(ProcessTest, WaitsUntilALeaderThatLostItsDiskHasCollectedAllRecords) {
   }
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   MoonctlExpecting(0, {"replicate", "now", "--wait"});
-  Kill("rover3");  // Leader and survivor hold its records.
+  Kill("rover3");  // Leader and survivor hold rover3's records.
   Kill("rover1");
   std::filesystem::remove_all(folder_ / "moondb-data" / "rover1");
   const auto leader = StartAgent("rover1");
@@ -399,7 +399,7 @@ TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
   agent->Signal(SIGTERM);
   const Outcome outcome = agent->Wait();
   EXPECT_EQ(outcome.exit_code, 0) << outcome.error;
-  // The documented limit is one second. The test allows three, because the machine may be loaded.
+  // The documented limit is one second. Three seconds allow for a loaded machine.
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
 }
 
@@ -430,15 +430,14 @@ TEST_F(ProcessTest, RefusesASecondAgentOnTheSameDataOrAddress) {
   const Outcome same_address = StartAgent("rover1", {"--data-dir", folder_ / "other"})->Wait();
   EXPECT_EQ(same_address.exit_code, 1) << same_address.error;
   EXPECT_EQ(std::count(same_address.error.begin(), same_address.error.end(), '\n'), 1) << same_address.error;
-  // The first agent still answers.
   EXPECT_EQ(Moonctl({"status", "-a", "rover1"}).exit_code, 0);
 }
 
-// Simulates an agent whose process still holds its files for a moment after `kill -9`.
+// After `kill -9`, a process may hold its files for a moment.
 TEST_F(ProcessTest, StartsAnAgentWhoseProcessIsStillEnding) {
   std::optional<DataFolderLock> ending = *DataFolderLock::Take(folder_ / "moondb-data" / "rover1");
   auto up = std::async(std::launch::async, [this] { return Moonctl({"up", "-a", "rover1"}); });
-  (void)up.wait_for(std::chrono::milliseconds(500));  // Within 500 ms moonctl has probably looked for the agent.
+  (void)up.wait_for(std::chrono::milliseconds(500));  // Gives moonctl time to look for the agent.
   ending.reset();
   const Outcome outcome = up.get();
   EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
@@ -472,7 +471,6 @@ TEST_F(ProcessTest, StopsTheOthersWhenOneCannotStart) {
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
 }
 
-// The agent gets its own records back from the agents that hold them.
 TEST_F(ProcessTest, SetsADamagedDatabaseAsideAndIsFilledAgain) {
   MoonctlExpecting(0, {"up"});
   std::string key = MoonctlExpecting(0, {"-a", "rover3", "record", "insert", "temperature", R"({"celsius": -40.5})"});
@@ -484,7 +482,7 @@ TEST_F(ProcessTest, SetsADamagedDatabaseAsideAndIsFilledAgain) {
   std::ofstream(database) << std::string(8192, 'x');
   MoonctlExpecting(0, {"up"});
   EXPECT_TRUE(std::filesystem::exists(database.string() + ".damaged-1"));
-  // Retry: after its restart, the leader does not know at first that it leads.
+  // Retry: a restarted leader does not lead at once.
   EXPECT_TRUE(Until([&] {
     (void)Moonctl({"sync", "now", "--wait"});
     return MoonctlExpecting(0, {"-a", "rover3", "record", "list", "temperature"}).find(key) != std::string::npos;
@@ -651,7 +649,7 @@ TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfAKilledLeader) {
   }));
 }
 
-// A stopped process keeps its connections. Only unanswered requests show that it hangs.
+// A stopped process keeps its connections, so only unanswered requests show that it hangs.
 TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfALeaderThatHangs) {
   ASSERT_NO_FATAL_FAILURE(UpWithAutomaticFailover());
   const pid_t leader = PidOf("rover1");
@@ -659,7 +657,7 @@ TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfALeaderThatHangs) {
   const auto is_replaced = [this] {
     return MoonctlExpecting(0, {"role", "show", "-a", "rover2"}).find("rover2  leader ") != std::string::npos;
   };
-  // Failover takes 4/3 of leader_timeout_s plus 3 s. An idle link would be closed only after 33 s.
+  // Failover takes 4/3 of leader_timeout_s plus 3 s. Without requests, the link would be closed only after 33 s.
   EXPECT_TRUE(Until(is_replaced, std::chrono::seconds(15)));
   ASSERT_EQ(kill(leader, SIGCONT), 0);
 }

@@ -1,4 +1,4 @@
-// Runs real programs for tests: returns their exit code and output, and kills them after a time limit.
+// Runs programs for tests. Returns their exit code and output, and kills them after a time limit.
 #pragma once
 
 #include <sys/types.h>
@@ -12,7 +12,7 @@
 namespace moondb {
 
 struct Outcome {
-  int exit_code = -1;  // -1 if it was killed or ended by a signal.
+  int exit_code = -1;  // -1 if the process was killed or ended by a signal.
   std::string out;
   std::string error;
 };
@@ -20,7 +20,7 @@ struct Outcome {
 // A child process. The destructor kills it.
 class Child {
  public:
-  // Starts `command` with the test's environment and `environment`. Writes its output to out.txt and error.txt in
+  // Starts `command` with the test's environment plus `environment`. Writes the output to out.txt and error.txt in
   // `folder`.
   Child(std::vector<std::string> command, const std::map<std::string, std::string>& environment,
         std::filesystem::path folder);
@@ -30,7 +30,7 @@ class Child {
 
   pid_t pid() const { return pid_; }
   void Signal(int signal) const;
-  // Waits until the process ends, or kills it after `limit`.
+  // Waits until the process ends. Kills the process if it still runs after `limit`.
   Outcome Wait(std::chrono::seconds limit = std::chrono::seconds(60));
   std::string Out() const;
 

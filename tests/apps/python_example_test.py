@@ -23,7 +23,7 @@ merged map of 1: 80 x 80 cells of 0\.05 m, lower left corner at \(3\.00, 0\.00\)
 """)
 
 
-# Output of the sync examples while one robot drives and another is off.
+# Expected output of the sync examples while rover2 drives and rover3 is off.
 MISSING = re.compile(r"""not complete
 2 to 1: rover2 drives for \d+ s more
 1 to 2: rover2 drives for \d+ s more
@@ -75,7 +75,7 @@ def sync_while_not_all_can(python, source, folder, environment):
                 ["sync_example", f"ipc://{endpoint}", "rover1"]]
     deadline = time.monotonic() + 60
     while "out of reach" not in run(programs[0], environment, folder) and time.monotonic() < deadline:
-        pass  # The leader has not noticed yet that rover3 is down.
+        pass  # Wait until the leader notices that rover3 is off.
     return [run(program, environment, folder) for program in programs]
 
 

@@ -1,4 +1,4 @@
-// Replays a recorded mission through real processes, if the data are available (MOONDB_DATA).
+// Replays a recorded mission through real processes. Skipped unless MOONDB_DATA is set.
 
 #include <gmock/gmock.h>
 #include <google/protobuf/util/json_util.h>
@@ -24,7 +24,7 @@ class ReplayTest : public ProcessTeam {
     ProcessTeam::SetUp();
   }
 
-  // Makes a team of the mission's agents, which the test uses instead of the usual team.
+  // Makes a team of the mission's agents, which replaces the usual team.
   void MakeTeam() {
     std::filesystem::create_directories(folder_ / "m");
     const std::string before = team_file_;
@@ -49,7 +49,7 @@ double Figure(const google::protobuf::Struct& figures, const std::string& part, 
 TEST_F(ReplayTest, MakesAMissionsTrajectoriesAndMapBetterOnTwoAgentsAlike) {
   MakeTeam();
   MoonctlExpecting(0, {"up", "--merge-backend", "cpu"});
-  // Feeds both halves of the mission, the second half twice. No record may be stored twice.
+  // Feeds both halves of the mission, the second one twice. No record may be stored twice.
   for (const auto& span : {std::pair("--to", "200"), {"--from", "200"}, {"--from", "200"}}) {
     const Outcome fed = Replay({"feed", "--mission", mission_, span.first, span.second});
     ASSERT_EQ(fed.exit_code, 0) << fed.error;
@@ -68,9 +68,10 @@ TEST_F(ReplayTest, MakesAMissionsTrajectoriesAndMapBetterOnTwoAgentsAlike) {
     EXPECT_TRUE(figures.fields().at("is_agents_map_equal").bool_value());
     EXPECT_LT(Figure(figures, "after", "ate_m"), Figure(figures, "before", "ate_m"));
     EXPECT_GT(Figure(figures, "after", "hazard_iou"), Figure(figures, "before", "hazard_iou"));
-    for (const char* picture : {"merged_before.png", "merged_after.png", "merged_truth.png", "before_after.png",
-                                "trajectories.png", "rover1.png"}) {
-      EXPECT_TRUE(std::filesystem::exists(out / picture)) << picture;
+    for (const std::string name :
+         {"merged_before", "merged_after", "merged_truth", "before_after", "trajectories", "rover1"}) {
+      EXPECT_TRUE(std::filesystem::exists(out / (name + ".png"))) << name;
+      EXPECT_TRUE(std::filesystem::exists(out / (name + ".svg"))) << name;
     }
     RecordProperty("figures_" + agent, *ReadTextFile(out / "score.json"));
     std::cout << scored.out;

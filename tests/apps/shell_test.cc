@@ -1,4 +1,5 @@
-// Tests the completion scripts in their shells and the manual page in groff. Skips programs that are not installed.
+// Tests the completion scripts in their shells, and the manual page in groff. Programs that are not installed are
+// skipped.
 
 #include <gmock/gmock.h>
 

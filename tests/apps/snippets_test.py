@@ -20,14 +20,14 @@ import tempfile
 
 SKIPPED = 77
 PORTS = range(7400, 7404)  # Default ports of `moonctl config init`.
-HOME = "/home/anna"  # Path that the guides show for the folder of the snippets.
+HOME = "/home/anna"  # In the guides, this path stands for the folder of the snippets.
 FENCE = re.compile(r"^```(sh|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 EXITS = re.compile(r"# exits with (\d+)\s*$")
 NUMBER = re.compile(r"(?<![A-Za-z_\d])-?\d[\da-fx.:]*( ?(?:[kMG]?B|[kM]?bit/s|[kMG]?B/s|ms|s|min|h|m|rad)\b)?")
 
 
 USER = re.compile(r"\w+@[\w.-]+")
-# Matches a team's id, in full or in a socket's path, and the hash of a team file.
+# A team's id, in full or shortened in a socket path, or the hash of a team file.
 TEAM_ID = re.compile(r"\b[0-9a-f]{32}\b|(?<=-)[0-9a-f]{8}(?=/\w+\.sock)|(?<=hash )[0-9a-f]{16}|(?<=here )[0-9a-f]{16}")
 
 

@@ -1,5 +1,5 @@
-// Commands must reach the right team and the right agent: two teams with one name on one machine, differing team files,
-// and renamed agents.
+// Commands must reach the right team and agent, even if two teams on one machine have the same name, team files differ,
+// or agents were renamed.
 
 #include <gmock/gmock.h>
 
@@ -61,7 +61,7 @@ TEST_F(TeamIdentityTest, TwoTeamsOfOneNameOnOneMachineDoNotMeet) {
 
 TEST_F(TeamIdentityTest, AnAgentOfAnotherTeamReceivesNoRequests) {
   MoonctlExpecting(0, {"-a", "rover1", "up"});
-  // The other team's id has the same prefix, so its sockets have the same paths.
+  // The other team's id begins with the same characters, so its sockets have the same paths.
   const std::string id = ReadTeamFile(team_file_)->config.team_id();
   std::filesystem::create_directories(other_.parent_path());
   std::filesystem::copy(team_file_, other_);

@@ -1,4 +1,4 @@
-// Runs a program on a pseudo terminal, as a person would see it.
+// Runs a program on a pseudo terminal.
 #pragma once
 
 #include <sys/types.h>
@@ -12,13 +12,13 @@ namespace moondb {
 
 class Terminal {
  public:
-  // Starts `command` with the test's environment and `environment`.
+  // Starts `command` with the test's environment plus `environment`.
   Terminal(std::vector<std::string> command, const std::map<std::string, std::string>& environment);
-  ~Terminal();  // Ends the program if it still runs.
+  ~Terminal();  // Kills the program if it still runs.
   Terminal(const Terminal&) = delete;
   Terminal& operator=(const Terminal&) = delete;
 
-  // Waits until the output contains `text` `count` times, for at most 30 s. Returns all output so far.
+  // Waits until the output contains `text` at least `count` times, for at most 30 s. Returns all output so far.
   const std::string& ShownUntil(const std::string& text, int count = 1);
   void Type(const std::string& keys) const;  // "\x03" is Ctrl-C.
   // Reads until the program ends and returns its exit code. Returns -1 if a signal ended it or 30 s passed.

@@ -1,5 +1,4 @@
-// Checks the commands that show whether a team's records can be trusted: which agent holds which records, and whether
-// they are intact.
+// Tests the commands that show which agents hold which records, and whether the records are intact.
 
 #include <gmock/gmock.h>
 #include <sqlite3.h>
@@ -40,7 +39,7 @@ std::string Text(const Struct& json, const std::string& name) { return Field(jso
 
 class TrustTest : public ProcessTeam {
  protected:
-  // Number of nodes, more than a verification checks in one slice.
+  // More nodes than a verification checks in one slice.
   static constexpr int kNodes = 2500;
 
   void Start() {
@@ -62,7 +61,7 @@ class TrustTest : public ProcessTeam {
     MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"});
   }
 
-  // Changes a byte of a node's content directly in the file of a running agent.
+  // Changes one byte of a node's content in the store file of a running agent.
   void ChangeAByte(const std::string& agent, const RecordKey& key) {
     const std::string path = DefaultDataRoot(team_file_.parent_path()) / agent / "moondb.sqlite";
     sqlite3* database = nullptr;
@@ -104,7 +103,7 @@ TEST_F(TrustTest, ShowsSentAndAcknowledgedRecordsPerPair) {
 
 TEST_F(TrustTest, ShowsTheHistoryOfRolesWithReasons) {
   MoonctlExpecting(0, {"up"});
-  // Wait until the leader has the new term that it takes at its start.
+  // A leader takes a new term at its start. Wait for this term.
   ASSERT_TRUE(Until([&] { return Moonctl({"role", "history"}).out.find("start of the leader") != std::string::npos; }));
   MoonctlExpecting(0, {"role", "swap", "--reason", "a full battery"});
   const auto history = List(MoonctlJson(0, {"role", "history", "-a", "rover2"}), "history");
@@ -134,7 +133,7 @@ TEST_F(TrustTest, ShowsHoldingsAndTheirDifferences) {
   MoonctlExpecting(0, {"replicate", "now", "--wait"});
   EXPECT_THAT(MoonctlExpecting(0, {"db", "diff", "rover2", "rover1"}), HasSubstr("hold the same"));
 
-  // A record that changed at one agent: the counts are equal, but the fingerprints differ.
+  // If a record changed at one agent, the counts are equal but the fingerprints differ.
   ChangeAByte("rover1", node_);
   EXPECT_THAT(MoonctlExpecting(1, {"db", "diff", "rover2", "rover1"}), HasSubstr(ToString(node_) + " differs"));
   const auto series = List(MoonctlJson(1, {"db", "diff", "rover1", "rover2"}), "series");
@@ -161,13 +160,13 @@ TEST_F(TrustTest, FindsDamageInAStore) {
   ASSERT_EQ(agents.size(), 4u);
   EXPECT_FALSE(Field(agents[0], "is_sound").bool_value());
   EXPECT_EQ(Number(agents[0], "damaged"), 1);
-  EXPECT_GT(Number(agents[0], "held"), kNodes);  // rover1 holds the nodes and also events.
+  EXPECT_GT(Number(agents[0], "held"), kNodes);  // rover1 holds the nodes and events.
   EXPECT_TRUE(Field(agents[2], "is_sound").bool_value());
   MoonctlExpecting(0, {"db", "verify", "-a", "rover3"});
 
   Kill("rover2");
-  EXPECT_THAT(MoonctlExpecting(1, {"db", "verify"}),
-              HasSubstr("rover2  unreachable"));  // Exit code 1, because damage outranks an unreachable agent.
+  // Damage determines the exit code, although an agent is unreachable.
+  EXPECT_THAT(MoonctlExpecting(1, {"db", "verify"}), HasSubstr("rover2  unreachable"));
   MoonctlExpecting(3, {"db", "verify", "-a", "rover2"});
   EXPECT_EQ(Moonctl({"db", "verify", "-a", "nobody"}).exit_code, 2);
   EXPECT_THAT(Moonctl({"db", "verfy"}).error, HasSubstr("did you mean \"verify\"?"));

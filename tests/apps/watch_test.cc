@@ -1,4 +1,4 @@
-// Tests --watch and colours on a terminal, as people see them, and in a pipe, as scripts see them.
+// Tests --watch and colours on a terminal and in a pipe.
 
 #include <gmock/gmock.h>
 #include <signal.h>

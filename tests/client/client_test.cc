@@ -53,7 +53,7 @@ TEST(ClientTest, ReportsADeadAgentThatLeftItsSocket) {
   FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>{}; });
   const std::string path = agent.endpoint().substr(6);
   agent.Stop();
-  // Create a socket file on which no process listens, as a killed process leaves it.
+  // Create a socket file without a listening process, as a killed process leaves it behind.
   const int left = ::socket(AF_UNIX, SOCK_STREAM, 0);
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -127,7 +127,7 @@ proto::ControlReply ErrorReply(proto::ErrorCode code, const std::string& text, c
   return reply;
 }
 
-// A leader whose orders are complete in the `steps`-th progress report.
+// A leader that reports an order as complete in its `steps`-th progress report.
 class SharingAgent {
  public:
   explicit SharingAgent(int steps) : steps_(steps) {}
@@ -210,7 +210,7 @@ TEST(OrdersTest, DoesNotRepeatAnOrderIndefinitely) {
   EXPECT_EQ(sharing.orders, 6);
 }
 
-// A deposed leader would not collect the team's records. It would share only its own.
+// A deposed leader would share only its own records, not the team's.
 TEST(OrdersTest, ADeposedLeaderIsNotAskedAgain) {
   SharingAgent sharing(1);
   FakeAgent agent([&](const proto::ClientMessage& message) {
@@ -253,7 +253,6 @@ TEST(OrdersTest, AChangeOfRolesWithALostReplyHappensOnce) {
   Client::Options options;
   options.timeout = milliseconds(100);
   auto client = ConnectTo(agent, options);
-  // A request with a limit would wait 30 s longer for its answer, so this request has no limit.
   proto::RoleSetRequest swap;
   swap.set_is_swap(true);
   const auto standing = client->Roles();
@@ -265,7 +264,7 @@ TEST(OrdersTest, AChangeOfRolesWithALostReplyHappensOnce) {
   EXPECT_EQ(roles.leader(), 2u) << "it was not undone";
 }
 
-// Answers with rows 1 to 5, two per page. A request for later rows gets an empty page.
+// Answers with rows 1 to 5, two per page. For later rows, answers with an empty page.
 std::vector<std::string> AnswerRead(const proto::ClientMessage& request) {
   const proto::ReadRequest& read = request.control_request().read();
   proto::ControlReply reply;
@@ -288,7 +287,7 @@ TEST(RecordFeedTest, ReturnsEachRecordOnceInPages) {
   proto::ReadRequest filter;
   filter.add_data_types(proto::POWER);
   filter.set_records_max(2);
-  filter.set_is_newest_first(true);  // Ignored by feeds.
+  filter.set_is_newest_first(true);  // RecordFeed must ignore this option.
   RecordFeed feed(*client, filter);
   std::vector<std::uint64_t> rows;
   while (true) {
@@ -482,8 +481,8 @@ TEST(ClientTest, ReportsAnAnswerThatDoesNotDecode) {
   EXPECT_EQ(status.error().code, ErrorCode::kCorrupt);
 }
 
-// A server that sends a message without end. It implements ZMTP 3 itself, because libzmq sends a message only after it
-// has all frames of the message.
+// A server that sends a message without end. It implements ZMTP 3 itself, because libzmq sends a message only when it
+// has the message's last frame.
 class EndlessMessageServer {
  public:
   EndlessMessageServer() {
@@ -514,10 +513,10 @@ class EndlessMessageServer {
     std::string greeting("\xff\0\0\0\0\0\0\0\0\x7f\x03\0NULL", 16);
     greeting.resize(64, '\0');
     const std::string ready("\x04\x1c\x05READY\x0bSocket-Type\0\0\0\x06ROUTER", 30);
-    const std::string frame =
-        std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(65'536, 'x');  // Flag: more frames follow.
+    // A long frame (flag 2) after which more frames follow (flag 1).
+    const std::string frame = std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(65'536, 'x');
     bool stands = Send(client, greeting) && Send(client, ready);
-    // Wait for the client's greeting and READY. Only then does the client accept messages.
+    // Wait for the client's greeting and READY. The client accepts messages only after these.
     std::array<char, 256> block{};
     for (std::size_t received = 0; stands && received <= greeting.size();) {
       const ssize_t size = recv(client, block.data(), block.size(), 0);

@@ -1,5 +1,5 @@
-// FakeAgent: takes the place of an agent in tests of clients. It listens with a ROUTER on an ipc socket in a folder of
-// its own, and a thread sends the answers that the test specifies.
+// FakeAgent: stands in for an agent in tests of clients. It listens with a ROUTER on an ipc socket in a temporary
+// folder. A thread sends the answers that the test specifies.
 #pragma once
 
 #include <sys/socket.h>
@@ -23,7 +23,7 @@ namespace moondb {
 
 class FakeAgent {
  public:
-  // Returns the frames to send back for one request. If there are none, the agent does not answer.
+  // Returns the frames with which to answer a request. Empty: no answer.
   using Answer = std::function<std::vector<std::string>(const proto::ClientMessage& request)>;
 
   explicit FakeAgent(Answer answer) : answer_(std::move(answer)) {

@@ -10,18 +10,18 @@
 
 namespace moondb {
 
-// Key of the record in each statement of the corpus "sql". Only the data type may differ.
+// Key of every record in the corpus "sql". Only the data types differ.
 inline const RecordKey kFuzzedSqlKey{{2, 0x5F3C9A1E0B7D4C21u, 0}, 1};
 
 struct FuzzedDecoder {
   const char* name;  // Name of the decoder, and of its folder in tests/fuzz/corpus.
-  // Runs the decoder. If a decoded value changes when it is coded and decoded again, a Check fails.
+  // Decodes `bytes`. Check fails if a decoded value changes when it is coded and decoded again.
   void (*run)(std::string_view bytes);
 };
 
 const std::vector<FuzzedDecoder>& FuzzedDecoders();
 
-// Removes a number of `byte_count` bytes from the front of `bytes` and returns it. At the end of the input, returns 0.
+// Removes the first `byte_count` bytes, or fewer at the end of the input, and returns them as a big-endian number.
 std::size_t TakeNumber(std::size_t byte_count, std::string_view& bytes);
 
 }  // namespace moondb

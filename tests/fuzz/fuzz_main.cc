@@ -1,4 +1,4 @@
-// Main file of a libFuzzer program. The macro MOONDB_FUZZED names the decoder to run.
+// Main file of a libFuzzer program. The macro MOONDB_FUZZED is the name of the decoder to run.
 #include <google/protobuf/stubs/logging.h>
 
 #include <cstddef>

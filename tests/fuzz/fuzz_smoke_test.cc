@@ -1,5 +1,5 @@
-// Runs each decoder on its corpus and on random mutations of the corpus. MOONDB_FUZZ_RUNS and MOONDB_FUZZ_SEED have the
-// same meaning as in tests/actors/sharing/sharing_fuzz_test.cc.
+// Runs each decoder on its corpus and on random mutations of the corpus. MOONDB_FUZZ_RUNS is the number of mutations
+// (200), MOONDB_FUZZ_SEED the seed (random).
 #include <gtest/gtest.h>
 
 #include <cstdlib>

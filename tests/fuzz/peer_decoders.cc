@@ -23,7 +23,7 @@ constexpr AgentId kLeader = 1;
 constexpr AgentId kSurvivor = 2;
 constexpr AgentId kLiar = 3;
 constexpr AgentId kBase = 4;
-constexpr AgentId kSelf = 5;  // A rover without a role. The attacker (kLiar) is such a rover too.
+constexpr AgentId kSelf = 5;  // A rover without a role, like the attacker kLiar.
 
 const RecordKey kQuarantineKey{{kLeader, 7, proto::MAP_QUARANTINE}, 3};
 

@@ -1,4 +1,4 @@
-// write_corpus FOLDER: generates the corpus of tests/fuzz in FOLDER again, from random maps and records.
+// write_corpus FOLDER: generates the corpus of tests/fuzz in FOLDER, from random maps and records.
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -163,8 +163,8 @@ bool WriteFrames(const std::filesystem::path& folder) {
          Write(folder, "client_frame", "roles", MessageOf(roles).SerializeAsString());
 }
 
-// Writes messages of an attacker: roles of a high term that no agent decided, and the chain from which these roles
-// claim to follow.
+// Writes the two records with valid signatures. Also writes messages of an attacker: a role assignment of a high term,
+// and the chain of assignments that allegedly precedes it.
 bool WriteSigned(const std::filesystem::path& folder) {
   proto::RoleAnnounce announce;
   proto::RoleChainReply chain;

@@ -167,7 +167,7 @@ def huge_answers(team, scale):
             try:
                 team.call("rover1", for_agent=ROVER3, **({"status": {}} if i % 2 else {"trace": {}}))
             except Failure:
-                pass  # Expected: the error in rover3's reply, or an error that the reply is unreadable.
+                pass  # Expected: rover3 replies with an error or with unreadable bytes.
 
 
 def traces_without_end(team, scale):

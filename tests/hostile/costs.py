@@ -18,7 +18,7 @@ from team import TAKEN, Failure
 TAKES_ROVER3 = True
 ROVER3 = 3
 STREAMS = 60_000
-# Another loopback address. At the flooding client's address, this client would share its connection limit.
+# Address of the honest client. The agent limits connections per address, so this address differs from the attacker's.
 ELSEWHERE = "127.0.0.2"
 BOMB_BYTES = 17 << 20
 

@@ -17,8 +17,8 @@ from team import NAMES, Failure
 
 READ_LIMIT_S = 10
 READ_MB_MAX = 256
-# Starts a program and prints its exit code and its peak memory in kB. The kernel counts the memory of the starting
-# process as the started program's own. This starter is small; the attacking process is not.
+# Starts a program and prints its exit code and its peak memory in kB. The kernel counts the memory of the parent
+# process as the program's own, so this parent is small.
 MEASURED = """
 import os, subprocess, sys
 process = subprocess.Popen(sys.argv[1:], stdout=sys.stderr)
@@ -121,7 +121,7 @@ def hostile_stores(team, scale):
                 maps = written.execute("SELECT count(*) FROM local_traversability_map").fetchone()[0]
                 written.executescript(sql)
             if team.moonctl("-a", "rover1", "up", "--merge-backend", "cpu", check=False).returncode != 0:
-                continue  # An agent may also refuse to start with such a store.
+                continue  # An agent may refuse to start with such a store.
             begin = time.monotonic()
             with contextlib.suppress(Failure):
                 team.insert_node("rover1")
@@ -299,7 +299,7 @@ def huge_files(team, scale):
 ATTACKERS = [files_that_others_may_write, links_in_the_data_folder, hostile_stores, hostile_missions, hostile_yaml,
              hostile_bundles, huge_files]
 
-# These attackers run only in a long test, because they start hundreds of programs one after the other.
+# These attackers run only in a long test, because each starts hundreds of programs in sequence.
 ONLY_AT_LENGTH = [hostile_missions, hostile_bundles]
 
 NOT_YET = {huge_files: "`graph import` and `moondb_replay feed` read a file whole before they look at it: 535 MB of memory"}

@@ -14,7 +14,7 @@ ROVER3 = 3
 HANDSHAKES, FRAMES = 4_000, 96_000  # Numbers of handshakes and frames with --scale 1.
 HANDSHAKE_TIMEOUT_S = 0.2
 HANDSHAKES_AT_ONCE = 32
-# Number of frames after which rover1 must answer a request, which proves that it has processed them.
+# Number of frames after which rover1 must answer a request. The answer proves that rover1 has processed the frames.
 ANSWER_EVERY = 5000
 
 

@@ -29,7 +29,7 @@ from snippets_test import SKIPPED, in_own_network, taken_port  # noqa: E402
 PACKAGES = ["nacl", "zmq", "google.protobuf", "zstandard"]
 MODULES = ["listener", "records", "havesets", "sessions", "roles", "commands", "costs", "clients", "files", "fuzz"]
 RSS_MB_MAX = 64
-# Memory in MB by which earlier attackers may have enlarged the agent's process. Above this, the agent is restarted.
+# Growth of the agent's memory in MB after which the agent is restarted before the next attack.
 RSS_MB_LEFT_MAX = 4
 LOG_BYTES_MAX = 64 * 1024
 DISK_BYTES_MAX = 64 * 1024 * 1024

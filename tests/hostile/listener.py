@@ -121,7 +121,7 @@ def replayed_connections(team, scale):
                 stranger.send_raw(data)
             if not stranger.is_closed_within(3):
                 raise Failure("a connection that repeats another's bytes is admitted")
-    true.send_raw(made[0].sent[-1])  # Sends a message again with a nonce that was already used.
+    true.send_raw(made[0].sent[-1])  # Repeats a message, and so a nonce that was already used.
     true.close()
     if team.connects("rover2", "rover1") != lost_before:
         raise Failure("rover2's link to rover1 was lost")
@@ -162,7 +162,7 @@ def foreign_routing_ids(team, scale):
         raise Failure(f"the others' links came up {before} times before, and {after} times after")
 
 
-# The first numbers that a ROUTER or REP of libzmq assigns to its connections if rand() is not seeded, in order.
+# The first connection ids that libzmq assigns in a ROUTER or REP socket if rand() is not seeded.
 UNSEEDED_NUMBERS = [0x6b8b4567, 0xe43c9869, 0xf4b0dc51, 0x2ae8944a]
 
 

@@ -50,8 +50,8 @@ class Member:
         self.links = {}
         self.messages = collections.deque(maxlen=KEPT_MESSAGES)
         self.received = threading.Condition()
-        # Functions by the name of a message body. The receiving thread calls the function with each message of that
-        # body.
+        # Maps the name of a message body to a function. The receiving thread calls the function with each message of
+        # that body.
         self.answers = {}
         self.last_request_id = random.getrandbits(40)
         self.is_over = threading.Event()
@@ -164,7 +164,7 @@ class Member:
         self.router.curve_server, self.router.curve_secretkey = True, secret
         self.router.router_handover = True
         host, port = self.team.address(self.name)
-        for _ in range(50):  # The real agent may not have closed its port yet.
+        for _ in range(50):  # The real agent may not have closed the port yet.
             with contextlib.suppress(zmq.ZMQError):
                 return self.router.bind(f"tcp://{host}:{port}")
             time.sleep(0.1)
@@ -185,7 +185,7 @@ class Member:
         link.unreported_bytes = 0
         report = {"reported_link": link.reported_link, "received_bytes": link.received_bytes,
                   "report_after_bytes": REPORT_AFTER_BYTES}
-        with contextlib.suppress(zmq.ZMQError):  # If the send fails, the report is sent when the agent asks again.
+        with contextlib.suppress(zmq.ZMQError):  # If the send fails, the agent will ask again.
             self.send(agent, "", link_report=report)
 
     def _receive(self):

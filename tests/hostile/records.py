@@ -200,7 +200,7 @@ def dense_graph(team, scale):
         epoch = own_epoch(session)
         bring(epoch, [messages.node(ROVER3, 50_000 + i, x=i) for i in range(1000)])
         bring(epoch, edges)
-    for _ in range(20):  # An agent that has just started is not the leader yet.
+    for _ in range(20):  # Retry: a restarted leader needs a moment before it leads.
         solved = team.moonctl("-a", "rover1", "graph", "optimize", check=False)
         if solved.returncode == 0:
             break
@@ -299,5 +299,5 @@ ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_
              many_maps, absurd_records, undeclared_types]
 ONLY_AT_LENGTH = [streams_of_its_own, many_maps]
 RSS_MB_MAX_OF = {many_maps: 160}  # The merged map keeps its 65,535 input maps in memory, about 1.5 kB each.
-# These attackers leave many of rover3's records on every disk, which would enlarge the have-sets during later attacks.
+# These attackers leave many of rover3's records on every disk. The team is rebuilt, because have-sets would stay large.
 LEAVES_MUCH = [streams_of_its_own, dense_graph, many_maps]

@@ -11,7 +11,7 @@ TAKES_ROVER3 = True
 ROVER1, ROVER2, ROVER3, BASE = 1, 2, 3, 4
 TERM_JUMP = 1_000_000  # Same as kTermJumpMax of actors/role/role_logic.h.
 TERM_GROWTH_MAX = 100
-# One more than kAtOnce of actors/role/change_budget.h, because the budget grows by one within a minute.
+# One more than kAtOnce of actors/role/change_budget.h, because the budget grows by one while the test runs.
 CHANGES_MAX = 21
 REIGN_SHIFT = 32  # Same as kEraShift of model/term.h.
 TERM_MAX = (1 << 52) - 1
@@ -136,7 +136,7 @@ def terms_to_the_end(team, scale):
             member.send("rover1", "role", role_announce={"roles": roles})
             shown = [member.ask("rover1", status={}).status.roles.term.number for _ in range(3)]
             if shown[-1] == number:
-                break  # Stop here: the agents would refuse later terms too.
+                break  # The agents would refuse later terms too.
             number = shown[-1]
     number = team.status("rover1").roles.term.number
     if number > first + TERM_GROWTH_MAX:
@@ -178,7 +178,7 @@ def endless_chain(team, scale):
         member.answers["role_chain_request"] = answer
         member.send("rover1", "role", role_announce={"roles": chain[-1]})
         count = -1
-        while count != len(asked):  # Continue while the agent requests more pages.
+        while count != len(asked):  # Wait until the agent requests no more pages.
             count = len(asked)
             time.sleep(1)
     expect_roles(team, before)
@@ -214,7 +214,6 @@ def vouches_as_survivor(team, scale):
 ATTACKERS = [roles_of_its_own, roles_in_anothers_name, roles_of_the_file, roles_as_a_record, changes_as_records,
              terms_to_the_end, chains_never_asked, endless_chain, poses_of_a_high_term, vouches_as_survivor]
 PRUNING = [vouches_as_survivor]
-LEADS = [changes_as_records]  # In these attacks rover3 is made the leader.
-# The team is rebuilt after these attacks: rover3 has led, and as a former leader it would keep more authority than a
-# rover.
+LEADS = [changes_as_records]  # Attacks during which rover3 is the leader.
+# The team is rebuilt after these attacks, because a former leader has more rights than a rover that never led.
 LEAVES_MUCH = [changes_as_records]

@@ -1,8 +1,8 @@
 """A raw client of ZMTP 3 with CURVE, which sends what libzmq never would: frames that do not end, messages of endless
 parts, any bytes instead of a handshake.
 
-    connection = zmtp.Connection(("127.0.0.1", 7400))            # TCP alone.
-    connection = zmtp.connect(address, server_key, keys, b"1")   # As a DEALER with that routing id, after the handshake.
+    connection = zmtp.Connection(("127.0.0.1", 7400))            # Only a TCP connection.
+    connection = zmtp.connect(address, server_key, keys, b"1")   # A DEALER with routing id 1, after the handshake.
     connection.send(b"...", more=True)
 
 Keys are CURVE's, 32 bytes. ZMTP: https://rfc.zeromq.org/spec/23/, CURVE: https://rfc.zeromq.org/spec/26/.
@@ -41,7 +41,7 @@ class Connection:
         self.socket = accepted or socket.create_connection(address, timeout=timeout_s)
         self.nonce = 0
         self.nonce_prefix = b"CurveZMQMESSAGEC"
-        self.session_keys = None  # After the handshake: (the server's public key, this side's secret key).
+        self.session_keys = None  # After the handshake: (public key of the server, secret key of this connection).
 
     def close(self):
         self.socket.close()

@@ -13,7 +13,7 @@ std::string Repeated(const std::string& bytes, std::size_t count) {
   return result;
 }
 
-// Returns field 1 of a RecordBatch in wire format, with `record` (serialized) as its value.
+// Returns a serialized RecordBatch whose only record is `record`, which is serialized already.
 std::string RecordField(const std::string& record) {
   std::string bytes = "\x0A";
   for (std::size_t size = record.size();; size >>= 7) {

@@ -27,7 +27,7 @@ TEST(ControlMessageTest, UnpacksTheBodyThatWasPacked) {
   EXPECT_EQ(again->read().row_ids(0), 9u);
 }
 
-// A client writes a ClientMessage. The agent parses the same bytes as a Message, because the field numbers are equal.
+// The agent parses a client's ClientMessage as a Message, so equal fields must have equal numbers.
 TEST(ControlMessageTest, AClientMessageHasTheSameBytes) {
   proto::ClientMessage sent;
   sent.set_request_id(42);
@@ -53,7 +53,7 @@ TEST(ControlMessageTest, ReportsErrorsOfABody) {
   proto::Message damaged;
   damaged.set_control_request("\xff\xff");
   EXPECT_EQ(ControlRequestOf(damaged).error().code, ErrorCode::kCorrupt);
-  proto::ControlRequest many;  // Each element has two bytes on the wire, but much more in memory.
+  proto::ControlRequest many;  // Each record takes two bytes on the wire, but much more in memory.
   for (int i = 0; i < 300'000; ++i) many.mutable_insert()->add_records();
   EXPECT_EQ(ControlRequestOf(MessageOf(many)).error().code, ErrorCode::kCorrupt);
 }

@@ -1,5 +1,5 @@
-// Checks that each built-in data type has a table row, a body in proto::Record and all else that a data type needs.
-// Iterates over the enumeration and the bodies of a record.
+// Checks that each type of the enumeration DataType has a table row, a body in proto::Record, and everything else that
+// a built-in type needs.
 #include "model/data_types.h"
 
 #include <gmock/gmock.h>
@@ -31,7 +31,7 @@ std::string PolicyName(proto::Policy policy) {
   return policy == proto::POLICY_ALL ? "all" : policy == proto::POLICY_LATEST ? "latest" : "none";
 }
 
-// Returns the paths of all set agent fields in a message, such as "node.agent_id".
+// Returns the paths of all set fields in `message` that name an agent, such as "node.agent_id".
 std::vector<std::string> AgentFieldsIn(const Message& message, const std::string& path) {
   std::vector<std::string> fields;
   std::vector<const FieldDescriptor*> set;
@@ -40,7 +40,7 @@ std::vector<std::string> AgentFieldsIn(const Message& message, const std::string
     const std::string at = path + "." + field->name();
     const bool is_role = field->name() == "issuer" || field->name() == "leader" || field->name() == "survivor";
     const bool is_solves =
-        path.find("role_assignment") == std::string::npos;  // Agents in the term of a solve need no check.
+        path.find("role_assignment") == std::string::npos;  // The agents in a solve's term need no check.
     if (field->name() == "agent_id" || (is_role && !is_solves)) fields.push_back(at);
     if (field->is_repeated() || field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
     const auto inner = AgentFieldsIn(message.GetReflection()->GetMessage(message, field), at);

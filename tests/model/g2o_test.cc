@@ -78,7 +78,7 @@ TEST(G2oTest, TakesAMatrixByItsBlocksWhereAsked) {
     const Result<G2o> g2o = ParseG2o("EDGE_SE2 0 1 1 0 0.5 " + information + "\n", "a.g2o", InformationCheck::kBlocks);
     return g2o ? "no error" : g2o.error().text;
   };
-  const std::string indefinite = "1 0 5 1 0 2";  // Correlation above 1: not positive definite.
+  const std::string indefinite = "1 0 5 1 0 2";  // The correlation is above 1, so the matrix is not positive definite.
   EXPECT_EQ(error_of(indefinite), "no error");
   EXPECT_EQ(ErrorOf("EDGE_SE2 0 1 1 0 0.5 " + indefinite + "\n"),
             "graph.g2o:1: the information is not positive definite");

@@ -1,4 +1,4 @@
-// Checks that libtiff and libgeotiff read the written GeoTIFF files.
+// Reads the written GeoTIFF files with libtiff and libgeotiff.
 #include "model/geotiff.h"
 
 #include <geotiff/geo_normalize.h>
@@ -10,7 +10,7 @@
 #include <fstream>
 #include <numbers>
 
-#include "model/map_picture.h"
+#include "model/cell_colors.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {
@@ -34,7 +34,7 @@ class GeoTiffTest : public testing::Test {
     const auto bytes = GeoTiffBytes(TallMap(), kSite, kNotes);
     ASSERT_TRUE(bytes) << ToString(bytes.error());
     std::ofstream(folder_.File("map.tif"), std::ios::binary) << *bytes;
-    TIFFSetWarningHandler(nullptr);  // libtiff does not know GDAL's tags.
+    TIFFSetWarningHandler(nullptr);  // libtiff would warn about GDAL's tags, which it does not know.
     tiff_ = XTIFFOpen(folder_.File("map.tif").c_str(), "r");
     ASSERT_NE(tiff_, nullptr);
   }
@@ -82,7 +82,7 @@ TEST_F(GeoTiffTest, LiesOnTheMoonAboutTheSite) {
   EXPECT_NEAR(definition.ProjParm[0], 7.4, 1e-12);
   EXPECT_NEAR(definition.ProjParm[1], -59, 1e-12) << "east, within 180 degrees";
 
-  // Coordinates of points of the raster, computed by libgeotiff.
+  // libgeotiff computes the coordinates of some points of the raster.
   const MergedMap map = TallMap();
   for (const auto& [column, row] : {std::pair{0.0, 0.0}, {5.0, 0.0}, {5.0, 150.0}, {2.5, 75.0}}) {
     double x = column, y = row;

@@ -11,7 +11,7 @@
 namespace moondb {
 namespace {
 
-// Returns all pages of a have-set.
+// Returns `have` as pages of at most `bytes_max` bytes each.
 std::vector<proto::HaveSet> PagesOf(const HaveSet& have, std::size_t bytes_max) {
   std::vector<proto::HaveSet> pages;
   for (std::optional<RecordKey> from = RecordKey(); from;) {
@@ -99,8 +99,8 @@ TEST(HavePageTest, ContinuesInsideIntervalsThatHaveMerged) {
   EXPECT_EQ(writer.page().streams(0).held(0).last(), 100u);
 }
 
-// A have-set with the maximum number of streams. Two streams have the maximum number of intervals, the others one
-// interval each. All numbers have the maximum length on the wire.
+// The have-set has the maximum number of streams. Two streams have the maximum number of intervals, and all others have
+// one interval. All numbers have the maximum length on the wire.
 TEST(HavePageTest, TheLargestHaveSetIsWithinTheLimits) {
   HaveSet have;
   const std::uint64_t epoch = UINT64_MAX - kHaveStreamsMax;

@@ -129,7 +129,8 @@ TEST(HaveSetTest, SurvivesTheWire) {
 
 class HaveSetFromPeerTest : public ::testing::Test {
  protected:
-  // Checks one stream of agent 1 with these intervals. Returns the rejected field, or an empty text.
+  // Checks a have-set with one stream of agent `origin`, which has these intervals. Returns the rejected field, or an
+  // empty text if the have-set is valid.
   std::string Refused(std::initializer_list<Interval> held, std::initializer_list<Interval> dropped = {},
                       AgentId origin = 1) {
     proto::HaveSet have;

@@ -1,4 +1,4 @@
-// Checks that other programs read the written pictures and ROS maps.
+// Checks that other programs read the written PNG files and ROS maps.
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -7,7 +7,7 @@
 #include <iterator>
 #include <regex>
 
-#include "model/map_picture.h"
+#include "model/cell_colors.h"
 #include "model/png.h"
 #include "model/ros_map.h"
 
@@ -137,50 +137,6 @@ TEST_F(MapFilesTest, PngHoldsAPaletteAndSaysWhereItCameFrom) {
     EXPECT_EQ(color, CellColors()[cells.bytes[i]]) << i;
   }
   EXPECT_EQ(PngBytes(Image(2, 2, 3), {{{1, 2, 3}}, {}}).error().code, ErrorCode::kInvalid);
-}
-
-TEST_F(MapFilesTest, MapPictureHasNorthUpAndTracksOnTop) {
-  const MergedMap map = SmallMap();
-  const Image image = DrawMap(map, {}, {4, ""});
-  ASSERT_EQ(image.width, 12);
-  ASSERT_EQ(image.height, 8);
-  const std::uint8_t* hazard = image.At(0, 7);  // Column 0, row 0 of the grid: bottom left.
-  EXPECT_GT(hazard[0], 2 * hazard[1]);
-  EXPECT_GT(*image.At(0, 0), 200);
-  EXPECT_LT(*image.At(11, 0), 120);
-  Track track{{1, 2, 3}, {{-0.03, 0.09}, {-0.01, 0.09}, {1e12, 0}}};
-  const Image with_track = DrawMap(map, {track}, {4, ""});
-  EXPECT_NE(with_track.bytes, image.bytes);
-  EXPECT_EQ(DrawMap(map, {track}, {4, "a caption"}).height, 8 + 26);
-  EXPECT_EQ(DrawMap(MergedMap{}, {track}).bytes.size(), 3u);
-}
-
-TEST_F(MapFilesTest, MapPictureIsCroppedToWhatIsKnown) {
-  MergedMap map{Grid(200, 100), 50'000, -100, -50};
-  map.grid.At(120, 40) = Cell::kHazard;
-  map.grid.At(125, 40) = Cell::kFree;
-  const Image image = DrawMap(map, {});
-  EXPECT_EQ(image.width, 20 + 6 + 20);
-  EXPECT_EQ(image.height, 20 + 1 + 20);
-  EXPECT_GT(image.At(20, 20)[0], 2 * image.At(20, 20)[1]);
-  EXPECT_EQ(DrawMap(map, {}, {1, "", false}).width, 200);
-}
-
-TEST_F(MapFilesTest, TrajectoryPlotKeepsItsBounds) {
-  const std::vector<AgentId> agents = {1, 2};
-  std::map<NodeKey, Pose> poses;
-  for (int i = 0; i < 10; ++i) poses[{1, static_cast<std::uint64_t>(i)}] = Pose::FromPlanar(0.01 * i, 5.0 * i, 0);
-  const std::vector<Track> tracks = TracksOf(poses, agents);
-  ASSERT_EQ(tracks.size(), 2u);
-  EXPECT_EQ(tracks[0].points_m.size(), 10u);
-  EXPECT_TRUE(tracks[1].points_m.empty());
-  const Image plot = DrawTrajectories(tracks, tracks, tracks, {900, "before, after, truth"});
-  EXPECT_LE(plot.height, 1800 + 26);
-  EXPECT_EQ(plot.width, 900);
-  EXPECT_GT(DrawTrajectories({}, {}, {}).height, 0);
-  const Image both = SideBySide(plot, Image(10, 10, 1));
-  EXPECT_EQ(both.width, 918);
-  EXPECT_EQ(both.height, plot.height);
 }
 
 }  // namespace

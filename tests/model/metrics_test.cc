@@ -132,5 +132,19 @@ TEST(MetricsTest, AlignsTrajectoriesWithoutAMapFrame) {
   EXPECT_EQ(FindAlignment({}, {}, true).position_m, Eigen::Vector3d(0, 0, 0));
 }
 
+TEST(MetricsTest, MatchesHazardsCellByCell) {
+  const MergedMap truth = MapOf({"#......#", "        "});
+  const MergedMap map = MapOf({".#..#...", ".       "});
+  const auto matches = MatchHazardCells(map, truth, 1);
+  ASSERT_TRUE(matches) << ToString(matches.error());
+  std::string drawn;
+  for (const HazardMatch match : *matches) drawn += " .+?!"[static_cast<int>(match)];
+  // The upper row comes last: the hazard at 0 is hit by the one at 1, the one at 7 is missed, the one at 4 is a
+  // phantom.
+  EXPECT_EQ(drawn, ".       ++..!..?");
+  EXPECT_EQ(MatchHazardCells(map, MapOf({"#"}), 1).error().code, ErrorCode::kInvalid);
+  EXPECT_EQ(MatchHazardCells(map, truth, 101).error().code, ErrorCode::kInvalid);
+}
+
 }  // namespace
 }  // namespace moondb

@@ -71,7 +71,7 @@ class MissionTest : public testing::Test {
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
-  // Returns the error as "file:line: text", or "no error".
+  // Returns the error of ReadMission as "file:line: text", or "no error".
   std::string ErrorOfReading() {
     const Result<Mission> mission = ReadMission(folder_);
     return mission ? "no error" : ToString(mission.error());

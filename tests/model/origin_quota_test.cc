@@ -20,7 +20,7 @@ struct Weighed {
   std::uint64_t weight = 1;
 };
 
-// Adds the records to a quota in this order. Returns those that the quota keeps at the end.
+// Adds `records` to a quota in this order. Returns the keys of the records that the quota keeps at the end.
 std::set<RecordKey> KeptOf(std::uint64_t limit, const std::vector<Weighed>& records) {
   OriginQuota<RecordKey> quota(limit);
   std::set<RecordKey> kept;
@@ -34,8 +34,8 @@ std::set<RecordKey> KeptOf(std::uint64_t limit, const std::vector<Weighed>& reco
   return kept;
 }
 
-// Returns the records to keep by the definition of the quota. Tries levels (a maximum weight per origin) from the
-// highest down, and uses the first level at which all origins together fit into the limit.
+// Returns the keys that the quota must keep by its definition. Tries levels (a maximum weight per origin) from the
+// highest down, and uses the first level at which all origins together fit into `limit`.
 std::set<RecordKey> ExpectedKept(std::uint64_t limit, const std::vector<Weighed>& records) {
   std::map<AgentId, std::uint64_t> weights;
   std::uint64_t heaviest = 0;

@@ -30,7 +30,7 @@ std::string TextOf(const std::string& text) {
   return pyfg ? "no error" : pyfg.error().text;
 }
 
-// Returns kSpatial, which has seven lines, with `line` as the eighth.
+// Returns kSpatial with `line` added as line 8.
 std::string WithLine(const std::string& line) { return kSpatial + line + "\n"; }
 
 void ExpectSameGraph(const Pyfg& a, const Pyfg& b) {

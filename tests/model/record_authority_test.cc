@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// In the team file rover 1 leads and rover 2 is the designated survivor.
+// Returns options for a team in which rover 1 leads and rover 2 is the designated survivor.
 RoleChain::Options Options() {
   RoleChain::Options options;
   options.initial.set_leader(1);

@@ -51,7 +51,8 @@ proto::Record MapRecord() {
   return record;
 }
 
-// Applies `spoil` to `record` and checks it. Returns the rejected field, or an empty text.
+// Applies `spoil` to `record` and checks the record. Returns the rejected field, or an empty text if the record is
+// valid.
 std::string Refused(proto::Record record, const std::function<void(proto::Record&)>& spoil) {
   spoil(record);
   const Result<void> result = CheckRecord(record);

@@ -11,7 +11,8 @@ using Standing = RoleChain::Standing;
 
 constexpr AgentId kBase = 4;
 
-// In the team file rover 1 leads and rover 2 is the designated survivor. Only the base station may command.
+// Returns options for a team in which rover 1 leads and rover 2 is the designated survivor. Only the base station may
+// command.
 RoleChain::Options ChainOptions() {
   RoleChain::Options options;
   options.initial.set_leader(1);
@@ -20,7 +21,8 @@ RoleChain::Options ChainOptions() {
   return options;
 }
 
-// Other code verifies signatures. Here a signature is a text that distinguishes assignments.
+// Returns a successor of `follows`. RoleChain does not verify signatures, so `signature` may be any text that
+// distinguishes assignments.
 proto::RoleAssignment After(const proto::RoleAssignment& follows, AgentId issuer, AgentId leader, AgentId survivor,
                             const std::string& signature) {
   proto::RoleAssignment roles = RoleChain::Next(follows, /*is_command=*/issuer == kBase);
@@ -63,7 +65,7 @@ TEST(RoleChainTest, RejectsDecisionsOfOtherAgents) {
   era.set_leader(1);
   era.set_signature("b");
   EXPECT_EQ(chain.Add(era), Standing::kNever) << "only an agent that may command begins an era";
-  // Rover 1 issues an assignment that follows the one that deposed it.
+  // Rover 2 deposes rover 1. Then rover 1 issues a successor, although it has no role any more.
   const proto::RoleAssignment deposed = After(ChainOptions().initial, 2, 2, 3, "c");
   EXPECT_EQ(chain.Add(deposed), Standing::kCounts);
   EXPECT_EQ(chain.Add(After(deposed, 1, 1, 3, "d")), Standing::kNever);

@@ -29,9 +29,9 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
 
-constexpr seconds kPatience(60);  // Limit for events that take almost no time. Only a broken runtime reaches it.
+constexpr seconds kPatience(60);  // Longest wait for an event. Only a broken runtime needs that long.
 
-// Values that handlers report to the test, in order.
+// Passes values from handlers to the test, in order. Thread-safe.
 template <typename T>
 class Heard {
  public:
@@ -42,7 +42,7 @@ class Heard {
     }
     changed_.notify_all();
   }
-  // Waits for the next value and returns it.
+  // Waits for the next value and returns it. The test fails if none arrives within kPatience.
   T Next() {
     std::unique_lock lock(mutex_);
     if (!changed_.wait_for(lock, kPatience, [this] { return !values_.empty(); })) {
@@ -69,7 +69,7 @@ class Heard {
   std::deque<T> values_;
 };
 
-// A gate that opens once. Handlers wait at it.
+// Pass waits until another thread calls Open. Open may be called only once.
 class Gate {
  public:
   void Open() { promise_.set_value(); }
@@ -168,7 +168,7 @@ TEST_F(ActorSystemTest, BusyActorsLetOthersRun) {
   system.Spawn("greedy", {},
                Scripted([](Context& context) { (void)context.Send(context.self(), {}); },
                         [](Context& context, const proto::Message&) {
-                          (void)context.Send(context.self(), {});  // Keeps the actor busy.
+                          (void)context.Send(context.self(), {});  // The actor always has a message to handle.
                         }));
   system.Spawn("modest", {}, OnEachMessage([&](Context&, const proto::Message&) { heard.set_value(); }));
   system.Start(nullptr);
@@ -218,8 +218,8 @@ TEST_F(ActorSystemTest, OwnThreadActorIsConstructedRunAndDestroyedOnOneThread) {
   system_.Start(nullptr);
   ASSERT_EQ(system_.Post("gl", Numbered(1)), SendResult::kAccepted);
   ASSERT_EQ(system_.Post("gl", Numbered(2)), SendResult::kAccepted);
-  // Threads of the first actor's constructor, start, failing message and destructor, then of the second actor's
-  // constructor, start and message.
+  // The first actor reports its thread four times: in its constructor, in OnStart, at the failing message and in its
+  // destructor. The second actor reports its thread in its constructor, in OnStart and at message 2.
   std::vector<std::thread::id> ids = threads.Next(7);
   system_.Stop();
   ids.push_back(threads.Next());
@@ -281,7 +281,7 @@ TEST_F(ActorSystemTest, FailedActorIsRestartedAndKeepsItsMailbox) {
   system_.Start(nullptr);
   for (int i = 1; i <= 3; ++i) ASSERT_EQ(system_.Post("fragile", Numbered(i)), SendResult::kAccepted);
   gate.Open();
-  // The timer may fire before or after the failure. After the failure it is dropped with the first incarnation.
+  // The timer may fire before the failure. Otherwise the failure drops the timer.
   std::vector<std::string> log;
   while (log.empty() || log.back() != "message 3") {
     const std::string line = heard_.Next();
@@ -472,7 +472,7 @@ TEST_F(ActorSystemTest, RepliesReturnToTheClientOrPeerThatAsked) {
 }
 
 TEST_F(ActorSystemTest, WatchersAreNotifiedOfPeerChanges) {
-  system_.OnPeerChanged(3, true);  // No actor watches yet.
+  system_.OnPeerChanged(3, true);  // No actor watches peers yet.
   system_.OnPeerChanged(4, true);
   system_.OnPeerChanged(4, false);
   for (const std::string name : {"role", "replica", "merge"}) {
@@ -490,7 +490,7 @@ TEST_F(ActorSystemTest, WatchersAreNotifiedOfPeerChanges) {
   EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role+3", "replica+3"));
   system_.OnPeerChanged(2, true);
   EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role+2", "replica+2"));
-  system_.OnPeerChanged(2, true);  // Agent 2 is connected already.
+  system_.OnPeerChanged(2, true);  // Agent 2 is already connected, so this call notifies no actor.
   system_.OnPeerChanged(2, false);
   EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role-2", "replica-2"));
   system_.Stop();
@@ -686,7 +686,7 @@ TEST_F(ActorSystemTest, ActorsNeverWaitForRoom) {
   system_.Spawn("full", options, OnEachMessage(nullptr));
   system_.Spawn("sender", {},
                 Scripted(
-                    [&](Context& context) {  // OnStart, which runs before any message is handled.
+                    [&](Context& context) {  // OnStart runs before any message is handled.
                       heard_.Add(ToString(context.Send({1, "full"}, {})));
                       heard_.Add(ToString(context.Send({1, "full"}, {})));
                     },
@@ -844,8 +844,8 @@ TEST_F(ActorSystemTest, ASystemThatWasNeverStartedStops) {
 }
 
 TEST_F(ActorSystemTest, ManyActorsHandleManyMessagesDespiteFailures) {
-  // Eight actors pass tokens at random, and one in 5000 handler calls fails. No token may be handled twice at the same
-  // time. The system stops while the actors still run.
+  // Eight actors pass 32 messages on at random, and one in 5000 handler calls fails. No actor may handle two messages
+  // at the same time. The system stops while the actors still run.
   ActorSystem::Options options = DefaultOptions();
   options.worker_count = 4;
   options.restarts_max = 1'000'000;

@@ -43,7 +43,7 @@ Mailbox::Item PeerEvent(std::uint64_t number) {
   return item;
 }
 
-// A message whose record_id is, for example, "7/old". Its mailbox key is the part before the slash.
+// Returns a message whose record_id is `key`. LatestByKey uses the record_id as the message's key.
 Mailbox::Item Keyed(const std::string& key, std::uint64_t number, std::size_t bytes = 0) {
   proto::Message message = Numbered(number);
   message.set_record_id(key);
@@ -155,7 +155,6 @@ TEST(MailboxTest, TimersAreNotLimitedAndUseNoRoom) {
   EXPECT_EQ(mailbox.counts().dropped, 0u);
 }
 
-// Messages are merged under every overflow rule, whether or not the reader has taken over the waiting messages.
 TEST(MailboxTest, RecordsStoredIsMergedIntoOneMessageAndNotLimited) {
   for (const SpawnOptions& options : {SpawnOptions{.messages_max = 1, .bytes_max = 1}, LatestByKey(1)}) {
     SCOPED_TRACE(options.overflow == Overflow::kLatestByKey ? "by key" : "");
@@ -304,12 +303,12 @@ TEST(MailboxTest, AnAbsentReaderIsCalledOnce) {
   EXPECT_TRUE(mailbox.Push(Data(1)).must_call_reader);
   EXPECT_FALSE(mailbox.Push(Data(2)).must_call_reader);
   EXPECT_FALSE(mailbox.Push(Data(3)).must_call_reader);  // The mailbox is full.
-  EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/true));   // Messages are waiting.
+  EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/true));   // Messages are waiting, so the reader must stay.
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(1, 2));
   EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/true));
   EXPECT_TRUE(mailbox.Push(PeerEvent(4)).must_call_reader);
   EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/true));
-  EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/false));  // The reader cannot handle messages now.
+  EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/false));  // A reader that handles no messages may leave them waiting.
   EXPECT_TRUE(mailbox.Push(Data(5)).must_call_reader);
 }
 
@@ -317,7 +316,7 @@ TEST(MailboxTest, NudgeIsNotMissed) {
   Mailbox mailbox({});
   EXPECT_TRUE(mailbox.Nudge());
   EXPECT_FALSE(mailbox.Nudge());
-  // The reader was awake when the nudge came, and may have missed it.
+  // The reader was awake and may have missed the nudge, so it must look for work once more.
   EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/false));
   EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/false));
 }
@@ -345,7 +344,6 @@ TEST(MailboxTest, ATakenMessageOutlivesTheClosingOfTheMailbox) {
   EXPECT_EQ(mailbox.Take(), nullptr);
 }
 
-// No message is lost, duplicated or reordered, and the reader sleeps only if no message waits.
 TEST(MailboxTest, LosesNoMessageWithManySendersAndASleepingReader) {
   constexpr std::uint64_t kSenders = 3;
   constexpr std::uint64_t kEach = 20'000;

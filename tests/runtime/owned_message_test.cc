@@ -13,9 +13,10 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kTexts = 4;  // Text fields of a message. A reused message may keep their string objects.
+// Number of text fields in a message. A reused message may keep their string objects.
+constexpr std::size_t kTexts = 4;
 
-// Sets the field to a value. If the field's type can, the value allocates memory.
+// Sets the field. A text is long enough to allocate memory of its own.
 void Fill(proto::Message* message, const google::protobuf::FieldDescriptor& field) {
   const auto& reflection = *message->GetReflection();
   switch (field.cpp_type()) {
@@ -72,8 +73,8 @@ TEST(OwnedMessageTest, HasOneOwner) {
   EXPECT_FALSE(second);
 }
 
-// One thread makes messages and another releases them, more than the threads exchange in one step. Each message has its
-// own memory, and none is lost.
+// One thread creates the messages and another thread releases them. kCount is larger than the number of messages that
+// threads exchange in one step.
 TEST(OwnedMessageTest, ManyMessagesMoveBetweenThreads) {
   constexpr std::uint64_t kCount = 1000;
   for (int round = 0; round < 3; ++round) {

@@ -33,11 +33,11 @@ constexpr DataType kNotRead = proto::POWER;
 const Address kStorage{kSelf, actor_name::kStorage};
 const Address kReader{kSelf, "reader"};
 
-// The content of a simulated storage, which survives a restart of the actor: the data type of each row, by row id.
-// A record's seq is its row id.
+// The rows of the simulated storage, which survive a restart of its actor. `rows` maps row ids to data types. The seq
+// of a record is its row id.
 struct FakeStore {
   std::map<std::uint64_t, DataType> rows;
-  std::vector<std::uint64_t> asked_after;  // after_row_id of each ReadRequest.
+  std::vector<std::uint64_t> asked_after;  // after_row_id of each ReadRequest, in order.
   std::optional<Error> error;
 
   std::uint64_t last_row() const { return rows.empty() ? 0 : rows.rbegin()->first; }
@@ -61,14 +61,14 @@ proto::ReadReply PageOf(const FakeStore& store, const proto::ReadRequest& reques
   return page;
 }
 
-// An actor with one reader. Keeps the seqs that the reader passed to it.
+// An actor with one RecordReader. Writes its observations to Seen, which survives a restart of the actor.
 class ReaderActor final : public Actor {
  public:
   struct Seen {
     std::vector<std::uint64_t> seqs;
-    std::vector<std::string> results;  // Results of completed reads.
-    std::size_t others = 0;            // Answers and timers that the reader leaves to its actor.
-    std::uint64_t refused_seq = 0;     // Seq that the actor refuses. 0: none.
+    std::vector<std::string> results;  // Errors of completed reads. An empty text means success.
+    std::size_t others = 0;            // Number of answers and timers that the reader left to its actor.
+    std::uint64_t refused_seq = 0;     // The actor refuses the record with this seq. 0: none.
   };
 
   ReaderActor(RecordReader::Options options, bool is_following, std::shared_ptr<Seen> seen)
@@ -121,7 +121,7 @@ class RecordReaderTest : public testing::Test {
     team_.AddAgent(kSelf);
   }
 
-  // Spawns a simulated storage. Without this call, a probe takes the place of storage, and the test sends the answers.
+  // Spawns a simulated storage. Tests that do not call SpawnStorage answer in storage's place.
   void SpawnStorage(SpawnOptions options = {}) {
     team_.Spawn(kSelf, actor_name::kStorage, OnEachMessage([this](Context& context, const proto::Message& message) {
                   if (message.has_custom()) {
@@ -173,10 +173,10 @@ class RecordReaderTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // Returns the messages that the probe in storage's place received.
+  // Returns the messages that were sent to storage since the last call. Requires: SpawnStorage was not called.
   std::vector<proto::Message> TakeQuestions() { return team_.Take(kStorage); }
 
-  // Returns the answer to `question`: a page with these rows.
+  // Returns storage's answer to `question`: a page with these rows.
   static proto::Message Answer(const proto::Message& question, const std::vector<std::uint64_t>& rows,
                                bool is_complete = true) {
     proto::Message answer;
@@ -284,7 +284,8 @@ TEST_F(RecordReaderTest, RequestsALostPageAgain) {
   const std::vector<proto::Message> again = TakeQuestions();
   ASSERT_THAT(again, SizeIs(1));
   EXPECT_EQ(again[0].read_request().after_row_id(), 1u);
-  PostFromStorage(Answer(lost, {2}));  // The page was not lost, only late.
+  // The page was late, not lost. The reader ignores it, because it has requested the page again.
+  PostFromStorage(Answer(lost, {2}));
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
   PostFromStorage(Answer(again[0], {2}));
   EXPECT_THAT(seen_->seqs, ElementsAre(1, 2));
@@ -307,7 +308,7 @@ TEST_F(RecordReaderTest, LeavesAnswersToOtherRequestsToTheActor) {
   EXPECT_EQ(seen_->others, 3u);
   EXPECT_THAT(TakeQuestions(), IsEmpty());
   PostFromStorage(Answer(question, {1}));
-  PostFromStorage(Answer(question, {2}));  // A repeated answer.
+  PostFromStorage(Answer(question, {2}));  // The reader ignores a repeated answer.
   EXPECT_THAT(seen_->seqs, ElementsAre(1));
 }
 

@@ -14,7 +14,7 @@ class ScriptedActor final : public Actor {
   using OnStartFunction = std::function<void(Context&)>;
   using OnMessageFunction = std::function<void(Context&, const proto::Message&)>;
 
-  // Either function may be empty.
+  // `on_start` and `on_message` may be empty.
   ScriptedActor(OnStartFunction on_start, OnMessageFunction on_message)
       : on_start_(std::move(on_start)), on_message_(std::move(on_message)) {}
 
@@ -36,7 +36,7 @@ inline ActorFactory Scripted(ScriptedActor::OnStartFunction on_start, ScriptedAc
 
 inline ActorFactory OnEachMessage(ScriptedActor::OnMessageFunction on_message) { return Scripted({}, on_message); }
 
-// A message that is identified by its request_id.
+// Returns a message with this request_id.
 inline proto::Message Numbered(std::uint64_t number) {
   proto::Message message;
   message.set_request_id(number);

@@ -47,7 +47,8 @@ class SimulatedTeamTest : public testing::Test {
     for (AgentId agent : {1, 2, 3}) team_.AddAgent(agent);
   }
 
-  // Sends `message` from 1/test to 1/relay, an actor that forwards every message to `to`.
+  // Spawns 1/relay, an actor that forwards every message to `to`, and sends one message from 1/test to 1/relay. Returns
+  // the result of the forwarding Send.
   SendResult RelayOnce(const Address& to) {
     SendResult result = SendResult::kAccepted;
     team_.Spawn(1, "relay", OnEachMessage([&](Context& context, const proto::Message& message) {

@@ -83,7 +83,7 @@ TEST(TraceRingTest, ReadersNeverSeeAPartlyWrittenRecord) {
       ASSERT_EQ(record.time, record.duration);
       ASSERT_EQ(record.bytes, static_cast<std::uint32_t>(record.request_id));
       ASSERT_EQ(record.time, static_cast<std::int64_t>(record.request_id));
-      ASSERT_TRUE(last == 0 || record.request_id > last);  // Some records may be overwritten unread.
+      ASSERT_TRUE(last == 0 || record.request_id > last);  // Read may skip overwritten records, but keeps their order.
       last = record.request_id;
     }
   }
@@ -170,14 +170,14 @@ TEST(DeadLettersTest, KeepsTheLastLettersWithinLimits) {
   message.set_sql(std::string(DeadLetters::kBytesMax, 'x'));
   item.message = std::move(message);
   letters.Add({}, "c", &item, {});
-  EXPECT_EQ(letters.letters().back().message, nullptr);  // The message is too large to keep. Its size is kept.
+  EXPECT_EQ(letters.letters().back().message, nullptr);  // The message is too large to keep. Only its size is kept.
   EXPECT_GT(letters.letters().back().bytes, DeadLetters::kBytesMax);
   proto::TraceRequest request;
   request.set_actor("c");
   proto::TraceReply reply;
   letters.Report(request, {}, &reply);
   ASSERT_THAT(reply.dead_letters(), SizeIs(1));
-  EXPECT_EQ(reply.dead_letters(0).from_actor(), "?");  // The peer sent a name that is not valid text.
+  EXPECT_EQ(reply.dead_letters(0).from_actor(), "?");  // The name of the sending actor is not valid UTF-8.
 }
 
 }  // namespace

@@ -19,10 +19,11 @@ namespace {
 
 constexpr std::size_t kHashBytes = 8;
 constexpr std::size_t kChecksumBytes = 4;
-constexpr std::size_t kRowsKeptMax = 64 * 1024;  // Bytes of rows kept as the zstd prefix for a run's next batch.
-constexpr std::size_t kHeadBytes = 48;           // Upper bound of the header bytes of an uncompressed batch.
-// Estimated compression ratios before any record was coded. For rows a ratio that is too low costs little time, because
-// only cells take long to code again.
+// Rows of at most this many bytes are kept as the zstd prefix for the run's next batch.
+constexpr std::size_t kRowsKeptMax = 64 * 1024;
+constexpr std::size_t kHeadBytes = 48;  // Upper bound of the header bytes of an uncompressed batch.
+// Estimated coded bytes per content byte before any record was coded: of records, and of maps without their cells. A
+// ratio for records that is too low costs little time, because only cells take long to code again.
 constexpr double kRowRatioAtFirst = 0.1;
 constexpr double kFrameRatioAtFirst = 0.5;
 
@@ -105,7 +106,7 @@ struct Rows {
   std::string plain;  // The uncompressed bytes of all rows.
   std::uint32_t checksum = 0;
   Columns columns;
-  std::vector<std::string> contents;  // If a map's cells are coded separately: the record without cells.
+  std::vector<std::string> contents;  // Contents of the records, without map cells that are coded separately.
 };
 
 std::string WriteRows(const Columns& columns, std::uint32_t checksum, const std::vector<std::string_view>& contents) {
@@ -207,7 +208,7 @@ void BatchEncoder::BeginRun(const proto::StoredRecord* reference) {
 struct BatchEncoder::Parts {
   Columns columns;
   std::vector<std::uint64_t> hashes;
-  std::deque<std::string> frames;  // Records of maps without cells. `contents` has views of them.
+  std::deque<std::string> frames;  // Contents of maps without their cells. `contents` has views of these strings.
   std::vector<std::string_view> contents;
   std::size_t content_bytes = 0;
   std::uint64_t cell_count = 0;
@@ -229,7 +230,7 @@ CodedRows BatchEncoder::EncodeSome(const proto::RecordBatch& batch, std::size_t 
   while (true) {
     CodedRows coded = EncodeUpTo(batch, records_max, bytes_max);
     if (coded.bytes.size() <= bytes_max || coded.record_count <= 1) return coded;
-    // The rows turned out larger than estimated. This is rare for batches with maps, whose cells must be coded again.
+    // The rows turned out larger than estimated. For batches with maps, whose cells must be coded again, this is rare.
     records_max =
         std::clamp<std::size_t>(coded.record_count * bytes_max / coded.bytes.size(), 1, coded.record_count - 1);
     if (!start) continue;
@@ -266,8 +267,7 @@ bool BatchEncoder::AddRecord(const proto::StoredRecord& record, std::size_t byte
   if (!fits(CellBytes() + (map ? last_map_bytes_ : 0))) return false;
   if (map) {
     if (!run_) run_.emplace(previous_, nullptr, trials_);
-    // The map may need more bytes than the last map. Keep a copy of the run if twice those bytes would exceed the
-    // limit.
+    // Keep a copy of the run if the map would not fit with twice the bytes of the last map.
     const std::size_t bytes_before = CellBytes();
     std::optional<MapRunEncoder> before;
     if (!fits(bytes_before + 2 * last_map_bytes_)) before = run_;
@@ -307,8 +307,8 @@ std::string BatchEncoder::Finish(const Parts& parts) {
   return bytes;
 }
 
-// Stores a ratio that is a tenth above the measured one. After an estimate that is too low a batch does not fit, and
-// its maps must be coded again. An estimate that is too high costs less.
+// Stores a ratio that is a tenth above the measured ratio. If an estimate is too low, the batch does not fit, and its
+// maps must be coded again. An estimate that is too high costs less.
 void BatchEncoder::LearnRowRatio(const Parts& parts, std::size_t packed_bytes) {
   const auto& types = parts.columns.types;
   const bool is_of_one_type = std::adjacent_find(types.begin(), types.end(), std::not_equal_to<>()) == types.end();
@@ -348,7 +348,7 @@ Result<proto::RecordBatch> BatchDecoder::Decode(std::string_view coded, std::uin
   const Result<void> begun =
       header->maps == kMapsWithReference ? BeginRun(header->reference, reference) : ContinueRun(header->maps_before);
   if (!begun) return tl::unexpected(begun.error());
-  // The run is restored below only if the whole batch decodes. After an error the run has ended.
+  // The run is restored below only if the whole batch decodes. After an error, the run has ended.
   std::optional<MapRunDecoder> run = std::exchange(run_, std::nullopt);
   Result<Rows> rows = TakeRowsOf(reader, record_count, rows_before_);
   if (!rows) return tl::unexpected(rows.error());

@@ -1,5 +1,5 @@
-// The compact form of a batch of records: rows as columns (row_codec.h), and the cells of maps coded by the map codec
-// (map_codec.h), whose runs continue from batch to batch.
+// The compact form of a batch of records. It contains the records as rows, stored column by column (row_codec.h), and
+// the cells of maps, coded by the map codec (map_codec.h). The map codec's runs continue from batch to batch.
 //
 //   batch   := maps, size of rows * 2 + (1: as a zstd frame), rows, cells
 //   maps    := 0: no cells are coded | 1, number of earlier maps of the run | 2, reference: begins a run
@@ -7,14 +7,12 @@
 //              and "the cells of this record are coded", then the contents (row_codec.h)
 //
 // In a run, the zstd frame of a batch refers to the rows of the previous batch. Batches with coded cells must be
-// decoded in the order of encoding. Each of them contains the number of earlier maps of the run, and a decoder that has
-// decoded another number of maps refuses the batch. After a lost batch, or to make a batch independent, the sender
-// begins a new run. A batch with 0 earlier maps begins a run at the decoder too.
+// decoded in the order of encoding. Each such batch contains the number of earlier maps of the run. A decoder that has
+// decoded another number of maps refuses the batch. A batch with 0 earlier maps begins a new run.
 //
-// Decoding restores every content byte for byte, or fails. A map's record is split only if joining the parts gives the
-// same bytes (map_record.h). Other contents are split into their fields (row_shape.h). Instead of a record's hash, its
-// XOR with HashRecord is sent, which is nearly always 0. The checksum covers all hashes. The codec does not validate
-// the records. Not thread-safe. Encoder and decoder can be copied for a trial.
+// Decoding restores every content byte for byte, or fails. In place of a record's hash, the batch contains the XOR of
+// the hash and HashRecord, which is nearly always 0. The checksum covers all hashes. The codec does not validate the
+// records. Not thread-safe. Encoder and decoder can be copied for a trial.
 #pragma once
 
 #include <cstddef>
@@ -32,7 +30,7 @@
 namespace moondb {
 
 inline constexpr std::size_t kBatchContentBytesMax = 18 * 1024 * 1024;
-// Bytes of the rows before compression: the contents and the columns beside them.
+// Limit in bytes of the uncompressed rows, which are the contents and the columns.
 inline constexpr std::size_t kBatchRowsBytesMax = 20 * 1024 * 1024;
 
 // Identifies a map that encoder and decoder both hold.
@@ -63,9 +61,8 @@ class BatchEncoder {
   // Unknown protobuf fields of a StoredRecord, outside of its content, are lost.
   std::string Encode(const proto::RecordBatch& batch);
 
-  // Encodes as many of the first records as fit into `bytes_max`, give or take one, but at least one, whatever its
-  // size. Takes little more time than encoding only these records: maps are coded one by one until the next map is not
-  // expected to fit. The coded size of rows is estimated from the last batch of their type.
+  // Encodes about as many of the first records as fit into `bytes_max` bytes, but at least one. The result exceeds
+  // `bytes_max` only if it contains a single record. Codes maps one by one until the next map is not expected to fit.
   CodedRows EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:
@@ -85,22 +82,21 @@ class BatchEncoder {
   std::optional<MapReference> reference_;
   std::uint64_t maps_before_ = 0;
   std::string rows_before_;
-  // For size estimates: the compressed bytes per content byte, without cells, by data type; and the coded bytes of the
-  // last map's cells.
+  // For size estimates: the compressed bytes per content byte, without cells, for each data type.
   std::map<DataType, double> row_ratios_;
   std::size_t last_map_bytes_ = 0;
 };
 
-// Returns the map that a decoder must hold to decode this batch, or nullopt if it needs none. kCorrupt if the batch's
-// header is malformed.
+// Returns the map that a decoder must hold to decode this batch, or nullopt if the batch refers to no map. Returns
+// kCorrupt if the batch's header is malformed.
 Result<std::optional<MapReference>> ReferenceOf(std::string_view coded);
 
 class BatchDecoder {
  public:
   // Decodes a batch. Returns kCorrupt if the batch does not decode, exceeds a limit, does not match its checksum, or
   // has another number of records than `record_count`. Returns kNotFound if earlier batches of its run are missing, or
-  // if the map to which it refers is not `reference`; the sender must then begin a new run. If cells do not decode, the
-  // run has ended.
+  // if the batch refers to another map than `reference`; the sender must then begin a new run. If the cells do not
+  // decode, the run has ended.
   Result<proto::RecordBatch> Decode(std::string_view coded, std::uint32_t record_count,
                                     const proto::StoredRecord* reference = nullptr);
 

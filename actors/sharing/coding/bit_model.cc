@@ -10,8 +10,7 @@ constexpr std::int16_t kWeightMax = 30000;  // Limits the weights, which would o
 constexpr int kRareShift = 9;               // Probabilities of rare bits adapt by 1/512.
 constexpr int kRareMin = 3;                 // Lowest probability of rare bits, so none costs more than 15 bits.
 
-// Returns the weight moved by input * error / 2^kLearningShift, rounded. Uses the high half of twice the product, plus
-// one if the low half is at least half of its range.
+// Returns the weight plus input * error / 2^kLearningShift, rounded, and limited to the range of +-kWeightMax.
 std::int16_t Moved(std::int16_t weight, std::int16_t input, std::int16_t error) {
   static_assert(kLearningShift == 15);
   const std::int16_t twice = static_cast<std::int16_t>(2 * input);
@@ -43,8 +42,7 @@ void BitModel::UpdateRare(Decision decision, int bit) {
   p = static_cast<std::uint16_t>(std::clamp(moved, kRareMin, kProbabilityOne - kRareMin));
 }
 
-// The functions below are plain loops over 16 short numbers. Compilers vectorise them well only in functions of their
-// own, so they are not in the header.
+// The functions below are not in the header, because compilers vectorise these loops well only in separate functions.
 
 BitModel::Sums BitModel::Multiply(const Inputs& inputs, const std::int16_t* first, const std::int16_t* second) {
   const std::int16_t* input = reinterpret_cast<const std::int16_t*>(inputs.data());

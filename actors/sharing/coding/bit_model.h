@@ -1,15 +1,15 @@
 // BitModel: predicts one bit at a time from the statistics of several contexts (logistic mixing, as in PAQ).
 //
-// Each context model holds one probability per context, with a count of the bits seen there; a higher count adapts more
-// slowly. Two sets of weights, each selected by a context, mix the logits of all models. A last table refines the mean
-// of the two mixes. Probabilities, weights and table all learn from the coded bit. All arithmetic uses integers.
+// Each context model holds a probability for each of its contexts, and a count of the bits coded in this context. The
+// probability adapts more slowly as the count grows. Two sets of weights, each selected by a context, mix the logits of
+// all models. A refinement table corrects the mean of the two mixes. Probabilities, weights and table all learn from
+// the coded bit. All arithmetic uses integers.
 //
 // Each cell is coded as two binary decisions, which have separate tables. Predictions with and without a previous map
-// have separate weights. A run's model begins as a copy of TrainedModel() (trained_tables.h). The contents of that
-// model and every number in this file are part of the wire format. Takes 1 MB. Not thread-safe.
+// have separate weights. A run's model begins as a copy of TrainedModel() (trained_tables.h). The contents of
+// TrainedModel() and every number in this file are part of the wire format. Takes 1 MB. Not thread-safe.
 //
-// Predict and Update take most of the time to code a map. They are in the header so the compiler can inline them into
-// the loop over the cells and keep contexts in registers.
+// Predict and Update take most of the time to code a map. They are in the header so the compiler can inline them.
 #pragma once
 
 #include <algorithm>
@@ -30,14 +30,14 @@ inline constexpr std::size_t kModelsWithPrevious = 14;
 inline constexpr std::size_t kInputs = 16;      // Inputs of a mix: one per model, a constant bias, and zeros.
 inline constexpr std::size_t kChoiceCount = 2;  // Number of mixes. Each mix selects one set of weights.
 
-// Table sizes: the contexts of each model, the sets of weights of each mix, and the contexts of the last table.
+// Table sizes: the contexts of each model, the sets of weights of each mix, and the contexts of the refinement table.
 inline constexpr std::array<std::uint32_t, kModelsWithPrevious> kContextCounts = {
     2916, 11664, 4096, 10368, 3456, 11664, 13824, 3888, 2916, 8192, 5184, 5184, 8192, 6912};
 inline constexpr std::array<std::uint32_t, kChoiceCount> kWeightSetCounts = {144, 256};
 inline constexpr std::uint32_t kRefinementCount = 324;
 
-// The contexts of one decision. Each is a number below the table size above. Without a previous map only the first
-// kModelsAlone models are used.
+// The contexts of one decision. Each context is a number below the size of its table above. Without a previous map,
+// only the first kModelsAlone models are used.
 struct BitContexts {
   Decision decision = Decision::kIsKnown;
   bool has_previous = false;
@@ -87,7 +87,7 @@ class BitModel {
   // Training uses a higher limit than coding.
   void SetCountLimit(std::uint32_t limit) { count_limit_ = limit; }
 
-  // The parts of the model that the initial tables store: all slots, all weights in units of 1/16384, and the
+  // The parts of the model that kTrainedTables stores: all slots, all weights in units of 1/16384, and the
   // probabilities of rare bits.
   std::vector<Slot>& slots() { return slots_; }
   std::vector<std::int16_t>& weights() { return weights_; }
@@ -102,7 +102,7 @@ class BitModel {
   static constexpr int kWeightBits = 14;
   static constexpr int kErrorShift = 2;       // Scales an error to fit into 16 bits.
   static constexpr int kBiasLogit = 256;      // Value of the constant bias input.
-  static constexpr int kRefinementShift = 6;  // Adaptation rate of the last table: 1/64.
+  static constexpr int kRefinementShift = 6;  // Adaptation rate of the refinement table: 1/64.
   static constexpr int kFinalMin = 24;        // Lowest probability: no bit costs more than 12 bits.
   static constexpr std::uint32_t kRefinementKnots = 33;
   static constexpr std::uint32_t kRefinementStep = 128;  // Distance of two knots in logit units.
@@ -138,8 +138,8 @@ class BitModel {
   template <std::size_t kModels>
   void Learn(const Prediction& made, int bit);
 
-  std::vector<Slot> slots_;  // [decision][model][context]
-  // [decision][choice][set][input], first for predictions without a previous map, then for those with one.
+  std::vector<Slot> slots_;  // Indexed by decision, model and context.
+  // Indexed by has_previous, decision, mix, set of weights, and input.
   std::vector<std::int16_t> weights_;
   std::vector<std::uint16_t> refinements_;
   std::array<std::uint16_t, kDecisionCount> rare_;
@@ -184,7 +184,7 @@ template <std::size_t kModels>
   made.mixed[0] = std::clamp(sums.first >> kWeightBits, -kSquashMax, kSquashMax);
   made.mixed[1] = std::clamp(sums.second >> kWeightBits, -kSquashMax, kSquashMax);
   const int logit = (made.mixed[0] + made.mixed[1]) >> 1;
-  // Interpolate linearly between the two nearest knots of the last table.
+  // Interpolate linearly between the two nearest knots of the refinement table.
   const std::uint32_t place =
       static_cast<std::uint32_t>(std::clamp(logit, -kRefinementMax, kRefinementMax - 1) + kRefinementMax);
   const std::uint32_t share = place % kRefinementStep;

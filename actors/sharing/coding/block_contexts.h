@@ -1,8 +1,8 @@
 // BlockContexts: computes the contexts (bit_model.h) of a block of neighbouring cells in a row, all at once.
 //
 // Most inputs of a prediction are known before the row begins: the rows nearer to the middle, the coarser layer and the
-// placed previous map. The contexts of kBlock cells are therefore computed together, in loops that compilers vectorise
-// to eight numbers at a time. Only the inputs from the row's own cells are added cell by cell.
+// placed previous map. The contexts of kBlock cells are therefore computed together, in loops that compilers vectorise.
+// Only the inputs from the row's own cells are added cell by cell.
 //
 // Neighbours are named as in layer_coder.h; west2 is the second cell to the west, north_east2 the cell east of
 // north_east. Nearly all models use the coarser cell at the same place, and the quarter of this coarser cell in which
@@ -42,7 +42,8 @@ struct Quadrant {
   int number = 0;
 };
 
-// The known cells nearest to a cell: the cells before it in its own row, and those towards the sensor along its ray.
+// The cells nearest to a cell that are already coded: three to the west in its row, and three along its ray to the
+// sensor.
 struct NearCells {
   int west, west2, west3;
   int ray1, ray2, ray3;
@@ -56,8 +57,8 @@ class BlockContexts {
     Quadrant quadrant;
     std::int32_t column, row;  // Position of the first cell.
     std::size_t size;          // Number of cells, at most kBlock.
-    // The cells north of the block, from the first cell outwards, and the cells of the next row to the north. Both can
-    // be read from 2 cells before the first cell to kBlock + 3 cells behind it.
+    // The cells north of the block, from the first cell outwards, and the cells of the next row to the north. Each of
+    // these two rows can be read from 2 cells before the first cell to kBlock + 3 cells behind it.
     const std::uint8_t* north;
     const std::uint8_t* north2;
     const RayTable::Ray* rays;
@@ -71,10 +72,10 @@ class BlockContexts {
   // True if the neighbouring rows, the coarser layer and the previous map are all unknown around the block's cell `i`.
   // Does not check the cell's own row.
   bool IsQuiet(std::size_t i) const { return around_.is_quiet[i] != 0; }
-  // True if the block's cell `i` can be a hazard.
+  // False if hazards are nested (LayerContext) and the coarser cell at the place of the block's cell `i` is no hazard.
   bool MayBeHazard(std::size_t i) const { return !layer_.are_hazards_nested || coarser_.here[i] >= 2; }
-  // SetShared sets the contexts that both decisions have in common. Then SetOwn sets the other contexts for one
-  // decision.
+  // SetShared sets the contexts that both decisions have in common. Call SetOwn afterwards to set the other contexts of
+  // one decision.
   template <bool kHasPrevious>
   void SetShared(std::size_t i, const NearCells& near, BitContexts& contexts);
   template <bool kHasPrevious>
@@ -83,7 +84,7 @@ class BlockContexts {
  private:
   using Numbers = std::array<std::uint16_t, kBlock>;
 
-  // For each cell of the block: the known cells around it, and its place relative to the sensor.
+  // For each cell of the block: the already coded cells around it, and its position relative to the sensor.
   struct Around {
     Numbers north, north_west, north_west2, north_east, north_east2, north_east3, north2, north2_west, north2_east;
     Numbers bearing, distance;
@@ -92,13 +93,13 @@ class BlockContexts {
   struct Coarser {
     Numbers here, east, south, south_east, west, north, north_east, south_west, north_west;
     Numbers half_x, half_y;  // 1 if the cell lies in the outer half of its coarser cell.
-    Numbers memory;          // The last map's cell at the coarser cell's place.
+    Numbers memory;          // The previous map's cell at the coarser cell's place.
   };
   struct Previous {
     Numbers here, east, south, south_east, west, north, north_east, south_west, north_west;
     Numbers last, state;
   };
-  // The contexts, still without the contributions of NearCells.
+  // The contexts of all cells of the block, without the contributions of NearCells.
   struct Ready {
     std::array<Numbers, kModelsWithPrevious> models;
     std::array<std::array<Numbers, kModelsWithPrevious>, kDecisionCount> own;
@@ -119,13 +120,13 @@ class BlockContexts {
     ((first = static_cast<std::uint16_t>(first * base + rest)), ...);
     return static_cast<std::uint16_t>(first);
   }
-  // Reduces a cell to one bit for a decision: 1 if the cell is known, or if it is a hazard.
+  // Returns a decision's answer for a cell: 1 if the cell is known (kIsKnown), or if it is a hazard (kIsHazard).
   static std::uint16_t BitOf(Decision decision, int cell) {
     return static_cast<std::uint16_t>(cell) > static_cast<std::uint16_t>(decision) ? 1 : 0;
   }
 
   const LayerContext& layer_;
-  // Row of the coarser layer. Each number packs a cell with its inner and its outer neighbour, two bits each.
+  // A row of the coarser layer. Each number packs a cell and its north and south neighbours, two bits each.
   std::vector<std::uint8_t> coarser_row_;
   Around around_{};
   Coarser coarser_{};

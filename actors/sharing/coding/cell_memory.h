@@ -1,9 +1,9 @@
-// CellMemory: the memory of a run for one place, in one byte: the last map's cell, the cell value on which earlier maps
-// agreed (the belief), and how often the belief was confirmed.
+// CellMemory: what the maps of a run showed at one place, in one byte. It contains the last map's cell, the cell value
+// on which earlier maps agreed (the belief), and how often the belief was confirmed.
 //
-// A single map is noisy; a cell on which several maps agree predicts the next map better. The memory moves with the
-// maps: the memory of a map consists of its own cells, merged with the memory of the previous map at the same places.
-// Only integers are used, so both ends compute the same.
+// A single map is noisy; a cell on which several maps agree predicts the next map better. The memory of a map consists
+// of its own cells, merged with the memory of the previous map at the same places. Only integers are used, so encoder
+// and decoder compute the same.
 #pragma once
 
 #include <array>
@@ -43,8 +43,9 @@ constexpr CellMemory Remember(CellMemory memory, std::uint8_t cell) {
   return static_cast<CellMemory>(cell | belief << 2 | confirmed << 4);
 }
 
-// Makes a table from each memory to its state, a number below kMemoryStates. A state combines the last cell with the
-// belief, which is the same value (confirmed never, once or more often) or one of the other values.
+// Makes the table that assigns to each CellMemory a state, a number below kMemoryStates. If the belief equals the last
+// cell, the state depends on how often the belief was confirmed: never, once or more often. Otherwise the state depends
+// on the belief's value.
 constexpr std::array<std::uint8_t, 64> MakeMemoryStates() {
   std::array<std::uint8_t, 64> states{};
   for (int memory = 0; memory < 64; ++memory) {

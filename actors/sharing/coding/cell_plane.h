@@ -19,7 +19,7 @@ class CellPlane {
         stride_(width + 2 * kMargin),
         cells_(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height + 2 * kMargin)) {}
 
-  // Requires: column and row are at least -kMargin, and less than width or height + kMargin.
+  // Requires: column and row are at least -kMargin, and less than the width or height plus kMargin.
   std::uint8_t* At(std::int32_t column, std::int32_t row) { return cells_.data() + Offset(column, row); }
   const std::uint8_t* At(std::int32_t column, std::int32_t row) const { return cells_.data() + Offset(column, row); }
 

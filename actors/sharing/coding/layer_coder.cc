@@ -73,7 +73,7 @@ class LayerCoder {
     }
   }
 
-  // Codes the block's cell `i`. `cell` points to it in window_.
+  // Codes the block's cell `i`. `cell` points to this cell in window_.
   void CodeCell(std::uint32_t value, std::size_t i, const RayTable::Ray& ray, std::uint8_t* cell) {
     if (blocks_.IsQuiet(i) && (cell[-1] | cell[-2]) == kUnknown) {
       if (CodeRare(Decision::kIsKnown, value != kUnknown)) {

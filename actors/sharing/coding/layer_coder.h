@@ -1,10 +1,10 @@
-// CodeLayer: codes the cells of one layer with a range coder, predicting each cell from data that both ends already
-// have.
+// CodeLayer: codes the cells of one layer with a range coder, and predicts each cell from data that encoder and decoder
+// already have.
 //
 // Rows are coded from the middle outwards: first from the middle to the last row, then from the middle to the first
-// row. The cells of each row are coded in the same order of columns. The cells between a cell and the sensor are
-// therefore always coded before it, and the four quadrants are mirror images. Neighbours are named as in the quadrant
-// of rising columns and rows: west and north point to the middle.
+// row. The cells of each row are coded in the same order, from the middle column outwards. The cells between a cell and
+// the sensor are therefore always coded before this cell, and the four quadrants are mirror images. Neighbours are
+// named as in the quadrant of rising columns and rows: west and north point to the middle.
 //
 // Encoder and decoder run the same code. `Coder` is RangeEncoder, RangeDecoder or a type with the same Code().
 #pragma once
@@ -19,8 +19,8 @@
 
 namespace moondb {
 
-// For each column of a layer: the column of the next coarser layer that contains its middle, and the half of that
-// coarser column in which the middle lies. The same for rows.
+// For each column of a layer: the column of the next coarser layer that contains the column's middle, and the half of
+// the coarser column in which this middle lies. Rows use a CoarserIndex of their own.
 struct CoarserIndex {
   std::vector<std::int32_t> index;  // -1 if the middle lies outside of the coarser layer.
   std::vector<std::uint8_t> half;
@@ -31,7 +31,7 @@ struct LayerContext {
   const CellPlane* coarser = nullptr;  // The next coarser layer; null if there is none.
   const CoarserIndex* columns = nullptr;
   const CoarserIndex* rows = nullptr;
-  // Memory of the previous map, placed on this layer\'s cells; null if no previous map is used.
+  // Memory of the previous map, placed on this layer's cells; null if no previous map is used.
   const CellPlane* previous = nullptr;
   const CellPlane* coarser_previous = nullptr;
   std::uint32_t depth = 0;  // Number of finer layers, at most 3.
@@ -41,7 +41,7 @@ struct LayerContext {
 };
 
 // Codes a layer and fills `cells`. An encoder reads the cells from `source`. Requires: all of `cells` are unknown, and
-// `source` has the same size.
+// `source` has the size of `cells`.
 template <typename Coder>
 void CodeLayer(const LayerContext& context, const RayTable& rays, const CellPlane& source, Coder& coder,
                BitModel& model, CellPlane& cells);

@@ -1,7 +1,7 @@
 // The logistic function and its inverse in integer arithmetic, so every compiler and processor computes the same bits.
 //
-// A logit is ln(p / (1 - p)) in units of 1/256. A probability is that of a 1 bit, in units of 1/65536. The tables are
-// computed at compile time from integers only.
+// A logit is ln(p / (1 - p)) in units of 1/256. A probability p is the probability of a 1 bit, in units of 1/65536. The
+// tables are computed at compile time from integers only.
 #pragma once
 
 #include <algorithm>

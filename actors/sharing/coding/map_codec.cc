@@ -244,7 +244,7 @@ PreviousTrials::Way MapRunEncoder::WayOfNext() const {
 
 std::optional<std::size_t> MapRunEncoder::MapsBackTo(std::uint32_t source) const {
   const auto newest = std::find(sources_.rbegin(), sources_.rend(), source);
-  // If no map has this source, `newest` is rend(), and maps_back is the number for the reference, if there is one.
+  // If no map has this source, `newest` is rend(), and maps_back leads to the reference, if there is one.
   const std::size_t maps_back = static_cast<std::size_t>(newest - sources_.rbegin()) + 1;
   if (maps_back > earlier_.size()) return std::nullopt;
   return maps_back;

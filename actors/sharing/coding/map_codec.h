@@ -1,10 +1,10 @@
 // The map codec: lossless coding of the cells of local traversability maps (occupancy grids). Each cell is predicted
 // from the cells around it, from the coarser layer, and from an earlier map of the same run.
 //
-// A run is a sequence of maps whose model keeps adapting from one map to the next. A run is sent as one or several
-// strings, which the decoder must decode in the same order. It begins with the initial model (trained_tables.h). If the
-// next map would exceed the run's limits, encoder and decoder each restart the run. Only the cells of a map are coded.
-// The decoder must know the sizes and resolutions of the layers beforehand.
+// A run is a sequence of maps whose model keeps adapting from one map to the next, starting from TrainedModel(). A run
+// is sent as one or several strings, which the decoder must decode in the same order. If the next map would exceed the
+// run's limits, encoder and decoder each restart the run. Only the cells of a map are coded. The decoder must know the
+// sizes and resolutions of the layers beforehand.
 //
 //   map        := reference placement? nested* layer* checksum        (all in one stream of the range coder)
 //   reference  := 0 | 1, 5 bits: how many maps back, less one
@@ -36,8 +36,9 @@
 namespace moondb {
 
 inline constexpr std::size_t kRunMapsMax = 32;
-inline constexpr std::uint64_t kRunCellsMax = 4 * 1024 * 1024;   // Cells of all maps of a run; both ends keep them.
-inline constexpr std::uint64_t kCodedCellsMax = kRunCellsMax;    // Cells of one string; half a second to decode.
+inline constexpr std::uint64_t kRunCellsMax = 4 * 1024 * 1024;  // Limit of the cells in all maps of a run.
+// Cells of all maps in one coded string. Decoding that many cells takes about half a second.
+inline constexpr std::uint64_t kCodedCellsMax = kRunCellsMax;
 inline constexpr std::uint64_t kCodedMapCellsMax = 1024 * 1024;  // Cells of all layers of one map.
 inline constexpr std::int32_t kCodedMapSideMax = 4096;           // Width and height of a layer, in cells.
 
@@ -48,10 +49,11 @@ bool IsCodable(const std::vector<MapLayer>& layers);
 // Returns the number of cells of all layers.
 std::uint64_t CellCountOf(const std::vector<MapLayer>& layers);
 
-// The state of a run, which is the same at both ends. Takes at most 10 MB, or 42 MB if layers are two cells wide.
+// The state of a run, which is the same at encoder and decoder. Takes at most 10 MB, or 42 MB if layers are two cells
+// wide.
 class MapRun {
  public:
-  // For training only, since both ends would have to change the model in the same way.
+  // Only for training. In all other uses, encoder and decoder would have to change the model in the same way.
   BitModel& model() { return model_; }
 
  protected:
@@ -60,7 +62,7 @@ class MapRun {
     MapPlacement placement;
   };
 
-  // `reference`: a map that both ends already hold; it counts as the first map of the run. Null: none. Requires:
+  // `reference`: a map that encoder and decoder already hold, as the first map of the run; null: none. Requires:
   // IsCodable(*reference).
   explicit MapRun(const std::vector<MapLayer>* reference);
 
@@ -86,10 +88,11 @@ class MapRun {
 // Encodes the maps of a run. An encoder can be copied to encode a map on trial.
 class MapRunEncoder : public MapRun {
  public:
-  // Which maps are predicted from the previous map of their source.
-  //   kNever         Each map is coded alone.
-  //   kWhereItPays   Each map is coded both ways, and the smaller result is kept. Takes three times as long.
-  //   kWhileItPays   Like kWhereItPays, but skips the trial for some maps if it gains little (previous_trials.h).
+  // How the previous map of the same source is used to predict a map.
+  //   kNever         Codes each map alone.
+  //   kWhereItPays   Codes each map with and without its previous map, and keeps the smaller result. Takes three times
+  //                  as long as kNever.
+  //   kWhileItPays   Like kWhereItPays, but skips the comparison for some maps if it gains little (previous_trials.h).
   //   kWherePlaced   Uses the previous map whenever it can be placed, even if that costs bytes. For training.
   enum class Previous { kNever, kWhereItPays, kWhileItPays, kWherePlaced };
 
@@ -98,10 +101,10 @@ class MapRunEncoder : public MapRun {
                          const PreviousTrials& trials = {});
 
   // Adds a map to the string that Finish returns. `source` identifies the map's origin. The newest earlier map of the
-  // same source serves as its previous map; if there is none, the reference does. Requires: IsCodable(layers), every
+  // same source serves as the previous map; if there is none, the reference does. Requires: IsCodable(layers), every
   // cell is unknown, free or a hazard, and the string's maps have at most kCodedCellsMax cells.
   void Add(const std::vector<MapLayer>& layers, std::uint32_t source = 0);
-  // Bytes of the coded string so far.
+  // Returns the size in bytes of the coded string so far.
   std::size_t byte_count() const { return coder_.byte_count(); }
   std::string Finish() { return coder_.Finish(); }
   const PreviousTrials& trials() const { return trials_; }
@@ -128,8 +131,8 @@ class MapRunDecoder : public MapRun {
   explicit MapRunDecoder(const std::vector<MapLayer>* reference = nullptr) : MapRun(reference) {}
 
   // Fills the cells of the next maps of the run. Requires: the layers have the same sizes and resolutions as at the
-  // encoder. Returns kCorrupt if sizes exceed the limits, a map refers to a map that is not here, a checksum does not
-  // match, or bytes follow the last map. After an error the run has ended and every further call fails.
+  // encoder. Returns kCorrupt if sizes exceed the limits, a map refers to a map that is not in the run, a checksum does
+  // not match, or bytes follow the last map. After an error the run has ended and every further call fails.
   Result<void> Decode(std::string_view coded, std::vector<std::vector<MapLayer>*>& maps);
 
  private:

@@ -2,10 +2,9 @@
 //
 //   column := way, first number, width, width planes of (count - 1) bytes, the lowest bytes first
 //
-// The field `way` says how the numbers after the first are coded: as differences between neighbouring numbers, as
-// differences of these differences (both in zigzag form), or as XOR with the preceding number. The encoder uses the way
-// with the fewest bits. Numbers that are constant or grow evenly become zeros. A double is coded as its 64 bits. Pure
-// functions.
+// The field `way` selects how the numbers after the first are coded: as differences between neighbouring numbers, as
+// differences of these differences (both in zigzag form), or as XOR with the preceding number. The encoder chooses the
+// way with the fewest bits. Numbers that are constant or grow evenly become zeros. A double is coded as its 64 bits.
 #pragma once
 
 #include <cstddef>

@@ -36,8 +36,8 @@ std::int64_t Sine(std::int32_t yaw) {
   return (yaw & (kTurn / 2)) != 0 ? -size : size;
 }
 
-// The position of the middle of a later layer's cell (0, 0) on an earlier layer, and the steps to its neighbours, in
-// units of 1/2^kPlaceBits cells of the earlier layer.
+// The grid of a later layer as seen on an earlier layer: the position of the middle of cell (0, 0), and the step to the
+// next cell. All values are in units of 1/2^kPlaceBits cells of the earlier layer.
 struct GridWalk {
   std::int64_t x = 0, y = 0;
   std::int64_t step_x = 0, step_y = 0;  // Step to the next column. The step to the next row is (-step_y, step_x).
@@ -48,7 +48,7 @@ GridWalk MakeGridWalk(const CodedLayer& earlier, const CodedLayer& later, std::u
   const Rotation rotation = RotationOf(placement.yaw);
   const std::int64_t from = later.resolution_um;
   const std::int64_t to = earlier.resolution_um;
-  // Lengths are in half micrometres, and in units of 1/2^kRotationBits after a rotation. `cells` converts a position in
+  // Lengths are in half micrometres; rotated lengths are also scaled by 2^kRotationBits. `cells` converts a position in
   // the earlier map's frame to cells from the layer's corner.
   const std::int64_t x0 = (1 - later.cells.width()) * from;
   const std::int64_t y0 = (1 - later.cells.height()) * from;
@@ -65,7 +65,7 @@ GridWalk MakeGridWalk(const CodedLayer& earlier, const CodedLayer& later, std::u
   return walk;
 }
 
-// Writes the memory of an earlier layer to all cells of `placed` that this layer covers.
+// Writes the memory of an earlier layer to each cell of `placed` whose middle lies on the earlier layer.
 void Overlay(const CodedLayer& earlier, const GridWalk& walk, CellPlane& placed) {
   const std::uint64_t width = static_cast<std::uint64_t>(earlier.cells.width());
   const std::uint64_t height = static_cast<std::uint64_t>(earlier.cells.height());

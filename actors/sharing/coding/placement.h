@@ -1,8 +1,8 @@
-// MapPlacement: the pose of a later map relative to an earlier one. Place resamples the earlier map's memory to the
+// MapPlacement: the pose of a later map relative to an earlier map. Place resamples the earlier map's memory to the
 // later map's grid.
 //
 // The encoder searches for the placement (FindPlacement) and sends it; the decoder only applies it. Placing uses
-// integers, so both ends get the same result. The search may change without a change of the wire format.
+// integers, so encoder and decoder get the same result. The search may change without a change of the wire format.
 #pragma once
 
 #include <cstdint>
@@ -44,14 +44,14 @@ inline constexpr int kRotationBits = 14;
 Rotation RotationOf(std::int32_t yaw);
 
 // Returns the earlier map's memory at the middles of the later layer's cells. The memory of each cell comes from the
-// finest earlier layer that covers the cell and is not finer than the later layer. It is kNoMemory if no such layer
-// covers the cell. `unit_um` is the resolution of the later map's finest layer.
+// finest earlier layer that covers the cell and is not finer than the later layer. A cell that no such layer covers
+// gets kNoMemory. `unit_um` is the resolution of the later map's finest layer.
 CellPlane Place(const CodedLayers& earlier, const CodedLayer& later, std::uint32_t unit_um,
                 const MapPlacement& placement);
 
 // Returns the placement at which the hazards of both maps match best, for any yaw and a shift of a few cells of the
-// coarsest layer. Nullopt if there are too few hazards or no placement matches. Takes about 3 ms for four layers of
-// 100 x 100.
+// coarsest layer. Nullopt if there are too few hazards or no placement matches. Takes about 3 ms for four layers of 100
+// x 100 cells.
 std::optional<MapPlacement> FindPlacement(const CodedLayers& earlier, const CodedLayers& later);
 
 }  // namespace moondb

@@ -9,7 +9,7 @@ namespace moondb {
 
 namespace {
 
-constexpr std::size_t kPointsMax = 128;      // Hazards of a layer that are sampled.
+constexpr std::size_t kPointsMax = 128;      // Largest number of hazards that are sampled per layer.
 constexpr std::size_t kPointsMin = 6;        // Fewer hazards do not determine a placement.
 constexpr std::int32_t kReachCells = 6;      // Largest shift in cells of the coarsest layer, in each direction.
 constexpr std::int32_t kCoarseTurnStep = 8;  // Yaw step of the coarse search: 8/1024 turn, which is 2.8 degrees.
@@ -39,7 +39,7 @@ bool IsSupported(const CellPlane& cells, std::int32_t column, std::int32_t row) 
   return beside > 0;
 }
 
-// The score that a hazard of the later map gets on each cell of an earlier layer.
+// For each cell of an earlier layer, the score of a hazard of the later map that lies on this cell.
 class Field {
  public:
   explicit Field(const CodedLayer& layer)
@@ -68,7 +68,7 @@ class Field {
   }
 
   // Returns a pointer to the score of the cell at a point, or null outside of the layer. `x` and `y` are relative to
-  // the middle, in half micrometres and units of 1/2^kRotationBits.
+  // the layer's middle, in units of 1/2^kRotationBits of half a micrometre.
   const std::int8_t* Under(std::int64_t x, std::int64_t y) {
     const std::int64_t unit = 2 * resolution_um_;
     const std::int64_t column = ((x >> kRotationBits) + width_ * resolution_um_);
@@ -117,7 +117,7 @@ struct Candidate {
   std::int32_t score = 0;
 };
 
-// One layer of both maps: the scores of the earlier map, the hazards of the later one.
+// One layer of both maps: the scores of the earlier map, the hazards of the later map.
 struct Level {
   Field field;
   std::vector<Point> points;

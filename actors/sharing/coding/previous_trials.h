@@ -1,10 +1,10 @@
 // PreviousTrials: decides for which maps an encoder tries prediction from the previous map, since a trial is expensive.
 //
 // A trial places the previous map and codes the map with and without it, which takes three times as long as coding the
-// map alone. The previous map halves the bytes if maps scroll over one grid. It saves only 2 to 8 % of the bytes if
-// maps turn with the robot. After two trials in a row that gain less than kGainMin, the next kRestMaps maps are coded
-// alone. After a trial that gains at least kGainLarge, the next kTrustMaps maps are coded with the previous map without
-// a comparison. Not thread-safe.
+// map alone. The previous map halves the bytes if maps scroll over one grid, but saves only 2 to 8 % if maps turn with
+// the robot. After two trials in a row that gain less than kGainMin, the next kRestMaps maps are coded alone. After a
+// trial that gains at least kGainLarge, the next kTrustMaps maps are coded with the previous map without a comparison.
+// Not thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@ class PreviousTrials {
   static constexpr int kRestMaps = 32;
   static constexpr int kTrustMaps = 7;
 
-  // How to code the next map that has a previous map.
+  // Returns how to code the next map that has a previous map.
   Way next() const { return rest_ > 0 ? Way::kAlone : trust_ > 0 ? Way::kWithPrevious : Way::kBoth; }
 
   // Call when a map was coded both ways, with the resulting sizes.
@@ -32,7 +32,8 @@ class PreviousTrials {
     if (gain >= kGainLarge * alone) trust_ = kTrustMaps;
   }
 
-  // Call when a map was coded only one way: in the way `way`, or alone because the previous map could not be placed.
+  // Call when a map was coded in one way only. `way` is the result of next(). `is_placed`: the previous map could be
+  // placed; otherwise the map was coded alone.
   void Coded(Way way, bool is_placed) {
     if (way == Way::kAlone) {
       if (rest_ > 0) --rest_;
@@ -53,7 +54,7 @@ class PreviousTrials {
   }
 
   int rest_ = 0;      // Number of next maps that are coded alone.
-  int trust_ = 0;     // Number of next maps that are coded with the previous map without a comparison.
+  int trust_ = 0;     // Number of next maps that are coded with the previous map, without a comparison.
   int failures_ = 0;  // Number of failed trials in a row.
 };
 

@@ -1,9 +1,8 @@
 // A 32-bit binary range coder without carries: a written byte never changes.
 //
-// Each bit is coded with the probability that it is 1, from 1 to 65535 in units of 1/65536. The decoder never fails.
-// Behind the end of its bytes it reads zeros, and damaged or truncated input decodes to wrong bits. The caller
-// therefore needs a checksum. Encoder and decoder do one multiplication and at most four byte shifts per bit, whatever
-// the input.
+// Each bit is coded with the probability that it is 1, from 1 to 65535 in units of 1/65536. The decoder never fails: it
+// reads zeros after the end of its bytes, and decodes wrong bits from damaged or truncated input. The caller therefore
+// needs a checksum.
 #pragma once
 
 #include <cstddef>
@@ -42,7 +41,7 @@ class RangeEncoder {
 
   // Returns the complete string and resets the encoder. Trailing zero bytes are removed.
   std::string Finish() {
-    // The first bytes of low_ and high_ differ, so a number with this first byte and zeros after it lies between them.
+    // The first bytes of low_ and high_ differ, so this byte followed by zeros is a number between low_ and high_.
     if (low_ != 0) bytes_.push_back(static_cast<char>((low_ >> 24) + 1));
     low_ = 0;
     high_ = 0xFFFFFFFF;
@@ -84,7 +83,7 @@ class RangeDecoder {
     return bit;
   }
 
-  // True if the encoder would have written no further bytes after the bits that were decoded.
+  // False if the input has more bytes than the encoder writes for the bits that were decoded.
   bool IsAtEnd() const { return bytes_.size() <= next_ - kBytesAhead + 1; }
 
  private:

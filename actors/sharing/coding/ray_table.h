@@ -1,8 +1,8 @@
 // RayTable: for each cell of a layer, its bearing and distance from the layer's centre, where the sensor usually is,
-// and the cells between them.
+// and the next three cells towards the centre.
 //
-// A cell's value depends most on the cells between it and the sensor. The table covers one quadrant; the others are
-// symmetric.
+// A cell's value depends most on the cells between the cell and the sensor. The table covers one quadrant; the other
+// quadrants are symmetric.
 #pragma once
 
 #include <array>
@@ -28,7 +28,7 @@ class RayTable {
   RayTable(std::int32_t width, std::int32_t height);
 
   bool IsFor(std::int32_t width, std::int32_t height) const { return width == width_ && height == height_; }
-  // The rays of one row, indexed by the number of columns from the centre.
+  // Returns the rays of one row, indexed by the number of columns from the centre.
   const Ray* RowAt(std::int32_t rows_out) const { return rays_.data() + static_cast<std::size_t>(rows_out) * columns_; }
 
  private:

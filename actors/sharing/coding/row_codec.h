@@ -5,9 +5,9 @@
 //   column  := numbers (number_column.h), or texts: their sizes as numbers, then the texts themselves
 //   * a number column; absent if there is one shape
 //
-// Any content is restored byte for byte: a row of unknown form is stored as one text. Efficient for a batch of one data
-// type, correct for any. The caller adds the other parts of a batch as number columns. The row codec does not compress:
-// its output contains many zeros, which a general-purpose compressor removes. Pure functions, thread-safe.
+// Any content is restored byte for byte: a row of unknown form is stored as one text. The output is smallest for
+// records of one data type. The row codec does not compress: its output contains many zeros, which a general-purpose
+// compressor removes. Thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -27,8 +27,8 @@ inline constexpr std::size_t kRowShapesMax = 32;  // Shapes of one batch; rows o
 void PutRows(const std::vector<std::string_view>& contents, std::string& bytes);
 
 // Reads the rows and returns the contents. Marks the reader as failed if the bytes are malformed, or if the contents
-// have more than `content_bytes_max` bytes in all. Besides the contents, it takes at most kRowsMax * kShapeValuesMax *
-// 16 bytes (32 MiB) of memory, even if the bytes are malformed.
+// have more than `content_bytes_max` bytes in all. Besides the contents, takes at most kRowsMax * kShapeValuesMax * 16
+// bytes (32 MiB) of memory, even if the bytes are malformed.
 std::vector<std::string> TakeRows(std::size_t content_bytes_max, ByteReader& reader);
 
 }  // namespace moondb

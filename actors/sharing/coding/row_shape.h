@@ -1,9 +1,8 @@
-// RowShape: the structure of a record's protobuf encoding: tags in their order and nesting, without values.
+// RowShape: the structure of a record's protobuf encoding: the tags in their order and nesting, without values.
 //
-// Rows of one shape differ only in their values, so the values can be stored in columns. Shape and values restore the
-// content byte for byte, with all fields in their order, including unknown fields. If a row is not in the shortest
-// encoding or exceeds the limits of a shape, its shape is a single kContent: the row is stored as bytes. Pure
-// functions.
+// Rows of one shape differ only in their values, so the values can be stored in columns. Shape and values together
+// restore the content byte for byte, including unknown fields. If a row is not in the shortest encoding or exceeds the
+// limits of a shape, its shape is a single kContent, and the row is stored as bytes.
 #pragma once
 
 #include <google/protobuf/descriptor.h>
@@ -50,7 +49,7 @@ struct RowValues {
   std::vector<std::string_view> texts;  // Views into the row.
 };
 
-// The numbers of values that a row of one shape has.
+// How many numbers and how many texts a row of one shape has.
 struct ValueCount {
   std::size_t numbers = 0;
   std::size_t texts = 0;

@@ -17,8 +17,8 @@ constexpr std::string_view kAlphabet =
 constexpr int kLevelStep = 128;
 constexpr int kLevelMax = 20;
 constexpr int kLevels = 2 * kLevelMax + 1;
-// The count of all trained slots at the start of a run. It is low, because the first maps of a run show the kind of its
-// maps better than the training maps do.
+// The initial count of each trained slot at the start of a run. The count is low, so the model adapts quickly: the
+// first maps of a run predict its later maps better than the training maps do.
 constexpr int kTrainedCount = 11;
 constexpr std::uint32_t kCountMin = 5;  // Slots with a lower count are written as untrained.
 // The other characters of the alphabet stand for 1, 2, 4, ... untrained slots in a row.
@@ -39,7 +39,7 @@ std::array<int, 256> MakeDigits() {
   return digits;
 }
 
-// Returns false for a weight that only fills up its set to kInputs weights.
+// Returns false for a weight whose input is always 0.
 bool IsUsed(std::size_t weight, std::size_t weight_count) {
   return weight % kInputs <= (weight < weight_count / 2 ? kModelsAlone : kModelsWithPrevious);
 }

@@ -1,5 +1,5 @@
 // The initial model of each run, trained by bench/learn_map_tables on generated maps. The model is part of the wire
-// format. Its text lies in trained_tables_data.cc.
+// format. It is stored as text in trained_tables_data.cc.
 #pragma once
 
 #include <string>
@@ -13,8 +13,7 @@ namespace moondb {
 const BitModel& TrainedModel();
 
 // WriteTables converts a model's slots, weights and rare probabilities to text, with reduced precision. ReadTables
-// makes a new model from such a text. Used by the training tool and by TrainedModel. ReadTables ends the program
-// (Check) on text that WriteTables did not write.
+// makes a new model from this text. ReadTables ends the program (Check) on text that WriteTables did not write.
 std::string WriteTables(BitModel& model);
 BitModel ReadTables(std::string_view text);
 

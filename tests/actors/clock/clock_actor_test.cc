@@ -1,4 +1,4 @@
-// Tests with storage and clock actors: which records are marked as timestamped by a suspect clock after a clock jumps.
+// Checks which records StorageActor marks with is_clock_suspect after an agent's clock jumps.
 #include "actors/clock/clock_actor.h"
 
 #include <gtest/gtest.h>
@@ -46,7 +46,7 @@ class ClockActorTest : public testing::Test {
     return replies.empty() ? proto::Message() : replies[0];
   }
 
-  // Returns for each record of `agent`, in insertion order, whether the record is marked as suspect.
+  // Returns is_clock_suspect of each record at `agent`, in insertion order.
   std::vector<bool> Marked(AgentId agent) {
     proto::Message question;
     question.mutable_read_request();
@@ -85,7 +85,7 @@ TEST_F(ClockActorTest, MarksRecordsInsertedWhileItsClockIsOffTheTeams) {
   team_.SetUtcOffset(2, hours(5));
   Insert(2);
   EXPECT_EQ(SuspectOf(2), "it is more than a minute off the clocks of 2 other agents");
-  team_.SetUtcOffset(2, -hours(24 * 365 * 56));  // The year 1970.
+  team_.SetUtcOffset(2, -hours(24 * 365 * 56));  // The clock shows the year 1970.
   Insert(2);
   EXPECT_EQ(SuspectOf(2), "it was never set");
   team_.SetUtcOffset(2, seconds(3));

@@ -13,7 +13,8 @@ using std::chrono::minutes;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-// The event actor of agent 1. All other actors are probes.
+// Agent 1 runs only EventActor. The tests send the messages of its other actors, and read the messages that EventActor
+// sends to them.
 class EventActorTest : public testing::Test {
  protected:
   EventActorTest() {
@@ -30,7 +31,7 @@ class EventActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // Texts of the events that the actor sent to storage since the last call.
+  // Returns the texts of the events that EventActor sent to storage since the last call.
   std::vector<std::string> Notified() {
     std::vector<std::string> texts;
     for (const proto::Message& message : team_.Take({1, actor_name::kStorage})) {
@@ -92,7 +93,8 @@ TEST(EventActorRestartTest, ReportsItsOwnFailure) {
 
 TEST_F(EventActorTest, ReportsRolesThatItsOwnAgentIssuedAfterTheFirst) {
   (void)Notified();
-  Roles(3, /*issuer=*/1, /*leader=*/2);  // The roles from before the start are not reported.
+  // EventActor does not report the first roles that it receives, because they date from before its start.
+  Roles(3, /*issuer=*/1, /*leader=*/2);
   Roles(4, /*issuer=*/2, /*leader=*/2);
   Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
   Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
@@ -101,7 +103,7 @@ TEST_F(EventActorTest, ReportsRolesThatItsOwnAgentIssuedAfterTheFirst) {
 
 TEST_F(EventActorTest, ReportsNewlyRefusedRecordsOnceAMinute) {
   (void)Notified();
-  Rejected(5);  // The count covers the time since the agent started, so the first count is not reported.
+  Rejected(5);  // EventActor reports increases of storage's count. The first count only gives the baseline.
   EXPECT_THAT(Notified(), IsEmpty());
   Rejected(8);
   EXPECT_THAT(Notified(), ElementsAre("3 records were refused by storage"));

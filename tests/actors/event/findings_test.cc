@@ -1,4 +1,4 @@
-// EventActor and StorageActor together: findings that an operator must see until they are acknowledged.
+// Runs EventActor and StorageActor together. Checks the findings, which an operator sees until they are acknowledged.
 #include <gmock/gmock.h>
 
 #include "actors/event/event_actor.h"
@@ -18,8 +18,8 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-// Agent 1 with its storage and event actors. Tests only connect and disconnect agents 2 and 3. The test itself plays
-// the lease actor.
+// Agent 1 runs StorageActor and EventActor. Agents 2 and 3 run no actors; the tests only connect and disconnect them.
+// The function Minutes takes the place of agent 1's lease actor.
 class FindingsTest : public testing::Test {
  protected:
   FindingsTest() {
@@ -82,7 +82,7 @@ class FindingsTest : public testing::Test {
     return Ask(question).acknowledge();
   }
 
-  // Texts of all events in storage.
+  // Returns the texts of all events in storage.
   std::vector<std::string> Story() {
     proto::Message question;
     question.mutable_read_request();
@@ -215,7 +215,8 @@ TEST_F(FindingsTest, ReportThatAnAcknowledgmentCouldNotBeStored) {
   Minutes(3);
   const auto findings = Findings();
   ASSERT_EQ(findings.size(), 1u);
-  // Storage fails before it handles the insert of the acknowledgment, and sends no reply. Nothing is acknowledged.
+  // Storage fails before it handles the insert of the acknowledgment. The client gets no reply, and nothing is
+  // acknowledged.
   bool has_failed = false;
   team_.SetFault([&](const Address& actor, const proto::Message& message) {
     const bool is_it = actor.actor == actor_name::kStorage && message.has_insert_request() && !has_failed;

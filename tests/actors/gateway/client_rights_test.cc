@@ -8,8 +8,8 @@
 namespace moondb {
 namespace {
 
-// Requests by the right that they need. They are listed by hand, so that every new request is assigned deliberately. A
-// request in none of these sets needs the right `command`.
+// The requests that need each right. The lists are written by hand: a new request needs the right `command` until it is
+// added to kView or kShare.
 const std::set<std::string> kView = {"status",  "read",      "role_show", "share_status", "graph_stats",
                                      "trace",   "have",      "verify",    "fingerprint",  "merge",
                                      "map_why", "map_stats", "map_tiles", "read_bundle",  "share_progress"};
@@ -56,7 +56,7 @@ TEST(ClientRightsTest, NamesTheNeededAndTheGrantedRight) {
   EXPECT_TRUE(CheckClientRights(message, proto::ControlRequest::kInsert).has_value());
 }
 
-// A team of two rovers and a base station.
+// Returns a team of rovers 1 and 2 and base station 3.
 proto::TeamConfig TeamWithBase() {
   proto::TeamConfig team;
   for (const std::uint32_t id : {1, 2, 3}) {

@@ -47,7 +47,6 @@ std::vector<std::string> ActorsOf(const proto::ControlRequest& request) {
   return actors;
 }
 
-// If a new request in proto/control.proto lacks an option, the failure names that option.
 TEST(CommandTableTest, EveryRequestHasItsRow) {
   for (int i = 0; i < Requests().field_count(); ++i) {
     const FieldDescriptor* field = Requests().field(i);
@@ -65,7 +64,7 @@ TEST(CommandTableTest, EveryRequestHasItsRow) {
   }
 }
 
-// proto/control.proto has a sentence above each request, because clients in any language read that file.
+// Authors of clients in any language read proto/control.proto. It must describe each request in a comment above it.
 TEST(CommandTableTest, EveryRequestIsDocumented) {
   const std::string text = ReadFile(std::string(MOONDB_SOURCE_DIR) + "/proto/control.proto");
   for (int i = 0; i < Requests().field_count(); ++i) {
@@ -108,7 +107,7 @@ TEST(CommandTableTest, PutsARequestIntoTheMessageBodyOfItsType) {
   EXPECT_FALSE(QuestionsOf(request, false)[0].message.have_request().is_for_peer());
 }
 
-// Moving avoids a copy of maps, which may have several megabytes.
+// A request may contain maps of several megabytes, which must not be copied.
 TEST(CommandTableTest, MovesTheRequestsContentIntoTheQuestion) {
   proto::ControlRequest request;
   std::string& cells = *request.mutable_insert()->add_records()->mutable_custom()->mutable_payload();

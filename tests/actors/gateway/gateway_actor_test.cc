@@ -14,7 +14,8 @@ namespace {
 
 using std::chrono::seconds;
 
-// The gateway of agent 1. Storage, role and the other actors are probes.
+// Agent 1 runs only GatewayActor. The tests send the messages of its other actors, and read the messages that
+// GatewayActor sends to them.
 class GatewayActorTest : public testing::Test {
  protected:
   explicit GatewayActorTest(bool has_base = false) {
@@ -60,7 +61,8 @@ class GatewayActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // The message that the gateway sent to `actor`. Expects exactly one.
+  // Returns the message that the gateway sent to `actor` since the last call. The test fails unless there is exactly
+  // one.
   proto::Message Asked(const std::string& actor) {
     const auto messages = team_.Take({1, actor});
     EXPECT_EQ(messages.size(), 1u) << actor;
@@ -107,7 +109,7 @@ proto::ControlRequest Optimize() {
   return request;
 }
 
-// A client's request to agent 1 for a read at agent 2.
+// Returns a request that agent 1 must relay to agent 2: a read of agent 2's records.
 proto::ControlRequest ReadAtTwo() {
   proto::ControlRequest request;
   request.mutable_read();
@@ -333,7 +335,7 @@ TEST_F(GatewayActorTest, AnswersARequestThatDoesNotDecodeAtOnce) {
 }
 
 TEST_F(GatewayActorTest, ReportsThatAnotherAgentsAnswerDoesNotDecode) {
-  Request(ReadAtTwo());  // Agent 2's gateway is a probe.
+  Request(ReadAtTwo());  // Agent 2 runs no gateway. The test answers in its place.
   team_.AdvanceTime(seconds(1));
   const auto asked = team_.Take({2, actor_name::kGateway});
   ASSERT_EQ(asked.size(), 1u);
@@ -356,7 +358,7 @@ TEST_F(GatewayActorTest, AnswersInTimeForAnActorThatDoesNot) {
   const proto::ControlReply status = OnlyAnswer();
   EXPECT_EQ(status.error().code(), proto::ERROR_CODE_TIMED_OUT);
   EXPECT_EQ(status.error().text(), "event and lease and role and storage did not answer in time");
-  // A solve may take ten minutes.
+  // The gateway waits ten minutes for the answer to an optimize request.
   team_.AdvanceTime(seconds(535));
   EXPECT_TRUE(Answers().empty());
   team_.AdvanceTime(seconds(10));
@@ -383,17 +385,17 @@ TEST_F(GatewayActorTest, IgnoresAnswersThatMatchNoRequest) {
   const proto::Message asked = Asked(actor_name::kPgo);
   proto::Message answer;
   answer.mutable_optimize_reply();
-  AnswerAs(actor_name::kMerge, asked, answer);  // Comes from another actor.
+  AnswerAs(actor_name::kMerge, asked, answer);  // This answer comes from an actor that was not asked.
   proto::Message other = asked;
   other.set_request_id(asked.request_id() + 1);
-  AnswerAs(actor_name::kPgo, other, answer);  // Answers another request.
+  AnswerAs(actor_name::kPgo, other, answer);  // This answer has the id of another request.
   answer.set_request_id(asked.request_id());
-  (void)team_.Post({2, actor_name::kPgo}, gateway_, answer);  // Comes from another agent.
+  (void)team_.Post({2, actor_name::kPgo}, gateway_, answer);  // This answer comes from another agent.
   team_.AdvanceTime(seconds(1));
   EXPECT_TRUE(Answers().empty());
   AnswerAs(actor_name::kPgo, asked, answer);
   EXPECT_TRUE(OnlyAnswer().has_optimize());
-  AnswerAs(actor_name::kPgo, asked, answer);  // Repeats the answer.
+  AnswerAs(actor_name::kPgo, asked, answer);  // The gateway ignores a repeated answer.
   EXPECT_TRUE(Answers().empty());
 }
 
@@ -489,7 +491,7 @@ TEST_F(GatewayActorTest, RequestsNewsFromTheActorOfTheOrdersKind) {
   }
 }
 
-// Reads that wait until a record is stored.
+// Tests reads with wait_s, which wait until a record is stored.
 class FeedTest : public GatewayActorTest {
  protected:
   static proto::ControlRequest Feed(double wait_s, DataType type = 0) {
@@ -499,7 +501,7 @@ class FeedTest : public GatewayActorTest {
     if (type != 0) request.mutable_read()->add_data_types(type);
     return request;
   }
-  // Answers the request `asked` as storage does, with a page of `records` records.
+  // Sends storage's answer to the request `asked`: a complete page with `records` records.
   void AnswerPage(const proto::Message& asked, int records) {
     proto::Message page;
     page.mutable_read_reply()->set_is_complete(true);
@@ -534,13 +536,14 @@ TEST_F(FeedTest, WaitsUntilARecordOfItsTypesIsStored) {
   EXPECT_TRUE(Answers().empty());
   team_.AdvanceTime(seconds(10));
   ReportStored(proto::POWER);
-  ReportStored(proto::TEMPERATURE, "soil");  // Comes from an actor other than storage.
+  ReportStored(proto::TEMPERATURE, "soil");  // The gateway ignores a report that does not come from storage.
   EXPECT_EQ(AskedOfStorage(), 0u);
   ReportStored(proto::TEMPERATURE);
   const proto::Message again = Asked(actor_name::kStorage);
-  ReportStored(proto::TEMPERATURE);  // The answer to the last request may lack this record.
+  // Storage's pending answer may lack this record, so the gateway reads again after that answer.
+  ReportStored(proto::TEMPERATURE);
   EXPECT_EQ(AskedOfStorage(), 0u);
-  AnswerPage(again, 0);  // The page is empty, because the new record has another origin.
+  AnswerPage(again, 0);
   AnswerPage(Asked(actor_name::kStorage), 1);
   EXPECT_EQ(OnlyAnswer().read().row_ids(0), 8u);
   ReportStored(proto::TEMPERATURE);
@@ -555,7 +558,7 @@ TEST_F(FeedTest, ReadsAgainOnlyAfterTheRowsOfTheLastEmptyAnswer) {
   ReportStored(proto::POWER, actor_name::kStorage, 20);
   const proto::Message first = Asked(actor_name::kStorage);
   EXPECT_EQ(first.read_request().after_row_id(), 7u);
-  ReportStored(proto::POWER, actor_name::kStorage, 25);  // The answer in flight may lack these records.
+  ReportStored(proto::POWER, actor_name::kStorage, 25);  // Storage's pending answer may lack rows 21 to 25.
   AnswerPage(first, 0);
   const proto::Message second = Asked(actor_name::kStorage);
   EXPECT_EQ(second.read_request().after_row_id(), 20u);
@@ -639,7 +642,7 @@ TEST_F(FeedTest, LimitsThePendingRequestsOfEachClient) {
               testing::HasSubstr("too many requests of this client wait for an answer of"));
   EXPECT_EQ(ask("k7", "dave", relayed), "");
 
-  // All requests from another agent count as requests of one client, whichever actors send them.
+  // All requests from one other agent count as requests of the same client, even if different actors send them.
   const auto ask_as = [&](const Address& requester) {
     proto::ControlRequest asked = Feed(30);
     asked.set_for_agent(2);
@@ -652,7 +655,7 @@ TEST_F(FeedTest, LimitsThePendingRequestsOfEachClient) {
   EXPECT_THAT(ask_as({1, "asker2"}), testing::HasSubstr("of this client"));
 }
 
-// A client with a key. The tests read the immediate answers to its requests.
+// A client with a key that is listed under the name anna.
 class KeyedClientTest : public GatewayActorTest {
  protected:
   proto::ControlReply RequestWith(proto::ClientRights rights, const proto::ControlRequest& request) {
@@ -722,7 +725,7 @@ TEST_F(KeyedClientTest, CannotBeImpersonatedByAClientWithoutAKey) {
            {"anna (key)", "anna"}, {"anna(key) (key) ", "anna"}, {"anna@hill", "anna@hill"}}) {
     request.set_by(said);
     proto::Message message = MessageOf(request);
-    message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);  // The rights of a client over ipc.
+    message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);  // A client over ipc has all rights.
     (void)team_.Post({kClients, "c1"}, gateway_, message);
     team_.RunUntilIdle();
     EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().by(), written);
@@ -750,18 +753,19 @@ TEST_F(GatewayActorTest, LogsACommandAndItsClientBeforeCarryingItOut) {
   EXPECT_THAT(relayed.agent_event().text(), testing::EndsWith(", through rover2"));
   EXPECT_TRUE(CheckRecord(relayed).has_value());
 
-  request.mutable_status();  // A request that changes nothing.
+  request.mutable_status();  // A status request changes nothing, so it is not logged.
   request.clear_for_agent();
   Request(request);
   for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) EXPECT_FALSE(asked.has_insert_request());
 }
 
-// The team of two with a base station, agent 3. Commands are accepted only through the base station.
+// A team of rovers 1 and 2 and base station 3. Agent 1 accepts another agent's commands only from the base station.
 class CommandFromTest : public GatewayActorTest {
  protected:
   CommandFromTest() : GatewayActorTest(/*has_base=*/true) {}
 
-  // Sends `request` as the gateway of agent `from`. Returns the answer.
+  // Sends `request` to agent 1 in the name of agent `from`'s gateway. Returns the answer, or an empty reply if there is
+  // none.
   proto::ControlReply Relay(AgentId from, const proto::ControlRequest& request) {
     RequestAs({from, actor_name::kGateway}, request, 6);
     team_.AdvanceTime(seconds(1));
@@ -777,7 +781,8 @@ class CommandFromTest : public GatewayActorTest {
     return request;
   }
 
-  // Requests the status. All other actors answer with empty parts.
+  // Requests the status of agent 1 and answers for each of its other actors with an empty status. Returns the gateway's
+  // reply.
   proto::ControlReply AskForStatus() {
     proto::ControlRequest status;
     status.mutable_status();
@@ -874,7 +879,8 @@ TEST_F(GatewayActorTest, RelaysARequestToAnotherAgentAndReturnsItsAnswer) {
   EXPECT_TRUE(team_.Take({1, actor_name::kStorage}).empty());
   const auto asked = team_.Take({2, actor_name::kStorage});
   ASSERT_EQ(asked.size(), 1u);
-  EXPECT_EQ(asked[0].read_request().content_bytes_max(), kRelayedContentBytesMax);  // Its own clients get 1 MB.
+  // The limit for agent 2's own clients is 1 MB.
+  EXPECT_EQ(asked[0].read_request().content_bytes_max(), kRelayedContentBytesMax);
   proto::Message page;
   page.set_request_id(asked[0].request_id());
   page.mutable_read_reply()->set_is_complete(true);
@@ -910,7 +916,6 @@ TEST_F(GatewayActorTest, RefusesAnAnswerTooLongForTheRadio) {
   }
 }
 
-// The longest relayed answer, including its envelope, fits into one message between agents.
 TEST_F(GatewayActorTest, TheLongestAnswerFitsIntoAMessageBetweenAgents) {
   const std::size_t longest = GatewayActor::Options().relay_bytes_max;
   SpawnGateway(2, longest);
@@ -949,7 +954,7 @@ TEST_F(GatewayActorTest, NamesTheAgentThatCannotBeReachedOrWasLost) {
 }
 
 TEST_F(GatewayActorTest, AcceptsAnAnswerOnlyFromTheAgentThatWasAsked) {
-  Request(ReadAtTwo());  // Agent 2's gateway is a probe.
+  Request(ReadAtTwo());  // Agent 2 runs no gateway. The test answers in its place.
   team_.AdvanceTime(seconds(1));
   const auto asked = team_.Take({2, actor_name::kGateway});
   ASSERT_EQ(asked.size(), 1u);
@@ -1023,7 +1028,7 @@ TEST_F(GatewayActorTest, NamesTheAnsweringAgentInEachReply) {
 
 TEST_F(GatewayActorTest, RelaysOnlyForItsOwnTeam) {
   (void)team_.Take({2, actor_name::kGateway});
-  proto::ControlRequest request = Optimize();  // The client's request names no team.
+  proto::ControlRequest request = Optimize();  // The client sets no team_id. The gateway must add it.
   request.set_for_agent(2);
   Request(request);
   team_.AdvanceTime(seconds(1));

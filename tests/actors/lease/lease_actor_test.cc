@@ -21,7 +21,7 @@ constexpr auto kDriving = proto::LEASE_KIND_DRIVING;
 constexpr auto kSleeping = proto::LEASE_KIND_SLEEPING;
 constexpr auto kPaused = proto::LEASE_KIND_PAUSED;
 
-// A team of rovers 1 to 3 with LeaseActors. Their other actors are probes.
+// A team of rovers 1 to 3, each of which runs only a LeaseActor. The tests send the messages of the other actors.
 class LeaseTeam {
  public:
   explicit LeaseTeam(std::uint64_t seed) : team_(seed) {
@@ -49,7 +49,7 @@ class LeaseTeam {
     return answer ? answer->lease_reply() : proto::LeaseReply();
   }
 
-  // The remaining driving and sleeping times of `other` as `agent` knows them, in whole seconds.
+  // Returns the remaining driving and sleeping times of `other` that `agent` knows, in whole seconds.
   std::pair<long, long> Known(AgentId agent, AgentId other) {
     const proto::AgentLease lease = LeaseKnown(agent, other);
     return {std::lround(lease.driving_s()), std::lround(lease.sleeping_s())};
@@ -199,7 +199,7 @@ TEST_F(LeaseActorTest, IsSilentOnceAllAgentsHaveConfirmed) {
   Set(2, kDriving, 600);
   team_.AdvanceTime(seconds(1));
   const std::uint64_t bytes = team_.radio_bytes();
-  team_.AdvanceTime(minutes(30));  // The lease expires, which sends no bytes either.
+  team_.AdvanceTime(minutes(30));  // The lease expires during this time. Nothing is sent.
   EXPECT_EQ(team_.radio_bytes(), bytes);
 }
 
@@ -224,7 +224,8 @@ TEST_F(LeaseActorTest, AcceptsRequestsAndEventsOnlyFromItsOwnAgent) {
 }
 
 TEST_F(LeaseActorTest, IgnoresALateAnnouncement) {
-  // Agent 2 receives no messages, so only this test announces agent 2's leases.
+  // The radio loses all messages to agent 2. Otherwise agent 2 would correct the announcements that the test sends in
+  // its name.
   team_.SetFilter([](AgentId, AgentId to, const proto::Message&) { return to != 2; });
   Announce(2, 1, 500, 100);
   Announce(2, 1, 501, 0);
@@ -232,7 +233,7 @@ TEST_F(LeaseActorTest, IgnoresALateAnnouncement) {
   EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
   Announce(2, 1, 502, 60);
   team_.AdvanceTime(seconds(20));
-  Announce(2, 1, 502, 60);  // A repeated announcement. The time counts from its first copy.
+  Announce(2, 1, 502, 60);  // A repeated announcement does not extend the lease. The time counts from the first copy.
   EXPECT_EQ(Known(1, 2), std::pair(40L, 0L));
 }
 
@@ -252,8 +253,8 @@ TEST_F(LeaseActorTest, CorrectsALateAnnouncementFromBeforeTheRestart) {
   EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
 }
 
-// Random leases, actor crashes and link failures over a radio that loses, repeats and delays messages. Afterwards the
-// radio works, and all agents must agree on the leases.
+// Sets random leases while actors fail, links break, and the radio loses, repeats and delays messages. Then the radio
+// works, and all agents must agree on the leases.
 class LeaseActorChaosTest : public testing::TestWithParam<int> {};
 
 TEST_P(LeaseActorChaosTest, AllAgreeInTheEnd) {
@@ -283,15 +284,16 @@ TEST_P(LeaseActorChaosTest, AllAgreeInTheEnd) {
     team.team_.radio() = simulation::RadioOptions();
     team.team_.Heal();
     for (AgentId agent = 1; agent <= kAgents; ++agent) {
-      if (!team.team_.is_running(agent)) team.team_.Restart(agent);  // Stopped: its LeaseActor failed too often.
+      // The agent stopped because its LeaseActor failed too often.
+      if (!team.team_.is_running(agent)) team.team_.Restart(agent);
     }
     team.team_.AdvanceTime(minutes(5));
     for (AgentId agent = 1; agent <= kAgents; ++agent) {
       const auto own = team.Known(agent, agent);
       for (AgentId other = 1; other <= kAgents; ++other) {
         const auto known = team.Known(other, agent);
-        // An agent counts another agent's remaining time from the first announcement that it received, which may have
-        // arrived late.
+        // An agent counts another agent's remaining time from the first announcement that it received. That
+        // announcement may have been late.
         EXPECT_NEAR(known.first, own.first, 400) << agent << " as " << other << " knows it";
         EXPECT_NEAR(known.second, own.second, 400) << agent << " as " << other << " knows it";
       }

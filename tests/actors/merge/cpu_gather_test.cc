@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Runs each kernel that this machine supports, on one thread and on several.
+// Runs each kernel that this machine supports, with one to three threads.
 TEST(CpuGatherTest, AgreesWithBruteForceInEveryCell) {
   std::mt19937_64 seeds(1);
   for (int round = 0; round < 40; ++round) {
@@ -26,8 +26,7 @@ TEST(CpuGatherTest, AgreesWithBruteForceInEveryCell) {
   }
 }
 
-// Compares the merge with MergeByGeometry, which computes with angles. Covers blocks, boxes, anchors and conventions.
-// Only cells at borders may differ, because of rounding.
+// Compares the merge with MergeByGeometry. Cells close to borders may differ because of rounding, and are not compared.
 TEST(CpuGatherTest, AgreesWithGeometryAwayFromBorders) {
   std::mt19937_64 seeds(2);
   std::size_t certain = 0;
@@ -53,7 +52,8 @@ TEST(CpuGatherTest, AgreesWithGeometryAwayFromBorders) {
   EXPECT_GT(known, 10'000u);
 }
 
-// Layers up to 200 times finer than the merged map, so that any overflow of fixed-point arithmetic shows.
+// The layers are up to 200 times finer than the merged map. An overflow of the fixed-point arithmetic would change
+// cells.
 TEST(CpuGatherTest, GathersLayersMuchFinerThanTheGrid) {
   std::mt19937_64 seeds(3);
   for (int round = 0; round < 12; ++round) {

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// A backend that works or fails as the test chooses.
+// A backend that gathers on the CPU while `works` is true. While it is false, Gather does half of the work and fails.
 class FragileGather final : public GatherBackend {
  public:
   FragileGather(const bool& works, int& gathers) : works_(works), gathers_(gathers) {}
@@ -33,7 +33,8 @@ class FragileGather final : public GatherBackend {
 
 class FallbackGatherTest : public testing::Test {
  protected:
-  // Adds the map, or withdraws the map that the last call added. Then merges.
+  // Adds the first map of world_ to merger_, or withdraws the map if the last call added it. Then merges, and expects
+  // the same cells as brute force.
   void Merge() {
     has_map_ = !has_map_;
     if (has_map_) {

@@ -54,7 +54,7 @@ TEST_F(GlGatherTest, ATargetOfAFewTilesIsReused) {
   }
 }
 
-// With pages of the smallest size, the texture is rebuilt repeatedly and drops withdrawn maps.
+// The texture's pages have the smallest size, so the texture is rebuilt repeatedly. Each rebuild drops withdrawn maps.
 TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
   const std::shared_ptr<GlGather> gl = *GlGather::Create({.atlas_page_texels_max = 512});
   ExpectSameInRandomWorlds(gl, 300, 15);
@@ -71,7 +71,7 @@ TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
   }
 }
 
-// The first rounds draw fewer maps than this test places over one cell.
+// This test places more maps over one cell than the first rounds of draws can hold.
 TEST_F(GlGatherTest, GathersHundredsOfMapsOverOneCell) {
   World world;
   std::mt19937_64 rng(302);
@@ -93,7 +93,7 @@ TEST_F(GlGatherTest, GathersLayersMuchFinerThanTheGrid) {
   }
 }
 
-// A tile must name only blocks that won a cell. Merger gathers again only tiles in which a withdrawn map won.
+// When a map is withdrawn, Merger gathers again the tiles that name its blocks.
 TEST_F(GlGatherTest, ATileNamesOnlyBlocksThatWonACell) {
   std::vector<std::unique_ptr<PlacedThing>> things;
   for (const auto& [rows, timestamp_ns] : {std::pair{"#.", 3}, {"##", 2}, {"  ", 1}}) {
@@ -128,7 +128,8 @@ TEST_F(GlGatherTest, AnyThreadMayUseItOneAtATime) {
   ExpectSameInRandomWorlds(gl_, 401, 2);
 }
 
-// The context is lost after some of a merge's draws. The CPU does that merge, and a new context does the next one.
+// The OpenGL context is lost after `survived` draws of a merge. The CPU completes that merge. Later merges use a new
+// context.
 TEST_F(GlGatherTest, ALostContextInTheMiddleOfAMergeChangesNoCell) {
   int draws_left = 0;
   int contexts = 0;

@@ -37,7 +37,7 @@ struct CountingTraits {
   static inline int deleted = 0;
 };
 
-// After a context is lost, no context can be made current any more.
+// After a context is lost, its GlObjects are destroyed while no context is current.
 TEST_F(GlObjectsTest, AnOwnerWithoutAContextCallsNoGlFunction) {
   CountingTraits::deleted = 0;
   { const GlObject<CountingTraits> object(7); }

@@ -23,7 +23,7 @@ proto::Term MakeTerm(std::uint64_t number) {
 
 class MapCollectionTest : public testing::Test {
  protected:
-  // Returns x, in metres, of the only map's position.
+  // Returns the x coordinate, in metres, of the first selected map.
   double PlacedX(bool use_raw_poses = false) {
     return collection_.Select({use_raw_poses, {}}).maps.at(0).map_from_node.position_m.x();
   }
@@ -116,7 +116,7 @@ TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheMapsInTheirTimeRanges) {
   EXPECT_EQ(left_out(), "");
   quarantine(1, 2, 3);
   quarantine(2, 5, 7);
-  quarantine(3, 6, 6);  // Lies within the range of another quarantine.
+  quarantine(3, 6, 6);  // This range lies within the range of quarantine 2.
   quarantine(4, 1, 9, /*agent=*/2);
   EXPECT_EQ(left_out(), "23567");
   quarantine(5, 7, 8);
@@ -167,8 +167,8 @@ TEST_F(MapCollectionTest, LimitsNodesOptimizedPosesAndQuarantines) {
   EXPECT_EQ(collection.CountLeftOut(), (std::map<AgentId, std::uint64_t>{{2, 1}, {3, 1}, {4, 1}}));
 }
 
-// If a node's record is evicted, another record of that node counts. If the record that lifts a quarantine is evicted,
-// the quarantine counts again.
+// The limits evict some records. If a node's record is evicted, another record of the same node gives the pose. If the
+// record that lifts a quarantine is evicted, the quarantine applies again.
 TEST_F(MapCollectionTest, DependsOnTheSetOfRecordsAndNotOnTheirOrder) {
   const std::uint64_t first_seed = std::random_device()();
   const TraversabilityMap map = DrawMap({"."}, 50'000);

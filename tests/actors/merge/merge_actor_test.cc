@@ -23,7 +23,7 @@ using std::chrono::seconds;
 constexpr AgentId kSelf = 1;
 constexpr std::uint32_t kCell_um = 100'000;
 
-// Records of FakeStorageActor, and settings that say how it answers.
+// The records that FakeStorageActor returns, and settings for its answers.
 struct FakeStore {
   std::vector<proto::StoredRecord> records;  // Record i has row id i + 1.
   std::vector<proto::ReadRequest> reads;
@@ -144,7 +144,7 @@ class MergeActorTest : public testing::Test {
 
   proto::RecordKey LastKey() const { return store_->records.back().key(); }
 
-  // Sends `question` and returns the answer. Returns nullopt while the actor delays its answer.
+  // Sends `question` to MergeActor. Returns the answer, or nullopt if the actor has not answered yet.
   std::optional<proto::Message> AskAnything(proto::Message question) {
     question.set_request_id(78);
     EXPECT_EQ(team_.Post(kRequester, {kSelf, actor_name::kMerge}, std::move(question)), SendResult::kAccepted);
@@ -173,7 +173,7 @@ class MergeActorTest : public testing::Test {
     return AskAnything(std::move(question))->map_stats_reply();
   }
 
-  // Returns the tiles that changed since the last call. Returns nullopt while the actor delays its answer.
+  // Returns the tiles that changed since the last call, or nullopt if the actor has not answered yet.
   std::optional<proto::MapTilesReply> Tiles(double wait_s = 0) {
     tiles_request_.set_wait_s(wait_s);
     proto::Message question;
@@ -236,7 +236,7 @@ TEST_F(MergeActorTest, MergesTheRecordsInStorage) {
   EXPECT_EQ(reply.resolution_um(), kCell_um);
   EXPECT_EQ(reply.origin_cell_x(), 9);
   EXPECT_EQ(reply.origin_cell_y(), 9);
-  // Each footprint frees two by two cells around its map's lower left corner.
+  // The footprint of each rover frees 2 x 2 cells around the lower left corner of its map.
   EXPECT_EQ(Decode(reply), (Rows{" ##..", "....#", ".... "}));
   EXPECT_EQ(reply.map_count(), 2);
   EXPECT_EQ(reply.waiting_map_count(), 0);
@@ -249,7 +249,8 @@ TEST_F(MergeActorTest, AMapDoesNotWinByASuspectTimestamp) {
   StoreNode(1, 0);
   StoreNode(2, 0);
   StoreMap(1, {"###", "###", "###"});
-  StoreMap(2, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer, but its timestamp is suspect.
+  // This map is newer, but its timestamp is suspect.
+  StoreMap(2, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);
   Start();
   EXPECT_NE(Decode(Merge()).front().find('#'), std::string::npos);
 }
@@ -292,7 +293,7 @@ TEST_F(MergeActorTest, AMapThatArrivesTwiceCountsOnce) {
 }
 
 TEST_F(MergeActorTest, TheNewestOptimizedPosePlacesTheMap) {
-  StoreNode(4, 0);  // A base station has no footprint that would free cells.
+  StoreNode(4, 0);  // Agent 4 is a base station. It has no footprint that would free cells.
   StoreMap(4, {"##"});
   StoreOptimizedPose(4, 2, /*run=*/2);
   StoreOptimizedPose(4, 1, /*run=*/1);
@@ -436,7 +437,7 @@ TEST_F(MergeActorTest, ARestartedActorReadsEverythingAgain) {
   EXPECT_EQ(after.zstd_cells(), before.zstd_cells());
 }
 
-// Storage is a probe in this test.
+// This test answers in storage's place.
 TEST_F(MergeActorTest, AcceptsOnlyItsOwnStoragesAnswerToItsPresentQuestion) {
   const Address storage{kSelf, actor_name::kStorage};
   const Address merge{kSelf, actor_name::kMerge};
@@ -469,8 +470,9 @@ TEST_F(MergeActorTest, AcceptsOnlyItsOwnStoragesAnswerToItsPresentQuestion) {
 TEST_F(MergeActorTest, ExplainsTheValueOfACell) {
   for (const AgentId agent : {1u, 2u, 4u}) StoreNode(agent, 0);
   StoreMap(1, {"###", "###", "###"});
-  StoreMap(2, {"...", "...", "..."}, 2 * kCell_um);                         // A coarser map.
-  StoreMap(4, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer, but its timestamp is suspect.
+  StoreMap(2, {"...", "...", "..."}, 2 * kCell_um);  // This map is coarser.
+  // This map is newer, but its timestamp is suspect.
+  StoreMap(4, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);
   StoreOptimizedPose(2, 0.1, /*run=*/1);
   Start();
   const proto::MapWhyReply why = Why(0.22, 0.17);
@@ -502,7 +504,7 @@ TEST_F(MergeActorTest, ExplainsTheValueOfACell) {
 }
 
 TEST_F(MergeActorTest, LeavesQuarantinedMapsOutUntilTheyAreLifted) {
-  StoreNode(4, 0);  // A base station has no footprint that would free cells.
+  StoreNode(4, 0);  // Agent 4 is a base station. It has no footprint that would free cells.
   StoreMap(4, {"#"});
   StoreMap(4, {"."});
   Start();
@@ -519,7 +521,7 @@ TEST_F(MergeActorTest, LeavesQuarantinedMapsOutUntilTheyAreLifted) {
   ASSERT_EQ(stats.quarantines_size(), 1);
   EXPECT_EQ(stats.quarantines(0).map_count(), 1);
   EXPECT_EQ(stats.quarantines(0).record().seq(), given.seq());
-  StoreQuarantine(Quarantine(4, 3, 1000));  // Matches no map.
+  StoreQuarantine(Quarantine(4, 3, 1000));  // This quarantine matches no map.
   StoreQuarantine(Quarantine(1, INT64_MIN, INT64_MAX));
   EXPECT_EQ(Decode(Merge()), (Rows{"#"}));
 
@@ -535,7 +537,8 @@ TEST_F(MergeActorTest, NamesSharedMapsThatWinNoCell) {
   StoreMap(4, {"#"});
   const proto::RecordKey occluded = LastKey();
   StoreMap(4, {"#"});
-  store_->records.back().mutable_key()->set_seq(0);  // A local record, which cannot be pruned.
+  // Seq 0 marks a record that is not shared. Such a record cannot be pruned.
+  store_->records.back().mutable_key()->set_seq(0);
   StoreMap(4, {"."});
   Start();
   proto::Message question;
@@ -564,7 +567,8 @@ TEST_F(MergeActorTest, MergesTheRemainingMapsAfterAPrune) {
   StoreMap(4, {".?"});
   Start();
   EXPECT_EQ(Decode(Merge()), (Rows{".."}));
-  store_->records.erase(store_->records.begin() + 1);  // The row ids do not matter, because all records are read again.
+  // This changes the row ids of the later records, but MergeActor reads all records again.
+  store_->records.erase(store_->records.begin() + 1);
   EXPECT_EQ(Decode(Merge()), (Rows{".."}));
   proto::Message pruned;
   pruned.mutable_records_stored()->set_is_pruned(true);
@@ -594,7 +598,7 @@ TEST_F(MergeActorTest, ReportsTheMapsAndWonCellsOfEachAgent) {
   StoreMap(1, {"###", "###", "###"});
   StoreMap(1, {"...", "...", "..."});
   StoreMap(2, {"#"});
-  StoreMap(4, {"#"});  // Not placed until its node arrives.
+  StoreMap(4, {"#"});  // This map is placed only when its node arrives.
   StoreMap(1, {"."});
   StoreQuarantine(Quarantine(1, 6, 6));
   Start();
@@ -638,7 +642,8 @@ TEST_F(MergeActorTest, ReportsTheTilesThatChangedSinceAVersion) {
   ASSERT_EQ(third.tiles_size(), 1);
   EXPECT_TRUE(third.tiles(0).zstd_cells().empty()) << "nothing is known there any more";
 
-  tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);  // An id from another start of the actor.
+  // The id differs, as it does after a restart of the actor.
+  tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);
   EXPECT_EQ(Tiles()->tiles_size(), first.tiles_size() - 1);
   tiles_request_.clear_merger_id();
   tiles_request_.mutable_region()->set_x_min_m(99);
@@ -652,7 +657,7 @@ TEST_F(MergeActorTest, ReportsTheTilesThatChangedSinceAVersion) {
 TEST_F(MergeActorTest, SendsManyTilesInParts) {
   options_.reply_bytes_max = 1;
   StoreNode(4, -0.1, -0.1);
-  StoreMap(4, {"####", "####", "####", "####"});  // Covers four tiles.
+  StoreMap(4, {"####", "####", "####", "####"});  // This map covers four tiles.
   Start();
   proto::MapTilesReply part = *Tiles();
   std::set<std::pair<std::int64_t, std::int64_t>> seen;
@@ -678,7 +683,7 @@ TEST_F(MergeActorTest, ASubscriptionIsAnsweredWhenSomethingChanges) {
   ReportRecords(proto::POWER);
   team_.AdvanceTime(seconds(2));
   EXPECT_FALSE(TakeAnswer());
-  StoreMap(4, {"#"});  // Changes no cell's value.
+  StoreMap(4, {"#"});  // This map changes no cell.
   ReportRecords(proto::LOCAL_TRAVERSABILITY_MAP);
   team_.AdvanceTime(seconds(2));
   EXPECT_FALSE(TakeAnswer());

@@ -1,5 +1,5 @@
-// The merged map is the same in every cell (value, map and layer) for every backend and order: brute force, CPU with
-// each instruction set, GL, all maps at once, and map by map.
+// Checks that every backend (CPU with each instruction set, and GL) gives the same value, map and layer in every cell
+// as NaiveMerger, whether it merges all maps at once or map by map.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -54,7 +54,8 @@ class MergeEqualityTest : public testing::Test {
     }
   }
 
-  // Merges half of the maps at wrong poses first. Then puts each map at its own pose, and merges after every few maps.
+  // First merges half of the maps at wrong poses. Then puts each map at its right pose, and merges after every few
+  // maps.
   static MergeResult MergeOneByOne(const std::shared_ptr<GatherBackend>& backend, const World& world) {
     Merger merger(world.grid, backend);
     for (std::size_t i = 0; i < world.maps.size(); i += 2) {

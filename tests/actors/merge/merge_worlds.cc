@@ -31,7 +31,7 @@ Pose RandomPose(std::mt19937_64& rng, double x_m, double y_m, double reach_m) {
 }
 
 // Returns a pose whose heading is a multiple of 90 degrees and whose position is a multiple of half a cell. Cell
-// centres then lie exactly on borders, which tests half-open intervals.
+// centres then lie exactly on borders.
 Pose AlignedPose(std::mt19937_64& rng, double x_m, double y_m, double half_cell_m) {
   const auto snap = [&](double around_m) { return (std::round(around_m / half_cell_m) + Dice(rng, 80)) * half_cell_m; };
   return Pose::FromPlanar(snap(x_m), snap(y_m), Dice(rng, 4) * M_PI_2);
@@ -56,7 +56,7 @@ MapLayer RandomLayer(std::mt19937_64& rng, std::uint32_t grid_um, bool is_aligne
   const double ratio = std::exp2(Uniform(rng, -3, 3));
   layer.resolution_um =
       is_aligned || Dice(rng, 2) == 0 ? grid_um << Dice(rng, 4) : static_cast<std::uint32_t>(grid_um * ratio);
-  // Large layers get small cells, so that the worlds stay small.
+  // Large layers get small cells, to keep the worlds small.
   if (layer.grid.height > 512) layer.resolution_um = grid_um / 4;
   if (!is_aligned && Dice(rng, 2) == 0) {
     layer.center_x_m = Uniform(rng, -1, 1);
@@ -85,8 +85,8 @@ Answer Ask(const PlacedRectangle& placed, std::int64_t x, std::int64_t y) {
   return seen;
 }
 
-// Priority of a cell: of two cells, the one with the larger key wins. The last three elements order the layers and
-// blocks of one map.
+// Orders cells by priority: of two cells, the cell with the larger key wins. The last three elements order the layers
+// and blocks of one map.
 using Key = std::tuple<std::int64_t, std::int64_t, AgentId, RecordKey, int, std::int64_t, std::int64_t>;
 
 Key KeyOf(const LocalMap& map, const LayerBlock& block) {
@@ -262,7 +262,7 @@ std::size_t CountDifferences(const MergeResult& a, const MergeResult& b) {
 }
 
 MergeResult MergeByBruteForce(const World& world) {
-  // The first of several maps with the same key counts.
+  // If several maps have the same key, only the first one is merged.
   std::map<RecordKey, std::unique_ptr<PlacedThing>> maps;
   std::map<NodeKey, std::unique_ptr<PlacedThing>> footprints;
   CellBox extent;

@@ -1,5 +1,5 @@
-// Worlds for the tests of merging: small ones drawn by hand and random ones from a seed. Also two oracles that share no
-// code with the backends.
+// Helpers for tests of merging: maps drawn as text, and random worlds. MergeByBruteForce and MergeByGeometry compute
+// the expected merge, and share no code with the backends.
 #pragma once
 
 #include <cstddef>
@@ -14,11 +14,11 @@
 
 namespace moondb {
 
-// A map of one layer from text, with the top row first: '.' is free, '#' is a hazard, ' ' is unknown. The lower left
-// corner of the layer lies at the origin of the map's frame. The map's node is {agent, 1}.
+// Returns a map of one layer, drawn as text with the top row first: '.' is free, '#' is a hazard, ' ' is unknown. The
+// lower left corner of the layer lies at the origin of the map's frame. The map's node is {agent, 1}.
 TraversabilityMap DrawMap(const std::vector<std::string>& rows, std::uint32_t resolution_um, AgentId agent = 1);
 
-// Prints a merged map as rows of text, in the form that DrawMap reads.
+// Returns the cells of a merged map as rows of text, in the form that DrawMap reads.
 std::vector<std::string> Print(const MergedMap& merged);
 
 RecordKey MapKey(AgentId agent, std::uint64_t seq);
@@ -29,24 +29,25 @@ struct World {
   std::vector<Footprint> footprints;
 };
 
-// A world with layers of any size (including 1 x N and larger than a block), offset, resolution and heading, and with
-// equal timestamps and tilted poses. In one of three worlds all cell centres lie on borders. One of three worlds lies
-// 1,000 km from the origin. Each side has a few hundred cells.
+// Returns a random world with a few hundred cells per side. Its layers have any size (also 1 x N, and more than one
+// block), offset, resolution and heading. Some maps have equal timestamps or tilted poses. In one of three worlds all
+// cell centres lie on borders. One of three worlds lies 1,000 km from the origin.
 World MakeRandomWorld(std::mt19937_64& rng);
 
-// A world with layers up to 200 times finer than the merged map, and with footprints of many cells.
+// Returns a random world with layers up to 200 times finer than the merged map, and with footprints of many cells.
 World MakeFineWorld(std::mt19937_64& rng);
 
-// Merges all of `world` at once.
+// Merges all maps and footprints of `world` in one merge.
 MergeResult MergeBy(std::shared_ptr<GatherBackend> backend, const World& world);
 
-// All cells of the merger's merged map.
+// Returns all cells of the merger's merged map.
 MergeResult ReadAll(const Merger& merger);
 
 // Returns how many cells differ in value, map or layer. Returns the number of all cells if the sizes or origins differ.
 std::size_t CountDifferences(const MergeResult& a, const MergeResult& b);
 
-// Looks up each cell of the extent in every block, in 64-bit integers, and takes the value with the largest key.
+// Merges cell by cell: looks the cell up in every block, with 64-bit integers, and takes the value with the highest
+// priority.
 MergeResult MergeByBruteForce(const World& world);
 
 // Result of MergeByGeometry, which uses trigonometry in long double and does not round to integers. `is_certain` is

@@ -19,7 +19,7 @@ PlacedMap PlaceDrawing(const std::vector<std::string>& rows, const RecordKey& ke
   return {*MakeLocalMap(key, timestamp_ns, DrawMap(rows, 50'000, key.stream.origin), {}), pose};
 }
 
-// Adds, moves or withdraws a random map or footprint of `world`, both in `now` and in the merger.
+// Adds, moves or withdraws a random map or footprint of `world`, in the merger and in `now`.
 void ChangeSomething(std::mt19937_64& rng, const World& world, World& now, Merger& merger) {
   const auto roll = rng() % 10;
   if (roll < 7) {
@@ -74,7 +74,6 @@ TEST(MergerTest, ProvenanceNamesMapLayerAndPose) {
   EXPECT_TRUE(AreSamePose(merged.maps[0].map_from_node, pose));
 }
 
-// However maps are added, moved and withdrawn between merges, the result equals a merge from scratch.
 TEST(MergerTest, AnyHistoryLeadsToTheSameBytesAsAMergeFromScratch) {
   std::mt19937_64 seeds(20);
   std::size_t partial = 0;
@@ -190,7 +189,7 @@ TEST(MergerTest, WinsAreCountedCellByCell) {
   EXPECT_EQ(wins[2].cells, 0u);
 }
 
-// A map whose cells are as large as a tile. It has one known cell in each of 63 x 63 pages.
+// Returns a map whose cells are as large as a tile, with one known cell in each of 63 x 63 pages.
 std::shared_ptr<const LocalMap> SparseMap(const RecordKey& key) {
   MapLayer layer{Grid(252, 252), 3'200'000, 0, 0};
   for (std::int32_t row = 0; row < 252; row += 4) {

@@ -7,7 +7,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kColumns = 3;  // Number of squares in a row of `pixels_`.
+constexpr std::size_t kColumns = 3;  // Squares per row of `pixels_`.
 
 class OpenTileTest : public testing::Test {
  protected:
@@ -16,7 +16,7 @@ class OpenTileTest : public testing::Test {
     for (PlacedBlock& block : blocks_) open_.tile->blocks.push_back(&block);
   }
 
-  // Draws one cell of the square at `place` into `pixels_`. A cell that is not drawn is 0, which means unknown.
+  // Draws one cell of the square at `place` into `pixels_`. Cells that are not drawn are unknown.
   void Draw(std::size_t place, std::size_t cell, Cell value, std::size_t block) {
     const std::size_t row = cell / 8;
     const std::size_t x = place % kColumns * kSquarePixelsX + row % 4;
@@ -34,7 +34,7 @@ class OpenTileTest : public testing::Test {
 
 TEST_F(OpenTileTest, ReadsEachSquareFromItsPlace) {
   open_.squares = std::uint64_t{1} << 5 | std::uint64_t{1} << 63;
-  open_.first_place = 2;  // The first square ends its row, so the second lies in the next row.
+  open_.first_place = 2;  // Place 2 is the last place in its row, so the second square lies in the next row.
   for (std::size_t cell = 0; cell < 64; ++cell) Draw(2, cell, Cell::kFree, cell == 9 ? 2 : 1);
   Draw(3, 38, Cell::kHazard, 0);
   ReadRound(pixels_, kColumns, open_);

@@ -1,8 +1,7 @@
-// The merge policy of the paper's Section 5.1 as pictures in golden/*.pgm, which text editors and image viewers both
-// show. Each picture shows every map by itself, side by side, followed by the merged map. Hazards are black, free cells
-// are white and unknown cells are grey.
+// Tests the merge policy of the paper's Section 5.1 with pictures in golden/*.pgm. Each picture shows the maps side by
+// side, and then the merged map. Hazards are black, free cells white and unknown cells grey.
 //
-// MOONDB_WRITE_GOLDEN=1 writes the pictures again. Look at each picture before committing it.
+// To write the pictures again, set MOONDB_WRITE_GOLDEN=1. Look at each new picture before committing it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -67,7 +66,7 @@ class PolicyPictureTest : public testing::Test {
     legend_.push_back(what);
   }
 
-  // Merges `part` and returns the cells within the extent of the whole world.
+  // Merges `part`. Returns the merged cells within the extent of world_, which contains all maps.
   Rows Show(const World& part, std::shared_ptr<GatherBackend> backend) const {
     Merger whole(world_.grid, backend);
     whole.Assign(world_.maps, world_.footprints);
@@ -157,8 +156,8 @@ TEST_F(PolicyPictureTest, AnOlderFinerFreeCellWinsOverANewerCoarserHazard) {
   ExpectPicture("fine_free_against_coarse_hazard", "An older, finer free cell stands against a newer, coarser hazard.");
 }
 
-// Eq. (1) says "v_t' if v_t = v_t'". Read literally, a fine hazard takes the tag of a newer, coarser map that confirms
-// the hazard. The next coarse map would then free the hazard.
+// Read literally, Eq. (1) of the paper gives a fine hazard the resolution of a newer, coarser map that confirms the
+// hazard. The next coarse map would then free the hazard.
 TEST_F(PolicyPictureTest, AnEqualValueDoesNotTakeTheCoarserTag) {
   Put("fine: a rock", 1, 10, {"            ", "   ##       ", "            ", "            "});
   Put("newer, coarse: a rock too", 1, 20, {"  #   ", "      "}, kCoarse);

@@ -66,7 +66,7 @@ TEST(QuantizeTest, AHeadingStraightUpBecomesZero) {
   EXPECT_NEAR(std::hypot(planar.cos_yaw, planar.sin_yaw), 1, 1e-12);
 }
 
-// Compares QuantizeAt's integers with trigonometry. The error may grow by one unit in the last place per step.
+// Compares QuantizeAt's integers with trigonometry. The error may grow by kUnit per column and per row from the anchor.
 TEST(QuantizeTest, IntegersFollowTheGeometry) {
   constexpr std::uint64_t kSeed = 11;
   SCOPED_TRACE(testing::Message() << "seed " << kSeed);
@@ -81,7 +81,7 @@ TEST(QuantizeTest, IntegersFollowTheGeometry) {
     const auto cell_um = static_cast<std::uint32_t>(50'000 * std::exp2(4 * uniform(rng)));
     const PlacedRectangle placed = QuantizeAt(Pose::FromPlanar(x_m, y_m, yaw), width, height, cell_um, 50'000);
     for (const double along : {-0.5, 0.0, 0.5}) {
-      // A cell on the rectangle's centre line.
+      // Cell (x, y) lies on the rectangle's centre line.
       const double reach_m = along * width * cell_um / 1e6;
       const auto x = static_cast<std::int64_t>(std::floor((x_m + reach_m * std::cos(yaw)) / 0.05));
       const auto y = static_cast<std::int64_t>(std::floor((y_m + reach_m * std::sin(yaw)) / 0.05));

@@ -7,8 +7,8 @@
 namespace moondb {
 namespace {
 
-// A robot that drives a wide arc and is already placed. The robot measures ranges to bodies that are not placed: points
-// and a second robot.
+// Robot 1 drives a wide arc, and its poses are placed already. ArrangeParts must place points and a second robot by
+// their ranges.
 class ArrangementTest : public testing::Test {
  protected:
   ArrangementTest() {
@@ -39,7 +39,7 @@ class ArrangementTest : public testing::Test {
     graph_.ranges.push_back({from, to, range_m, 0.1});
   }
 
-  // Resets the node's state to the origin. Points in a body's own frame begin there.
+  // Resets the node's state to the origin.
   void Forget(std::size_t node) { state_[node] = ToBlock(Pose{}); }
 
   std::vector<Arrangement> Arrange() { return ArrangeParts(graph_, active_, placed_, heads_, state_, options_); }

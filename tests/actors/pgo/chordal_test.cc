@@ -54,7 +54,7 @@ TEST_F(ChordalTest, ComposesStepsIfThereIsNoLoop) {
 }
 
 TEST_F(ChordalTest, DistributesAnErrorOverTheStepsOfALoop) {
-  graph_.steps.push_back({3, 0, Pose::FromPlanar(1.2, 0, M_PI / 2), 50, 100});  // 0.2 m too long.
+  graph_.steps.push_back({3, 0, Pose::FromPlanar(1.2, 0, M_PI / 2), 50, 100});  // This step is 0.2 m too long.
   const PlainState state = Chordal();
   const double last_m = PlaceOf(state, 3).norm();
   EXPECT_GT(last_m, 1.02);

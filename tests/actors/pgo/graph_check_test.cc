@@ -44,7 +44,7 @@ TEST_F(GraphCheckTest, LeavesOutDamagedRecordsAndReportsWhy) {
   graph_.nodes.push_back(GraphNode{{3, 0}, 0, Pose{{kNaN, 0, 0}, Eigen::Quaterniond::Identity()}});
   graph_.odometry = {Step(0, 1), Step(1, 7), Step(1, 1), Step(1, 2), Step(1, 2), Step(0, 1)};
   graph_.odometry[3].covariance(0, 0) = -1;
-  graph_.odometry[4].covariance(0, 1) = 0.5;  // Not symmetric.
+  graph_.odometry[4].covariance(0, 1) = 0.5;  // This covariance is not symmetric.
   graph_.odometry[5].from_from_to.position_m.x() = kNaN;
   graph_.ranges = {{{1, 0}, {2, 0}, 0, 3, 0.01}, {{1, 0}, {2, 0}, 0, kNaN, 0.01}, {{1, 0}, {2, 0}, 0, 3, 0},
                    {{1, 0}, {1, 1}, 0, 3, 0.01}, {{1, 0}, {9, 0}, 0, 3, 0.01},    {{1, 0}, {3, 0}, 0, 3, 0.01}};

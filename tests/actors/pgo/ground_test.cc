@@ -19,11 +19,11 @@ Eigen::Quaterniond Pitch(double angle) {
 
 class GroundTest : public testing::Test {
  protected:
-  // Adds noisy odometry steps along x over terrain with the slope `slope_at`. A raw pose is the composition of all
-  // steps before it.
+  // Adds nodes and noisy odometry steps along x, over terrain with the slope `slope_at`. A node's raw pose is the
+  // composition of all steps before it.
   void Drive(AgentId agent, std::uint64_t seed, std::uint64_t count, const std::function<double(double)>& slope_at) {
     std::mt19937_64 rng(seed);
-    // Noise of a quaternion component, which is half the angle.
+    // A quaternion component of a small rotation is half the rotation's angle.
     std::normal_distribution<double> noise(0, kTiltNoise_rad / 2);
     Pose raw{Eigen::Vector3d::Zero(), Pitch(-slope_at(0))};
     for (std::uint64_t i = 0; i < count; ++i) {
@@ -64,7 +64,7 @@ TEST_F(GroundTest, FindsAHillGentlerThanTheNoiseOfAStep) {
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     graph_ = {};
-    Drive(1, seed, 400, [](double x) { return Hill(x + 50) - Hill(50); });  // Starts on level terrain.
+    Drive(1, seed, 400, [](double x) { return Hill(x + 50) - Hill(50); });  // The drive starts on level terrain.
     ASSERT_THAT(Level(), testing::ElementsAre(false));
   }
 }

@@ -9,7 +9,7 @@ namespace {
 
 RecordKey KeyOf(AgentId origin, std::uint64_t seq) { return RecordKey{{origin, 1, proto::POSE_GRAPH_NODE}, seq}; }
 
-// A new key, for tests in which the key does not matter.
+// Returns a new key, for tests in which the key does not matter.
 RecordKey NextKey() {
   static std::uint64_t seq = 0;
   return KeyOf(1, ++seq);
@@ -159,7 +159,8 @@ TEST(KnownGraphTest, LimitsAgentsWithTheMostRecordsToTheirNewestNodesAndEdges) {
   EXPECT_EQ(known.CountLeftOut(), (std::map<AgentId, std::uint64_t>{{1, 1}, {3, 6 + 7}}));
 }
 
-// Rover 3 claims that all of its nodes are connected. Rover 1 has 20 nodes and 5 ranges to rover 2.
+// Rover 3 has 200 nodes and an odometry edge between every two of them. Rovers 1 and 2 have 20 nodes each. Rover 1
+// measured 5 ranges to rover 2.
 TEST(KnownGraphTest, LeavesOutEdgesOfAnAgentThatMakeASolveTooLarge) {
   KnownGraph known;
   std::uint64_t seq = 0;

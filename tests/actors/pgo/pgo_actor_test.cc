@@ -24,8 +24,8 @@ proto::Term TermOf(std::uint64_t number) {
   return term;
 }
 
-// Agent 1 with its PgoActor. Agents 2 and 3 are rovers, and 4 is the base station. Storage is real in tests that spawn
-// it, and otherwise a probe. RoleActor is a probe.
+// Agent 1 runs PgoActor. Agents 2 and 3 are rovers, agent 4 is the base station. Some tests spawn a real StorageActor
+// on agent 1; the other tests answer in storage's place.
 class PgoActorTest : public testing::Test {
  protected:
   PgoActorTest() : scenario_(simulation::MakeScenario({.seed = 3, .node_count = 24, .outlier_ratio = 0.1})) {
@@ -83,7 +83,7 @@ class PgoActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // Stores the records as if each came from its own agent.
+  // Stores the records of scenario_. A record's origin is the agent of its node, or of its edge's first node.
   void StoreGraph() {
     for (const GraphNode& node : scenario_.graph.nodes) StoreRecord(ToRecord(node), node.key.agent);
     for (const OdometryEdge& edge : scenario_.graph.odometry) StoreRecord(ToRecord(edge), edge.from.agent);
@@ -128,7 +128,7 @@ class PgoActorTest : public testing::Test {
     return answers.empty() ? proto::OptimizeReply() : answers[0].optimize_reply();
   }
 
-  // All records of one type in storage.
+  // Returns all records of this type in storage.
   std::vector<proto::Record> Read(proto::DataType type) {
     proto::Message message;
     message.mutable_read_request()->add_data_types(type);
@@ -144,7 +144,7 @@ class PgoActorTest : public testing::Test {
     return records;
   }
 
-  // The last message from the actor to the storage probe.
+  // Returns the last message that PgoActor sent to storage. Requires: SpawnStorage was not called.
   proto::Message AskedStorage() {
     const std::vector<proto::Message> asked = team_.Take(storage_);
     EXPECT_FALSE(asked.empty());
@@ -157,7 +157,7 @@ class PgoActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // A page with agent 1's first node only.
+  // Returns storage's answer to a read request: a page with only agent 1's node 0.
   static proto::Message PageWithOneNode() {
     proto::Message answer;
     proto::ReadReply& page = *answer.mutable_read_reply();
@@ -268,7 +268,7 @@ TEST_F(PgoActorTest, ContinuesAsANewLeaderFromTheLastSolution) {
 
 TEST_F(PgoActorTest, RefusesWhenAnotherAgentLeads) {
   SpawnPgo();
-  EXPECT_EQ(Optimize().error().code(), proto::ERROR_CODE_REFUSED);  // The roles are not known yet.
+  EXPECT_EQ(Optimize().error().code(), proto::ERROR_CODE_REFUSED);  // PgoActor does not know the roles yet.
   SetLeader(2);
   const proto::OptimizeReply reply = Optimize();
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
@@ -297,7 +297,7 @@ TEST_F(PgoActorTest, GivesEveryRequesterTheSameAnswerAndRefusesTooMany) {
   EXPECT_EQ(answers[0].optimize_reply().error().code(), proto::ERROR_CODE_FULL);
 
   AnswerAsStorage(AskedStorage(), PageWithOneNode());
-  EXPECT_TRUE(Answers().empty());  // No answer is sent before the pose is committed.
+  EXPECT_TRUE(Answers().empty());  // PgoActor sends no answer before storage has committed the pose.
   const proto::Message insert = AskedStorage();
   ASSERT_EQ(insert.insert_request().records_size(), 1);
   proto::Message inserted;
@@ -386,7 +386,7 @@ TEST_F(PgoActorTest, GivesUpWhenStorageIsSilentAndAcceptsANewRequest) {
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].optimize_reply().error().code(), proto::ERROR_CODE_TIMED_OUT);
 
-  AnswerAsStorage(late, PageWithOneNode());  // The reply is too late and matches no request.
+  AnswerAsStorage(late, PageWithOneNode());  // This page comes too late and matches no pending request.
   EXPECT_TRUE(team_.Take(storage_).empty());
   Request();
   EXPECT_EQ(AskedStorage().read_request().after_row_id(), 0u);

@@ -104,7 +104,8 @@ TEST(PlanarSystemPartTest, EdgesOfInactiveNodesDoNotCount) {
   EXPECT_DOUBLE_EQ(part.Cost(state), alone.Cost(state));
 }
 
-// A long chain with one loop closure of a wrong length. The far poses must swing along a narrow valley of the cost.
+// Returns a chain of `count` poses with one loop closure of a wrong length. To reach the minimum, the far poses must
+// move along a narrow valley of the cost.
 StandaloneGraph LongLoop(int count) {
   StandaloneGraph graph;
   graph.is_planar = true;
@@ -117,7 +118,7 @@ StandaloneGraph LongLoop(int count) {
   return graph;
 }
 
-// Composes the steps of the chain, starting at the first node.
+// Returns the poses that result from the chain's steps, starting at the first node.
 PlanarState Composed(const StandaloneGraph& graph) {
   PlanarState state(graph.nodes.size(), Eigen::Vector3d::Zero());
   Pose pose;
@@ -157,7 +158,7 @@ TEST(PlanarDescentTest, ConvergesInFewStepsThoughEdgesContradictEachOther) {
   EXPECT_LT(descent.iterations, 40);
 }
 
-// If only rounding errors remain, heavy edges leave a gradient above any fixed tolerance.
+// At the minimum, rounding errors in edges with large weights leave a gradient above any fixed tolerance.
 TEST(PlanarDescentTest, EndsAtOnceIfOnlyRoundingErrorsRemain) {
   StandaloneGraph graph = LongLoop(500);
   graph.steps.pop_back();

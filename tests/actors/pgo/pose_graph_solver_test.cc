@@ -159,8 +159,8 @@ TEST_F(PoseGraphSolverTest, MovesOnlyTheNewestNodesInAWindow) {
 TEST_F(PoseGraphSolverTest, StartsFromTheLastSolution) {
   const ScenarioOptions options{.seed = 11, .scale_errors = {0.03, 0.03, 0.03}};
   const Scenario scenario = MakeScenario(options);
-  // If the last solution covers only half of the records, the next solve starts from odometry again. If it covers nine
-  // tenths, enough is known for its verdicts to count, and the next solve starts from it.
+  // If the last solution covers half of the records, the next solve starts from odometry. If the last solution covers
+  // nine tenths of the records, the next solve starts from that solution.
   for (const auto& [last_ns, initial_values] : {std::pair(500'000'000'000, SolveInitialValues::kOdometry),
                                                 std::pair(900'000'000'000, SolveInitialValues::kLastSolution)}) {
     Scenario earlier = scenario;
@@ -278,7 +278,7 @@ TEST_F(PoseGraphSolverTest, CovariancesMatchTheErrors) {
       square_sum += error_m.dot(covariance.inverse() * error_m);
     }
   }
-  // If errors and covariances agree, the expected sum is three per node and draw.
+  // If the covariances match the errors, the expected sum is 3 per node and draw.
   const double mean = square_sum / (kDraws * 2);
   EXPECT_GT(mean, 2.4);
   EXPECT_LT(mean, 3.6);
@@ -433,12 +433,12 @@ TEST_F(PoseGraphSolverTest, ReportsThatATeamWithoutStartsMayRotateAboutTheBaseSt
   }
 }
 
-// Kinds of damage to the graph. The solver skips only the damaged record and names it in rover 1's text. The poses are
-// the same as without the damage.
+// A kind of damage to the graph. The solver must skip only the damaged record, name the record in rover 1's text, and
+// return the same poses as without the damage.
 struct Damage {
   const char* name;
   std::function<void(PoseGraph&)> add;
-  const char* text;  // Expected in the text of rover 1.
+  const char* text;  // Text that Solution::rovers[0].text must contain.
 };
 
 class PoseGraphSolverDamageTest : public PoseGraphSolverTest, public testing::WithParamInterface<Damage> {};

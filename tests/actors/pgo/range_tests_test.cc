@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Two rovers with one range at each timestamp.
+// Two rovers, with one range between them at each timestamp.
 class RangeTestsTest : public testing::Test {
  protected:
   void Use(const std::vector<std::int64_t>& timestamps_s) {

@@ -1,4 +1,5 @@
-// The solver on missions with real maps and poses. Requires: MOONDB_DATA names the folder of the missions.
+// Tests the solver on missions with real maps and poses. Requires: the environment variable MOONDB_DATA names the
+// folder of the missions.
 #include <gtest/gtest.h>
 
 #include <cstdlib>

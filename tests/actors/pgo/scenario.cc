@@ -32,7 +32,7 @@ class Generator {
     return i < options_.scale_errors.size() ? options_.scale_errors[i] : 0;
   }
 
-  // A pose on hills that are 2 m high and 60 m apart. The pose's z axis is normal to the surface.
+  // Returns a pose on hills that are 2 m high and 60 m apart. The pose's z axis is normal to the surface.
   static Pose OnGround(double x, double y, double yaw) {
     const double k = 2 * M_PI / 60;
     const double slope_x = 2 * k * std::cos(k * x);

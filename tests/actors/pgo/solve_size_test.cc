@@ -10,8 +10,8 @@ namespace {
 
 constexpr SolveSize kNoLimit{UINT64_MAX, UINT64_MAX};
 
-// Number of blocks of the factor if nodes are eliminated in the order of their indices. Computed by the definition:
-// eliminating a node connects all its later neighbours with each other.
+// Returns the number of blocks of the Cholesky factor if the nodes are eliminated in the order of their indices. The
+// elimination of a node connects all its later neighbours with each other.
 std::uint64_t BlocksInOrder(std::size_t node_count, const std::vector<std::pair<int, int>>& joined) {
   std::vector<std::set<int>> later(node_count);
   for (const auto& [a, b] : joined) {

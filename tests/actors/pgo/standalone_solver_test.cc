@@ -11,7 +11,8 @@
 namespace moondb {
 namespace {
 
-// Robots that drive circles of their own in the plane or in space, without noise. The cost F is 0 at the truth.
+// A graph without noise: each robot drives a circle of its own, in the plane or in space. The cost F of the true poses
+// is 0.
 class Drive {
  public:
   explicit Drive(bool is_planar) { graph_.is_planar = is_planar; }
@@ -67,7 +68,7 @@ PlainOptions OneThread() {
   return options;
 }
 
-// The largest error in the distances from node 0 to the other nodes. A common rigid motion does not change these
+// Returns the largest error in the distances from node 0 to the other nodes. Rigid motions do not change these
 // distances.
 double ShapeErrorM(const StandaloneGraph& graph, const std::vector<Pose>& poses) {
   double error_m = 0;
@@ -180,14 +181,14 @@ TEST_P(StandaloneSolverTest, ReportsThatAMirroredShapeFitsAsWell) {
   Drive drive(GetParam());
   Pose pose;
   std::vector<std::size_t> nodes;
-  for (std::uint64_t i = 0; i < 20; ++i) {  // A straight line.
+  for (std::uint64_t i = 0; i < 20; ++i) {  // The robot drives along a straight line.
     nodes.push_back(drive.graph().nodes.size());
     drive.graph().nodes.push_back({NodeKey{1, i}, pose, static_cast<std::int64_t>(i), false, false});
     if (i > 0) drive.graph().steps.push_back({nodes[i - 1], nodes[i], Pose::FromPlanar(1, 0, 0), 100, 50});
     pose = pose * Pose::FromPlanar(1, 0, 0);
   }
-  // In space the mirrored shape needs two points. A single point on the other side of the line would only be a rotation
-  // of the whole graph.
+  // In space, mirroring a single point at the line is the same as rotating the whole graph. With two points, the
+  // mirrored graph has another shape.
   for (const Eigen::Vector3d& at : {Eigen::Vector3d(8, 5, 0), Eigen::Vector3d(12, -3, 0)}) {
     const std::size_t point = drive.AddPoint(at);
     for (const std::size_t node : nodes) drive.Range(node, point);
@@ -208,8 +209,8 @@ TEST_P(StandaloneSolverTest, SolvesGraphsOfOneAndNoNode) {
   EXPECT_EQ(one.poses.size(), 1u);
 }
 
-// One iteration does not reach the minimum. The solver therefore runs three starts: the chordal start, the start from
-// odometry, and a start from the end of the better one.
+// With one iteration, the chordal start does not converge. The solver then adds a start from odometry, and a third
+// start from the better of the two results.
 TEST_P(StandaloneSolverTest, AddsAnOdometryStartIfTheChordalStartDoesNotConverge) {
   Drive drive(GetParam());
   const auto nodes = drive.AddRobot(1, Pose{}, 40);
@@ -276,9 +277,9 @@ TEST(StandaloneSolverStopTest, StopsOnRequest) {
 
 struct PublicSet {
   const char* file;
-  double best_cost;  // Certified by SE-Sync. For sets with ranges: the lowest known cost.
+  double best_cost;  // Lowest known cost. Certified as optimal by SE-Sync, except for sets with ranges.
   double slack;
-  int iterations_max = 60;  // Sum over all starts; about twice the number needed.
+  int iterations_max = 60;  // Limit for the sum over all starts. About twice the number that is needed.
   InformationCheck check = InformationCheck::kPositiveDefinite;
 };
 

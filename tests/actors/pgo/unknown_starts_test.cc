@@ -46,7 +46,7 @@ class UnknownStartsTest : public testing::Test {
     return (initial.poses[*checked_.Find(node)].position_m - scenario_.truth.at(node).position_m).norm();
   }
 
-  // Moves the rover's whole trajectory as a rigid body.
+  // Moves the rover's whole trajectory by the rigid motion `by`.
   static void MoveRover(AgentId agent, const Pose& by, std::map<NodeKey, Pose>& poses) {
     for (auto& [key, pose] : poses) {
       if (key.agent == agent) pose = by * pose;

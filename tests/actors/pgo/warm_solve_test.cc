@@ -19,7 +19,7 @@ using simulation::TrajectoryErrorM;
 
 constexpr std::int64_t kWarmStep_ns = 10'000'000'000;
 
-// The scenario at the time when each rover had `node_count` nodes.
+// Returns the scenario as it was when each rover had `node_count` nodes.
 Scenario Earlier(Scenario scenario, int node_count) {
   const auto is_late = [node_count](const auto& item) { return item.timestamp_ns >= node_count * kWarmStep_ns; };
   std::erase_if(scenario.graph.nodes, is_late);
@@ -28,7 +28,7 @@ Scenario Earlier(Scenario scenario, int node_count) {
   return scenario;
 }
 
-// Removes the rover's configured start and moves its raw poses elsewhere.
+// Removes the rover's configured start and transforms its raw poses to another frame.
 void ForgetStart(Scenario& scenario, AgentId agent) {
   scenario.agents.at(agent).start.reset();
   const Pose elsewhere = Pose::FromPlanar(50, -70.0 * agent, 2 * agent);
@@ -143,8 +143,8 @@ TEST_F(WarmSolveTest, CorrectsARoverThatDriftedWithoutRanges) {
   EXPECT_LT(LargestMoveM(Solve(scenario).poses, solution.poses), 0.1);
 }
 
-// The last solution is random. A solve that starts from it is refused every time, but a solve from odometry is
-// accepted.
+// The last solution is random. The solver rejects each result that starts from the last solution, and accepts a result
+// that starts from odometry.
 TEST_F(WarmSolveTest, RecoversFromAnUnusableLastSolution) {
   const Scenario scenario = MakeScenario({.seed = 32, .node_count = 60});
   std::mt19937_64 rng(32);
@@ -185,14 +185,15 @@ TEST_F(WarmSolveTest, DoesNotRotateATeamThatMayRotateAboutTheBaseStation) {
   ASSERT_TRUE(second.is_accepted) << second.text;
   EXPECT_EQ(second.rovers[0].anchoring, Anchoring::kYawFree);
   EXPECT_LT(std::abs(FindAlignment(second.poses, first.poses, /*is_planar=*/true).Yaw()), 0.002);
-  // A second solve without new records moves nothing.
+  // Another solve without new records moves nothing.
   EXPECT_LT(LargestMoveM(second.poses, Solve(scenario, ToLast(second)).poses), 0.01);
 }
 
 TEST_F(WarmSolveTest, DoesNotMoveTheTeamThoughSlightlyBetterPlacementsExist) {
   Scenario scenario = MakeScenario({.seed = 35, .start_sigma_m = 0.3, .is_around_base = true});
   const Solution solved = Solve(scenario);
-  // Moves the whole team 3 cm away from its best position, well within the uncertainty of its starts.
+  // In the last solution, the whole team is turned by 0.004 rad around the base station. That is well within the
+  // uncertainty of the configured starts.
   LastSolution last = ToLast(solved);
   const Pose base = scenario.agents.at(4).start.value();
   const Pose turn = base * Pose::FromPlanar(0, 0, 0.004) * base.Inverse();

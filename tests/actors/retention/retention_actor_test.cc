@@ -30,8 +30,9 @@ bool AsksForHave(const proto::Message& message) {
   return request && request->has_have();
 }
 
-// Rovers 1 to 3 with storage, roles and retention. The test itself carries records between them, and a probe takes the
-// place of the merge actor.
+// Rover 1 is the leader, rover 2 the survivor, and rover 3 has no role. Each rover runs StorageActor, RoleActor and
+// RetentionActor. The tests copy records between the rovers with Bring, and answer in the merge actor's place with
+// AnswerMerge.
 class RetentionActorTest : public testing::Test {
  protected:
   RetentionActorTest() {
@@ -102,7 +103,7 @@ class RetentionActorTest : public testing::Test {
     return record;
   }
 
-  // Sets the roles at the leader, and waits until all agents know them.
+  // Sends a role change to kLeader, and waits until all agents know the new roles.
   void SetRoles(AgentId leader, AgentId survivor) {
     proto::Message message;
     message.mutable_role_set_request()->set_leader(leader);
@@ -158,7 +159,7 @@ class RetentionActorTest : public testing::Test {
     Bring(kRover, kSurvivor);
   }
 
-  // Waits a minute. Returns true if the rover's storage reported since the last call that records were pruned.
+  // Waits a minute. Returns true if the rover's storage has reported a prune since the last call.
   bool HearsOfPruned() {
     team_.AdvanceTime(minutes(1));
     const std::vector<proto::Message> heard = team_.Take({kRover, "reader"});
@@ -166,7 +167,7 @@ class RetentionActorTest : public testing::Test {
                        [](const proto::Message& message) { return message.records_stored().is_pruned(); });
   }
 
-  // Makes `actor` fail once, with `fault`, at its next message with this body.
+  // Makes `actor` fail with `fault` at its next message with this body. The actor fails only once.
   void FailOnce(const Address& actor, proto::Message::BodyCase body, simulation::Fault fault) {
     team_.SetFault([actor, body, fault, is_done = false](const Address& at, const proto::Message& message) mutable {
       if (is_done || at != actor || message.body_case() != body) return simulation::Fault::kNone;
@@ -205,7 +206,7 @@ class RetentionActorTest : public testing::Test {
     return answer ? answer->status().storage() : proto::StorageStatus();
   }
 
-  // From now on the radio loses all have-sets if `is_lost`, and none otherwise.
+  // Sets whether the radio loses all have-sets from now on.
   void LoseHaveSets(bool is_lost) {
     team_.SetFilter([is_lost](AgentId, AgentId, const proto::Message& message) {
       const auto reply = ControlReplyOf(message);
@@ -374,7 +375,7 @@ TEST_F(RetentionActorTest, AcceptsOneOrderAtATime) {
   EXPECT_FALSE(IsError(first->prune_reply().error()));
 }
 
-// History exists only on this agent, so no other agent has to be asked.
+// The rover does not share its history, so it may prune the history without asking another agent.
 TEST_F(RetentionActorTest, RemovesHistoryThoughLeaderAndSurvivorCannotBeReached) {
   (*config_.mutable_keep())["power"] = "all";
   config_.mutable_retention()->set_history_mb_max(1);
@@ -492,7 +493,7 @@ TEST_F(RetentionActorTest, AsksNoAgentIfTheTeamFileSetsNoLimits) {
   EXPECT_LT(team_.radio_bytes() - bytes, 10'000u);
 }
 
-// Half of the 1 MB budget is for maps, and the maps exceed their half.
+// Maps may use half of the 1 MB budget, but use more. All other records stay within their half.
 TEST_F(RetentionActorTest, RemovesMapsFirstAndKeepsGraphAndStates) {
   config_.mutable_retention()->set_store_mb_max(1);
   config_.mutable_retention()->set_map_part_max(0.5);
@@ -555,7 +556,7 @@ TEST_F(RetentionActorTest, RemovesFullyOccludedMaps) {
   for (const proto::StoredRecord& left : RecordsOf(kRover)) EXPECT_NE(left.key().seq(), occluded.seq());
 }
 
-// The merge actor keeps the records that it has read. It must hear of every prune, even if another actor fails.
+// The merge actor keeps the records that it has read, so storage must notify it of every prune.
 TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnyType) {
   Start();
   Insert(kRover, ReportOf(1));
@@ -627,7 +628,7 @@ TEST_F(RetentionActorTest, ContinuesAfterARestartDuringAPrune) {
   Bring(kRover, kSurvivor);
   team_.SetFilter([](AgentId, AgentId, const proto::Message& message) { return !message.has_control_reply(); });
   Order(kRover, {});
-  team_.AdvanceTime(seconds(5));  // Leader and survivor are asked, but their answers are lost.
+  team_.AdvanceTime(seconds(5));  // The rover asks leader and survivor, but the radio loses their answers.
   team_.CrashActor({kRover, actor_name::kRetention});
   team_.SetFilter(nullptr);
   team_.AdvanceTime(seconds(5));

@@ -11,7 +11,8 @@ namespace {
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-// A team of rovers 1 (leader), 2 (survivor) and 3 and base station 4. A leader that is silent for 120 s is replaced.
+// Rover 1 is the leader, rover 2 the survivor, rover 3 has no role, and agent 4 is the base station. The survivor takes
+// the lead if the leader is silent for 120 s.
 class FailoverActorTest : public testing::Test, protected RoleTeam {
  protected:
   FailoverActorTest() : RoleTeam(/*seed=*/1) {
@@ -43,14 +44,14 @@ class FailoverActorTest : public testing::Test, protected RoleTeam {
     team_.AdvanceTime(std::chrono::milliseconds(10));
   }
 
-  // Cuts the agent's links to all others, and notifies both ends.
+  // Cuts the links between `agent` and all other agents, and notifies both ends of each link.
   void Lose(AgentId agent) {
     for (const AgentId other : Agents()) {
       if (other != agent) team_.SetLink(agent, other, false);
     }
   }
 
-  // From now on records each leader check in `checks_`: "2?1" if agent 2 checks agent 1, "1!2" if agent 1 replies.
+  // From now on, adds each leader check to `checks_`: "2?1" if agent 2 checks agent 1, "1!2" if agent 1 replies.
   void CountChecks() {
     team_.SetFilter([this](AgentId from, AgentId to, const proto::Message& message) {
       if (message.has_leader_check()) {
@@ -134,7 +135,7 @@ TEST_F(FailoverActorTest, ReplacesALeaderThatHasLeftThoughItWasNeverHeard) {
 }
 
 TEST_F(FailoverActorTest, DoesNotNameAnAgentThatHasLeftSurvivor) {
-  config_.mutable_agents(2)->set_left(true);  // Rover 3, the only other rover, has left.
+  config_.mutable_agents(2)->set_left(true);  // Rover 3 has left the team. Rovers 1 and 2 remain.
   StartWithFailover();
   Lose(3);
   Lose(1);
@@ -254,7 +255,6 @@ TEST_F(FailoverActorTest, ASurvivorThatReachesNoAgentDoesNotTakeTheLead) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
-// Without leader checks, an idle link to the leader would be given up only after 33 s.
 TEST_F(FailoverActorTest, TheSurvivorChecksTheLeaderThreeTimesPerTimeout) {
   StartWithFailover();
   CountChecks();

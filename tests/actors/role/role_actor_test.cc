@@ -35,7 +35,7 @@ class RoleActorTest : public testing::Test, protected RoleTeam {
  protected:
   RoleActorTest() : RoleTeam(/*seed=*/1) {}
 
-  // Role changes that `agent`'s sync actor was notified of, oldest first.
+  // Returns the RolesChanged messages that `agent`'s sync actor has received since the last call, oldest first.
   std::vector<proto::RolesChanged> Notified(AgentId agent) {
     std::vector<proto::RolesChanged> reported;
     for (const proto::Message& message : team_.Take({agent, actor_name::kSync}))
@@ -92,7 +92,7 @@ TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndRepor
   EXPECT_EQ(shown.confirmed_by_size(), 0);
   EXPECT_THAT(Show(2).confirmed_by(), testing::Not(testing::Contains(1)));
 
-  // The agent issues no term in another agent's name. It refers the operator to another agent instead.
+  // While its storage fails, agent 1 refuses a swap and refers the operator to another agent.
   Swap(1);
   EXPECT_THAT(Refusal(1).text, testing::HasSubstr("ask another agent"));
   team_.AdvanceTime(minutes(5));
@@ -185,14 +185,14 @@ TEST_F(RoleActorTest, ARepeatedSwapIsNotUndone) {
   *swap.mutable_expected() = Show(1).roles();
   Set(1, swap);
   team_.AdvanceTime(std::chrono::seconds(10));
-  Set(1, swap);  // The first answer came too late for the operator, who repeats the swap.
+  Set(1, swap);  // The operator got no answer in time and repeats the swap.
   EXPECT_EQ(Refusal(1).field, "expected");
   team_.AdvanceTime(std::chrono::seconds(10));
   EXPECT_TRUE(AllAgree());
   EXPECT_EQ(Show(3).roles().leader(), 2u);
 }
 
-// A swap whose answer is delayed until leader and survivor act on it.
+// Tests a swap with wait_s: its answer is delayed until leader and survivor act on the new roles.
 class RoleWaitTest : public RoleActorTest {
  protected:
   void SwapAndWait(AgentId at, double wait_s) {
@@ -402,8 +402,8 @@ TEST_F(RoleActorTest, IsSilentWhenAllHaveConfirmed) {
   EXPECT_EQ(team_.radio_bytes(), bytes);
 }
 
-// Random commands at random agents, crashes, link failures and a lossy radio. Afterwards the radio works, and all
-// agents must agree on the newest term. At most one assignment per term may ever be seen.
+// Sends random commands to random agents while actors fail, links break and the radio loses messages. Then the radio
+// works, and all agents must agree on the newest term. No two assignments may ever have the same term.
 class RoleActorChaosTest : public testing::TestWithParam<int> {};
 
 TEST_P(RoleActorChaosTest, AllAgreeInTheEnd) {

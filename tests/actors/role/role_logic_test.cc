@@ -23,7 +23,7 @@ proto::RoleAssignment Roles(AgentId leader, AgentId survivor, std::uint64_t numb
   return roles;
 }
 
-// Options of agent `self` in a team of agents 1 to 3, led by agent 1. Agent 9 does not exist.
+// Returns the options of agent `self` in a team of agents 1 to 3. Agent 1 is the leader. Agent 9 is not in the team.
 RoleLogic::Options Options(AgentId self) {
   RoleLogic::Options options;
   options.self = self;
@@ -85,7 +85,8 @@ TEST_F(RoleLogicTest, FallsBackToTheTeamFileIfItForbidsTheStoredRoles) {
   EXPECT_EQ(logic.OnLoaded({Roles(9, 2, 5, 1)}, 77, 0).apply->leader(), 1u);
   proto::RoleSetRequest request;
   request.set_leader(3);
-  EXPECT_EQ(logic.Propose(request, 0)->term().number(), 6u);  // Term number 5 counts as used.
+  // Term number 5 counts as used, although its roles are invalid.
+  EXPECT_EQ(logic.Propose(request, 0)->term().number(), 6u);
 }
 
 TEST_F(RoleLogicTest, IsSilentBeforeStorageAnswered) {
@@ -166,7 +167,7 @@ TEST_F(RoleLogicTest, KeepsItsRolesWhenStoringFails) {
   logic_.Adopt(*Propose(3, 0));
   logic_.OnSaveFailed();
   EXPECT_EQ(logic_.current().leader(), 1u);
-  // Storing number 6 failed, but it may be on the disk nevertheless.
+  // Storing term number 6 failed, but the disk may contain it. The next proposal must have another number.
   EXPECT_EQ(Propose(3, 0)->term().number(), 7u);
 }
 
@@ -205,7 +206,8 @@ TEST_F(RoleLogicTest, IssuesANewTermBeforeItLeadsInATermFromBeforeItsRestart) {
   EXPECT_EQ(logic_.OnSaved().apply->term().number(), 7u);
 }
 
-// If the agent has lost its disk, it may already have led in the announced term.
+// Agent 3 announces a term in which this agent leads. This agent may have led in that term before it lost its disk, so
+// it issues a new term.
 TEST_F(RoleLogicTest, LeadsOnlyInTermsThatItIssuedItself) {
   proto::RoleAssignment named = Roles(kSelf, 1, 6, 3);
   named.set_reason("as the operator said");
@@ -229,7 +231,7 @@ TEST_F(RoleLogicTest, RefusesInvalidAnnouncements) {
   EXPECT_TRUE(refused(3, Roles(3, 2, 5 + 1'000'001, 3)));
   EXPECT_TRUE(refused(3, Roles(3, 0, 6, 3))) << "a survivor never goes without another one";
   EXPECT_FALSE(refused(3, Roles(3, 2, 5 + 1'000'000, 3)));
-  EXPECT_TRUE(refused(3, Roles(3, 2, 5, 1)));  // Another assignment in the current term.
+  EXPECT_TRUE(refused(3, Roles(3, 2, 5, 1)));  // This assignment has the current term, but other roles.
 }
 
 TEST_F(RoleLogicTest, RepeatsTheAnnouncementUntilAllConfirm) {
@@ -237,7 +239,7 @@ TEST_F(RoleLogicTest, RepeatsTheAnnouncementUntilAllConfirm) {
   EXPECT_TRUE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 1), /*is_reply=*/true))->announcements.empty());
   const auto again = logic_.OnAnnounceTimer();
   EXPECT_THAT(Notified(again), ElementsAre(3));
-  EXPECT_EQ(*again.announce_timer, std::chrono::seconds(20));  // The third delay, after 5 and 10 seconds.
+  EXPECT_EQ(*again.announce_timer, std::chrono::seconds(20));  // This is the third delay, after 5 s and 10 s.
   EXPECT_THAT(Notified(*logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1)))), ElementsAre(3));
   EXPECT_FALSE(logic_.OnAnnounceTimer().announce_timer);
   EXPECT_THAT(logic_.Show(false).confirmed_by(), ElementsAre(1, 2, 3));
@@ -257,7 +259,7 @@ TEST_F(RoleLogicTest, ShowsItsHistory) {
   EXPECT_EQ(logic_.Show(false).history_size(), 0);
 }
 
-// Agent 1, which is the leader in its stored roles.
+// Agent 1 starts with stored roles in which it is the leader.
 class RoleLogicLeaderTest : public testing::Test {
  protected:
   RoleLogicLeaderTest() { started_ = logic_.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0); }

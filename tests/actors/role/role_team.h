@@ -1,4 +1,4 @@
-// A team of RoleActors whose storage is a disk in memory, for tests of the role actors.
+// A simulated team of RoleActors, for tests. The storage of each agent is a FakeStorageActor.
 #pragma once
 
 #include <chrono>
@@ -15,12 +15,13 @@
 
 namespace moondb {
 
-// A simulated disk that survives a crash, with the role assignments that FakeStorageActor keeps on it.
+// The role assignments that FakeStorageActor has stored. They survive a restart of the actor and of its agent.
 struct Disk {
   std::vector<proto::RoleAssignment> roles;
   bool is_failing = false;
   bool is_silent = false;
-  bool is_flooding = false;  // If true, fills PgoActor's control lane before RoleActor hears that its roles are stored.
+  // If true, FakeStorageActor fills PgoActor's mailbox with control messages after each reply.
+  bool is_flooding = false;
 };
 
 class FakeStorageActor final : public Actor {
@@ -53,8 +54,8 @@ class FakeStorageActor final : public Actor {
   std::shared_ptr<Disk> disk_;
 };
 
-// A team of rovers 1 (leader), 2 (survivor) and 3 and base station 4, unless config_ is changed before Start. The sync
-// actors are probes.
+// Each agent runs a FakeStorageActor and a RoleActor. In the team file, rover 1 is the leader, rover 2 the survivor,
+// rover 3 has no role, and agent 4 is the base station. Tests may change config_ before they call Start.
 class RoleTeam {
  public:
   explicit RoleTeam(std::uint64_t seed) : team_(seed) {
@@ -110,14 +111,14 @@ class RoleTeam {
     Set(at, request);
   }
 
-  // The last answer to the gateway of agent `at`.
+  // Returns the last message that RoleActor sent to the gateway of agent `at`.
   proto::Message Answer(AgentId at) {
     proto::Message answer;
     for (const proto::Message& message : team_.Take({at, actor_name::kGateway})) answer = message;
     return answer;
   }
 
-  // The error in the last answer. Fails the test if the answer has none.
+  // Returns the error in the last answer. The test fails if the answer has no error.
   Error Refusal(AgentId at) {
     const Result<void> answered = CheckControlReply(Answer(at));
     EXPECT_FALSE(answered);

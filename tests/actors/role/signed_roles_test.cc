@@ -1,4 +1,4 @@
-// Roles in a team with keys: several RoleLogics that exchange messages, and members that announce forged roles.
+// Tests roles in a team with keys: several RoleLogics exchange messages, and some agents announce forged roles.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,14 +20,14 @@ using testing::HasSubstr;
 
 constexpr AgentId kBase = 9;
 
-// Returns a text that stands for `agent`'s signature. Tests never sign as another agent.
+// Returns a text that takes the place of `agent`'s signature.
 std::string SignAs(AgentId agent, proto::RoleAssignment roles) {
   roles.clear_signature();
   return "agent " + std::to_string(agent) + ": " + std::to_string(std::hash<std::string>()(roles.SerializeAsString()));
 }
 
-// A team of rovers from agent 1 on, and optionally a base station. By the team file agent 1 leads and agent 2 is the
-// survivor.
+// A team of RoleLogics: rovers 1, 2 and so on, and optionally base station kBase. In the team file, agent 1 is the
+// leader and agent 2 the survivor.
 class SignedTeam {
  public:
   explicit SignedTeam(int rovers, bool has_base = false) {
@@ -36,8 +36,8 @@ class SignedTeam {
     for (const AgentId agent : agents_) Start(agent, {});
   }
 
-  // Restarts the agent with a given disk. `disk` holds the assignments that the agent acted on, `records` those that it
-  // holds as records.
+  // Restarts the agent. `disk`: the stored assignments that the agent acted on. `records`: assignments that its storage
+  // contains as records.
   void Start(AgentId agent, std::vector<proto::RoleAssignment> disk,
              const std::vector<proto::RoleAssignment>& records = {}) {
     logics_[agent] = std::make_unique<RoleLogic>(OptionsOf(agent));
@@ -67,7 +67,7 @@ class SignedTeam {
     return options;
   }
 
-  // Stops the agent. The others restart with a team file that marks this agent as left.
+  // Stops `gone`. The other agents restart with a team file that marks `gone` as left.
   void Leave(AgentId gone) {
     left_.insert(gone);
     logics_.erase(gone);
@@ -76,12 +76,12 @@ class SignedTeam {
     }
   }
 
-  // From now on only the agents in `together` hear each other. Messages in flight are lost.
+  // From now on, the agents in `together` cannot exchange messages with the other agents. Messages in flight are lost.
   void Divide(std::set<AgentId> together) {
     together_ = std::move(together);
     queue_.clear();
   }
-  // All agents hear each other again and announce their roles.
+  // Connects all agents again. Each agent then announces its roles to the others.
   void Heal() {
     together_.clear();
     for (const auto& [agent, logic] : logics_) {
@@ -90,7 +90,7 @@ class SignedTeam {
       }
     }
     Settle();
-    // Announces again the assignments that waited for a chain.
+    // Repeats the announcements that are not confirmed yet.
     for (const auto& [agent, logic] : logics_) Perform(agent, logic->OnAnnounceTimer());
     Settle();
   }
@@ -106,7 +106,7 @@ class SignedTeam {
     return {};
   }
 
-  // The liar announces `roles` to all agents, even if it holds other roles itself. If asked for the chain, the liar
+  // `liar` announces the forged `roles` to all other agents. If an agent requests the predecessors of `roles`, `liar`
   // sends its earlier forgeries.
   void Announce(AgentId liar, const proto::RoleAssignment& roles) {
     lies_[roles.signature()] = roles;
@@ -119,13 +119,13 @@ class SignedTeam {
     Settle();
   }
 
-  // Notifies the agent's RoleLogic that its storage received this record.
+  // Notifies the agent's RoleLogic that storage received `roles` as a record.
   void Record(AgentId agent, const proto::RoleAssignment& roles) {
     Perform(agent, logics_[agent]->OnRecord(roles));
     Settle();
   }
 
-  // From now on storage does not answer until FinishSaving is called.
+  // From now on, storage does not confirm any save until FinishSaving is called.
   void HoldSaving() { is_saving_held_ = true; }
   void FinishSaving(AgentId agent) {
     is_saving_held_ = false;
@@ -150,7 +150,7 @@ class SignedTeam {
   const std::string& last_refusal() const { return last_refusal_; }
   int refusals() const { return refusals_; }
   std::size_t chain_pages() const { return chain_pages_; }
-  int announce_timers() const { return announce_timers_; }  // Number of timers started.
+  int announce_timers() const { return announce_timers_; }  // Number of announce timers that were started.
 
  private:
   struct Said {
@@ -228,7 +228,8 @@ class SignedTeam {
   int announce_timers_ = 0;
 };
 
-// Returns a successor of `follows`, signed with the liar's own key, as only an agent with a role may issue it.
+// Returns a forged successor of `follows`, issued and signed by `liar`. Without `is_command`, only the leader or the
+// survivor in `follows` may issue a successor.
 proto::RoleAssignment ForgedAfter(const proto::RoleAssignment& follows, AgentId liar, AgentId leader, AgentId survivor,
                                   bool is_command = false) {
   proto::RoleAssignment roles = RoleChain::Next(follows, is_command);
@@ -297,7 +298,7 @@ TEST(SignedRolesTest, MayBeChangedByEitherAgentOfATeamOfTwo) {
   EXPECT_EQ(team.LeaderAt(1), 2u);
   ASSERT_TRUE(team.Set(1, 1, 2));
   EXPECT_EQ(team.LeaderAt(2), 1u);
-  // The leader loses its disk while no other agent hears it.
+  // Agent 1, the leader, loses its disk while agent 2 cannot hear it.
   team.Divide({1});
   team.Start(1, {});
   team.Heal();
@@ -319,13 +320,12 @@ TEST(SignedRolesTest, ReturnToAnAgentThatWasWipedAtRevision5000) {
   team.Heal();
   EXPECT_EQ(team.Term(3), team.Term(1));
   EXPECT_GT(team.chain_pages(), pages + 10) << "a chain of 5,000 comes page by page";
-  // Agent 3's disk now holds enough for a start without other agents.
+  // Agent 3 restarts from its disk. No other agent can help it.
   team.Divide({3});
   team.Start(3, team.disk(3));
   EXPECT_EQ(team.Term(3), term);
 }
 
-// Predecessors of an assignment may be held only as records.
 TEST(SignedRolesTest, StayValidAfterARestartThoughPredecessorsAreOnlyRecords) {
   SignedTeam team(3);
   ASSERT_TRUE(team.Set(1, 1, 3));
@@ -427,8 +427,8 @@ TEST(SignedRolesTest, AreActedOnAfterThePreviousRecordIsStored) {
   EXPECT_EQ(team.Of(4).signature(), second.signature());
 }
 
-// Agent 3 has an empty disk. While it waits for the chain of an assignment, it hears of a newer one, which cannot be
-// stored.
+// Agent 3 has an empty disk. While it waits for the predecessors of one assignment, it receives a newer assignment,
+// which it cannot store.
 TEST(SignedRolesTest, FromALateChainDoNotReplaceNewerOnesThatCannotBeStored) {
   SignedTeam team(3, /*has_base=*/true);
   ASSERT_TRUE(team.Set(1, 3, 2));
@@ -468,7 +468,8 @@ TEST(SignedRolesTest, IssuedByAnAgentThatLeftStayValidUntilTheBaseStationSuperse
   team.Leave(1);
   EXPECT_EQ(team.Term(3), before) << "read back from its disk";
   EXPECT_EQ(team.LeaderAt(3), 1u);
-  // A wiped agent receives the term from the others, with the chain that agent 1 issued before it left.
+  // Agent 4 has lost its disk. The other agents send it the current assignment and its predecessors, which agent 1
+  // issued before it left.
   team.Start(4, {});
   team.Heal();
   EXPECT_EQ(team.Term(4), before);

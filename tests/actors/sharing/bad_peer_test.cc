@@ -17,7 +17,7 @@ using std::chrono::seconds;
 constexpr AgentId kGood = 1;
 constexpr AgentId kBad = 3;
 
-// Agent 1 has real sharing actors. Each test chooses the messages of agent 3.
+// Agent 1 (kGood) runs the real sharing actors. Each test sends them chosen messages from agent 3 (kBad).
 class BadPeerTest : public testing::Test {
  protected:
   BadPeerTest() {
@@ -180,7 +180,7 @@ TEST_F(BadPeerTest, ShowsAcknowledgmentsOfRecordsThatWereNeverSent) {
   EXPECT_EQ(Status().sessions(0).acknowledged_records(), 0);
 }
 
-// Each page of the have-set announces one more page.
+// Agent 3 answers each Hello with one page of a have-set. Each page announces a next page.
 TEST_F(BadPeerTest, RefusesAHaveSetWithoutEnd) {
   store_->Insert(kGood, proto::POWER, "own");
   Say(ShareOrder(proto::SHARING_KIND_SYNC));

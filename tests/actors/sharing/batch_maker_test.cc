@@ -130,8 +130,8 @@ TEST_F(BatchMakerTest, ReportsDropsInSmallMessages) {
 }
 
 TEST_F(BatchMakerTest, ReportsDropsOnlyWithTheLastRecords) {
-  // Records that compress well come first, and noise follows. The maker therefore fetches more records than fit into
-  // one batch.
+  // The first 2,000 records compress well, the last 40 do not. BatchMaker therefore fetches more records from storage
+  // than fit into one batch.
   for (int i = 0; i < 2000; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, std::string(90, 'x'));
   for (int i = 0; i < 40; ++i) source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(500));
   source_.Drop(source_.Insert(kSelf, proto::POWER, "old"));
@@ -147,7 +147,8 @@ TEST_F(BatchMakerTest, ReportsDropsOnlyWithTheLastRecords) {
   EXPECT_EQ(destination_.have(), source_.have());
   Order();
   AnswerHello();
-  for (const auto& batch : RunToEnd()) EXPECT_EQ(batch.batch().dropped_size(), 0);  // Drops need to be sent only once.
+  // The destination knows the drops already.
+  for (const auto& batch : RunToEnd()) EXPECT_EQ(batch.batch().dropped_size(), 0);
 }
 
 TEST_F(BatchMakerTest, ReportsDropsWhenNoRecordIsMissing) {
@@ -234,7 +235,8 @@ TEST_F(BatchMakerTest, AnOrderBeforeTheEndDoesNotRestartTheRun) {
   EXPECT_EQ(Status().resends(), 0);
 }
 
-// Batches that were coded after the lost batch are not sent any more.
+// The destination loses its decoder of the run. The destination then cannot read the batches that the session has
+// already coded in this run.
 TEST_F(BatchMakerTest, SendsNoMoreBatchesOfABrokenRun) {
   OrderMaps(60, 0, 2048);
   const proto::Message first = sent_.front();
@@ -305,7 +307,7 @@ TEST_F(BatchMakerTest, ReportsTheBacklogByType) {
   const proto::ShareSession status = Status();
   double left = 0;
   for (const proto::TypeBacklog& type : status.backlog()) left += type.records();
-  ASSERT_EQ(status.backlog_size(), 1);  // All states are in flight or ready to be sent.
+  ASSERT_EQ(status.backlog_size(), 1);  // The states are all in batches already.
   EXPECT_EQ(status.backlog(0).data_type(), static_cast<std::uint32_t>(proto::POSE_GRAPH_NODE));
   EXPECT_LT(left, 9);
   EXPECT_GT(left, 4);

@@ -1,5 +1,5 @@
 // Tests the radio's budget, which limits the bytes that all sessions of one agent send and receive together. Also tests
-// the states that agents send periodically.
+// the periodic sharing of states.
 #include <gtest/gtest.h>
 
 #include <deque>
@@ -40,7 +40,7 @@ class BudgetTest : public testing::Test {
     return radio;
   }
 
-  // Inserts content that no codec can compress.
+  // Inserts `bytes` of random content, which no codec can compress, in records of 200 bytes.
   void InsertNoise(AgentId agent, std::size_t bytes) {
     std::mt19937_64 random(agent);
     for (std::size_t i = 0; i < bytes / 200; ++i) {
@@ -50,7 +50,7 @@ class BudgetTest : public testing::Test {
     }
   }
 
-  // The highest number of bytes that the agent sent and received within any ten seconds.
+  // Returns the highest number of bytes that the agent sent and received in batches within any ten seconds.
   double MostInTenSeconds(AgentId agent) const {
     std::deque<const Sent*> window;
     double bytes = 0;
@@ -88,7 +88,8 @@ TEST_F(BudgetTest, AllSessionsOfTheLeaderShareIt) {
   const MonotonicTime start = team_.now();
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_REPLICATION));
-  // The leader receives 400 kB, and the survivor then receives the records that the leader holds.
+  // The leader receives the 2,000 records of agents 2 and 3. The survivor receives at least 1,000 records from the
+  // leader.
   ASSERT_TRUE(team_.RunUntil(
       [&] { return stores_[kLeader]->records().size() == 3000 && stores_[2]->records().size() >= 2000; }, minutes(10)));
   double bytes = 0;
@@ -156,7 +157,8 @@ TEST_F(BudgetTest, ARoleChangeDoesNotTurnPeriodicStatesIntoAFullSync) {
   team_.SetFilter([this](AgentId from, AgentId, const proto::Message& message) {
     return !(message.has_hello() && from == 3 && stores_[kLeader]->records().empty());
   });
-  team_.AdvanceTime(seconds(31));  // The session to the leader stays open without an answer.
+  // No Hello from agent 3 arrives. Its periodic session to the leader therefore stays open.
+  team_.AdvanceTime(seconds(31));
   ASSERT_TRUE(ShareStatusOf(team_, 3, actor_name::kSync).sessions(0).is_periodic());
   for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(2, 1, 5));
   team_.AdvanceTime(seconds(20));
@@ -175,12 +177,14 @@ TEST_F(BudgetTest, ARestartedSharingActorSharesTheBudgetAgain) {
     return ShareStatusOf(team_, agent, actor).sessions(0).bytes_per_second_max();
   };
   EXPECT_EQ(rate(2, actor_name::kSync), kBudget / 2);
-  // The leader's replica actor forgets its senders. The leader's sync actor notices this and grants the whole budget.
+  // The leader's replica actor restarts and has no senders, because the link to agent 3 is down. The sync actor then
+  // grants agent 2 the whole budget.
   team_.CrashActor({kLeader, actor_name::kReplica});
   team_.SetLink(3, kLeader, false);
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(rate(2, actor_name::kSync), kBudget);
-  // The reverse also holds: the restarted replica actor learns which sessions the sync actor serves.
+  // The replica actor restarts again. It then learns that the sync actor serves one sender, and grants agent 3 half of
+  // the budget.
   team_.CrashActor({kLeader, actor_name::kReplica});
   team_.AdvanceTime(seconds(1));
   team_.SetLink(3, kLeader, true);

@@ -18,7 +18,8 @@ proto::BundleFile Head() {
   return head;
 }
 
-// Records with random content that does not compress.
+// Returns `count` records of one stream with seqs from `first_seq` on. Each has `bytes` of random content, which does
+// not compress.
 proto::RecordBatch Batch(std::uint64_t first_seq, int count, std::size_t bytes) {
   std::mt19937_64 rng(first_seq);
   proto::RecordBatch batch;
@@ -98,7 +99,7 @@ TEST(BundleFileTest, RefusesEveryDamagedByteAndEveryTruncation) {
   }
 }
 
-// The file's checksum is correct, as if an attacker had computed it.
+// The file's checksum is correct, because an attacker can compute it.
 TEST(BundleFileTest, RefusesAHaveSetThatDoesNotMatchItsRecords) {
   BundleWriter writer(Head(), 10'000);
   ASSERT_EQ(writer.Add(Batch(1, 3, 30)), 3);

@@ -67,7 +67,7 @@ TEST(CodecTest, RefusesEveryDamagedByteOfAFrame) {
     std::string damaged = coded.bytes;
     damaged[i] = static_cast<char>(damaged[i] ^ 0x10);
     const auto decoded = DecodeBatch(coded.codec, damaged, 20);
-    // A changed header flag without effect may pass, but then the records must be the same.
+    // The flipped bit may be a header flag that decoding ignores. Decoding must then return the original records.
     if (decoded) {
       EXPECT_EQ(decoded->SerializeAsString(), batch.SerializeAsString()) << i;
     }
@@ -81,7 +81,7 @@ TEST(CodecTest, RefusesAFrameThatWouldDecodeToTooMuch) {
   EXPECT_EQ(decoded.error().text, "would decode to more than 18 MiB");
 }
 
-// A frame of a few hundred bytes whose empty records would take a gigabyte of memory.
+// A small zstd frame that contains 8 million empty records. The decoded records would take a gigabyte of memory.
 TEST(CodecTest, RefusesMillionsOfEmptyRecords) {
   std::string plain;
   for (int i = 0; i < 8'000'000; ++i) plain += std::string_view("\x0A\x00", 2);

@@ -1,4 +1,5 @@
-// Follows records of custom data types through a team with the real StorageActor: rover, leader, survivor and base.
+// Tests records of custom data types in a team of leader, survivor, rover and base station. All agents run the real
+// StorageActor.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -17,8 +18,10 @@ using std::chrono::seconds;
 using testing::ElementsAre;
 
 constexpr AgentId kLeader = 1, kSurvivor = 2, kRover = 3, kBase = 4;
-constexpr DataType kSoil = 1000;    // Policy `all`. The base station gets the newest record of each key.
-constexpr DataType kBeacon = 1001;  // Policy `latest`.
+// Leader and survivor get all soil records. The base station gets only the newest record of each key.
+constexpr DataType kSoil = 1000;
+// Leader and survivor get only the newest beacon record of each key. The base station gets none.
+constexpr DataType kBeacon = 1001;
 
 proto::TeamConfig TeamWithTypes() {
   proto::TeamConfig team = TestTeam(3);
@@ -112,7 +115,7 @@ class CustomTypesTeamTest : public testing::Test {
     return answers.empty() ? proto::Message() : answers.back();
   }
 
-  AgentId other_name_at_ = 0;  // The agent whose team file names the first type differently; 0: none.
+  AgentId other_name_at_ = 0;  // Agent whose team file gives kSoil another name; 0: none.
   simulation::SimulatedTeam team_{/*seed=*/5};
 };
 
@@ -140,7 +143,7 @@ TEST_F(CustomTypesTeamTest, SendsTheBaseStationOnlyTheNewestIfGroundIsLatest) {
   for (int i = 1; i <= 20; ++i) Insert(kRover, kSoil, std::to_string(i), "hole " + std::to_string(i % 2));
   Insert(kLeader, kSoil, "the leader's own");
   // The first sync sends the base station only the records that the leader held when the sync began. The second sync
-  // sends the rest.
+  // sends the records that the leader received during the first sync.
   SyncAndReplicate();
   SyncAndReplicate();
   EXPECT_EQ(PayloadsAt(kLeader, kSoil).size(), 21u);
@@ -167,7 +170,8 @@ TEST_F(CustomTypesTeamTest, ALeaderThatDoesNotKnowTheTypeCarriesIt) {
 
 TEST_F(CustomTypesTeamTest, NotifiesReadersOfNewRecords) {
   Start(/*without_types=*/0);
-  (void)team_.Take({kRover, "listener"});  // Discards the messages that were published at the start.
+  // Discards the notifications that were published at the start.
+  (void)team_.Take({kRover, "listener"});
   Insert(kRover, kSoil, "a");
   const auto reported = team_.Take({kRover, "listener"});
   ASSERT_EQ(reported.size(), 1u);

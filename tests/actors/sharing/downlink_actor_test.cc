@@ -15,7 +15,7 @@ using std::chrono::minutes;
 
 constexpr AgentId kSelf = 3;  // The base station.
 
-// A DownlinkActor with the real StorageActor. The gateway is a probe.
+// A DownlinkActor and the real StorageActor on the base station. The tests send requests as the gateway.
 class DownlinkActorTest : public testing::Test {
  protected:
   DownlinkActorTest() {
@@ -90,7 +90,7 @@ class DownlinkActorTest : public testing::Test {
   simulation::SimulatedTeam team_{/*seed=*/1};
   const Address requester_{kSelf, actor_name::kGateway};
   std::int64_t next_index_ = 1;
-  std::mt19937_64 rng_{1};  // Draws positions that do not compress. A node takes at least 8 bytes.
+  std::mt19937_64 rng_{1};  // Draws the nodes' positions, which do not compress.
 };
 
 TEST_F(DownlinkActorTest, PacksRequestedRecordsIntoBundlesWithoutRepeatingAny) {
@@ -188,7 +188,8 @@ TEST_F(DownlinkActorTest, CarriesOutOneOrderAtATimeAndQueuesAFew) {
 }
 
 TEST_F(DownlinkActorTest, AnswersThoughStorageDoesNot) {
-  simulation::SimulatedTeam team(/*seed=*/1);  // A team whose storage is a probe that does not answer.
+  // This team has no StorageActor, so storage never answers.
+  simulation::SimulatedTeam team(/*seed=*/1);
   team.AddAgent(kSelf);
   SpawnDownlink(team);
   proto::Message message;

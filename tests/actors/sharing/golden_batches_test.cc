@@ -1,6 +1,6 @@
-// Batches of wire version 1 in each form, as bytes written by an agent of that version. Code that cannot read them, or
-// reads other records from them, implements another wire version (docs/COMPATIBILITY.md). The tests do not compare the
-// bytes that zstd writes, because they depend on the version of zstd.
+// Tests batches of wire version 1 in the codecs compact, plain and zstd, as an agent of that version wrote them. If a
+// test fails, the code implements another wire version (docs/COMPATIBILITY.md). Batches with zstd frames are only
+// decoded, because each version of zstd may write other bytes.
 #include <gtest/gtest.h>
 
 #include "actors/sharing/codec.h"
@@ -29,8 +29,8 @@ std::string ToHex(const std::string& bytes) {
   return hex;
 }
 
-// Map number `index` of a robot that drives past blocks. Each map shows a little more of the blocks than the map
-// before.
+// Returns map number `index` of a robot that drives past blocks. From one map to the next, the robot moves by 4 cells
+// of the finest layer.
 Layers RollingMap(int index) {
   return DrawLayers(2, 24, 24, [index](int layer, int column, int row) {
     const int x = (((column - 12) << layer) + 4 * index + 1024) >> 3;
@@ -39,7 +39,7 @@ Layers RollingMap(int index) {
   });
 }
 
-// A batch of two maps and three rows, numbered from `index` on. The second batch continues the numbers of the first.
+// Returns a batch of two maps and three rows. Maps and rows are numbered from `index` on.
 proto::RecordBatch BatchFrom(int index) {
   proto::RecordBatch batch;
   for (int i = index; i < index + 2; ++i) *batch.add_records() = MapOf(RollingMap(i), i);
@@ -49,24 +49,25 @@ proto::RecordBatch BatchFrom(int index) {
   return batch;
 }
 
-// The first batch of a run. Its second map depends on its first map.
+// BatchFrom(0), coded as the first batch of a run. The second map is coded with reference to the first map.
 constexpr std::string_view kFirst =
     "0100E90228B52FFD603600550500D2C82029706D3AB0782807853A9C52DCF31C5A1998120FC12DFC7F45001C872B3C25602A4441DA44A4"
     "1B91290507EB371DC30843EC2AFE0D5B1F15CA01DA6CEE146D8EF47992CFE77506784A9491261363DE5F980A8559650FECF6ECD705BA5B48"
     "4D1726A69AEE754C93A33037CAB26F673E7FDB047F905E4C301D51C814B1D8E94BE23358010E00F92E74281C08140826EBEA401772BAFBF0"
     "A11D8BDE86204135B0531A9B659FDA9627E296B8DB1062CB71E6B9723D85F86386DEADB3E2FC05F8DF068290B5B14D25CAB127BC8722242B";
 
-// The next batch of the run. Its maps and rows refer to the maps and rows of the first batch.
+// BatchFrom(2), coded as the next batch of that run. Maps and rows are coded with reference to the maps and rows of
+// kFirst.
 constexpr std::string_view kSecond =
     "0102A30128B52FFD20D3450200A4020555863D8203021901000002820101000200020201010180A8FEEAEA01E6CC99B3E6CCF999C00106"
     "31010A0057DB6A350520284DAC390EFBBAB06BE0B00C001A02C27294F5067DFDDFFFFF6EB918D2ACD3ED480C1D166D638635";
 
-// A batch of two rows without maps.
+// RowBatch(2) in the compact codec: two rows without maps.
 constexpr std::string_view kRows =
     "008A0102D7810F6800020000A198F5DBE0C3A69E5F000001000001010200000000000002010402090652020907008080A8B1E39FE7CB1704"
     "0094357700808080808080809AC00100";
 
-// The same two rows in codec plain and as one zstd frame.
+// RowBatch(2) in codec plain, and as one zstd frame.
 constexpr std::string_view kPlain =
     "0A300A0F080211214C7D0B1E9A3C5F1801200112140900002A36FE9C971752090900000000000034C0194D392A6F2B8135550A300A0F0802"
     "11214C7D0B1E9A3C5F1801200212140900CAC471FE9C971752090900000000000034C019D1F2323F034B5D04";

@@ -9,7 +9,7 @@ namespace {
 
 using std::chrono::seconds;
 
-// Size of a page with about four streams.
+// Maximum size of a page in bytes. About four streams fit into one page.
 constexpr std::size_t kPageBytes = 100;
 
 class HavePagesTest : public SessionFixture {
@@ -19,7 +19,7 @@ class HavePagesTest : public SessionFixture {
     for (std::uint64_t epoch = 1; epoch <= 21; ++epoch) source_.Insert(kSelf, proto::POWER, "p", epoch);
   }
 
-  // The destination's answer to a Hello.
+  // Returns the destination's answer to `hello`: the requested page of the destination's have-set.
   proto::Have PageFor(const proto::Hello& hello) const {
     proto::HaveRequest request;
     *request.mutable_from() = hello.have_from();
@@ -35,7 +35,7 @@ class HavePagesTest : public SessionFixture {
     return page;
   }
 
-  // The only Hello that was sent since the last call.
+  // Returns the Hello that the session sent. Expects that the session sent no other message since the last call.
   proto::Hello NextHello() {
     const auto sent = TakeSent();
     EXPECT_EQ(sent.size(), 1u);
@@ -43,7 +43,8 @@ class HavePagesTest : public SessionFixture {
     return sent.empty() ? proto::Hello() : sent.back().hello();
   }
 
-  // Answers Hellos until the session sends another kind of message. Returns the number of pages.
+  // Answers each Hello with the requested page, until the session sends another kind of message. Returns the number of
+  // pages.
   int AnswerAll() {
     int pages = 0;
     for (; !sent_.empty() && sent_.back().has_hello(); ++pages) Take(session_.OnHave(PageFor(NextHello()), now_));
@@ -104,7 +105,8 @@ TEST_F(HavePagesTest, RepeatedAndLatePagesChangeNothing) {
     for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
     EXPECT_EQ(sent_.size(), sent) << "a page that came twice is not answered";
   }
-  // Pages that arrive late, during the transfer, still count as reports of the destination's records.
+  // All pages arrive once more, during the transfer of records. The pages still report correctly which records the
+  // destination has, so the session does not refuse these pages.
   for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
   ExpectOneRecordMoreAndTheEnd();
   EXPECT_EQ(Status().refused_haves(), 0);
@@ -120,7 +122,8 @@ TEST_F(HavePagesTest, PagesOfAnEarlierSessionAreIgnored) {
   EXPECT_TRUE(sent_.empty());
 }
 
-// The destination may have lost its disk and with it the records that the pages name.
+// A destination that restarted may have lost its disk. The pages that it sent before may name records that are lost
+// now.
 TEST_F(HavePagesTest, AreRequestedFromTheFirstOnceTheDestinationRestarted) {
   Order();
   Take(session_.OnHave(PageFor(NextHello()), now_));

@@ -31,7 +31,8 @@ TEST_F(InFlightBatchesTest, KeepsMessagesSmallAndUnacknowledgedBytesWithinTheCre
     Acknowledge(in_flight.front());
     in_flight.erase(in_flight.begin());
   }
-  EXPECT_GE(most_in_flight, 2u);  // The next batch travels while an acknowledgment returns, so the radio is never idle.
+  // The next batch is in flight while an acknowledgment returns, so the radio is never idle.
+  EXPECT_GE(most_in_flight, 2u);
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
@@ -53,7 +54,8 @@ TEST_F(InFlightBatchesTest, ObeysTheLatestCredit) {
   AnswerHello();
   std::vector<proto::Message> sent = TakeSent();
   ASSERT_EQ(sent.size(), 2u);
-  credit_ = 2048;  // Other senders have begun to send to the destination.
+  // The destination lowers its credit, because other senders have begun to send.
+  credit_ = 2048;
   for (const proto::Message& batch : sent) Acknowledge(batch);
   for (int i = 0; i < 4; ++i) {
     sent = TakeSent();
@@ -82,8 +84,8 @@ TEST_F(InFlightBatchesTest, SendsALostBatchAgainBeforeTheRestEnds) {
   EXPECT_EQ(Status().resends(), 1);
 }
 
-// A batch with 0 remaining records says that the destination then has everything. The session must not send it while an
-// earlier batch is unacknowledged.
+// The batch with `remaining` 0 reports that the destination has all records. The session must not send this batch while
+// an earlier batch is unacknowledged.
 TEST_F(InFlightBatchesTest, SendsTheEndOnlyWhenAllEarlierBatchesAreAcknowledged) {
   for (int i = 0; i < 3; ++i) source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(3000));
   Order();
@@ -107,7 +109,7 @@ TEST_F(InFlightBatchesTest, GivesUpALostBatchBeforeItSendsTheEnd) {
   AnswerHello();
   const std::vector<proto::Message> sent = TakeSent();
   ASSERT_EQ(sent.size(), 2u);
-  Acknowledge(sent[1]);  // The first batch was lost.
+  Acknowledge(sent[1]);  // The first batch is lost.
   std::uint64_t covered = 1;
   for (const proto::Message& message : RunToEnd()) {
     covered += message.batch().record_count();
@@ -194,7 +196,9 @@ TEST_F(InFlightBatchesTest, AnAcknowledgmentAfterGivingUpCounts) {
   OrderMaps(60);
   const std::vector<proto::Message> sent = TakeSent();
   ASSERT_GE(sent.size(), 2u);
-  const proto::Have stored = Store(sent[1]);  // Arrives before the first batch, so the destination requests a new run.
+  // The second batch of the run arrives before the first batch. The destination cannot decode the second batch alone,
+  // and requests a new run.
+  const proto::Have stored = Store(sent[1]);
   EXPECT_TRUE(stored.needs_new_run());
   Take(session_.OnHave(stored, now_));
   for (std::size_t i = 0; i < sent.size(); ++i) {

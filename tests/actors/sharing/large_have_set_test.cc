@@ -1,5 +1,5 @@
-// Tests the largest possible have-set between two agents at 1 Mbps: how long a session takes to start, and that the
-// session completes over any radio.
+// Tests sessions between two agents with the largest allowed have-set, at 1 Mbit/s: how long a session takes to start,
+// and whether it completes over bad radios.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ using std::chrono::seconds;
 constexpr AgentId kLeader = 1;
 constexpr AgentId kSurvivor = 2;
 
-// Leader and survivor hold the same streams, the largest number allowed. The leader has one record more.
+// Leader and survivor hold the same kHaveStreamsMax streams. The leader has one more record.
 class LargeHaveSetTest : public testing::Test {
  protected:
   LargeHaveSetTest() {
@@ -41,7 +41,8 @@ class LargeHaveSetTest : public testing::Test {
     });
   }
 
-  // Replicates until the survivor has everything and has acknowledged it.
+  // Orders a replication. Returns true if the survivor has all records of the leader within `limit`, and the session
+  // then completes within two minutes.
   bool ReplicateWithin(Duration limit) {
     const MonotonicTime begin = team_.now();
     Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_REPLICATION));
@@ -106,7 +107,8 @@ TEST_F(LargeHaveSetTest, IsRequestedAgainFromARestartedSurvivor) {
   *survivor_ = MemoryStore();  // The survivor loses its disk.
   team_.Crash(kSurvivor);
   team_.Restart(kSurvivor);
-  // The first page arrived before the restart. The records that it names are missing now.
+  // The leader received the first page before the restart. The records named in that page are now missing at the
+  // survivor.
   EXPECT_TRUE(team_.RunUntil([this] { return !survivor_->records().empty(); }, minutes(10)));
   EXPECT_EQ(survivor_->records().begin()->first, leader_->records().begin()->first);
 }

@@ -17,7 +17,7 @@ namespace moondb {
 
 class MemoryStore {
  public:
-  // Inserts the next record of (origin, epoch, type).
+  // Inserts a record with the next seq of the stream (origin, epoch, type). Returns its key.
   RecordKey Insert(AgentId origin, DataType type, std::string content, std::uint64_t epoch = 7) {
     RecordKey key{{origin, epoch, type}, have_.Get({origin, epoch, type}).Covered().Max() + 1};
     have_[key.stream].held.Add(key.seq);
@@ -31,7 +31,7 @@ class MemoryStore {
     have_[key.stream].dropped.Add(key.seq);
   }
 
-  // From now on the store rejects records of this type from peers.
+  // Makes the store reject records of this type from peers.
   void Reject(DataType type) { rejected_type_ = type; }
 
   proto::HaveReply Have(const proto::HaveRequest& request = {}) const {
@@ -114,7 +114,7 @@ class MemoryStore {
   const HaveSet& have() const { return have_; }
 
  private:
-  // The store's have-set when an order to a destination began (MissingRequest.mark).
+  // Number of a mark (MissingRequest.mark), and the have-set when the mark was first requested.
   struct Mark {
     std::uint64_t number = 0;
     HaveSet have;
@@ -142,7 +142,7 @@ class MemoryStore {
   DataType rejected_type_ = 0;
 };
 
-// Answers as StorageActor does, from a store that outlives the actor.
+// Answers have, missing and store requests like StorageActor. The store outlives the actor, as a disk does.
 class MemoryStorageActor final : public Actor {
  public:
   explicit MemoryStorageActor(std::shared_ptr<MemoryStore> store) : store_(std::move(store)) {}

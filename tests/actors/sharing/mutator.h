@@ -22,7 +22,7 @@ class Mutator {
     for (std::uint64_t left = 1 + Draw(4); left > 0; --left) MutateOnce(message);
   }
 
-  // Flips, drops, repeats and invents bytes.
+  // Changes, removes, repeats or flips bytes at one to six places.
   void Mutate(std::string& bytes) {
     for (std::uint64_t left = 1 + Draw(6); left > 0 && !bytes.empty(); --left) {
       const std::size_t at = Draw(bytes.size());
@@ -48,7 +48,7 @@ class Mutator {
     return bytes;
   }
 
-  // A small, random or boundary number.
+  // Returns a small number, a boundary value or any number.
   std::uint64_t Number() {
     constexpr std::uint64_t kEdges[] = {0,     1,         2,          3,         4095,           4096,
                                         65536, INT32_MAX, UINT32_MAX, INT64_MAX, UINT64_MAX - 1, UINT64_MAX};

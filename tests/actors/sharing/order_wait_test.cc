@@ -1,4 +1,5 @@
-// Tests requests that wait until an order to share is done: when the agent answers them, and with which answer.
+// Tests share requests that wait until their order is done: when the agent answers, and which progress the answer
+// reports.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -38,7 +39,7 @@ class OrderWaitTest : public testing::Test {
       team_.Spawn(agent, actor_name::kLease, [options] { return std::make_unique<LeaseActor>(options); });
     }
     team_.AdvanceTime(seconds(1));
-    // The leader begins its term.
+    // Agent 1 begins to lead in term 1.
     for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(kLeader, kSurvivor, 1));
     team_.AdvanceTime(seconds(10));
   }
@@ -47,7 +48,7 @@ class OrderWaitTest : public testing::Test {
     for (int i = 0; i < count; ++i) stores_[agent]->Insert(agent, proto::POSE_GRAPH_NODE, Noise(100));
   }
 
-  // Random bytes that do not compress.
+  // Returns random bytes, which do not compress.
   std::string Noise(std::size_t bytes) {
     std::string noise(bytes, '\0');
     for (char& byte : noise) byte = static_cast<char>(random_());
@@ -64,7 +65,7 @@ class OrderWaitTest : public testing::Test {
     ASSERT_EQ(team_.Post({agent, "client"}, {agent, actor}, order), SendResult::kAccepted);
   }
 
-  // The answer that the client at `agent` has received so far.
+  // Returns the answer that the client at `agent` has received, or nothing if no answer has arrived yet.
   std::optional<proto::ShareReply> AnswerAt(AgentId agent) {
     for (const proto::Message& message : team_.Take({agent, "client"})) {
       if (message.has_share_reply()) {
@@ -75,7 +76,8 @@ class OrderWaitTest : public testing::Test {
     return answers_[agent];
   }
 
-  // Runs until the answer arrives. Fails the test if none arrives within `limit`.
+  // Runs the team until the client at `agent` receives its answer, and returns the answer. Fails the test if no answer
+  // arrives within `limit`.
   proto::ShareReply Await(AgentId agent, seconds limit) {
     EXPECT_TRUE(team_.RunUntil([&] { return AnswerAt(agent).has_value(); }, limit));
     return AnswerAt(agent).value_or(proto::ShareReply());
@@ -180,7 +182,7 @@ TEST_F(OrderWaitTest, EndsWhileTheRobotKeepsInserting) {
   team_.radio().bytes_per_second = 3'000;
   Ask(kRover, 60);
   for (int i = 0; i < 1200 && !AnswerAt(kRover); ++i) {
-    // Inserts faster than the radio can transmit.
+    // Inserts 8 kB/s, but the radio carries only 3 kB/s.
     stores_[kRover]->Insert(kRover, proto::LOCAL_TRAVERSABILITY_MAP, Noise(400));
     team_.AdvanceTime(milliseconds(50));
   }
@@ -265,7 +267,8 @@ TEST_F(OrderWaitTest, AnAgentThatRefusesToShareDoesNotCountAsGathered) {
   EXPECT_EQ(PairOf(reply, kRover, kLeader).why(), "does not share");
 }
 
-// An order of an earlier term covers only the records that were held when the order began.
+// The rover is still carrying out an order of term 1 when the leader begins term 2. That order covers only the 300
+// records that the rover held when the order arrived, so it does not complete the gathering in term 2.
 TEST_F(OrderWaitTest, AnEarlierOrderDoesNotCountAsGathering) {
   InsertAt(kRover, 300);
   team_.radio().bytes_per_second = 3'000;
@@ -273,7 +276,7 @@ TEST_F(OrderWaitTest, AnEarlierOrderDoesNotCountAsGathering) {
   (void)team_.Post({kRover, "operator"}, {kRover, actor_name::kReplica}, earlier);
   team_.AdvanceTime(seconds(1));
   InsertAt(kRover, 50);
-  // The rover does not receive the leader's own orders while it carries out the earlier order.
+  // While `is_deaf` is true, the rover receives no orders.
   bool is_deaf = true;
   team_.SetFilter([&is_deaf](AgentId, AgentId to, const proto::Message& message) {
     return !is_deaf || to != kRover || !message.has_share_request();
@@ -347,7 +350,6 @@ TEST_F(OrderWaitTest, ARoverWaitsOnlyForItsOwnRecords) {
   EXPECT_EQ(reply.progress().pairs(0).destination(), kLeader);
 }
 
-// The agents exchange the same messages whether or not a client waits.
 TEST_F(OrderWaitTest, AWaitCausesNoExtraMessagesBetweenAgents) {
   std::map<bool, int> messages;
   for (const bool is_waiting : {false, true}) {

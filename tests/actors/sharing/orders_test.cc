@@ -39,7 +39,8 @@ class SharingOrdersTest : public testing::Test {
     for (int i = 0; i < count; ++i) stores_[agent]->Insert(agent, proto::POSE_GRAPH_NODE, "node " + std::to_string(i));
   }
 
-  // Progress of the leader's orders in the session from `agent` to the leader.
+  // Returns the progress of the leader's orders in the session from `agent` to the leader. Empty if there is no such
+  // session.
   proto::SessionOrder LeadersOrderAt(AgentId agent) {
     const proto::ShareStatus status = ShareStatusOf(team_, agent, actor_name::kSync);
     for (const proto::ShareSession& session : status.sessions()) {
@@ -88,7 +89,7 @@ TEST_F(SharingOrdersTest, AgentsAcceptOrdersFromEachOtherInAnyTerm) {
   EXPECT_EQ(stores_[kLeader]->records().size(), 5u);
 }
 
-// A sharing actor requests the roles at its start. The reply is queued behind data, and a role change overtakes it.
+// A sharing actor requests the roles when it starts. A notification of newer roles may arrive before the reply.
 TEST_F(SharingOrdersTest, AnOldAnswerDoesNotOvertakeNewRoles) {
   NotifyRoles(team_, config_, 3, Roles(3, 2, 5));
   for (const char* actor : {actor_name::kSync, actor_name::kReplica}) {
@@ -151,8 +152,6 @@ TEST_F(SharingOrdersTest, StatusShowsForHowLongAnAgentCannotBeAsked) {
   EXPECT_NEAR(status.sessions(0).waits_for_s(), 590, 1);
 }
 
-// A client with --wait first reads which order is completed, then sends its own order. A session of an earlier order
-// may end in between.
 TEST_F(SharingOrdersTest, ASessionOfAnEarlierOrderDoesNotCompleteALaterOne) {
   InsertAt(2, 100);
   team_.radio().bytes_per_second = 3'000;
@@ -162,7 +161,7 @@ TEST_F(SharingOrdersTest, ASessionOfAnEarlierOrderDoesNotCompleteALaterOne) {
   ASSERT_TRUE(HasReached(LeadersOrderAt(2).ordered(), earlier));
   ASSERT_FALSE(HasReached(LeadersOrderAt(2).completed(), earlier));
 
-  // The later order is lost again and again while the session of the earlier order continues.
+  // Agent 2 does not receive the later order while its session for the earlier order continues.
   team_.SetFilter(
       [](AgentId, AgentId to, const proto::Message& message) { return to != 2 || !message.has_share_request(); });
   const std::uint64_t later = Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC)).order();
@@ -204,10 +203,11 @@ TEST_F(SharingOrdersTest, ALateCopyOfAnOrderChangesNothing) {
   EXPECT_EQ(LeadersOrderAt(2).completed(), later);
 }
 
-// A leader gathers from one agent at a time. If an agent makes no progress, the leader goes on to the next one.
+// Agent 3 begins to lead and gathers first from agent 2, the survivor. Agent 2 sends only batches that the leader
+// refuses. The leader must then gather from agent 1, which holds 10 records.
 TEST_F(SharingOrdersTest, ARefusedBatchIsNoProgress) {
   InsertAt(kLeader, 10);
-  // The survivor does not receive the leader's request.
+  // Agent 2 does not receive the leader's request.
   team_.SetFilter(
       [](AgentId, AgentId to, const proto::Message& message) { return to != 2 || !message.has_share_request(); });
   NotifyRoles(team_, config_, 3, Roles(3, 2, 3));

@@ -11,11 +11,11 @@ namespace moondb {
 namespace {
 
 constexpr std::uint64_t kEpochs = 300;
-constexpr std::uint64_t kLater = UINT64_MAX;  // Higher than the number of any note.
+constexpr std::uint64_t kLater = UINT64_MAX;  // Higher than the number of any note that the session sends.
 
 class PeerNotesTest : public SessionFixture {
  protected:
-  // Adds records of this agent's earlier epochs to both stores. Each epoch has a gap.
+  // Inserts records of this agent's earlier epochs into both stores. Each epoch has a gap.
   void StoreOldEpochs() {
     for (std::uint64_t epoch = 1; epoch <= kEpochs; ++epoch) {
       for (MemoryStore* store : {&source_, &destination_}) {
@@ -76,7 +76,7 @@ TEST_F(PeerNotesTest, AnAcknowledgmentWithoutNewRecordsIsNotNoted) {
   const proto::Have have = Store(TakeSent().front());
   Take(session_.OnHave(have, now_));
   TakeNotes();
-  Take(session_.OnHave(have, now_));  // Repeated by the radio.
+  Take(session_.OnHave(have, now_));  // The radio delivers the acknowledgment twice.
   for (const proto::PeerHave& note : TakeNotes()) EXPECT_FALSE(note.has_acknowledged());
 }
 
@@ -104,8 +104,8 @@ TEST_F(PeerNotesTest, NotesTheWholeHaveSetAgainWhenStorageRequestsIt) {
   EXPECT_EQ(notes[0].handed_over_size(), handed_over - int(first.batch().record_count())) << "the records in flight";
 }
 
-// Storage may refuse several differences, and request the whole have-set after each, before it receives the answer to
-// its first request.
+// Storage requests the whole have-set for each note that it cannot use. One reply answers all requests that name
+// earlier notes.
 TEST_F(PeerNotesTest, IgnoresRequestsThatAnEarlierAnswerAlreadyCovers) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
   Order();
@@ -116,7 +116,7 @@ TEST_F(PeerNotesTest, IgnoresRequestsThatAnEarlierAnswerAlreadyCovers) {
   ASSERT_EQ(TakeNotes().size(), 1u);
   Take(session_.OnPeerHaveRequest(unused));
   EXPECT_TRUE(TakeNotes().empty());
-  // Storage refused a difference that followed the reply, so the reply was lost.
+  // Storage could not use a note that followed the reply, so storage did not receive the reply.
   Take(session_.OnPeerHaveRequest(unused + 2));
   EXPECT_EQ(TakeNotes().size(), 1u);
 }
@@ -128,7 +128,8 @@ TEST_F(PeerNotesTest, NotesNothingBeforeTheDestinationAnswers) {
   EXPECT_TRUE(TakeNotes().empty());
   AnswerHello();
   EXPECT_FALSE(TakeNotes().empty());
-  Take(session_.OnConnected(now_));  // The session starts over and does not know the destination's have-set.
+  // The session starts over, and does not know the destination's have-set until the destination answers.
+  Take(session_.OnConnected(now_));
   Take(session_.OnPeerHaveRequest(kLater));
   EXPECT_TRUE(TakeNotes().empty());
 }

@@ -13,7 +13,8 @@ class PeerOrdersTest : public testing::Test {
  protected:
   static PeerOrders::Options Options() { return {1, proto::SHARING_KIND_SYNC, seconds(5), seconds(20)}; }
 
-  // Returns the orders sent at the next deadline, which is expected in `expected_s` seconds.
+  // Advances the time to the next deadline, and returns the orders sent then. Expects the deadline in `expected_s`
+  // seconds. Returns nothing if there is no deadline.
   SharingActions NextAfter(int expected_s) {
     if (!orders_.deadline()) return {};
     EXPECT_EQ(*orders_.deadline() - now_, seconds(expected_s));
@@ -42,7 +43,7 @@ TEST_F(PeerOrdersTest, AsksUntilThePeerAnswersWithAGrowingDelay) {
   EXPECT_FALSE(orders_.deadline());
 }
 
-// The peer may have restarted and know nothing of the order.
+// A peer that connects again may have restarted and forgotten the order.
 TEST_F(PeerOrdersTest, AsksAReconnectedPeerAgainIfItHasNotReportedTheEnd) {
   orders_.Give(2, kOrder, 0, now_);
   ASSERT_TRUE(orders_.TakeAnswer(2, kOrder, /*is_taken=*/true));

@@ -1,4 +1,5 @@
-// Sharing, roles and the real StorageActor together, in a team of three rovers and a base station with SQLite files.
+// Tests sharing, roles and the real StorageActor together, in a team of three rovers and a base station with SQLite
+// files.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -187,12 +188,13 @@ class RealTeam {
     return sent;
   }
 
-  // Bytes of the have-sets sent since the last call, by sender and receiver.
+  // Returns the bytes of the have-sets sent since the last call, by sender and receiver.
   std::map<std::pair<AgentId, AgentId>, std::size_t> TakeHaveBytes() { return std::exchange(have_bytes_, {}); }
-  // Number of records in batches sent since the last call, by receiver.
+  // Returns the number of records in batches sent since the last call, by receiver.
   std::map<AgentId, std::uint64_t> TakeRecordsTo() { return std::exchange(records_to_, {}); }
 
-  // Sends the leader's orders, and waits long enough for an idle radio to carry them out.
+  // Orders a sync and then a replication at the leader. Waits two minutes after each order, which is enough on an idle
+  // radio.
   void SyncAndReplicate() {
     const AgentId leader = RolesAt(1).leader();
     EXPECT_EQ(Share(team_, leader, ShareOrder(proto::SHARING_KIND_SYNC)).error().code(), proto::ERROR_CODE_NONE);
@@ -226,7 +228,7 @@ class RealTeam {
     }
     EXPECT_EQ(ReadAll(roles.survivor()), leader) << "the survivor has what the leader has";
     EXPECT_EQ(HaveOf(roles.survivor()), HaveOf(roles.leader()));
-    // Records whose types the policy `ground` names.
+    // The base station has all of the leader's records whose type has a policy in `ground` other than `none`.
     const Records base = ReadAll(kBase);
     for (const auto& [key, content] : leader) {
       if (GroundPolicyOf(config_, key.stream.type) != proto::POLICY_NONE) {
@@ -290,7 +292,7 @@ class RealTeam {
   std::filesystem::path folder_;
   simulation::SimulatedTeam team_;
   std::map<AgentId, std::uint64_t> next_index_;
-  std::map<AgentId, HaveSet> claimed_;  // By agent: all records in the have-sets that the agent ever sent.
+  std::map<AgentId, HaveSet> claimed_;  // By agent: all records that the agent has claimed to have in its have-sets.
   std::map<std::pair<AgentId, AgentId>, std::size_t> have_bytes_;
   std::map<AgentId, std::uint64_t> records_to_;
 };
@@ -317,7 +319,6 @@ TEST(RealTeamTest, LeaderThenSurvivorHaveEverythingAndNothingIsSentTwice) {
   team.ExpectNothingIsSentTwice();
 }
 
-// The paper's SQL codec, the baseline of every benchmark, transfers the same records.
 TEST(RealTeamTest, ThePapersSqlCodecTransfersEverythingToo) {
   RealTeam team(/*seed=*/7, proto::CODEC_PAPER_SQL);
   team.Settle();
@@ -343,10 +344,12 @@ TEST(RealTeamTest, ANewLeaderIsSentOnlyMissingRecords) {
   team.InsertNodes(3, 7);
   team.SyncAndReplicate();
   team.ExpectConverged();
-  EXPECT_EQ(team.SentRecords(), sent + 7 * 3);  // New leader, new survivor and base station get 7 each.
+  // The new leader, the new survivor and the base station each receive the 7 records.
+  EXPECT_EQ(team.SentRecords(), sent + 7 * 3);
 }
 
-// A log per destination, as in the paper, would send each rover's whole history to the new leader again.
+// In the paper, each destination has a log of its own. The rovers would then send their whole history to the new leader
+// again.
 TEST(RealTeamTest, NothingIsSentAgainAfterTheLeadersDeath) {
   RealTeam team(/*seed=*/4);
   team.Settle();
@@ -358,7 +361,8 @@ TEST(RealTeamTest, NothingIsSentAgainAfterTheLeadersDeath) {
   team.SyncAndReplicate();
   team.ExpectConverged();
   const RealTeam::Records before = team.ReadAll(2);
-  // Bytes of the remaining agents' own records, which a log per destination would send to the new leader.
+  // Size of the remaining agents' own records. With a log per destination, these agents would send all these records to
+  // the new leader.
   std::size_t log_bytes = 0;
   for (const AgentId agent : {3u, kBase}) {
     for (const auto& [key, content] : before) log_bytes += key.stream.origin == agent ? content.size() : 0;
@@ -414,7 +418,7 @@ int SeedCount() {
   return text == nullptr ? 6 : std::max(1, std::atoi(text));
 }
 
-// A rover and the base station quarantine the same maps. Both quarantines reach every agent.
+// A rover and the base station quarantine the same maps.
 TEST(RealTeamTest, AQuarantineOfMapsReachesEveryAgentFromAnyOrigin) {
   RealTeam real(/*seed=*/1);
   real.InsertNodes(3, 5);
@@ -423,15 +427,17 @@ TEST(RealTeamTest, AQuarantineOfMapsReachesEveryAgentFromAnyOrigin) {
   real.InsertQuarantine(/*at=*/kBase, /*maps_of=*/1);
   real.SyncAndReplicate();
   real.TakeHaveBytes();
-  real.SyncAndReplicate();  // Forwards the records that reached the leader to the other agents.
+  // The leader sends the quarantines to the agents that still lack them.
+  real.SyncAndReplicate();
   for (AgentId agent = 1; agent <= kAgents; ++agent) EXPECT_EQ(real.QuarantinesAt(agent), 2u) << "agent " << agent;
   for (const auto& [pair, bytes] : real.TakeHaveBytes())
     EXPECT_LT(bytes, 1000u) << "only its streams are reported beside it";
   real.ExpectNothingIsSentTwice();
 }
 
-// Random faults: a lossy radio that repeats and reorders, link failures, crashes at any moment, role changes and
-// orders. Afterwards the radio is reliable, and everything must converge. MOONDB_SEEDS sets the number of runs.
+// Each run has random faults: a lossy radio that repeats and reorders, link failures, crashes at any moment, role
+// changes and orders. Then the radio becomes reliable, and all agents must converge. MOONDB_SEEDS sets the number of
+// runs.
 TEST(RealTeamTest, ConvergesAfterRandomFaults) {
   const int seeds = SeedCount();
   std::cout << "seeds 1 to " << seeds << "\n";

@@ -86,7 +86,7 @@ TEST_F(ReplicaActorTest, ANewLeaderGathersAllRecordsOfTheTeamOnce) {
   InsertAtLeader(1);
   team_.AdvanceTime(seconds(100));
   EXPECT_EQ(stores_[3]->records().size(), 31u);
-  // The same leader gets a new term, as after a start with a disk that may be empty.
+  // Agent 3 begins another term, as after a restart with a disk that may be empty. Agent 3 then gathers again.
   NotifyRoles(team_, config_, 3, Roles(3, 2, 4));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(stores_[3]->records().size(), 34u);
@@ -107,7 +107,7 @@ TEST(ReplicaActorLeftTest, ANewLeaderGathersFromNoAgentThatHasLeft) {
             "rover1 survives, but has left the team");
 }
 
-// Each agent sends only records that no other agent is sending.
+// Agents 2 (the survivor) and 3 both hold all 30 records of the leader.
 TEST_F(ReplicaActorTest, GathersFromTheSurvivorFirstAndNoRecordTwice) {
   InsertAtLeader(10);
   for (const AgentId agent : {2u, 3u}) Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION, agent));
@@ -123,7 +123,8 @@ TEST_F(ReplicaActorTest, GathersFromTheSurvivorFirstAndNoRecordTwice) {
 TEST_F(ReplicaActorTest, KeepsGatheringWhileOneAgentDoesNotAnswer) {
   InsertAtLeader(10);
   stores_[4]->Insert(4, proto::POSE_GRAPH_NODE, "of the base station");
-  team_.SetLink(3, 2, false, /*tell=*/false);  // Cuts the link to the survivor, which the leader asks first.
+  // Cuts the link to the survivor, agent 2. The new leader, agent 3, asks the survivor first.
+  team_.SetLink(3, 2, false, /*tell=*/false);
   NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   team_.AdvanceTime(seconds(50));
   EXPECT_TRUE(stores_[3]->records().empty());
@@ -131,12 +132,13 @@ TEST_F(ReplicaActorTest, KeepsGatheringWhileOneAgentDoesNotAnswer) {
   EXPECT_EQ(stores_[3]->records().size(), 31u);
   stores_[2]->Insert(2, proto::POWER, "of the survivor");
   team_.SetLink(3, 2, true);
-  team_.AdvanceTime(seconds(30));  // Neither agent had noticed the cut.
+  // Allows 30 s, because neither agent had noticed that the link was cut.
+  team_.AdvanceTime(seconds(30));
   EXPECT_EQ(stores_[3]->records().size(), 32u);
 }
 
-// The leader does not wait for an unreachable agent, but asks the next agent immediately. It asks the unreachable agent
-// when that agent is connected again.
+// The new leader, agent 3, cannot reach agents 2 and 4. Agent 3 gathers from agent 1 immediately, and from agent 2 when
+// agent 2 connects again.
 TEST_F(ReplicaActorTest, GathersFromReachableAgents) {
   InsertAtLeader(10);
   stores_[2]->Insert(2, proto::POWER, "of the survivor");
@@ -164,7 +166,7 @@ TEST_F(ReplicaActorTest, AFlappingAgentDoesNotKeepOthersWaiting) {
   EXPECT_EQ(stores_[3]->records().size(), 30u);
 }
 
-// The new leader's order reaches the other agents before the message about its term.
+// The other agents receive the new leader's order before they learn of the new term.
 TEST_F(ReplicaActorTest, SendsTheNewLeaderEverythingThoughItLearnsItsTermLater) {
   InsertAtLeader(10);
   team_.radio().bytes_per_second = 2'000;

@@ -1,4 +1,5 @@
-// Tests the notes that sessions make about their peers: the real storage keeps the notes and shows them in a view.
+// Tests the notes that sessions send to storage about their peers' have-sets. The real storage keeps the notes and
+// shows them in a view.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,8 +27,8 @@ using std::chrono::minutes;
 constexpr AgentId kLogSelf = 1;
 constexpr AgentId kPeer = 2;
 
-// Delivers a session's notes about a peer to storage's log. Some notes are lost, and the log may refuse to write or may
-// restart.
+// Delivers a session's notes about a peer to a PeerLog. Some notes are lost, some writes fail, and the PeerLog restarts
+// at random.
 class NotesOverTime {
  public:
   explicit NotesOverTime(std::uint64_t seed) : rng_(seed) { Restart(); }
@@ -35,7 +36,8 @@ class NotesOverTime {
   void Step() {
     SharingActions actions;
     const auto what = rng_() % 16;
-    if (what == 0) {  // A new session. In one of four cases its destination has lost its disk.
+    // A session begins. In one of four cases its destination has lost its disk.
+    if (what == 0) {
       if (rng_() % 4 == 0) have_ = HaveSet();
       notes_.NoteAnswer(have_, {}, actions);
     } else if (what == 1) {
@@ -49,7 +51,7 @@ class NotesOverTime {
     ExpectTruth();
   }
 
-  // Sends one note without any fault.
+  // Sends a note and delivers it. The note is not lost, and the database is writable.
   void NoteOnce() {
     SharingActions actions;
     HaveSet news;
@@ -74,7 +76,7 @@ class NotesOverTime {
     return *RecordStore::Open(std::move(options));
   }
 
-  // Restarts storage's log on the same tables.
+  // Replaces the PeerLog by one that reads the stored notes, as a restart does.
   void Restart() {
     log_ = PeerLog();
     ASSERT_TRUE(log_.Load(store_->database()));
@@ -82,7 +84,8 @@ class NotesOverTime {
 
   StreamKey Any() { return {3, 1 + rng_() % 40, proto::POSE_GRAPH_NODE}; }
 
-  // Returns random streams with new records. As in an acknowledgment, each stream is complete.
+  // Returns the have-set of an acknowledgment: one to three random streams with new records. Each stream also contains
+  // the records already known.
   HaveSet AnyNews() {
     HaveSet heard;
     for (auto streams = rng_() % 3 + 1; streams > 0; --streams) {
@@ -115,8 +118,7 @@ class NotesOverTime {
     }
   }
 
-  // Expects that the view shows the have-set as of the last accepted note. Notes that were not accepted changed
-  // nothing.
+  // Expects that the view shows the have-set as of the last note that the PeerLog accepted.
   void ExpectTruth() { EXPECT_EQ(Shown(), taken_); }
 
   std::mt19937_64 rng_;
@@ -143,7 +145,8 @@ TEST(ReplicationLogTest, DifferencesAddUpToTheWholeHaveSetWhateverIsLost) {
   EXPECT_GT(requests, 100);
 }
 
-// Agent 1 leads and replicates to agent 2. Both know `epochs` earlier epochs of agent 3, with gaps.
+// Agent 1 leads and replicates to agent 2. Both stores cover dropped records of `epochs` earlier epochs of agent 3,
+// with gaps in each epoch.
 class ReplicatingTeam {
  public:
   explicit ReplicatingTeam(std::uint64_t epochs) : team_(/*seed=*/1) {
@@ -161,7 +164,7 @@ class ReplicatingTeam {
     team_.RecordSent({kLogSelf, actor_name::kStorage});
   }
 
-  // Inserts nodes at random positions that do not compress.
+  // Inserts nodes with random positions, which do not compress, into agent 1's store.
   void InsertNodes(int count) {
     proto::Message message;
     for (int i = 0; i < count; ++i) {

@@ -12,12 +12,13 @@ using std::chrono::seconds;
 
 class ResendDelayTest : public SessionFixture {};
 
-// Fragments are acknowledged before the record is stored. Acknowledged fragments are therefore not progress.
+// The destination acknowledges the record's fragments, but refuses to store the record. Acknowledged fragments must not
+// count as progress.
 TEST_F(ResendDelayTest, RetriesALargeRecordThatCannotBeStoredLessAndLessOften) {
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(10'000));
   Order();
   std::size_t hellos = 0;
-  for (int i = 0; i < 1000; ++i) {  // Runs for 100 s.
+  for (int i = 0; i < 1000; ++i) {  // 100 s in steps of 100 ms.
     Advance(std::chrono::milliseconds(100));
     for (const proto::Message& message : TakeSent()) {
       if (message.has_hello()) {
@@ -47,7 +48,8 @@ TEST_F(ResendDelayTest, StartsOverOnceWhenTheDestinationForgotTheSession) {
   Take(session_.OnRefusal(refusal, now_));
   refusal.set_session_id(TakeHello());
   Take(session_.OnRefusal(refusal, now_));
-  EXPECT_TRUE(TakeSent().empty());  // The session waits for the delay, so no tight loop develops.
+  // After the second refusal the session waits, so it does not send Hellos in a tight loop.
+  EXPECT_TRUE(TakeSent().empty());
   Advance(seconds(6));
   AnswerHello();
   RunToEnd();

@@ -11,7 +11,7 @@ using std::chrono::seconds;
 
 class RunDecodersTest : public testing::Test {
  protected:
-  // The encoder's next batch of maps.
+  // Returns the encoder's next batch, with two maps.
   proto::Batch NextBatch() {
     CodedBatch coded = encoder_.Encode(proto::CODEC_COMPACT, MapBatch(map_count_, 2), 1'000'000);
     map_count_ += 2;
@@ -23,7 +23,8 @@ class RunDecodersTest : public testing::Test {
     return batch;
   }
 
-  // Returns false if the batch depends on other batches that are missing.
+  // Returns true if the batch was decoded, and false if it depends on batches that are missing. Any other error fails
+  // the test.
   bool IsDecoded(AgentId sender, const proto::Batch& batch) {
     const auto records = runs_.Decode(sender, batch, batch.coded(), now_);
     if (!records) {

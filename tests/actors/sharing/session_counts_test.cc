@@ -29,7 +29,8 @@ TEST_F(SessionCountsTest, CountsRecordsAcknowledgedSinceTheDestinationAnswered) 
   EXPECT_EQ(Status().session_acknowledged_records() + Status().remaining(), 200);
   EXPECT_GT(Status().session_acknowledged_bytes(), 100 * Status().session_acknowledged_records());
 
-  // The destination is reached again. The remaining count is unknown, and the time counts from the new answer.
+  // The destination connects again. Until it answers the Hello, the remaining count is unknown. The session's duration
+  // counts from that answer.
   Advance(seconds(1));
   Take(session_.OnConnected(now_));
   EXPECT_FALSE(Status().is_remaining_known());

@@ -1,4 +1,4 @@
-// SessionFixture: one session between two stores in memory, for the tests of the session and its parts.
+// SessionFixture: one session between two stores in memory, for the tests of SharingSession and its parts.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -50,7 +50,7 @@ class SessionFixture : public testing::Test {
 
   std::vector<proto::Message> TakeSent() { return std::exchange(sent_, {}); }
 
-  // The session id of the last Hello. Removes all messages that were sent before.
+  // Returns the session id of the last sent message, which must be a Hello. Removes all sent messages.
   std::uint64_t TakeHello() {
     const auto sent = TakeSent();
     EXPECT_FALSE(sent.empty());
@@ -72,7 +72,8 @@ class SessionFixture : public testing::Test {
     Take(session_.OnHave(have, now_));
   }
 
-  // The destination stores a batch. Returns its acknowledgment.
+  // Stores a batch at the destination, and returns the destination's acknowledgment. The acknowledgment requests a new
+  // run if the batch cannot be decoded.
   proto::Have Store(const proto::Message& message) {
     const proto::Batch& batch = message.batch();
     std::string coded = batch.coded();
@@ -113,14 +114,14 @@ class SessionFixture : public testing::Test {
     }
   }
 
-  // Inserts maps and orders the session. The destination answers the Hello.
+  // Inserts maps, orders all records, and answers the Hello. `first` is the index of the first map.
   void OrderMaps(int count, int first = 0, std::uint32_t credit = 8 * 1024) {
     InsertMaps(count, first);
     Order();
     AnswerHello(credit);
   }
 
-  // Inserts a map that is too large for one message.
+  // Inserts a map of random cells, which hardly compress. The map is too large for one message.
   void InsertNoiseMap(int index, int side) {
     const auto any_cell = [this](int, int, int) { return static_cast<Cell>(rng_() % 3); };
     const proto::StoredRecord map = MapOf(DrawLayers(1, side, side, any_cell), index);
@@ -132,7 +133,7 @@ class SessionFixture : public testing::Test {
     return DecodeBatch(batch.codec(), batch.coded(), batch.record_count()).has_value();
   }
 
-  // The destination stores and acknowledges until the session sends no more messages. Returns all batches.
+  // Stores and acknowledges batches at the destination until the session sends no more messages. Returns all batches.
   std::vector<proto::Message> RunToEnd() {
     std::vector<proto::Message> batches;
     while (!sent_.empty()) {
@@ -144,7 +145,7 @@ class SessionFixture : public testing::Test {
     return batches;
   }
 
-  // The destination stores and acknowledges each batch immediately. Returns the coded bytes that arrived before `end`.
+  // Stores and acknowledges each batch immediately. Returns the total size in bytes of the batches sent before `end`.
   std::size_t BytesUntil(SharingSession::Time end) {
     std::size_t bytes = 0;
     while (now_ < end) {
@@ -158,7 +159,7 @@ class SessionFixture : public testing::Test {
     return bytes;
   }
 
-  // Advances the time in small steps.
+  // Advances the time in steps of 100 ms, and runs the session's timer at each step.
   void Advance(std::chrono::nanoseconds duration) {
     for (const auto end = now_ + duration; now_ < end;) {
       now_ += std::chrono::milliseconds(100);
@@ -182,19 +183,19 @@ class SessionFixture : public testing::Test {
     return options;
   }
 
-  // Replaces the session by one with `codec`. Requires: nothing is ordered yet. The default is the compact codec.
+  // Replaces the session by one that uses `codec` instead of the compact codec. Requires: no order is open.
   void UseCodec(proto::Codec codec) {
     SharingSession::Options options = Options();
     options.codec = codec;
     session_ = SharingSession(options, proto::SHARING_KIND_SYNC, kDestination, first_id_ += 1000);
   }
 
-  std::uint64_t first_id_ = 1000;  // Each session has an id of its own.
+  std::uint64_t first_id_ = 1000;  // First id of session_. UseCodec gives each new session higher ids.
   SharingSession session_{Options(), proto::SHARING_KIND_SYNC, kDestination, first_id_};
   SharingSession::Time now_{};
-  std::uint32_t credit_ = 8 * 1024;  // Credit that the destination grants, in bytes.
-  std::uint32_t granted_rate_ = 0;   // Rate that the destination grants.
-  TypeSchemas schemas_;              // Schemas that the destination reports. Empty if it reports none.
+  std::uint32_t credit_ = 8 * 1024;  // Credit in bytes that the destination grants.
+  std::uint32_t granted_rate_ = 0;   // Bytes per second that the destination grants. 0: no limit.
+  TypeSchemas schemas_;              // Schemas that the destination reports. Empty: none.
   MemoryStore source_;
   MemoryStore destination_;
   FragmentCollector fragments_{1'000'000};  // Fragments that the destination has received.
@@ -203,7 +204,7 @@ class SessionFixture : public testing::Test {
   std::mt19937_64 rng_{3};
   std::vector<proto::Message> sent_;
   std::vector<proto::PeerHave> peer_haves_;
-  proto::RecordFilter asked_for_;  // The last filter that storage received.
+  proto::RecordFilter asked_for_;  // Filter of the last MissingRequest to the source's storage.
 };
 
 }  // namespace moondb

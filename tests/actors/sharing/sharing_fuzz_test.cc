@@ -1,6 +1,6 @@
-// Sharing under input that no correct agent sends. Real sessions, receivers and stores first receive damaged, forged,
-// repeated and invented messages besides the real ones, then only real ones. Each test prints its first seed, which
-// MOONDB_FUZZ_SEED sets. MOONDB_FUZZ_RUNS sets the number of conversations (default 100).
+// Tests sharing with input that no correct agent sends. Sessions, receivers and stores first receive damaged, forged,
+// repeated and invented messages among the correct ones, then only correct messages. Each test prints its first seed,
+// which MOONDB_FUZZ_SEED sets. MOONDB_FUZZ_RUNS sets the number of conversations (default 100).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -32,7 +32,7 @@ using std::chrono::seconds;
 
 constexpr AgentId kReceiver = 1;
 constexpr AgentId kSender = 2;
-// Limits on the actions and the have-set bytes that one input may cause.
+// One message may cause at most this many actions, and a reply from storage of at most this many bytes.
 constexpr std::size_t kActionsMax = 32;
 constexpr std::size_t kHaveBytesMax = 64 * 1024;
 
@@ -76,7 +76,7 @@ proto::Record PowerOf(double ratio) {
   return record;
 }
 
-// A map that is sent in several fragments.
+// Returns a map that is too large for one message and is sent in fragments.
 proto::Record LargeMapOf(AgentId agent, std::uint64_t index, Mutator& mutator) {
   constexpr std::uint32_t kSide = 256;
   proto::Record record;
@@ -108,7 +108,8 @@ std::map<RecordKey, std::string> SharedOf(RecordStore& store) {
   }
 }
 
-// A sender's session and a receiver, each with its store. All their messages pass through the test.
+// A session of agent 2 and a receiver of agent 1, each with a store. The class loses, changes or delivers the messages
+// between them.
 class Conversation {
  public:
   explicit Conversation(std::uint64_t seed)
@@ -129,7 +130,7 @@ class Conversation {
 
   void Order() { TakeOfSession(session_.Order(proto::RecordFilter(), now_)); }
 
-  // Delivers one message, possibly changed, or an invented message.
+  // Loses, delivers, repeats or damages a message that is in flight, or delivers an invented message.
   void BadStep() {
     now_ += std::chrono::milliseconds(50);
     TakeOfSession(session_.OnTimer(now_));
@@ -158,8 +159,8 @@ class Conversation {
     }
   }
 
-  // From now on delivers only what two correct agents send, until the session is complete. Returns false if it does not
-  // complete.
+  // Discards the messages in flight and orders again. Then delivers all messages unchanged. Returns true if the session
+  // completes.
   bool GoodEnd() {
     air_.clear();
     TakeOfSession(session_.Close());
@@ -201,8 +202,8 @@ class Conversation {
     proto::Message message;
   };
 
-  // Returns true if a correct agent wrote this record. A state may have another key: a have-set that claims one of an
-  // agent's own epochs makes that agent reissue its states under other keys.
+  // Returns true if a correct agent wrote this content under this key. A state may have another key: a have-set that
+  // claims one of an agent's own epochs makes that agent reissue its states under other keys.
   bool IsGenuine(const RecordKey& key, const std::string& content) const {
     const auto found = genuine_.find(key);
     if (found != genuine_.end()) return found->second == content;
@@ -212,7 +213,7 @@ class Conversation {
     });
   }
 
-  // With one seed in four the have-set is sent in pages of one or two streams. Such conversations make less progress.
+  // With one seed in four, the receiver sends its have-set in pages of one or two streams.
   static SharingReceiver::Options ReceiverOptions(std::uint64_t seed) {
     SharingReceiver::Options options;
     options.team = "test";
@@ -228,7 +229,7 @@ class Conversation {
     return flying;
   }
 
-  // Invents a message: a mutation of an earlier message, a new body, or noise.
+  // Returns a mutation of an earlier message, a mutated new message, or noise.
   Flying Invent() {
     Flying flying{mutator_.Draw(2) == 0 ? kReceiver : kSender, {}};
     if (mutator_.Draw(3) == 0) {
@@ -250,8 +251,8 @@ class Conversation {
     return flying;
   }
 
-  // Forges the records of a batch. Either they become the receiver's own in its present epoch or a later one, with
-  // valid hashes, or their content changes under the same keys.
+  // Forges each record of a batch: mutates its content or other fields, or replaces the record. The replacement has a
+  // valid hash and claims to be the receiver's own, in its present epoch or in the highest possible epoch.
   void ForgeRecords(proto::Message& message) {
     proto::Batch& batch = *message.mutable_batch();
     Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count());
@@ -319,7 +320,7 @@ class Conversation {
     ASSERT_LE(actions.size(), kActionsMax);
     for (SharingAction& action : actions) {
       proto::Message& message = action.message;
-      if (message.has_hello()) {  // Completes the Hello as SharingActor does.
+      if (message.has_hello()) {  // Adds the fields that SharingActor sets.
         message.mutable_hello()->set_wire_version(kWireVersion);
         message.mutable_hello()->set_team("test");
         session_id_ = message.hello().session_id();
@@ -346,7 +347,7 @@ class Conversation {
   SharingSession session_{SharingSession::Options(), proto::SHARING_KIND_REPLICATION, kReceiver, 1000};
   SharingReceiver receiver_;
   SharingSession::Time now_{};
-  std::uint64_t session_id_ = 0;  // Id from the session's last Hello.
+  std::uint64_t session_id_ = 0;  // Session id of the session's last Hello.
   std::deque<Flying> air_;
   std::vector<Flying> heard_;
 };
@@ -368,7 +369,7 @@ TEST(SharingFuzzTest, AConversationSurvivesBadMessagesAndThenCompletes) {
   EXPECT_GT(refusals, 10 * static_cast<double>(RunCount())) << "most of it was bad";
 }
 
-// Bodies in proto/message.proto that agents send to each other.
+// Returns the bodies in proto/message.proto that agents send to each other.
 std::vector<const google::protobuf::FieldDescriptor*> BodiesBetweenAgents() {
   std::vector<const google::protobuf::FieldDescriptor*> bodies;
   const google::protobuf::OneofDescriptor& all = *proto::Message::descriptor()->FindOneofByName("body");
@@ -379,7 +380,7 @@ std::vector<const google::protobuf::FieldDescriptor*> BodiesBetweenAgents() {
   return bodies;
 }
 
-// The actors of an agent together with a peer that sends arbitrary messages.
+// Agent 3 (kBad) sends mutated messages to agent 1. Afterwards agent 2 must still be able to sync to agent 1.
 TEST(SharingFuzzTest, ActorsSurviveAPeerThatSendsAnything) {
   const std::uint64_t first_seed = FirstSeed();
   const proto::TeamConfig config = TestTeam(3);

@@ -17,7 +17,7 @@ namespace {
 using std::chrono::seconds;
 using testing::ElementsAre;
 
-constexpr char kTeamId[] = "0123456789abcdef";  // The team's id as messages carry it.
+constexpr char kTeamId[] = "0123456789abcdef";  // Team id of the receiver, and of all valid Hellos.
 
 class SharingReceiverTest : public testing::Test {
  protected:
@@ -55,7 +55,7 @@ class SharingReceiverTest : public testing::Test {
     return message;
   }
 
-  // A run of `count` batches with four maps each, numbered from 1.
+  // Returns `count` batches of one run, with four maps each. The batches are numbered from 1.
   static std::vector<proto::Message> RunOf(std::uint64_t session_id, std::uint32_t count) {
     SharingEncoder encoder;
     std::vector<proto::Message> batches;
@@ -70,7 +70,7 @@ class SharingReceiverTest : public testing::Test {
     return batches;
   }
 
-  // Returns true if the batch leads to a StoreRequest with all its records.
+  // Returns true if the receiver reacts to the batch with one StoreRequest that contains all records of the batch.
   bool IsStored(const proto::Message& batch, AgentId sender = 2) {
     const auto actions = receiver_.OnBatch(sender, batch, now_);
     if (!actions || actions->size() != 1 || !actions->front().message.has_store_request()) return false;
@@ -99,7 +99,7 @@ class SharingReceiverTest : public testing::Test {
     return asked.empty() ? 0 : asked[0].message.request_id();
   }
 
-  // Opens a session, including the answer from storage. Returns the answer to the Hello.
+  // Opens a session of `sender`. Storage replies with an empty have-set. Returns the receiver's answer to the Hello.
   proto::Have Open(AgentId sender, std::uint64_t session_id) {
     const SharingActions answered = receiver_.OnHaveReply(OpenSession(sender, session_id), proto::HaveReply());
     EXPECT_EQ(answered.size(), 1u);
@@ -179,8 +179,8 @@ TEST_F(SharingReceiverTest, RefusesToContinueAnUnknownSession) {
   EXPECT_EQ(receiver_.OnBatch(2, Batch(9, 1), now_)->size(), 1u) << "the session that is known stays";
 }
 
-// Batches of a thousand bytes that decode to sixteen million bytes. The receiver decodes the first few batches; then
-// the sender must wait.
+// Each sender sends ten batches. A batch takes less than 10 kB, but decodes to 16 MiB. At first, the receiver decodes
+// two batches of each sender and drops the others.
 TEST_F(SharingReceiverTest, LimitsTheBytesDecodedPerSenderAndMinute) {
   proto::RecordBatch records;
   *records.add_records()->mutable_key() = ToProto(RecordKey{{2, 9, proto::POWER}, 1});
@@ -230,7 +230,7 @@ TEST_F(SharingReceiverTest, RefusesAnotherWireVersionAndNamesBoth) {
   EXPECT_EQ(receiver_.counts().refused_hellos, 2);
 }
 
-// The wire version is readable whatever else a Hello of another version holds.
+// The Hello has wire version 42 and contains a field that this version does not know.
 TEST_F(SharingReceiverTest, ReadsTheWireVersionOfAnyVersionsHello) {
   proto::Hello hello;
   ASSERT_TRUE(hello.ParseFromString("\x08\x2A\x12\x03tea\x7A\x02no"));
@@ -374,7 +374,8 @@ TEST_F(SharingReceiverTest, IgnoresALateHello) {
   OpenSession(2, 11);
   EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
   EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
-  // No radio delays a message by a minute, so the Hello of session 11 must have been a damaged one.
+  // No radio delays a Hello by a minute. The receiver therefore concludes that the Hello of session 11 was damaged, and
+  // accepts session 10.
   now_ += seconds(61);
   EXPECT_EQ(receiver_.OnHello(2, Hello(10), now_).size(), 1u);
 }

@@ -46,7 +46,7 @@ TEST_F(SharingSessionTest, SendsOnlyMissingRecords) {
     const RecordKey key = source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
     if (i % 3 == 0) destination_.Insert(kSelf, proto::POSE_GRAPH_NODE, source_.records().at(key));
   }
-  // The destination now holds records with seqs 1 to 100, and 200 records are missing.
+  // The destination holds records with seqs 1 to 100, and lacks the other 200 records.
   for (const auto& [key, content] : destination_.records()) ASSERT_LE(key.seq, 100u);
   Order();
   AnswerHello();
@@ -89,7 +89,7 @@ TEST_F(SharingSessionTest, StartsOverFromTheHaveSetWhenAnAcknowledgmentIsLost) {
   AnswerHello();
   const auto sent = TakeSent();
   ASSERT_EQ(sent.size(), 1u);
-  Store(sent[0]);  // The acknowledgment does not arrive.
+  Store(sent[0]);  // The destination stores the batch, but its acknowledgment is lost.
   Advance(seconds(6));
   AnswerHello();
   for (const auto& batch : RunToEnd()) EXPECT_EQ(batch.batch().record_count(), 0u);
@@ -108,7 +108,7 @@ TEST_F(SharingSessionTest, StartsOverAtOnceWhenTheDestinationIsReachedAgain) {
   Take(session_.OnConnected(now_));
   AnswerHello();
   RunToEnd();
-  Take(session_.OnConnected(now_));  // Starts nothing, because no order is unfinished.
+  Take(session_.OnConnected(now_));  // Does nothing, because no order is open.
   EXPECT_TRUE(TakeSent().empty());
 }
 

@@ -17,24 +17,24 @@ class ShareStatus;
 
 namespace moondb {
 
-// Rovers 1 to `rover_count` ("rover1"...), followed by a base station ("base"). Agent 1 leads, and agent 2 is the
-// designated survivor. Everything is shared, and the base station receives nodes and maps.
+// Returns a team of rovers 1 to `rover_count` ("rover1", ...) and a base station ("base", the next agent). Agent 1
+// leads, and agent 2 is the designated survivor. The base station receives nodes, maps and map quarantines.
 proto::TeamConfig TestTeam(int rover_count);
 
-// Adds the two sharing actors to an agent.
+// Adds a SyncActor and a ReplicaActor to an agent.
 void SpawnSharing(simulation::SimulatedTeam& team, AgentId agent, const proto::TeamConfig& config,
                   const PaperSql& paper_sql = {});
 
-// Adds an agent with the two sharing actors. Returns the store that holds its records.
+// Adds an agent with a SyncActor, a ReplicaActor and a storage in memory. Returns the agent's store.
 std::shared_ptr<MemoryStore> AddMemoryAgent(simulation::SimulatedTeam& team, AgentId agent,
                                             const proto::TeamConfig& config);
 
 proto::Message ShareOrder(proto::SharingKind kind, AgentId destination = 0);
 
-// Sends an order to an agent as its operator does, runs the team until it is idle, and returns the answer.
+// Sends `order` to an agent as its operator does, runs the team until it is idle, and returns the answer.
 proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, const proto::Message& order);
 
-// Returns the status of a sharing actor. Include proto/share_status.pb.h to read its fields.
+// Returns the status of the sharing actor named `actor`. Include proto/share_status.pb.h to read its fields.
 proto::ShareStatus ShareStatusOf(simulation::SimulatedTeam& team, AgentId agent, const char* actor);
 
 void NotifyRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,

@@ -107,11 +107,12 @@ TEST_F(StandingOrderTest, OnlyStatesPassAWindowForStates) {
   EXPECT_GT(batches[0].remaining(), 0u) << "it is not the end of the order";
   EXPECT_TRUE(session_.is_open());
   EXPECT_FALSE(session_.deadline());
-  Acknowledge(batches[0]);  // Repeats the acknowledgment.
+  Acknowledge(batches[0]);  // The acknowledgment arrives twice.
   Advance(seconds(100));
   EXPECT_TRUE(TakeSent().empty());
 
-  Order();  // Without new records an order leads to a Hello and no batch.
+  // There are no new states, so the order leads to a Hello but to no batch.
+  Order();
   AnswerHello();
   EXPECT_TRUE(TakeSent().empty());
 
@@ -176,8 +177,8 @@ TEST_F(StandingOrderTest, AnOrderWithoutStatesWaitsInAWindowForStates) {
   EXPECT_TRUE(TakeSent().empty());
 }
 
-// If the session asks only about some origins, the destination's have-set covers only these. Records of other origins
-// may be present although this have-set does not name them.
+// The first order covers only kSelf's records, so the destination's have-set covers only kSelf's streams. The
+// destination also holds all records of agent kSelf + 1, which the session must not send.
 TEST_F(StandingOrderTest, AsksOnlyForTheOriginsInItsFilterAndAgainForOthers) {
   for (int i = 0; i < 20; ++i) {
     const RecordKey other = source_.Insert(kSelf + 1, proto::POSE_GRAPH_NODE, Noise(60));
@@ -222,7 +223,8 @@ TEST_F(StandingOrderTest, ALimitedOrderEndsWhenItsBytesAreUsedUp) {
   EXPECT_EQ(Status().acknowledged_records(), Status().sent_records());
   EXPECT_NE(Status().last_error().find("its order's bytes"), std::string::npos) << Status().last_error();
 
-  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/1'000'000));  // The rest fits into the limit.
+  // The remaining records fit into the limit.
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/1'000'000));
   AnswerHello();
   RunToEnd();
   EXPECT_EQ(Status().completed_sessions(), 1);
@@ -266,7 +268,8 @@ TEST_F(StandingOrderTest, LeavesOutTypesThatTheDestinationDefinesDifferently) {
   ASSERT_EQ(asked_for_.not_data_types_size(), 1);
   EXPECT_EQ(asked_for_.not_data_types(0), static_cast<std::uint32_t>(proto::MODE));
   EXPECT_EQ(Status().other_schema_types_size(), 1);
-  schemas_.Clear();  // The destination's team file was updated.
+  // The destination no longer reports a different schema.
+  schemas_.Clear();
   Order();
   AnswerHello();
   EXPECT_TRUE(asked_for_.not_data_types().empty());

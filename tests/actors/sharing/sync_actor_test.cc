@@ -71,7 +71,8 @@ TEST_F(SyncActorTest, SendsARoversOwnRecordsToTheLeader) {
 }
 
 TEST(SyncActorLargeTeamTest, CollectsFromAllAtOnce) {
-  constexpr int kRoverCount = 63;  // With the base station, the largest team that a team file may define.
+  // With the base station, this is the largest team that a team file may define.
+  constexpr int kRoverCount = 63;
   const proto::TeamConfig config = TestTeam(kRoverCount);
   simulation::SimulatedTeam team(1);
   const auto leaders = std::make_shared<MemoryStore>();
@@ -146,7 +147,8 @@ TEST_F(SyncActorTest, SendsNothingTwice) {
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
   team_.AdvanceTime(seconds(2));
   const double sent = SentRecords();
-  EXPECT_EQ(sent, 120);  // 60 go to the leader, and the base station receives the 60 that it lacks.
+  // 60 records go to the leader. The base station receives the 60 records that it lacks.
+  EXPECT_EQ(sent, 120);
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(SentRecords(), sent);
@@ -168,7 +170,8 @@ TEST_F(SyncActorTest, AsksAgainUntilAnAbsentAgentAnswers) {
   team_.AdvanceTime(minutes(5));
   EXPECT_EQ(stores_[kLeader]->records().size(), 60u);
   team_.SetLink(kLeader, 3, true);
-  team_.AdvanceTime(seconds(1));  // The session resumes at once, without waiting for a grown delay.
+  // The session resumes as soon as the link is up, without waiting for its resend delay.
+  team_.AdvanceTime(seconds(1));
   EXPECT_TRUE(LeaderHasAll(20));
 }
 
@@ -246,7 +249,7 @@ TEST_F(SyncActorTest, SendsNoMessagesToRoleActors) {
   EXPECT_TRUE(team_.Take({kLeader, actor_name::kRole}).empty());
 }
 
-// Many runs with a random radio that then becomes reliable. All records must arrive.
+// Each run has a random lossy radio, which then becomes reliable. All records must arrive.
 class SyncActorRadioTest : public testing::TestWithParam<int> {};
 
 TEST_P(SyncActorRadioTest, ConvergesOverALossyRadio) {

@@ -1,5 +1,5 @@
-// Tests windows. A robot reports leases for driving and sleeping, and pauses, to its agent. These reports also limit
-// the sessions of other agents.
+// Tests the sharing window. While the sender or the destination of a session has a lease for driving, sleeping or a
+// pause, the window is shut and the session waits.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -77,8 +77,8 @@ class WindowTeam {
   const proto::TeamConfig config_;
   std::map<AgentId, std::shared_ptr<MemoryStore>> stores_;
   std::map<AgentId, MonotonicTime> quiet_until_;
-  int bulky_ = 0;           // Sent batches with types other than states.
-  int bulky_by_quiet_ = 0;  // The batches in `bulky_` from agents in radio silence.
+  int bulky_ = 0;           // Number of sent batches of types other than POWER.
+  int bulky_by_quiet_ = 0;  // Number of the batches in `bulky_` that agents sent during a lease.
   simulation::SimulatedTeam team_;
 };
 
@@ -86,7 +86,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
  protected:
   WindowTest() : WindowTeam(/*seed=*/1) {}
 
-  // Inserts 50 kB that no codec can compress. The radio carries 20 kB/s.
+  // Inserts 500 records (50 kB) that no codec can compress. Limits the radio to 20 kB/s.
   void InsertMuchInto(AgentId agent) {
     team_.radio().bytes_per_second = 20'000;
     std::mt19937_64 random(1);
@@ -97,7 +97,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
     }
   }
 
-  // Runs rover 2's session to the leader until about a quarter of its records arrived.
+  // Runs rover 2's session to the leader until the leader holds more than 100 of the 500 records.
   void ShareUntilTheMiddle() {
     InsertMuchInto(2);
     Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
@@ -110,7 +110,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
     for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(1, 2, 5));
   }
 
-  // Agents that the leader asked for all their records.
+  // Returns the agents to which the leader's ReplicaActor sent an order since the last call.
   std::vector<AgentId> Asked() {
     std::vector<AgentId> asked;
     for (const proto::Message& message : team_.TakeSent({kLeader, actor_name::kReplica})) {
@@ -119,7 +119,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
     return asked;
   }
 
-  // Expects that no further batches follow those in flight.
+  // Lets batches in flight arrive for 2 s. Then expects no more batches until `duration` has passed.
   void ExpectSilence(seconds duration) {
     team_.AdvanceTime(seconds(2));
     const int bulky = bulky_;
@@ -284,7 +284,8 @@ TEST(WindowConfigTest, ATeamWithoutRadioSilenceWhileDrivingWaitsOnlyForSleepersA
   EXPECT_EQ(team.HeldByLeader(), 40u) << "what waited for the sleeper, and nothing else";
 }
 
-// Random drives, sleeps and pauses over a lossy radio, which then becomes reliable. All records must arrive.
+// Each run has random drives, sleeps and pauses over a lossy radio, which then becomes reliable. No bulk data may be
+// sent during a lease, and all records must arrive.
 class WindowRadioTest : public testing::TestWithParam<int> {};
 
 TEST_P(WindowRadioTest, LosesNoRecordWhileWindowsOpenAndShut) {

@@ -84,7 +84,7 @@ TEST_F(BundleShelfTest, AcknowledgingABundleRemovesItsFileAndKeepsItsHaveSet) {
   request.set_number(1);
   EXPECT_EQ(store_->ReadBundle(request).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(store_->AcknowledgeBundle(3).error().code, ErrorCode::kNotFound);
-  // Acknowledged have-sets are merged: one row holds everything that the ground station has.
+  // One row holds the merged have-sets of all acknowledged bundles.
   EXPECT_EQ(*store_->database().Number("SELECT count(*) FROM downlink_bundle WHERE length(have) > 0"), 1);
 }
 

@@ -10,11 +10,11 @@ using std::chrono::nanoseconds;
 using std::chrono::seconds;
 
 constexpr AgentId kBase = 4;
-constexpr std::int64_t kUtc_ns = 1'767'225'600'000'000'000;  // 2026-01-01.
+constexpr std::int64_t kUtc_ns = 1'767'225'600'000'000'000;  // Start of 2026-01-01 (UTC).
 
 class ClockJudgeTest : public testing::Test {
  protected:
-  // Adds a report of `peer`'s clock, which is `ahead` of the right time.
+  // Reports a clock of `peer` to `judge_`. The clock is `ahead` of the true time.
   void Hear(AgentId peer, nanoseconds ahead = {}) { judge_.NotePeer(peer, Utc(ahead), now_); }
   ClockJudge::Verdict Judge(nanoseconds ahead = {}) { return judge_.Judge(Utc(ahead), now_); }
   bool IsSuspect(nanoseconds ahead = {}) { return !Judge(ahead).suspect.empty(); }

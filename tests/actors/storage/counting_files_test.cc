@@ -50,8 +50,8 @@ TEST(CountingFilesTest, CountsEachDatabaseSeparately) {
   EXPECT_EQ(second->WrittenBytes(), before);
 }
 
-// SQLite as Debian builds it overwrites deleted content with zeros by default. Database sets secure_delete to FAST,
-// which avoids these extra writes.
+// Debian's SQLite overwrites deleted content with zeros by default. Database sets secure_delete to FAST, which avoids
+// these extra writes.
 TEST(CountingFilesTest, DeletingWritesFewerBytesThanItRemoves) {
   const TemporaryFolder folder;
   const auto database = Open(folder.File("a.db"));

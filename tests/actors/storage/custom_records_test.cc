@@ -1,4 +1,5 @@
-// Tests records of custom data types that the store's team file declares, or that the store only carries for others.
+// Tests records of custom data types: types that the store's team file declares, and types of which the store only
+// carries other agents' records.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -47,7 +48,7 @@ void BringAll(RecordStore& from, RecordStore& to) {
   }
 }
 
-// Options of a store whose team file declares no custom type.
+// Returns options of a store whose team file declares no custom type.
 RecordStore::Options WithoutTypes(AgentId self, const std::string& path = ":memory:") {
   RecordStore::Options options = StoreOptionsOf(self, path);
   options.custom_types.Clear();
@@ -136,7 +137,7 @@ TEST(CustomRecordsTest, KeepsTheNewestOfEachKeyOfALatestType) {
   auto leader = OpenStore(StoreOptionsOf(1));
   InsertOne(*origin, CustomRecordOf(kBeacon, "a1", "a"));
   InsertOne(*origin, CustomRecordOf(kBeacon, "b1", "b"));
-  // A latest_key of one type does not affect the other type.
+  // A soil record with the same latest_key supersedes no beacon record.
   InsertOne(*origin, CustomRecordOf(kSoil, "soil", "a"));
   BringAll(*origin, *leader);
   InsertOne(*origin, CustomRecordOf(kBeacon, "a2", "a"));
@@ -181,7 +182,8 @@ TEST(CustomRecordsTest, CarriesRecordsOfTypesThatItsTeamFileDoesNotDeclare) {
 }
 
 TEST(CustomRecordsTest, AcceptsLargerPayloadsFromPeersThanFromItsOwnRobot) {
-  // If a team file lowers the size limit, records that were stored under the old limit must not be lost.
+  // The payload is one byte larger than the type's limit. The peer may have stored it before the team file lowered the
+  // limit, so the record must not be lost.
   auto store = OpenStore(StoreOptionsOf(1));
   const RecordKey key{StreamKey{2, 77, kSoil}, 1};
   EXPECT_EQ(StoreOne(*store, Packed(key, CustomRecordOf(kSoil, std::string(65, 'x')))).stored_count(), 1u);
@@ -199,7 +201,8 @@ TEST(CustomRecordsTest, KeepsTheRowsOfATypeThatIsNoLongerDeclared) {
   }
   auto store = OpenStore(WithoutTypes(2, path));
   EXPECT_THAT(PayloadsOf(*store, kSoil), testing::ElementsAre("own", "of a peer"));
-  // Peers' records are still shared. Own records are not, because no sharing policy is declared for them.
+  // The store still sends peers' records of this type. The store does not send its own records of this type, because
+  // its team file has no policy for the type.
   EXPECT_THAT(PayloadsOf(store->GetMissing({})->records()), testing::ElementsAre("of a peer"));
   store.reset();
   store = OpenStore(StoreOptionsOf(2, path));
@@ -221,7 +224,7 @@ TEST(CustomRecordsTest, SendsOnlyTheNewestOfEachKeyIfTheFilterSaysSo) {
   EXPECT_EQ(missing.remaining(), 0u);
   EXPECT_TRUE(missing.dropped().empty());
 
-  // Also in pages of one record the remaining count is exact and no record is lost.
+  // With pages of one record, the remaining count is also exact, and no record is left out.
   request.set_records_max(1);
   for (const std::uint64_t remaining : {2, 1, 0}) {
     *request.mutable_destination_have() = base->GetHave().have();

@@ -1,4 +1,4 @@
-// Tests how a process finds out how its predecessor ended, and which findings are not acknowledged yet.
+// Tests how a store finds out at its start how the previous process ended, and which findings it then reports.
 #include "actors/storage/findings.h"
 
 #include <gmock/gmock.h>
@@ -27,7 +27,7 @@ class LastRunTest : public testing::Test {
     return StoreOptionsOf(1, path_, seed_);
   }
 
-  // Opens the store as moondb_agent does before its actors run.
+  // Opens the store and logs how the previous process ended, as moondb_agent does before its actors run.
   std::unique_ptr<RecordStore> Start() {
     auto store = OpenStore(Options());
     const Result<void> written = store->LogLastRun(kNow_ns);
@@ -69,7 +69,8 @@ TEST_F(LastRunTest, ReportsAProcessThatEndedWithoutStoppingOnce) {
     auto store = Start();
     Notify(*store, proto::EVENT_KIND_STARTED, "started");
   }
-  // The first process here ends without a "started" event (as if its port were taken). The second one runs.
+  // Two more processes start. The first process ends before it logs that it started, for example because its port is in
+  // use.
   (void)Start();
   auto store = Start();
   Notify(*store, proto::EVENT_KIND_STARTED, "started");
@@ -102,14 +103,16 @@ TEST_F(LastRunTest, FindsNothingInARestoredBackup) {
   EXPECT_THAT(Findings(*store), IsEmpty());
 }
 
-// Events of earlier epochs that peers return count as older, though they are stored later.
+// A peer returns this agent's events of epoch 5. These events are older than the events of the current epoch, although
+// the second event is stored last.
 TEST_F(LastRunTest, OrdersEventsByEpochAndNotByWhenTheyWereStored) {
   const std::vector<proto::StoredRecord> former = {
       Packed({{1, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_STARTED, "started long ago", "", kNow_ns)),
       Packed({{1, 5, proto::AGENT_EVENT}, 2}, MakeEvent(proto::EVENT_KIND_COMMAND, "sync now", "", kNow_ns))};
   {
     auto store = Start();
-    StoreOne(*store, former[0]);  // This process therefore begins an epoch above 5.
+    // This record makes the process begin an epoch above 5 for its own records.
+    StoreOne(*store, former[0]);
     Notify(*store, proto::EVENT_KIND_STARTED, "started");
     ASSERT_TRUE(store->WriteDownStop(kNow_ns));
     StoreOne(*store, former[1]);
@@ -135,7 +138,8 @@ TEST_F(LastRunTest, ADamagedFileThatWasSetAsideIsTheFirstEventOfTheNewFile) {
 
 TEST_F(LastRunTest, AFileSetAsideByAStartThatLoggedNoEventIsReportedByTheNextStart) {
   std::ofstream(path_, std::ios::binary) << std::string(8192, '\x5a');
-  (void)OpenStore(Options());  // The process is killed before it can write an event.
+  // This process sets the damaged file aside, but is killed before it can log an event.
+  (void)OpenStore(Options());
   {
     auto store = Start();
     ASSERT_EQ(Findings(*store).size(), 1u);

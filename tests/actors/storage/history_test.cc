@@ -1,4 +1,4 @@
-// Tests the history table: superseded states that a robot keeps on its own disk.
+// Tests the history table, in which an agent keeps its own superseded states.
 #include "actors/storage/history.h"
 
 #include <gmock/gmock.h>
@@ -28,7 +28,7 @@ RecordStore::Options WithHistory(const std::string& path = ":memory:") {
   for (const auto& [type, policy] : options.policies) {
     if (policy == proto::POLICY_LATEST) options.history.keep[type] = KeepRule{};
   }
-  options.history.keep[1001] = KeepRule{};  // The type "beacon", of which the latest record of each key is kept.
+  options.history.keep[1001] = KeepRule{};  // Custom type "beacon", under policy `latest`.
   options.history.keep[proto::OPTIMIZED_POSE] = KeepRule{milliseconds::zero()};
   return options;
 }
@@ -46,7 +46,7 @@ proto::ReadReply ReadHistory(RecordStore& store, proto::ReadRequest request = {}
   return page.value_or(proto::ReadReply());
 }
 
-// Temperatures in degrees Celsius, as read from history. NaN for records of other types.
+// Returns the temperatures in history, in degrees Celsius. Contains 0 for each record of another type.
 std::vector<double> Superseded(RecordStore& store, bool is_newest_first = false) {
   proto::ReadRequest request;
   request.set_is_newest_first(is_newest_first);
@@ -139,11 +139,13 @@ TEST(HistoryTest, KeepsNothingOfOtherAgents) {
 
 TEST(HistoryTest, KeepsOwnStatesThatPeersReturnedAndWereThenSuperseded) {
   auto store = OpenStore(WithHistory());
-  const RecordKey old{{1, 5, proto::TEMPERATURE}, 1};  // The epoch of a lost disk.
+  // A state that was stored on this agent's lost disk.
+  const RecordKey old{{1, 5, proto::TEMPERATURE}, 1};
   StoreOne(*store, Packed(old, TemperatureRecord(-40)));
   InsertOne(*store, TemperatureRecord(-41));
   EXPECT_THAT(Superseded(*store), ElementsAre(-40));
-  // A state that returns from a peer after its superseder was stored is dropped at once.
+  // A peer returns an older state, whose superseder is already stored. The older state is dropped and does not enter
+  // history.
   StoreOne(*store, Packed({{1, 5, proto::TEMPERATURE}, 2}, TemperatureRecord(-39)));
   EXPECT_THAT(Superseded(*store), ElementsAre(-40));
 }
@@ -165,7 +167,7 @@ TEST(HistoryTest, MovesAStateInTheTransactionOfItsSuperseder) {
   auto store = OpenStore(WithHistory());
   InsertOne(*store, TemperatureRecord(-40));
   InsertOne(*store, NodeRecord(1, 7, 0));
-  // The store refuses the second record of the batch, and therefore the first one too.
+  // The second record contradicts the stored node 7. The store therefore refuses the whole batch.
   proto::InsertRequest request;
   *request.add_records() = TemperatureRecord(-41);
   *request.add_records() = NodeRecord(1, 7, 1);
@@ -192,7 +194,6 @@ TEST(HistoryTest, OldestStatesMakeRoomForNewOnes) {
   EXPECT_EQ(static_cast<std::uint64_t>(page.records_size()), HistoryCount(*store));
   EXPECT_TRUE(std::is_sorted(page.row_ids().begin(), page.row_ids().end()));
   EXPECT_EQ(Superseded(*store, /*is_newest_first=*/true).front(), 298);
-  // The count in the store's status matches the table.
   EXPECT_EQ(*store->database().Number("SELECT count(*) FROM history"), HistoryCount(*store));
 }
 
@@ -330,7 +331,7 @@ TEST(HistoryTest, IsPrunedByAgeTypeAndSizeAfterADryRunShowsIt) {
   EXPECT_EQ(HistoryCount(*store), 2u);
   request.set_older_than_s(-1);
   EXPECT_EQ(store->Prune(request, kNow_ns).error().field, "older_than_s");
-  // Pruning history leaves the current records alone.
+  // Pruning history removes no current records.
   EXPECT_THAT(Contents(*store), SizeIs(2));
 }
 
@@ -345,7 +346,8 @@ TEST(HistoryTest, IsDroppedFirstIfTheFileIsFull) {
     ASSERT_FALSE(IsError(InsertAll(*store, records).error()));
   }
   const std::uint64_t before = HistoryCount(*store);
-  // Records under policy `all` first take the free space, and then the space of history.
+  // Inserts records under policy `all` until the file is full. These records use the free space first, and then the
+  // space of history.
   int stored = 0;
   while (true) {
     proto::InsertRequest request;

@@ -16,13 +16,15 @@ constexpr int kRecords = 20;
 constexpr std::size_t kHeaderBytes = 32;
 constexpr std::size_t kFrameBytes = 24 + 4096;
 
-// The file and the write-ahead log of a store whose process was killed. The log has one transaction per record.
+// Copies the file and the write-ahead log of a running store, as a killed process would leave them. The log has one
+// transaction per record.
 class LogCheckTest : public testing::Test {
  protected:
   LogCheckTest() {
     {
       const auto running = OpenStore(StoreOptionsOf(1, folder_.File("running")));
-    }  // Closing the store moves the schema from the log into the file.
+      // Closing the store moves the schema from the log into the file.
+    }
     const auto running = OpenStore(StoreOptionsOf(1, folder_.File("running")));
     for (std::uint64_t i = 1; i <= kRecords; ++i) InsertOne(*running, NodeRecord(1, i));
     std::filesystem::copy_file(folder_.File("running"), path_);
@@ -72,7 +74,8 @@ TEST_F(LogCheckTest, FindsNothingIfTheLastTransactionIsTorn) {
 TEST_F(LogCheckTest, FindsNothingInFramesOfAnEarlierLog) {
   std::string log = Read();
   const std::size_t half = kHeaderBytes + (log.size() / kFrameBytes / 2) * kFrameBytes;
-  for (std::size_t at = half; at < log.size(); at += kFrameBytes) ++log[at + 8];  // Changes the frame's salt.
+  // Changes the frame's salt. Frames of an earlier log have another salt.
+  for (std::size_t at = half; at < log.size(); at += kFrameBytes) ++log[at + 8];
   Write(log);
   EXPECT_EQ(FindLogDamage(path_), "");
 }
@@ -88,9 +91,10 @@ TEST_F(LogCheckTest, AStartReportsEachFlippedBitThatLosesRecords) {
   int lost_count = 0;
   for (int i = 0; i < 60; ++i) {
     std::string flipped = whole;
-    std::size_t byte = i == 0 ? 17 : random() % whole.size();  // The first round flips a bit of the header.
-    // Skips bytes 4 to 7 of a frame, which mark the end of a transaction. A flip in them splits the last transaction in
-    // two, which the store reports.
+    // The first round flips a bit of the header.
+    std::size_t byte = i == 0 ? 17 : random() % whole.size();
+    // Skips bytes 4 to 7 of a frame, which mark the end of a transaction. A flip in these bytes can make the store
+    // report damage although at most the last record is lost.
     if (byte >= kHeaderBytes && (byte - kHeaderBytes) % kFrameBytes / 4 == 1) byte += 4;
     flipped[byte] = static_cast<char>(flipped[byte] ^ (1 << random() % 8));
     std::ofstream(path_, std::ios::binary) << database;

@@ -1,5 +1,5 @@
-// An agent whose disk was lost, replaced or restored numbers records before it learns of its own later epochs. The
-// tests check that the record that the agent acknowledged last wins everywhere nevertheless.
+// Tests an agent whose disk was lost, replaced or restored. The agent numbers its records before it learns of its own
+// later epochs. The state that the agent stored last must nevertheless win at all agents.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -37,7 +37,7 @@ void Exchange(RecordStore& a, RecordStore& b) {
   ADD_FAILURE() << "there is no end";
 }
 
-// The records of type beacon as "key=payload", for example "a=2".
+// Returns the records of type beacon as "key=payload", for example "a=2".
 std::vector<std::string> Beacons(RecordStore& store) {
   std::vector<std::string> beacons;
   for (const proto::StoredRecord& stored : Contents(store)) {
@@ -48,10 +48,11 @@ std::vector<std::string> Beacons(RecordStore& store) {
   return beacons;
 }
 
-// The agent whose disk is lost or replaced (`store_`), and a peer whose disk is not (`peer_`).
+// `store_` is the store of the agent whose disk is lost or replaced. `peer_` is the store of a peer that keeps its
+// disk.
 class LostDiskTest : public testing::Test {
  protected:
-  // Restarts the agent's process on the file that exists at its path.
+  // Restarts the agent with the file at `path_`. Creates a new file if there is none.
   void Restart() {
     store_.reset();
     store_ = OpenStore(StoreOptionsOf(kSelf, path_, ++seed_));
@@ -64,7 +65,7 @@ class LostDiskTest : public testing::Test {
     Remove();
     Restart();
   }
-  // Copies the file while no process has it open.
+  // Stops the agent, copies its file to `name`, and restarts the agent.
   void CopyAside(const std::string& name) {
     store_.reset();
     std::filesystem::copy_file(path_, folder_.File(name));
@@ -80,7 +81,8 @@ class LostDiskTest : public testing::Test {
     ASSERT_TRUE(done) << ToString(done.error());
   }
 
-  // Restarts the agent `lives` times. Each time it stores a new state and shares it.
+  // Restarts the agent `lives` times. After each restart the agent stores a new state, and both stores exchange all
+  // records.
   void Live(int lives) {
     for (int i = 0; i < lives; ++i) {
       Restart();
@@ -103,7 +105,8 @@ TEST_F(LostDiskTest, AStateFromAnEmptyDiskWinsOverOlderStatesThatPeersReturn) {
   const proto::RecordKey key = InsertOne(*store_, TemperatureRecord(50));
   ASSERT_EQ(key.epoch() >> 48, 1u) << "it does not know its earlier epochs";
   const std::string content = Contents(*store_)[0].content();
-  Bring(*peer_, *store_);  // The agent's own earlier records return first.
+  // The peer returns the agent's own earlier records.
+  Bring(*peer_, *store_);
   EXPECT_EQ(Celsius(*store_), 50);
   Exchange(*store_, *peer_);
   EXPECT_EQ(Celsius(*store_), 50);
@@ -114,7 +117,6 @@ TEST_F(LostDiskTest, AStateFromAnEmptyDiskWinsOverOlderStatesThatPeersReturn) {
   EXPECT_GT(InsertOne(*store_, TemperatureRecord(51)).epoch(), key.epoch());
 }
 
-// The agent may learn of its epochs in any of three ways.
 TEST_F(LostDiskTest, LearnsItsLaterEpochsFromAReportAHaveSetOrANoteOfAnAcknowledgment) {
   Live(2);
   for (int way = 0; way < 3; ++way) {
@@ -148,14 +150,15 @@ TEST_F(LostDiskTest, LearnsItsLaterEpochsFromAReportAHaveSetOrANoteOfAnAcknowled
 TEST_F(LostDiskTest, AStateWinsTwoRestartsAfterABackupWasRestored) {
   Live(2);
   BackUp("backup.db");
-  Live(3);  // The records of these restarts are lost with the disk, except those that the peer has.
+  // The backup does not contain the states of these three restarts. Only the peer still has the newest of these states.
+  Live(3);
   PutBack("backup.db");
   InsertOne(*store_, CustomRecordOf(kBeacon, "1", "a"));
   Restart();
   InsertOne(*store_, CustomRecordOf(kBeacon, "2", "b"));
   Exchange(*store_, *peer_);
   EXPECT_THAT(Beacons(*peer_), UnorderedElementsAre("a=1", "b=2"));
-  // The temperature in the backup is older than those that the lost disk wrote after the backup.
+  // The temperature in the backup is older than the temperatures that the lost disk stored after the backup.
   EXPECT_EQ(Celsius(*store_), celsius_);
   EXPECT_EQ(Celsius(*peer_), celsius_);
 
@@ -169,7 +172,7 @@ TEST_F(LostDiskTest, AStateWinsTwoRestartsAfterABackupWasRestored) {
   EXPECT_EQ(Celsius(*peer_), 70);
 }
 
-// The copy is unmarked, because BackUpStore did not make it. The original file knew everything that the copy holds.
+// The copy was not made by BackUpStore, so nothing marks it as a copy. The original file knew all records in the copy.
 TEST_F(LostDiskTest, AStateWinsAfterAnUnmarkedCopyWasRestored) {
   Live(2);
   CopyAside("copy.db");
@@ -203,7 +206,8 @@ TEST_F(LostDiskTest, TheReplacementDisksStatesWinWhenTheOldDiskReturns) {
   EXPECT_THAT(Beacons(*store_), ElementsAre("a=new"));
 }
 
-// The later epoch is known, but no agent still has the epochs on which the replacement disk was based.
+// The agent learns of one later epoch of a replacement disk. No agent has the epochs on which that epoch is based, so
+// the agent cannot find out which states the replacement disk knew.
 TEST_F(LostDiskTest, AnOldDiskThatLearnsOnlyALaterEpochAssumesThatItsSharedStatesWereKnown) {
   Live(2);
   InsertOne(*store_, CustomRecordOf(kBeacon, "1", "a"));
@@ -216,7 +220,8 @@ TEST_F(LostDiskTest, AnOldDiskThatLearnsOnlyALaterEpochAssumesThatItsSharedState
   proto::EpochReport report;
   report.add_epochs(EpochOf({PartsOf(Contents(*store_)[0].key().epoch()).counter + 5, 1, 1, 1}, 0));
   ASSERT_TRUE(store_->NoteEpochReport(kPeer, report));
-  std::map<std::string, std::uint64_t> epochs;  // Epochs by the beacon's key.
+  // Epoch of each beacon, by the beacon's latest_key.
+  std::map<std::string, std::uint64_t> epochs;
   for (const proto::StoredRecord& record : Contents(*store_)) {
     proto::Record beacon;
     if (record.key().data_type() != kBeacon || !beacon.ParseFromString(record.content())) continue;
@@ -261,7 +266,7 @@ TEST_F(LostDiskTest, StoresNoRecordOfALaterEpochBeforeReissuingItsStates) {
   InsertOne(*store_, TemperatureRecord(55));
   InsertOne(*store_, CustomRecordOf(kBeacon, "1", "a"));
   const std::string have = store_->GetHave().have().SerializeAsString();
-  // SQLite checks a deferred constraint only at commit.
+  // Prepares commits that fail: SQLite checks a deferred constraint only at commit.
   ASSERT_TRUE(store_->database().Execute(
       "PRAGMA foreign_keys=ON; CREATE TABLE parent(id INTEGER PRIMARY KEY);"
       "CREATE TABLE child(id INTEGER REFERENCES parent(id) DEFERRABLE INITIALLY DEFERRED);"));
@@ -280,7 +285,8 @@ TEST_F(LostDiskTest, StoresNoRecordOfALaterEpochBeforeReissuingItsStates) {
     EXPECT_EQ(store_->TakeReissued().last_row_id(), 0u);
     EXPECT_EQ(store_->GetHave().have().SerializeAsString(), have);
     EXPECT_EQ(Celsius(*store_), 55);
-    Restart();  // Killed in the middle of reissuing.
+    // The agent is killed before it could reissue its states.
+    Restart();
     fail_commits();
   }
   ASSERT_TRUE(store_->database().Execute("DROP TRIGGER orphan"));
@@ -290,7 +296,7 @@ TEST_F(LostDiskTest, StoresNoRecordOfALaterEpochBeforeReissuingItsStates) {
   EXPECT_THAT(Beacons(*peer_), ElementsAre("a=1"));
 }
 
-// A state is reissued only once, even if the same epochs are reported again.
+// The peer reports the same epochs three times.
 TEST_F(LostDiskTest, ReissuesAStateOnlyOnce) {
   Live(3);
   Wipe();
@@ -373,7 +379,8 @@ TEST_F(LostDiskTest, ALeadersPosesOfANewerTermWinInALowerEpoch) {
   }
   Wipe();
   InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, /*term=*/6, 1, 60));
-  InsertOne(*store_, OptimizedPoseRecord({kSelf, 2}, /*term=*/4, 9, 49));  // Solved before the agent heard of term 6.
+  // The peer has a newer pose of this node, from term 5.
+  InsertOne(*store_, OptimizedPoseRecord({kSelf, 2}, /*term=*/4, 9, 49));
   const std::uint64_t low = store_->GetHave().epoch();
   Exchange(*store_, *peer_);
   for (RecordStore* store : {store_.get(), peer_.get()}) {
@@ -385,7 +392,7 @@ TEST_F(LostDiskTest, ALeadersPosesOfANewerTermWinInALowerEpoch) {
   EXPECT_EQ(HaveOf(*store_), HaveOf(*peer_)) << "both become idle";
   EXPECT_EQ(Number(*store_, "SELECT epoch FROM optimized_pose WHERE node_index = 1"), static_cast<std::int64_t>(low));
 
-  // A third agent that has none of the poses accepts the drops too, once it holds the current poses.
+  // A third agent, which has no poses yet, also accepts the drops once it holds the current poses.
   auto third = OpenStore(StoreOptionsOf(3));
   Exchange(*peer_, *third);
   EXPECT_EQ(HaveOf(*third), HaveOf(*peer_));

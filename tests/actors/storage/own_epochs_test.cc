@@ -15,23 +15,25 @@ namespace {
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-constexpr std::uint32_t kOurs = 100;     // This file's incarnation.
-constexpr std::uint32_t kLost = 200;     // A disk that was lost.
-constexpr std::uint32_t kAnother = 300;  // The disk that replaced the lost one.
+constexpr std::uint32_t kOurs = 100;     // Incarnation of the file under test.
+constexpr std::uint32_t kLost = 200;     // Incarnation of a disk that was lost.
+constexpr std::uint32_t kAnother = 300;  // Incarnation of the disk that replaced the lost disk.
 
-constexpr std::uint64_t kNeverShared = 12345;  // An epoch that no other agent ever heard of.
+// An epoch that no other agent ever heard of.
+constexpr std::uint64_t kNeverShared = 12345;
 
-// Builds an epoch. `base` is 0 if the epoch was based on no other.
+// Returns an epoch that is based on `base` and follows `previous`, the last epoch of the same file. Both are 0 if there
+// is no earlier epoch.
 std::uint64_t Epoch(std::uint64_t counter, std::uint32_t tag, std::uint64_t base, std::uint64_t previous,
                     std::uint64_t random = 7) {
   return EpochOf({counter, tag, BaseMarkOf(base), MarkOf(previous)}, random);
 }
-// Builds an epoch of a disk that had heard of no other disk.
+// Returns an epoch whose predecessor is also its base.
 std::uint64_t Epoch(std::uint64_t counter, std::uint32_t tag, std::uint64_t base) {
   return Epoch(counter, tag, base, base);
 }
 
-// Epochs that this file began in its present incarnation.
+// Returns the OwnEpochs of a file that began `epochs` in its present incarnation.
 OwnEpochs Began(const std::vector<std::uint64_t>& epochs) {
   OwnEpochs own;
   for (const std::uint64_t epoch : epochs) own.NoteBegun({epoch, kOurs});
@@ -105,7 +107,8 @@ TEST(OwnEpochsTest, EndangersNoEpochThatTheBaseKnew) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t fifth = Epoch(5, kOurs, 0);
   OwnEpochs own = Began({first, fifth});
-  own.Learn(Epoch(6, kLost, fifth));  // Meanwhile a replacement disk had heard of all epochs that this disk had begun.
+  // A replacement disk began this epoch. It knew both epochs above.
+  own.Learn(Epoch(6, kLost, fifth));
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t sixth = Epoch(6, kOurs, fifth);
   own.NoteBegun({sixth, kOurs});
@@ -120,9 +123,11 @@ TEST(OwnEpochsTest, FollowsAChainOfBases) {
   const std::uint64_t the_same_disk = Epoch(5, kLost, knew_third);
   const std::uint64_t its_replacement = Epoch(6, kAnother, the_same_disk);
   for (const std::uint64_t epoch : {knew_third, the_same_disk, its_replacement}) own.Learn(epoch);
-  own.Learn(Epoch(8, kAnother, kNeverShared));  // A later epoch of the replacement.
+  // A later epoch of the replacement disk. This file does not know on which epoch that epoch is based.
+  own.Learn(Epoch(8, kAnother, kNeverShared));
   EXPECT_THAT(own.Endangered().certain, ElementsAre(fifth));
-  own.Learn(Epoch(6, kLost, fifth));  // Meanwhile the lost disk returned, having heard of the fifth epoch.
+  // The lost disk returns, hears of the fifth epoch, and begins an epoch based on it.
+  own.Learn(Epoch(6, kLost, fifth));
   EXPECT_THAT(own.Endangered().certain, ElementsAre(fifth)) << "but its replacement had not";
 }
 
@@ -131,7 +136,8 @@ TEST(OwnEpochsTest, FindsWhereAnOlderCopyDiverged) {
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
   const std::uint64_t others_third = Epoch(3, kOurs, second, second, 0);
-  own.Learn(others_third);  // This file is an older copy. The original file had gone on to a third epoch.
+  // This file is an older copy. The original file began a third epoch of its own.
+  own.Learn(others_third);
   own.Learn(Epoch(4, kOurs, others_third));
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t third = Epoch(3, kOurs, second, second, 1);
@@ -147,12 +153,13 @@ TEST(OwnEpochsTest, FindsWhereEachOfSeveralOlderCopiesDiverged) {
   const std::uint64_t third = Epoch(3, kOurs, second);
   OwnEpochs own = Began({first, second, third});
   own.Learn(Epoch(2, kOurs, first, first, 0));
-  own.Learn(Epoch(4, kOurs, third));  // A second copy went on from the last epoch that this file holds.
+  // Another copy of this file began an epoch based on `third`, the last epoch of this file.
+  own.Learn(Epoch(4, kOurs, third));
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
 }
 
-// A later copy of this file began the highest epoch. That copy had reissued this file's states as soon as it heard of
-// the other copy.
+// The highest epoch was begun by a copy of this file that contained `second`. That copy had heard of another copy and
+// reissued its states, so `second` is no longer endangered.
 TEST(OwnEpochsTest, EndangersNoEpochThatTheHighestEpochKnew) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first, first, 0);
@@ -204,7 +211,8 @@ TEST(OwnEpochsTest, FindsThatACopyDivergedThoughItsFirstEpochIsUnknown) {
   EXPECT_THAT(own.Endangered().certain, ElementsAre(second));
 }
 
-// The disk onto which a backup is restored knows the states from before the backup.
+// The file was restored from a backup of the disk kLost. That disk knew the states from before the backup, so only
+// `third` is endangered.
 TEST(OwnEpochsTest, DoesNotEndangerEpochsFromARestoredBackup) {
   const std::uint64_t first = Epoch(1, kLost, 0);
   const std::uint64_t second = Epoch(2, kLost, first);
@@ -246,9 +254,9 @@ TEST(OwnEpochsTest, DrawsHigherEpochsUntilNoneIsLeft) {
   EXPECT_EQ(own.Draw(random).error().code, ErrorCode::kInternal);
 }
 
-// Simulates one robot with several disks: new ones, backups restored to disks of their own, and older copies of a file
-// if `has_copies`. The robot learns of all its epochs only now and then. Check compares the conclusions that OwnEpochs
-// draws from the epochs with the true history of each disk.
+// Simulates a robot with several disks: new disks, restored backups and, if `has_copies`, older copies of a file. The
+// robot learns of all its epochs only now and then. Check compares the conclusions that OwnEpochs draws from the epochs
+// with the true history of each disk.
 class Robot {
  public:
   Robot(std::uint64_t seed, bool has_copies) : random_(seed), has_copies_(has_copies) {}
@@ -277,8 +285,9 @@ class Robot {
     }
   }
 
-  // Learns all epochs. Expects that OwnEpochs reports as endangered exactly the epochs that the highest epoch of
-  // another disk did not know. A guess is allowed only if two epochs share a mark.
+  // Learns all epochs. An epoch of the present incarnation is endangered if another disk's highest epoch is higher and
+  // did not know this epoch. Counts the endangered epochs (right_), the endangered epochs that OwnEpochs misses
+  // (missed_), and its wrong reports (wrong_). OwnEpochs may guess only if two epochs share a mark.
   void Check() {
     Hear();
     const auto highest = std::find_if(knew_.rbegin(), knew_.rend(),
@@ -306,8 +315,8 @@ class Robot {
  private:
   struct Disk {
     OwnEpochs own;
-    std::set<std::uint64_t> begun;           // Epochs in this disk's history.
-    std::set<std::uint64_t> of_incarnation;  // Epochs that its present incarnation began.
+    std::set<std::uint64_t> begun;           // Epochs in the disk's history.
+    std::set<std::uint64_t> of_incarnation;  // Epochs that the disk's present incarnation began.
     std::set<std::uint64_t> known;
   };
 
@@ -351,9 +360,9 @@ class Robot {
   std::vector<Disk> disks_ = std::vector<Disk>(1);
   std::size_t present_ = 0;
   std::set<std::uint32_t> marks_;                                 // Marks of all epochs.
-  std::set<std::pair<std::uint64_t, std::uint32_t>> base_marks_;  // Base marks with the counters of their epochs.
+  std::set<std::pair<std::uint64_t, std::uint32_t>> base_marks_;  // Counter and base mark of all epochs.
   bool is_ambiguous_ = false;
-  // For each epoch ever begun: its base, its predecessor in its file, and all epochs that these two knew.
+  // By epoch: the epoch on which it is based, its predecessor in the same file, and all epochs that these two knew.
   std::map<std::uint64_t, std::set<std::uint64_t>> knew_;
 };
 

@@ -36,7 +36,7 @@ void ExpectComesBack(const proto::Record& record) {
   EXPECT_EQ(back->SerializeAsString(), stored.SerializeAsString());
 }
 
-// Sets every field of the message to random values, with two entries in each repeated field.
+// Sets every field of the message to random values. Each repeated field gets two entries.
 void Fill(Message& message, std::mt19937_64& rng, int depth = 0) {
   const auto& all = *message.GetReflection();
   for (int i = 0; i < message.GetDescriptor()->field_count(); ++i) {
@@ -226,7 +226,7 @@ TEST(PaperSqlTest, BoundsTheCostOfAStatement) {
                         map_key));
 }
 
-// For some of these statements SQLite would allocate a gigabyte, for others it would run for many seconds.
+// SQLite would allocate a gigabyte for some of the statements in this test, and run for many seconds on others.
 TEST(PaperSqlTest, RefusesLongStatementsBeforeSqliteReadsThem) {
   const auto long_one = [](std::string sql, const std::string& again) {
     while (sql.size() + again.size() < kPaperSqlBytesMax) sql += again;
@@ -243,7 +243,8 @@ TEST(PaperSqlTest, RefusesLongStatementsBeforeSqliteReadsThem) {
       long_one(begin + "(1, 1, 1) RETURNING 1", ",1"),
       long_one("INSERT INTO temperature (celsius", ",celsius"),
       long_one("INSERT INTO temperature (celsius) SELECT 1", " UNION SELECT 1"),
-      // In these statements the quote character does not begin a string. It must not hide the commas from the check.
+      // In these statements the single quote does not begin a string, so the check must count the commas behind the
+      // quote.
       long_one(begin + "(\"'\"", ",1"),
       long_one(begin + "([']", ",1"),
       long_one(begin + "(`'`", ",1"),

@@ -11,8 +11,8 @@
 namespace moondb {
 namespace {
 
-// Options of agent 1's store. By the team file agent 1 leads, 2 is the survivor, 9 is the base station and 3 is a rover
-// without a role. The text "signed" stands for an assignment's signature.
+// Returns the options of the store of `self`. According to the team file, agent 1 leads, agent 2 is the survivor, agent
+// 9 is the base station, and agent 3 is a rover without a role. The signature "signed" is valid.
 RecordStore::Options OptionsWithKeys(AgentId self = 1) {
   RecordStore::Options options = StoreOptionsOf(self);
   options.policies[proto::ROLE_ASSIGNMENT] = proto::POLICY_ALL;
@@ -107,7 +107,7 @@ TEST(PeerAuthorityTest, AcceptsSignedAssignmentsFromAnyAgent) {
   EXPECT_EQ(StoreFrom(*store, 3, {Packed(key, RecordOf(AssignmentOf(2, 3, 2, "signed")))}).stored_count(), 1u);
 }
 
-// Rover 3 led under an assignment that only rover 3 itself has sent to agent 1.
+// Rover 3 led under an assignment of which agent 1 learns only from rover 3.
 TEST(PeerAuthorityTest, AcceptsRecordsFromAFormerLeaderOnceItsAssignmentArrived) {
   auto store = OpenStore(OptionsWithKeys());
   const proto::StoredRecord assignment =
@@ -242,7 +242,7 @@ TEST(PeerAuthorityTest, ReportsAClaimedOwnEpochUntilItsRecordsArrive) {
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
-// Returns a note that agent 2 holds agent 1's nodes 1 to `last` of `epoch`.
+// Returns a note that agent 2 acknowledged agent 1's nodes with seqs 1 to `last` in `epoch`.
 proto::PeerHave NoteOfNodes(std::uint64_t epoch, std::uint64_t last) {
   proto::PeerHave note;
   note.set_peer(2);
@@ -393,7 +393,8 @@ TEST(PeerAuthorityTest, ARoverWithoutARoleRefusesQuarantinesOfOtherAgentsMaps) {
   EXPECT_FALSE(IsError(store->Insert(request).reply.error()));
 }
 
-// The record can never be valid. The sender need not send it again, and the store does not claim to hold it.
+// The record can never be valid. The store acknowledges the record, so the sender does not send it again. The store's
+// own have-set does not list the record.
 TEST(PeerAuthorityTest, AcknowledgesButDoesNotStoreARecordThatItsOriginMayNotMake) {
   auto store = OpenStore(OptionsWithKeys());
   const RecordKey key{{3, 7, proto::POSE_GRAPH_EDGE}, 5};
@@ -427,7 +428,7 @@ TEST(PeerAuthorityTest, ReportsOriginsWhoseRecordsReadersLeaveOut) {
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
-// Returns a ledger with the given number of streams of each origin.
+// Returns a ledger with this number of streams of each origin.
 HaveLedger LedgerOf(const std::map<AgentId, std::uint64_t>& streams) {
   HaveLedger ledger;
   for (const auto& [origin, count] : streams) {
@@ -456,7 +457,8 @@ TEST(PeerAuthorityTest, ReservesHalfOfTheDiskInEqualPartsForOtherAgents) {
   options.self = 1;
   options.team = {1, 2, 3, 9};
   PeerAuthority authority(options);
-  constexpr std::uint64_t kRoom = 8000;  // 1,000 are reserved for each agent, and 4,000 are shared.
+  // In bytes: 1,000 are reserved for each of the four agents, and 4,000 are shared.
+  constexpr std::uint64_t kRoom = 8000;
   EXPECT_TRUE(authority.CheckDiskRoom(2, {{2, 4999}}, kRoom));
   EXPECT_FALSE(authority.CheckDiskRoom(2, {{2, 5000}}, kRoom));
   EXPECT_TRUE(authority.CheckDiskRoom(3, {{2, 5000}, {3, 999}}, kRoom)) << "another's part is kept for it";
@@ -465,7 +467,7 @@ TEST(PeerAuthorityTest, ReservesHalfOfTheDiskInEqualPartsForOtherAgents) {
   EXPECT_TRUE(authority.CheckDiskRoom(2, {{1, 7000}, {2, 4999}}, kRoom)) << "and take no shared room";
 }
 
-// The store of agent 1 with a budget of 2 MB. Rover 3 fills the budget until the store refuses its records.
+// Agent 1's store has room for 2 MB. Fill stores nodes of rover 3 until the store refuses some of them.
 class DiskRoomTest : public testing::Test {
  protected:
   void SetUp() override { Open(); }

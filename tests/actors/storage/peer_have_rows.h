@@ -1,4 +1,4 @@
-// Reads from table peer_have which records peers cover, for comparison with a have-set.
+// Reads from table peer_have which records a peer covers, for comparison with a have-set.
 #pragma once
 
 #include <map>
@@ -23,7 +23,7 @@ inline Covered ShownIn(Database& database, AgentId peer) {
   return shown;
 }
 
-// Returns the covered records by stream, without streams that have none.
+// Returns the records that `have` covers, by stream. Leaves out streams without covered records.
 inline Covered HadOf(const HaveSet& have) {
   Covered covered;
   for (const auto& [stream, of_stream] : have.streams()) {

@@ -24,7 +24,7 @@ constexpr AgentId kSurvivor = 2;
 
 class PolicyChangeTest : public testing::Test {
  protected:
-  // Opens the agent's store with this policy for temperatures in its team file.
+  // Opens the store of `agent`. The agent's team file has this policy for temperatures.
   std::unique_ptr<RecordStore> Start(AgentId agent, proto::Policy policy) {
     RecordStore::Options options =
         StoreOptionsOf(agent, folder_.File(std::to_string(agent) + ".sqlite"), /*seed=*/++starts_);
@@ -41,7 +41,8 @@ class PolicyChangeTest : public testing::Test {
     for (const double value : celsius) InsertOne(store, TemperatureRecord(value));
   }
 
-  // Sends all records that `to` lacks, and the drops of `from`. An agent under policy `all` ignores drops.
+  // Sends from `from` to `to` all records that `to` lacks, and the drops of `from`. An agent under policy `all` ignores
+  // drops.
   static void BringAll(RecordStore& from, RecordStore& to) {
     proto::MissingRequest request;
     *request.mutable_destination_have() = to.GetHave().have();
@@ -130,7 +131,7 @@ TEST_F(PolicyChangeTest, AStateSupersedesNoRecordThatItsOriginStoredUnderPolicyA
   EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-23, -20, -21)) << "those that come late stay too";
 }
 
-// An agent whose disk was lost stores its next records in an epoch that may be lower than an earlier one.
+// An agent that lost its disk stores its next records in an epoch that may be lower than the epochs of the lost disk.
 TEST_F(PolicyChangeTest, ARecordOfALowerEpochThanAStateStaysWhateverAPeerDropped) {
   constexpr std::uint64_t kStatesEpoch = 5;
   const StreamKey before{kRover, kStatesEpoch, proto::TEMPERATURE};

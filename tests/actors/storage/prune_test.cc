@@ -25,7 +25,8 @@ proto::Record SoilOf(std::int64_t days, const std::string& payload = "dust") {
   return Aged(CustomRecordOf(1000, payload), days);
 }
 
-// A rover's store (agent 1), and the stores of its leader (2) and survivor (3), to which BringAll sends its records.
+// The stores of a rover (agent 1), its leader (2) and the survivor (3). BringAll sends the rover's records to leader
+// and survivor.
 class PruneTest : public testing::Test {
  protected:
   void BringAll() {
@@ -120,7 +121,8 @@ TEST_F(PruneTest, KeepsRecordsForTheGroundStationThatAreInNoBundleYet) {
   event.mutable_agent_event()->set_kind(proto::EVENT_KIND_STARTED);
   event.mutable_agent_event()->set_text("of a type that no bundle has held yet");
   InsertOne(*store_, Aged(event, 3));
-  InsertOne(*store_, Aged(MapRecord({1, 1}), 3));  // A type that the ground station does not request.
+  // The ground station does not request maps.
+  InsertOne(*store_, Aged(MapRecord({1, 1}), 3));
   BringAll();
   const proto::PruneReply reply = Prune(Acknowledged());
   EXPECT_EQ(CountOf(reply), 2);
@@ -164,7 +166,7 @@ TEST_F(PruneTest, PeersKeepRecordsThatItPruned) {
   EXPECT_EQ(PayloadsIn(*survivor_), (std::set<std::string>{"a", "b", "c"}));
 }
 
-// A carrier does not know the type's policy and accepts drops of the type from any sender.
+// The carrier's team file does not declare the type. The carrier therefore accepts drops of this type from any sender.
 TEST_F(PruneTest, ACarrierKeepsRecordsThatAPeerPruned) {
   RecordStore::Options options = StoreOptionsOf(9);
   options.custom_types.Clear();
@@ -346,7 +348,7 @@ TEST_F(PruneTest, StoresAPrunedNodeThatIsInsertedAgainAsANewRecord) {
   BringAll();
 }
 
-// Pruning leaves holes in a stream. In messages to peers the stream is still one interval.
+// Prunes every second record of a stream, which leaves holes.
 TEST_F(PruneTest, ReportsAStreamWithHolesToPeersAsOneInterval) {
   proto::PruneRequest named;
   for (int i = 0; i < 20; ++i) {
@@ -405,7 +407,6 @@ TEST_F(PruneTest, FreesSpaceThatNewRecordsReuse) {
   EXPECT_LT(used(), before / 2);
 }
 
-// States are stored even if maps have used up the budget.
 TEST_F(PruneTest, BeyondTheBudgetRefusesOwnMapsButStoresStates) {
   RecordStore::Options options = StoreOptionsOf(1);
   options.path = folder_.File("budget.db");

@@ -1,4 +1,4 @@
-// Stores exchange missing records in any order, with lost, repeated and late batches and lost disks.
+// Tests stores that exchange missing records in any order. Batches are lost, repeated or late, and disks are lost.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace moondb {
 namespace {
 
-// Returns the contents of all shared records by key. All stores must agree on them.
+// Returns the contents of all shared records by key. Leaves out local records, whose seq is 0.
 std::map<std::string, std::string> Shared(RecordStore& store) {
   std::map<std::string, std::string> shared;
   for (const proto::StoredRecord& record : Contents(store)) {
@@ -21,7 +21,8 @@ std::map<std::string, std::string> Shared(RecordStore& store) {
   return shared;
 }
 
-// Three agents insert at random. The batches between them wait in a bag that repeats, loses and reorders them.
+// Three agents insert random records and send batches to each other. Batches wait in `bag_`, from which they are lost,
+// repeated or delivered in random order.
 class Exchange {
  public:
   explicit Exchange(std::uint64_t seed) : random_(seed), seed_(seed) {
@@ -38,7 +39,7 @@ class Exchange {
     } else if (action < 98) {
       Deliver();
     } else {
-      // The disk is lost. Peers return the records that they hold.
+      // The agent loses its disk. The other agents can return its records.
       stores_[agent].reset();
       stores_[agent] = OpenStore(StoreOptionsOf(agent, ":memory:", seed_ + Draw(1'000'000)));
     }
@@ -133,7 +134,8 @@ TEST(RecordExchangeTest, ConvergesUnderLossRepetitionReorderingAndLostDisks) {
   }
 }
 
-// One of three stores heard that a state is superseded. The superseding state was lost with the only disk that held it.
+// The store `second` receives a report that the first state was dropped. The origin then loses its disk, which alone
+// held the newer state.
 TEST(RecordExchangeTest, AStateIsNotSupersededByALostState) {
   auto origin = OpenStore(StoreOptionsOf(1));
   auto first = OpenStore(StoreOptionsOf(2));
@@ -143,7 +145,8 @@ TEST(RecordExchangeTest, AStateIsNotSupersededByALostState) {
   }
   InsertOne(*origin, TemperatureRecord(2));
   proto::StoreRequest reported;
-  *reported.mutable_dropped() = origin->GetMissing({})->dropped();  // Overtakes the batch with the second state.
+  // This report of the drop overtakes the batch with the second state.
+  *reported.mutable_dropped() = origin->GetMissing({})->dropped();
   ASSERT_EQ(reported.dropped_size(), 1);
   EXPECT_FALSE(IsError(second->Store(reported).reply.error()));
   origin.reset();
@@ -158,7 +161,6 @@ TEST(RecordExchangeTest, TheLeaderAlwaysHasAStateOfAnAgentOnceItReceivedOne) {
   for (int i = 1; i <= 20; ++i) {
     InsertOne(*origin, TemperatureRecord(i));
     if (i % 3 == 0) Bring(*origin, *leader, 1);
-    // Once the leader has received a state, it always has one.
     EXPECT_EQ(*leader->database().Number("SELECT count(*) FROM temperature"), i < 3 ? 0 : 1);
   }
   while (Bring(*origin, *leader)) {

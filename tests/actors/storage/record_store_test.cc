@@ -24,7 +24,7 @@ RecordKey Key(AgentId origin, DataType type, std::uint64_t seq, std::uint64_t ep
 
 std::int64_t Number(RecordStore& store, const std::string& sql) { return *store.database().Number(sql); }
 
-// The records and drops that `store` would send to a destination that has nothing.
+// Returns the records and drops that `store` would send to a destination with an empty have-set.
 proto::MissingReply AllOf(RecordStore& store, const proto::RecordFilter& filter = {}) {
   proto::MissingRequest request;
   *request.mutable_filter() = filter;
@@ -88,7 +88,8 @@ TEST(RecordStoreTest, KeepsEverythingAcrossARestartAndBeginsAHigherEpoch) {
     have = store->GetHave().have();
     epoch = store->GetHave().epoch();
   }
-  // Opens with the same seed, as after restoring a disk image. Only the counter can make the epochs differ.
+  // Opens the store with the same random seed, as after restoring a disk image. Only the epoch's counter can then
+  // differ.
   auto store = OpenStore(StoreOptionsOf(2, path, 1));
   EXPECT_EQ(store->GetHave().have().SerializeAsString(), have.SerializeAsString());
   const std::vector<proto::StoredRecord> after = Contents(*store);
@@ -163,13 +164,13 @@ TEST(RecordStoreTest, RefusesOwnOdometryThatSkipsANode) {
 TEST(RecordStoreTest, BeginsAnEpochAboveThoseThatPeersKnow) {
   auto store = OpenStore(StoreOptionsOf(2));
   const std::uint64_t first = InsertOne(*store, TemperatureRecord(1)).epoch();
-  // The agent's disk was lost before. A peer still has records of the lost disk's ninth epoch.
+  // The agent lost its disk earlier. A peer returns a record from the ninth epoch of the lost disk.
   const std::uint64_t forgotten = (9ull << 48) | 5;
   StoreOne(*store, Packed(Key(2, proto::TEMPERATURE, 3, forgotten), TemperatureRecord(30)));
   const proto::RecordKey next = InsertOne(*store, TemperatureRecord(2));
   EXPECT_GT(next.epoch(), forgotten);
   EXPECT_GT(forgotten, first);
-  // In a lower epoch the newest record would count as older than the forgotten one.
+  // If the new epoch were lower than `forgotten`, the newest record would count as older than the forgotten one.
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 2);
 
   const std::uint64_t known = 9000ull << 48;
@@ -179,7 +180,7 @@ TEST(RecordStoreTest, BeginsAnEpochAboveThoseThatPeersKnow) {
   EXPECT_GT(InsertOne(*store, TemperatureRecord(3)).epoch(), known);
 }
 
-// Following one forged epoch would leave this agent no epoch for its own records.
+// An agent that accepted the forged epoch could not begin a higher epoch for its own records.
 TEST(RecordStoreTest, IgnoresAnImpossibleEpochWhenItBeginsOne) {
   auto store = OpenStore(StoreOptionsOf(2));
   const std::uint64_t own = InsertOne(*store, TemperatureRecord(1)).epoch();
@@ -204,7 +205,7 @@ TEST(RecordStoreTest, InsertsAllRecordsOrNone) {
   EXPECT_EQ(bad.error().code(), proto::ERROR_CODE_INVALID);
   EXPECT_EQ(bad.error().field(), "records[1].temperature.celsius");
   EXPECT_EQ(bad.keys_size(), 0);
-  // The store refuses the second node inside the transaction, after it wrote the first node's row.
+  // The store refuses the second node after it has written the first node's row in the same transaction.
   const proto::InsertReply twice = InsertAll(*store, {NodeRecord(2, 1, 0), NodeRecord(2, 1, 5)});
   EXPECT_EQ(twice.error().field(), "records[1].pose_graph_node");
   EXPECT_TRUE(Contents(*store).empty());
@@ -295,7 +296,7 @@ TEST(RecordStoreTest, OrdersAForeignLatestTypeByEpochAndSeqNotByArrival) {
   StoreOne(*store, Packed(Key(2, proto::TEMPERATURE, 2, 5), TemperatureRecord(52)));
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 52);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 1);
-  // Another origin's state is stored under a key of its own.
+  // A state of another origin does not supersede this state.
   StoreOne(*store, Packed(Key(3, proto::TEMPERATURE, 1, 1), TemperatureRecord(10)));
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 2);
 }
@@ -319,13 +320,13 @@ TEST(RecordStoreTest, RejectsInvalidRecordsOfPeers) {
   const RecordKey key = Key(2, proto::TEMPERATURE, 1);
   std::vector<proto::StoredRecord> bad;
   bad.push_back(Packed(key, TemperatureRecord(std::numeric_limits<double>::infinity())));
-  bad.push_back(Packed(Key(4, proto::TEMPERATURE, 1), TemperatureRecord(1)));  // Its origin is not in the team.
+  bad.push_back(Packed(Key(4, proto::TEMPERATURE, 1), TemperatureRecord(1)));  // Origin 4 is not in the team.
   bad.push_back(Packed(Key(2, proto::POWER, 1), TemperatureRecord(1)));        // The content is of another type.
   bad.push_back(Packed(Key(2, 1500, 1), TemperatureRecord(1)));                // No table exists for the type.
-  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 0), TemperatureRecord(1)));  // The seq is 0.
+  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 0), TemperatureRecord(1)));  // Seqs begin with 1.
   bad.push_back(Packed(Key(2, proto::TEMPERATURE, UINT64_MAX), TemperatureRecord(1)));
-  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 1, 0), TemperatureRecord(1)));  // The epoch is 0.
-  bad.push_back(Packed(Key(2, proto::POSE_GRAPH_NODE, 1), NodeRecord(3, 1)));     // Another agent's node.
+  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 1, 0), TemperatureRecord(1)));  // Epoch 0 is not valid.
+  bad.push_back(Packed(Key(2, proto::POSE_GRAPH_NODE, 1), NodeRecord(3, 1)));     // A node of another agent.
   bad.push_back(Packed(Key(2, proto::POSE_GRAPH_EDGE, 1), RangeRecord({2, 1}, {7, 1}, 1)));
   bad.push_back(Packed(key, TemperatureRecord(1)));
   bad.back().set_hash(bad.back().hash() ^ 1);
@@ -369,15 +370,15 @@ TEST(RecordStoreTest, KeepsTheNewestRowUntilItsSupersederArrives) {
   auto store = OpenStore(StoreOptionsOf(1));
   const StreamKey stream{2, kEpoch, proto::TEMPERATURE};
   StoreOne(*store, Packed({stream, 2}, TemperatureRecord(2)));
-  // The batch with this drop overtook the batch with the superseder, seq 4.
+  // The drop of seqs 1 to 3 overtakes the batch with their superseder, seq 4.
   const proto::StoreReply early = StoreDropped(*store, Dropped(stream, 1, 3));
   EXPECT_EQ(early.rejected_count(), 0u);
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 2);
   EXPECT_TRUE(HaveOf(*store).Get(stream).dropped.Contains(1));
   EXPECT_TRUE(HaveOf(*store).Get(stream).held.Contains(2));
-  // A record that was dropped before it arrived counts as covered.
+  // Seq 1 was dropped before it arrived, so the store does not store it.
   EXPECT_EQ(StoreOne(*store, Packed({stream, 1}, TemperatureRecord(1))).stored_count(), 0u);
-  // The store holds nothing newer than seq 3. If its superseder is lost, seq 3 is the newest state.
+  // The store holds nothing newer than seq 3, so seq 3 is not covered. If seq 4 is lost, seq 3 is the newest state.
   EXPECT_FALSE(HaveOf(*store).Get(stream).Covered().Contains(3));
   EXPECT_EQ(StoreOne(*store, Packed({stream, 3}, TemperatureRecord(3))).stored_count(), 1u);
   StoreOne(*store, Packed({stream, 4}, TemperatureRecord(4)));
@@ -426,7 +427,7 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheDiskIsFull) {
   large.mutable_local_traversability_map()->mutable_node()->set_agent_id(1);
   EXPECT_EQ(InsertAll(*store, {NodeRecord(1, 2), large}).error().code(), proto::ERROR_CODE_FULL);
   EXPECT_EQ(store->GetHave().SerializeAsString(), have);
-  // The store accepts records again.
+  // The store still accepts a small record.
   EXPECT_EQ(InsertOne(*store, NodeRecord(1, 2)).seq(), 2u);
   store.reset();
   EXPECT_EQ(Contents(*OpenStore(options)).size(), 2u);
@@ -436,7 +437,7 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheCommitItselfFails) {
   auto store = OpenStore(StoreOptionsOf(1));
   InsertOne(*store, NodeRecord(1, 1));
   const std::string have = store->GetHave().SerializeAsString();
-  // SQLite checks a deferred constraint only at commit.
+  // Prepares a commit that fails: SQLite checks a deferred constraint only at commit.
   ASSERT_TRUE(store->database().Execute(
       "PRAGMA foreign_keys=ON; CREATE TABLE parent(id INTEGER PRIMARY KEY);"
       "CREATE TABLE child(id INTEGER REFERENCES parent(id) DEFERRABLE INITIALLY DEFERRED);"
@@ -502,7 +503,7 @@ TEST(RecordStoreTest, SetsADamagedFileAsideAndRefusesAnotherAgentsFile) {
   EXPECT_EQ(OpenStore(StoreOptionsOf(2, path))->set_aside(), "");
 }
 
-// Damages the file by one changed byte in a record's content and one missing row.
+// One row has a changed content, and another row is missing.
 TEST(RecordStoreTest, DoesNotClaimDamagedOrMissingRows) {
   TemporaryFolder folder;
   const std::string path = folder.File("store.db");
@@ -528,7 +529,7 @@ TEST(RecordStoreTest, DoesNotClaimDamagedOrMissingRows) {
   }
 }
 
-// A peer may still hold the replaced state, which then is the newest one left.
+// A peer may still hold the previous state, which is then the newest state that is left.
 TEST(RecordStoreTest, AcceptsThePreviousStateAgainIfTheNewestIsDamaged) {
   TemporaryFolder folder;
   const RecordStore::Options options = StoreOptionsOf(2, folder.File("store.db"));
@@ -549,7 +550,7 @@ TEST(RecordStoreTest, AcceptsThePreviousStateAgainIfTheNewestIsDamaged) {
   EXPECT_EQ(Contents(*store)[0].key().seq(), 1u);
 }
 
-// However the have-set on disk is damaged, the store claims the records in its rows and no others.
+// Each statement damages the have-set on disk. The reopened store must claim the records in its rows, and no others.
 TEST(RecordStoreTest, RebuildsADamagedHaveSetFromItsRows) {
   for (const char* damage : {
            "UPDATE have_interval SET last = last + 1 WHERE data_type = 20",
@@ -596,7 +597,6 @@ TEST(RecordStoreTest, RebuildsADamagedHaveSetFromItsRows) {
   }
 }
 
-// One interval is enough, however many poses are stored and however often they were replaced.
 TEST(RecordStoreTest, ReportsALatestTypeToPeersAsOneInterval) {
   auto store = OpenStore(StoreOptionsOf(2));
   for (std::uint64_t run = 1; run <= 3; ++run) {
@@ -613,7 +613,7 @@ TEST(RecordStoreTest, ReportsALatestTypeToPeersAsOneInterval) {
   ASSERT_EQ(reported.have().streams(0).dropped_size(), 1);
   EXPECT_EQ(reported.have().streams(0).dropped(0).last(), 60u + 30 + 20);
 
-  // A peer that knows the interval is sent no records and no drops.
+  // The store sends no records and no drops to a peer that has this interval.
   proto::MissingRequest missing;
   *missing.mutable_destination_have() = reported.have();
   const proto::MissingReply reply = *store->GetMissing(missing);
@@ -636,7 +636,8 @@ TEST(RecordStoreTest, ReturnsOnlyTheRequestedStreams) {
   EXPECT_EQ(store->GetHave(request).have().streams_size(), 2);
 }
 
-// The mark lets a session to a destination end although the robot goes on inserting records.
+// Requests with the same mark return only records that the store held at the first of these requests. A session can
+// then end although the robot goes on inserting records.
 TEST(RecordStoreTest, RecordsInsertedAfterAMarkAreNotMissing) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, NodeRecord(2, 1));
@@ -661,7 +662,7 @@ TEST(RecordStoreTest, RecordsInsertedAfterAMarkAreNotMissing) {
   EXPECT_EQ(store->GetMissing(request)->records_size(), 4) << "no mark";
 }
 
-// The marked state was superseded. Without the newer state the destination would have no state of that key.
+// The marked state was superseded. Without the newer state, the destination would have no temperature.
 TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, TemperatureRecord(1));
@@ -676,8 +677,7 @@ TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   EXPECT_EQ(reply.dropped_size(), 1);
 }
 
-// If a destination gets only the newest records of a type under policy `all`, a marked record may no longer be the
-// newest one.
+// The destination requests only the newest temperature. After the mark, another temperature becomes the newest.
 TEST(RecordStoreTest, ANewerRecordThanTheMarkedOneIsMissingUnderPolicyAll) {
   RecordStore::Options options = StoreOptionsOf(2);
   options.policies[proto::TEMPERATURE] = proto::POLICY_ALL;
@@ -717,7 +717,7 @@ TEST(RecordStoreTest, ReturnsItsHaveSetInPages) {
   EXPECT_GT(pages, 4);
 }
 
-// A stream with very many gaps. The size of an acknowledgment does not grow with the number of gaps.
+// The stream has about 4,000 gaps. An acknowledgment must list only the intervals of its batch.
 TEST(RecordStoreTest, AcknowledgesOnlyTheBatchsIntervalsOfALargeStream) {
   auto store = OpenStore(StoreOptionsOf(2));
   const auto store_each_second = [&](std::uint64_t first, std::uint64_t last) {
@@ -759,7 +759,8 @@ TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsTheRest) {
   InsertOne(*store, TemperatureRecord(1));
   proto::Record mode;
   mode.mutable_mode()->set_activity(proto::ACTIVITY_EXPLORING);
-  InsertOne(*store, mode);  // Mode has policy none and is not sent.
+  // MODE has policy `none`, so this record is not sent.
+  InsertOne(*store, mode);
 
   proto::MissingRequest request;
   request.set_records_max(2);
@@ -776,7 +777,7 @@ TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsTheRest) {
   }
   EXPECT_EQ(types, (std::vector<DataType>{proto::TEMPERATURE, proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_NODE,
                                           proto::POSE_GRAPH_EDGE, proto::LOCAL_TRAVERSABILITY_MAP}));
-  // A page holds at least one record, however small the limit is.
+  // Even with a limit of one byte, a page holds one record.
   proto::MissingRequest tiny;
   tiny.set_content_bytes_max(1);
   const proto::MissingReply one = *store->GetMissing(tiny);
@@ -833,7 +834,7 @@ TEST(RecordStoreTest, FiltersByOriginTypeAndAgentOfPoses) {
   poses.add_data_types(proto::OPTIMIZED_POSE);
   poses.set_optimized_poses_of_agent(2);
   EXPECT_EQ(AllOf(*store, poses).records_size(), 2);
-  // The filter might exclude the superseder of a dropped pose, so no drops are sent.
+  // The filter might exclude the record that superseded a dropped pose, so the store sends no drops.
   EXPECT_EQ(AllOf(*store, poses).dropped_size(), 0);
   proto::MissingRequest first;
   *first.mutable_filter() = poses;
@@ -898,8 +899,8 @@ TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperDefinesThem) {
   };
   EXPECT_EQ(in_log(first, 0, 1), 1);
   EXPECT_EQ(in_log(second, 1, 0), 1);
-  // The third record was neither sent nor acknowledged. The record of agent 3 is logged with this agent as its
-  // destination.
+  // The third record has no row, because it was neither sent nor acknowledged. The record of agent 3 has a row with
+  // this agent (2) as its destination.
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM replication_log"), 3);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM replication_log WHERE destination_id = 2 AND ack"), 1);
 
@@ -912,7 +913,7 @@ TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperDefinesThem) {
   EXPECT_EQ(in_log(second, 0, 1), 1);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM peer_have"), 1);
 
-  // A have-set that covers only streams of other origins leaves these rows unchanged.
+  // The next have-set covers only streams of origin 3. It must not change the rows of this agent's records.
   acknowledged = HaveSet();
   acknowledged[Key(3, proto::POSE_GRAPH_NODE, 1).stream].held.Add(1);
   *note.mutable_acknowledged() = ToProto(acknowledged);

@@ -20,7 +20,7 @@ std::string Golden(const std::string& name) {
   return text ? *text : "";
 }
 
-// All SQL statements in the database's schema, one per line, sorted by name.
+// Returns all SQL statements in the database's schema, one per line, sorted by name.
 std::string SchemaOf(Database& database) {
   std::string schema;
   Query query = database.Prepare("SELECT name || ': ' || sql FROM sqlite_master WHERE sql IS NOT NULL ORDER BY name");
@@ -67,7 +67,8 @@ TEST(SchemaTest, DetectsADamagedStatement) {
   ASSERT_EQ(sqlite3_open(path.c_str(), &other), SQLITE_OK);
   ASSERT_EQ(sqlite3_exec(other, damage.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
   sqlite3_close(other);
-  const auto damaged = Database::Open(path);  // SQLite itself may notice the damage.
+  // SQLite itself may detect the damage.
+  const auto damaged = Database::Open(path);
   EXPECT_EQ(damaged ? CheckSchema(**damaged).error().code : damaged.error().code, ErrorCode::kCorrupt);
 }
 
@@ -105,8 +106,8 @@ TEST(SchemaTest, RefusesAnotherProgramsFile) {
   EXPECT_EQ(*database->Number("PRAGMA user_version"), 7);
 }
 
-// Files at the store's path that the store must refuse. Opening the store must not change the bytes of the file or its
-// log.
+// Tests files at the store's path that RecordStore refuses to open. A refusal must not change the file or its
+// write-ahead log.
 class RefusedFileTest : public testing::Test {
  protected:
   void ExpectRefusedAndNotTouched() {

@@ -73,7 +73,8 @@ class StorageActorTest : public testing::Test {
   TemporaryFolder folder_;
   StorageActor::Options options_;
   std::uint64_t request_id_ = 0;
-  std::vector<proto::Message> started_;  // Messages that were published at the start.
+  // Messages that the actor published at its start.
+  std::vector<proto::Message> started_;
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
 
@@ -95,7 +96,7 @@ TEST_F(StorageActorTest, AnswersInsertsAndNotifiesOtherActorsOfNewRows) {
     ASSERT_EQ(reported[0].records_stored().data_types_size(), 1);
     EXPECT_EQ(reported[0].records_stored().data_types(0), static_cast<DataType>(proto::POSE_GRAPH_NODE));
   }
-  // An insert that adds no row publishes nothing.
+  // The next inserts add no row, so nothing is published.
   Insert(NodeRecord(2, 1));
   EXPECT_TRUE(IsError(Insert(NodeRecord(1, 1)).error()));
   EXPECT_TRUE(team_.Take({2, "merge"}).empty());
@@ -153,7 +154,7 @@ class EpochReportTest : public StorageActorTest {
     (void)team_.Post({from, "storage"}, {2, "storage"}, std::move(report));
     team_.AdvanceTime(std::chrono::seconds(1));
   }
-  // Returns an epoch of another disk. Its counter is higher by 5 than that of `epoch`.
+  // Returns an epoch of another disk, with a counter that is 5 higher than the counter of `epoch`.
   static std::uint64_t OfAnotherDisk(std::uint64_t epoch) {
     const EpochParts parts = PartsOf(epoch);
     return EpochOf({parts.counter + 5, parts.tag ^ 1, 0, 0}, epoch);
@@ -286,7 +287,7 @@ TEST_F(StorageActorTest, StoresPeersHaveSetsWithoutAReply) {
   EXPECT_TRUE(team_.Take({2, "test"}).empty());
 }
 
-// The damaged page lies in a table that this test only reads. A restart would find the same damage.
+// Damages a page of table pose_graph_node, which the store does not read at its start if `is_checked`.
 TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
   {
     auto store = OpenStore(StorageActor::StoreOptions(options_));
@@ -317,7 +318,8 @@ TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
 }
 
 TEST_F(StorageActorTest, ScrubsItsStoreEachDayAndEndsTheProcessIfARowIsDamaged) {
-  options_.tend_period = std::chrono::hours(1);  // Hours are fast enough, because the test runs for days.
+  // Tends once per hour instead of every 10 s, because the test covers three days of virtual time.
+  options_.tend_period = std::chrono::hours(1);
   options_.scrub_pause = std::chrono::minutes(1);
   Start();
   for (int i = 0; i < 3 * static_cast<int>(kVerifyRecordsMax) / 2; ++i) Insert(NodeRecord(2, i));
@@ -330,7 +332,8 @@ TEST_F(StorageActorTest, ScrubsItsStoreEachDayAndEndsTheProcessIfARowIsDamaged) 
     ASSERT_TRUE(
         (*database)->Execute("UPDATE pose_graph_node SET content = CAST(content || x'00' AS BLOB) WHERE seq = 2500"));
   }
-  options_.is_checked = true;  // Skips the check at the start, as if the damage came later.
+  // Skips the check at the start, which would find the damage.
+  options_.is_checked = true;
   team_.Restart(2);
   team_.AdvanceTime(std::chrono::hours(24));
   EXPECT_TRUE(team_.is_running(2)) << "the damaged row is not in the first part";
@@ -347,7 +350,8 @@ TEST_F(StorageActorTest, ScrubsItsStoreEachDayAndEndsTheProcessIfARowIsDamaged) 
 }
 
 TEST_F(StorageActorTest, ContinuesDespiteADamagedLocalRecord) {
-  options_.tend_period = std::chrono::hours(1);  // Hours are fast enough, because the test runs for days.
+  // Tends once per hour instead of every 10 s, because the test covers 49 hours of virtual time.
+  options_.tend_period = std::chrono::hours(1);
   Start();
   proto::Message question;
   *question.mutable_insert_request()->add_records() = NodeRecord(2, 1);

@@ -1,4 +1,4 @@
-// Checks for each built-in type in model/data_types.h that the database has the tables that it needs.
+// Tests that the database has a table with the right columns for each built-in type in model/data_types.h.
 #include "actors/storage/type_tables.h"
 
 #include <gmock/gmock.h>
@@ -26,7 +26,7 @@ std::vector<std::string> ColumnsIn(Database& database, const std::string& table)
   return columns;
 }
 
-// Returns the declared columns with their SQL type only: "celsius REAL" for "celsius REAL NOT NULL".
+// Returns the declared columns with name and SQL type only: "celsius REAL" for "celsius REAL NOT NULL".
 std::vector<std::string> DeclaredColumns(const TypeTable& table) {
   std::vector<std::string> columns;
   for (const std::string_view column : Split(table.columns, ',')) {
@@ -63,7 +63,6 @@ TEST(TypeTablesTest, ArePartOfTheViewsOverAllTypes) {
   }
 }
 
-// A record of each type from an agent's own robot is stored, read, sent to another store and read there, byte for byte.
 TEST(TypeTablesTest, PreserveARecordOfEachTypeSentToAnotherStore) {
   TemporaryFolder folder;
   for (const DataTypeRow& row : DataTypeRows()) {

@@ -14,7 +14,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-// Sums over all replies of a complete verification.
+// Sums of the counts in all replies of a complete verification.
 struct Found {
   double rows = 0, held = 0, damaged = 0, missing = 0, orphaned = 0;
   int slices = 0;
@@ -47,8 +47,8 @@ Found VerifyAll(RecordStore& store) {
   return found;
 }
 
-// Requests the fingerprint of seqs `first` to `last` of a stream until it is complete. Adds the number of replies to
-// `answers`.
+// Returns the fingerprint of the seqs `first` to `last` of a stream, combined from as many replies as needed. Adds the
+// number of replies to `*answers`.
 proto::FingerprintReply FingerprintOf(RecordStore& store, const StreamKey& stream, std::uint64_t first,
                                       std::uint64_t last, int* answers = nullptr) {
   proto::FingerprintReply whole;
@@ -75,7 +75,7 @@ proto::FingerprintReply FingerprintOf(RecordStore& store, const StreamKey& strea
 
 class VerifyTest : public testing::Test {
  protected:
-  // Runs `sql` without the store's knowledge, to simulate a damaged disk.
+  // Changes the database without the store's knowledge, to simulate a damaged disk.
   void Execute(const std::string& sql) {
     const Result<void> done = store_->database().Execute(sql);
     ASSERT_TRUE(done) << ToString(done.error());
@@ -131,7 +131,8 @@ TEST_F(VerifyTest, FindsMissingRowsAndOrphanedRows) {
   const Found found = VerifyAll(*store_);
   EXPECT_EQ(found.missing, 2);
   EXPECT_EQ(found.orphaned, 1);
-  EXPECT_EQ(found.damaged, 1);  // The orphaned row: its hash covers another key.
+  // The orphaned row counts as damaged too, because its hash was computed for another key.
+  EXPECT_EQ(found.damaged, 1);
   EXPECT_THAT(found.findings, testing::IsSupersetOf({ToString({nodes, 2}) + ": it is held, but there is no row",
                                                      ToString({nodes, 5}) + ": it is held, but there is no row"}));
 }
@@ -225,7 +226,7 @@ TEST_F(VerifyTest, TwoAgentsWithTheSameRecordsHaveTheSameFingerprint) {
   EXPECT_EQ(FingerprintOf(*store_, stream, 1, 3).fingerprint() ^ FingerprintOf(*store_, stream, 4, 5).fingerprint(),
             ours.fingerprint());
 
-  // Changes a byte as a faulty disk would. The stored hash still matches the old content.
+  // Changes a byte of seq 4, as a faulty disk would. The stored hash still belongs to the old content.
   ChangeAByte("pose_graph_node", 4);
   EXPECT_NE(FingerprintOf(*store_, stream, 1, 5).fingerprint(), ours.fingerprint());
   EXPECT_EQ(FingerprintOf(*store_, stream, 1, 3).fingerprint(), FingerprintOf(*other, stream, 1, 3).fingerprint());

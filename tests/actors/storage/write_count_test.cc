@@ -41,7 +41,8 @@ TEST_F(WriteCountTest, KeepsDaysAcrossARestart) {
   InsertOne(*store_, TemperatureRecord(2));
   ASSERT_TRUE(store_->SaveWritten(101));
   Reopen();
-  EXPECT_NEAR(Days(101)[100], first, 10'000);  // Saving itself writes bytes, which count towards the next save.
+  // SaveWritten itself writes bytes, which count towards the next save.
+  EXPECT_NEAR(Days(101)[100], first, 10'000);
   EXPECT_GT(Days(101)[101], 0);
 }
 

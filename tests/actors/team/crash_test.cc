@@ -1,4 +1,5 @@
-// Any actor fails, or any agent is killed, at any message. No acknowledged record is lost, and the team recovers.
+// Lets any actor fail, or kills any agent, at any message. Checks that no acknowledged record is lost, and that the
+// team recovers.
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 
@@ -21,7 +22,8 @@ constexpr std::uint64_t kSeed = 1;
 constexpr std::uint64_t kShards = 8;
 constexpr Fault kFaults[] = {Fault::kBeforeHandler, Fault::kAtFirstSend, Fault::kAfterFirstSend, Fault::kAfterHandler};
 
-// Number of times that each fault strikes messages of each kind. MOONDB_FAULTS=1000 tries all messages.
+// Returns how many messages of each kind each fault strikes. The environment variable MOONDB_FAULTS sets this number;
+// 1000 strikes all messages.
 std::size_t FaultsOfAKind() {
   const char* text = std::getenv("MOONDB_FAULTS");
   return text == nullptr ? 2 : static_cast<std::size_t>(std::max(1, std::atoi(text)));
@@ -35,7 +37,8 @@ Kinds KindsOf(const std::vector<std::string>& handled) {
   return kinds;
 }
 
-// Chooses messages spread evenly over each kind, different ones for each fault. Rare kinds are included.
+// For each fault, chooses messages spread evenly over the messages of each kind, including rare kinds. Different faults
+// strike different messages if the kind has enough of them.
 std::vector<Strike> ChooseStrikes(const Kinds& kinds, bool kills_agent) {
   std::vector<Strike> strikes;
   for (const auto& [kind, messages] : kinds) {
@@ -51,8 +54,8 @@ std::vector<Strike> ChooseStrikes(const Kinds& kinds, bool kills_agent) {
   return strikes;
 }
 
-// Cuts a rover's link in the middle of an order, then loses the leader. The parameter sets when: early, half-way or at
-// the end.
+// The parameter is the argument `batches` of RunLosses. With 2, links break early in the sync and in the replication.
+// With 100, links break at the end.
 class LossesTest : public testing::TestWithParam<int> {};
 
 TEST_P(LossesTest, TheSurvivorSolvesAndMergesAllRecordsThatItAcknowledged) {
@@ -74,10 +77,10 @@ TEST(MissionTest, SucceedsWithoutFaults) {
 
 class CrashTest : public testing::TestWithParam<std::uint64_t> {
  protected:
-  // Otherwise each deliberate failure would log a warning.
+  // Silences the log. Otherwise each deliberate failure would log a warning.
   static void SetUpTestSuite() { spdlog::set_level(spdlog::level::critical); }
 
-  // Runs one mission. Returns false once enough missions have failed.
+  // Runs one mission. Returns false if five missions have failed so far; the caller then stops.
   bool Try(std::uint64_t seed, const std::vector<Strike>& strikes) {
     const MissionReport report = RunMission(seed, strikes);
     tried_ += report.struck.size();
@@ -89,7 +92,7 @@ class CrashTest : public testing::TestWithParam<std::uint64_t> {
     return ++failed_ < 5;
   }
 
-  // Strikes each message of this shard, in a mission of its own.
+  // Runs one mission for each strike of this shard.
   void StrikeEach(bool kills_agent) {
     const std::vector<Strike> strikes = ChooseStrikes(KindsOf(RunMission(kSeed, {}).handled), kills_agent);
     for (std::size_t i = GetParam(); i < strikes.size(); i += kShards) {
@@ -111,7 +114,8 @@ class CrashTest : public testing::TestWithParam<std::uint64_t> {
 TEST_P(CrashTest, ActorsFailAtAnyMessage) { StrikeEach(/*kills_agent=*/false); }
 TEST_P(CrashTest, AgentsAreKilledAtAnyMessage) { StrikeEach(/*kills_agent=*/true); }
 
-// Faults strike states that earlier faults left. MOONDB_SEEDS sets the number of missions.
+// Later faults strike states that earlier faults caused. The environment variable MOONDB_SEEDS sets the number of
+// missions.
 TEST_P(CrashTest, SeveralFaultsStrikeOneMission) {
   const char* text = std::getenv("MOONDB_SEEDS");
   const std::uint64_t seeds = text == nullptr ? 6 : static_cast<std::uint64_t>(std::max(1, std::atoi(text)));

@@ -33,20 +33,21 @@ using Records = std::map<RecordKey, std::string>;
 constexpr AgentId kAgents = 4;
 constexpr AgentId kBase = 4;
 constexpr int kNodesOfARover = 6;
-constexpr int kTriesMax = 30;  // An agent may be killed at each of several starts.
+// Maximum number of tries of a request. A restarted agent may be killed again, so several tries may fail.
+constexpr int kTriesMax = 30;
 constexpr Duration kClientPatience = seconds(6);
 constexpr Duration kDownTime = seconds(3);  // Time until a killed agent restarts.
 
-// Returns a folder in memory if there is one. Commits are faster there than on a disk, and survive a crash of the
-// simulated agent as well.
+// Returns the parent of the mission's temporary folder: /dev/shm, or the system's temporary folder if there is no
+// /dev/shm. Files in memory are fast, and survive a crash of the simulated agent.
 std::filesystem::path FolderOfFolders() {
   const std::filesystem::path memory("/dev/shm");
   std::error_code ignored;
   return std::filesystem::is_directory(memory, ignored) ? memory : std::filesystem::temp_directory_path();
 }
 
-// Answers the gateway's requests in place of EventActor. EventActor would store events at different times on the agents
-// that the test compares.
+// Takes the place of EventActor and reports no findings. A real EventActor would store records at times that differ
+// between the agents, and the test compares the agents' records.
 class NoFindings final : public Actor {
  public:
   void OnMessage(Context& context, const proto::Message& message) override {
@@ -57,8 +58,8 @@ class NoFindings final : public Actor {
   }
 };
 
-// Wraps an actor so that the agent's process can end in one of its handlers. Calls `after_handler` when a handler
-// returns or throws.
+// Wraps an actor. Calls `after_handler` when a handler returns or throws. `after_handler` may then end the agent's
+// process.
 class MortalActor final : public Actor {
  public:
   MortalActor(std::unique_ptr<Actor> actor, std::function<void()> after_handler)
@@ -154,7 +155,7 @@ class Mission {
     Insert(kBase, {{Power(0.9)}, {Power(0.8)}});
     Share(proto::SHARING_KIND_SYNC);
     Advance(milliseconds(3));
-    InsertDrive(2, kNodesOfARover / 2, kNodesOfARover);  // Inserts while the leader collects.
+    InsertDrive(2, kNodesOfARover / 2, kNodesOfARover);  // Rover 2 inserts records while the leader collects.
     Advance(seconds(2));
     Share(proto::SHARING_KIND_REPLICATION);
     Advance(milliseconds(3));
@@ -184,7 +185,7 @@ class Mission {
     options.role.storage_timeout = seconds(1);
     options.sharing.session.resend_after = seconds(1);
     options.sharing.session.resend_after_max = seconds(4);
-    options.sharing.session.batch_bytes_max = 256;  // Small, so that there are many batches.
+    options.sharing.session.batch_bytes_max = 256;  // A small limit gives many batches.
     options.sharing.session.unacked_bytes_max = 512;
     options.pgo.solver.thread_count = 1;
     options.pgo.storage_timeout = seconds(2);
@@ -230,8 +231,8 @@ class Mission {
     restart_at_[agent] = team_.now() + kDownTime;
   }
 
-  // For half of the restarts the other agents are notified as the transport would do. Otherwise they rely on their
-  // timers.
+  // If the number of handled messages is even, notifies the other agents of the restart, as the transport would do.
+  // Otherwise the other agents must rely on their timers.
   void Restart(AgentId agent) {
     restart_at_.erase(agent);
     team_.Restart(agent);
@@ -244,7 +245,8 @@ class Mission {
 
   // --- Time ---
 
-  // Runs until `condition` holds. Returns false if `limit` passes first. Restarts killed agents at their restart times.
+  // Runs until `condition` returns true. Returns false if `limit` passes first. Restarts killed agents when they are
+  // due.
   bool RunUntil(const std::function<bool()>& condition, Duration limit) {
     const MonotonicTime end = team_.now() + limit;
     while (true) {
@@ -277,8 +279,8 @@ class Mission {
     return reply ? *reply : proto::ControlReply();
   }
 
-  // Sends each request from a client of its own, all at once. Returns the answers; nullopt for a request that got no
-  // answer in time.
+  // Sends all requests at once, each from a client of its own. Returns the answer to each request, or nullopt if no
+  // answer arrived within kClientPatience.
   std::vector<std::optional<proto::ControlReply>> Call(AgentId agent,
                                                        const std::vector<proto::ControlRequest>& requests) {
     std::vector<std::optional<proto::ControlReply>> replies(requests.size());
@@ -304,7 +306,8 @@ class Mission {
     return replies;
   }
 
-  // Repeats the requests until no answer is an error.
+  // Sends the requests, and repeats each request until it succeeds, at most kTriesMax times. Complains and returns
+  // nullopt for a request that never succeeded.
   std::vector<std::optional<proto::ControlReply>> AskAll(AgentId agent,
                                                          const std::vector<proto::ControlRequest>& requests) {
     std::vector<std::optional<proto::ControlReply>> replies(requests.size());
@@ -335,7 +338,7 @@ class Mission {
     return AskAll(agent, {request}).front();
   }
 
-  // Inserts each batch from a client of its own, all at once, while another client requests the status.
+  // Inserts all batches at once, each from a client of its own, while another client requests the status.
   void Insert(AgentId agent, const std::vector<std::vector<proto::Record>>& batches) {
     std::vector<proto::ControlRequest> requests;
     for (const std::vector<proto::Record>& batch : batches) {
@@ -416,7 +419,7 @@ class Mission {
     (void)Ask(Leader(), request);
   }
 
-  // Solves the pose graph. Storage must then hold as many poses of the newest run as the reply reports.
+  // Solves the pose graph. Complains if storage then contains fewer poses of the newest run than the reply reports.
   void Optimize() {
     const AgentId leader = Leader();
     proto::ControlRequest request;
@@ -437,7 +440,7 @@ class Mission {
     if (reply->optimize().updated_pose_count() > newest_count) Complain("optimized poses are not stored");
   }
 
-  // Merges. The map must include at least the maps whose insert at `agent` was acknowledged to robots.
+  // Merges at `agent`. Complains if the merged map has fewer maps than were inserted at `agent` and acknowledged.
   proto::MergeReply Merge(AgentId agent) {
     std::set<NodeKey> nodes;
     for (const auto& [key, content] : acknowledged_) {
@@ -453,7 +456,7 @@ class Mission {
     return std::move(*reply->mutable_merge());
   }
 
-  // The operator checks the roles before repeating the swap, because a second swap would undo the first.
+  // The operator checks who leads before each try, because a second swap would undo the first.
   void SwapRoles() {
     proto::ControlRequest request;
     request.mutable_role_set()->set_is_swap(true);
@@ -466,7 +469,7 @@ class Mission {
   void TakeTheLead(AgentId agent) {
     proto::ControlRequest request;
     request.mutable_role_set()->set_leader(agent);
-    request.mutable_role_set()->set_survivor(1);  // Agent 1 may return.
+    request.mutable_role_set()->set_survivor(1);  // Agent 1 is lost, but may return.
     (void)Ask(agent, request);
     Advance(seconds(5));
     if (RolesAt(agent).leader() != agent) Complain("the survivor does not lead");
@@ -474,7 +477,7 @@ class Mission {
 
   // --- Invariants ---
 
-  // All records that `agent` ever claimed to hold must be stored, solved and merged.
+  // Checks that `agent` still has, solves and merges all records that it ever claimed to hold.
   void CheckKept(AgentId agent) {
     const HaveSet have = HaveOf(agent);
     for (const auto& [stream, claimed] : claimed_[agent].streams()) {
@@ -492,7 +495,7 @@ class Mission {
     proto::ControlRequest request;
     request.mutable_optimize();
     const auto solved = Ask(agent, request);
-    if (!solved || solved->optimize().node_count() != nodes + 1) {  // One more for the base station.
+    if (!solved || solved->optimize().node_count() != nodes + 1) {  // The base station is one more node.
       Complain("of " + std::to_string(nodes) + " nodes are solved: " + (solved ? solved->ShortDebugString() : "none"));
     }
     request.mutable_merge();
@@ -586,7 +589,7 @@ class Mission {
     }
   }
 
-  // Cuts the power of all agents. `records`, which were checked before, must still be on their disks.
+  // Cuts the power of all agents and restarts them. Complains unless each agent then has exactly its `records`.
   void CheckPowerCut(const std::map<AgentId, Records>& records) {
     for (AgentId agent = 1; agent <= kAgents; ++agent) team_.Crash(agent);
     for (AgentId agent = 1; agent <= kAgents; ++agent) team_.Restart(agent);
@@ -607,8 +610,8 @@ class Mission {
     }
   }
 
-  // `agent` must hold all records whose insert was acknowledged to a robot. Under policy `latest` it is enough that the
-  // agent's have-set covers the record.
+  // Checks that `agent` has all records whose insert was acknowledged to a robot. For a type with policy `latest`, it
+  // is enough that the agent's have-set covers the record.
   void CheckAcknowledged(AgentId agent, const std::map<AgentId, Records>& records,
                          const std::map<AgentId, HaveSet>& have) {
     for (const auto& [key, content] : acknowledged_) CheckHas(agent, key, records, have);
@@ -627,7 +630,7 @@ class Mission {
       if (key.stream.origin == origin) CheckHas(origin, key, records, have);
     }
     for (const auto& [key, content] : records.at(origin)) {
-      // Also checks records that were not acknowledged.
+      // This also checks records whose insert was not acknowledged.
       if (key.stream.origin == origin) CheckHas(2, key, records, have);
     }
     for (const auto& [key, stream] : claimed_[origin].streams()) {
@@ -637,7 +640,8 @@ class Mission {
     }
   }
 
-  // No session stays open, no message is repeated permanently, and no crash made a peer send invalid messages.
+  // Checks that no session stays open, that no message is repeated permanently, and that no crash made a peer send
+  // invalid messages.
   void CheckQuiet() {
     const std::uint64_t bytes = team_.radio_bytes();
     Advance(seconds(120));
@@ -655,7 +659,7 @@ class Mission {
     }
   }
 
-  // Leader and survivor must merge all their records into the same map.
+  // Checks that leader and survivor merge their records into the same map.
   void CheckServices(const proto::RoleAssignment& roles) {
     Optimize();
     for (const auto kind : {proto::SHARING_KIND_SYNC, proto::SHARING_KIND_REPLICATION}) {
@@ -674,13 +678,13 @@ class Mission {
   const TemporaryFolder folder_;
   MissionReport report_;
   bool is_quiet_ = false;
-  AgentId dying_ = 0;                            // The agent to kill as soon as its present handler ends.
+  AgentId dying_ = 0;                            // The agent to kill when its present handler ends. 0: none.
   std::map<AgentId, MonotonicTime> restart_at_;  // Restart times of killed agents.
   std::uint64_t call_count_ = 0;
-  Records acknowledged_;                // Records acknowledged to robots.
-  std::map<AgentId, HaveSet> claimed_;  // All records in the have-sets that each agent ever sent.
-  std::map<AgentId, int> batches_;      // Batches that each agent sent.
-  std::map<AgentId, int> answers_;      // Have-sets that each agent sent.
+  Records acknowledged_;                // Records whose insert was acknowledged to a robot.
+  std::map<AgentId, HaveSet> claimed_;  // Union of all have-sets that each agent sent.
+  std::map<AgentId, int> batches_;      // Number of batches that each agent sent.
+  std::map<AgentId, int> answers_;      // Number of have-sets that each agent sent.
   SimulatedTeam team_;
   const MonotonicTime start_ = team_.now();
 };

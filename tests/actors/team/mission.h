@@ -1,10 +1,9 @@
-// A small mission of three rovers and a base station with all standard actors, in which faults strike, and the
-// invariants that must hold afterwards.
+// Simulates a small mission of three rovers and a base station with all standard actors, strikes it with faults, and
+// then checks invariants.
 //
-// Robots insert states, nodes, edges and maps at their gateways. An operator collects them at the leader, replicates,
-// optimizes and merges, and swaps the roles of leader and survivor half-way. Robots and operator repeat requests that
-// get no answer in time, as users of Client do. Then the faults stop, the operator shares once more, and everything is
-// checked.
+// Robots insert records at their agents. An operator syncs, replicates, optimizes and merges at the leader, and swaps
+// the roles of leader and survivor half-way. Robots and operator repeat requests that get no answer in time. When the
+// faults have stopped, the operator shares once more, and all invariants are checked.
 #pragma once
 
 #include <cstdint>
@@ -24,16 +23,17 @@ struct Strike {
 struct MissionReport {
   std::vector<std::string> handled;  // Each message before the faults stopped, for example "storage insert_request".
   std::vector<std::string> struck;   // For each strike, the actor, the message and the time.
-  std::vector<std::string> faults;   // Violated invariants. Empty if all hold.
+  std::vector<std::string> faults;   // Descriptions of violated invariants. Empty if all hold.
   std::size_t kept_count = 0;        // For RunLosses: number of other agents' records that the survivor holds.
 };
 
 // Runs a mission to its end in a temporary folder. Equal arguments give equal runs.
 MissionReport RunMission(std::uint64_t seed, const std::vector<Strike>& strikes);
 
-// Runs a mission in which rover 3's link is cut permanently once its `batches`-th batch is in flight to the collecting
-// leader. The leader is lost permanently once the survivor has acknowledged `batches` replicated batches. Then the
-// survivor takes the lead, solves and merges. It must hold and use all records that it acknowledged.
+// Runs a mission that loses two agents permanently. Rover 3 is cut off when its `batches`-th batch of the sync is in
+// flight to the leader, agent 1. Agent 1 is lost when the survivor, agent 2, has acknowledged `batches` batches of the
+// replication. Then the survivor takes the lead, solves and merges. The survivor must hold and use all records that it
+// acknowledged.
 MissionReport RunLosses(std::uint64_t seed, int batches);
 
 std::string ToString(const Strike& strike);

@@ -21,7 +21,7 @@ TEST_F(DataFolderTest, DefaultIsBesideTheTeamFile) {
   EXPECT_EQ(DefaultDataRoot("."), std::filesystem::current_path() / "moondb-data");
 }
 
-// A team with agents 1 (rover1) and 2 (rover2).
+// A team with the agents 1 (rover1) and 2 (rover2).
 class DataOwnerTest : public testing::Test {
  protected:
   DataOwnerTest() {
@@ -112,7 +112,7 @@ TEST_F(DataFolderTest, OneProcessLocksItAtATime) {
     const auto second = DataFolderLock::Take(folder_);
     ASSERT_FALSE(second.has_value());
     EXPECT_EQ(second.error().code, ErrorCode::kRefused);
-    EXPECT_EQ(OwnerOf(folder_), ::getpid());  // Asking for the owner does not release the lock.
+    EXPECT_EQ(OwnerOf(folder_), ::getpid());  // OwnerOf does not release the lock.
   }
   EXPECT_EQ(OwnerOf(folder_), 0);
   EXPECT_TRUE(DataFolderLock::Take(folder_).has_value());

@@ -62,7 +62,7 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
     CommandContext context{"."};
     Command app(kProgramName, kProgramDescription);
     AddCommandLine(app, context);
-    // The shell, not moonctl, handles the redirection after >.
+    // The shell handles the redirection, not moonctl.
     const auto stop = app.Parse(example.substr(0, example.find(" > ")));
     ASSERT_FALSE(stop.has_value()) << stop->error;
     EXPECT_TRUE(context.action != nullptr);
@@ -70,7 +70,6 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
   }
 }
 
-// The pages of docs/commands must show each command at least once as it is typed.
 TEST_F(CommandLineTest, ShowsEveryCommandInAPage) {
   std::string pages;
   for (const auto& entry : std::filesystem::directory_iterator(MOONDB_COMMAND_PAGES)) {

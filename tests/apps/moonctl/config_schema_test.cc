@@ -16,7 +16,7 @@ using google::protobuf::Struct;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-// Validates YAML by the subset of JSON Schema that the team file's schema uses.
+// Validates YAML against a JSON schema. Supports only the keywords that the team file's schema uses.
 class Validator {
  public:
   Validator() { EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(TeamFileSchema(), &root_).ok()); }

@@ -14,7 +14,7 @@ using testing::ElementsAre;
 
 constexpr StreamKey kStream{2, 7, proto::POSE_GRAPH_NODE};
 
-// Hashes of one agent's records of kStream, by seq.
+// Hashes of the records of kStream at one agent, by seq.
 using Hashes = std::map<std::uint64_t, std::uint64_t>;
 
 Hashes SomeHashes(std::uint64_t count) {
@@ -59,7 +59,7 @@ TEST(FingerprintsTest, FindsDifferencesByBisection) {
   EXPECT_EQ(asked, 2);
 
   Hashes damaged = sound;
-  damaged[450] ^= 1;  // Differing does not compare seq 450.
+  damaged[450] ^= 1;  // Seq 450 is not held, so it is not compared.
   EXPECT_THAT(Differing(sound, damaged, 10, asked), ElementsAre());
   damaged[1] ^= 1 << 9;
   damaged[400] ^= 1;
@@ -82,7 +82,8 @@ TEST(FingerprintsTest, ReturnsAnErrorAtOnce) {
   EXPECT_EQ(FindDiffering(held, Asking(sound, asked), failing, 10).error().code, ErrorCode::kTimedOut);
 }
 
-// Returns the answers of an agent whose records have their seq as hash. Each answer covers `per_answer` records.
+// Returns the answers of a fake agent. The hash of each of its records is the record's seq, and each answer covers
+// `per_answer` records.
 FakeAgent::Answer InParts(std::uint64_t per_answer) {
   return [per_answer](const proto::ClientMessage& request) {
     const proto::StreamHave& stream = request.control_request().fingerprint().stream();

@@ -71,7 +71,7 @@ TEST(GraphImportTest, ComposesRawPosesFromOdometryAndNeverTakesLaterVertices) {
   EXPECT_EQ(import->left_out_count, 2u);  // The landmark M0 and its range.
 
   const auto& rover2 = import->records.at(20);
-  ASSERT_EQ(rover2.size(), 4u);  // Two nodes, an odometry step and the range to the base station.
+  ASSERT_EQ(rover2.size(), 4u);  // Two nodes, an odometry step, and the range to the base station.
   const auto& node = rover2[1].pose_graph_node();
   EXPECT_EQ(node.node().index(), 1u);
   EXPECT_NEAR(node.map_from_node().position_m().x(), 5, 1e-12);

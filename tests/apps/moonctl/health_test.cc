@@ -51,7 +51,7 @@ TEST_F(HealthTest, FindsWhoCannotStoreItsRolesAndJudgesTheOthersByThem) {
   proto::AgentStatus& deposed = Status(2);
   deposed.mutable_roles()->mutable_term()->set_number(5);
   *deposed.mutable_unstored_roles() = deposed.roles();
-  deposed.mutable_roles()->clear_survivor();  // Agent 2 has no role until it can store term 5.
+  deposed.mutable_roles()->clear_survivor();  // Until agent 2 can store term 5, it has no role.
   *Status(1).mutable_roles() = deposed.unstored_roles();
   EXPECT_THAT(Of(1), IsEmpty());
   EXPECT_THAT(Of(2), ElementsAre("cannot store term 5 (leader rover1, survivor rover2): until it can it neither leads "

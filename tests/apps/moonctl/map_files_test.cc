@@ -43,7 +43,7 @@ TEST_F(MapFilesTest, APngLiesWhereItsWorldFileSays) {
   for (const std::string_view line : Split(text, '\n')) {
     if (!line.empty()) world.push_back(*ParseDouble(line));
   }
-  // World coordinates of the centre of the hazard's pixel.
+  // Compare the world coordinates of the centre of the hazard's pixel.
   ASSERT_EQ(image.At(20, 20)[0], 139);
   EXPECT_NEAR(world[0] * 20 + world[2] * 20 + world[4], (-100 + 50.5) * 0.05, 1e-12);
   EXPECT_NEAR(world[1] * 20 + world[3] * 20 + world[5], (20 + 40.5) * 0.05, 1e-12);
@@ -57,8 +57,8 @@ TEST_F(MapFilesTest, EachFormatHoldsTheNotes) {
   }
 }
 
-// Paths of the two files of an export. The signal handler LookAtFiles checks whether an interrupted process would leave
-// only one of the files.
+// Paths of the two files of an export. The signal handler LookAtFiles counts how often the first file exists without
+// the second.
 char picture_file[256];
 char text_file[256];
 std::atomic<int> half_count = 0;

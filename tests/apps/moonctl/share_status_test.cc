@@ -48,7 +48,7 @@ TEST(ShareStatusTest, MakesNoEstimateWithoutData) {
   EXPECT_EQ(PaceOf(session).eta_s, std::nullopt);
 
   session = Sending();
-  session.set_session_s(0);  // The session is closed or did not answer.
+  session.set_session_s(0);  // The session is closed, or the receiver did not answer.
   EXPECT_EQ(PaceOf(session).bytes_per_s, std::nullopt);
   EXPECT_EQ(PaceOf(session).eta_s, std::nullopt);
 

@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-// Returns true if no hazard cell lies under a rover's body (0.75 m x 0.5 m) at this pose.
+// Returns true if a rover's body (0.75 m x 0.5 m) at this pose covers no hazard cell.
 bool IsBodySafe(const Terrain& terrain, const Eigen::Vector2d& position_m, double yaw_rad) {
   const Pose pose = Pose::FromPlanar(position_m.x(), position_m.y(), yaw_rad);
   for (double x = -0.375; x <= 0.376; x += 0.025) {
@@ -88,13 +88,13 @@ TEST(CrowdedDriveTest, RoversWaitRatherThanComeTooNear) {
       }
     }
     EXPECT_GE(least_m, options.separation_m - 1e-9);
-    EXPECT_LT(least_m, options.separation_m + 0.5);  // Rovers come so close that some must wait.
+    EXPECT_LT(least_m, options.separation_m + 0.5);  // Some rovers come close to the limit, so waiting is tested.
     EXPECT_GT(steps, 100);
   }
 }
 
 TEST(LeastDistanceTest, FindsTheInstantBetweenNodes) {
-  // Two rovers cross the same place at the same time, though the ends of their paths are far apart.
+  // Two rovers meet halfway, although the ends of their paths are far apart.
   EXPECT_NEAR(LeastDistance({-1, 0}, {1, 0}, {0, -1}, {0, 1}), 0, 1e-12);
   EXPECT_NEAR(LeastDistance({0, 0}, {0, 0}, {-2, 1}, {2, 1}), 1, 1e-12);
   EXPECT_NEAR(LeastDistance({0, 0}, {5, 0}, {0, 3}, {5, 3}), 3, 1e-12);

@@ -30,7 +30,7 @@ TEST(MeasurementTest, OdometryDriftsByOneToTwoPercentOfTheWay) {
       for (std::size_t i = 1; i < nodes.size(); ++i) {
         way_m += (nodes[i].map_from_node.position_m - nodes[i - 1].map_from_node.position_m).norm();
       }
-      // Many draws over the same path: their mean depends on the model and hardly on the seed.
+      // The mean of many draws over one path hardly depends on the seed.
       for (int draw = 0; draw < 40; ++draw) {
         Pose pose = nodes.front().map_from_node;
         for (const OdometryEdge& edge : MeasureOdometry(nodes, OdometryOptions(), random)) {
@@ -81,7 +81,7 @@ TEST(MeasurementTest, RangesAreBetweenAntennasWithBiasAndBursts) {
   RangeOptions options;
   Random random(6);
   const std::vector<RangeEdge> ranges = MeasureRanges(agents, truth, kNodes, 10, options, random);
-  ASSERT_EQ(ranges.size(), 1000u);  // One at every third node of rover 1. Other pairs are over 40 m apart.
+  ASSERT_EQ(ranges.size(), 1000u);  // One range at every third node of rover 1. Other pairs are over 40 m apart.
   const double true_m = std::sqrt(4.0 * 4 + 2 * 2);
   double too_long = 0, too_short = 0, good_sum = 0, good = 0;
   for (const RangeEdge& range : ranges) {
@@ -98,7 +98,7 @@ TEST(MeasurementTest, RangesAreBetweenAntennasWithBiasAndBursts) {
   EXPECT_GT(too_long, 10);
   EXPECT_LT(too_long, 120);
   EXPECT_LT(std::abs(good_sum / good), 0.4);
-  EXPECT_GT(std::abs(good_sum / good), 0.005);  // The pair's own bias does not average out.
+  EXPECT_GT(std::abs(good_sum / good), 0.005);  // The bias of the pair does not average out.
 }
 
 }  // namespace

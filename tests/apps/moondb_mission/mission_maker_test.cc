@@ -55,7 +55,8 @@ TEST_F(MissionMakerTest, ReaderAcceptsWhatItMakes) {
     ASSERT_TRUE(grids) << ToString(grids.error());
     for (std::size_t layer = 0; layer < 4; ++layer) EXPECT_EQ(grids->layers[layer].grid, same->layers[layer].grid);
   }
-  // The raw poses in the files equal the written ones, which come from start pose and odometry, not from the truth.
+  // The raw poses are restored from the files. They come from the start pose and the odometry, so they differ from the
+  // truth.
   const std::map<NodeKey, Pose> raw = PosesOf(made->mission.graph);
   EXPECT_LT(CompareTrajectories(PosesOf(read->graph), raw, RoverIds(*read)).max_m, 1e-9);
   EXPECT_GT(CompareTrajectories(raw, made->mission.truth, RoverIds(*read)).rmse_m, 0.01);
@@ -81,7 +82,7 @@ TEST_F(MissionMakerTest, TruthStandsInVerticesAlone) {
   const Mission& mission = made->mission;
   for (const MissionAgent& agent : mission.agents) {
     if (agent.is_base_station) continue;
-    // The error of a start pose is drawn at random with sigma start_sigma_m, and is never zero.
+    // The error of a start pose has the standard deviation start_sigma_m, and is never exactly zero.
     const double off_m = (agent.start.position_m - mission.truth.at({agent.id, 0}).position_m).norm();
     EXPECT_GT(off_m, 1e-4);
     EXPECT_LT(off_m, 5 * agent.start_sigma_m);

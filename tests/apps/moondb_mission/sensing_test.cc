@@ -12,7 +12,8 @@ TerrainOptions FlatOptions() {
   TerrainOptions options;
   options.side_m = 40;
   options.crater_share = 0;
-  options.rock_diameter_min_m = 2.49;  // Only the largest rocks, none in the landing area.
+  // Only the largest rocks exist. landing_radius_m keeps them away from the lander.
+  options.rock_diameter_min_m = 2.49;
   options.landing_radius_m = 25;
   return options;
 }
@@ -38,7 +39,7 @@ class SensingTest : public testing::Test {
 };
 
 TEST_F(SensingTest, SeesTheLanderAndNothingBehindIt) {
-  // The camera looks at the lander from 4 m; the lander's near side is 3.2 m away.
+  // The camera is 4 m from the lander's centre, and 3.2 m from its near side.
   const TraversabilityMap map = Sense(terrain_, {1, 0}, Pose::FromPlanar(-4.2, 0, 0), 0, {}, PerfectCamera(), random_);
   ASSERT_EQ(map.layers.size(), 4u);
   EXPECT_EQ(map.node, (NodeKey{1, 0}));
@@ -47,7 +48,7 @@ TEST_F(SensingTest, SeesTheLanderAndNothingBehindIt) {
   EXPECT_EQ(CellAt(map, 1, 3.25, 0), Cell::kHazard);
   EXPECT_EQ(CellAt(map, 2, 6.0, 0), Cell::kUnknown);
   EXPECT_EQ(CellAt(map, 2, 6.0, 5.0), Cell::kFree);
-  EXPECT_EQ(CellAt(map, 1, -2.0, 0), Cell::kUnknown);  // A cell behind the camera.
+  EXPECT_EQ(CellAt(map, 1, -2.0, 0), Cell::kUnknown);  // This cell is behind the camera.
 }
 
 TEST_F(SensingTest, TurningSweepsTheView) {
@@ -67,7 +68,7 @@ TEST_F(SensingTest, OtherRoversAreObstacles) {
 }
 
 TEST_F(SensingTest, ErrorGrowsWithDistance) {
-  // Returns the standard deviation of the measured distance to the lander's near side.
+  // Returns the standard deviation of the measured distances to the lander's near side.
   const auto spread_m = [this](double distance_m) {
     CameraOptions options = PerfectCamera();
     options.depth_error_per_m = 0.004;

@@ -76,7 +76,7 @@ TEST(TerrainTest, HighRocksAreHazardsAndLowOnesAreNot) {
     EXPECT_NEAR(terrain.SurfaceM(rock.center_m) - terrain.GroundM(rock.center_m), rock.height_m, 0.25 * rock.height_m);
   }
   EXPECT_GT(hazards, 20);
-  // Hazard cells cover about the area that the rock model gives for high rocks. Low rocks add no hazard cells.
+  // The area of the hazard cells is about the area of high rocks in the rock model. Low rocks are no hazards.
   const MergedMap map = terrain.HazardMap();
   double hazard_cells = 0;
   for (const Cell cell : map.grid.cells) hazard_cells += cell == Cell::kHazard;

@@ -11,8 +11,8 @@ namespace {
 
 using testing::ElementsAre;
 
-// A mission with a base station and one rover, which has three nodes 10 s apart, each with a map. One range leads from
-// the rover's second node to the base station, the other from the base station to the rover's third node.
+// A mission with a base station and one rover. The rover has three nodes 10 s apart, each with a map. There are two
+// ranges: from the rover's second node to the base station, and from the base station to the rover's third node.
 class FeedPlanTest : public testing::Test {
  protected:
   FeedPlanTest() {
@@ -72,7 +72,7 @@ class FeedPlanTest : public testing::Test {
 TEST_F(FeedPlanTest, OrdersByTimestampWithStatesAndNodesFirstAndMapsLast) {
   using R = proto::Record;
   EXPECT_THAT(Bodies(Plan(1, all_)),
-              ElementsAre(R::kAwakeStatus, R::kMode, R::kPoseGraphNode, R::kLocalTraversabilityMap,  // At 0 s.
+              ElementsAre(R::kAwakeStatus, R::kMode, R::kPoseGraphNode, R::kLocalTraversabilityMap,  // Records at 0 s.
                           R::kPoseGraphNode, R::kPoseGraphEdge, R::kPoseGraphEdge, R::kLocalTraversabilityMap,
                           R::kPoseGraphNode, R::kPoseGraphEdge, R::kLocalTraversabilityMap));
 }
@@ -88,7 +88,7 @@ TEST_F(FeedPlanTest, SplitsAMissionIntoHalvesThatMeet) {
   const std::size_t first = Plan(1, {INT64_MIN, Timestamp(1)}).size();
   const std::size_t second = Plan(1, {Timestamp(1), INT64_MAX}).size();
   EXPECT_EQ(first, 4u);
-  EXPECT_EQ(second, Plan(1, all_).size() - first + 2);  // Each half begins with the two states.
+  EXPECT_EQ(second, Plan(1, all_).size() - first + 2);  // Each half begins with two states.
 }
 
 TEST_F(FeedPlanTest, NeverFeedsGroundTruth) {

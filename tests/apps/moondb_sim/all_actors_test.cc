@@ -1,4 +1,4 @@
-// Simulated missions with every standard actor: the rules hold, and the missions reach all rare states.
+// Runs simulated missions with every standard actor. No invariant may be violated, and all rare states must occur.
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 
@@ -16,8 +16,7 @@ namespace {
 
 constexpr std::uint64_t kSeeds = 24;
 
-// Returns the number of seeds: kSeeds, or a twelfth of MOONDB_SIM_SEEDS. That variable is the number of seeds of the
-// test with sharing actors only.
+// Returns kSeeds, or a twelfth of MOONDB_SIM_SEEDS (the number of seeds of simulated_mission_test.cc) if it is set.
 std::uint64_t SeedCount() {
   const char* text = std::getenv("MOONDB_SIM_SEEDS");
   return text == nullptr ? kSeeds : static_cast<std::uint64_t>(std::max(1, std::atoi(text) / 12));

@@ -9,7 +9,7 @@ namespace {
 
 constexpr StreamKey kPowers{1, 5, proto::POWER};
 
-// Agent 1 holds three states and leads in term 2, which is stored on its disk.
+// Returns facts of agent 1, which holds three states and leads in term 2. The term is stored on its disk.
 AgentFacts Facts() {
   AgentFacts facts;
   facts.self = 1;

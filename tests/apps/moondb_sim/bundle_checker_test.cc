@@ -42,7 +42,7 @@ proto::DownlinkRequest Acknowledge(std::uint32_t number) {
 
 class BundleCheckerTest : public testing::Test {
  protected:
-  // Makes bundle `number` with state `seq` and fetches it.
+  // Makes bundle `number` with state `seq`, and fetches the bundle.
   void Make(std::uint32_t number, std::uint64_t seq) {
     const std::string file = FileOf(number, seq);
     proto::DownlinkBundle& bundle = *waiting_.add_waiting();

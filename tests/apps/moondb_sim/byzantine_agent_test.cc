@@ -1,5 +1,5 @@
-// Messages of a Byzantine agent reach honest agents. In teams without signing keys, some of these messages break the
-// simulation's rules. In teams with keys, none does.
+// Tests that messages of a Byzantine agent reach honest agents. Some of these messages violate invariants in teams
+// without signing keys, and none does in teams with keys.
 #include "apps/moondb_sim/byzantine_agent.h"
 
 #include <gtest/gtest.h>
@@ -49,7 +49,7 @@ TEST_P(AttackTest, IsHeardAndBreaksNoRuleOfATeamWithKeys) {
   EXPECT_TRUE(report.violations.empty());
   for (const AttackKind& kind : AttackKinds()) {
     const bool is_heard = report.rare.contains(RareStateOf(kind));
-    // The attack "order" addresses gateways, which do not exist in a mission with sharing actors only.
+    // The attack "order" needs gateways, which this mission does not have.
     EXPECT_EQ(is_heard, kind.name == GetParam().name && kind.name != "order") << kind.name;
   }
 }

@@ -22,8 +22,8 @@ proto::Record State(double battery_ratio) {
 
 class ByzantineCheckerTest : public testing::Test {
  protected:
-  // Shows the checker a request to agent 2's storage to store the record, and a reply with these counts. Returns true
-  // if the Byzantine agent caused all rejections.
+  // Shows the checker a StoreRequest with this record to agent 2's storage, and the StoreReply with these counts.
+  // Returns the result of OnStoreReply: true if the Byzantine agent caused all rejections.
   bool Store(AgentId sender, const RecordKey& key, const proto::Record& record, std::uint32_t stored_count,
              std::uint32_t rejected_count = 0) {
     proto::Message request;

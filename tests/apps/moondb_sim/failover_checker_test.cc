@@ -53,7 +53,7 @@ class FailoverCheckerTest : public testing::Test {
     roles.mutable_term()->set_number(++term_);
     (void)Handle(actor_name::kFailover, message, at_s);
   }
-  // Lets the survivor take the lead at `at_s`. Returns the violation, or "" if the change is allowed.
+  // The survivor takes the lead at `at_s`. Returns the violation, or "" if there is none.
   std::string TakeLead(int at_s) {
     proto::Message timer;
     timer.mutable_timer();

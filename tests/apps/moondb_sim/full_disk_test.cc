@@ -1,4 +1,5 @@
-// A store on a simulated disk that is nearly full, full or failing: which operations it refuses, and which still work.
+// Tests a store on a simulated disk that is nearly full, full or failing: which operations fail, and which still
+// succeed.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>

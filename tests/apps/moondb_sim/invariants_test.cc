@@ -1,4 +1,4 @@
-// Cases that the rules must accept or report, among them cases that few seeds reach.
+// Tests the simulator's invariants directly, including cases that few seeds reach.
 #include "apps/moondb_sim/invariants.h"
 
 #include <gmock/gmock.h>
@@ -47,8 +47,8 @@ class RulesTest : public testing::Test {
     rules_.SeeRecord(key, record.SerializeAsString(), agent);
   }
 
-  // Checks an idle team of leader 1, survivor 2 and base station 3 with these have-sets. Each agent stores the records
-  // that its have-set holds.
+  // Checks an idle team of leader 1, survivor 2 and base station 3 with these have-sets. Each agent stores exactly the
+  // records that it holds.
   void Rest(const HaveSet& leaders, const HaveSet& survivors, const HaveSet& bases) {
     QuiescentTeam team{1, 2, 3, {{1, leaders}, {2, survivors}, {3, bases}}, {}};
     for (const auto& [agent, have] : team.have) {
@@ -162,7 +162,7 @@ TEST_F(RulesTest, WhatIsPrunedIsOwedToNobodyUnlessSomebodyHoldsIt) {
   Insert(2, key, {});
   Rest(Have({}, {key}), Have({key}), Have({}, {key}));
   Rest(Have({key}), Have({}, {key}), Have({}, {key}));
-  Rest(Have({}), Have({}, {key}), Have({}, {key}));  // The leader's disk was lost, and no agent holds the record.
+  Rest(Have({}), Have({}, {key}), Have({}, {key}));  // The leader's disk was lost, and no other agent holds the record.
   EXPECT_THAT(broken_, IsEmpty());
   Rest(Have({}), Have({}, {key}), Have({key}));
   EXPECT_THAT(broken_, ElementsAre("nothing_lost"));
@@ -221,7 +221,7 @@ TEST_F(RulesTest, DamagedStateTakesThoseThatItReplacedWithIt) {
   const RecordKey first = Key(1, 5, proto::POWER, 1);
   const RecordKey second = Key(1, 5, proto::POWER, 2);
   Insert(1, first, State());
-  rules_.ForgetRecord(1, second);  // No other agent received this record.
+  rules_.ForgetRecord(1, second);  // No other agent received the record `second`.
   rules_.CheckHave(1, HaveSet());
   EXPECT_THAT(broken_, IsEmpty());
 }

@@ -70,8 +70,8 @@ class OtherActor : public Actor {
   const std::unique_ptr<Actor> actor_;
 };
 
-// `hears` inspects each message that an actor receives, `says` each message that it sends. Both may change the message,
-// and drop it by returning false.
+// `hears` is called with each message that an actor receives, and `says` with each message that the actor sends. Each
+// may change the message, or return false to drop the message.
 struct Hooks {
   std::function<bool(Context& context, proto::Message& message)> hears;
   std::function<bool(Context& context, const Address& to, proto::Message& message)> says;
@@ -114,7 +114,8 @@ class HookedActor final : public OtherActor {
   const Hooks hooks_;
 };
 
-// Draws the same random numbers at each start, and so the same epoch again after its disk was lost.
+// Draws the same random numbers at each start. After the loss of its disk, the agent therefore uses the same epoch
+// again.
 class WithoutEpochs final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -132,7 +133,8 @@ class WithoutEpochs final : public OtherActor {
   }
 };
 
-// Believes that a destination still covers all records that it ever acknowledged, as a log per destination would.
+// Treats all records that a destination ever acknowledged as still covered, even after the destination has lost its
+// disk.
 class CachedAcknowledgments final : public OtherActor {
  public:
   using Cache = std::map<std::pair<Address, AgentId>, HaveSet>;
@@ -203,8 +205,8 @@ class WithoutTerms final : public OtherActor {
   std::uint64_t highest_ = 0;
 };
 
-// A restarted leader reuses its last term. Until the leader saves a term, the mutant lowers the term's number in
-// messages to the role actor. The actor draws the same random epoch after each restart.
+// A restarted leader reuses its last term. Until it has saved a term, the mutant lowers the number of its last term in
+// messages to the role actor. The actor draws the same epoch after each restart.
 class WithoutANewTerm final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -276,8 +278,7 @@ class NewestByClock final : public OtherActor {
   std::map<AgentId, std::int64_t> newest_ns_;
 };
 
-// A destination keeps only the last note of each origin and latest key in a store request. It should keep all notes
-// that are not states.
+// Stores only the last note of each origin and latest key in a store request, although notes are not states.
 bool TakeTheLastNotes(Context&, proto::Message& message) {
   if (!message.has_store_request()) return true;
   proto::StoreRequest& request = *message.mutable_store_request();
@@ -303,7 +304,7 @@ bool TakeTheLastNotes(Context&, proto::Message& message) {
   return true;
 }
 
-// Stores an optimized pose only if the pose's node arrived before, but always reports the pose as covered.
+// Drops optimized poses whose node has not arrived yet, but reports them as covered.
 class UpdateNeedsItsRow final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -347,8 +348,8 @@ class UpdateNeedsItsRow final : public OtherActor {
   std::set<std::string> nodes_;
 };
 
-// Base of mutants that decide which optimized poses to keep. Poses that a mutant drops are missing in read replies, and
-// have-sets report them as dropped.
+// Base of mutants that drop optimized poses. Dropped poses are missing in read replies, and have-sets report them as
+// dropped.
 class DropsPoses : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -381,15 +382,16 @@ class DropsPoses : public OtherActor {
           const RecordKey key = FromProto(records->Get(i).key());
           if (!mutant_.dropped_.Get(key.stream).dropped.Contains(key.seq)) continue;
           records->DeleteSubrange(i, 1);
-          if (i + 1 < row_ids->size())
-            row_ids->erase(row_ids->begin() + i);  // Keep the last row id, which shows how far storage has read.
+          // Keep the last row id, which is the position for the next read.
+          if (i + 1 < row_ids->size()) row_ids->erase(row_ids->begin() + i);
         }
       }
       void AddTo(proto::HaveSet& reported) const {
         HaveSet have = *FromProto(reported);
         for (const auto& [stream, dropped] : mutant_.dropped_.streams()) {
           const IntervalSet covered = have.Get(stream).Covered();
-          have[stream].dropped.Add(covered.Minus(covered.Minus(dropped.dropped)));  // Only records that storage covers.
+          // Report a record as dropped only if storage covers the record.
+          have[stream].dropped.Add(covered.Minus(covered.Minus(dropped.dropped)));
           have[stream].held = have[stream].held.Minus(dropped.dropped);
         }
         reported = ToProto(have);
@@ -410,7 +412,7 @@ class DropsPoses : public OtherActor {
   HaveSet dropped_;
 };
 
-// Keeps each node's optimized pose that arrived last, regardless of the pose's author and term.
+// Keeps only the last optimized pose of each node to arrive, regardless of its author and term.
 class LastPoseHeard final : public DropsPoses {
  public:
   using DropsPoses::DropsPoses;
@@ -442,7 +444,7 @@ class PosesByEpoch final : public DropsPoses {
   std::map<std::pair<AgentId, std::string>, RecordKey> highest_;
 };
 
-// If storage reissues a state under a new key, the agent does not send the reissued state to the team.
+// Hides states that storage reissues under a new key, so that they are not sent to the team.
 class KeepsReissuedToItself final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -460,7 +462,7 @@ class KeepsReissuedToItself final : public OtherActor {
       }
 
      private:
-      // Returns the record's content without the marks that the agent added.
+      // Returns the record's content without the marks that the agent sets.
       static std::string Name(proto::Record record) {
         record.clear_is_clock_suspect();
         record.clear_is_state();
@@ -485,11 +487,11 @@ class KeepsReissuedToItself final : public OtherActor {
   }
 
  private:
-  std::map<std::string, RecordKey> first_keys_;  // The key under which each content was first inserted.
+  std::map<std::string, RecordKey> first_keys_;  // First key of each record content.
 };
 
-// For each epoch that a peer reports, storage also receives an invented later epoch that covers no other epoch. Storage
-// then reissues states regardless of what the authors of later states knew.
+// Adds an invented later epoch, which covers no other epoch, for each epoch that a peer reports. Storage therefore
+// reissues states even if a later state's author knew them.
 class ReissuesWhateverWasKnown final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -506,7 +508,7 @@ class ReissuesWhateverWasKnown final : public OtherActor {
   }
 };
 
-// Drops an older state as soon as a newer one arrives, but stores the newer one 2 s later.
+// Reports an older state as dropped as soon as a newer one arrives, but stores the newer one 2 s later.
 class DropsBeforeTheSuperseder final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -516,7 +518,8 @@ class DropsBeforeTheSuperseder final : public OtherActor {
       DroppingFirst(Context& context, const DropsBeforeTheSuperseder& mutant)
           : OtherContext(context), mutant_(mutant) {}
       SendResult Reply(OwnedMessage message) override {
-        if (sender() == self()) return SendResult::kAccepted;  // Drop the answer to a delayed message.
+        // Drop the reply to a delayed message. It would go to this actor itself.
+        if (sender() == self()) return SendResult::kAccepted;
         if (message->has_have_reply()) mutant_.Drop(*message->mutable_have_reply()->mutable_have());
         if (message->has_store_reply()) mutant_.Drop(*message->mutable_store_reply()->mutable_covered());
         return OtherContext::Reply(std::move(message));
@@ -567,7 +570,7 @@ class DropsBeforeTheSuperseder final : public OtherActor {
   std::map<StreamKey, std::uint64_t> newest_;
 };
 
-// Answers a failed insert of a node as if the node had been stored under the next key.
+// Answers a failed insert of a node as if the node were stored under the next key.
 class AcknowledgesFailedInserts final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -669,9 +672,9 @@ Applies Says(const char* actor_name, decltype(Hooks::says) says) {
   return Hooked(actor_name, {nullptr, std::move(says)});
 }
 
-// Each batch reports that the last order of its destination has ended.
+// Every batch claims that the newest order of its destination has ended, even if records are still missing.
 void ReportTheEndTooSoon(SimOptions& options) {
-  using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // Last order, by agent and requester.
+  using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // Newest order, by agent and requester.
   const auto orders = std::make_shared<Ends>();
   Hooks hooks;
   hooks.hears = [orders](Context& context, proto::Message& message) {
@@ -689,7 +692,7 @@ void ReportTheEndTooSoon(SimOptions& options) {
   Hooked(actor_name::kSync, std::move(hooks))(options);
 }
 
-// Removes incomplete pairs from every progress report, and reports completion.
+// Removes the incomplete pairs of agents from every progress report, and reports completion.
 bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
   if (!message.has_share_reply() || !message.share_reply().has_progress()) return true;
   proto::ShareProgress& progress = *message.mutable_share_reply()->mutable_progress();
@@ -703,7 +706,7 @@ bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
 // Does not send states that were stored after the order was accepted.
 void KeepNewStatesBack(SimOptions& options) {
   struct Storage {
-    std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // Last mark, by destination and kind.
+    std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // Last MissingRequest::mark, by destination and kind.
     std::map<std::pair<AgentId, int>, std::set<RecordKey>> came_after;
     std::pair<AgentId, int> asked;
   };
@@ -740,7 +743,7 @@ void KeepNewStatesBack(SimOptions& options) {
 void StoreNothingAfterAFullDisk(SimOptions& options) {
   for (const char* fault : {"full", "failing"}) options.faults_per_hour[fault] = 0;
   options.faults_per_hour["full_prune"] = 3;
-  // Shorter than the minute after a disk fault in which the rules still allow refused inserts.
+  // In the minute after a disk fault, the invariants allow refused inserts. This time is shorter.
   static constexpr std::chrono::seconds kRefuses(55);
   const auto full = std::make_shared<std::map<AgentId, MonotonicTime>>();
   Hooks hooks;
@@ -770,7 +773,7 @@ void CacheAcknowledgments(SimOptions& options) {
   };
 }
 
-// Sync and replica actors receive the leases of all agents only after `keeps` has changed them.
+// Calls `keeps` to change the leases before the sync and replica actors receive them.
 void HearLeases(SimOptions& options, std::function<void(AgentId self, proto::LeasesChanged& changed)> keeps) {
   Hooks hooks;
   hooks.hears = [keeps = std::move(keeps)](Context& context, proto::Message& message) {
@@ -804,7 +807,7 @@ bool IsOrderToPeer(Context& context, const Address& to, const proto::Message& me
   return message.has_share_request() && to.agent != context.self().agent;
 }
 
-// Gives all terms the same issuer, so terms with the same number are equal.
+// Removes the issuer from all terms, so that terms with the same number are equal.
 bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   const auto strip = [](proto::RoleAssignment& roles) {
     if (roles.term().number() == 0) return;
@@ -817,7 +820,7 @@ bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   return true;
 }
 
-// If the agent gives up roles because it cannot store them, its own actors are not notified.
+// Does not notify the agent's own actors if it gives up its roles because it cannot store them.
 bool KeepRoles(Context&, const Address&, proto::Message& message) {
   const proto::RoleAssignment& roles = message.roles_changed().roles();
   return !message.has_roles_changed() || (roles.leader() != 0 && roles.survivor() != 0);
@@ -842,7 +845,7 @@ bool LeavePosesOut(Context& context, proto::Message& message) {
   return true;
 }
 
-// The gateway treats requests that another agent relays as if the base station had sent them.
+// The gateway treats requests that a rover relays as if the base station had sent them.
 class RelaysForTheBase final : public OtherActor {
  public:
   RelaysForTheBase(std::unique_ptr<Actor> actor, AgentId base) : OtherActor(std::move(actor)), base_(base) {}
@@ -868,7 +871,7 @@ class RelaysForTheBase final : public OtherActor {
   const AgentId base_;
 };
 
-// Changes role assignments from a Byzantine agent: they then look decided and signed by the base station.
+// Signs role assignments of a Byzantine agent in the name of the base station.
 void TakeRolesOfAnybody(SimOptions& options) {
   options.attacks = {"announce"};
   const auto base = static_cast<AgentId>(options.RoverCount() + 1);
@@ -882,7 +885,7 @@ void TakeRolesOfAnybody(SimOptions& options) {
   })(options);
 }
 
-// Signs quarantines in the name of their origins before storage checks them, so storage accepts forged quarantines.
+// Signs quarantines in the name of their origins, so that storage accepts forged ones.
 bool SignQuarantines(const proto::TeamConfig& config, proto::Message& message) {
   if (!message.has_store_request() || !HasSigningKeys(config)) return true;
   for (proto::StoredRecord& stored : *message.mutable_store_request()->mutable_records()) {
@@ -897,7 +900,7 @@ bool SignQuarantines(const proto::TeamConfig& config, proto::Message& message) {
   return true;
 }
 
-// Agent 2 treats forged poses as solved by the leader of the newest role assignment.
+// Agent 2 accepts forged poses as if the current leader had solved them.
 void TakePosesOfAnybody(SimOptions& options) {
   options.attacks = {"pose"};
   Hears(actor_name::kMerge, [newest = proto::RoleAssignment()](Context& context, proto::Message& message) mutable {
@@ -915,7 +918,7 @@ void TakePosesOfAnybody(SimOptions& options) {
   })(options);
 }
 
-// Storage treats a Byzantine agent's edge between other agents' nodes as a record of the first node's agent.
+// Storage accepts a Byzantine agent's edge between nodes of other agents, as a record of the first node's agent.
 bool TakeStatements(Context&, proto::Message& message) {
   if (!message.has_store_request()) return true;
   for (proto::StoredRecord& stored : *message.mutable_store_request()->mutable_records()) {
@@ -929,7 +932,7 @@ bool TakeStatements(Context&, proto::Message& message) {
   return true;
 }
 
-// Agent 2 treats quarantines of a Byzantine agent as issued by the base station.
+// Agent 2 accepts a Byzantine agent's quarantines as if the base station had issued them.
 void CountQuarantinesOfAnybody(SimOptions& options) {
   options.byzantine = ByzantineSeeds::kAll;
   options.attacks = {"slander"};
@@ -944,7 +947,7 @@ void CountQuarantinesOfAnybody(SimOptions& options) {
   })(options);
 }
 
-// If agent 2 has no room for all maps, it merges the maps that arrived first.
+// If agent 2 cannot hold all maps, it keeps the maps that arrived first.
 void MergeTheMapsThatCameFirst(SimOptions& options) {
   Hears(actor_name::kMerge, [came = std::set<RecordKey>()](Context& context, proto::Message& message) mutable {
     if (context.self().agent != 2 || !message.has_read_reply()) return true;

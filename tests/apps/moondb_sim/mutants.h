@@ -1,6 +1,5 @@
-// Mutants: actors that break one rule on purpose, to test whether the simulator reports it. Nearly all wrap the real
-// actor, so production programs contain no code that breaks rules. The reported violation must be of a rule about the
-// broken behaviour.
+// Mutants: actors that each violate one invariant, to test whether the simulator reports it. Nearly all mutants wrap
+// the real actor, so production code contains no faults for tests.
 #pragma once
 
 #include <functional>
@@ -16,9 +15,10 @@ namespace moondb::simulation {
 struct Mutant {
   std::string name;
   std::string what;
-  std::vector<std::string> invariants;  // The first reported violation is of one of these rules.
-  std::uint64_t seeds = 0;              // At least one of the seeds from 1 to `seeds` breaks the rule.
-  // Installs the mutant for one run. Creates state that outlives the run's actors, so that runs do not share it.
+  std::vector<std::string> invariants;  // The first reported violation must be of one of these invariants.
+  std::uint64_t seeds = 0;              // At least one seed from 1 to `seeds` must cause a violation.
+  // Installs the mutant for one run. Makes new shared state, which survives restarts of actors but is not shared with
+  // other runs.
   std::function<void(SimOptions& options)> apply;
   SimulatedActors actors = SimulatedActors::kSharing;
   bool is_of_lies = false;        // Runs with a Byzantine agent; other mutants run without one.

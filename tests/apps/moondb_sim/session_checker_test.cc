@@ -16,7 +16,7 @@ using testing::IsEmpty;
 
 constexpr StreamKey kStream{2, 7, proto::LOCAL_TRAVERSABILITY_MAP};
 
-// Returns batch `number` with one record of random bytes. The record's seq equals the batch number.
+// Returns batch `number` with one record of `bytes` random bytes. The record's seq is the batch number.
 proto::Message Batch(std::uint32_t number, std::size_t bytes, std::uint64_t remaining) {
   static std::mt19937_64 rng(1);
   std::string content(bytes, '\0');

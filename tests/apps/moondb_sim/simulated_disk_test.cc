@@ -16,7 +16,7 @@ std::unique_ptr<Database> Open(const SimulatedDisk& disk) { return *Database::Op
 Result<void> Insert(Database& database, int number, Database::Durability durability) {
   Result<Transaction> transaction = Transaction::Begin(database, durability);
   if (!transaction) return tl::unexpected(transaction.error());
-  // Two rows in one transaction: the disk must keep both or none.
+  // Inserts two rows in one transaction. The disk must keep both or none.
   for (int i = 0; i < 2; ++i) {
     Query query = database.Prepare("INSERT INTO t VALUES(?)");
     query << number;
@@ -43,8 +43,8 @@ TEST(SimulatedDiskTest, KeepsWhatWasSyncedAndNoHalfTransaction) {
         if (is_full) durable = i;
       }
       disk.CutPower("a/");
-      EXPECT_FALSE(Insert(*database, 99,
-                          Database::Durability::kFull));  // A database that was open at the power cut no longer works.
+      // A database that was open at the power cut no longer works.
+      EXPECT_FALSE(Insert(*database, 99, Database::Durability::kFull));
     }
     const auto database = Open(disk);
     ASSERT_TRUE(database->QuickCheck());

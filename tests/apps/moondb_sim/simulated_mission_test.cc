@@ -1,4 +1,5 @@
-// Simulated missions with all faults: the rules of sharing hold, and the simulator reports when a mutant breaks them.
+// Runs simulated missions with all faults. Without a mutant, no invariant may be violated. With a mutant, the simulator
+// must report a violation.
 #include "apps/moondb_sim/simulated_mission.h"
 
 #include <gmock/gmock.h>
@@ -15,7 +16,7 @@ namespace {
 
 constexpr std::uint64_t kShards = 10;
 
-// Returns the number of seeds of all shards together: MOONDB_SIM_SEEDS, or 280.
+// Returns the number of seeds of all shards together: MOONDB_SIM_SEEDS if set, otherwise 280.
 std::uint64_t SeedCount() {
   const char* text = std::getenv("MOONDB_SIM_SEEDS");
   return text == nullptr ? 280 : static_cast<std::uint64_t>(std::max(1, std::atoi(text)));
@@ -95,7 +96,6 @@ TEST(SimulatedMissionTest, SurvivorsTakeTheLeadInOneSeedOfThree) {
   EXPECT_GT(failovers, 0);
 }
 
-// Regression test: each of these seeds once broke a rule.
 TEST(SimulatedMissionTest, KeepsAllRulesInSeedsThatBrokeOne) {
   struct Seed {
     std::uint64_t number;

@@ -25,7 +25,7 @@ RecordKey Key(std::uint64_t epoch, DataType type, std::uint64_t seq = 1) { retur
 
 class StateCheckerTest : public testing::Test {
  protected:
-  // Agent 1's robot inserts the record, and agent 1's disk then holds it under this key.
+  // Agent 1 inserts the record, and then holds it under `key`.
   void Give(const RecordKey& key, const proto::Record& record) {
     checker_.OnGiven(1, record);
     Hold(1, key, record);
@@ -49,7 +49,7 @@ TEST_F(StateCheckerTest, ReportsALostLatestStateRegardlessOfItsKey) {
   EXPECT_FALSE(IsOld(Key(10, proto::POWER), Power(0.2))) << "stored once more";
   EXPECT_TRUE(checker_.WhyOld(2, 0, {}).has_value());
   EXPECT_FALSE(checker_.WhyOld(3, 3, {}).has_value()) << "of the third's own states";
-  checker_.OnGiven(1, Power(0.3));  // Storage has not answered, but may hold this state.
+  checker_.OnGiven(1, Power(0.3));  // Storage has not answered yet, but may already hold this state.
   EXPECT_FALSE(IsOld(Key(1, proto::POWER), Power(0.2)));
   EXPECT_FALSE(IsOld(Key(1, proto::POWER, 2), Power(0.3)));
 }

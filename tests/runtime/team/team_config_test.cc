@@ -27,7 +27,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-// Three agents, one per line, so that errors refer to known lines.
+// A valid team file with one agent per line, so that the tests know the line numbers of errors.
 constexpr char kGood[] = R"(team: test
 insecure: true
 agents:
@@ -496,8 +496,8 @@ TEST_F(TeamFileTest, AWrittenTeamKeepsItsFields) {
   ASSERT_TRUE(WriteTeam(folder_ / "team.yaml", config));
   const Result<TeamFile> team = ReadTeamFile(folder_ / "team.yaml");
   ASSERT_TRUE(team) << team.error().text;
-  config.mutable_agents(0)->mutable_start()->set_sigma_rad(0.01);  // The default.
-  config.mutable_custom_types(0)->set_share(proto::POLICY_ALL);    // The default.
+  config.mutable_agents(0)->mutable_start()->set_sigma_rad(0.01);  // The expected default.
+  config.mutable_custom_types(0)->set_share(proto::POLICY_ALL);    // The expected default.
   config.mutable_custom_types(0)->set_ground(proto::POLICY_NONE);
   config.mutable_custom_types(0)->set_priority(5);
   config.mutable_custom_types(0)->set_bytes_max(4096);
@@ -658,7 +658,7 @@ TEST_F(TeamFileTest, SecretsThatOthersCanReadAreRefused) {
 TEST_F(TeamFileTest, MissingAndTooLargeFilesAreErrors) {
   EXPECT_EQ(ReadTeamFile(folder_ / "none.yaml").error().code, ErrorCode::kNotFound);
   EXPECT_THAT(ReadTeamFile(folder_).error().text, HasSubstr("not a regular file"));
-  // A link to itself: whether the file exists cannot be determined.
+  // loop.yaml is a link to itself, so its existence cannot be determined.
   std::filesystem::create_symlink("loop.yaml", folder_ / "loop.yaml");
   EXPECT_THAT(ReadTeamFile(folder_ / "loop.yaml").error().text, HasSubstr("symbolic links"));
   Write(folder_ / "large.yaml", kGood + std::string(1'000'000, '#'));

@@ -18,7 +18,7 @@ const FieldDescriptor& FieldNamed(const std::string& name) {
   return *google::protobuf::DescriptorPool::generated_pool()->FindFieldByName("moondb.proto." + name);
 }
 
-// All keys of the team file.
+// Returns the fields of all keys of the team file.
 std::vector<const FieldDescriptor*> Keys() {
   std::vector<const FieldDescriptor*> keys;
   const auto& file = *proto::TeamConfig::descriptor()->file();

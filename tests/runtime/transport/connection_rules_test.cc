@@ -14,8 +14,9 @@ constexpr std::uint16_t kPort = 7400;
 constexpr std::uint16_t kClientPort = 7500;
 constexpr std::uint64_t kSharedBytes = 32 * 1024 * 1024;
 
-// Port of agents: 8 places for two agents at 10.0.0.2, 4 for one at 10.0.0.3 and 5 for other addresses, with at most 4
-// per key. Port of clients: 3 places, with at most 2 per key.
+// The port of agents admits 8 connections from 10.0.0.2 (two agents), 4 from 10.0.0.3 (one agent) and 5 from other
+// addresses, but at most 4 with the same key. The port of clients admits 3 connections, but at most 2 with the same
+// key.
 class ConnectionRulesTest : public testing::Test {
  protected:
   void Open(int file, const std::string& peer, std::uint16_t port = kPort) {
@@ -24,7 +25,8 @@ class ConnectionRulesTest : public testing::Test {
   void Receive(int file, std::uint64_t bytes) { open_.at(file).bytes_received += bytes; }
   void Deliver(int file, const std::string& key = {}) { rules_.OnMessage(file, key); }
 
-  // Returns the files of the connections that the rules cut, all for `cause`. Closes these connections if `frees_`.
+  // Returns the file descriptors of the connections that the rules cut. Each cut must have the cause `cause`. Closes
+  // these connections if `frees_` is true.
   std::vector<int> Judge(Cause cause) {
     std::vector<TcpConnection> now;
     for (const auto& [file, connection] : open_) now.push_back(connection);
@@ -146,7 +148,8 @@ TEST_F(ConnectionRulesTest, AMessageOfAnEarlierConnectionWithTheSameFileDoesNotC
   for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.9", kClientPort);
   for (int i = 0; i < 2; ++i) Deliver(10 + i, "sharer");
   EXPECT_THAT(TooManyOfKey(), IsEmpty());
-  // An earlier connection with file 12 was opened, heard and closed between two calls of Judge.
+  // File descriptor 12 belonged to an earlier connection. That connection was opened, delivered a message and was
+  // closed between two calls of Judge.
   rules_.OnMessage(12, "sharer", /*peer_port=*/999);
   Open(12, "10.0.0.9", kClientPort);
   EXPECT_THAT(TooManyOfKey(), IsEmpty());
@@ -214,7 +217,7 @@ TEST_F(ConnectionRulesTest, AReusedFileIsAnotherConnection) {
   Deliver(10);
   Receive(10, 1000);
   EXPECT_THAT(TooMany(), IsEmpty());
-  Open(10, "192.168.1.66");  // The earlier connection with this file was closed.
+  Open(10, "192.168.1.66");  // The earlier connection with file descriptor 10 was closed.
   for (const int file : {11, 12, 13, 14}) Deliver(file);
   Open(20, "192.168.1.66");
   EXPECT_THAT(TooMany(), ElementsAre(10));
@@ -265,7 +268,8 @@ TEST_F(ConnectionRulesTest, ListenersAreCountedSeparately) {
   EXPECT_THAT(TooMuch(), IsEmpty());
 }
 
-// While libzmq is still closing a reported connection, it is not reported again and its bytes do not count.
+// While libzmq is still closing a connection that was cut, the rules do not report the connection again, and its bytes
+// do not count.
 TEST_F(ConnectionRulesTest, ReportsACutConnectionOnce) {
   frees_ = false;
   Open(10, "10.0.0.2");

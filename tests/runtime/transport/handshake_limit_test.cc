@@ -11,7 +11,7 @@ TEST(HandshakeLimitTest, AdmitsSixtyInAnyMinute) {
   HandshakeLimit limit;
   const MonotonicTime begin{};
   for (std::size_t i = 0; i < HandshakeLimit::kPerMinute; ++i) {
-    const MonotonicTime now = begin + seconds(i / 2);  // Two per second.
+    const MonotonicTime now = begin + seconds(i / 2);  // Two handshakes per second.
     ASSERT_TRUE(limit.HasRoom("anna", now));
     limit.Count("anna", now);
   }

@@ -78,7 +78,7 @@ TEST(InboundTest, RefusesInvalidFrames) {
   EXPECT_EQ(ParsePeerFrame("", 2).error().code, ErrorCode::kCorrupt);
 }
 
-// All bodies except the listed ones are refused, so a new body is refused until it is listed.
+// A new body must be refused until it is added to `may_leave`.
 TEST(InboundTest, RefusesMessagesThatMustNotLeaveTheirAgent) {
   const std::set<std::string> may_leave = {"hello",           "have",          "batch",         "refusal",
                                            "share_request",   "share_reply",   "role_announce", "lease_announce",

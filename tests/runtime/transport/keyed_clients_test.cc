@@ -1,4 +1,4 @@
-// Clients over TCP with CURVE and listed keys: real transports and raw sockets in one process.
+// Tests clients with CURVE keys over TCP, with real transports and raw sockets in one process.
 #include <gmock/gmock.h>
 
 #include <memory>
@@ -51,8 +51,8 @@ class KeyedClientsTest : public TransportFixture {
     return {ReadPublicKey(team_.folder / team_.config.agents(0).key()).value(), own};
   }
 
-  // Sends a request in which the client claims to be an operator with all rights. Returns the message that the agent's
-  // transport delivers for it.
+  // Sends a request in which the client claims the name `operator` and the right `command`. Returns the message that
+  // agent 1's transport delivers.
   OwnedMessage HeardOf(RawDealer& client) {
     proto::ControlRequest status;
     status.mutable_status();
@@ -103,7 +103,7 @@ TEST_F(KeyedClientsTest, AnUnknownKeyAnAgentsKeyAndNoKeyAreRefused) {
   EXPECT_EQ(agent.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
   RawDealer without(address_);
   EXPECT_NE(without.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
-  // A client's key is not accepted at the port of agents either.
+  // The port of agents does not accept a client's key either.
   const RawDealer::Keys keys = With(anna_);
   RawDealer client(AddressOf(1), &keys);
   EXPECT_EQ(client.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
@@ -118,7 +118,7 @@ TEST_F(KeyedClientsTest, ARevokedKeyLosesItsRightsAndItsReplacementIsAdmitted) {
   ASSERT_NE(HeardOf(client), nullptr);
   const CurveKeys next = MakeCurveKeys().value();
   ListClients({{"anna", next, proto::CLIENT_RIGHTS_COMMAND}});
-  // The agent reads the file at most once per second.
+  // The agent reads the client list at most once per second.
   proto::ClientRights rights = proto::CLIENT_RIGHTS_VIEW;
   for (int i = 0; i < 600 && rights != proto::CLIENT_RIGHTS_NONE; ++i) {
     const OwnedMessage heard = HeardOf(client);
@@ -129,7 +129,7 @@ TEST_F(KeyedClientsTest, ARevokedKeyLosesItsRightsAndItsReplacementIsAdmitted) {
   EXPECT_EQ(rights, proto::CLIENT_RIGHTS_NONE);
   proto::Message large;
   large.set_control_request(std::string(100'000, 'x'));
-  client.Send(large.SerializeAsString());  // The agent does not even parse this request.
+  client.Send(large.SerializeAsString());  // The agent drops this large request without parsing it.
   const OwnedMessage short_one = HeardOf(client);
   ASSERT_NE(short_one, nullptr);
   EXPECT_LT(short_one->control_request().size(), 100u);
@@ -176,7 +176,7 @@ TEST_F(KeyedClientsTest, AKeyHasFifteenConnectionsAndTheNextWaitsUntilOneEnds) {
   EXPECT_GE(transport.Listener().deferred_client_handshakes(), 1);
   standing.pop_back();
   while (next.NextEvent() != ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
-    // Wait until libzmq's retry of the handshake succeeds.
+    // Waits until libzmq's retry of the handshake succeeds.
   }
   for (const auto& client : standing) EXPECT_NE(HeardOf(*client), nullptr) << "an idle client is not cut";
 }

@@ -60,7 +60,7 @@ TEST(LinkCreditTest, RestartsWithEachConnection) {
   EXPECT_TRUE(credit.HasRoomFor(100));
 }
 
-// Sends the whole credit `rounds` times. The peer reports the bytes of each round after the time `round`. Returns the
+// Sends the whole credit `rounds` times. Each time, the peer reports all bytes after the time `round`. Returns the
 // final credit.
 std::size_t CreditAfterRounds(LinkCredit& credit, int rounds, Duration round, bool is_blocked = true) {
   MonotonicTime now = kNow;
@@ -72,7 +72,7 @@ std::size_t CreditAfterRounds(LinkCredit& credit, int rounds, Duration round, bo
     if (is_blocked) credit.OnBlocked();
     now += round;
     EXPECT_TRUE(credit.OnReport(now, credit.link(), sent));
-    now += std::chrono::seconds(10);  // Idle time does not count.
+    now += std::chrono::seconds(10);  // Idle time between rounds does not count.
   }
   return credit.credit_bytes();
 }

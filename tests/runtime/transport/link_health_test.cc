@@ -138,7 +138,7 @@ TEST_F(LinkHealthTest, WaitsLongerWhileALargeFrameIsInFlight) {
 
 TEST_F(LinkHealthTest, AllowsThePeerItsTimeToAnswerALateQuestion) {
   Expect(/*has_unreported=*/true);
-  now_ += seconds(20);  // Simulates a process that was stopped and continued.
+  now_ += seconds(20);  // The process was stopped for 20 s and then continued.
   EXPECT_EQ(Next(), Step::kAsk);
   EXPECT_EQ(Next(), Step::kLost);
   EXPECT_EQ(SinceStart(), seconds(22));

@@ -64,13 +64,13 @@ TEST(OutboxTest, ReplacesAMessageByANewerOneWithTheSameKey) {
   Outbox outbox(Bounds(/*bytes_max=*/10, /*messages_max=*/3));
   (void)outbox.Push(Entry("old", kControlClass, "roles"));
   (void)outbox.Push(Entry("other", kControlClass));
-  // A full outbox accepts this message, because it replaces one of the same size.
+  // The full outbox accepts this message, because it replaces a message of the same size.
   EXPECT_EQ(outbox.Push(Entry("newer", kControlClass, "roles")), SendResult::kAccepted);
   EXPECT_EQ(outbox.replaced(), 1u);
   EXPECT_EQ(outbox.messages(), 2u);
   EXPECT_EQ(outbox.bytes(), 10u);
   EXPECT_EQ(TakeAll(outbox), (std::vector<std::string>{"newer", "other"}));
-  // A message that was taken cannot be replaced.
+  // A message that was taken out cannot be replaced.
   (void)outbox.Push(Entry("next", kControlClass, "roles"));
   EXPECT_EQ(outbox.replaced(), 1u);
 }

@@ -1,4 +1,4 @@
-// Tests TcpConnections with real sockets within this process. The system chooses their ports.
+// Tests TcpConnections with real sockets in this process, on ports that the system chooses.
 #include "runtime/transport/tcp_connections.h"
 
 #include <arpa/inet.h>
@@ -70,7 +70,7 @@ class TcpConnectionsTest : public testing::Test {
   }
   Socket Accept() const { return Socket(::accept(listener_.file(), nullptr, nullptr)); }
 
-  // Returns true if data arrived within `timeout_ms`. The data need some time to pass through the loopback interface.
+  // Returns true if connections.file() becomes readable within `timeout_ms`.
   static bool IsReadable(const TcpConnections& connections, int timeout_ms) {
     pollfd file{connections.file(), POLLIN, 0};
     return ::poll(&file, 1, timeout_ms) == 1;

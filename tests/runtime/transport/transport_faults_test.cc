@@ -1,5 +1,5 @@
-// Behaviour of libzmq that the transport must absorb, in the order of ARCHITECTURE.md: absent, frozen, flooding and
-// restarted peers, replaced connections, and peers with wrong or missing reports.
+// Tests how the transport handles failures that libzmq does not handle, in the order of ARCHITECTURE.md: absent,
+// frozen, flooding and restarted peers, replaced connections, and peers with wrong or missing reports.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -36,7 +36,7 @@ class TransportFaultsTest : public TransportFixture {
                        .first_answer_after = milliseconds(200)};
   }
 
-  // Sends until a message is refused. Returns the number of accepted messages.
+  // Sends `message` to agent 2 until the transport refuses it. Returns the number of accepted messages.
   int Fill(const proto::Message& message) {
     int accepted = 0;
     while (transports_[1]->Send({2, "sync"}, message) == SendResult::kAccepted) {
@@ -62,7 +62,7 @@ class TransportFaultsTest : public TransportFixture {
 
   SendResult SendToPeer(const proto::Message& message) { return transports_[1]->Send({2, "sync"}, message); }
 
-  // Expects that agent 1 gives agent 2 up although agent 2 keeps sending, because agent 2 reports no received bytes.
+  // Sends messages as agent 2, but no reports of received bytes. Expects that agent 1 gives agent 2 up.
   void ExpectGivenUpAlthoughItTalks(RawDealer& dealer) {
     std::atomic<bool> is_over = false;
     std::thread talk([&] {
@@ -122,8 +122,8 @@ TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpUnderAFlood) {
   EXPECT_LE(status.sent_bytes(), kCreditBytes * status.connects());
 }
 
-// Uses the default deadline, 3 s, and allows for a busy machine. With default options, a peer that has never answered
-// gets more time.
+// Agent 1 must give the frozen peer up after the default 3 s. The limit of the test allows for a busy machine. By
+// default, first_answer_after would give a peer that never answered more time.
 TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpInTimeWhileAnotherFloods) {
   options_.health.first_answer_after = options_.health.lost_after;
   Start(1, options_);
@@ -253,7 +253,7 @@ TEST_F(TransportFaultsTest, ARestartedPeerReplacesItsOldConnectionUnderTheSameId
   earlier.Send(Report(/*link=*/7, 0, 0));
   earlier.Send(OnLink(7, ToPeerFrame(Message(2, 1, 100))));
   ASSERT_NE(ears_[1].Take(), nullptr);
-  // The peer's earlier connection still exists.
+  // The peer's earlier connection is still open.
   RawDealer later(AddressOf(1), nullptr, "2");
   later.Send(Report(/*link=*/8, 0, 0));
   const std::string messages = ToPeerFrame(Message(2, 1, 200));
@@ -289,7 +289,7 @@ TEST_F(TransportFaultsTest, SendsMoreOnlyAsThePeerReports) {
     for (; count < status.sent_messages(); ++count) bytes += ToPeerFrame(router.ReceiveMessage()).size();
     dealer.Send(Report(/*link=*/7, router.last_link(), bytes));
     if (count < 50) {
-      // The report gave credit for the next message.
+      // The report gave credit for one more message.
       bytes += ToPeerFrame(router.ReceiveMessage()).size();
       ++count;
     }
@@ -307,7 +307,7 @@ TEST_F(TransportFaultsTest, ControlOvertakesWaitingBulkDataAndTheNewestRolesRepl
   map.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
   const int accepted = Fill(map);
   for (const char* reason : {"first", "second", "third"}) {
-    proto::Message roles = Marked("roles", 1100);  // Larger than the remaining credit.
+    proto::Message roles = Marked("roles", 1100);  // This message is larger than the remaining credit.
     roles.set_ms_type(proto::CONTROL);
     roles.mutable_role_announce()->mutable_roles()->set_reason(reason);
     EXPECT_EQ(SendToPeer(roles), SendResult::kAccepted) << "although the outbox is full of maps";
@@ -353,10 +353,10 @@ TEST_F(TransportFaultsTest, RefusesInvalidReports) {
   ASSERT_EQ(SendToPeer(Marked("one")), SendResult::kAccepted);
   const std::uint64_t bytes = ToPeerFrame(router.ReceiveMessage()).size();
   const std::uint32_t link = router.last_link();
-  dealer.Send(Report(/*link=*/7, link, bytes + 1));  // More than was sent.
-  dealer.Send(Report(/*link=*/7, link - 1, bytes));  // Names an earlier connection.
+  dealer.Send(Report(/*link=*/7, link, bytes + 1));  // Reports more bytes than were sent.
+  dealer.Send(Report(/*link=*/7, link - 1, bytes));  // Reports on an earlier connection.
   dealer.Send(Report(/*link=*/7, link, bytes));
-  dealer.Send(Report(/*link=*/7, link, bytes - 1));  // Fewer bytes than before.
+  dealer.Send(Report(/*link=*/7, link, bytes - 1));  // Reports fewer bytes than before.
   dealer.Send(OnLink(7, ToPeerFrame(Message(2, 1))));
   ASSERT_FALSE(ears_[1].Take()->has_link_report()) << "actors do not hear of reports";
   EXPECT_EQ(Peer(1, 2).refused_reports(), 3);

@@ -1,4 +1,4 @@
-// Shared parts of the transport's tests: real transports in one process over ipc:// in a temporary folder, and raw
+// A fixture for tests of the transport: real transports in one process over ipc:// in a temporary folder, and raw
 // sockets that break the protocol.
 #pragma once
 
@@ -28,7 +28,7 @@
 
 namespace moondb {
 
-// Long enough for a loaded machine. A passing test never waits that long.
+// Longest wait for an event. A passing test never waits that long, even on a loaded machine.
 inline constexpr std::chrono::seconds kPatience(60);
 
 // Collects the messages and peer changes of a transport, and waits for them up to kPatience. Thread-safe.
@@ -51,7 +51,7 @@ class Ear {
     };
   }
 
-  // Waits for the next message and returns it. Null if none arrives.
+  // Waits for the next message and returns it. Returns null if none arrives within kPatience.
   OwnedMessage Take() {
     std::unique_lock lock(mutex_);
     if (!changed_.wait_for(lock, kPatience, [&] { return !messages_.empty(); })) return nullptr;
@@ -73,7 +73,7 @@ class Ear {
     return changed_.wait_for(lock, kPatience, [&] { return times_connected_[peer] >= times; });
   }
 
-  // Waits until the peer was lost at least once. Returns true even if the peer is connected again.
+  // Waits until the peer was lost at least once, even if it is connected again. Returns false after kPatience.
   bool WaitUntilLost(AgentId peer) {
     std::unique_lock lock(mutex_);
     return changed_.wait_for(lock, kPatience, [&] { return times_lost_[peer] > 0; });
@@ -112,7 +112,7 @@ inline std::string OnLink(std::uint32_t link_number, const std::string& messages
   return frame + messages;
 }
 
-// A DEALER socket without moondb: a client, or a peer that breaks the protocol.
+// A DEALER socket that bypasses moondb's transport: a client, or a peer that breaks the protocol.
 class RawDealer {
  public:
   struct Keys {
@@ -128,7 +128,7 @@ class RawDealer {
     zmq_setsockopt(socket_, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
     zmq_setsockopt(socket_, ZMQ_SNDTIMEO, &patience_ms, sizeof patience_ms);
     if (!routing_id.empty()) {
-      // The socket connects only once, so it cannot take its routing id back from another connection.
+      // The socket connects only once. A reconnect could take the routing id back from a newer connection.
       const int never = -1;
       zmq_setsockopt(socket_, ZMQ_RECONNECT_IVL, &never, sizeof never);
       zmq_setsockopt(socket_, ZMQ_ROUTING_ID, routing_id.data(), routing_id.size());
@@ -160,7 +160,7 @@ class RawDealer {
 
   std::string Receive() { return ReceiveFrom(socket_).value_or(""); }
 
-  // Waits for the socket's next ZMQ_EVENT_* and returns it. 0 if none arrives.
+  // Waits for the socket's next ZMQ_EVENT_* and returns it. Returns 0 if none arrives within kPatience.
   int NextEvent() {
     const std::optional<std::string> event = ReceiveFrom(monitor_);
     if (!event || event->size() < 2) return 0;
@@ -176,7 +176,7 @@ class RawDealer {
   void* monitor_ = nullptr;
 };
 
-// A ROUTER socket without moondb and CURVE: a peer that reads only when the test calls Receive.
+// A ROUTER socket that bypasses moondb's transport and CURVE: a peer that reads only when the test calls Receive.
 class RawRouter {
  public:
   struct Frame {
@@ -206,7 +206,7 @@ class RawRouter {
     EXPECT_EQ(zmq_send(socket_, bytes.data(), bytes.size(), 0), static_cast<int>(bytes.size()));
   }
 
-  // Returns the next message with its route. Both are empty if none arrives.
+  // Returns the next message with its route. Returns an empty Frame if none arrives within kPatience.
   Frame Receive(int flags = 0) {
     if (waiting_.empty()) {
       const std::string route = ReceiveFrom(socket_, flags).value_or("");
@@ -222,7 +222,7 @@ class RawRouter {
     return next;
   }
 
-  // Returns the next message that is not a report of the transport.
+  // Returns the next message that is not a LinkReport. The test fails if none arrives within kPatience.
   proto::Message ReceiveMessage() {
     for (Frame frame = Receive(); !frame.route.empty(); frame = Receive()) {
       if (!frame.message.has_link_report()) return frame.message;
@@ -232,7 +232,8 @@ class RawRouter {
     return {};
   }
 
-  // Returns the next report for which `is_wanted` returns true. Skips other frames.
+  // Returns the next LinkReport for which `is_wanted` returns true. Skips other messages. The test fails if none
+  // arrives within kPatience.
   proto::LinkReport ReceiveReport(const std::function<bool(const proto::LinkReport&)>& is_wanted) {
     for (Frame frame = Receive(); !frame.route.empty(); frame = Receive()) {
       if (!frame.message.has_link_report()) continue;

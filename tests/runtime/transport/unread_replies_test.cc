@@ -9,14 +9,14 @@ constexpr std::uint64_t kMiB = 1024 * 1024;
 
 class UnreadRepliesTest : public testing::Test {
  protected:
-  // Counts a reply as sent to libzmq if there is room for it. Returns false if there is none.
+  // Counts a reply of `bytes` bytes as sent. Returns false, and counts nothing, if there is no room.
   bool Give(const std::string& route, std::uint64_t bytes) {
     if (!replies_.HasRoom(route, bytes)) return false;
     replies_.Count(route, bytes);
     return true;
   }
 
-  std::map<int, std::uint64_t> acked_;  // Bytes that the peer's kernel acknowledged, by file.
+  std::map<int, std::uint64_t> acked_;  // Bytes that the peer's kernel has acknowledged, by file descriptor.
   UnreadReplies replies_{[this](int file) -> std::optional<std::uint64_t> {
     const auto found = acked_.find(file);
     return found == acked_.end() ? std::nullopt : std::optional(found->second);
@@ -61,7 +61,7 @@ TEST_F(UnreadRepliesTest, AClosedConnectionDoesNotCountEvenIfItsFileIsReused) {
   acked_[2] = 0;
   replies_.OnRequest("next", "anna", 2);
   EXPECT_TRUE(Give("next", 8 * kMiB));
-  acked_[1] = 10;  // The kernel reused file 1 for a new connection.
+  acked_[1] = 10;  // The kernel reused file descriptor 1 for a new connection.
   acked_[3] = 0;
   replies_.OnRequest("third", "bert", 3);
   EXPECT_TRUE(Give("third", 8 * kMiB));

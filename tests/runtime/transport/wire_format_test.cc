@@ -1,5 +1,5 @@
-// Compares the fields of all messages between agents and clients with the fields of the wire version
-// (docs/COMPATIBILITY.md).
+// Compares the fields of all messages between agents, and between agents and clients, with the golden file of the wire
+// version (docs/COMPATIBILITY.md).
 #include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ using google::protobuf::EnumDescriptor;
 using google::protobuf::FieldDescriptor;
 using testing::IsEmpty;
 
-// Returns true if the transport accepts the body from another agent.
+// Returns true if the transport accepts a message with this body from another agent.
 bool MayTravel(const FieldDescriptor& body) {
   proto::Message message;
   message.set_hop_sender(2);
@@ -43,7 +43,7 @@ class WireLines {
  public:
   WireLines() {
     AddMessage(*proto::PeerFrame::descriptor());
-    AddMessage(*proto::RecordBatch::descriptor());  // Serialized in Batch.coded.
+    AddMessage(*proto::RecordBatch::descriptor());  // Batch.coded contains a serialized RecordBatch.
     AddMessage(*proto::ClientMessage::descriptor());
   }
   const std::set<std::string>& lines() const { return lines_; }

@@ -57,7 +57,7 @@ TEST_F(ZeroMqTransportTest, CarriesMessagesBothWays) {
   EXPECT_LT(Peer(1, 3).seconds_since_heard(), 0);
 }
 
-// The longest message fits exactly into a frame. A message of that size or one byte more does not cut the link.
+// A message of the maximum size arrives. A message of one byte more is refused, and the link stays connected.
 TEST_F(ZeroMqTransportTest, CarriesMessagesInOrderAndTheLongest) {
   Start(1);
   Start(2);
@@ -110,7 +110,7 @@ TEST_F(ZeroMqTransportTest, ReachesAPeerAgainAfterItsRestart) {
   }
 }
 
-// After a robot's disk was copied, two processes have the same key, but each numbers its connections on its own.
+// Two processes have the same key if a robot's disk was copied. Each process numbers its own connections.
 TEST_F(ZeroMqTransportTest, DetectsTwoProcessesWithOneKey) {
   Start(1);
   const RawDealer::Keys keys = KeysOf(2, 1);
@@ -160,7 +160,7 @@ TEST_F(ZeroMqTransportTest, DoesNotTrustAPeerWithTheWrongKey) {
   std::ofstream(team_.folder / "rover2.sec") << other.secret_key;
   std::filesystem::permissions(team_.folder / "rover2.sec", std::filesystem::perms(0600));
   Start(2);
-  Start(3);  // Rover3 reads the new key. Once rover3 is connected to both, rover2 has had time to connect to rover1.
+  Start(3);  // Rover3 has read the new key. When rover3 is connected to both, rover2 has had time to connect to rover1.
   ASSERT_TRUE(ears_[3].WaitForPeer(2, true));
   ASSERT_TRUE(ears_[3].WaitForPeer(1, true));
   EXPECT_FALSE(Peer(1, 2).is_connected());
@@ -196,7 +196,7 @@ TEST_F(ZeroMqTransportTest, AcceptsPeersThatClaimTheSameRoutingId) {
   EXPECT_NE(ears_[1].Take(), nullptr);
 }
 
-// The kernel gives the second connection the file descriptor of the first one. Only their link numbers differ.
+// The kernel gives the second connection the file descriptor of the first one. Only the link numbers differ.
 TEST_F(ZeroMqTransportTest, CountsBytesPerConnectionThoughADescriptorIsReused) {
   Start(1);
   const RawDealer::Keys keys = KeysOf(2, 1);
@@ -239,7 +239,7 @@ TEST_F(ZeroMqTransportTest, DropsAndCountsDamagedFrames) {
   peer.Send("one", /*has_more=*/true);
   peer.Send("two");
   peer.Send("");
-  peer.Send(OnLink(7, ToPeerFrame({})));  // An empty Message, whose hop_sender is no agent.
+  peer.Send(OnLink(7, ToPeerFrame({})));  // This empty message has hop_sender 0, which is no agent.
   peer.Send(OnLink(7, ToPeerFrame(Message(2, 1))));
   ASSERT_NE(ears_[1].Take(), nullptr);
   EXPECT_EQ(Peer(1, 2).rejected_messages(), 4);
@@ -282,7 +282,7 @@ TEST_F(ZeroMqTransportTest, ReportsThatThePeerIsTooSlow) {
   ZeroMqTransport::Options options;
   options.outbox.bytes_max = 100'000;
   Start(1, options);
-  // A peer that does not read, because its transport's thread is blocked in the delivery of a message.
+  // Agent 2 does not read: until the test unlocks `gate`, the delivery of a message blocks its transport's thread.
   std::mutex gate;
   std::unique_lock closed(gate);
   ZeroMqTransport::Options slow_options;
@@ -311,7 +311,7 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
   RawDealer first(options.client_endpoint);
   RawDealer second(options.client_endpoint);
 
-  // The transport treats the message as a client's message to the gateway, whatever sender and receiver it claims.
+  // The message claims another sender and receiver. The transport must treat it as a client's message to the gateway.
   proto::Message request = Message(/*hop_sender=*/2, /*to=*/3);
   request.set_agent_id(2);
   request.set_source_actor("storage");

@@ -53,7 +53,8 @@ TEST(BatchCodecTest, RestoresMapsThatItCannotSplit) {
   proto::RecordBatch batch;
   *batch.add_records() =
       MapOf(DrawLayers(1, 1100, 1000, [](int, int column, int) { return static_cast<Cell>(column % 3); }), 0);
-  for (int i = 1; i < 7; ++i) {  // Together more cells than the encoder codes at once.
+  // These six maps together exceed kCodedCellsMax.
+  for (int i = 1; i < 7; ++i) {
     *batch.add_records() = MapOf(DrawLayers(1, 1000, 1000, [](int, int, int) { return Cell::kFree; }), i);
   }
   BatchDecoder decoder;
@@ -141,7 +142,8 @@ TEST(BatchCodecTest, RefusesAWrongNumberOfRecordsAndAnUnknownHeader) {
   const std::uint32_t count = static_cast<std::uint32_t>(MixedBatch().records_size());
   EXPECT_EQ(CodeOf(BatchDecoder().Decode(coded, count + 1)), ErrorCode::kCorrupt);
   EXPECT_EQ(CodeOf(BatchDecoder().Decode(coded, kRowsMax + 1)), ErrorCode::kCorrupt);
-  coded[0] = 3;  // The valid values are 0 (no maps), 1 (maps of a run) and 2 (maps with a reference).
+  // The first byte of a batch is 0 (no maps), 1 (maps of a run) or 2 (maps with a reference).
+  coded[0] = 3;
   EXPECT_EQ(CodeOf(BatchDecoder().Decode(coded, count)), ErrorCode::kCorrupt);
 }
 
@@ -175,7 +177,7 @@ TEST(BatchCodecTest, NeverDecodesDamagedBytesToOtherRecords) {
 }
 
 TEST(BatchCodecTest, RefusesAFrameThatWouldExhaustTheMemory) {
-  // No maps, and a zstd frame whose header states 2 GiB.
+  // A batch without maps. The header of its zstd frame claims a content of 2 GiB.
   std::string coded(1, '\0');
   const std::string frame("\x28\xB5\x2F\xFD\xA0\x00\x00\x00\x80\x01\x00\x00", 12);
   coded.push_back(static_cast<char>(frame.size() * 2 + 1));

@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Contexts that differ only in the context of the first model.
+// Returns contexts in which the first model has the context `first`. All other models always have the same context.
 BitContexts ContextsOf(std::uint32_t first, bool has_previous = false) {
   BitContexts contexts;
   contexts.has_previous = has_previous;
@@ -44,7 +44,8 @@ TEST(BitModelTest, TrustsTheModelThatPredictsWell) {
   std::mt19937 rng(61);
   for (int i = 0; i < 4000; ++i) {
     const std::uint32_t first = rng() % 2;
-    Show(ContextsOf(first), static_cast<int>(first), 1, model);  // All other models see noise.
+    // Only the first model's context predicts the bit. To all other models the bits are random.
+    Show(ContextsOf(first), static_cast<int>(first), 1, model);
   }
   EXPECT_GT(model.Predict(ContextsOf(1)).probability, kProbabilityOne * 19 / 20);
   EXPECT_LT(model.Predict(ContextsOf(0)).probability, kProbabilityOne / 20);

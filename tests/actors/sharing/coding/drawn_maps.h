@@ -1,4 +1,4 @@
-// Maps for the codec's tests: adversarial ones, random ones, and some that resemble a robot's maps.
+// Maps for the tests of the map codec: adversarial maps, random maps, and maps like those of a robot.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,8 @@ namespace moondb {
 
 using Layers = std::vector<MapLayer>;
 
-// Returns layers with resolutions of 5 cm, 10 cm, 20 cm and so on. `draw` returns the cell at a layer, column and row.
+// Returns layers with cell sizes of 5 cm, 10 cm, 20 cm and so on. `draw(layer, column, row)` returns the value of a
+// cell.
 template <typename Draw>
 Layers DrawLayers(int layer_count, int width, int height, Draw draw) {
   Layers layers;
@@ -25,15 +26,15 @@ Layers DrawLayers(int layer_count, int width, int height, Draw draw) {
   return layers;
 }
 
-// Maps in this order: all unknown, all free, all hazards, a checkerboard, one cell, one row, one column, odd side
-// lengths, one layer, eight layers, layers of different sizes and resolutions.
+// Returns maps that a codec may fail on: uniform maps, checkerboards, single cells, single rows and columns, odd side
+// lengths, one or eight layers, layers of different or equal resolutions.
 std::vector<Layers> AdversarialMaps();
 
-// A map with random sizes, layers and resolutions. Its cells range from noise to large blobs.
+// Returns a map with random sizes, layers and resolutions. Its cells range from noise to large blobs.
 Layers RandomMap(std::mt19937_64& rng);
 
-// The map that a robot at (x, y) in metres with this heading might see of a room with posts. `seed` determines the
-// room.
+// Returns a map of a room with posts, as a robot with this position and heading in the room might see it. `seed`
+// determines the posts. Each layer has `cells` x `cells` cells.
 Layers RoomMap(std::uint64_t seed, double x_m, double y_m, double yaw_rad, int layer_count = 4, int cells = 64);
 
 }  // namespace moondb

@@ -23,7 +23,8 @@ TEST(LogisticTest, SquashNeverReturnsZeroOrOne) {
 
 TEST(LogisticTest, StretchUndoesSquash) {
   for (int logit = -1500; logit <= 1500; ++logit) {
-    const double step = 16.0 / (Squash(logit) * (1 - Squash(logit) / 65536.0)) * 256;  // Step of the table, in logits.
+    // The largest error of Stretch in logit units. The table of Stretch has one entry per 16 probabilities.
+    const double step = 16.0 / (Squash(logit) * (1 - Squash(logit) / 65536.0)) * 256;
     ASSERT_NEAR(Stretch(Squash(logit)), logit, step + 1) << logit;
   }
 }

@@ -66,7 +66,7 @@ TEST(MapCodecTest, RestoresTenThousandRandomMaps) {
   const unsigned seed = 31;
   SCOPED_TRACE(seed);
   std::mt19937_64 rng(seed);
-  constexpr int kMapsPerString = 40;  // More maps than one run has.
+  constexpr int kMapsPerString = 40;  // More than kRunMapsMax, the most maps that a run may have.
   for (int string = 0; string < 250; ++string) {
     std::vector<Layers> maps;
     for (int i = 0; i < kMapsPerString; ++i) maps.push_back(RandomMap(rng));
@@ -210,8 +210,8 @@ TEST(MapCodecTest, SurvivesRandomBytes) {
   }
 }
 
-// Maps of blocks that move past the robot, with some noise. Drawn in integers, so the maps are the same on every
-// machine.
+// Returns eight maps of blocks that move past the robot, with some noise. Integer arithmetic makes the maps the same on
+// every machine.
 std::vector<Layers> RollingBlocks() {
   std::vector<Layers> maps;
   for (int i = 0; i < 8; ++i) {
@@ -225,7 +225,7 @@ std::vector<Layers> RollingBlocks() {
   return maps;
 }
 
-// Maps with more cells in a row than the encoder prepares at once.
+// Returns three maps with rows of 151 cells. The encoder codes such long rows in several blocks.
 std::vector<Layers> WideMaps() {
   std::vector<Layers> maps;
   for (int i = 0; i < 3; ++i) {
@@ -239,7 +239,7 @@ std::vector<Layers> WideMaps() {
   return maps;
 }
 
-// The bytes are the wire format. A change here requires a new wire version (docs/COMPATIBILITY.md).
+// If a hash changes, the wire format has changed and needs a new wire version (docs/COMPATIBILITY.md).
 TEST(MapCodecTest, WritesTheGoldenBytes) {
   const auto hash_of = [](const std::string& bytes) { return XXH64(bytes.data(), bytes.size(), 0); };
   std::string adversarial;

@@ -21,7 +21,8 @@ CodedLayers ToCoded(const Layers& layers) {
         *added.cells.At(column, row) = static_cast<std::uint8_t>(layer.grid.At(column, row));
       }
     }
-    added.memory = added.cells;  // Nothing is remembered except the cells themselves.
+    // A map without a previous map: its memory consists of its own cells.
+    added.memory = added.cells;
   }
   return coded;
 }
@@ -49,12 +50,13 @@ TEST(PlacementTest, DoesNotMoveAMapIfTheRobotDidNotMove) {
 
 TEST(PlacementTest, ShiftsByHalfCellsAndTurns) {
   CodedLayers earlier = ToCoded(DrawLayers(1, 9, 9, [](int, int, int) { return Cell::kFree; }));
-  *earlier[0].memory.At(7, 4) = 2;  // 3 cells ahead of the centre.
+  // Marks the cell that is 3 cells ahead of the centre.
+  *earlier[0].memory.At(7, 4) = 2;
   CodedLayers later = ToCoded(DrawLayers(1, 9, 9, [](int, int, int) { return Cell::kUnknown; }));
   const std::uint32_t unit = later[0].resolution_um;
-  // A move by two half cells brings the marked cell one cell nearer.
+  // The robot moves ahead by two half cells. The marked cell is then one cell nearer.
   EXPECT_EQ(*Place(earlier, later[0], unit, {2, 0, 0}).At(6, 4), 2);
-  // A turn to the left moves the marked cell to the right.
+  // The robot turns left by 90 degrees. The marked cell is then on its right.
   EXPECT_EQ(*Place(earlier, later[0], unit, {0, 0, kTurn / 4}).At(4, 1), 2);
   EXPECT_EQ(*Place(earlier, later[0], unit, {2, 0, 0}).At(8, 4), kNoMemory);
   EXPECT_EQ(*Place(earlier, later[0], unit, {0, 0, kTurn / 2}).At(1, 4), 2);
@@ -63,7 +65,8 @@ TEST(PlacementTest, ShiftsByHalfCellsAndTurns) {
 TEST(PlacementTest, UsesACoarserLayerBeyondTheFinerOne) {
   CodedLayers earlier = ToCoded(DrawLayers(2, 8, 8, [](int layer, int, int) { return static_cast<Cell>(layer + 1); }));
   const CodedLayers later = earlier;
-  const CellPlane placed = Place(earlier, later[0], later[0].resolution_um, {6, 0, 0});  // Moves by 3 cells.
+  // Moves ahead by 3 cells of the finer layer.
+  const CellPlane placed = Place(earlier, later[0], later[0].resolution_um, {6, 0, 0});
   EXPECT_EQ(*placed.At(4, 4), 1);
   EXPECT_EQ(*placed.At(5, 4), 2);
 }

@@ -7,7 +7,8 @@ namespace {
 
 using Way = PreviousTrials::Way;
 
-// Codes maps in `way` until another way is due. Returns how many maps it coded.
+// Reports maps coded in `way` to `trials` until `trials` chooses another way. Returns the number of these maps, at most
+// 1,000.
 int CountOf(Way way, PreviousTrials& trials) {
   int count = 0;
   for (; trials.next() == way && count < 1000; ++count) trials.Coded(way, /*is_placed=*/true);

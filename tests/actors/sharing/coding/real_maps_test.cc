@@ -1,4 +1,5 @@
-// Compares the map codec on recorded missions (MOONDB_DATA) with zstd on cells packed into 2 bits each.
+// Compares two codings of the maps in recorded missions (folder MOONDB_DATA): the map codec, and zstd of cells packed
+// into 2 bits each.
 #include <gtest/gtest.h>
 
 #include <algorithm>

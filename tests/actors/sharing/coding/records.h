@@ -38,7 +38,7 @@ inline proto::Record NodeRecord(int index, std::mt19937_64& rng) {
   return record;
 }
 
-// A stored record with the matching hash. Its seq is `index` + 1.
+// Returns a record of agent 2 with this content and type, a matching hash, and the seq `index` + 1.
 inline proto::StoredRecord Store(std::string content, std::uint32_t type, int index) {
   const RecordKey key{{2, 0x5F3C9A1E0B7D4C21u, type}, static_cast<std::uint64_t>(index) + 1};
   proto::StoredRecord stored;
@@ -56,7 +56,7 @@ inline proto::StoredRecord MapOf(const Layers& layers, int index) {
   return Store(record.SerializeAsString(), proto::LOCAL_TRAVERSABILITY_MAP, index);
 }
 
-// Maps of a robot that drives through a room and turns.
+// Returns `count` maps of a robot that drives through a room and turns. `first` is the index of the first map.
 inline proto::RecordBatch MapBatch(int first, int count) {
   proto::RecordBatch batch;
   for (int i = first; i < first + count; ++i) *batch.add_records() = MapOf(RoomMap(7, -2 + 0.3 * i, 0, 0.4 * i), i);

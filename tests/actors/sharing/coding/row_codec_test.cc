@@ -174,7 +174,7 @@ TEST(RowCodecTest, RefusesInvalidShapes) {
   EXPECT_TRUE(refuses(deep));
 }
 
-// About 34 bytes that would allocate gigabytes.
+// Without a limit on doubles, these few bytes would make the decoder allocate gigabytes.
 TEST(RowCodecTest, RefusesAShapeWithTooManyDoubles) {
   std::string bytes;
   PutVarint(1, bytes);      // One row.
