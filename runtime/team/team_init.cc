@@ -56,7 +56,7 @@ keep:
 # Whether the leader solves the pose graph by itself when no more records arrive, or only on `moonctl graph optimize`.
 pose_graph: {solve_by_itself: %s}
 
-# Limits on what an agent keeps once leader and designated survivor have it (docs/OPERATING.md, Space):
+# Limits on what an agent keeps once leader and designated survivor have it (docs/SPACE.md):
 # retention: {keep_days: 90, keep_event_days: 30, store_mb_max: 4000, map_part_max: 0.7, disk_free_mb_min: 512,
 #   history_mb_max: 64}
 
