@@ -41,6 +41,12 @@ class CheckLinksTest(unittest.TestCase):
     def test_does_not_read_code(self):
         self.assertEqual(self.check("[a](#page) `[b](gone.md)`\n\n```\n[c](gone.md)\n```\n").returncode, 0)
 
+    def test_reads_paths_in_code(self):
+        self.assertEqual(self.check("[a](#page) `docs/other.md` `docs/*.png` `docs/other` `tea/pot`\n").returncode, 0)
+        result = self.check("[a](#page) `docs/gone.md`\n")
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("page.md:3: no docs/gone.md", result.stdout)
+
     def test_fails_where_there_are_no_links(self):
         with tempfile.TemporaryDirectory() as folder:
             self.assertEqual(run(folder).returncode, 1)
