@@ -62,8 +62,8 @@ Result<Raster> ComparisonRaster(const MergedMap& map, const MergedMap& truth) {
   raster.classes = {{{212, 214, 219}, "unmapped"},
                     {{255, 255, 255}, "free"},
                     {{20, 20, 20}, "hazard hit"},
-                    {{0, 114, 178}, "missed"},
-                    {{230, 130, 0}, "phantom"}};
+                    {{0, 90, 160}, "missed"},
+                    {{240, 150, 30}, "phantom"}};
   return raster;
 }
 
