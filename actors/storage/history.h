@@ -47,7 +47,7 @@ class History {
 
   // Computes counts and sizes from the table. Scans the table, but not the overflow pages of long contents. Also finds
   // the rows that `have` does not count as dropped. Such rows exist after a repair of the have-set, and peers may send
-  // their records again.
+  // the records of these rows again.
   Result<void> Load(Database& database, const HaveSet& have);
   Sum sum() const { return SumOf(types_); }  // Number and size of all rows, as of the last commit.
 

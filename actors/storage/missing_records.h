@@ -28,8 +28,8 @@ inline constexpr std::uint32_t kMissingRecordsMax = 4096;
 
 // `have` is this agent's own have-set. `brings_others` is true if peers accept records of other agents from this agent.
 // If `brings_others` is false, the reply contains only this agent's own records and records that are signed by their
-// author. `marked` is the have-set at the first request with the same mark; null if the request has no mark. Fails with
-// kInvalid if destination_have is malformed. Other errors are as for Database.
+// author. `marked` is the have-set at the time of the first request with the same mark; null if the request has no
+// mark. Fails with kInvalid if destination_have is malformed. Other errors are as for Database.
 Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const SharingRules& rules,
                                         bool brings_others, const HaveSet* marked,
                                         const proto::MissingRequest& request);

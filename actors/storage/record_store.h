@@ -134,9 +134,9 @@ class RecordStore {
 
   proto::HaveReply GetHave(const proto::HaveRequest& request = {}) const;
 
-  // Accepts a peer's report about this agent's own epochs. Returns kInvalid, and accepts nothing, if the report has
-  // more than kEpochReportMax epochs or if they are not in rising order from 1. Impossible epochs are skipped and
-  // counted as rejected.
+  // Accepts a peer's report about this agent's own epochs. Fails with kInvalid, and accepts nothing, if the report has
+  // more than kEpochReportMax epochs, contains epoch 0, or does not list the epochs in strictly rising order.
+  // Impossible epochs are skipped and counted as rejected.
   Result<void> NoteEpochReport(AgentId peer, const proto::EpochReport& report);
   // Returns the highest epochs of `origin` in this store's have-set, at most kEpochReportMax, to be sent to `origin`.
   proto::EpochReport ReportEpochs(AgentId origin) const;
@@ -195,7 +195,7 @@ class RecordStore {
  private:
   class Writing;  // A transaction, with the changes to the in-memory state that take effect when it commits.
 
-  // A MissingRequest.mark, and the have-set at the first request with this mark.
+  // A MissingRequest.mark, and the have-set at the time of the first request with this mark.
   struct Mark {
     std::uint64_t number = 0;
     HaveSet have;
@@ -252,8 +252,8 @@ class RecordStore {
     const proto::StoredRecord* stored;
   };
   std::vector<Opened> OpenBrought(const proto::StoreRequest& request, Stored& result);
-  // Returns the have-set at the first request with the same mark; null if the request has no mark. If the mark is new,
-  // saves the current have-set for it.
+  // Returns the have-set at the time of the first request with the same mark; null if the request has no mark. If the
+  // mark is new, saves the current have-set for it.
   const HaveSet* MarkedBy(const proto::MissingRequest& request);
   // Returns the state of a stream to report to peers (HaveRequest.is_for_peer).
   StreamHave ForPeer(DataType type, const StreamHave& have) const;
