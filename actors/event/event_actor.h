@@ -104,8 +104,9 @@ class EventActor final : public Actor {
   void Log(Context& context, proto::EventKind kind, const std::string& text);
   // `timestamp_ns`: time of the event. It may lie in the past.
   void LogAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t timestamp_ns);
-  // Logs the rise of `counter` since the last call as "3 TEXT", if it is at least 1. The first report of `source`
-  // counts failures from before this actor started, so it logs nothing. A counter falls only when its actor restarts.
+  // Logs by how much `counter` rose since the last call, as "3 TEXT". Logs nothing if `counter` rose by less than 1, or
+  // in the first report of `source`, which includes failures from before this actor started. A counter falls only when
+  // its actor restarts.
   void LogRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
                double count, const std::string& text);
 

@@ -14,8 +14,8 @@ namespace {
 
 enum TimerKind : std::uint32_t { kAnnounce = 1, kExpiry = 2 };
 
-// An agent numbers its announcements in ascending order from a random start. An announcement whose number is below the
-// last one by at most this value is late. If the numbers differ by more, the agent restarted between the two
+// An agent numbers its announcements in ascending order from a random start. An announcement is late if its number is
+// below the last number by at most this value. If the two numbers differ by more, the agent restarted between the two
 // announcements.
 constexpr std::uint64_t kNumbersOfOneBoot = 1 << 20;
 

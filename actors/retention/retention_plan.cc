@@ -12,7 +12,7 @@ namespace {
 constexpr double kDay_s = 86'400;
 constexpr double kMegabyte = 1e6;
 
-// Adds all types that storage would prune for an empty list, except events.
+// Adds all types that storage prunes if `data_types` is empty, except events.
 void AddTypesButEvents(const std::vector<DataType>& team_types, proto::PruneRequest& request) {
   for (const DataType type : team_types) {
     if (type != proto::AGENT_EVENT && !IsKeptUnlessNamed(type)) request.add_data_types(type);
@@ -28,7 +28,7 @@ void AddAgeSteps(const proto::RetentionConfig& retention, const std::vector<Data
   if (retention.keep_days() <= 0) return;
   PruneStep& step = plan.emplace_back();
   step.request.set_older_than_s(retention.keep_days() * kDay_s);
-  // An empty list means all types to storage, events included.
+  // If `data_types` is empty, storage prunes events too.
   if (retention.keep_event_days() <= 0) return;
   AddTypesButEvents(team_types, step.request);
 }

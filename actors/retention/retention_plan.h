@@ -5,7 +5,7 @@
 // Maps may take map_part_max of the store's budget S (store_mb_max). A store that exceeds kBudgetHigh * S is pruned
 // down to kBudgetLow * S, in this order:
 //   1. maps that win no cell of the merged map, if drop_occluded_maps is set;
-//   2. maps beyond their part of kBudgetLow * S, oldest first;
+//   2. maps beyond map_part_max * kBudgetLow * S, oldest first;
 //   3. records of any type, oldest first.
 //
 // The sizes of contents and of file pages differ a little; the next check corrects the difference.

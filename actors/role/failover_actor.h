@@ -60,7 +60,7 @@ class FailoverActor final : public Actor {
   std::set<AgentId> connected_;
   std::set<AgentId> known_;  // Agents whose leases are known, because they have connected.
   TimerId timer_ = 0;        // Runs while the leader is missed. At its end, OnTimer takes the lead.
-  std::uint64_t count_ = 0;  // Value of timer_. OnTimer ignores timers with another value.
+  std::uint64_t count_ = 0;  // Rises at each start and stop of timer_. OnTimer ignores timers with an older value.
   TimerId check_timer_ = 0;  // Timer of the next heartbeat.
 };
 

@@ -88,7 +88,7 @@ class RoleLogic {
   struct Actions {
     std::optional<proto::RoleAssignment> save;  // Assignment to store; then call OnSaved or OnSaveFailed.
     std::optional<ChainQuestion> question;
-    std::optional<proto::RoleAssignment> apply;  // Roles to act on: stored, or without a role of this agent.
+    std::optional<proto::RoleAssignment> apply;  // Roles to act on. If storing them failed, this agent has no role.
     std::vector<Announcement> announcements;
     std::optional<Duration> announce_timer;  // Delay until OnAnnounceTimer; replaces a running timer.
     std::optional<Duration> leader_timer;    // Delay until OnLeaderTimer.
@@ -100,8 +100,8 @@ class RoleLogic {
   // Starts with the stored assignments. `history`: assignments that this agent acted on, oldest first. `known`:
   // assignments known only from records. In a team without keys, the last assignment in `history` becomes current; in a
   // team with keys, the newest valid assignment in both lists. If the team file no longer allows that assignment, the
-  // file's roles become current, but the assignment's term number stays used. Requires: `own_epoch` is random and not
-  // 0.
+  // file's roles become current, but the assignment's term number is not used again. Requires: `own_epoch` is random
+  // and not 0.
   Actions OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch, std::int64_t now_ns,
                    const std::vector<proto::RoleAssignment>& known = {});
   bool is_loaded() const { return is_loaded_; }
@@ -134,7 +134,7 @@ class RoleLogic {
   // starts to adopt the newest one.
   Actions OnRecord(const proto::RoleAssignment& roles);
 
-  // Call one of these when storage has answered the request to store saving().
+  // Call OnSaved or OnSaveFailed when storage has answered the request to store saving().
   Actions OnSaved();
   Actions OnSaveFailed();
   // Call if storage has not answered in time. The caller repeats the request, and storage may still report success or
@@ -163,7 +163,7 @@ class RoleLogic {
   std::string WhyNever(const proto::RoleAssignment& roles) const;
   bool has_keys() const { return options_.sign != nullptr; }
   // Returns `roles` with the term, predecessor and signature of this agent's next assignment. `is_command`: an operator
-  // decided the roles. If this agent is in command_from, the assignment then begins a new era.
+  // decided the roles. If this agent is in command_from, the assignment then begins a new era (RoleChain).
   proto::RoleAssignment Issue(proto::RoleAssignment roles, bool is_command) const;
   // Starts to store an announced assignment that is valid, if the issuer's budget allows it.
   void AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
@@ -210,7 +210,7 @@ class RoleLogic {
   Options options_;
   Time now_{};
   ChangeBudget changes_;        // Used only in a team with keys.
-  bool awaits_budget_ = false;  // True if OnAnnounceTimer must retry an assignment beyond the budget.
+  bool awaits_budget_ = false;  // True if OnAnnounceTimer must retry an assignment whose issuer had no budget left.
   RoleChain chain_;
   std::set<std::string> stored_;  // Signatures of the stored assignments that are or may become valid.
   std::optional<ChainAsked> chain_asked_;

@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// SQLite passes a pointer to `methods` (file->pMethods) to Write, which finds the owner through this pointer.
+// The pMethods of each open file points to `methods`. Write casts this pointer to FileTail, to find the owner.
 struct CountingFiles::FileTail {
   sqlite3_io_methods methods{};
   const sqlite3_io_methods* base_methods = nullptr;

@@ -44,12 +44,12 @@ class DiskGuard {
   // Returns an error if no record of that kind may be stored now: kFull, or kInternal if the file system is read-only.
   Result<void> CheckRoom(Database& database, Kind kind) const;
 
-  // Gives up the reserve if the file has room for records, but the disk has no room for the write-ahead log. Returns
-  // true if this freed space.
+  // Deletes the reserve file if the database file has room for records, but the disk has no room for the write-ahead
+  // log. Returns true if this freed space.
   bool MakeRoomForLog(Database& database);
 
-  // Gives up the reserve after a write failed with kFull. Returns true if this freed space. The caller should then
-  // repeat the write.
+  // Call after a write failed with kFull. Deletes the reserve file, and moves the write-ahead log into the database
+  // file. Returns true if this freed space; the caller should then repeat the write.
   bool GiveUpReserve(Database& database);
 
   // Call NoteFailure or NoteSuccess after every write. NoteFailure returns true if the disk caused the error and the

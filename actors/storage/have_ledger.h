@@ -18,14 +18,15 @@ class HaveLedger {
   Result<void> Load(Database& database);
   // Returns true if Load found no damaged row.
   bool is_sound() const { return is_sound_; }
-  // Replaces the whole table and the draft by `have`, inside the caller's transaction. Call Keep after the commit.
+  // Inside the caller's transaction: replaces the have-set by `have`. Call Keep after the commit; until then have() is
+  // empty.
   Result<void> Replace(Database& database, const HaveSet& have);
 
   const HaveSet& have() const { return have_; }
 
-  // Returns the state of a stream in the draft, or in the have-set if the draft does not contain the stream.
+  // Returns the state of a stream, including changes that Keep has not applied yet.
   const StreamHave& Get(const StreamKey& stream) const;
-  // Returns the number of streams of an origin, including those that are only in the draft.
+  // Returns the number of streams of an origin, including new streams that Keep has not added yet.
   std::size_t StreamsOf(AgentId origin) const;
   void AddHeld(const StreamKey& stream, std::uint64_t seq);
   // Returns the held record of an origin and type with the greatest epoch and seq. Returns seq 0 if no record is held.

@@ -47,7 +47,7 @@ class History {
 
   // Computes counts and sizes from the table. Scans the table, but not the overflow pages of long contents. Also finds
   // the rows that `have` does not count as dropped. Such rows exist after a repair of the have-set, and peers may send
-  // their records again.
+  // the records of these rows again.
   Result<void> Load(Database& database, const HaveSet& have);
   Sum sum() const { return SumOf(types_); }  // Number and size of all rows, as of the last commit.
 
@@ -78,9 +78,9 @@ class History {
   // Inside the caller's transaction: removes the rows that an operator's request with `is_history` selects. A dry run
   // removes nothing.
   Result<proto::PruneReply> Prune(Database& database, const proto::PruneRequest& request, std::int64_t utc_now_ns);
-  // Applies the draft. Call after the commit of a transaction.
+  // Applies the changes of a transaction to the counts and sizes in memory. Call after the commit.
   void Keep();
-  // Call before a transaction. Discards the draft of an earlier transaction that failed.
+  // Discards the changes to counts and sizes by an earlier transaction that failed. Call before a transaction.
   void Forget() { draft_.reset(); }
 
   // Reads a page, as ReadPage (actors/storage/record_pages.h) does. Logs and skips damaged rows.
@@ -90,7 +90,7 @@ class History {
   struct OfType {
     Sum sum;
     std::uint64_t oldest_row_id = 0;
-    std::uint64_t seen_row_id = 0;  // Trim skips rows up to this id: their age is unknown.
+    std::uint64_t seen_row_id = 0;  // Rows up to this id have timestamps of a suspect clock; Trim by age skips them.
   };
   using Types = std::map<DataType, OfType>;
 

@@ -7,9 +7,10 @@
 // the filter may hide the successors. No dropped seqs are reported for `newest_only_types` either, because this agent
 // still holds their older records.
 //
-// If the request has a mark (MissingRequest.mark), records that were inserted after the mark are left out. Otherwise a
-// session would not end while the robot inserts records. Types under the policy `latest` or in `newest_only_types`
-// ignore the mark, because a newer record may have replaced a record that existed at the mark.
+// If the request has a mark (MissingRequest.mark), records that were inserted after the first request with this mark
+// are left out. Otherwise a session would not end while the robot inserts records. Types under the policy `latest` or
+// in `newest_only_types` ignore the mark, because a newer record may have replaced a record that existed at that first
+// request.
 #pragma once
 
 #include "actors/storage/sharing_rules.h"
@@ -27,8 +28,8 @@ inline constexpr std::uint32_t kMissingRecordsMax = 4096;
 
 // `have` is this agent's own have-set. `brings_others` is true if peers accept records of other agents from this agent.
 // If `brings_others` is false, the reply contains only this agent's own records and records that are signed by their
-// author. `marked` is the have-set at the time of the request's mark; null if the request has no mark. Fails with
-// kInvalid if destination_have is malformed. Other errors are as for Database.
+// author. `marked` is the have-set at the time of the first request with the same mark; null if the request has no
+// mark. Fails with kInvalid if destination_have is malformed. Other errors are as for Database.
 Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const SharingRules& rules,
                                         bool brings_others, const HaveSet* marked,
                                         const proto::MissingRequest& request);

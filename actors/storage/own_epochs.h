@@ -1,5 +1,6 @@
-// OwnEpochs keeps the known epochs of this agent's own records: epochs that this file's history began, and *foreign*
-// epochs. It finds states that a later epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
+// OwnEpochs keeps the known epochs of this agent's own records: epochs that were begun in the history of this agent's
+// present database file, and *foreign* epochs, which were begun elsewhere. It finds the epochs whose states (records
+// under the policy `latest`) a higher foreign epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
 //
 // The 64 bits of an epoch identify its ancestry:
 //   - 16 bits: counter, one above the counter of its *base*, which is the highest own epoch known when the epoch began;
@@ -70,10 +71,10 @@ class OwnEpochs {
   bool IsKnown(std::uint64_t epoch) const { return begun_.contains(epoch) || foreign_.contains(epoch); }
   void Learn(std::uint64_t epoch);  // Adds a foreign epoch. Does nothing if this file's history began the epoch.
 
-  // Epochs of this incarnation whose states are in danger: the highest foreign epoch is above them but did not know
-  // them. Older states stored under the foreign epoch would replace their states. Lower foreign epochs need no check.
-  // The disk that began the highest foreign epoch has already reissued or replaced the states that the lower epochs did
-  // not know.
+  // Epochs of this incarnation that are in danger: the highest foreign epoch is above them but did not know them, so
+  // older states stored under the foreign epoch would replace the states of these epochs. Only the highest foreign
+  // epoch is checked, because the disk that began it has already reissued or replaced the states that lower foreign
+  // epochs did not know.
   struct Danger {
     std::set<std::uint64_t> certain;
     // Epochs that may be in danger. Too little is known about the base of the foreign epoch to decide.

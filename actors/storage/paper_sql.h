@@ -30,8 +30,8 @@ namespace moondb {
 inline constexpr std::size_t kPaperSqlBytesMax = 8 * 1024 * 1024;
 
 // Returns the INSERT statement for `record`. Returns null if the statement would be longer than kPaperSqlBytesMax, or
-// if RecordOf would not return the same record. The latter concerns records with unknown fields, a body that is not of
-// the key's type, more repeated values than the table has columns, or NaN.
+// if RecordOf would not return the same record. RecordOf cannot restore unknown fields, a body that is not of the key's
+// type, more repeated values than the table has columns, or NaN.
 std::optional<std::string> SqlOf(const proto::StoredRecord& record);
 
 // Returns the record that the statement inserts. Fails with kCorrupt if the statement does not have the form that SqlOf

@@ -67,8 +67,8 @@ class PeerAuthority {
   // Call after an assignment is committed. `is_record` is true if the assignment was stored as a record.
   void NoteAssignment(const proto::RoleAssignment& roles, bool is_record);
   void NoteIfSigned(const proto::RoleAssignment& roles);
-  // Returns `roles` and its predecessors, newest first. The list ends at the first assignment of its era, or before the
-  // first assignment that is held as a record.
+  // Returns `roles` and its predecessors of the same era (RoleChain), newest first. If one of these assignments is held
+  // as a record, the list ends before that assignment.
   std::vector<proto::RoleAssignment> NotHeldAsRecords(const proto::RoleAssignment& roles) const;
 
   // Returns whether records of other agents are accepted from `sender`. `sender` 0 means this agent.
@@ -77,8 +77,8 @@ class PeerAuthority {
   Result<void> CheckRecord(AgentId sender, const RecordKey& key, const proto::Record& record);
   // Fails with kRefused, and counts the refusal, if the sender may not report drops of this stream.
   Result<void> CheckOrigin(AgentId sender, const StreamKey& stream);
-  // Fails with kRefused, and counts the refusal, if `ledger` lacks the stream and the stream's origin has used up its
-  // streams.
+  // Fails with kRefused, and counts the refusal, if `ledger` does not contain the stream yet and has no room for
+  // another stream of the stream's origin.
   Result<void> CheckRoom(AgentId sender, const StreamKey& stream, const HaveLedger& ledger);
   // Fails with kRefused, and counts the refusal for `origin`, if the records of `origin` have used up their part of
   // `room_bytes`. `room_bytes` is the disk space for the records of all agents. `used_bytes` is the space used now, by
@@ -92,7 +92,7 @@ class PeerAuthority {
   Result<void> CheckOwnQuarantine(const proto::Record& record) const;
   // Returns the newest known valid term.
   const proto::Term& newest_term() const { return chain_.newest().term(); }
-  // Counts a record that its origin had no role to write (CheckSpeaker).
+  // Counts a refused record that its origin may not write in any role (CheckSpeaker).
   void CountStatement(AgentId origin) { CountRefused(origin, Cause::kStatement, 0); }
   // Remembers the report of a reader (an actor): how many stored records of each origin the reader ignores because of
   // the origin's role. Replaces the reader's last report.
@@ -114,7 +114,7 @@ class PeerAuthority {
   RoleChain chain_;
   std::set<std::string> held_as_records_;                                 // Signatures of assignments.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // Counts by sender, cause and origin.
-  // Keys of NoteOwnBeyond: the last seq of each peer and stream; 0 if only the epoch is known.
+  // By peer and stream: the last seq that NoteOwnBeyond received; 0 if only the epoch is known.
   std::map<AgentId, std::map<StreamKey, std::uint64_t>> own_beyond_;
   std::map<std::string, proto::LeftOutReport> left_out_;  // Last report of each reader.
 };

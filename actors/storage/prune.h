@@ -26,7 +26,7 @@ namespace moondb {
 inline constexpr std::size_t kPruneRowsMax = 2000;  // Maximum rows per request that removes records.
 // Maximum bytes of contents per request that removes records. One larger record is removed alone.
 inline constexpr std::uint64_t kPruneContentBytesMax = 64 * 1024 * 1024;
-inline constexpr int kPruneNamedMax = 4096;  // Size limit of PruneRequest.records.
+inline constexpr int kPruneNamedMax = 4096;  // Maximum number of keys in PruneRequest.records.
 // Maximum number of candidates. If there are more, only the first ones in the order of streams are considered.
 inline constexpr std::size_t kPruneCandidatesMax = 262'144;
 

@@ -9,7 +9,7 @@ namespace moondb {
 
 namespace {
 
-// A query whose current row is the next row that the request asks for.
+// A query whose current row is its first row that matches the request and is not in the page yet.
 struct Cursor {
   Query query;
   bool is_at_end = false;

@@ -34,7 +34,7 @@ namespace {
 constexpr std::size_t kRejectionsKept = 8;
 constexpr std::uint64_t kRowIdMax = std::uint64_t{1} << 62;
 constexpr int kInsertRecordsMax = 65536;
-constexpr std::uint64_t kRowBytes = 100;  // Approximate size of a row beside its content.
+constexpr std::uint64_t kRowBytes = 100;  // Approximate bytes of a row in addition to its content.
 // If the disk is full, at least this many bytes of history are removed to make room for a record.
 constexpr std::uint64_t kRoomBytesMin = 256 * 1024;
 

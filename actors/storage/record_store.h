@@ -78,7 +78,7 @@ class RecordStore {
     History::Rules history;  // Which own superseded records are kept; none by default.
     // Which peers may supply which records; by default all peers may. Open fills in `self` and `team`.
     PeerAuthority::Options authority;
-    // Signs an own record that any agent may supply. Empty in a team without signing keys.
+    // Signs this agent's own map quarantines, so that any peer may supply them. Empty in a team without signing keys.
     std::function<std::string(const RecordKey&, const proto::Record&)> sign;
   };
 
@@ -120,22 +120,23 @@ class RecordStore {
 
   // Stores records of any origin from a peer. Each record is validated, and stored or rejected, separately. If the
   // transaction fails, no record is stored. After a success, all records that `reply.covered` covers survive a power
-  // cut. `reply.covered` exceeds the size of a have-set page only if very many of its records need an interval each.
+  // cut. `reply.covered` exceeds the size of a have-set page only if the request's records lie in very many separate
+  // intervals.
   struct Stored {
     proto::StoreReply reply;
     proto::RecordsStored stored;
     std::vector<Error> rejections;  // The first few rejections, for the log file.
-    // Records that their origin had no role to write (CheckSpeaker). `reply.covered` includes these records, so the
-    // session does not send them again. The store's own have-set does not include them.
+    // Records that their origin may not write in any role (CheckSpeaker). `reply.covered` includes these records, so
+    // the session does not send them again. The store's own have-set does not include them.
     std::vector<RecordKey> never_valid;
   };
   Stored Store(const proto::StoreRequest& request);
 
   proto::HaveReply GetHave(const proto::HaveRequest& request = {}) const;
 
-  // Accepts a peer's report about this agent's own epochs. Returns kInvalid, and accepts nothing, if the report has
-  // more than kEpochReportMax epochs or if they are not in rising order from 1. Impossible epochs are skipped and
-  // counted as rejected.
+  // Accepts a peer's report about this agent's own epochs. Fails with kInvalid, and accepts nothing, if the report has
+  // more than kEpochReportMax epochs, contains epoch 0, or does not list the epochs in strictly rising order.
+  // Impossible epochs are skipped and counted as rejected.
   Result<void> NoteEpochReport(AgentId peer, const proto::EpochReport& report);
   // Returns the highest epochs of `origin` in this store's have-set, at most kEpochReportMax, to be sent to `origin`.
   proto::EpochReport ReportEpochs(AgentId origin) const;
@@ -192,9 +193,9 @@ class RecordStore {
   Database& database() { return *database_; }
 
  private:
-  class Writing;  // A transaction and its drafts.
+  class Writing;  // A transaction, with the changes to the in-memory state that take effect when it commits.
 
-  // The have-set at the time when an order to a destination started (MissingRequest.mark).
+  // A MissingRequest.mark, and the have-set at the time of the first request with this mark.
   struct Mark {
     std::uint64_t number = 0;
     HaveSet have;
@@ -251,8 +252,8 @@ class RecordStore {
     const proto::StoredRecord* stored;
   };
   std::vector<Opened> OpenBrought(const proto::StoreRequest& request, Stored& result);
-  // Returns the have-set at the time of the request's mark; null if the request has no mark. If the mark is new, saves
-  // the current have-set under it.
+  // Returns the have-set at the time of the first request with the same mark; null if the request has no mark. If the
+  // mark is new, saves the current have-set for it.
   const HaveSet* MarkedBy(const proto::MissingRequest& request);
   // Returns the state of a stream to report to peers (HaveRequest.is_for_peer).
   StreamHave ForPeer(DataType type, const StreamHave& have) const;
@@ -283,7 +284,7 @@ class RecordStore {
   std::mt19937_64 random_;
   std::uint64_t epoch_ = 0;  // Current epoch of own records; 0 until a shared insert begins it.
   OwnEpochs own_epochs_;
-  bool is_reissue_due_ = false;  // True if a newly known epoch may endanger states.
+  bool is_reissue_due_ = false;  // True after a foreign epoch became known, until Reissue has succeeded.
   proto::RecordsStored reissued_;
   std::uint64_t next_row_id_ = 1;
   std::uint64_t rejected_count_ = 0;

@@ -63,8 +63,8 @@ class RecordTable {
   // Returns the states (Record.is_state) of one origin, type and latest key, shared or not.
   Result<std::vector<Row>> FindStates(Database& database, AgentId origin, DataType type,
                                       std::string_view latest_key) const;
-  // Returns, by epoch, the seqs of the shared records of one origin and type that are the greatest of their latest key
-  // by RecordOrder.
+  // For each latest key of one origin and type, finds the shared record that is the greatest by RecordOrder. Returns
+  // the seqs of these records, by epoch.
   Result<std::map<std::uint64_t, IntervalSet>> FindNewest(Database& database, AgentId origin, DataType type) const;
   Result<std::vector<Row>> FindInInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                           std::uint64_t last) const;

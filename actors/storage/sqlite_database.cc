@@ -477,7 +477,7 @@ Result<void> Database::CheckFile(const char* ending, std::optional<FileIdentity>
 }
 
 tl::unexpected<Error> Database::NotInPlace(const char* ending, const std::string& what) {
-  // Another file that is now at this path may have its own log.
+  // Another file may now be at this path. Closing this database must not delete that file's log.
   LeaveAsItIs();
   return Fail(ErrorCode::kCorrupt, (*ending == 0 ? "database " : "the log of a database, ") + path_ + ending + ", " +
                                        what +

@@ -294,7 +294,8 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
 }
 
 // Stores the batch. If there is no room for maps, stores the other records and replies with an error, which keeps the
-// sender's session open until there is room again. The have-set then covers the records that were stored now.
+// sender's session open until there is room again. This agent's have-set then covers the other records. If there is no
+// room for any record, stores nothing and replies with an error.
 RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& request) {
   const auto is_map = [](const proto::StoredRecord& record) {
     return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
@@ -358,8 +359,8 @@ void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& 
   if (saved) Publish(context, *saved);
 }
 
-// Needed if the log is full and the disk lacks a few pages to move the log into the file: all writes then fail,
-// although the file has room.
+// A full disk may lack the few pages that are needed to move the log into the file. All writes then fail, although the
+// file has room.
 bool StorageActor::GivesUpReserveFor(const proto::Error& error) {
   return error.code() == proto::ERROR_CODE_FULL && options_.bytes_max == 0 && disk_.GiveUpReserve(store_->database());
 }

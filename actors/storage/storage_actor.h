@@ -63,7 +63,7 @@ class StorageActor final : public Actor {
     // Returns the UTC time at which the process began to stop in an orderly way; null if it did not. Called when the
     // actor ends. The actor logs this time as the last event of the store.
     std::function<std::optional<std::int64_t>()> stopped_at_ns;
-    // Signs an own record that any agent may supply; see RecordStore::Options.
+    // Signs this agent's own map quarantines; see RecordStore::Options.
     std::function<std::string(const RecordKey&, const proto::Record&)> sign;
     // True if this process opened the file before. A restart of the actor then skips the check of the whole file.
     bool is_checked = false;
@@ -117,7 +117,7 @@ class StorageActor final : public Actor {
   void TrimHistory(Context& context);
   // Returns a text for people that explains why little space is left; empty if there is enough space.
   std::string SpaceLow(const proto::StorageStatus& status) const;
-  // Sets `next_scrub_` to the part after `reply`. Returns true after the last part of a scrub.
+  // Advances `next_scrub_` past what `reply` covers. Returns true if the scrub of the whole store is then complete.
   bool MoveScrubOn(const proto::VerifyReply& reply);
   void Answer(Context& context, proto::Message reply);
   void Note(Context& context, const char* what, const Error& error);

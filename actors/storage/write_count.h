@@ -19,8 +19,8 @@ class WriteCount {
  public:
   Result<void> Load(Database& database);
 
-  // Saves the count of bytes written since the last call. Does nothing if only that call itself wrote bytes since then.
-  // Not durable, because this is only a statistic.
+  // Saves the count of bytes written since the last save. Does nothing if nothing was written after the last save; the
+  // bytes that a save itself writes do not cause another save. Not durable, because this is only a statistic.
   Result<void> Save(Database& database, std::uint32_t day);
 
   // Returns the bytes written on each of the last kWrittenDaysKept days, by day since 1970. Bytes that are not saved
