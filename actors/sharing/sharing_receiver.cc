@@ -17,8 +17,9 @@ constexpr std::chrono::seconds kStorageAnswersWithin(10);  // After this time an
 
 constexpr int kEveryonesTypesMax = 256;
 
-// Size of two batches with their overhead, in bytes. A sender that uses its granted rate pauses at most for the time
-// that these bytes take at this rate. A sender that pauses for longer does not count as moving.
+// Size of two batches with their overhead, in bytes. A sender that uses its granted rate is never silent for longer
+// than these bytes take at that rate. IsMoving allows a silence of this time or of `sending_after`, whichever is
+// longer.
 constexpr double kBatchesBytes = 2 * 4500;
 
 SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {

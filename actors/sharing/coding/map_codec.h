@@ -111,8 +111,9 @@ class MapRunEncoder : public MapRun {
 
  private:
   PreviousTrials::Way WayOfNext() const;
-  // Returns how many maps back in the run the newest map of the source is. Nullopt if the run has no map of the source
-  // and no reference.
+  // Returns the position of the source's newest map among the earlier maps of the run, counted back from the newest
+  // map (1). Returns the position of the reference if the run has no map of the source, and nullopt if it has no
+  // reference either.
   std::optional<std::size_t> MapsBackTo(std::uint32_t source) const;
   // Codes a map that has a previous map. Returns the reference and placement that were used, or nullopt if the map was
   // coded alone.
