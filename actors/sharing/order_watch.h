@@ -58,7 +58,8 @@ class OrderWatch {
     bool is_gathering_meant = false;  // The order also waits until the leader has gathered records from other agents.
     // If is_gathering_meant, agents from which records are gathered for the order; empty: all agents.
     std::set<AgentId> gathering_of;
-    // Agents that YetToGather() returned at any time since the order began, even if it does not return them now.
+    // Agents from which the leader had to gather records at any time since the order began, including agents from which
+    // the leader has gathered all records since then.
     std::set<AgentId> gathers_from;
   };
 

@@ -10,8 +10,8 @@
 namespace moondb {
 namespace {
 
-// If the asked agent makes no progress for kPatienceMin, the leader asks the next agent. The time doubles with each
-// such change, up to kPatienceMax, and is kPatienceMin again when a batch arrives.
+// If the asked agent makes no progress for kPatienceMin, the leader asks the next agent. The time doubles whenever
+// it expires, up to kPatienceMax, and returns to kPatienceMin when a batch arrives.
 constexpr Duration kPatienceMin = std::chrono::minutes(1);
 constexpr Duration kPatienceMax = std::chrono::hours(1);
 

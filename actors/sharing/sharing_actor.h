@@ -56,7 +56,7 @@ class SharingActor : public Actor {
   // Carries out a request to share. Returns the number of sessions that serve the request: sessions started now,
   // sessions already open, and sessions that peers were ordered to start. Fails with kRefused if the roles do not allow
   // the request, and with kInvalid if a field is not valid for this agent or this kind of sharing. `is_leaders`:
-  // another agent sent the request, and this agent is the current leader or names a newer term than roles().term().
+  // the request came from another agent, which is the current leader or names a newer term than roles().term().
   // Requires: CheckShareRequest accepted the request.
   virtual Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) = 0;
   // Called after roles() changed from `previous`. At the actor's start, roles() are the roles of the team file.

@@ -324,7 +324,7 @@ Result<proto::RecordBatch> SharingReceiver::Decode(AgentId sender, const proto::
 }
 
 // Grants the sender its part of the credit and of the budget. All senders share this agent's radio, so together they
-// may have no more bytes in flight than a single sender.
+// may have only as many bytes in flight as a single sender may have.
 void SharingReceiver::Grant(Incoming& incoming, proto::Have& have) const {
   const std::size_t moving = std::max<std::size_t>(MovingSessions(now_), 1);
   have.set_unacked_bytes_max(options_.unacked_bytes_max / static_cast<std::uint32_t>(moving));

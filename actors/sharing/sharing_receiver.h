@@ -55,8 +55,8 @@ class SharingReceiver {
     double bytes_per_second_max = 0;  // Radio budget, divided among all moving sessions; 0: no limit.
     TypeSchemas schemas;              // This agent's schema of each data type.
     PaperSql paper_sql;               // Used for CODEC_PAPER_SQL.
-    // If this many sessions are open, a new session replaces one that was silent for at least idle_after. If there is
-    // none, the new session is refused.
+    // If this many sessions are open, a new session replaces one that was silent for at least idle_after. If no
+    // session was silent for so long, the new session is refused.
     std::size_t sessions_max = 16;
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
     std::size_t run_places_max = 8;  // Number of senders whose runs of maps are kept (run_decoders.h).

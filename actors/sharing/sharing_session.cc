@@ -66,7 +66,7 @@ void SharingSession::LookAgain(Time now, SharingActions& actions) {
   } else if (was_waiting || order_.NeedsNewStart()) {
     Start(now, actions);
   } else if (phase_ == Phase::kAwaitingHave) {
-    // The destination is silent and the delay has grown. Do not let the new order wait until the delay has passed.
+    // If the destination is silent and the delay has grown, do not let the new order wait until the delay has passed.
     if (resend_delay_.has_grown()) GoOn(now, actions);
   } else {
     AskAgain();

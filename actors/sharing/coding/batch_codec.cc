@@ -24,7 +24,7 @@ constexpr std::size_t kRowsKeptMax = 64 * 1024;
 constexpr std::size_t kHeadBytes = 48;  // Upper bound of the header bytes of an uncompressed batch.
 // Coded bytes per content byte, assumed until the ratio of a data type was measured: kFrameRatioAtFirst for maps
 // without their cells, kRowRatioAtFirst for all other records. A low kRowRatioAtFirst costs little time, because
-// records without cells are coded again quickly if they do not fit.
+// a batch without cells is coded again quickly if it does not fit.
 constexpr double kRowRatioAtFirst = 0.1;
 constexpr double kFrameRatioAtFirst = 0.5;
 
