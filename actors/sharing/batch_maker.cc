@@ -9,8 +9,8 @@ namespace moondb {
 namespace {
 
 constexpr double kRatioMin = 0.01;
-// Upper bound of the bytes of a batch besides its fragment. Fragments are smaller than the batch limit by this much, so
-// two batches fit into the credit.
+// Upper bound of the bytes in a batch in addition to the coded bytes of its fragment. Each fragment is smaller than the
+// batch limit by this much, so two batches fit into the receiver's credit.
 constexpr std::size_t kFragmentHeadBytes = 64;
 
 // Returns the number of missing records by data type, without the first `sent_count` records of the reply.

@@ -80,7 +80,7 @@ class SharingEncoder {
   BatchEncoder compact_{MapRunEncoder::Previous::kWhileItPays};
 };
 
-// Decodes a batch. `run` is the decoder of the batch's run and has decoded the earlier batches of this run. Returns
+// Decodes a batch. `run` is the decoder of the batch's run; pass all batches of one run to the same decoder. Returns
 // kCorrupt if the codec is unknown, the bytes do not decode, a size exceeds the limits above, there is more than one
 // frame, or the number of records is not `record_count`. Returns kNotFound if the batch depends on batches that `run`
 // has not decoded. Does not validate the records; StorageActor does.

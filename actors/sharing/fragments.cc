@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// Never returns 0, since a hash of 0 means that there is no whole.
+// Never returns 0, since a PartOfWhole with hash 0 means that the receiver holds no part.
 std::uint64_t HashOf(const std::string& bytes) {
   return std::max<std::uint64_t>(XXH64(bytes.data(), bytes.size(), 0), 1);
 }
@@ -42,7 +42,7 @@ Result<std::optional<std::string>> FragmentCollector::Take(AgentId sender, const
   Part* part = Find(sender);
   const bool is_known = part != nullptr && part->hash == fragment.hash() && part->size == fragment.whole_bytes();
   if (!is_known && fragment.first_byte() == 0) {
-    // Reuse the buffer of the sender's unfinished whole, so a sender that starts again and again has only one buffer.
+    // Reuse the buffer of the sender's unfinished batch, so a sender that starts again and again has only one buffer.
     // Reserve the full size now: a buffer that grows by doubling would take three times the memory, and memory pages
     // that are never written cost nothing.
     Part begun = part != nullptr ? std::move(*part) : Part{};

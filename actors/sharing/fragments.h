@@ -72,8 +72,8 @@ class FragmentCollector {
     std::uint64_t hash = 0;
     std::uint64_t size = 0;
     std::string bytes;
-    // Number of bytes written to the buffer of `bytes`, for this whole or an earlier one. Only written bytes take
-    // memory.
+    // Number of bytes of the buffer of `bytes` that were ever written, for this batch or for an earlier batch of the
+    // same sender. Only these bytes take memory.
     std::size_t written_bytes = 0;
   };
 
@@ -82,7 +82,7 @@ class FragmentCollector {
 
   std::size_t bytes_max_;
   std::size_t whole_bytes_max_;
-  std::deque<Part> parts_;  // Unfinished wholes, in the order in which they were begun.
+  std::deque<Part> parts_;  // Unfinished batches, in the order in which their first fragments arrived.
 };
 
 }  // namespace moondb

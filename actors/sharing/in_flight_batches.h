@@ -63,8 +63,8 @@ class InFlightBatches {
     std::size_t records = 0;  // Number of records that the destination now holds or has dropped.
     std::size_t bytes = 0;    // Coded bytes.
   };
-  // Removes the batch `number`, and each other batch of which the destination now holds or dropped all records. Returns
-  // the totals of the removed batches.
+  // Removes the batch `number`. Also removes each other batch with records if the destination now holds or has dropped
+  // all records of that batch. Returns the totals of the removed batches.
   Acknowledged Acknowledge(std::uint32_t number);
   // Gives up each batch whose number is at least 2 below the acknowledged `number`. Batches arrive nearly in order, so
   // such a batch was lost. Returns how many batches were given up.

@@ -58,7 +58,8 @@ class OrderWatch {
     bool is_gathering_meant = false;  // The order also waits until the leader has gathered records from other agents.
     // If is_gathering_meant, agents from which records are gathered for the order; empty: all agents.
     std::set<AgentId> gathering_of;
-    // Agents from which the leader had to gather at some time since the order began, even if that is done now.
+    // Agents from which the leader had to gather records at any time since the order began, including agents from which
+    // the leader has gathered all records since then.
     std::set<AgentId> gathers_from;
   };
 
@@ -76,13 +77,13 @@ class OrderWatch {
     std::uint64_t order = 0;
     Time until{};
     bool is_for_end = false;          // Waits for the end of the order; false: waits for a change of its progress.
-    std::uint64_t after_version = 0;  // Used if is_for_end is false: waits for a version above this.
+    std::uint64_t after_version = 0;  // Used if is_for_end is false: waits until ShareProgress.version exceeds this.
     Duration news_period{};  // Shortest time from the last answer about changed progress of this order to the next.
   };
 
   struct Answer {
     Request request;
-    proto::ShareProgress progress;  // Contains an error if the order ended with its term.
+    proto::ShareProgress progress;  // Contains an error if EndTerm ended the order.
   };
 
   void Add(Order order);

@@ -17,7 +17,7 @@ HaveSet NewsOf(const HaveSet& heard, const HaveSet& known) {
   return news;
 }
 
-// Returns the PeerHave message among the actions of this step. Adds the message if there is none yet.
+// Returns the PeerHave message in `actions`. Adds the message if there is none yet.
 proto::Message& MessageIn(SharingActions& actions) {
   const auto note = std::find_if(actions.begin(), actions.end(),
                                  [](const SharingAction& action) { return action.message.has_peer_have(); });

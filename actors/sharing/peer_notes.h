@@ -25,7 +25,7 @@ class PeerNotes {
   // note.
   PeerNotes(proto::SharingKind kind, AgentId destination, std::uint64_t first_number);
 
-  // Call when the session starts over. Answers to earlier Hellos then no longer count.
+  // Call when the session starts over. NoteAllAgain then does nothing until the next call of NoteAnswer.
   void StartOver() { is_answered_ = false; }
   // Adds a note with the destination's whole have-set, for the streams of `origins`, or for all streams if `origins` is
   // empty.
@@ -43,7 +43,7 @@ class PeerNotes {
 
  private:
   proto::PeerHave& NoteIn(SharingActions& actions) const;
-  // Returns the PeerHave message of this step, with the next number set.
+  // Returns the PeerHave message in `actions`, with the next number set.
   proto::PeerHave& NumberedNoteIn(SharingActions& actions);
   void NoteAll(const HaveSet& have, SharingActions& actions);
 

@@ -40,8 +40,9 @@ class PeerOrders {
   // Call when the peer reconnected. Sends the open order to the peer immediately and resets the delay.
   SharingActions OnConnected(AgentId peer, Time now);
   SharingActions OnTimer(Time now);
-  // Call when the peer answered an order. `is_taken`: the peer accepted the order. Returns true if the order `number`
-  // was waiting for an answer.
+  // Call when the peer answered the order `number`. Stops repeating the order if the peer accepted it (`is_taken`), and
+  // removes the order if the peer refused it. Returns false, and changes nothing, if the order `number` was not waiting
+  // for an answer.
   bool TakeAnswer(AgentId peer, std::uint64_t number, bool is_taken);
   // Call when the peer reported the end of the order `number`. Removes the open order to the peer if its number is
   // `number` or lower.

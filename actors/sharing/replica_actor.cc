@@ -10,8 +10,8 @@
 namespace moondb {
 namespace {
 
-// An asked agent may make no progress for kPatienceMin before the next agent's turn. The time doubles after each such
-// turn, up to kPatienceMax.
+// If the asked agent makes no progress for kPatienceMin, the leader asks the next agent. The time doubles whenever
+// it expires, up to kPatienceMax, and returns to kPatienceMin when a batch arrives.
 constexpr Duration kPatienceMin = std::chrono::minutes(1);
 constexpr Duration kPatienceMax = std::chrono::hours(1);
 

@@ -56,7 +56,7 @@ class ReplicaActor final : public SharingActor {
   // The agent of to_ask_ that is being asked. 0: none of these agents is connected with an open window.
   AgentId asked_ = 0;
   MonotonicTime last_progress_{};
-  Duration patience_{};           // Time that the asked agent may make no progress before the next agent's turn.
+  Duration patience_{};           // If the asked agent makes no progress for this time, the next agent is asked.
   std::uint64_t step_ = 0;        // Number of the current turn. A timer with an earlier number is ignored.
   bool is_sync_notified_ = true;  // False if the last notification did not fit into SyncActor's mailbox.
 };

@@ -29,8 +29,9 @@ class RunDecoders {
   // Gives the sender a place if it has none and a place is free or idle. Returns true if the sender then has a place.
   bool TakePlace(AgentId sender, Time now);
 
-  // Decodes a batch of the sender. `coded` is the batch's coded bytes, joined if they came in fragments. Fails like
-  // DecodeBatch, with kNotFound if earlier batches of the run were not decoded here.
+  // Decodes a batch of the sender. `coded` is the batch's coded bytes, joined if they came in fragments. Returns the
+  // errors of DecodeBatch, for example kNotFound if the batch depends on earlier batches of its run that were not
+  // decoded here.
   Result<proto::RecordBatch> Decode(AgentId sender, const proto::Batch& batch, std::string_view coded, Time now);
 
  private:

@@ -53,10 +53,11 @@ class SharingActor : public Actor {
  protected:
   SharingActor(Options options, proto::SharingKind kind);
 
-  // Carries out a request to share. Returns the number of sessions for it: started now, already open, or ordered from
-  // peers. Fails with kRefused if the roles do not allow the request, and with kInvalid if a field is not valid for
-  // this agent or this kind of sharing. `is_leaders`: the request came from the current leader, or its message names a
-  // newer term than this agent's. Requires: CheckShareRequest accepted the request.
+  // Carries out a request to share. Returns the number of sessions that serve the request: sessions started now,
+  // sessions already open, and sessions that peers were ordered to start. Fails with kRefused if the roles do not allow
+  // the request, and with kInvalid if a field is not valid for this agent or this kind of sharing. `is_leaders`:
+  // the request came from another agent, which is the current leader or names a newer term than roles().term().
+  // Requires: CheckShareRequest accepted the request.
   virtual Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) = 0;
   // Called after roles() changed from `previous`. At the actor's start, roles() are the roles of the team file.
   virtual void OnNewRoles(Context& context, const proto::RoleAssignment& previous) = 0;
@@ -156,8 +157,9 @@ class SharingActor : public Actor {
   void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
   void OnTimer(Context& context, const proto::Timer& timer);
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
-  // Checks that the sender of the current message may order this agent to share. `term` is the message's term. Returns
-  // kUnavailable if `term` is newer than this agent's term, so the sender may be its leader; otherwise kRefused.
+  // Checks that the sender of the current message may order this agent to share. `term` is the message's term. Fails
+  // with kUnavailable if the sender may be the leader of `term`, because `term` is newer than this agent's term. Fails
+  // with kRefused if the sender may not give orders.
   Result<void> CheckOrderer(const Context& context, const proto::Term& term) const;
   bool IsBeingCarriedOut(ShareOrderId id);
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
@@ -177,8 +179,8 @@ class SharingActor : public Actor {
                   AgentId peer);
   void ArmSessionTimer(Context& context, Outgoing& outgoing);
   void ArmOrdersTimer(Context& context);
-  // Gives each session of this actor that uses the radio now its part of the agent's radio budget. Sessions of the
-  // agent's other sharing actor get equal parts.
+  // Divides the agent's radio budget equally among all sessions that use the radio now, including those of the agent's
+  // other sharing actor. Sets the rates of this actor's sessions accordingly.
   void DivideBudget(Context& context);
   void NotifyOfLoad(Context& context, std::size_t moving);
 

@@ -17,8 +17,9 @@ constexpr std::chrono::seconds kStorageAnswersWithin(10);  // After this time an
 
 constexpr int kEveryonesTypesMax = 256;
 
-// Size of two batches with their overhead, in bytes. A sender that uses its granted rate pauses at most for the time
-// that these bytes take at this rate. A sender that pauses for longer does not count as moving.
+// Size of two batches with their overhead, in bytes. A sender that uses its granted rate is never silent for longer
+// than these bytes take at that rate. IsMoving allows a silence of this time or of `sending_after`, whichever is
+// longer.
 constexpr double kBatchesBytes = 2 * 4500;
 
 SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
@@ -323,7 +324,7 @@ Result<proto::RecordBatch> SharingReceiver::Decode(AgentId sender, const proto::
 }
 
 // Grants the sender its part of the credit and of the budget. All senders share this agent's radio, so together they
-// may have no more bytes in flight than a single sender.
+// may have only as many bytes in flight as a single sender may have.
 void SharingReceiver::Grant(Incoming& incoming, proto::Have& have) const {
   const std::size_t moving = std::max<std::size_t>(MovingSessions(now_), 1);
   have.set_unacked_bytes_max(options_.unacked_bytes_max / static_cast<std::uint32_t>(moving));

@@ -49,17 +49,18 @@ class SharingReceiver {
     std::uint64_t config_hash = 0;
     proto::SharingKind kind = proto::SHARING_KIND_SYNC;
     std::uint32_t unacked_bytes_max = 8 * 1024;  // Credit in bytes, divided among the moving senders (MovingSessions).
-    // A sender that is silent for longer than this does not count as moving, unless its granted rate requires longer
-    // pauses between batches.
+    // A sender does not count as moving (MovingSessions) if nothing was heard from it for this time. If two batches
+    // take longer than this time at the sender's granted rate, the longer time is the limit.
     std::chrono::nanoseconds sending_after = std::chrono::seconds(5);
     double bytes_per_second_max = 0;  // Radio budget, divided among all moving sessions; 0: no limit.
     TypeSchemas schemas;              // This agent's schema of each data type.
     PaperSql paper_sql;               // Used for CODEC_PAPER_SQL.
-    // At this limit, a new session replaces one that was silent for idle_after, or is refused.
+    // If this many sessions are open, a new session replaces one that was silent for at least idle_after. If no
+    // session was silent for so long, the new session is refused.
     std::size_t sessions_max = 16;
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
     std::size_t run_places_max = 8;  // Number of senders whose runs of maps are kept (run_decoders.h).
-    // While so many StoreRequests of a sender wait, further batches of this sender are dropped and counted.
+    // While this many StoreRequests of a sender wait, further batches of this sender are dropped and counted.
     std::size_t waiting_stores_per_sender_max = 16;
     std::size_t have_page_bytes_max = kHavePageBytesMax;
   };

@@ -51,7 +51,7 @@ SharingActions SharingSession::BringPeriodic(const proto::RecordFilter& states, 
     LookAgain(now, actions);
     return actions;
   }
-  // Skip if storage was already asked, if the session is ending, or if the destination has not answered.
+  // Ask storage again only while the session sends batches, or if the order waits in a window that admits states.
   const bool is_sending = is_answered() && phase_ != Phase::kAsking && !maker_.has_reported_end();
   if (order_.is_waiting() ? order_.is_waiting_for_states() : is_sending) LookAgain(now, actions);
   return actions;
@@ -66,7 +66,7 @@ void SharingSession::LookAgain(Time now, SharingActions& actions) {
   } else if (was_waiting || order_.NeedsNewStart()) {
     Start(now, actions);
   } else if (phase_ == Phase::kAwaitingHave) {
-    // The destination is silent and the delay has grown. Do not let the new order wait until the delay has passed.
+    // If the destination is silent and the delay has grown, do not let the new order wait until the delay has passed.
     if (resend_delay_.has_grown()) GoOn(now, actions);
   } else {
     AskAgain();

@@ -81,9 +81,9 @@ class SharingSession {
   // ends when about that many coded bytes are sent. If the order replaces an open order without a limit, it has no
   // limit either. StateOf(id) returns the state of the order.
   SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0, ShareOrderId id = {});
-  // Sends the records that `states` selects, without an order. A closed session starts for these states; such a session
-  // is not counted, reports no OrderEnd, and is replaced by any order. An open session only asks storage for missing
-  // records again.
+  // Sends the records that `states` selects, without an order. A closed session starts for these states. Such a session
+  // reports no OrderEnd, its end is not counted, and any order replaces it. An open session only asks storage for
+  // missing records again.
   SharingActions BringPeriodic(const proto::RecordFilter& states, Time now);
   // Ends the session before all records are acknowledged, and forgets the order.
   SharingActions Close();
@@ -149,7 +149,8 @@ class SharingSession {
   // Like Start, but if the collected pages of the have-set are still useful, keeps these pages and requests the next
   // page.
   void GoOn(Time now, SharingActions& actions);
-  void AskForPage(Time now, SharingActions& actions);  // Sends no Hello while the order waits for its window.
+  // Sets the deadline and requests the next page with a Hello. While order_.is_waiting(), sends no Hello.
+  void AskForPage(Time now, SharingActions& actions);
   // Starts over under a new session id. Forgets the batches in flight and requests the first page.
   void Restart(Time now, SharingActions& actions);
   void SayHello(SharingActions& actions);

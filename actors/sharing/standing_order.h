@@ -1,8 +1,8 @@
 // StandingOrder: the order that one session carries out: its records, its byte limit, and the agents that gave it.
 //
 // An order stays open until the session ends it. The window to the destination admits all records, only states, or no
-// records. Each start of the session sets its scope: all records of the order, only states of the order because the
-// window admits no others, or periodic states without an order. Plain value.
+// records. Each start of the session sets the scope (what the session sends): all records of the order, only states of
+// the order because the window admits no others, or periodic states without an order. Plain value.
 #pragma once
 
 #include <cstdint>

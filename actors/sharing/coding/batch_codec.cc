@@ -22,8 +22,9 @@ constexpr std::size_t kChecksumBytes = 4;
 // Rows of at most this many bytes are kept as the zstd prefix for the run's next batch.
 constexpr std::size_t kRowsKeptMax = 64 * 1024;
 constexpr std::size_t kHeadBytes = 48;  // Upper bound of the header bytes of an uncompressed batch.
-// Estimated coded bytes per content byte before any record was coded: of records, and of maps without their cells. A
-// ratio for records that is too low costs little time, because only cells take long to code again.
+// Coded bytes per content byte, assumed until the ratio of a data type was measured: kFrameRatioAtFirst for maps
+// without their cells, kRowRatioAtFirst for all other records. A low kRowRatioAtFirst costs little time, because
+// a batch without cells is coded again quickly if it does not fit.
 constexpr double kRowRatioAtFirst = 0.1;
 constexpr double kFrameRatioAtFirst = 0.5;
 

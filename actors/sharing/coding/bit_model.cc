@@ -5,9 +5,9 @@ namespace moondb {
 namespace {
 
 constexpr std::uint32_t kCountLimit = 250;
-constexpr int kLearningShift = 15;          // Learning rate of the weights, as a power of two.
+constexpr int kLearningShift = 15;          // The learning rate of the weights is 2^-15.
 constexpr std::int16_t kWeightMax = 30000;  // Limits the weights, which would overflow otherwise.
-constexpr int kRareShift = 9;               // Probabilities of rare bits adapt by 1/512.
+constexpr int kRareShift = 9;               // Adaptation rate of the probabilities of rare bits: 1/512.
 constexpr int kRareMin = 3;                 // Lowest probability of rare bits, so none costs more than 15 bits.
 
 // Returns the weight plus input * error / 2^kLearningShift, rounded, and limited to the range of +-kWeightMax.

@@ -75,8 +75,8 @@ class BitModel {
   // valid for Update of this model only.
   struct Prediction;
   Prediction Predict(const BitContexts& contexts);
-  // Trains the model with the actual bit. Requires: Predict was not called again for the same decision after this
-  // prediction was made. Calls for the other decision are allowed.
+  // Trains the model with the actual bit. Requires: after Predict returned `prediction`, Predict was not
+  // called again for the same Decision. Calls of Predict for the other Decision are allowed.
   void Update(const Prediction& prediction, int bit);
 
   // Returns the probability that a nearly certain bit is 1: one adaptive probability per decision, without mixing.

@@ -31,7 +31,7 @@ struct LayerContext {
   const CellPlane* coarser = nullptr;  // The next coarser layer; null if there is none.
   const CoarserIndex* columns = nullptr;
   const CoarserIndex* rows = nullptr;
-  // Memory of the previous map, placed on this layer's cells; null if no previous map is used.
+  // The previous map's values of CellMemory, resampled to the cells of this layer; null if no previous map is used.
   const CellPlane* previous = nullptr;
   const CellPlane* coarser_previous = nullptr;
   std::uint32_t depth = 0;  // Number of finer layers, at most 3.

@@ -111,8 +111,9 @@ class MapRunEncoder : public MapRun {
 
  private:
   PreviousTrials::Way WayOfNext() const;
-  // Returns how many maps back in the run the newest map of the source is. Nullopt if the run has no map of the source
-  // and no reference.
+  // Returns the position of the source's newest map among the earlier maps of the run, counted back from 1 for the
+  // newest map. If the run has no map of the source, returns the position of the reference. Returns nullopt if the run
+  // has no reference either.
   std::optional<std::size_t> MapsBackTo(std::uint32_t source) const;
   // Codes a map that has a previous map. Returns the reference and placement that were used, or nullopt if the map was
   // coded alone.

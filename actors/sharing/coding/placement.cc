@@ -49,7 +49,7 @@ GridWalk MakeGridWalk(const CodedLayer& earlier, const CodedLayer& later, std::u
   const std::int64_t from = later.resolution_um;
   const std::int64_t to = earlier.resolution_um;
   // Lengths are in half micrometres; rotated lengths are also scaled by 2^kRotationBits. `cells` converts a position in
-  // the earlier map's frame to cells from the layer's corner.
+  // the earlier map's frame to cells from the earlier layer's corner.
   const std::int64_t x0 = (1 - later.cells.width()) * from;
   const std::int64_t y0 = (1 - later.cells.height()) * from;
   const auto cells = [to](std::int64_t twice_um, std::int64_t shift_um, std::int32_t side) {

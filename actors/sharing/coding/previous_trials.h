@@ -32,8 +32,8 @@ class PreviousTrials {
     if (gain >= kGainLarge * alone) trust_ = kTrustMaps;
   }
 
-  // Call when a map was coded in one way only. `way` is the result of next(). `is_placed`: the previous map could be
-  // placed; otherwise the map was coded alone.
+  // Call when a map was coded in one way only. `way` is the result of next(). `is_placed` is true if the map was coded
+  // with the previous map, and false if the map was coded alone.
   void Coded(Way way, bool is_placed) {
     if (way == Way::kAlone) {
       if (rest_ > 0) --rest_;
@@ -45,7 +45,8 @@ class PreviousTrials {
   }
 
  private:
-  // Records a failed trial. After a rest, a single failure starts the next rest.
+  // Counts a failed trial. After two failures in a row, the next kRestMaps maps are coded alone. After these maps, a
+  // single failure has the same effect.
   void Fail() {
     trust_ = 0;
     if (++failures_ < 2) return;
@@ -53,8 +54,8 @@ class PreviousTrials {
     rest_ = kRestMaps;
   }
 
-  int rest_ = 0;      // Number of next maps that are coded alone.
-  int trust_ = 0;     // Number of next maps that are coded with the previous map, without a comparison.
+  int rest_ = 0;      // How many of the following maps are coded alone.
+  int trust_ = 0;     // How many of the following maps are coded with the previous map, without a comparison.
   int failures_ = 0;  // Number of failed trials in a row.
 };
 

@@ -16,8 +16,8 @@ struct Table {
   RowShape shape;
   ValueCount counts;
   std::size_t row_count = 0;
-  std::vector<std::vector<std::uint64_t>> numbers;  // One vector per column, also in `texts`.
-  std::vector<std::vector<std::string_view>> texts;
+  std::vector<std::vector<std::uint64_t>> numbers;   // One vector per column of numbers.
+  std::vector<std::vector<std::string_view>> texts;  // One vector per column of texts.
 };
 
 Table MakeTable(RowShape shape) {

@@ -165,8 +165,8 @@ class RowReader {
 
   ByteReader reader_;
   RowValues& values_;
-  // For each enclosing message, the number of bytes that are left in the row after its end. A shape from FindShape may
-  // nest one level deeper than kShapeDepthMax.
+  // For each enclosing message, the number of bytes of the row that follow the message's end. A shape from FindShape
+  // may nest one level deeper than kShapeDepthMax.
   std::array<std::size_t, kShapeDepthMax + 1> left_behind_{};
   std::size_t depth_ = 0;
 };
