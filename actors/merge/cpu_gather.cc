@@ -108,7 +108,7 @@ class Gatherer {
 
 std::vector<const GatherKernel*> AvailableKernels() {
   std::vector<const GatherKernel*> kernels = {ScalarKernel()};
-  // Even a call of Avx2Kernel() or Avx512Kernel() may execute instructions of that set. Check the processor first.
+  // Check the processor first: merely calling Avx2Kernel() or Avx512Kernel() may execute AVX2 or AVX-512 instructions.
   [[maybe_unused]] const auto add = [&kernels](const GatherKernel* kernel) {
     if (kernel != nullptr) kernels.push_back(kernel);
   };
