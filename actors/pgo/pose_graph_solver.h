@@ -85,7 +85,8 @@ struct LastSolution {
 };
 
 enum class Anchoring {
-  // Accepted ranges join the rover, directly or through other rovers, to a configured start or to two base stations.
+  // The rover has accepted ranges to agents in the map. It has a configured start, or ranges join it, directly or
+  // through other rovers, to a rover with a configured start or to two base stations.
   kAnchored,
   kNoRanges,  // The rover has a configured start and odometry, but no accepted range to an agent in the map.
   // Ranges join the rover to one base station, and no start is known. The trajectories may be rotated about the base
