@@ -157,8 +157,8 @@ void PageLister::List(const PageKey& page, std::vector<OrderedBlock>& list) {
   }
 }
 
-// Lists the blocks that touch the region of 8 x 8 pages around `page`. For every page of this region, List() then
-// searches only these blocks.
+// Lists the blocks that touch the region of 8 x 8 pages that contains `page`. For every page of this region, List()
+// then searches only these blocks.
 void PageLister::ListRegion(const PageKey& page) {
   constexpr std::int32_t kBits = 3;
   const PageKey region{page.x >> kBits, page.y >> kBits};

@@ -17,7 +17,7 @@ constexpr double kWarmLengthMin_m = 5;  // Odometry over a shorter distance does
 
 // Returns true if `first` is at the configured start: `first` is node 0, or its raw pose is close to the start. Raw
 // poses begin at the start. If nodes before `first` have not arrived yet, the raw pose of `first` is therefore usually
-// far away.
+// far from the start.
 bool IsAtStart(const CheckedNode& first, const AgentFacts& facts) {
   if (first.key.index == 0) return true;
   const double near_m = std::max(5 * facts.start_sigma_m, 0.5);

@@ -54,7 +54,7 @@ struct SolverOptions {
   // residuals have the same sign.
   double burst_sigmas = 2.5;
   double scale_sigma = 0.02;   // Standard deviation of a rover's odometry scale about 1.
-  double bias_sigma_m = 0.10;  // Prior standard deviation, about 0, of the constant range error of two agents.
+  double bias_sigma_m = 0.10;  // Standard deviation, about 0, of the constant range error of a pair of agents.
   GravityReference gravity_reference = GravityReference::kChosen;
   double gravity_sigma_rad = 0.02;  // Standard deviation of roll and pitch about gravity_reference.
   double ambiguous_cost = 10;       // Two solutions whose robust F differs by less are considered ambiguous.
