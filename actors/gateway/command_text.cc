@@ -35,8 +35,8 @@ std::string DownlinkText(const proto::DownlinkRequest& downlink) {
   return downlink.bytes_max() == 0 ? "" : "downlink of " + std::to_string(downlink.bytes_max()) + " B";
 }
 
-// Returns a text only for a valid pause. Driving and sleeping are not logged: the robot's software reports them many
-// times a minute.
+// Returns the text for a valid pause or resume, and an empty text for all other leases. Driving and sleeping are not
+// logged: the robot's software reports them many times a minute.
 std::string LeaseText(const proto::LeaseRequest& lease) {
   if (lease.kind() != proto::LEASE_KIND_PAUSED || !CheckLeaseSeconds(lease.seconds(), "")) return "";
   if (lease.seconds() == 0) return "sync resume";

@@ -28,7 +28,7 @@ class Feed {
  private:
   proto::ReadRequest request_;
   bool is_stale_ = false;
-  std::uint64_t known_row_id_;  // The `last_row_id` of the last Ask, or of the constructor.
+  std::uint64_t known_row_id_;  // The `last_row_id` given to the last Ask; initially the constructor's `last_row_id`.
 };
 
 }  // namespace moondb

@@ -43,7 +43,7 @@ Result<void> CheckAgentsOfRecord(const proto::TeamConfig& team, const proto::Rec
   return {};
 }
 
-// Checks a term that a client sends. The team file's initial term has issuer 0.
+// Checks a term that a client sends. Accepts issuer 0, which is the issuer of the team file's initial term.
 Result<void> CheckTerm(const proto::TeamConfig& team, const proto::Term& term, const std::string& field) {
   if (term.number() > kTermNumberMax) {
     return Fail(ErrorCode::kInvalid, "is above " + std::to_string(kTermNumberMax), field + ".number");

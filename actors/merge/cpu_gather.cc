@@ -108,7 +108,7 @@ class Gatherer {
 
 std::vector<const GatherKernel*> AvailableKernels() {
   std::vector<const GatherKernel*> kernels = {ScalarKernel()};
-  // Even a call of Avx2Kernel() or Avx512Kernel() may execute instructions of that set. Check the processor first.
+  // Check the processor first: merely calling Avx2Kernel() or Avx512Kernel() may execute AVX2 or AVX-512 instructions.
   [[maybe_unused]] const auto add = [&kernels](const GatherKernel* kernel) {
     if (kernel != nullptr) kernels.push_back(kernel);
   };
@@ -157,8 +157,8 @@ void PageLister::List(const PageKey& page, std::vector<OrderedBlock>& list) {
   }
 }
 
-// Lists the blocks that touch the region of 8 x 8 pages around `page`. List then searches only these blocks for every
-// page of the region.
+// Lists the blocks that touch the region of 8 x 8 pages that contains `page`. For every page of this region, List()
+// then searches only these blocks.
 void PageLister::ListRegion(const PageKey& page) {
   constexpr std::int32_t kBits = 3;
   const PageKey region{page.x >> kBits, page.y >> kBits};

@@ -30,8 +30,7 @@ class FallbackGather final : public GatherBackend {
   const Make make_again_;
   CpuGather cpu_;
   std::string loss_;  // Reason of the last failure.
-  // After the next failure, the gather with this number creates the first backend again. 1: the gather right after the
-  // failure.
+  // Number of gathers from the next failure until the first backend is created again. 1: the next gather creates it.
   int patience_ = 1;
   int gathers_left_ = 0;
 };

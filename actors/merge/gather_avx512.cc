@@ -21,7 +21,7 @@ struct Tables {
   // Permutation that selects the top byte of each 32-bit lane: first 16 lanes of one register, then 16 lanes of
   // another.
   alignas(64) std::uint8_t top_bytes[64];
-  // For each half column: index bits of the strip and of the byte in the row.
+  // For each half column: the strip and the byte in the row, as bits of a byte index.
   alignas(64) std::uint8_t byte_of_half[64];
   alignas(64) std::uint8_t bits_of_half[64];  // For each half column: mask of the cell's two bits in its byte.
 };
@@ -124,8 +124,8 @@ class Avx512View {
     return block_.words + there * block_.strip_words + row;
   }
 
-  // Looks up the 64 cells of one square in two neighbouring strips of the block. Requires: the square touches the
-  // block. The window then starts at most 15 rows and one strip before the block.
+  // Looks up the 64 cells of one square in a window of 16 rows of two neighbouring strips. Requires: the square touches
+  // the block. The window then starts at most 15 rows and one strip before the block.
   Seen SeeWindow(std::int64_t u, std::int64_t v) const {
     const auto first_column = static_cast<std::int32_t>((u + reach_.u_low) >> (kFraction + 4)) * 16;
     const auto first_row = static_cast<std::int32_t>((v + reach_.v_low) >> kFraction);

@@ -57,7 +57,8 @@ struct SquareReach {
   return touched;
 }
 
-// Looks up the cells one by one, for steps of any size. Values of cells outside `wanted` are unspecified.
+// Returns the block's values for the `wanted` cells of a square. Looks up each cell separately, which works for steps
+// of any size. The bits of cells outside `wanted` are unspecified.
 [[maybe_unused]] inline Seen SeeOneByOne(const KernelBlock& block, std::int64_t first_u, std::int64_t first_v,
                                          std::uint64_t wanted) {
   Seen seen;

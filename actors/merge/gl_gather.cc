@@ -21,16 +21,16 @@
 namespace moondb {
 namespace {
 
-// Maximum number of blocks in the list of a tile and of a square, for each round. The first lists are short, because
-// most cells are known after very few blocks. No list is longer than 63, because the byte that is read back for a cell
-// has 6 bits for the block's number.
+// For each round: the maximum number of blocks in the lists of a tile and of a square. The first lists are short,
+// because most cells are known after very few blocks. No list is longer than 63, because the byte that is read back for
+// a cell has 6 bits for the block's number.
 struct RoundLimits {
   std::size_t tile_blocks;
   std::uint8_t square_blocks;
 };
 constexpr std::array<RoundLimits, 3> kRounds = {{{8, 4}, {24, 12}, {63, 63}}};
 
-// Maximum number of blocks in a tile's list, because the number of a cell's winner has 16 bits.
+// Maximum size of Tile::blocks, because the index of a cell's winner in Tile::blocks has 16 bits.
 constexpr std::size_t kTileBlocksMax = 65'536;
 
 // Maximum number of pages that are gathered together: 4096 x 4096 cells.
@@ -71,7 +71,7 @@ bool IsSteep(const PlacedRectangle& placed) {
 struct Candidate {
   const PlacedBlock* block = nullptr;
   std::uint64_t squares = 0;
-  ListEntry at_tile;  // Entry for the tile's first cell.
+  ListEntry at_tile;  // The block's list entry, with the coordinates of the tile's first cell.
 };
 
 // Counts, for each square of a tile, the blocks in the square's list of this round.
@@ -297,7 +297,8 @@ class GlGather::Painter {
     return {};
   }
 
-  // Appends the lists of the tile's squares to square_lists_ and entries_, using candidates_.
+  // For each square of the tile, appends the square's candidates to entries_, and the position and number of these
+  // entries to square_lists_.
   void AddSquares(OpenTile& open, const SquareCounts& counts) {
     open.first_place = square_lists_.size();
     std::array<std::size_t, kSquaresInTile> ends;

@@ -36,9 +36,9 @@ class GlGather final : public GatherBackend {
 
   // Time spent in each step of the last Gather.
   struct Times {
-    double upload_ms = 0;  // Building and upload of the lists, and upload of blocks.
+    double upload_ms = 0;  // Time to build and upload the squares' lists of blocks, and to upload blocks.
     double draw_ms = 0;
-    double read_ms = 0;  // Readback from the target to tiles.
+    double read_ms = 0;  // Time to read back the render target and copy its pixels to tiles.
   };
 
   // Returns kUnavailable without a driver, and kInternal if the driver rejects the shaders.

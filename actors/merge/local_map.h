@@ -46,9 +46,9 @@ inline constexpr std::int32_t kStripColumns = 16;
 inline constexpr std::int32_t kStripPaddingWords = 16;
 
 // Cells of a block, and a coarse bitmap with which a merge skips unknown areas. One bit of the bitmap covers 4 x 4
-// cells, or 8 x 8 cells if a side of the block exceeds 256 cells. The bit stands for the squares (8 x 8 cells of the
-// merged map) whose lowest row and column in the block are in the bit's cells. The bit is clear only if no such square
-// reads a known cell. Each bitmap row has 64 bits.
+// cells, or 8 x 8 cells if a side of the block exceeds 256 cells. Each bitmap row has 64 bits. A merge looks up one bit
+// per square (8 x 8 cells of the merged map): the bit at the lowest row and column of the block that lie under the
+// square. A bit is clear only if no square that looks up this bit reads a known cell.
 class PackedBlock {
  public:
   // `reach_cells`: maximum distance, in columns or rows, between two cells that one 8 x 8 square of the merged map

@@ -131,7 +131,8 @@ class MapCollection {
   OriginQuota<NoNote> map_bytes_quota_;
   std::map<RecordKey, proto::MapQuarantine> quarantines_;
   std::multiset<RecordKey> lifted_;
-  // The note of a record that lifts a quarantine is the key of that quarantine. Other records have no note.
+  // The quota keeps a note on each record. If the record lifts a quarantine, the note is the key of that quarantine.
+  // Otherwise the note is nullopt.
   OriginQuota<std::optional<RecordKey>> quarantine_quota_;
   std::map<NodeKey, Node> nodes_;
   OriginQuota<NodeKey> node_quota_;

@@ -83,7 +83,8 @@ class MergeActor final : public Actor {
   void StartReading(Context& context);
   void FailAll(Context& context, const Error& error);
   void AnswerCovered(Context& context);
-  // Evaluates all subscriptions again, after a read of the new records from storage.
+  // Schedules all subscriptions for another evaluation, which follows a read of the new records from storage. Starts
+  // this read unless a read is in progress.
   void LookAgain(Context& context);
   void AnswerExpired(Context& context);
   Result<void> TakeOrLeaveOut(const proto::StoredRecord& stored);

@@ -39,8 +39,8 @@ struct TileCell {
   std::size_t cell;
 };
 
-// Calls visit(page key, index of the tile in the page, box of the tile) for each tile that touches `box`, even if no
-// such page exists.
+// Calls visit(page key, index of the tile in the page, box of the tile) for each tile that touches `box`, even if the
+// tile's page does not exist.
 template <typename Visit>
 void ForEachTile(const CellBox& box, Visit visit) {
   if (box.is_empty()) return;

@@ -170,7 +170,8 @@ class Merger {
   std::map<NodeKey, Thing> footprints_;
   // Maps and footprints added since the last Merge. Owned by maps_ or footprints_.
   std::unordered_set<PlacedThing*> added_;
-  // Maps and footprints withdrawn since the last Merge. Tiles still point to their blocks until the tiles are gathered.
+  // Maps and footprints withdrawn since the last Merge. A tile points to the blocks of these maps and footprints until
+  // the tile is gathered again.
   std::vector<Thing> retired_;
   // Withdrawn maps and footprints whose tiles are already in dirty_. They are freed after these tiles are gathered.
   std::vector<Thing> buried_;

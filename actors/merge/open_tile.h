@@ -14,8 +14,8 @@
 
 namespace moondb {
 
-// Size of a square of 8 x 8 cells in the target, in pixels. Each pixel holds a row of 8 cells. The rows follow each
-// other from the lowest on, pixel row by pixel row.
+// Width and height, in pixels of the render target, of a square of 8 x 8 cells. Each pixel holds one row of 8 cells.
+// The lower pixel row holds the square's rows 0 to 3, from left to right, and the upper pixel row holds rows 4 to 7.
 inline constexpr std::size_t kSquarePixelsX = 4;
 inline constexpr std::size_t kSquarePixelsY = 2;
 

@@ -34,7 +34,7 @@ struct Stage {
   bool is_near = false;
   // True if a loose tolerance suffices, because the result is used only to classify the ranges.
   bool is_rough = false;
-  std::vector<bool> is_trusted = {};  // True for ranges without the loss. Empty: all false.
+  std::vector<bool> is_trusted = {};  // True for ranges to which `loss` is not applied. Empty: all false.
 };
 
 struct StageResult {

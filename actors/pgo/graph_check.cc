@@ -63,7 +63,7 @@ CheckedNode ToChecked(const NodeKey& key, Pose raw, const AgentFactsMap& agents)
   return CheckedNode{key, raw, is_fixed};
 }
 
-// Sort key of a node or edge: its natural key, then its content.
+// Sort key of a node (its key, then its pose) or of an edge (its ends, then its time and measurement).
 std::pair<NodeKey, std::array<double, 7>> OrderOf(const CheckedNode& node) {
   std::array<double, 7> content{};
   Eigen::Map<Eigen::Vector3d>(content.data()) = node.raw.position_m;

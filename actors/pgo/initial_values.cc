@@ -10,13 +10,14 @@ namespace moondb {
 namespace {
 
 constexpr double kScaleErrorMax = 0.1;  // Five times SolverOptions::scale_sigma.
-// If at least this fraction of the nodes has a pose from the last solution, the solve starts from the last verdicts,
-// without a robust stage.
+// If at least this fraction of the nodes has a pose from the last solution, the solve starts from the last solution's
+// verdicts on ranges, without a robust stage.
 constexpr double kWarmShare = 0.8;
 constexpr double kWarmLengthMin_m = 5;  // Odometry over a shorter distance does not determine the scale.
 
-// Returns true if the configured start is the pose of `first`. Otherwise nodes before `first` have not arrived yet. Raw
-// poses begin at the configured start, so the raw pose of a later node is usually far from the start.
+// Returns true if `first` is at the configured start: `first` is node 0, or its raw pose is close to the start. Raw
+// poses begin at the start. If nodes before `first` have not arrived yet, the raw pose of `first` is therefore usually
+// far from the start.
 bool IsAtStart(const CheckedNode& first, const AgentFacts& facts) {
   if (first.key.index == 0) return true;
   const double near_m = std::max(5 * facts.start_sigma_m, 0.5);

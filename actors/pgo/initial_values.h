@@ -44,9 +44,9 @@ StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents,
 
 // Chooses each node's pose from the first available source:
 // 1. the last solution;
-// 2. a neighbour's pose composed with odometry, scaled as in the last solution;
-// 3. across a gap in the odometry, a neighbour's pose composed with the difference of the raw poses;
-// 4. the rover's start, if no node of the rover has a pose yet.
+// 2. a neighbouring node's pose composed with odometry, corrected by the rover's scale error in the last solution;
+// 3. across a gap in the odometry, the pose of another node of the rover composed with the difference of the raw poses;
+// 4. the rover's start prior (`starts`), if no node of the rover has a pose yet.
 InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                 const std::vector<StartPrior>& starts, const std::map<NodeKey, Pose>& last_solution);
 

@@ -8,7 +8,7 @@ namespace moondb {
 
 namespace {
 
-// Calls `take` once per natural key, with the record key and the item of the valid (first) record.
+// Calls take(record key, node or edge) for the first record of each node or edge. Only the first record is valid.
 template <typename Records, typename Take>
 void ForEachStanding(const Records& records, const Take& take) {
   for (auto record = records.begin(); record != records.end(); ++record) {

@@ -86,7 +86,7 @@ class KnownGraph {
   using Version = std::pair<Run, RecordKey>;
 
   using EdgeName = std::pair<NodeKey, NodeKey>;  // The edge's ends (from, to).
-  // Keyed by (natural key, record key). The first record of each natural key is the valid one.
+  // Keyed by (node key or edge ends, record key). Only the first record of each node or edge is valid.
   template <typename Name, typename Item>
   using Records = std::map<std::pair<Name, RecordKey>, Item>;
   struct EdgeNote {

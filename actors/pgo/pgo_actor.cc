@@ -86,7 +86,7 @@ void PgoActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const bool is_new_term = !roles_ || OrderOf(roles_->term()) != OrderOf(roles.term());
   if (is_new_term) last_run_ = 0;
   roles_ = roles;
-  if (is_new_term) AwaitQuiet(context);  // Schedules a solve of the records that other leaders left.
+  if (is_new_term) AwaitQuiet(context);  // Earlier leaders may have left records that no solve has used.
   if (phase_ == Phase::kIdle) return;
   if (const std::optional<Error> error = WhyNotLeader()) return FinishWith(context, *error);
   if (is_new_term) FinishWith(context, Error{ErrorCode::kRefused, "the roles changed meanwhile; ask again", {}});

@@ -40,10 +40,10 @@ class PgoActor final : public Actor {
     // 0: solve only on request.
     Duration solve_when_quiet{};
     Duration solve_apart = std::chrono::seconds(60);    // Minimum time between periodic solves.
-    Duration solve_time_max = std::chrono::minutes(5);  // A solve that takes longer changes nothing.
+    Duration solve_time_max = std::chrono::minutes(5);  // A solve that takes longer ends without a result.
     std::size_t requesters_max = 16;                    // Maximum number of requests that wait.
-    std::size_t read_records_max = 1000;                // Maximum number of records per page.
-    std::size_t insert_records_max = 200;               // Maximum number of records per chunk.
+    std::size_t read_records_max = 1000;                // Maximum number of records per read request.
+    std::size_t insert_records_max = 200;               // Maximum number of records per insert request.
     Duration storage_timeout = std::chrono::seconds(30);
   };
 
@@ -110,7 +110,7 @@ class PgoActor final : public Actor {
   std::size_t written_count_ = 0;
   proto::OptimizeReply reply_;  // Reply to the request being processed.
 
-  // State of the wait for a pause in arriving records, after which a periodic solve starts.
+  // A periodic solve starts after a pause in arriving records. Quiet is the state of the wait for this pause.
   struct Quiet {
     bool is_awaited = false;      // True if the timer for the next periodic solve is running.
     MonotonicTime oldest_news{};  // Arrival time of the oldest record that no solve has read.

@@ -35,8 +35,9 @@ PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& a
   return EstimateBiases(graph, agents, initial.poses, counts, options.bias_sigma_m);
 }
 
-// Returns one flag per node: true if the node is variable. If `window_nodes` is not 0, only the newest nodes of each
-// rover and nodes without a previous solution are variable.
+// Returns one flag per node: true if the node is variable. If `window_nodes` is 0, all nodes of rovers are variable.
+// Otherwise only the newest `window_nodes` nodes of each rover, and nodes without a pose from the last solution, are
+// variable. Nodes of base stations are never variable.
 std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& rovers, const InitialValues& initial,
                            std::size_t window_nodes) {
   std::vector<bool> is_free(graph.nodes.size(), false);
@@ -63,7 +64,7 @@ std::vector<RangeVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerm
   return verdicts;
 }
 
-// Returns the rovers that are more than kApart_m apart in the two solutions.
+// Returns the rovers with at least one node whose positions in the two solutions are more than kApart_m apart.
 std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const State& b) {
   std::set<AgentId> apart;
   for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
@@ -272,7 +273,7 @@ class Solver {
   const CheckedGraph checked_;
   std::vector<Rover> rovers_;
   std::vector<StartPrior> starts_;
-  // Indices in rovers_ of the rovers that have no configured start and that ranges join to others.
+  // Indices in rovers_ of the rovers that have no configured start and have ranges to other agents.
   std::vector<std::size_t> unknown_;
   InitialValues initial_;
   Solution solution_;

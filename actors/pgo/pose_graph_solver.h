@@ -50,10 +50,11 @@ struct SolverOptions {
   double cauchy_sigmas = 2;     // Scale of the Cauchy loss of the robust stage.
   double huber_sigmas = 1.345;  // Scale of the Huber loss, used only for comparison.
   double reject_sigmas = 3.5;   // Ranges with larger residuals are left out of the last stage.
-  // Replaces reject_sigmas for a range next to a rejected range of the same pair, if both residuals have the same sign.
+  // Replaces reject_sigmas for a range directly before or after a rejected range between the same two agents, if both
+  // residuals have the same sign.
   double burst_sigmas = 2.5;
   double scale_sigma = 0.02;   // Standard deviation of a rover's odometry scale about 1.
-  double bias_sigma_m = 0.10;  // Standard deviation of a pair's constant range error about 0.
+  double bias_sigma_m = 0.10;  // Standard deviation, about 0, of the constant range error of a pair of agents.
   GravityReference gravity_reference = GravityReference::kChosen;
   double gravity_sigma_rad = 0.02;  // Standard deviation of roll and pitch about gravity_reference.
   double ambiguous_cost = 10;       // Two solutions whose robust F differs by less are considered ambiguous.
@@ -84,7 +85,8 @@ struct LastSolution {
 };
 
 enum class Anchoring {
-  // Accepted ranges join the rover, directly or through other rovers, to a configured start or to two base stations.
+  // The rover has accepted ranges to agents in the map. It has a configured start, or ranges join it, directly or
+  // through other rovers, to a rover with a configured start or to two base stations.
   kAnchored,
   kNoRanges,  // The rover has a configured start and odometry, but no accepted range to an agent in the map.
   // Ranges join the rover to one base station, and no start is known. The trajectories may be rotated about the base
@@ -94,7 +96,7 @@ enum class Anchoring {
   kUnanchored,  // Nothing ties the rover to the map. Only its relative poses are meaningful.
 };
 
-// Initial values of the returned solution.
+// The initial values from which the returned solution was computed.
 enum class SolveInitialValues {
   kOdometry,        // Start poses and odometry.
   kLastSolution,    // The last solution, which contains at least 80 % of the free nodes.
@@ -124,7 +126,7 @@ struct RangeVerdict {
 struct Solution {
   bool is_accepted = false;  // True if all numbers are finite, Ceres converged, and F did not increase.
   SolveInitialValues initial_values = SolveInitialValues::kOdometry;
-  // The reason why the solution is not accepted, or that there is nothing to solve. Otherwise empty.
+  // Says why the solution is not accepted, or that there is nothing to solve. Otherwise empty.
   std::string text;
   std::map<NodeKey, Pose> poses;     // map_from_node of every usable node. The initial values if not accepted.
   std::vector<RangeVerdict> ranges;  // In the order of CheckedGraph::ranges. Empty if the solution is not accepted.

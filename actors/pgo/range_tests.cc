@@ -9,10 +9,11 @@ namespace moondb {
 
 namespace {
 
-// Hysteresis: a rejected range is accepted again only below this fraction of the limit. Otherwise verdicts could
-// alternate between tests.
+// Hysteresis: a rejected range is accepted again only if its residual is below this fraction of the limit for
+// rejection. Otherwise verdicts could alternate between tests.
 constexpr double kReturnPart = 0.9;
-// Factor on the limit for ranges of a new node. The initial values of a new node come only from odometry.
+// For a range of a new node, the limit for rejection is multiplied by this factor, because the initial values of a new
+// node come only from odometry.
 constexpr double kNewRangeSlack = 2;
 constexpr double kMisfitShareMax = 0.4;
 constexpr double kRejectedShareMax = 0.5;

@@ -43,7 +43,8 @@ std::map<AgentId, std::size_t> CountRanges(const CheckedGraph& graph) {
   return counts;
 }
 
-// Returns the team of each agent: the lowest agent id among the agents that ranges connect to the agent.
+// A team is a set of agents that ranges connect, directly or through other agents. Returns, for each agent, the lowest
+// agent id in its team.
 std::map<AgentId, AgentId> FindTeams(const CheckedGraph& graph) {
   std::map<AgentId, std::size_t> places;
   for (const CheckedNode& node : graph.nodes) places.try_emplace(node.key.agent, places.size());

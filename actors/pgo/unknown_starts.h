@@ -13,7 +13,7 @@
 
 namespace moondb {
 
-// Returns the rovers that have no configured start and that ranges join to others, as indices in `rovers`.
+// Returns the rovers that have no configured start and have ranges to other agents, as indices in `rovers`.
 std::vector<std::size_t> FindUnknownRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                            const std::vector<StartPrior>& starts);
 
