@@ -27,7 +27,7 @@ class AgentRestarts {
   // does not open or the power was cut meanwhile.
   bool CheckStore(AgentId agent);
 
-  // Cuts the agent's power; it restarts after about two minutes at most. Does nothing if the agent does not run.
+  // Cuts the agent's power. The agent restarts after at most about two minutes. Does nothing if the agent does not run.
   void Kill(AgentId agent);
   // Kills the agent if it runs. Applies the disk fault named `fault` (FaultKinds) before the agent's next restart.
   void KillWithDisk(AgentId agent, const std::string& fault);
@@ -60,7 +60,7 @@ class AgentRestarts {
   std::map<AgentId, SimulatedDisk::Image> old_disks_;
   std::set<AgentId> to_restart_;          // Agents that are down and will be restarted.
   std::map<AgentId, Duration> down_for_;  // Time that each agent killed by KillFor stays down.
-  std::set<AgentId> gone_;                // Agents that are down, after the other agents were notified.
+  std::set<AgentId> gone_;                // Agents whose links NotifyOthers has taken down.
   std::set<AgentId> broken_;              // Agents whose disk BreakDisk changed and whose store has not opened since.
   std::set<AgentId> damaged_;             // Agents whose disk is damaged in many places.
   // Expected value of SimulatedTeam::restarts for each agent. Higher values are failures without an injected fault.

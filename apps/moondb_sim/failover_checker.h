@@ -46,7 +46,8 @@ class FailoverChecker {
   proto::RoleAssignment roles_;
   MonotonicTime roles_since_;
   std::set<AgentId> connected_;
-  std::map<AgentId, MonotonicTime> lost_;  // When each agent that is not connected any more was lost.
+  // Time at which each agent's connection was lost. Has only agents that are not connected now.
+  std::map<AgentId, MonotonicTime> lost_;
   // Time at which an actor of this agent last handled a message from each other agent.
   std::map<AgentId, MonotonicTime> heard_;
   MonotonicTime reached_since_;         // When `connected_` last became non-empty. Invalid while it is empty.
