@@ -33,7 +33,7 @@ class AgentRestarts {
   void KillWithDisk(AgentId agent, const std::string& fault);
   // Kills the agent if it runs, and restarts it after `down`. The other agents are notified of the loss within 33 s.
   void KillFor(AgentId agent, Duration down);
-  // Returns whether the agent is down and the other agents were notified of the loss.
+  // Returns whether the agent is down and the other agents were notified that it is down.
   bool is_gone(AgentId agent) const { return gone_.contains(agent); }
   // Restarts the agent as soon as its store opens. Does nothing if the agent runs.
   void Restart(AgentId agent);

@@ -33,8 +33,8 @@ class FailoverChecker {
   static bool IsFailover(const std::string& actor, const proto::Message& message);
 
  private:
-  // Returns why the agent may not take the lead at `now`; null if it may. To take the lead, the agent must have missed
-  // the leader for at least `missed`.
+  // Returns why the agent may not take the lead at `now`; null if it may. To take the lead, the agent must have had no
+  // connection to the leader for at least the time `missed`.
   std::optional<std::string> WhyNot(const LeaseChecker& leases, MonotonicTime now, Duration missed) const;
   void OnOwn(const proto::Message& message, const LeaseChecker& leases, MonotonicTime now);
   void SetRoles(const proto::RoleAssignment& roles, MonotonicTime now);

@@ -20,7 +20,7 @@ inline constexpr std::uint64_t kForgedRunMin = 1'000'000;
 proto::Record ForgedRecord(const RecordKey& key, AgentId named, const proto::Term& term, std::int64_t clock_ns,
                            std::mt19937_64& rng);
 
-// Returns a random message of up to 64 kB. Its type is one that agents send to each other. Its content is malformed or
+// Returns a random message of up to 64 kB, of a type that agents send to each other. The content is malformed or
 // random.
 proto::Message DrawGarbage(std::mt19937_64& rng);
 

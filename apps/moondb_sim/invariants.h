@@ -38,9 +38,10 @@
 //   session.
 // - quiet_window: An agent sends no Hello and no Batch while it sleeps, or while it believes that the receiver sleeps.
 //   While one of the two agents drives or is paused, the sender sends only batches of states (LeaseChecker).
-// - failover_has_cause: An agent that takes the lead without an operator is the survivor, and has missed the leader for
-//   leader_timeout_s (FailoverChecker).
-// - failover_happens: A survivor that has missed its leader for leader_timeout_s takes the lead (FailoverChecker).
+// - failover_has_cause: An agent that takes the lead without an operator is the survivor, and has had no connection to
+//   the leader for leader_timeout_s (FailoverChecker).
+// - failover_happens: A survivor that has had no connection to its leader for leader_timeout_s takes the lead
+//   (FailoverChecker).
 // - starts: No actor fails, at its start or later, unless a fault was injected.
 #pragma once
 
