@@ -18,7 +18,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::chrono::minutes kLeaseMargin(2);  // Extra wait for transfers that waited for the end of a lease.
+constexpr std::chrono::minutes kLeaseMargin(2);  // Time to wait after a lease for the transfers that it delayed.
 
 struct ShareArguments {
   std::vector<std::string> from;
