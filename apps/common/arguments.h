@@ -56,7 +56,7 @@ class Option {
   Option& Excludes(Option& other);                 // Parsing fails if this option and `other` are both given.
   Option& Needs(Option& other);                    // Parsing fails if this option is given without `other`.
 
-  // Checks that parsing applies to each value of the option.
+  // Within, Positive, OneOf and ExistingFolder restrict each value of the option. Parsing fails for other values.
   template <OptionBound T>
   Option& Within(T low, T high);  // Allows the values from `low` to `high`, both included.
   Option& Positive();

@@ -1,4 +1,4 @@
-// UTC times. Thread-safe.
+// Parses UTC times and reads this machine's clock. Thread-safe.
 #pragma once
 
 #include <chrono>

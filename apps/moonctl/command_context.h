@@ -66,9 +66,9 @@ class CommandContext {
   std::filesystem::path TeamPath() const;
   const std::filesystem::path& program_folder() const { return program_folder_; }
 
-  // Returns the client's key and its timeouts: 3 s for short calls and 600 s for long calls, unless --timeout is given.
-  // The first call reads the key file. Returns kInvalid, with the option or variable that names the key file, if the
-  // key cannot be read.
+  // Returns the client's key and timeouts. Without --timeout, the timeouts are 3 s for short calls and 600 s for long
+  // calls. The first call reads the key file. Returns kInvalid, with the option or variable that names the key file, if
+  // the key cannot be read.
   Result<Client::Options> ClientOptions();
   std::chrono::milliseconds WaitTimeout() const;             // --timeout, or 600 s by default.
   bool has_timeout() const { return timeout_.has_value(); }  // Returns true if --timeout was given.

@@ -51,8 +51,8 @@ Result<AgentClient> ConnectToDownlinker(CommandContext& context) {
   return context.Connect(AgentName((*team)->config, base));
 }
 
-// Returns a command for the operator to type, such as "moonctl downlink ack 7". Includes the option -a if this command
-// has one.
+// Returns a command for the operator to type, such as "moonctl downlink ack 7". Includes the option -a if the operator
+// gave -a to the running command.
 std::string Typed(const CommandContext& context, const std::string& words) {
   return "moonctl " + (context.agent.empty() ? "" : "-a " + context.agent + " ") + "downlink " + words;
 }

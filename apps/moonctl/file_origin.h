@@ -18,7 +18,8 @@ struct FileOrigin {
 
 FileOrigin OriginOf(const proto::TeamConfig& team, const AgentClient& source);
 
-// Returns notes on the origin and, before the last one (out_of_reach), the notes in `content`, such as "maps": "183".
+// Returns the notes team, agent and time of the origin, then the notes in `content` (such as "maps": "183"), then the
+// origin's note out_of_reach.
 FileNotes NotesOf(const FileOrigin& origin, FileNotes content);
 
 }  // namespace moondb

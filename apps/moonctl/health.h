@@ -16,7 +16,7 @@ namespace moondb {
 // A larger difference between the clocks of two agents is a fault. The difference includes the travel time of a
 // message.
 inline constexpr double kClockOffsetMax_s = 10;
-// An open session that has no reason to wait and makes no progress for a longer time is a fault.
+// An open session with no reason to wait is a fault if it makes no progress for longer than this time.
 inline constexpr double kNoProgressMax_s = 60;
 
 // The answers of one agent. FindingsOn ignores missing members.

@@ -8,8 +8,8 @@
 namespace moondb {
 
 // Writes the record's key ("" for a local record), its type, its size in bytes, and `record` as protobuf's JSON. For a
-// custom record, also writes the latest key and the payload as text if they are UTF-8. `record` is the decoded content
-// of `stored`.
+// custom record, also writes the latest key and the payload as text, each only if it is UTF-8. `record` is the decoded
+// content of `stored`.
 void WriteRecord(const proto::StoredRecord& stored, const proto::Record& record, const CustomTypes& custom_types,
                  JsonWriter& json);
 

@@ -18,7 +18,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::chrono::minutes kLeaseMargin(2);  // Extra wait for transfers that waited for the end of a lease.
+constexpr std::chrono::minutes kLeaseMargin(2);  // Time to wait after a lease for the transfers that it delayed.
 
 struct ShareArguments {
   std::vector<std::string> from;
@@ -78,8 +78,9 @@ Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& r
 
 // --- Results of an order ---
 
-// Returns true if the pair only gathers records at the agent `asked`, which accepted the order. In a sync, every
-// replication gathers. In a replication, the pair with the destination `asked` gathers.
+// `asked` is the agent that executes an order of kind `kind`. Returns true if the pair sends records to `asked` so that
+// `asked` can pass them on. In a sync, these are all pairs of kind replication. In a replication, these are the pairs
+// with the destination `asked`.
 bool IsGathering(const proto::PairProgress& pair, proto::SharingKind kind, AgentId asked) {
   return pair.kind() == proto::SHARING_KIND_REPLICATION &&
          (kind == proto::SHARING_KIND_SYNC || pair.destination() == asked);
@@ -175,7 +176,7 @@ class SharedReport {
     }
   }
 
-  // Returns true if a reachable destination is incomplete for another reason than a limit of the order.
+  // Returns true if a connected destination still lacks records for any reason other than the order's byte limit.
   bool is_failed() const { return is_failed_; }
   ExitCode exit_code() const {
     return unreachable_.empty() && not_gathered_.empty() ? ExitCode::kDone : ExitCode::kUnreachable;

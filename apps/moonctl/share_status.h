@@ -14,8 +14,8 @@ namespace moondb {
 // session is closed, or if it has no answer or no acknowledged record yet.
 struct SharePace {
   std::optional<double> bytes_per_s;  // Acknowledged bytes (after coding) per second.
-  // Estimated time left, at the rate of the records so far. Too short while maps remain, which come last and take
-  // longer.
+  // Estimated time in seconds until all records are acknowledged, from the average number of acknowledged records per
+  // second. Too short while maps remain, because maps are sent last and take longer.
   std::optional<double> eta_s;
 };
 SharePace PaceOf(const proto::ShareSession& session);

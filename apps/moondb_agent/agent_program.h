@@ -39,8 +39,8 @@ struct AgentProgram {
 };
 
 // Runs one agent until SIGTERM, SIGINT or a client's stop request. Prints a line that begins with "ready:" once the
-// agent runs. Requires: called on the main thread before any other thread starts, because threads inherit the signals
-// that it blocks. Ignores SIGPIPE from then on. Throws only if a function of `program` throws.
+// agent runs. Requires: called on the main thread before any other thread starts, because new threads inherit the
+// signals that RunAgentProgram blocks. Makes the process ignore SIGPIPE. Throws only if a function of `program` throws.
 //
 // Returns the exit code. 0: stopped on request. 1: a fault of the environment (ports, database, folder, GL). 2: the
 // command line, the team file or make_actors is wrong. 70: an actor failed permanently.

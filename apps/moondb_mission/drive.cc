@@ -59,7 +59,8 @@ class TeamDriver {
     }
   }
 
-  // Moves all rovers by one step. The rovers choose their steps in turn, at each node beginning with another rover.
+  // Moves all rovers by one step. The rovers choose their steps one after another. The rover that chooses first changes
+  // from node to node.
   void Step(int node) {
     const std::size_t count = rovers_.size();
     std::vector<Eigen::Vector2d> ends;

@@ -27,7 +27,7 @@ struct DriveOptions {
   int node_count = 61;           // Number of nodes of each rover.
   double rover_radius_m = 0.46;  // Radius of a circle around a body of 0.75 m x 0.5 m.
   double separation_m = 1.5;     // Least distance between the centres of two rovers at any time.
-  double step_min_m = 0.5;       // Steps are shorter at bends of the route.
+  double step_min_m = 0.5;       // A step that ends at a bend of the route may be shorter.
   double step_max_m = 1.0;
   double start_radius_m = 3;  // Distance of the rovers' starts from the base station.
   double seen_radius_m = 3;   // Cells within this distance count as explored.

@@ -13,7 +13,7 @@ namespace {
 constexpr double kNsPerSecond = 1e9;
 constexpr int kMapsMax = 20'000;
 constexpr double kBaseOffset_m = 1.5;
-constexpr double kStartZShare = 0.3;  // The height of a start is known more precisely than x and y, as in odometry.
+constexpr double kStartZShare = 0.3;  // Sigma of z in a start pose, as a fraction of the sigma of x and y.
 const Eigen::Vector3d kRoverAntenna_m(0.1, 0, 0.3);
 const Eigen::Vector3d kBaseAntenna_m(0, 0, 1.5);
 

@@ -1,7 +1,8 @@
 // RouteMap: the places where a rover's centre may be without a hazard under its body, and the paths between them.
 //
-// The explored square is a grid of 0.25 m cells. A cell is open if no hazard is within the rover's radius of any of its
-// points. Every point of an open cell is therefore safe at any heading. Immutable once made.
+// The explored square is a grid of 0.25 m cells. A cell is open if every point of the cell is farther than the rover's
+// radius from all hazards, and the cell is not at the edge of the square. Every point of an open cell is therefore safe
+// at any heading. Immutable once made.
 #pragma once
 
 #include <Eigen/Core>

@@ -13,7 +13,8 @@ constexpr double kRayStep_rad = 0.0044;  // A quarter of a degree: 4 cm at 10 m.
 // misclassification.
 constexpr double kPatch_rad = 0.035;
 constexpr double kPatch_m = 0.5;
-// A point counts as visible if its line of sight is at most this slope below the steepest line of sight before it.
+// Tolerance for slopes of lines of sight. A point counts as visible if the slope to the point is at least the steepest
+// slope to any nearer point, minus this tolerance.
 constexpr double kGrazingSlack = 1e-3;
 
 struct Patch {

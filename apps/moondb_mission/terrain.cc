@@ -24,7 +24,7 @@ double RockDecay(double share) { return 1.79 + 0.152 / share; }
 // Cumulative size distribution of rocks. Entries are in ascending order of diameter.
 struct SizeLadder {
   std::vector<double> diameter_m;
-  std::vector<double> per_m2;  // Number of rocks per m^2 smaller than diameter_m[i].
+  std::vector<double> per_m2;  // Number of rocks smaller than diameter_m[i] in each m^2.
 };
 
 SizeLadder MakeLadder(const TerrainOptions& options, double least_m) {

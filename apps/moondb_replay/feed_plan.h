@@ -21,9 +21,9 @@ struct TimeSpan {
   bool Contains(std::int64_t timestamp_ns) const { return timestamp_ns >= from_ns && timestamp_ns < to_ns; }
 };
 
-// Returns the agent's own records within `span`: its initial state (awake; exploring, or idle for a base station),
-// nodes, odometry, ranges and maps. At equal timestamps the node comes first and the map last. Errors are those of
-// ReadMissionMap.
+// Returns the agent's own records within `span`: two initial states (the agent is awake, and its activity is exploring,
+// or idle for a base station), nodes, odometry, ranges and maps. At equal timestamps the node comes first and the map
+// last. Errors are those of ReadMissionMap.
 Result<std::vector<proto::Record>> PlanFeed(const Mission& mission, AgentId agent, const TimeSpan& span);
 
 // Returns a key that identifies a record within a feed: the type, the timestamp and the natural key. A repeated feed

@@ -1,5 +1,5 @@
-// Scores an agent's results on a mission: trajectories and merged maps, at raw and at optimized poses, compared with
-// the truth, which no agent has seen.
+// Scores an agent's results on a mission: compares the trajectories and the merged maps with the truth, which no agent
+// has seen. Scores the results with raw poses and the results with optimized poses separately.
 //
 // Merges all maps again from the records that the agent holds. Also checks whether the agent's own merged map is
 // byte-identical to the map merged here at the newest poses.

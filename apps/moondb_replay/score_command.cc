@@ -52,13 +52,13 @@ Result<void> WriteBoth(const Picture& picture, const std::filesystem::path& fold
   return WritePicture(picture, folder / (name + ".svg"));
 }
 
-// Returns the comparison of a map with the true one, cell by cell. Both cover the same cells.
+// Compares a map with the true map, cell by cell. Returns kInvalid if the two maps do not cover the same cells.
 Result<Raster> ComparisonRaster(const MergedMap& map, const MergedMap& truth) {
   const auto matches = MatchHazardCells(map, truth);
   if (!matches) return tl::unexpected(matches.error());
   Raster raster = RasterOf(map);
   for (std::size_t i = 0; i < matches->size(); ++i) raster.cells[i] = static_cast<std::uint8_t>((*matches)[i]);
-  // In the order of HazardMatch.
+  // The classes are in the order of HazardMatch's values.
   raster.classes = {{{212, 214, 219}, "unmapped"},
                     {{255, 255, 255}, "free"},
                     {{20, 20, 20}, "hazard hit"},

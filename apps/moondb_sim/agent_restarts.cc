@@ -98,7 +98,8 @@ void AgentRestarts::OnEnded(AgentId agent) {
   world_.In(seconds(1) + world_.DrawDuration(minutes(2)), [this, agent] { Restart(agent); });
 }
 
-// Takes the links between `agent` and the other agents up or down, and notifies both ends. Skips agents in `gone_`.
+// Takes the links between `agent` and the other agents up or down, and notifies both agents of each link.
+// Skips agents in `gone_`.
 void AgentRestarts::NotifyOthers(AgentId agent, bool is_up) {
   if (is_up) gone_.erase(agent);
   if (!is_up) gone_.insert(agent);

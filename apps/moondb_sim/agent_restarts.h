@@ -27,13 +27,13 @@ class AgentRestarts {
   // does not open or the power was cut meanwhile.
   bool CheckStore(AgentId agent);
 
-  // Cuts the agent's power; it restarts after about two minutes at most. Does nothing if the agent does not run.
+  // Cuts the agent's power. The agent restarts after at most about two minutes. Does nothing if the agent does not run.
   void Kill(AgentId agent);
   // Kills the agent if it runs. Applies the disk fault named `fault` (FaultKinds) before the agent's next restart.
   void KillWithDisk(AgentId agent, const std::string& fault);
   // Kills the agent if it runs, and restarts it after `down`. The other agents are notified of the loss within 33 s.
   void KillFor(AgentId agent, Duration down);
-  // Returns whether the agent is down and the other agents were notified of the loss.
+  // Returns whether the agent is down and the other agents were notified that it is down.
   bool is_gone(AgentId agent) const { return gone_.contains(agent); }
   // Restarts the agent as soon as its store opens. Does nothing if the agent runs.
   void Restart(AgentId agent);
@@ -60,7 +60,7 @@ class AgentRestarts {
   std::map<AgentId, SimulatedDisk::Image> old_disks_;
   std::set<AgentId> to_restart_;          // Agents that are down and will be restarted.
   std::map<AgentId, Duration> down_for_;  // Time that each agent killed by KillFor stays down.
-  std::set<AgentId> gone_;                // Agents that are down, after the other agents were notified.
+  std::set<AgentId> gone_;                // Agents whose links NotifyOthers has taken down.
   std::set<AgentId> broken_;              // Agents whose disk BreakDisk changed and whose store has not opened since.
   std::set<AgentId> damaged_;             // Agents whose disk is damaged in many places.
   // Expected value of SimulatedTeam::restarts for each agent. Higher values are failures without an injected fault.

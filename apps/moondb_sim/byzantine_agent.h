@@ -1,6 +1,7 @@
 // ByzantineAgent: a rover that an attacker has taken over. Its own actors run as usual, but it also sends forged
-// messages to the actors of other agents. Links are authenticated, so it sends them under its own identity, and only
-// messages that may leave an agent (runtime/transport/inbound.h). It knows all records of all agents.
+// messages to the actors of other agents. Links are authenticated, so it sends the forged messages under its own
+// identity. It sends only messages that agents accept from each other (runtime/transport/inbound.h). It knows all
+// records of all agents.
 //
 // It has no role in the team file, and stops its attacks when an honest agent gives it a role. SECURITY.md describes
 // what a malicious leader can do. Attacks use their own random stream, so adding one does not change the rest of a

@@ -1,5 +1,5 @@
-// DoneChecker: gives sharing orders as the operator, and checks that an order is complete when the leader answers that
-// it is (invariant done_is_true).
+// DoneChecker: gives sharing orders as the operator. When the leader answers that an order is complete, checks that the
+// order really is complete (invariant done_is_true).
 //
 // The checker records all have-sets when it gives an order, and compares them with the have-sets at the instant of the
 // answer. A leader gathers other agents' records only once per term, so the checker compares gathered records with the

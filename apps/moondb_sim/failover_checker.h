@@ -33,8 +33,8 @@ class FailoverChecker {
   static bool IsFailover(const std::string& actor, const proto::Message& message);
 
  private:
-  // Returns why the agent may not take the lead at `now`; null if it may. To take the lead, the agent must have missed
-  // the leader for at least `missed`.
+  // Returns why the agent may not take the lead at `now`; null if it may. To take the lead, the agent must have had no
+  // connection to the leader for at least the time `missed`.
   std::optional<std::string> WhyNot(const LeaseChecker& leases, MonotonicTime now, Duration missed) const;
   void OnOwn(const proto::Message& message, const LeaseChecker& leases, MonotonicTime now);
   void SetRoles(const proto::RoleAssignment& roles, MonotonicTime now);
@@ -46,7 +46,8 @@ class FailoverChecker {
   proto::RoleAssignment roles_;
   MonotonicTime roles_since_;
   std::set<AgentId> connected_;
-  std::map<AgentId, MonotonicTime> lost_;  // When each agent that is not connected any more was lost.
+  // Time at which each agent's connection was lost. Has only agents that are not connected now.
+  std::map<AgentId, MonotonicTime> lost_;
   // Time at which an actor of this agent last handled a message from each other agent.
   std::map<AgentId, MonotonicTime> heard_;
   MonotonicTime reached_since_;         // When `connected_` last became non-empty. Invalid while it is empty.

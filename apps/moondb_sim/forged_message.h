@@ -15,12 +15,13 @@ inline constexpr std::uint64_t kFarSeq = 1ull << 40;
 // Run numbers of forged poses start here. No leader solves that often.
 inline constexpr std::uint64_t kForgedRunMin = 1'000'000;
 
-// Returns a record with unique content that is valid under `key`. A pose is of a node of agent `named` in `term`. A
-// quarantine is of maps of agent `named`. The timestamp is within one second of `clock_ns`.
+// Returns a record with unique content that is valid under `key`. An optimized pose belongs to `term` and to a node of
+// agent `named`. A quarantine covers maps of agent `named`. The timestamp is less than one second after `clock_ns`.
 proto::Record ForgedRecord(const RecordKey& key, AgentId named, const proto::Term& term, std::int64_t clock_ns,
                            std::mt19937_64& rng);
 
-// Returns a random message of up to 64 kB. Its kind may leave an agent; its content is malformed or random.
+// Returns a random message of up to 64 kB, of a type that agents send to each other. The content is malformed or
+// random.
 proto::Message DrawGarbage(std::mt19937_64& rng);
 
 }  // namespace moondb::simulation

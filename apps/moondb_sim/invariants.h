@@ -18,7 +18,7 @@
 //   records that one of them pruned.
 // - done_is_true: When an agent answers that a sharing order is complete, each destination holds the records that the
 //   sender held when the order was given, or newer records of the same keys (DoneChecker).
-// - stores_after_prune: An agent whose prune freed much of a full disk again stores records other than maps.
+// - stores_after_prune: After a prune freed much of a full disk, the agent stores records other than maps again.
 // - notes_kept: When the team is quiescent, leader and survivor hold all notes that were inserted while their agent
 //   kept all notes. Notes that were lost with all disks that held them are exempt.
 // - pruned_is_covered: An agent prunes only records that leader and survivor have just reported as covered
@@ -36,11 +36,12 @@
 // - mailbox_bounded: No mailbox holds more than 48 messages plus 4 per agent, and no mailbox drops a message.
 // - nothing_refused: No agent refuses another agent's message or fails to decode it, unless the receiver lost the
 //   session.
-// - quiet_window: An agent sends no Hello and no Batch while it sleeps, or while the receiver sleeps as far as it
-//   knows. While one of the two agents drives or is paused, the sender sends only batches of states (LeaseChecker).
-// - failover_has_cause: An agent that takes the lead without an operator is the survivor, and has missed the leader for
-//   leader_timeout_s (FailoverChecker).
-// - failover_happens: A survivor that has missed its leader for leader_timeout_s takes the lead (FailoverChecker).
+// - quiet_window: An agent sends no Hello and no Batch while it sleeps, or while it believes that the receiver sleeps.
+//   While one of the two agents drives or is paused, the sender sends only batches of states (LeaseChecker).
+// - failover_has_cause: An agent that takes the lead without an operator is the survivor, and has had no connection to
+//   the leader for leader_timeout_s (FailoverChecker).
+// - failover_happens: A survivor that has had no connection to its leader for leader_timeout_s takes the lead
+//   (FailoverChecker).
 // - starts: No actor fails, at its start or later, unless a fault was injected.
 #pragma once
 
@@ -95,8 +96,8 @@ class Invariants {
 
   // Call when agent `where` holds the record in its store, or receives the record in order to store it.
   void SeeRecord(const RecordKey& key, const std::string& content, AgentId where);
-  // Call when `agent` acts on `roles`. If they are not on its disk (`is_durable` is false), they count only until
-  // ForgetUnstoredRoles.
+  // Call when `agent` acts on `roles`. `is_durable` is false if the roles are not on the agent's disk. Such roles count
+  // only until ForgetUnstoredRoles.
   void SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable = true);
   void ForgetUnstoredRoles(AgentId agent) { unstored_roles_of_.erase(agent); }
   // Call for each record that the robot of `agent` gives to its agent, in the order in which the robot gives them.

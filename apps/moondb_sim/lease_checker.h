@@ -1,5 +1,6 @@
-// LeaseChecker: tracks which agents drive, sleep or are paused, as far as one agent knows, and checks that its sharing
-// actors respect these leases (invariant quiet_window). It uses only the messages that the agent's actors handle.
+// LeaseChecker: tracks which agents drive, sleep or are paused, as far as one agent knows, and checks that the sharing
+// actors of this agent respect these leases (invariant quiet_window). It uses only the messages that the agent's actors
+// handle.
 //
 // A checker covers one process lifetime of the agent. A lease takes effect at the instant after its message, because
 // events within one instant of virtual time may happen in any order. A restarted actor knows no leases until it

@@ -35,7 +35,8 @@ class PruneChecker {
   const AgentId self_;
   proto::RoleAssignment roles_;
   std::map<AgentId, HaveSet> reported_;
-  HaveSet allowed_;  // `held`: records that leader and survivor had reported as covered when this agent pruned.
+  // Records, listed as held, that leader and survivor had reported as covered before this agent pruned.
+  HaveSet allowed_;
 };
 
 }  // namespace moondb::simulation

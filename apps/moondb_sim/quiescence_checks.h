@@ -20,7 +20,7 @@ class QuiescenceChecks {
                    const ByzantineChecker& byzantine, const std::map<AgentId, PruneChecker>& prunes)
       : world_(world), restarts_(restarts), clients_(clients), byzantine_(byzantine), prunes_(prunes) {}
 
-  // Runs all checks. Advances the simulated time by 11 minutes. In the last 10, the team may send only periodic
+  // Runs all checks. Advances the simulated time by 11 minutes. In the last 10 minutes, the team may send only periodic
   // messages.
   void Check();
 

@@ -13,7 +13,7 @@ namespace moondb::simulation {
 inline constexpr DataType kSample = 1001;
 inline constexpr std::uint32_t kSampleBytesMax = 256;
 
-// Limit of maps in a MergeActor, in one seed of three. It is so low that some maps are left out.
+// Maximum number of maps that a MergeActor merges, in one seed of three. So low that some maps are left out.
 inline constexpr std::size_t kFewMaps = 8;
 
 proto::TeamConfig MakeTeamConfig(const SimOptions& options);

@@ -31,8 +31,9 @@ constexpr std::uint64_t kOptimizedNodes = 60;
 constexpr std::uint64_t kOptimizedStep = 6;
 // A driving robot inserts a node every sixth turn. More nodes would make solving and merging too slow.
 constexpr std::uint64_t kTurnsPerNode = 6;
-constexpr std::uint64_t kLiftedEvery = 3;         // One quarantine record in three lifts an earlier one.
-constexpr Duration kQuarantinedAt = minutes(30);  // Longest age of a quarantined interval's start, and longest length.
+constexpr std::uint64_t kLiftedEvery = 3;  // One quarantine record in three lifts an earlier one.
+// A quarantined interval starts at most this long ago, and is at most this long.
+constexpr Duration kQuarantinedAt = minutes(30);
 
 proto::NodeKey Node(AgentId agent, std::uint64_t index) {
   proto::NodeKey key;
@@ -182,7 +183,8 @@ proto::Record SimulatedRobots::Quarantine() {
   return record;
 }
 
-// Returns a quarantine of some minutes of an agent's maps, or a record that lifts an earlier quarantine.
+// Returns a quarantine of the maps that a random agent made in a recent interval, or a record that lifts an earlier
+// quarantine.
 proto::Record SimulatedRobots::QuarantineOfLate() {
   proto::Record record;
   proto::MapQuarantine& quarantine = *record.mutable_map_quarantine();
@@ -309,7 +311,7 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
   }
 }
 
-// Optimizes at each leader, every kOptimizePeriod. There may be several leaders at a time.
+// Inserts optimized poses at each leader, every kOptimizePeriod. There may be several leaders at a time.
 void SimulatedRobots::Optimize() {
   if (world_.is_quiet) return;
   world_.In(kOptimizePeriod, [this] { Optimize(); });

@@ -1,5 +1,5 @@
 // SimulatedRobots: simulates the agents' robots, and an optimizer at each leader. Every ten seconds a rover inserts a
-// state and a node, and every minute a map. It repeats unanswered inserts of nodes and edges. In one seed of four, a
+// state and a node, and every minute a map. Rovers repeat unanswered inserts of nodes and edges. In one seed of four, a
 // rover reports its state when its agent starts and then not for an hour, and a leader optimizes right after its start.
 //
 // With SimulatedActors::kAll, robots are clients of their agents' gateways and drive (SimulatedDrive). They insert a
@@ -62,7 +62,8 @@ class SimulatedRobots {
 
   SimulatedWorld& world_;
   SimulatedDrive drive_;
-  std::vector<RecordKey> quarantines_;  // Stored quarantines, some of which are lifted later. Only with all actors.
+  // Stored quarantines, some of which are lifted later. Used only with SimulatedActors::kAll.
+  std::vector<RecordKey> quarantines_;
   std::uint64_t request_id_ = 0;
   std::map<AgentId, Robot> robots_;
   // Number of the last run, by leader and term number. Cleared when the leader's process ends.

@@ -47,8 +47,9 @@ class StateChecker {
   // Call when the agent's disk was replaced.
   void ForgetDisk(AgentId agent) { last_on_.erase(agent); }
 
-  // Returns a description if `records`, all records of `agent`, have an older state of `origin` than a disk of any
-  // agent held; null otherwise. `origin` 0 means all origins. Requires: the team is quiescent.
+  // `records` must be all records of `agent`. Returns a description if, for some type and latest key of `origin`, any
+  // agent's disk held a newer state than `records` contains; null otherwise. `origin` 0 means all origins. Requires:
+  // the team is quiescent.
   std::optional<std::string> WhyOld(AgentId agent, AgentId origin, const Records& records) const;
 
  private:

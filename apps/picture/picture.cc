@@ -231,7 +231,7 @@ class Painter {
     WriteText(canvas, area.left, area.top - 0.7 * font_px_, panel.title);
   }
 
-  // Draws one pixel per pixel of the panel.
+  // Fills `area` with the raster. Each pixel shows the largest value of the cells that it covers.
   void PaintRaster(cairo_t* canvas, const Raster& raster, const Area& area) {
     if (raster.cells.empty()) return;
     const int columns = static_cast<int>(area.width), rows = static_cast<int>(area.height);
@@ -399,7 +399,7 @@ class Painter {
 
   static std::string TickText(double value_m, double step_m) {
     char text[32];
-    // Rounds what should be 0.
+    // Rounds to a multiple of `step_m`, because floating-point errors would print 0 as a number such as 1e-17.
     std::snprintf(text, sizeof text, "%g", std::round(value_m / step_m) * step_m);
     return text;
   }
