@@ -145,9 +145,11 @@ enum class Placement {
 
 // How a full mailbox treats a new message.
 enum class Overflow {
-  kReject,       // The new message is refused: its send returns kFull.
-  kLatestByKey,  // The new message replaces the waiting message with the same key. If there is none, it is refused.
-  kBlock,        // ActorSystem::Post waits for room. Actors and the transport never wait: their sends return kFull.
+  kReject,  // The new message is refused: its send returns kFull.
+  // A new message replaces the waiting message with the same key, if there is one, even if the mailbox is not full. The
+  // new message is refused if the mailbox would then exceed a limit.
+  kLatestByKey,
+  kBlock,  // ActorSystem::Post waits for room. Actors and the transport never wait: their sends return kFull.
 };
 
 // Placement and mailbox of an actor. A mailbox has two lanes. Messages of the runtime, of RoleActor and of LeaseActor
@@ -157,8 +159,8 @@ struct SpawnOptions {
   Placement placement = Placement::kPool;
   std::size_t messages_max = 4096;  // Limit of messages waiting on the data lane. At least 1.
   // Limit of serialised bytes waiting on the data lane. Messages of more than 4096 bytes from other agents and clients
-  // count with their size in memory. Messages from other agents and clients are refused if more than a quarter of the
-  // limit would be used. A message larger than the limit is accepted if no other message waits.
+  // count with their size in memory. A message from another agent or a client is refused if all waiting bytes would
+  // then exceed a quarter of the limit. A message of any size is accepted if no other message waits.
   std::size_t bytes_max = 64 * 1024 * 1024;
   Overflow overflow = Overflow::kReject;
   // Returns a message's key for kLatestByKey. A message with an empty key replaces no other. Called on the sender's

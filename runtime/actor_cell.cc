@@ -11,8 +11,8 @@ namespace {
 
 // Maximum number of messages that one actor handles in a turn. Other actors of its pool then get a turn.
 constexpr int kTurnMessages = 64;
-// A message from another agent or a client counts with its serialised size up to this size, and with its size in memory
-// above it.
+// A message from another agent or a client counts towards the mailbox's byte limit with its serialised size if that is
+// at most this many bytes, otherwise with its size in memory.
 constexpr std::size_t kSmallBytes = 4096;
 
 double Seconds(Ticks ticks) { return std::chrono::duration<double>(TickClock::ToDuration(ticks)).count(); }

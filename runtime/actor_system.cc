@@ -221,7 +221,8 @@ SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, Own
   record.other_agent = roles_.Resolve(to.agent);
   ActorCell* cell = sender.LastTarget(to.actor);
   if (cell == nullptr) {
-    // Also for a target on another agent: the actor of this agent with the same name supplies the name for the trace.
+    // If the target is on another agent, find this agent's actor with the same name. The trace then shows the name of
+    // that actor for the target.
     cell = Find(to.actor);
     sender.RememberTarget(cell);
   }

@@ -157,7 +157,8 @@ bool Mailbox::HasRoomInBytes(std::size_t bytes) {
 }
 
 bool Mailbox::FitsInBytes(std::size_t bytes, std::uint64_t bytes_max) const {
-  // `waiting` exceeds bytes_max while a message that is larger than the limit waits.
+  // `waiting` may exceed bytes_max: an empty lane accepts a message of any size, and bytes_max is lower for messages
+  // from other agents and clients.
   const std::uint64_t waiting = pushed_.bytes - seen_.bytes;
   return waiting == 0 || (waiting < bytes_max && bytes <= bytes_max - waiting);
 }

@@ -31,7 +31,9 @@ class Mailbox {
     std::uint32_t incarnation = 0;       // For a timer: the actor's incarnation that set it.
     std::uint16_t sender_name = 0xFFFF;  // Sender's name in traces; 0xFFFF: not an actor of this agent.
     bool is_timer = false;
-    bool is_from_outside = false;  // Sent by another agent or a client. Must fit into a quarter of the byte limit.
+    // True if another agent or a client sent the message. Such a message is refused if all waiting bytes would then
+    // exceed a quarter of the byte limit.
+    bool is_from_outside = false;
     // Set by Push. True for a timer and for RecordsStored, which do not count towards the limits.
     bool is_past_bounds = false;
     const std::string* key = nullptr;  // Points to the key in the mailbox while the item waits under this key.
@@ -162,7 +164,7 @@ class Mailbox {
   bool is_closed_ = false;
   std::vector<Item> pushed_items_;  // Always empty if is_keyed_.
   Totals pushed_;
-  Totals seen_;  // Copy of taken_'s totals. While it shows room, senders need not read the reader's cache line.
+  Totals seen_;  // Older copy of taken_'s totals. If it shows enough room, senders need not read taken_'s cache line.
   std::uint64_t waiting_max_ = 0;
   std::uint64_t bytes_max_ = 0;
 

@@ -27,8 +27,8 @@ class Monitors {
 
   explicit Monitors(AgentId self) : self_(self) {}
 
-  // Each implements the Context function of its name for the actor `watcher`. `is_lost`: the target is an actor of this
-  // agent that does not run.
+  // These functions implement the Context functions with the same names, for the actor `watcher` or `publisher`.
+  // `is_lost`: the target is an actor of this agent that does not run.
   Notices WatchPeers(const std::string& watcher);
   Notices Watch(const std::string& watcher, Topic topic);
   // Requires: IsOfTopic(message). Otherwise a Check fails.

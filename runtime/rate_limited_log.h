@@ -27,7 +27,7 @@ class RateLimitedLog {
   void Log(spdlog::level::level_enum level, const std::string& text);
 
   const int at_once_;
-  std::chrono::steady_clock::time_point next_{};  // Earliest time of the next line if `at_once_` were 1.
+  std::chrono::steady_clock::time_point next_{};  // The next line is allowed (at_once_ - 1) * kPeriod before this time.
   std::uint64_t left_out_ = 0;
 };
 

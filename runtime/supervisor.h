@@ -1,11 +1,12 @@
 // Supervisor: decides, after an actor failed, whether and when to restart it, and whether its agent should give up its
 // role.
 //
-// The first restart is immediate. Each further restart within `restart_period` waits twice as long as the one before,
-// up to `delay_max`. If the actor fails again after `restarts_max` restarts in that period, the agent gives up its
-// role, so that another agent can lead. The actor then gets `restarts_max` further restarts, with long delays. If it
-// still fails, it has failed permanently (kBeyondHelp). A failure with kCorrupt is permanent at once, because a restart
-// does not repair damaged data on disk. Not thread-safe.
+// The first restart is immediate, and the second follows after `first_delay`. Each further restart within
+// `restart_period` waits twice as long as the one before, up to `delay_max`. If the actor fails again after
+// `restarts_max` restarts in that period, the agent gives up its role, so that another agent can lead. The actor then
+// gets `restarts_max` further restarts, with long delays. If the actor still fails, or if `can_step_down` is false, the
+// failure is permanent (kBeyondHelp). A failure with kCorrupt is permanent at once, because a restart does not repair
+// damaged data on disk. Not thread-safe.
 #pragma once
 
 #include <chrono>

@@ -41,7 +41,7 @@ class TimerQueue {
     return by_due_.begin()->first.first;
   }
 
-  // Removes and returns the first value that is due at `now`, with its due time.
+  // Removes and returns the first value that is due at `now`, with its due time. Returns nothing if none is due.
   std::optional<std::pair<MonotonicTime, T>> TakeDue(MonotonicTime now) {
     const auto first = by_due_.begin();
     if (first == by_due_.end() || first->first.first > now) return std::nullopt;

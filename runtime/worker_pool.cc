@@ -9,8 +9,8 @@
 namespace moondb {
 namespace {
 
-// Maximum number of successive turns that a thread gives to tasks from its next slot. Then it takes a task from the
-// queue.
+// Maximum number of successive turns of tasks from a thread's next slot (worker_pool.h). After that many turns, the
+// thread takes a task from the queue.
 constexpr int kSlotTurnsMax = 64;
 // Number of yields before a thread without work sleeps. With 5 yields, two actors on dedicated threads answer each
 // other 8 times as fast as with none (measured). More yields gain little.

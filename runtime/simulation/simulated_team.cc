@@ -256,7 +256,7 @@ std::vector<proto::Message> SimulatedTeam::Impl::Take(const Address& address) {
 }
 
 void SimulatedTeam::Impl::Trace(const Address& to, const Address& sender, const proto::Message& message) {
-  // Do not hash the body here. Arrive hashes the messages between agents. Messages between an agent's own actors may
+  // Do not hash the body here. Messages between agents are hashed by Arrive. Messages between an agent's own actors may
   // hold values that the seed does not determine, such as a file's size or a solver's time.
   const std::string line = std::to_string(Duration(now_.time_since_epoch()).count()) + " " + ToString(sender) + " " +
                            ToString(to) + " " + std::to_string(message.body_case()) + " " +

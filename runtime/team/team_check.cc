@@ -367,9 +367,9 @@ std::string KeepText(const std::string& given, const std::string& by_default) {
   return rule ? ToString(*rule) : by_default;
 }
 
-// Completes `keep`: adds the rule of each type that is under `latest` by default, and makes all rules canonical. The
-// default rule is `latest` for a type under `latest` with versions (only the solver writes such types), otherwise
-// `all`. Requires: `share` is complete.
+// Completes `keep`: adds a rule for each type whose built-in sharing policy is `latest`, and makes all rules canonical.
+// An added rule is `latest` if the team shares the type under the policy `latest` and the type's records have versions
+// (only the solver writes such types), otherwise `all`. Requires: `share` has a policy for each built-in type.
 void FillKeep(proto::TeamConfig* team) {
   auto& keep = *team->mutable_keep();
   for (const DataTypeRow& row : DataTypeRows()) {

@@ -20,10 +20,10 @@ void CheckTeam(const proto::TeamConfig& team, const Places& places, PlacedErrors
 
 // Sets the missing fields of a team that passed CheckTeam. `places` contains the fields that are in the file.
 //
-// Defaults of single fields are defined in proto/team.proto, and policies of built-in types in model/data_types.h. For
-// types whose default policy is `latest`, `keep` is `latest` for optimized poses and verdicts and `all` for the others.
-// The first rover becomes the leader, and the next one the designated survivor. Sorts custom types by id, because their
-// order has no meaning.
+// Defaults of single fields are defined in proto/team.proto, and policies of built-in types in model/data_types.h.
+// `keep` gets a rule for each type whose built-in sharing policy is `latest`: the rule is `latest` for optimized poses
+// and edge verdicts if the team shares them under `latest`, otherwise `all`. The first rover becomes the leader, and
+// the next one the designated survivor. Sorts custom types by id, because their order has no meaning.
 void FillDefaults(const Places& places, proto::TeamConfig* team);
 
 }  // namespace moondb

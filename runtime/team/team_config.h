@@ -37,9 +37,9 @@ std::string SerializeTeam(const proto::TeamConfig& team);
 // Returns the built-in and custom types, in the order of their numbers.
 std::vector<DataType> DataTypesOf(const proto::TeamConfig& team);
 
-// SharePolicyOf returns which records of a type rovers share with the leader, and the leader with the survivor.
-// GroundPolicyOf returns which records of a type are shared with the base station. Both return POLICY_NONE for a type
-// that the team does not have.
+// SharePolicyOf returns the policy under which rovers share a type with the leader, and the leader shares it with the
+// survivor. GroundPolicyOf returns the policy under which a type is shared with the base station. Both return
+// POLICY_NONE for a type that the team does not have.
 proto::Policy SharePolicyOf(const proto::TeamConfig& team, DataType type);
 proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type);
 

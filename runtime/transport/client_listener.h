@@ -69,7 +69,7 @@ class ClientListener {
   // the same request_id.
   SendResult Send(const std::string& name, const proto::Message& message);
 
-  // Sends waiting replies and delivers a limited number of requests. Returns true if more of either wait.
+  // Sends waiting replies and delivers a limited number of requests. Returns true if further replies or requests wait.
   bool Work(const Transport::Deliver& deliver);
   bool has_replies() const;
 

@@ -42,7 +42,7 @@ class ConnectionRules {
   static constexpr std::size_t kRememberedMax = 1024;
 
   struct Listener {
-    std::map<std::string, std::size_t> places;  // Reserved places by address.
+    std::map<std::string, std::size_t> places;  // By address: limit of connections from that address.
     std::size_t others_max = 0;                 // Limit of connections from all other addresses together.
     std::size_t key_max = 0;                    // Limit of connections with one key.
     // Bytes of incomplete messages that the connections of a port share, in addition to kFreeBytes (JudgeBytes).
@@ -73,11 +73,11 @@ class ConnectionRules {
  private:
   struct Known {
     TcpConnection connection;
-    std::uint64_t number = 0;           // Number in the order of arrival.
-    std::uint64_t bytes_delivered = 0;  // Value of bytes_received at its last complete message.
+    std::uint64_t number = 0;           // Number of the connection, in the order of arrival.
+    std::uint64_t bytes_delivered = 0;  // Value of bytes_received at the connection's last complete message.
     bool has_delivered = false;
-    std::string key;             // Key of its last message.
-    std::uint64_t heard_at = 0;  // Number of the Judge call (look_) that noticed its last message.
+    std::string key;             // Key of the connection's last message.
+    std::uint64_t heard_at = 0;  // Number of the Judge call (look_) that noticed the connection's last message.
     bool has_claimed_id = false;
     bool is_cut = false;
 
@@ -115,7 +115,7 @@ class ConnectionRules {
     std::string peer;
   };
   std::vector<Admission> admissions_;       // Admissions, oldest first.
-  std::map<std::string, Time> remembered_;  // Time of the last complete message by address.
+  std::map<std::string, Time> remembered_;  // By address: time of the last complete message.
   std::uint64_t last_number_ = 0;
   std::uint64_t look_ = 0;
 };

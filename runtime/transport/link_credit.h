@@ -27,8 +27,8 @@ class LinkCredit {
   struct Options {
     std::size_t bytes_min = 32 * 1024;    // Smallest and initial credit: 0.26 s of a 1 Mbps radio.
     std::size_t bytes_max = 1024 * 1024;  // Largest credit; at least bytes_min.
-    // The credit doubles if a Round ends within this time and a frame had to wait for credit. The credit is halved if a
-    // Round takes more than four times as long.
+    // The credit doubles if the peer reports sent bytes (Round) within this time and a frame had to wait for credit.
+    // The credit is halved if the peer takes more than four times as long.
     Duration round_fast = std::chrono::milliseconds(25);
   };
 
@@ -78,7 +78,7 @@ class LargeFrameNotice {
  public:
   void OnReportSent(std::uint64_t coming_bytes) { announced_bytes_ = coming_bytes; }
   void OnFrameSent() { announced_bytes_ = 0; }
-  // Returns true if the receiver expects a frame of this size, and extends its deadlines for that frame.
+  // Returns true if the announced frame has this size. The receiver then extends its deadlines for that frame.
   bool Covers(std::uint64_t frame_bytes) const { return announced_bytes_ == frame_bytes; }
 
  private:

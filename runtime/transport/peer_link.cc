@@ -26,7 +26,8 @@ constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
 // After a detection of two processes with one key, Status reports them for this time.
 constexpr std::chrono::minutes kTwoProcessesShown(10);
-constexpr int kReturnsOfRestartsMax = 4;  // Two restarts within kTwoProcessesShown cause at most this many returns.
+// Two restarts of the peer within kTwoProcessesShown increase LinkOrder::returns by at most this number.
+constexpr int kReturnsOfRestartsMax = 4;
 
 static_assert(kPeerMessageBytesMax == kPeerFrameBytesMax - kPeerFrameBytesMore);
 

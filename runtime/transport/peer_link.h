@@ -121,7 +121,8 @@ class PeerLink {
     // Last time that two processes with the peer's key were detected, on the steady clock; negative: never.
     std::atomic<std::int64_t> two_processes_ns{-1};
     MonotonicTime returned_at;
-    int returns = 0;  // Number of successive returns, each at most kTwoProcessesShown after the previous one.
+    // Number of successive returns (LinkOrder), each at most kTwoProcessesShown after the previous one.
+    int returns = 0;
     std::atomic<std::uint64_t> messages{0};
     std::atomic<std::uint64_t> bytes{0};
     std::atomic<std::uint64_t> rejected_messages{0};

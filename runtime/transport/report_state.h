@@ -31,7 +31,7 @@ class ReportState {
   void OnSent(const LinkCredit& credit, std::uint64_t coming_bytes);
 
   void OnFrameSent() { large_frame_notice_.OnFrameSent(); }
-  // Returns true if the peer expects a frame of this size, and extends its deadlines for that frame.
+  // Returns true if the announced frame has this size. The peer then extends its deadlines for that frame.
   bool HasAnnounced(std::uint64_t frame_bytes) const { return large_frame_notice_.Covers(frame_bytes); }
 
  private:

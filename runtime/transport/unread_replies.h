@@ -42,7 +42,7 @@ class UnreadReplies {
   struct Connection {
     std::string key;
     int file = -1;
-    std::uint64_t acked_before = 0;  // Acknowledged bytes at the last time when no reply waited.
+    std::uint64_t acked_before = 0;  // Acknowledged bytes when Count was last called with no reply waiting.
     std::uint64_t given = 0;         // Bytes passed to libzmq since acked_before was read.
   };
 

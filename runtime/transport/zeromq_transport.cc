@@ -35,7 +35,7 @@
 namespace moondb {
 namespace {
 
-constexpr int kPeerQueueMessages = 16;  // Received frames of one connection that may wait for delivery.
+constexpr int kPeerQueueMessages = 16;  // Limit of received frames of one connection that wait for delivery.
 constexpr int kKeepAlive_s = 60;
 // Limit of connections per agent: the current connection, its replacement, and two more for a reconnect.
 constexpr std::size_t kConnectionsPerAgent = 4;
@@ -61,7 +61,7 @@ constexpr std::size_t kPeerListenerFile = 1;
 constexpr std::size_t kGuardFile = 2;
 constexpr std::size_t kClientListenersMax = 2;
 constexpr std::size_t kAcceptedFiles = 4 + kClientListenersMax;
-constexpr std::size_t kListenersMax = 2;  // Listening sockets whose accepted connections are watched.
+constexpr std::size_t kListenersMax = 2;  // Limit of listening sockets whose accepted connections are watched.
 constexpr std::size_t kOtherFiles = kAcceptedFiles + kListenersMax;  // Number of descriptors before those of peers.
 
 // Returns the time left until `time`, at most one hour, as a timeout for ppoll.
