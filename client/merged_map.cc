@@ -22,7 +22,7 @@ Result<Grid> DecodeCells(const std::string& frame, std::uint32_t width, std::uin
   return grid;
 }
 
-// Returns whether the cells in column (or row) `tile` of the tiles have indices that fit into 64 bits.
+// Returns whether the cells of a tile have indices that fit into 64 bits. `tile` is the tile's column or row.
 bool IsNear(std::int64_t tile) {
   constexpr std::int64_t kMax = INT64_MAX / kTileSideCellsMax;
   return -kMax <= tile && tile <= kMax;

@@ -24,11 +24,12 @@ Result<proto::ShareProgress> ShareUntilDone(const ConnectToShare& connect, proto
 // Gives an order to share, and returns without waiting for its completion.
 Result<proto::ShareReply> ShareAtOnce(const ConnectToShare& connect, proto::ShareRequest request);
 
-// Changes the roles from `standing`, as reported by the agent. Waits at most `limit` until the new leader acts in a
-// term that it issued itself, and the new survivor has stored that term. RoleShowReply.not_confirmed_by names an agent
-// that has not done so. If `is_waiting` is false, waits only until the agent has stored the assignment. If a reply is
-// lost, the request is repeated; the change is idempotent. Fails with kRefused if the roles have changed since
-// `standing`. Fails with kTimedOut or kUnavailable if no reply arrived; the roles may have changed then.
+// Changes the roles. `standing` is the current assignment as the agent reported it. Waits at most `limit` until the
+// change is confirmed: the new leader acts in a term that the new leader issued, and the new survivor has stored the
+// assignment of that term. After `limit`, RoleShowReply.not_confirmed_by names those of the two that have not
+// confirmed. If `is_waiting` is false, waits only until the agent has stored the assignment. Repeats the request if a
+// reply is lost; this does not change the roles twice. Fails with kRefused if `standing` is no longer the current
+// assignment. Fails with kTimedOut or kUnavailable if no reply arrived; the roles may have changed in that case.
 Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSetRequest request,
                                                   const proto::RoleAssignment& standing, Client::Duration limit,
                                                   bool is_waiting = true);

@@ -10,8 +10,7 @@
 namespace moondb {
 namespace {
 
-// Encoded sizes in bytes of tag and length: kElementHeadBytes is the upper limit for a stream. An interval needs 2
-// bytes, because its length takes one byte.
+// Bytes that precede an encoded stream (at most) and an encoded interval (exactly): a tag and a length.
 constexpr std::size_t kElementHeadBytes = 6;
 constexpr std::size_t kIntervalHeadBytes = 2;
 
@@ -23,8 +22,8 @@ class IntervalWalk {
 
   bool has_more() const { return held_.has_more() || dropped_.has_more(); }
   bool is_held() const { return !dropped_.has_more() || (held_.has_more() && held_.at->first < dropped_.at->first); }
-  // Returns the current interval without seqs before first_seq_. The interval contains such seqs if a new record has
-  // closed the gap before first_seq_ since the previous page was made.
+  // Returns the part of the current interval that begins at first_seq_ or later. The interval itself may begin before
+  // first_seq_, if a new record has closed the gap before first_seq_ since the previous page was made.
   IntervalSet::Interval interval() const {
     const IntervalSet::Interval& whole = is_held() ? *held_.at : *dropped_.at;
     return {std::max(whole.first, first_seq_), whole.last};

@@ -69,7 +69,7 @@ enum class HazardMatch : std::uint8_t {
   kPhantom = 4,  // A hazard of the merged map, with none of the true map within the tolerance.
 };
 
-// Returns one value per cell of the grids, in their order. Fails with kInvalid as CompareMaps does, and if the two maps
+// Returns one value per cell, in the order of Grid::cells. Fails with kInvalid as CompareMaps does, and if the two maps
 // do not cover the same cells.
 Result<std::vector<HazardMatch>> MatchHazardCells(const MergedMap& map, const MergedMap& truth,
                                                   int tolerance_cells = kHazardToleranceCells);

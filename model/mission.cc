@@ -189,7 +189,7 @@ Result<std::map<NodeKey, Pose>> ComposeRawPoses(const Mission& mission, const st
   for (const auto& [key, truth] : mission.truth) {
     const bool is_first = poses.empty() || poses.rbegin()->first.agent != key.agent;
     if (is_first) poses.emplace(key, FindAgent(mission, key.agent)->start);
-    // `truth` is sorted by agent. The last entry of `poses` therefore shows whether the key is the agent's first.
+    // `truth` is sorted by agent, so `key` is an agent's first node unless the last entry of `poses` has this agent.
   }
   std::vector<const OdometryEdge*> edges;
   edges.reserve(mission.graph.odometry.size());

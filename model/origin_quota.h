@@ -77,7 +77,7 @@ class OriginQuota {
   struct Origin {
     std::uint64_t weight = 0;  // Total weight of all records added, including those that have no room.
     std::uint64_t left_out_count = 0;
-    std::optional<RecordAge> newest_left_out;  // The newest record that has no room; all older records have none.
+    std::optional<RecordAge> newest_left_out;  // The newest record without room; no older record has room.
     std::map<RecordAge, Kept> kept;
     std::uint64_t kept_weight = 0;
   };

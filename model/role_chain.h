@@ -76,15 +76,15 @@ class RoleChain {
   // valid assignment has this signature.
   std::vector<proto::RoleAssignment> ChainOf(const std::string& signature, std::size_t bytes_max) const;
 
-  // Returns an assignment with only two fields set: `follows` is its predecessor, and its term number is the next
-  // revision. If `is_command`, the term number begins the next era instead.
+  // Returns a successor of the assignment `follows`, in which only the predecessor's signature and the term number are
+  // set. The term number is the next revision of the same era or, if `is_command`, revision 0 of the next era.
   static proto::RoleAssignment Next(const proto::RoleAssignment& follows, bool is_command);
 
  private:
   const proto::RoleAssignment& Keep(const proto::RoleAssignment& roles);
-  // Returns whether one more assignment of this issuer may wait. If kWaitingAssignmentsMax assignments wait already,
-  // removes the oldest one of the issuer with the most waiting assignments. Returns false instead if `issuer` has as
-  // many, or one less.
+  // Returns whether one more assignment of `issuer` may wait. Returns true if fewer than kWaitingAssignmentsMax
+  // assignments wait. Otherwise returns true only if another issuer has at least two more waiting assignments than
+  // `issuer`; in this case, removes the oldest waiting assignment of the issuer that has the most.
   bool MakeRoomToWait(AgentId issuer);
 
   Options options_;

@@ -20,8 +20,8 @@ char RosPixelOf(Cell cell) {
   return static_cast<char>(205);
 }
 
-// Converts whole micrometres to metres, as text. The text is the exact decimal number, because a single division rounds
-// only once.
+// Formats whole micrometres as metres, without a rounding error in the text. Divides, because multiplying by 1e-6 would
+// round twice.
 std::string Metres(double micrometres) { return FormatDouble(micrometres / kRosMicrometresPerMetre); }
 
 }  // namespace

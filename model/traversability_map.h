@@ -19,7 +19,9 @@ struct TraversabilityMap {
 
 proto::LocalTraversabilityMap ToProto(const TraversabilityMap& map);
 
-// Validates and converts a map from a message. Fails with kInvalid and the field ("layers[1].cells").
+// Validates and converts a map from a message. Fails with kInvalid and the field ("layers[1].cells") for an invalid
+// agent id or pose, or if a size or number is 0 or exceeds its limit in model/grid.h. Also fails with kInvalid if a
+// layer is finer than the previous layer, its centre is beyond 1e6 m, or UnpackCells rejects its cells.
 Result<TraversabilityMap> FromProto(const proto::LocalTraversabilityMap& map);
 
 }  // namespace moondb
