@@ -287,7 +287,7 @@ TEST_F(StorageActorTest, StoresPeersHaveSetsWithoutAReply) {
   EXPECT_TRUE(team_.Take({2, "test"}).empty());
 }
 
-// Damages a page of table pose_graph_node, which the store does not read at its start if `is_checked`.
+// Damages a page of table pose_graph_node. The store does not read this page at its start if `is_checked` is true.
 TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
   {
     auto store = OpenStore(StorageActor::StoreOptions(options_));
