@@ -40,7 +40,7 @@ std::vector<std::string> AgentFieldsIn(const Message& message, const std::string
     const std::string at = path + "." + field->name();
     const bool is_role = field->name() == "issuer" || field->name() == "leader" || field->name() == "survivor";
     const bool is_solves =
-        path.find("role_assignment") == std::string::npos;  // The agents in a solve's term need no check.
+        path.find("role_assignment") == std::string::npos;  // Issuers of terms in other records need no check.
     if (field->name() == "agent_id" || (is_role && !is_solves)) fields.push_back(at);
     if (field->is_repeated() || field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
     const auto inner = AgentFieldsIn(message.GetReflection()->GetMessage(message, field), at);

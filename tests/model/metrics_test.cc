@@ -139,8 +139,8 @@ TEST(MetricsTest, MatchesHazardsCellByCell) {
   ASSERT_TRUE(matches) << ToString(matches.error());
   std::string drawn;
   for (const HazardMatch match : *matches) drawn += " .+?!"[static_cast<int>(match)];
-  // The upper row comes last: the hazard at 0 is hit by the one at 1, the one at 7 is missed, the one at 4 is a
-  // phantom.
+  // The upper row comes last. The true hazard in column 0 and the map's hazard in column 1 match. The true hazard in
+  // column 7 is missed, and the map's hazard in column 4 is a phantom.
   EXPECT_EQ(drawn, ".       ++..!..?");
   EXPECT_EQ(MatchHazardCells(map, MapOf({"#"}), 1).error().code, ErrorCode::kInvalid);
   EXPECT_EQ(MatchHazardCells(map, truth, 101).error().code, ErrorCode::kInvalid);

@@ -56,7 +56,7 @@ TEST(SupervisorTest, StepsDownBeforeItGivesUp) {
   Supervisor supervisor({.restarts_max = 3, .restart_period = seconds(60), .can_step_down = true});
   MonotonicTime now{};
   for (int i = 0; i < 3; ++i) EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).action, Action::kRestart);
-  // The actor fails as often as its restarts allow. After the step-down, the actor may restart just as often.
+  // After the step-down, the actor gets restarts_max further restarts, with long delays.
   Supervisor::Verdict verdict = supervisor.OnFailure(kFailure, now, kNoJitter);
   EXPECT_EQ(verdict.action, Action::kStepDown);
   int restarts = 1;

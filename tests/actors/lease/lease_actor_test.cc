@@ -284,7 +284,7 @@ TEST_P(LeaseActorChaosTest, AllAgreeInTheEnd) {
     team.team_.radio() = simulation::RadioOptions();
     team.team_.Heal();
     for (AgentId agent = 1; agent <= kAgents; ++agent) {
-      // The agent stopped because its LeaseActor failed too often.
+      // An agent stops if its LeaseActor fails too often.
       if (!team.team_.is_running(agent)) team.team_.Restart(agent);
     }
     team.team_.AdvanceTime(minutes(5));

@@ -93,7 +93,7 @@ TEST_F(GlGatherTest, GathersLayersMuchFinerThanTheGrid) {
   }
 }
 
-// When a map is withdrawn, Merger gathers again the tiles that name its blocks.
+// When a map is withdrawn, Merger gathers again each tile that names a block of that map.
 TEST_F(GlGatherTest, ATileNamesOnlyBlocksThatWonACell) {
   std::vector<std::unique_ptr<PlacedThing>> things;
   for (const auto& [rows, timestamp_ns] : {std::pair{"#.", 3}, {"##", 2}, {"  ", 1}}) {

@@ -567,7 +567,7 @@ TEST_F(MergeActorTest, MergesTheRemainingMapsAfterAPrune) {
   StoreMap(4, {".?"});
   Start();
   EXPECT_EQ(Decode(Merge()), (Rows{".."}));
-  // This changes the row ids of the later records, but MergeActor reads all records again.
+  // Prunes the first map. MergeActor keeps the map until storage reports the prune.
   store_->records.erase(store_->records.begin() + 1);
   EXPECT_EQ(Decode(Merge()), (Rows{".."}));
   proto::Message pruned;
@@ -642,7 +642,7 @@ TEST_F(MergeActorTest, ReportsTheTilesThatChangedSinceAVersion) {
   ASSERT_EQ(third.tiles_size(), 1);
   EXPECT_TRUE(third.tiles(0).zstd_cells().empty()) << "nothing is known there any more";
 
-  // The id differs, as it does after a restart of the actor.
+  // The merger_id differs, as it does after a restart of MergeActor.
   tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);
   EXPECT_EQ(Tiles()->tiles_size(), first.tiles_size() - 1);
   tiles_request_.clear_merger_id();

@@ -189,7 +189,7 @@ TEST(MergerTest, WinsAreCountedCellByCell) {
   EXPECT_EQ(wins[2].cells, 0u);
 }
 
-// Returns a map whose cells are as large as a tile, with one known cell in each of 63 x 63 pages.
+// Returns a map whose cells are as large as a tile, with one known cell in each of 63 x 63 pages (4 x 4 tiles).
 std::shared_ptr<const LocalMap> SparseMap(const RecordKey& key) {
   MapLayer layer{Grid(252, 252), 3'200'000, 0, 0};
   for (std::int32_t row = 0; row < 252; row += 4) {

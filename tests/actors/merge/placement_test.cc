@@ -76,7 +76,7 @@ TEST(PlacementTest, AFootprintMayBeEmpty) {
   ASSERT_TRUE(placed.has_value());
   EXPECT_TRUE((*placed)->blocks.empty());
   EXPECT_TRUE((*placed)->extent.is_empty());
-  for (const double side_m : {0.0, 0.5}) {  // At 0.0 the footprint is a point, at 0.5 a line. Both free no cell.
+  for (const double side_m : {0.0, 0.5}) {  // The footprint is a point (0.0) or a line (0.5), which frees no cell.
     const auto line = PlaceFootprint({{1, 1}, Pose::FromPlanar(0.025, 0.025, 0.785)},
                                      {.footprint_length_m = 0, .footprint_width_m = side_m});
     ASSERT_TRUE(line.has_value());

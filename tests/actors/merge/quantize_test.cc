@@ -66,7 +66,8 @@ TEST(QuantizeTest, AHeadingStraightUpBecomesZero) {
   EXPECT_NEAR(std::hypot(planar.cos_yaw, planar.sin_yaw), 1, 1e-12);
 }
 
-// Compares QuantizeAt's integers with trigonometry. The error may grow by kUnit per column and per row from the anchor.
+// Compares QuantizeAt's integers with trigonometry. For a cell that is i columns and j rows away from the anchor, the
+// error may be up to kUnit * (2 + i + j).
 TEST(QuantizeTest, IntegersFollowTheGeometry) {
   constexpr std::uint64_t kSeed = 11;
   SCOPED_TRACE(testing::Message() << "seed " << kSeed);

@@ -59,7 +59,8 @@ TEST_P(PlanarSystemTest, DerivativesMatchTheCost) {
     const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(gradient.size(), i);
     const PlanarState ahead = system_.Plus(state_, step);
     const PlanarState behind = system_.Plus(state_, -step);
-    // The gradient is that of F / 2, so the difference over two steps is divided by 4.
+    // gradient[i] is the derivative of Cost / 2. The two states are 2 * kStep apart, so the difference of their costs
+    // is divided by 4 * kStep.
     EXPECT_NEAR((system_.Cost(ahead) - system_.Cost(behind)) / (4 * kStep), gradient[i], 1e-4 * gradient.norm());
     system_.Linearise(ahead, Curvature::kExact);
     const Eigen::VectorXd gradient_ahead = system_.gradient();

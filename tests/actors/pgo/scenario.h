@@ -25,7 +25,7 @@ struct ScenarioOptions {
   std::vector<double> scale_errors = {};  // Scale error of each rover. Rovers beyond the list have none.
   double step_noise_m = 0.02;             // Sigma of a step in x and y. The sigma in z is half as large.
   double yaw_noise_rad = 0.004;           // Sigma of a step.
-  // Sigma of a step. The roll and pitch of raw poses follow gravity, with a sigma of 0.01 rad.
+  // Sigma of the roll and pitch of a step. The roll and pitch of raw poses follow gravity, with a sigma of 0.01 rad.
   double tilt_noise_rad = 0.002;
   double bias_sigma_m = 0;  // Sigma of each pair's range bias.
   Eigen::Vector3d antenna_m = Eigen::Vector3d(0.3, 0.2, 0.5);

@@ -279,7 +279,7 @@ struct PublicSet {
   const char* file;
   double best_cost;  // Lowest known cost. Certified as optimal by SE-Sync, except for sets with ranges.
   double slack;
-  int iterations_max = 60;  // Limit for the sum over all starts. About twice the number that is needed.
+  int iterations_max = 60;  // Limit for the iterations of all starts together. About twice the number needed.
   InformationCheck check = InformationCheck::kPositiveDefinite;
 };
 

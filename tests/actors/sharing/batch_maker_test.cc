@@ -307,7 +307,7 @@ TEST_F(BatchMakerTest, ReportsTheBacklogByType) {
   const proto::ShareSession status = Status();
   double left = 0;
   for (const proto::TypeBacklog& type : status.backlog()) left += type.records();
-  ASSERT_EQ(status.backlog_size(), 1);  // The states are all in batches already.
+  ASSERT_EQ(status.backlog_size(), 1);  // All POWER records are in batches already.
   EXPECT_EQ(status.backlog(0).data_type(), static_cast<std::uint32_t>(proto::POSE_GRAPH_NODE));
   EXPECT_LT(left, 9);
   EXPECT_GT(left, 4);

@@ -145,8 +145,8 @@ TEST(ReplicationLogTest, DifferencesAddUpToTheWholeHaveSetWhateverIsLost) {
   EXPECT_GT(requests, 100);
 }
 
-// Agent 1 leads and replicates to agent 2. Both stores cover dropped records of `epochs` earlier epochs of agent 3,
-// with gaps in each epoch.
+// Agent 1 leads and replicates to agent 2. In both stores, records of `epochs` earlier epochs of agent 3 are marked as
+// dropped. The dropped seqs of each epoch have gaps.
 class ReplicatingTeam {
  public:
   explicit ReplicatingTeam(std::uint64_t epochs) : team_(/*seed=*/1) {

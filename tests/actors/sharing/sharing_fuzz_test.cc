@@ -32,7 +32,7 @@ using std::chrono::seconds;
 
 constexpr AgentId kReceiver = 1;
 constexpr AgentId kSender = 2;
-// One message may cause at most this many actions, and a reply from storage of at most this many bytes.
+// One message may cause at most kActionsMax actions. A reply from storage may have at most kHaveBytesMax bytes.
 constexpr std::size_t kActionsMax = 32;
 constexpr std::size_t kHaveBytesMax = 64 * 1024;
 
@@ -202,8 +202,8 @@ class Conversation {
     proto::Message message;
   };
 
-  // Returns true if a correct agent wrote this content under this key. A state may have another key: a have-set that
-  // claims one of an agent's own epochs makes that agent reissue its states under other keys.
+  // Returns true if a correct agent wrote this content under this key. A POWER record may have another key of the same
+  // origin, because an agent reissues its states under new keys when it learns of a higher epoch of its own.
   bool IsGenuine(const RecordKey& key, const std::string& content) const {
     const auto found = genuine_.find(key);
     if (found != genuine_.end()) return found->second == content;

@@ -177,8 +177,8 @@ TEST_F(StandingOrderTest, AnOrderWithoutStatesWaitsInAWindowForStates) {
   EXPECT_TRUE(TakeSent().empty());
 }
 
-// The first order covers only kSelf's records, so the destination's have-set covers only kSelf's streams. The
-// destination also holds all records of agent kSelf + 1, which the session must not send.
+// The first order covers only kSelf's records, so the session requests only kSelf's streams of the destination's
+// have-set. The destination also holds all records of agent kSelf + 1, which the session must not send.
 TEST_F(StandingOrderTest, AsksOnlyForTheOriginsInItsFilterAndAgainForOthers) {
   for (int i = 0; i < 20; ++i) {
     const RecordKey other = source_.Insert(kSelf + 1, proto::POSE_GRAPH_NODE, Noise(60));

@@ -1,5 +1,5 @@
-// Tests records of custom data types: types that the store's team file declares, and types of which the store only
-// carries other agents' records.
+// Tests records of custom data types. The store's team file declares some of these types. If a type is not declared,
+// the store only passes on other agents' records of the type.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
-// Tests an agent whose disk was lost, replaced or restored. The agent numbers its records before it learns of its own
-// later epochs. The state that the agent stored last must nevertheless win at all agents.
+// Tests an agent whose disk was lost, replaced or restored from a backup. The agent stores new records before it learns
+// which epochs it began on its former disk. The state that the agent stored last must win at all agents.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -22,8 +22,8 @@ constexpr std::uint32_t kAnother = 300;  // Incarnation of the disk that replace
 // An epoch that no other agent ever heard of.
 constexpr std::uint64_t kNeverShared = 12345;
 
-// Returns an epoch that is based on `base` and follows `previous`, the last epoch of the same file. Both are 0 if there
-// is no earlier epoch.
+// Returns an epoch that is based on `base` and follows `previous`, the last epoch of the same file. `base` and
+// `previous` are 0 if there is no earlier epoch.
 std::uint64_t Epoch(std::uint64_t counter, std::uint32_t tag, std::uint64_t base, std::uint64_t previous,
                     std::uint64_t random = 7) {
   return EpochOf({counter, tag, BaseMarkOf(base), MarkOf(previous)}, random);
@@ -107,7 +107,7 @@ TEST(OwnEpochsTest, EndangersNoEpochThatTheBaseKnew) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t fifth = Epoch(5, kOurs, 0);
   OwnEpochs own = Began({first, fifth});
-  // A replacement disk began this epoch. It knew both epochs above.
+  // A replacement disk that knew `first` and `fifth` began this epoch.
   own.Learn(Epoch(6, kLost, fifth));
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t sixth = Epoch(6, kOurs, fifth);
@@ -158,8 +158,8 @@ TEST(OwnEpochsTest, FindsWhereEachOfSeveralOlderCopiesDiverged) {
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
 }
 
-// The highest epoch was begun by a copy of this file that contained `second`. That copy had heard of another copy and
-// reissued its states, so `second` is no longer endangered.
+// The highest epoch was begun by a copy of this file that contained `second`. That copy had already reissued
+// the states of `second`, so `second` is no longer endangered.
 TEST(OwnEpochsTest, EndangersNoEpochThatTheHighestEpochKnew) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first, first, 0);
@@ -285,9 +285,10 @@ class Robot {
     }
   }
 
-  // Learns all epochs. An epoch of the present incarnation is endangered if another disk's highest epoch is higher and
-  // did not know this epoch. Counts the endangered epochs (right_), the endangered epochs that OwnEpochs misses
-  // (missed_), and its wrong reports (wrong_). OwnEpochs may guess only if two epochs share a mark.
+  // Learns all epochs, and compares Endangered with the true history. An epoch E of the present incarnation is
+  // endangered if the highest epoch that other disks began is higher than E and did not know E. Counts the endangered
+  // epochs (right_), the endangered epochs that Endangered does not return (missed_), and the epochs in `certain` that
+  // are not endangered (wrong_). `possible` must be empty unless two epochs share a mark.
   void Check() {
     Hear();
     const auto highest = std::find_if(knew_.rbegin(), knew_.rend(),

@@ -457,7 +457,7 @@ TEST(PeerAuthorityTest, ReservesHalfOfTheDiskInEqualPartsForOtherAgents) {
   options.self = 1;
   options.team = {1, 2, 3, 9};
   PeerAuthority authority(options);
-  // In bytes: 1,000 are reserved for each of the four agents, and 4,000 are shared.
+  // 8,000 bytes: 1,000 are reserved for each of the four agents, and 4,000 are shared.
   constexpr std::uint64_t kRoom = 8000;
   EXPECT_TRUE(authority.CheckDiskRoom(2, {{2, 4999}}, kRoom));
   EXPECT_FALSE(authority.CheckDiskRoom(2, {{2, 5000}}, kRoom));

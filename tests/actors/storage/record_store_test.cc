@@ -662,7 +662,8 @@ TEST(RecordStoreTest, RecordsInsertedAfterAMarkAreNotMissing) {
   EXPECT_EQ(store->GetMissing(request)->records_size(), 4) << "no mark";
 }
 
-// The marked state was superseded. Without the newer state, the destination would have no temperature.
+// After the mark, temperature 2 supersedes temperature 1. The store must send temperature 2. Otherwise the destination
+// would have no temperature.
 TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, TemperatureRecord(1));

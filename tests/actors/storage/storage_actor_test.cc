@@ -287,7 +287,7 @@ TEST_F(StorageActorTest, StoresPeersHaveSetsWithoutAReply) {
   EXPECT_TRUE(team_.Take({2, "test"}).empty());
 }
 
-// Damages a page of table pose_graph_node, which the store does not read at its start if `is_checked`.
+// Damages a page of table pose_graph_node. The store does not read this page at its start if `is_checked` is true.
 TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
   {
     auto store = OpenStore(StorageActor::StoreOptions(options_));
@@ -318,7 +318,8 @@ TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
 }
 
 TEST_F(StorageActorTest, ScrubsItsStoreEachDayAndEndsTheProcessIfARowIsDamaged) {
-  // Tends once per hour instead of every 10 s, because the test covers three days of virtual time.
+  // Checks the file and the disk once per hour instead of every 10 s, because the test covers three days of virtual
+  // time.
   options_.tend_period = std::chrono::hours(1);
   options_.scrub_pause = std::chrono::minutes(1);
   Start();
@@ -350,7 +351,7 @@ TEST_F(StorageActorTest, ScrubsItsStoreEachDayAndEndsTheProcessIfARowIsDamaged) 
 }
 
 TEST_F(StorageActorTest, ContinuesDespiteADamagedLocalRecord) {
-  // Tends once per hour instead of every 10 s, because the test covers 49 hours of virtual time.
+  // Checks the file and the disk once per hour instead of every 10 s, because the test covers 49 hours of virtual time.
   options_.tend_period = std::chrono::hours(1);
   Start();
   proto::Message question;

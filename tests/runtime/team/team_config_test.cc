@@ -496,8 +496,8 @@ TEST_F(TeamFileTest, AWrittenTeamKeepsItsFields) {
   ASSERT_TRUE(WriteTeam(folder_ / "team.yaml", config));
   const Result<TeamFile> team = ReadTeamFile(folder_ / "team.yaml");
   ASSERT_TRUE(team) << team.error().text;
-  config.mutable_agents(0)->mutable_start()->set_sigma_rad(0.01);  // The expected default.
-  config.mutable_custom_types(0)->set_share(proto::POLICY_ALL);    // The expected default.
+  config.mutable_agents(0)->mutable_start()->set_sigma_rad(0.01);  // Default of sigma_rad, which the file omits.
+  config.mutable_custom_types(0)->set_share(proto::POLICY_ALL);    // Default of `share`, which the file omits.
   config.mutable_custom_types(0)->set_ground(proto::POLICY_NONE);
   config.mutable_custom_types(0)->set_priority(5);
   config.mutable_custom_types(0)->set_bytes_max(4096);

@@ -160,7 +160,8 @@ TEST_F(ZeroMqTransportTest, DoesNotTrustAPeerWithTheWrongKey) {
   std::ofstream(team_.folder / "rover2.sec") << other.secret_key;
   std::filesystem::permissions(team_.folder / "rover2.sec", std::filesystem::perms(0600));
   Start(2);
-  Start(3);  // Rover3 has read the new key. When rover3 is connected to both, rover2 has had time to connect to rover1.
+  // Rover3 reads the new key and connects to rover1 and rover2. By then, rover2 has had time to connect to rover1.
+  Start(3);
   ASSERT_TRUE(ears_[3].WaitForPeer(2, true));
   ASSERT_TRUE(ears_[3].WaitForPeer(1, true));
   EXPECT_FALSE(Peer(1, 2).is_connected());

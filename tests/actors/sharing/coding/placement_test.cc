@@ -21,7 +21,7 @@ CodedLayers ToCoded(const Layers& layers) {
         *added.cells.At(column, row) = static_cast<std::uint8_t>(layer.grid.At(column, row));
       }
     }
-    // A map without a previous map: its memory consists of its own cells.
+    // The map has no previous map, so `memory` contains only the map's own cells.
     added.memory = added.cells;
   }
   return coded;
