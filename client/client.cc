@@ -176,7 +176,7 @@ Result<std::uint64_t> Client::NextNodeIndex() {
   return next;
 }
 
-Result<HaveSet> Client::Have() {
+Result<HaveSet> Client::GetHaveSet() {
   proto::ControlRequest request;
   request.mutable_have();
   const auto reply = Call(request);
@@ -343,7 +343,7 @@ Result<std::string> Client::FetchBundle(std::uint32_t number,
   }
 }
 
-Result<google::protobuf::Any> Client::Ask(const std::string& actor, const google::protobuf::Any& question) {
+Result<google::protobuf::Any> Client::AskActor(const std::string& actor, const google::protobuf::Any& question) {
   proto::ControlRequest request;
   request.mutable_custom()->set_actor(actor);
   *request.mutable_custom()->mutable_body() = question;

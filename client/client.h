@@ -142,7 +142,7 @@ class Client {
   Result<std::uint64_t> NextNodeIndex();
 
   // Returns the agent's have-set: the records held and dropped, per stream.
-  Result<HaveSet> Have();
+  Result<HaveSet> GetHaveSet();
   // Acknowledges the agent's findings (model/event.h) with timestamps up to `until_ns`. Returns how many findings it
   // acknowledged.
   Result<std::uint32_t> Acknowledge(std::int64_t until_ns);
@@ -198,7 +198,7 @@ class Client {
   Result<std::string> FetchBundle(std::uint32_t number, const std::function<void(double bytes, double all)>& fetched);
   // Sends a question to one of the user's actors on the agent and returns the actor's answer. Fails with kNotFound if
   // no user's actor has that name.
-  Result<google::protobuf::Any> Ask(const std::string& actor, const google::protobuf::Any& question);
+  Result<google::protobuf::Any> AskActor(const std::string& actor, const google::protobuf::Any& question);
   // Asks the agent's process to stop. Returns when the agent has replied; the process ends shortly after.
   Result<void> Stop();
 

@@ -95,7 +95,7 @@ SendResult Mailbox::PushControl(Item& item) {
   }
   control_.push_back(std::move(item));
   ++pushed_.items;
-  SeeTaken();
+  RefreshTaken();
   waiting_max_ = std::max(waiting_max_, pushed_.items - seen_.items);
   has_control_.store(true, std::memory_order_relaxed);
   return SendResult::kAccepted;
@@ -147,12 +147,12 @@ bool Mailbox::HasRoom(const Item& item) {
     return pushed_.messages - seen_.messages < limits_.messages && FitsInBytes(item.bytes, bytes_max);
   };
   if (fits()) return true;
-  SeeTaken();
+  RefreshTaken();
   return fits();
 }
 
 bool Mailbox::HasRoomInBytes(std::size_t bytes) {
-  SeeTaken();
+  RefreshTaken();
   return FitsInBytes(bytes, limits_.bytes);
 }
 
@@ -163,7 +163,7 @@ bool Mailbox::FitsInBytes(std::size_t bytes, std::uint64_t bytes_max) const {
   return waiting == 0 || (waiting < bytes_max && bytes <= bytes_max - waiting);
 }
 
-void Mailbox::SeeTaken() { seen_ = taken_.totals(); }
+void Mailbox::RefreshTaken() { seen_ = taken_.totals(); }
 
 void Mailbox::Count(const Item& item) {
   ++pushed_.items;
@@ -171,7 +171,7 @@ void Mailbox::Count(const Item& item) {
   if (!item.is_past_bounds) ++pushed_.messages;
   // Read the reader's counters, which are on another cache line, only if there may be a new maximum.
   if (pushed_.items - seen_.items <= waiting_max_ && pushed_.bytes - seen_.bytes <= bytes_max_) return;
-  SeeTaken();
+  RefreshTaken();
   waiting_max_ = std::max(waiting_max_, pushed_.items - seen_.items);
   bytes_max_ = std::max(bytes_max_, pushed_.bytes - seen_.bytes);
 }

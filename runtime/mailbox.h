@@ -150,7 +150,7 @@ class Mailbox {
   bool HasRoom(const Item& item);
   bool HasRoomInBytes(std::size_t bytes);
   bool FitsInBytes(std::size_t bytes, std::uint64_t bytes_max) const;
-  void SeeTaken();
+  void RefreshTaken();
   void Count(const Item& item);
   Item* TakeControl();
   Item* TakeKeyed();

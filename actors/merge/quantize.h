@@ -13,7 +13,7 @@
 // differ between machines. Rotations therefore use the stored quaternion without trigonometry, and the .cc file is
 // compiled with -ffp-contract=off.
 //
-// Pure functions, usable on any thread.
+// Thread-safe.
 #pragma once
 
 #include <cstdint>

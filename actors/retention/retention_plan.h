@@ -1,6 +1,6 @@
 // Plans what an agent prunes and in which order. The input is an operator's order, or the `retention` section of the
 // team file together with the fill level of the store. StorageActor decides which records may be removed at all
-// (actors/storage/prune.h). Pure functions.
+// (actors/storage/prune.h).
 //
 // Maps may take map_part_max of the store's budget S (store_mb_max). A store that exceeds kBudgetHigh * S is pruned
 // down to kBudgetLow * S, in this order:

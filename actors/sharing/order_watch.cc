@@ -45,7 +45,7 @@ void OrderWatch::EndTerm(const proto::Term& term, const Error& error) {
   }
 }
 
-std::vector<OrderWatch::Answer> OrderWatch::Look(Time now, const RowsOf& rows_of) {
+std::vector<OrderWatch::Answer> OrderWatch::CollectAnswers(Time now, const RowsOf& rows_of) {
   if (requests_.empty()) return {};
   is_look_due_ = now < last_look_ + kLookPeriod;
   if (is_look_due_) return {};

@@ -95,7 +95,7 @@ class OrderWatch {
   bool is_waiting() const { return !requests_.empty(); }
   // Updates the progress of the orders and returns the answers that are due. Returns none if the last update was less
   // than kLookPeriod ago; deadline() then returns when to call again.
-  std::vector<Answer> Look(Time now, const RowsOf& rows_of);
+  std::vector<Answer> CollectAnswers(Time now, const RowsOf& rows_of);
   // When to call Look next; nullopt while no request waits.
   std::optional<Time> deadline() const;
 

@@ -6,7 +6,7 @@
 
 namespace moondb {
 
-SharingActions PeerOrders::Give(AgentId peer, std::uint64_t number, std::uint64_t bytes_max, Time now) {
+SharingActions PeerOrders::Place(AgentId peer, std::uint64_t number, std::uint64_t bytes_max, Time now) {
   const auto open = orders_.find(peer);
   if (open != orders_.end() && open->second.bytes_max == 0) bytes_max = 0;
   const ResendDelay delay(options_.resend_after, options_.resend_after_max);

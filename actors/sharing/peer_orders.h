@@ -36,7 +36,7 @@ class PeerOrders {
 
   // Sends an order to the peer. Replaces an open order to the peer; if the replaced order had no byte limit, the new
   // order has none either. `bytes_max` 0: no limit.
-  SharingActions Give(AgentId peer, std::uint64_t number, std::uint64_t bytes_max, Time now);
+  SharingActions Place(AgentId peer, std::uint64_t number, std::uint64_t bytes_max, Time now);
   // Call when the peer reconnected. Sends the open order to the peer immediately and resets the delay.
   SharingActions OnConnected(AgentId peer, Time now);
   SharingActions OnTimer(Time now);

@@ -311,7 +311,7 @@ void SharingActor::WatchOrder(const Context& context, const proto::ShareRequest&
 
 void SharingActor::AnswerWhoWaits(Context& context) {
   const auto rows_of = [this, &context](OrderWatch::Order& order) { return RowsOf(context, order); };
-  for (OrderWatch::Answer& answer : watch_.Look(context.now(), rows_of)) {
+  for (OrderWatch::Answer& answer : watch_.CollectAnswers(context.now(), rows_of)) {
     proto::Message message;
     message.set_ms_type(proto::CONTROL);
     message.set_request_id(answer.request.request_id);
@@ -585,14 +585,14 @@ void SharingActor::OpenAgain(Context& context, std::uint64_t order, AgentId dest
   pairs_in_hand_.clear();
 }
 
-void SharingActor::BringPeriodicStates(Context& context, AgentId destination) {
+void SharingActor::SharePeriodicStates(Context& context, AgentId destination) {
   proto::RecordFilter states;
   states.add_origin_agents(options_.self);
   for (const DataType type : StateTypesOf(options_.team)) states.add_data_types(type);
   if (states.data_types().empty()) return;
   Outgoing& outgoing = FindOrMakeOutgoing(context, destination);
   if (!outgoing.session.is_open()) outgoing.is_by_role = true;
-  Perform(context, outgoing, outgoing.session.BringPeriodic(states, context.now()));
+  Perform(context, outgoing, outgoing.session.SharePeriodic(states, context.now()));
 }
 
 std::optional<std::uint64_t> SharingActor::CloseByRole(Context& context) {
@@ -614,7 +614,7 @@ std::uint64_t SharingActor::OrderFrom(Context& context, AgentId peer, std::uint6
   order_refusals_.erase(peer);
   if (order_in_hand() != 0) pairs_in_hand_.push_back({peer, /*is_incoming=*/true});
   const std::uint64_t number = order_in_hand() != 0 ? order_in_hand() : ++last_order_;
-  PerformOrders(context, orders_.Give(peer, number, bytes_max, context.now()));
+  PerformOrders(context, orders_.Place(peer, number, bytes_max, context.now()));
   return number;
 }
 

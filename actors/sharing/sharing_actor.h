@@ -83,8 +83,8 @@ class SharingActor : public Actor {
   // CloseByRole closes the session. `bytes_max`: see SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
-  // Sends this agent's latest states without an order (SharingSession::BringPeriodic).
-  void BringPeriodicStates(Context& context, AgentId destination);
+  // Sends this agent's latest states without an order (SharingSession::SharePeriodic).
+  void SharePeriodicStates(Context& context, AgentId destination);
   // Closes each session that was opened with `is_by_role`, except a session to the current leader. Returns the largest
   // number of bytes that an order of the closed sessions could still send; 0 if one of these orders had no limit;
   // nullopt if no closed session had an order.

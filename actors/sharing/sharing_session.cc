@@ -39,12 +39,12 @@ SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::
   if (!is_ordered()) last_error_.clear();
   is_limit_reported_ = false;
   resend_delay_.ForgetRefusals();
-  order_.Give(std::move(filter), bytes_max, id, /*is_added=*/is_ordered());
+  order_.Set(std::move(filter), bytes_max, id, /*is_added=*/is_ordered());
   LookAgain(now, actions);
   return actions;
 }
 
-SharingActions SharingSession::BringPeriodic(const proto::RecordFilter& states, Time now) {
+SharingActions SharingSession::SharePeriodic(const proto::RecordFilter& states, Time now) {
   SharingActions actions;
   if (!is_open()) {
     order_.AddPeriodic(states);
@@ -301,7 +301,7 @@ void SharingSession::SayHello(SharingActions& actions) {
   hello.set_session_id(session_id_);
   hello.set_kind(kind_);
   hello.set_schema_hash(HashSchemas(options_.schemas));
-  order_.Ask(hello);
+  order_.FillRequest(hello);
   if (pages_.is_begun()) *hello.mutable_have_from() = ToProto(pages_.next());
   actions.push_back(std::move(action));
 }

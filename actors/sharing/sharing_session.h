@@ -84,7 +84,7 @@ class SharingSession {
   // Sends the records that `states` selects, without an order. A closed session starts for these states. Such a session
   // reports no OrderEnd, its end is not counted, and any order replaces it. An open session only asks storage for
   // missing records again.
-  SharingActions BringPeriodic(const proto::RecordFilter& states, Time now);
+  SharingActions SharePeriodic(const proto::RecordFilter& states, Time now);
   // Ends the session before all records are acknowledged, and forgets the order.
   SharingActions Close();
 

@@ -8,7 +8,7 @@
 
 namespace moondb {
 
-void StandingOrder::Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added) {
+void StandingOrder::Set(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added) {
   // The new filter may exclude records that earlier orders asked for, so end these orders.
   if (is_added && filter.SerializeAsString() != filter_.SerializeAsString()) End(Ending::kClosed);
   Note(id);
@@ -85,7 +85,7 @@ void StandingOrder::StartOver() {
   scope_ = window_ == Window::kStatesOnly ? Scope::kStates : Scope::kAll;
 }
 
-void StandingOrder::Ask(proto::Hello& hello) {
+void StandingOrder::FillRequest(proto::Hello& hello) {
   asked_origins_ = OriginsMeant();
   asked_types_ = {filter_.everyones_types().begin(), filter_.everyones_types().end()};
   hello.mutable_origin_agents()->Assign(asked_origins_.begin(), asked_origins_.end());

@@ -41,7 +41,7 @@ class StandingOrder {
 
   // Sets the order. `is_added`: the new order replaces an open order. If the open order has no limit, the new order has
   // none either. `bytes_max` 0: no limit.
-  void Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added);
+  void Set(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added);
   // The state of the order `id`. If a later order of the same agent has replaced it, the later order's state counts.
   // kUnknown: the session was never given this order.
   enum class Reached { kUnknown, kOpen, kCompleted, kClosed, kLimited };
@@ -63,7 +63,7 @@ class StandingOrder {
   // Call when the session starts over. Sets the scope to the records that the window admits now.
   void StartOver();
   // Fills in the origins and types whose have-set the Hello requests.
-  void Ask(proto::Hello& hello);
+  void FillRequest(proto::Hello& hello);
   // Origins whose have-set the last Hello requested; empty: all origins.
   const std::set<AgentId>& asked_origins() const { return asked_origins_; }
   // True if the session must start over to send all ordered records, because the last Hello did not request the

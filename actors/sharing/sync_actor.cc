@@ -135,7 +135,7 @@ void SyncActor::StartStatesTimer(Context& context) {
 void SyncActor::OnStepTimer(Context& context, std::uint64_t) {
   StartStatesTimer(context);
   const AgentId leader = roles().leader();
-  if (leader != 0 && leader != self() && is_connected(leader)) BringPeriodicStates(context, leader);
+  if (leader != 0 && leader != self() && is_connected(leader)) SharePeriodicStates(context, leader);
 }
 
 proto::RecordFilter SyncActor::OwnRecords() const {

@@ -119,7 +119,7 @@ void PeerLog::Apply(AgentId peer, Covered changed) {
   }
 }
 
-Result<bool> PeerLog::Note(Database& database, const proto::PeerHave& note) {
+Result<bool> PeerLog::Store(Database& database, const proto::PeerHave& note) {
   const bool is_usable = !note.is_difference() || Follows(note);
   Covered changed;
   if (note.has_acknowledged() && is_usable) {

@@ -1073,7 +1073,7 @@ Result<bool> RecordStore::NotePeerHave(const proto::PeerHave& note) {
   const bool is_all = note.has_acknowledged() && !note.is_difference() && speaks_of_self;
   const Result<void> trained = LearnOwnEpochs(note.peer(), note.acknowledged(), is_all);
   if (!trained) return tl::unexpected(trained.error());
-  return peer_log_.Note(*database_, note);
+  return peer_log_.Store(*database_, note);
 }
 
 Result<std::vector<proto::HealthFinding>> RecordStore::Findings() { return ReadFindings(*database_, options_.self); }

@@ -135,18 +135,18 @@ Query::~Query() {
   prepared_->is_in_use = false;
 }
 
-void Query::Note(int code) {
+void Query::RecordResult(int code) {
   Check(code != SQLITE_RANGE && code != SQLITE_MISUSE, "a query binds the parameters that its SQL has");
   if (code_ == SQLITE_OK) code_ = code;
 }
 
 Query& Query::BindInteger(std::int64_t value) {
-  if (prepared_) Note(sqlite3_bind_int64(prepared_->statement, ++parameter_, value));
+  if (prepared_) RecordResult(sqlite3_bind_int64(prepared_->statement, ++parameter_, value));
   return *this;
 }
 
 Query& Query::operator<<(double value) {
-  if (prepared_) Note(sqlite3_bind_double(prepared_->statement, ++parameter_, value));
+  if (prepared_) RecordResult(sqlite3_bind_double(prepared_->statement, ++parameter_, value));
   return *this;
 }
 
@@ -154,7 +154,8 @@ Query& Query::operator<<(std::string_view text) {
   // A null pointer would bind NULL instead of an empty text.
   const char* bytes = text.data() ? text.data() : "";
   if (prepared_) {
-    Note(sqlite3_bind_text64(prepared_->statement, ++parameter_, bytes, text.size(), SQLITE_STATIC, SQLITE_UTF8));
+    RecordResult(
+        sqlite3_bind_text64(prepared_->statement, ++parameter_, bytes, text.size(), SQLITE_STATIC, SQLITE_UTF8));
   }
   return *this;
 }
@@ -162,13 +163,13 @@ Query& Query::operator<<(std::string_view text) {
 Query& Query::operator<<(Blob blob) {
   const char* bytes = blob.bytes.data() ? blob.bytes.data() : "";
   if (prepared_) {
-    Note(sqlite3_bind_blob64(prepared_->statement, ++parameter_, bytes, blob.bytes.size(), SQLITE_STATIC));
+    RecordResult(sqlite3_bind_blob64(prepared_->statement, ++parameter_, bytes, blob.bytes.size(), SQLITE_STATIC));
   }
   return *this;
 }
 
 Query& Query::operator<<(std::nullptr_t) {
-  if (prepared_) Note(sqlite3_bind_null(prepared_->statement, ++parameter_));
+  if (prepared_) RecordResult(sqlite3_bind_null(prepared_->statement, ++parameter_));
   return *this;
 }
 

@@ -78,7 +78,7 @@ class Query {
   };
   Query(Database& database, Prepared* prepared, int code) : database_(&database), prepared_(prepared), code_(code) {}
   Query& BindInteger(std::int64_t value);
-  void Note(int code);
+  void RecordResult(int code);
 
   Database* database_;
   Prepared* prepared_;

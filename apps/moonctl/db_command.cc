@@ -122,7 +122,7 @@ std::string HoldingText(const Holding& holding) {
 }
 
 ExitCode ShowHoldings(CommandContext& context) {
-  const auto answers = context.AskEach([](Client& client) { return client.Have(); });
+  const auto answers = context.AskEach([](Client& client) { return client.GetHaveSet(); });
   if (!answers) return context.Report(answers.error());
   const proto::TeamConfig& team = (*context.Team())->config;
   JsonWriter json;

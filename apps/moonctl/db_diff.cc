@@ -31,7 +31,7 @@ using Differences = std::map<Series, Difference>;
 Result<Side> Open(CommandContext& context, const std::string& name) {
   auto agent = context.Connect(name);
   if (!agent) return tl::unexpected(agent.error());
-  auto have = agent->client->Have();
+  auto have = agent->client->GetHaveSet();
   if (!have) return tl::unexpected(have.error());
   return Side{*std::move(agent), *std::move(have)};
 }
@@ -45,9 +45,9 @@ std::uint64_t CountHeld(const HaveSet& have) {
 // Removes from `differing` the records that one of the agents no longer holds. Such records were superseded during the
 // comparison, so they are no difference.
 Result<void> LeaveOutWhatIsGone(Side& first, Side& second, Differences& differences) {
-  const auto first_now = first.agent.client->Have();
+  const auto first_now = first.agent.client->GetHaveSet();
   if (!first_now) return tl::unexpected(first_now.error());
-  const auto second_now = second.agent.client->Have();
+  const auto second_now = second.agent.client->GetHaveSet();
   if (!second_now) return tl::unexpected(second_now.error());
   for (auto& [series, difference] : differences) {
     std::erase_if(difference.differing, [&](const RecordKey& key) {

@@ -31,7 +31,7 @@ class Comparison {
   Comparison(const AskFingerprint& first, const AskFingerprint& second, std::size_t keys_max)
       : first_(first), second_(second), keys_max_(keys_max) {}
 
-  Result<void> Look(const StreamKey& stream, const IntervalSet& seqs) {
+  Result<void> Compare(const StreamKey& stream, const IntervalSet& seqs) {
     if (differing_.size() >= keys_max_) return {};
     const Result<Fingerprint> first = first_(stream, seqs);
     if (!first) return tl::unexpected(first.error());
@@ -43,8 +43,8 @@ class Comparison {
       return {};
     }
     const auto [smaller, larger] = Halves(seqs);
-    if (Result<void> looked = Look(stream, smaller); !looked) return looked;
-    return Look(stream, larger);
+    if (Result<void> looked = Compare(stream, smaller); !looked) return looked;
+    return Compare(stream, larger);
   }
 
   std::vector<RecordKey> TakeDiffering() { return std::move(differing_); }
@@ -83,7 +83,8 @@ Result<std::vector<RecordKey>> FindDiffering(const HaveSet& held, const AskFinge
   Comparison comparison(first, second, keys_max);
   for (const auto& [stream, have] : held.streams()) {
     if (have.held.is_empty()) continue;
-    if (const Result<void> looked = comparison.Look(stream, have.held); !looked) return tl::unexpected(looked.error());
+    if (const Result<void> looked = comparison.Compare(stream, have.held); !looked)
+      return tl::unexpected(looked.error());
   }
   return comparison.TakeDiffering();
 }

@@ -162,7 +162,7 @@ void AgentRestarts::BreakDatabase(AgentId agent, const std::string& fault) {
   HaveLedger ledger;
   // Return if the database is already damaged, or if the agent lost power before it created the tables.
   if (!database || !(*database)->QuickCheck() || !ledger.Load(**database)) return;
-  world_.invariants.SeeHave(agent, ledger.have());
+  world_.invariants.ObserveHave(agent, ledger.have());
   if (fault == "damage_record") {
     const std::optional<RecordKey> key = DamageRecord(**database, world_.rng);
     if (key) world_.invariants.ForgetRecord(agent, *key);

@@ -189,7 +189,7 @@ std::optional<RecordKey> ByzantineAgent::DrawKey(AgentId holder, AgentId origin)
 }
 
 // Opens a sharing session with the target and sends `batch` in it.
-void ByzantineAgent::Bring(AgentId target, proto::Batch batch) {
+void ByzantineAgent::SendBatch(AgentId target, proto::Batch batch) {
   const bool is_sync = Draw(2) == 0;
   const char* actor = is_sync ? actor_name::kSync : actor_name::kReplica;
   proto::Message hello;
@@ -207,12 +207,12 @@ void ByzantineAgent::Bring(AgentId target, proto::Batch batch) {
   Send({target, actor}, actor, std::move(message));
 }
 
-void ByzantineAgent::BringRecord(AgentId target, const RecordKey& key, const proto::Record& record) {
+void ByzantineAgent::SendRecord(AgentId target, const RecordKey& key, const proto::Record& record) {
   if (key.stream.origin != world_.byzantine) checker_.OnForged(record);
-  BringRecords(target, {{key, record}});
+  SendRecords(target, {{key, record}});
 }
 
-void ByzantineAgent::BringRecords(AgentId target, const std::vector<std::pair<RecordKey, proto::Record>>& records) {
+void ByzantineAgent::SendRecords(AgentId target, const std::vector<std::pair<RecordKey, proto::Record>>& records) {
   proto::RecordBatch all;
   for (const auto& [key, record] : records) *all.add_records() = Stored(key, record);
   const CodedBatch coded = EncodeBatch(all);
@@ -220,7 +220,7 @@ void ByzantineAgent::BringRecords(AgentId target, const std::vector<std::pair<Re
   batch.set_codec(coded.codec);
   batch.set_coded(coded.bytes);
   batch.set_record_count(static_cast<std::uint32_t>(records.size()));
-  Bring(target, std::move(batch));
+  SendBatch(target, std::move(batch));
 }
 
 // --- Forged records ---
@@ -243,7 +243,7 @@ void ByzantineAgent::ForgeRecord(AgentId target) {
     key->seq = 1;
     checker_.OnImpossible(*key);
   }
-  BringRecord(target, *key, RecordLike(*key));
+  SendRecord(target, *key, RecordLike(*key));
 }
 
 void ByzantineAgent::ForgeEvent(AgentId target) {
@@ -253,7 +253,7 @@ void ByzantineAgent::ForgeEvent(AgentId target) {
   key->stream.type = Draw(2) == 0 ? proto::AGENT_EVENT : proto::MAP_QUARANTINE;
   key->seq = kFarSeq + Draw(1000);
   checker_.OnImpossible(*key);
-  BringRecord(target, *key, RecordLike(*key));
+  SendRecord(target, *key, RecordLike(*key));
 }
 
 void ByzantineAgent::ForgePose(AgentId target) {
@@ -278,7 +278,7 @@ void ByzantineAgent::ForgePose(AgentId target) {
     key.stream.type = proto::EDGE_VERDICT;
     if (key.stream.origin != world_.byzantine) checker_.OnImpossible(key);
   }
-  BringRecord(target, key, record);
+  SendRecord(target, key, record);
 }
 
 // Sends an edge between nodes of honest agents, or a quarantine of their maps. Stores must reject the edge
@@ -299,7 +299,7 @@ void ByzantineAgent::Slander(AgentId target) {
       record.mutable_map_quarantine()->set_to_ns(record.timestamp_ns());
     }
     *record.mutable_map_quarantine()->mutable_term() = RolesOf(target).term();
-    return BringRecord(target, key, record);
+    return SendRecord(target, key, record);
   }
   proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
   edge.mutable_from()->set_agent_id(victim);
@@ -312,7 +312,7 @@ void ByzantineAgent::Slander(AgentId target) {
     edge.mutable_range()->set_range_m(9000);
     edge.mutable_range()->set_variance_m2(1e-8);
   }
-  BringRecord(target, key, record);
+  SendRecord(target, key, record);
 }
 
 void ByzantineAgent::Drop(AgentId target) {
@@ -325,7 +325,7 @@ void ByzantineAgent::Drop(AgentId target) {
   batch.set_codec(EncodeBatch({}).codec);
   batch.set_coded(EncodeBatch({}).bytes);
   *batch.add_dropped() = StreamOf(key->stream, Draw(2) == 0 ? 1 : far.seq, far.seq, /*is_dropped=*/true);
-  Bring(target, std::move(batch));
+  SendBatch(target, std::move(batch));
 }
 
 // Sends a record whose key may have another content at other agents. Uses the type POWER, on which no map depends,
@@ -335,7 +335,7 @@ void ByzantineAgent::Equivocate(AgentId target) {
   if (!key) return;
   key->stream.type = proto::POWER;
   key->seq = Draw(2) == 0 ? key->seq : key->seq + 1;
-  BringRecord(target, *key, RecordLike(*key));
+  SendRecord(target, *key, RecordLike(*key));
 }
 
 // --- False claims ---
@@ -390,7 +390,7 @@ void ByzantineAgent::Replay(AgentId target) {
     proto::Message message = seen.message;
     const std::string actor = seen.to.actor;
     if (message.has_batch() && Draw(2) == 0) {
-      Bring(to, message.batch());
+      SendBatch(to, message.batch());
     } else {
       Send({to, actor}, actor, std::move(message));
     }
@@ -428,7 +428,7 @@ void ByzantineAgent::Announce(AgentId target) {
   if (Draw(3) == 0) {
     proto::Record record;
     *record.mutable_role_assignment() = roles;
-    return BringRecord(target, {{world_.byzantine, rng_() >> 1, proto::ROLE_ASSIGNMENT}, 1}, record);
+    return SendRecord(target, {{world_.byzantine, rng_() >> 1, proto::ROLE_ASSIGNMENT}, 1}, record);
   }
   proto::Message message;
   if (Draw(4) == 0) {
@@ -537,7 +537,7 @@ void ByzantineAgent::JoinAll(AgentId target) {
     }
     records.push_back({{{world_.byzantine, epoch, proto::POSE_GRAPH_NODE}, i + 1}, node});
   }
-  BringRecords(target, records);
+  SendRecords(target, records);
 }
 
 }  // namespace moondb::simulation

@@ -77,9 +77,9 @@ class ByzantineAgent {
   std::optional<RecordKey> DrawKey(AgentId holder, AgentId origin);
   void Attack();
   void Send(const Address& to, const std::string& as_actor, proto::Message message);
-  void Bring(AgentId target, proto::Batch batch);
-  void BringRecord(AgentId target, const RecordKey& key, const proto::Record& record);
-  void BringRecords(AgentId target, const std::vector<std::pair<RecordKey, proto::Record>>& records);
+  void SendBatch(AgentId target, proto::Batch batch);
+  void SendRecord(AgentId target, const RecordKey& key, const proto::Record& record);
+  void SendRecords(AgentId target, const std::vector<std::pair<RecordKey, proto::Record>>& records);
   void Remember(const Address& to, const proto::Message& message);
   proto::Record RecordLike(const RecordKey& key);
   proto::RoleAssignment Assignment(AgentId target);

@@ -38,7 +38,7 @@ void ClientCalls::TakeAnswers() {
   std::vector<std::pair<Then, Answer>> answered;
   std::erase_if(calls_, [&](const auto& entry) {
     const auto& [number, call] = entry;
-    const std::vector<proto::Message> messages = world_.team.Take(ClientOf(number));
+    const std::vector<proto::Message> messages = world_.team.TakeMessages(ClientOf(number));
     if (messages.empty()) return false;
     const std::optional<proto::ControlReply> reply = ClientReplyIn(messages.front());
     if (messages.size() > 1 || !reply || messages.front().request_id() != number) {

@@ -51,7 +51,7 @@ DoneChecker::Stores DoneChecker::ReadStores() {
 
 bool DoneChecker::HasAnswers() {
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
-    for (const proto::Message& message : world_.team.Take({agent, "operator"})) {
+    for (const proto::Message& message : world_.team.TakeMessages({agent, "operator"})) {
       auto waiting = waiting_.extract(message.request_id());
       if (!waiting.empty() && message.has_share_reply()) {
         answers_.emplace_back(std::move(waiting.mapped()), message.share_reply());

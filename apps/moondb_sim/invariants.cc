@@ -92,7 +92,7 @@ HaveSet Invariants::WithoutLiars(const HaveSet& have) const {
   return Filtered(have, [this](const StreamKey& stream) { return stream.origin != liar_; });
 }
 
-void Invariants::SeeRecord(const RecordKey& key, const std::string& stored, AgentId where) {
+void Invariants::ObserveRecord(const RecordKey& key, const std::string& stored, AgentId where) {
   if (liar_ != 0 && (where == liar_ || key.stream.origin == liar_)) return;
   const std::string content = WithoutSignature(key, stored);
   const std::uint64_t hash = ContentHash(content);
@@ -130,7 +130,7 @@ void Invariants::CheckAsInserted(const RecordKey& key) const {
   report_("one_content", ToString(key) + " is not what its robot inserted");
 }
 
-void Invariants::SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable) {
+void Invariants::ObserveRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable) {
   for (const auto* acted_on : {&roles_of_, &unstored_roles_of_}) {
     const auto known = acted_on->find(agent);
     if (known == acted_on->end() || !IsNewer(known->second.term(), roles.term())) continue;
@@ -157,7 +157,7 @@ void Invariants::SeeRoles(AgentId agent, const proto::RoleAssignment& roles, boo
                                 std::to_string(roles.leader()) + "/" + std::to_string(roles.survivor()));
 }
 
-void Invariants::SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record) {
+void Invariants::ObserveInserted(AgentId agent, const RecordKey& key, const proto::Record& record) {
   if (agent == liar_) return;
   inserted_[key.stream].held.Add(key.seq);
   held_[agent][key.stream].held.Add(key.seq);
@@ -184,7 +184,7 @@ void Invariants::CheckLeads(AgentId agent, const proto::OptimizedPose& pose) con
                                ", in which agent " + std::to_string(assignment->second.first) + " leads");
 }
 
-void Invariants::SeeHave(AgentId agent, const HaveSet& have) {
+void Invariants::ObserveHave(AgentId agent, const HaveSet& have) {
   if (agent != liar_) held_[agent].Merge(WithoutLiars(have));
 }
 
@@ -280,10 +280,10 @@ void Invariants::CheckHave(AgentId agent, const HaveSet& whole) {
   CheckHeld(agent, have);
   CheckStates(agent, have);
   CheckPoses(agent, have);
-  SeeStatesHeld(agent, have);
+  ObserveStatesHeld(agent, have);
 }
 
-void Invariants::SeeStatesHeld(AgentId agent, const HaveSet& have) {
+void Invariants::ObserveStatesHeld(AgentId agent, const HaveSet& have) {
   for (const auto& [stream, seqs] : have.streams()) {
     if (!IsState(stream.type)) continue;
     for (const IntervalSet::Interval& interval : seqs.held.intervals()) {

@@ -95,24 +95,24 @@ class Invariants {
       : report_(std::move(report)), liar_(team.liar), base_(team.base), has_keys_(team.has_keys) {}
 
   // Call when agent `where` holds the record in its store, or receives the record in order to store it.
-  void SeeRecord(const RecordKey& key, const std::string& content, AgentId where);
+  void ObserveRecord(const RecordKey& key, const std::string& content, AgentId where);
   // Call when `agent` acts on `roles`. `is_durable` is false if the roles are not on the agent's disk. Such roles count
   // only until ForgetUnstoredRoles.
-  void SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable = true);
+  void ObserveRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable = true);
   void ForgetUnstoredRoles(AgentId agent) { unstored_roles_of_.erase(agent); }
   // Call for each record that the robot of `agent` gives to its agent, in the order in which the robot gives them.
-  void SeeGiven(AgentId agent, const proto::Record& record) {
+  void ObserveGiven(AgentId agent, const proto::Record& record) {
     if (agent != liar_) states_.OnGiven(agent, record);
   }
   // Call when the agent confirms that it stored `record` under `key`. The stored content may differ in the flags that
   // storage sets (StatementHashes).
-  void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
+  void ObserveInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
   // Call when an agent whose policy keeps all notes confirms that it stored this note.
-  void SeeKept(const RecordKey& key) { kept_notes_[key.stream].held.Add(key.seq); }
+  void ObserveKept(const RecordKey& key) { kept_notes_[key.stream].held.Add(key.seq); }
   // Exempts a record that was inserted shortly before the end of the run: the last sharing orders need not include it.
   void ExcuseLate(const RecordKey& key) { late_[key.stream].held.Add(key.seq); }
   // Call when `agent` reports `have` to another agent, or when `have` was read from the agent's disk while it is down.
-  void SeeHave(AgentId agent, const HaveSet& have);
+  void ObserveHave(AgentId agent, const HaveSet& have);
 
   // Call when the agent's disk was replaced. Forgets the records that the old disk held.
   void ForgetDisk(AgentId agent);
@@ -156,7 +156,7 @@ class Invariants {
   // Returns whether `newer` is the same record as `older`, or supersedes it.
   bool Replaces(const RecordKey& newer, const RecordKey& older) const;
   void CheckHeld(AgentId agent, const HaveSet& have) const;
-  void SeeStatesHeld(AgentId agent, const HaveSet& have);
+  void ObserveStatesHeld(AgentId agent, const HaveSet& have);
   void CheckPoses(AgentId agent, const HaveSet& have);
   void CheckLeadersStates(AgentId leader, const HaveSet& have) const;
   void CheckRows(AgentId agent, const HaveSet& have, const Records& records) const;

@@ -91,7 +91,7 @@ void SimulatedClients::AskForPage(AgentId agent) {
   request.mutable_read()->set_is_newest_first(world_.rng() % 2 == 0);
   SendAnyWay(agent, request, [this, agent](const Answer& answer) {
     for (const proto::StoredRecord& record : answer.reply.read().records()) {
-      if (record.key().seq() != 0) world_.invariants.SeeRecord(FromProto(record.key()), record.content(), agent);
+      if (record.key().seq() != 0) world_.invariants.ObserveRecord(FromProto(record.key()), record.content(), agent);
     }
   });
 }

@@ -216,9 +216,9 @@ class Mission {
 
   bool IsByzantine(AgentId agent) const { return agent != 0 && agent == world_.byzantine; }
 
-  void SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
+  void ObserveRoles(AgentId agent, const proto::RoleAssignment& roles) {
     byzantine_checker_.OnRoles(agent, roles);
-    world_.invariants.SeeRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), world_.durable_term[agent]));
+    world_.invariants.ObserveRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), world_.durable_term[agent]));
   }
 
   void See(const Address& actor, const proto::Message& message) {
@@ -227,7 +227,7 @@ class Mission {
         byzantine_checker_.OnStoreRequest(actor.agent, message);
         store_senders_[{actor.agent, message.request_id()}] = static_cast<AgentId>(message.store_request().sender());
         if (IsByzantine(static_cast<AgentId>(message.store_request().sender()))) break;
-        for (const proto::StoredRecord& record : message.store_request().records()) SeeRecord(record, actor.agent);
+        for (const proto::StoredRecord& record : message.store_request().records()) ObserveRecord(record, actor.agent);
         break;
       case proto::Message::kStoreReply: {
         const auto asked = store_senders_.extract({actor.agent, message.request_id()});
@@ -251,7 +251,7 @@ class Mission {
         }
         break;
       case proto::Message::kInsertReply:
-        SeeInserted(actor.agent, message);
+        ObserveInserted(actor.agent, message);
         break;
       case proto::Message::kRoleShowReply:
         if (actor.actor == actor_name::kRetention) prunes_.at(actor.agent).OnRoles(message.role_show_reply().roles());
@@ -274,7 +274,7 @@ class Mission {
           done_.OnRoles(actor.agent);
         }
         world_.roles[actor.agent] = message.roles_changed().roles();
-        SeeRoles(actor.agent, message.roles_changed().roles());
+        ObserveRoles(actor.agent, message.roles_changed().roles());
         break;
       case proto::Message::kLoadRolesReply: {
         const auto& history = message.load_roles_reply().history();
@@ -304,10 +304,10 @@ class Mission {
 
   // Call when an actor of the agent handles the reply to its insert. Used only with SimulatedActors::kAll. Otherwise
   // only robots insert, and SimulatedRobots reports their inserts.
-  void SeeInserted(AgentId agent, const proto::Message& message) {
+  void ObserveInserted(AgentId agent, const proto::Message& message) {
     if (!world_.options.has_all_actors()) return;
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
-      world_.invariants.SeeInserted(agent, key, record);
+      world_.invariants.ObserveInserted(agent, key, record);
       if (record.has_agent_event() && world_.team.now() > late_from_) world_.invariants.ExcuseLate(key);
       if (record.has_optimized_pose() || record.has_edge_verdict()) derived_at_ = world_.team.now();
     }
@@ -378,19 +378,19 @@ class Mission {
     }
     if (const std::optional<HaveSet> have = HaveInAnswer(message)) {
       prunes_.at(to).OnAnswer(from, *have);
-      world_.invariants.SeeHave(from, *have);
+      world_.invariants.ObserveHave(from, *have);
     }
     if (message.has_have()) {
       world_.report.have_bytes += message.ByteSizeLong();
       const Result<HaveSet> have = FromProto(message.have().have());
-      if (have) world_.invariants.SeeHave(from, *have);
+      if (have) world_.invariants.ObserveHave(from, *have);
       if (!have) world_.Violate("nothing_refused", who + "a malformed have-set");
     }
     return !is_stormy_ && !faults_.IsDeaf(from, to);
   }
 
-  void SeeRecord(const proto::StoredRecord& record, AgentId where) {
-    world_.invariants.SeeRecord(FromProto(record.key()), record.content(), where);
+  void ObserveRecord(const proto::StoredRecord& record, AgentId where) {
+    world_.invariants.ObserveRecord(FromProto(record.key()), record.content(), where);
   }
 
   // --- Operator and periodic checks ---

@@ -84,7 +84,7 @@ void SimulatedRobots::SetLease(AgentId agent, proto::LeaseKind kind, Duration le
   message.mutable_lease_request()->set_kind(kind);
   message.mutable_lease_request()->set_seconds(std::chrono::duration<double>(length).count());
   (void)world_.team.Post({agent, "driver"}, {agent, actor_name::kLease}, std::move(message));
-  (void)world_.team.Take({agent, "driver"});  // Drop the answers to earlier lease requests.
+  (void)world_.team.TakeMessages({agent, "driver"});  // Drop the answers to earlier lease requests.
 }
 
 bool SimulatedRobots::IsSilent() const { return world_.options.seed % kSilentEvery == kSilentEvery - 1; }
@@ -101,8 +101,8 @@ void SimulatedRobots::OnAgentStarted(AgentId agent) {
 
 void SimulatedRobots::OnAgentEnded(AgentId agent) {
   robots_[agent].asked.clear();
-  (void)world_.team.Take(RobotOf(agent));
-  (void)world_.team.Take(ActorOf(agent));
+  (void)world_.team.TakeMessages(RobotOf(agent));
+  (void)world_.team.TakeMessages(ActorOf(agent));
   std::erase_if(run_, [agent](const auto& entry) { return entry.first.first == agent; });
 }
 
@@ -256,14 +256,14 @@ void SimulatedRobots::Insert(AgentId agent, std::vector<proto::Record> records) 
   }
   const SendResult sent = is_by_client ? world_.team.Post(RobotOf(agent), ListenerOf(agent), std::move(message))
                                        : world_.team.Post(ActorOf(agent), {agent, actor_name::kStorage}, message);
-  for (const proto::Record& record : records) world_.invariants.SeeGiven(agent, record);
+  for (const proto::Record& record : records) world_.invariants.ObserveGiven(agent, record);
   if (sent == SendResult::kAccepted) robots_[agent].asked[request_id_] = std::move(records);
 }
 
 void SimulatedRobots::TakeInsertReplies(AgentId agent) {
   Robot& robot = robots_[agent];
-  std::vector<proto::Message> answers = world_.team.Take(RobotOf(agent));
-  for (proto::Message& message : world_.team.Take(ActorOf(agent))) answers.push_back(std::move(message));
+  std::vector<proto::Message> answers = world_.team.TakeMessages(RobotOf(agent));
+  for (proto::Message& message : world_.team.TakeMessages(ActorOf(agent))) answers.push_back(std::move(message));
   for (const proto::Message& message : answers) {
     const auto asked = robot.asked.find(message.request_id());
     const std::optional<proto::InsertReply> reply = InsertReplyIn(message);
@@ -304,8 +304,8 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
     if (key.stream.origin != agent)
       world_.Violate("one_content", "agent " + std::to_string(agent) + " names " + ToString(key));
     const proto::Record& record = records[static_cast<std::size_t>(i)];
-    world_.invariants.SeeInserted(agent, key, record);
-    if (key.stream.type == kNote && world_.keeps_all_notes.contains(agent)) world_.invariants.SeeKept(key);
+    world_.invariants.ObserveInserted(agent, key, record);
+    if (key.stream.type == kNote && world_.keeps_all_notes.contains(agent)) world_.invariants.ObserveKept(key);
     ++world_.report.records;
     if (world_.options.has_all_actors() && record.map_quarantine().agent_id() != 0) quarantines_.push_back(key);
   }

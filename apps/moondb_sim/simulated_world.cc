@@ -101,7 +101,7 @@ std::set<AgentId> SimulatedWorld::Leaders() const {
 
 proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto::Message question) {
   const Address requester{agent, "checker"};
-  (void)team.Take(requester);
+  (void)team.TakeMessages(requester);
   // Let gateways forward pending messages first. An actor that handled such a message after `question` could invalidate
   // its own answer.
   if (options.has_all_actors()) team.RunUntilIdle();
@@ -109,7 +109,7 @@ proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto:
   (void)team.Post(requester, {agent, actor}, std::move(question));
   team.RunUntilIdle();
   is_asking = false;
-  std::vector<proto::Message> answers = team.Take(requester);
+  std::vector<proto::Message> answers = team.TakeMessages(requester);
   return answers.empty() ? proto::Message() : std::move(answers.back());
 }
 
@@ -129,7 +129,7 @@ Records SimulatedWorld::ReadAll(AgentId agent) {
     const proto::Message answer = AskActor(agent, actor_name::kStorage, std::move(question));
     const proto::ReadReply& reply = answer.read_reply();
     for (const proto::StoredRecord& record : reply.records()) {
-      invariants.SeeRecord(FromProto(record.key()), record.content(), agent);
+      invariants.ObserveRecord(FromProto(record.key()), record.content(), agent);
       if (record.key().seq() != 0) records[FromProto(record.key())] = record.content();
     }
     if (reply.is_complete() || reply.row_ids().empty()) return records;

@@ -46,7 +46,7 @@ class SoilSurveyAgentTest : public testing::Test {
     question.PackFrom(AverageRequest());
     const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
     while (client && reply.averages().empty() && std::chrono::steady_clock::now() < deadline) {
-      const auto answer = (*client)->Ask(kActorName, question);
+      const auto answer = (*client)->AskActor(kActorName, question);
       EXPECT_TRUE(answer.has_value() && answer->UnpackTo(&reply));
     }
     return reply;
@@ -94,7 +94,7 @@ TEST_F(SoilSurveyAgentTest, RefusesClientRequestsToStandardActors) {
   ASSERT_TRUE(agent.has_value()) << ToString(agent.error());
   const auto client = moondb::Client::Connect((*agent)->client_endpoint(), "rover1", {});
   ASSERT_TRUE(client.has_value()) << ToString(client.error());
-  EXPECT_EQ((*client)->Ask("storage", {}).error().code, moondb::ErrorCode::kNotFound);
+  EXPECT_EQ((*client)->AskActor("storage", {}).error().code, moondb::ErrorCode::kNotFound);
 }
 
 TEST_F(SoilSurveyAgentTest, RefusesTheNameOfAStandardActor) {

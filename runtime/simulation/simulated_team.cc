@@ -33,7 +33,7 @@ class SimulatedTeam::Impl final : public AgentSurroundings {
   void AddAgent(AgentId id);
   void SetBaseStation(AgentId base_station);
   SendResult Post(const Address& from, const Address& to, proto::Message message);
-  std::vector<proto::Message> Take(const Address& address);
+  std::vector<proto::Message> TakeMessages(const Address& address);
   void RunUntilIdle();
   void AdvanceTime(Duration duration);
   bool RunUntil(const std::function<bool()>& condition, Duration limit);
@@ -249,7 +249,7 @@ void SimulatedTeam::Impl::Keep(const Address& address, const proto::Message& mes
   kept_[address].push_back(message);
 }
 
-std::vector<proto::Message> SimulatedTeam::Impl::Take(const Address& address) {
+std::vector<proto::Message> SimulatedTeam::Impl::TakeMessages(const Address& address) {
   std::vector<proto::Message> messages = std::exchange(kept_[address], {});
   kept_count_ -= messages.size();
   return messages;
@@ -379,7 +379,7 @@ void SimulatedTeam::SetFault(std::function<Fault(const Address&, const proto::Me
   impl_->fault = std::move(fault);
 }
 void SimulatedTeam::Partition(const std::vector<std::vector<AgentId>>& groups) { impl_->Partition(groups); }
-std::vector<proto::Message> SimulatedTeam::Take(const Address& address) { return impl_->Take(address); }
+std::vector<proto::Message> SimulatedTeam::TakeMessages(const Address& address) { return impl_->TakeMessages(address); }
 void SimulatedTeam::RunUntilIdle() { impl_->RunUntilIdle(); }
 void SimulatedTeam::AdvanceTime(Duration duration) { impl_->AdvanceTime(duration); }
 bool SimulatedTeam::RunUntil(const std::function<bool()>& condition, Duration limit) {

@@ -11,7 +11,8 @@
 //   team.AddAgent(2);
 //   (void)team.Post({1, "test"}, {1, "sync"}, share_request); // Answers to 1/test are kept for Take.
 //   team.AdvanceTime(seconds(6));
-//   EXPECT_EQ(team.Take({2, "sync"}).size(), 2u);             // 2/sync is not spawned, so its messages are kept.
+//   EXPECT_EQ(team.TakeMessages({2, "sync"}).size(), 2u);             // 2/sync is not spawned, so its messages are
+//   kept.
 //
 // Supervision works as in ActorSystem, with delays in virtual time. A permanent failure crashes the agent.
 // Context::RequestStop ends the agent after the handler. All agents count as connected until SetLink or Partition
@@ -62,7 +63,7 @@ class SimulatedTeam {
   // Removes and returns the messages that arrived at `address`, oldest first. `address` is an address without an actor
   // at an agent of the team, or {kClients, name of a connection}. At most 100,000 messages are kept for all addresses
   // together; later ones are dropped.
-  std::vector<proto::Message> Take(const Address& address);
+  std::vector<proto::Message> TakeMessages(const Address& address);
 
   // Subscribes `actor`, an address without an actor, to `topic`. The published messages are kept for Take. The
   // subscription ends when the agent crashes.

@@ -105,7 +105,7 @@ std::string ClientListText(const proto::ClientList& list, const std::string& hea
 ClientKeys ClientKeys::Open(std::filesystem::path path, Time now) {
   ClientKeys keys(std::move(path));
   keys.looked_ = now;
-  keys.version_ = keys.Look();
+  keys.version_ = keys.FileVersion();
   keys.Read("no client is admitted until it is repaired");
   return keys;
 }
@@ -113,7 +113,7 @@ ClientKeys ClientKeys::Open(std::filesystem::path path, Time now) {
 std::optional<proto::ListedClient> ClientKeys::Find(const std::string& key, Time now) {
   if (now >= looked_ + kLookPeriod) {
     looked_ = now;
-    if (const Version version = Look(); version != version_) {
+    if (const Version version = FileVersion(); version != version_) {
       version_ = version;
       Read("the clients listed before stay admitted");
     }
@@ -122,7 +122,7 @@ std::optional<proto::ListedClient> ClientKeys::Find(const std::string& key, Time
   return found == by_key_.end() ? std::nullopt : std::optional(found->second);
 }
 
-ClientKeys::Version ClientKeys::Look() const {
+ClientKeys::Version ClientKeys::FileVersion() const {
   struct stat status {};
   if (stat(path_.c_str(), &status) != 0) return {};
   return {status.st_ino, status.st_size, status.st_ctim.tv_sec * 1'000'000'000 + status.st_ctim.tv_nsec};

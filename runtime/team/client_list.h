@@ -60,7 +60,7 @@ class ClientKeys {
   };
 
   explicit ClientKeys(std::filesystem::path path) : path_(std::move(path)) {}
-  Version Look() const;
+  Version FileVersion() const;
   // Reads the file and logs the result. If the file has an error, leaves the list unchanged and appends `if_wrong` to
   // the logged text.
   void Read(const char* if_wrong);

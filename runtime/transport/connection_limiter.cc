@@ -53,18 +53,18 @@ void ConnectionLimiter::Work(MonotonicTime now) {
   if (now < looks_at_) return;
   looks_at_ = next_look_after_ <= kLookAfterMax ? now + next_look_after_ : MonotonicTime::max();
   next_look_after_ *= 2;
-  Look(now);
+  Inspect(now);
 }
 
 bool ConnectionLimiter::Admit(std::uint16_t port, const std::string& key, const std::string& peer, MonotonicTime now) {
   if (rules_.Admit(port, key, peer)) return true;
   // Limit the rate: a look at all connections for each of many handshakes would use a whole processor.
   if (now < looked_at_ + kLookAfter) return false;
-  Look(now);  // Connections that closed since the last look no longer count.
+  Inspect(now);  // Connections that closed since the last look no longer count.
   return rules_.Admit(port, key, peer);
 }
 
-void ConnectionLimiter::Look(MonotonicTime now) {
+void ConnectionLimiter::Inspect(MonotonicTime now) {
   looked_at_ = now;
   for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List(), now)) {
     // Count first, so that the counters include the cut when the peer notices it.
@@ -79,7 +79,7 @@ void ConnectionLimiter::Look(MonotonicTime now) {
 void ConnectionLimiter::LookAtLinks() {
   std::erase_if(links_, [&](const auto& entry) {
     const auto& [peer, opened] = entry;
-    const std::optional<TcpConnection> now = connections_->Look(opened.file);
+    const std::optional<TcpConnection> now = connections_->Inspect(opened.file);
     if (!now || now->port != opened.port || now->peer != opened.peer || now->peer_port != opened.peer_port) return true;
     if (now->bytes_received <= kLinkBytesMax) return false;
     flooded_links_.push_back(peer);

@@ -72,7 +72,7 @@ class ConnectionLimiter {
                     std::map<std::uint16_t, ConnectionRules::Listener> listeners);
 
   void LookSoon(MonotonicTime now);
-  void Look(MonotonicTime now);
+  void Inspect(MonotonicTime now);
   void LookAtLinks();
   void Count(const ConnectionRules::Cut& cut);
 

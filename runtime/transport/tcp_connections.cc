@@ -88,7 +88,7 @@ std::optional<TcpConnection> TcpConnections::Read(int file) {
   return connection;
 }
 
-std::optional<TcpConnection> TcpConnections::Look(int file) {
+std::optional<TcpConnection> TcpConnections::Inspect(int file) {
   const auto known = known_.find(file);
   if (known == known_.end()) return Read(file);
   const std::optional<sockaddr_storage> peer = Ask(::getpeername, file);
@@ -100,7 +100,7 @@ std::vector<TcpConnection> TcpConnections::List() {
   Drain();
   std::vector<TcpConnection> connections;
   for (auto file = accepted_.begin(); file != accepted_.end();) {
-    std::optional<TcpConnection> connection = Look(*file);
+    std::optional<TcpConnection> connection = Inspect(*file);
     const bool is_here = connection && ports_.contains(connection->port);
     if (is_here) connections.push_back(std::move(*connection));
     file = is_here ? std::next(file) : accepted_.erase(file);

@@ -44,7 +44,7 @@ class TcpConnections {
   // established TCP connection.
   std::optional<TcpConnection> Read(int file);
   // Like Read, but returns the last read state if no data have arrived on the connection since then.
-  std::optional<TcpConnection> Look(int file);
+  std::optional<TcpConnection> Inspect(int file);
 
   // Returns the peer's port, or 0 if the descriptor is not a connection.
   static std::uint16_t PeerPortOf(int file);

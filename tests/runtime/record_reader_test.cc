@@ -174,7 +174,7 @@ class RecordReaderTest : public testing::Test {
   }
 
   // Returns the messages that were sent to storage since the last call. Requires: SpawnStorage was not called.
-  std::vector<proto::Message> TakeQuestions() { return team_.Take(kStorage); }
+  std::vector<proto::Message> TakeQuestions() { return team_.TakeMessages(kStorage); }
 
   // Returns storage's answer to `question`: a page with these rows.
   static proto::Message Answer(const proto::Message& question, const std::vector<std::uint64_t>& rows,

@@ -64,7 +64,7 @@ class SimulatedTeamTest : public testing::Test {
 
 TEST_F(SimulatedTeamTest, AddressesAreFilledInBySend) {
   EXPECT_EQ(RelayOnce({2, "sync"}), SendResult::kAccepted);
-  const std::vector<proto::Message> messages = team_.Take({2, "sync"});
+  const std::vector<proto::Message> messages = team_.TakeMessages({2, "sync"});
   ASSERT_THAT(messages, SizeIs(1));
   EXPECT_EQ(messages[0].hop_sender(), 1u);
   EXPECT_EQ(messages[0].source_actor(), "relay");
@@ -78,7 +78,7 @@ TEST_F(SimulatedTeamTest, OriginOfForwardedDataIsKept) {
   message.set_agent_id(3);
   ASSERT_EQ(team_.Post({1, "test"}, {2, "sync"}, message), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_EQ(team_.Take({2, "sync"}).at(0).agent_id(), 3u);
+  EXPECT_EQ(team_.TakeMessages({2, "sync"}).at(0).agent_id(), 3u);
 }
 
 TEST_F(SimulatedTeamTest, ReplyGoesToTheSenderWithTheRequestId) {
@@ -88,15 +88,15 @@ TEST_F(SimulatedTeamTest, ReplyGoesToTheSenderWithTheRequestId) {
               }));
   ASSERT_EQ(team_.Post({1, "test"}, {2, "echo"}, Numbered(42)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_THAT(NumbersOf(team_.Take({1, "test"})), ElementsAre(42));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({1, "test"})), ElementsAre(42));
 }
 
 TEST_F(SimulatedTeamTest, ClientsGetRepliesToo) {
   team_.Spawn(1, "gateway", OnEachMessage([](Context& context, const proto::Message&) { (void)context.Reply({}); }));
   ASSERT_EQ(team_.Post({kClients, "c1"}, {1, "gateway"}, Numbered(3)), SendResult::kAccepted);
   team_.RunUntilIdle();
-  EXPECT_THAT(NumbersOf(team_.Take({kClients, "c1"})), ElementsAre(3));
-  EXPECT_THAT(team_.Take({kClients, "c1"}), IsEmpty());
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({kClients, "c1"})), ElementsAre(3));
+  EXPECT_THAT(team_.TakeMessages({kClients, "c1"}), IsEmpty());
 }
 
 TEST_F(SimulatedTeamTest, AliasesResolveByTheRolesThatTheSendersAgentKnows) {
@@ -108,9 +108,9 @@ TEST_F(SimulatedTeamTest, AliasesResolveByTheRolesThatTheSendersAgentKnows) {
   ASSERT_EQ(team_.Post({1, "test"}, {kSurvivorAlias, "a"}, Numbered(3)), SendResult::kAccepted);
   ASSERT_EQ(team_.Post({1, "test"}, {kBaseAlias, "a"}, Numbered(4)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1));
-  EXPECT_THAT(NumbersOf(team_.Take({1, "a"})), ElementsAre(2));
-  EXPECT_THAT(NumbersOf(team_.Take({3, "a"})), ElementsAre(3, 4));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({2, "a"})), ElementsAre(1));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({1, "a"})), ElementsAre(2));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({3, "a"})), ElementsAre(3, 4));
 }
 
 TEST_F(SimulatedTeamTest, AliasIsResolvedWhenTheMessageIsSent) {
@@ -122,8 +122,8 @@ TEST_F(SimulatedTeamTest, AliasIsResolvedWhenTheMessageIsSent) {
               }));
   ASSERT_EQ(team_.Post({1, "test"}, {1, "role"}, {}), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1));
-  EXPECT_THAT(NumbersOf(team_.Take({3, "a"})), ElementsAre(2));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({2, "a"})), ElementsAre(1));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({3, "a"})), ElementsAre(2));
 }
 
 TEST_F(SimulatedTeamTest, SendingToAnUnknownAgentFailsWithNoPeer) {
@@ -136,10 +136,10 @@ TEST_F(SimulatedTeamTest, MessagesBetweenAgentsTakeTheRadiosLatency) {
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(1)), SendResult::kAccepted);
   ASSERT_EQ(team_.Post({1, "test"}, {1, "a"}, Numbered(2)), SendResult::kAccepted);
   team_.RunUntilIdle();
-  EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
-  EXPECT_THAT(team_.Take({1, "a"}), SizeIs(1));
+  EXPECT_THAT(team_.TakeMessages({2, "a"}), IsEmpty());
+  EXPECT_THAT(team_.TakeMessages({1, "a"}), SizeIs(1));
   team_.AdvanceTime(milliseconds(1));
-  EXPECT_THAT(team_.Take({2, "a"}), SizeIs(1));
+  EXPECT_THAT(team_.TakeMessages({2, "a"}), SizeIs(1));
   EXPECT_GT(team_.radio_bytes(), 0u);
 }
 
@@ -152,9 +152,9 @@ TEST_F(SimulatedTeamTest, RateDelaysAndThenFillsTheOutbox) {
   EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, message), SendResult::kFull);
   EXPECT_EQ(team_.Post({2, "test"}, {1, "a"}, message), SendResult::kAccepted) << "each sender has its own rate";
   team_.AdvanceTime(milliseconds(1100));
-  EXPECT_THAT(team_.Take({2, "a"}), SizeIs(1));
+  EXPECT_THAT(team_.TakeMessages({2, "a"}), SizeIs(1));
   team_.AdvanceTime(milliseconds(1100));
-  EXPECT_THAT(team_.Take({2, "a"}), SizeIs(1));
+  EXPECT_THAT(team_.TakeMessages({2, "a"}), SizeIs(1));
 }
 
 TEST_F(SimulatedTeamTest, LossAndRepetitionOccurAtTheirRatios) {
@@ -162,9 +162,9 @@ TEST_F(SimulatedTeamTest, LossAndRepetitionOccurAtTheirRatios) {
   team_.radio().duplicate_ratio = 0.1;
   for (int i = 0; i < 4000; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_NEAR(static_cast<double>(team_.Take({2, "a"}).size()), 3000 * (1 + 0.1 / 30), 150);
+  EXPECT_NEAR(static_cast<double>(team_.TakeMessages({2, "a"}).size()), 3000 * (1 + 0.1 / 30), 150);
   team_.AdvanceTime(seconds(30));
-  EXPECT_NEAR(static_cast<double>(team_.Take({2, "a"}).size()), 300 * (1 - 1.0 / 30), 80);
+  EXPECT_NEAR(static_cast<double>(team_.TakeMessages({2, "a"}).size()), 300 * (1 - 1.0 / 30), 80);
 }
 
 TEST_F(SimulatedTeamTest, CopiesMayArriveMinutesLater) {
@@ -172,19 +172,19 @@ TEST_F(SimulatedTeamTest, CopiesMayArriveMinutesLater) {
   team_.radio().duplicate_delay_max = seconds(600);
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(1)), SendResult::kAccepted);
   team_.AdvanceTime(milliseconds(1));
-  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({2, "a"})), ElementsAre(1));
   for (int i = 0; i < 200; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "b"}, {}), SendResult::kAccepted);
   team_.AdvanceTime(seconds(300));
-  EXPECT_NEAR(static_cast<double>(team_.Take({2, "b"}).size()), 300, 30);
+  EXPECT_NEAR(static_cast<double>(team_.TakeMessages({2, "b"}).size()), 300, 30);
   team_.AdvanceTime(seconds(301));
-  EXPECT_NEAR(static_cast<double>(team_.Take({2, "b"}).size()), 100, 30);
+  EXPECT_NEAR(static_cast<double>(team_.TakeMessages({2, "b"}).size()), 100, 30);
 }
 
 TEST_F(SimulatedTeamTest, JitterReordersMessages) {
   team_.radio().latency_jitter = seconds(1);
   for (int i = 0; i < 50; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(i)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(2));
-  const std::vector<std::uint64_t> numbers = NumbersOf(team_.Take({2, "a"}));
+  const std::vector<std::uint64_t> numbers = NumbersOf(team_.TakeMessages({2, "a"}));
   EXPECT_THAT(numbers, SizeIs(50));
   EXPECT_FALSE(std::is_sorted(numbers.begin(), numbers.end()));
 }
@@ -210,12 +210,12 @@ TEST_F(SimulatedTeamTest, ACutLinkLosesMessagesInFlightAndNotifiesBothEnds) {
   EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kUnreachable);
   EXPECT_EQ(team_.Post({1, "test"}, {3, "a"}, {}), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
-  EXPECT_THAT(team_.Take({3, "a"}), SizeIs(1));
+  EXPECT_THAT(team_.TakeMessages({2, "a"}), IsEmpty());
+  EXPECT_THAT(team_.TakeMessages({3, "a"}), SizeIs(1));
   team_.SetLink(2, 1, true);
   EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_THAT(team_.Take({2, "a"}), SizeIs(1));
+  EXPECT_THAT(team_.TakeMessages({2, "a"}), SizeIs(1));
   EXPECT_THAT(heard, ElementsAre("1/sync-2", "2/sync-1", "2/sync+1", "1/sync+2"));
 }
 
@@ -223,7 +223,7 @@ TEST_F(SimulatedTeamTest, AnUnreportedCutLosesMessagesSilently) {
   team_.SetLink(1, 2, false, /*tell=*/false);
   EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
+  EXPECT_THAT(team_.TakeMessages({2, "a"}), IsEmpty());
 }
 
 TEST_F(SimulatedTeamTest, TheFilterSeesAndDropsMessages) {
@@ -234,7 +234,7 @@ TEST_F(SimulatedTeamTest, TheFilterSeesAndDropsMessages) {
   });
   for (int i = 1; i <= 3; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(i)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1, 3));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({2, "a"})), ElementsAre(1, 3));
 }
 
 TEST_F(SimulatedTeamTest, TimersFireInOrderOfTimeAndThenOfCreation) {
@@ -359,7 +359,7 @@ TEST_F(SimulatedTeamTest, FaultsStrikeBeforeDuringAndAfterAHandler) {
     ASSERT_EQ(team.Post({1, "test"}, {1, "victim"}, Numbered(5)), SendResult::kAccepted);
     team.RunUntilIdle();
     EXPECT_EQ(handlers, handled);
-    EXPECT_THAT(team.Take({1, "probe"}), SizeIs(sent));
+    EXPECT_THAT(team.TakeMessages({1, "probe"}), SizeIs(sent));
     EXPECT_EQ(team.restarts(1), fault == Fault::kNone ? 0u : 1u);
   }
 }
@@ -375,7 +375,7 @@ TEST_F(SimulatedTeamTest, ExpectWaitsForABodyAndDropsEarlierMessages) {
   ASSERT_TRUE(expected);
   EXPECT_EQ(expected->hop_sender(), 2u);
   EXPECT_FALSE(team_.Expect(probe, proto::Message::kHello, seconds(1)));
-  EXPECT_THAT(NumbersOf(team_.Take(probe)), ElementsAre(3));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages(probe)), ElementsAre(3));
 }
 
 TEST_F(SimulatedTeamTest, TakeSentShowsWhatAnActorSentToOthers) {
@@ -506,8 +506,8 @@ TEST_F(SimulatedTeamTest, RestartedAgentKnowsOnlyItsConfiguredRoles) {
   team_.Restart(1);
   ASSERT_EQ(team_.Post({1, "test"}, {kLeaderAlias, "a"}, Numbered(2)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
-  EXPECT_THAT(NumbersOf(team_.Take({3, "a"})), ElementsAre(1));
-  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(2));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({3, "a"})), ElementsAre(1));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({2, "a"})), ElementsAre(2));
 }
 
 TEST_F(SimulatedTeamTest, MessagesInFlightToACrashedAgentAreLostEvenIfItReturnsInTime) {
@@ -518,7 +518,7 @@ TEST_F(SimulatedTeamTest, MessagesInFlightToACrashedAgentAreLostEvenIfItReturnsI
   team_.Restart(2);
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(2)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(20));
-  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(2));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({2, "a"})), ElementsAre(2));
 }
 
 TEST_F(SimulatedTeamTest, ACrashLosesTheSendersOutboxButNotSentMessages) {
@@ -533,9 +533,9 @@ TEST_F(SimulatedTeamTest, ACrashLosesTheSendersOutboxButNotSentMessages) {
   team_.Restart(1);
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(4)), SendResult::kAccepted);
   team_.AdvanceTime(milliseconds(100));
-  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1, 4));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({2, "a"})), ElementsAre(1, 4));
   team_.AdvanceTime(seconds(10));
-  EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
+  EXPECT_THAT(team_.TakeMessages({2, "a"}), IsEmpty());
 }
 
 TEST_F(SimulatedTeamTest, AMessageLargerThanTheOutboxFitsIntoAnEmptyOne) {
@@ -559,7 +559,7 @@ TEST_F(SimulatedTeamTest, AHandlerCannotSendAfterItsAgentCrashed) {
   ASSERT_EQ(team_.Post({1, "test"}, {1, "sync"}, {}), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
   EXPECT_FALSE(team_.is_running(1));
-  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1));
+  EXPECT_THAT(NumbersOf(team_.TakeMessages({2, "a"})), ElementsAre(1));
 }
 
 TEST_F(SimulatedTeamTest, RequestStopEndsTheAgentAfterTheHandler) {
@@ -570,7 +570,7 @@ TEST_F(SimulatedTeamTest, RequestStopEndsTheAgentAfterTheHandler) {
   ASSERT_EQ(team_.Post({kClients, "c"}, {1, "gateway"}, Numbered(1)), SendResult::kAccepted);
   team_.RunUntilIdle();
   EXPECT_FALSE(team_.is_running(1));
-  EXPECT_THAT(team_.Take({kClients, "c"}), SizeIs(1));
+  EXPECT_THAT(team_.TakeMessages({kClients, "c"}), SizeIs(1));
 }
 
 TEST_F(SimulatedTeamTest, FullMailboxRefusesAndCounts) {

@@ -41,7 +41,7 @@ class ClockActorTest : public testing::Test {
   proto::Message Ask(AgentId agent, proto::Message question) {
     (void)team_.Post({agent, "test"}, {agent, actor_name::kStorage}, std::move(question));
     team_.RunUntilIdle();
-    const std::vector<proto::Message> replies = team_.Take({agent, "test"});
+    const std::vector<proto::Message> replies = team_.TakeMessages({agent, "test"});
     EXPECT_EQ(replies.size(), 1u);
     return replies.empty() ? proto::Message() : replies[0];
   }

@@ -34,7 +34,7 @@ class EventActorTest : public testing::Test {
   // Returns the texts of the events that EventActor sent to storage since the last call.
   std::vector<std::string> Notified() {
     std::vector<std::string> texts;
-    for (const proto::Message& message : team_.Take({1, actor_name::kStorage})) {
+    for (const proto::Message& message : team_.TakeMessages({1, actor_name::kStorage})) {
       if (message.has_insert_request()) texts.push_back(message.insert_request().records(0).agent_event().text());
     }
     return texts;
@@ -85,7 +85,7 @@ TEST(EventActorRestartTest, ReportsItsOwnFailure) {
   });
   team.AdvanceTime(minutes(5));
   std::vector<std::string> texts;
-  for (const proto::Message& message : team.Take({1, actor_name::kStorage})) {
+  for (const proto::Message& message : team.TakeMessages({1, actor_name::kStorage})) {
     if (message.has_insert_request()) texts.push_back(message.insert_request().records(0).agent_event().text());
   }
   EXPECT_THAT(texts, ElementsAre("the actor event failed and was restarted (moonctl trace)"));
@@ -131,7 +131,7 @@ TEST_F(EventActorTest, ReportsSessionsThatEndedEarlyAndWhy) {
 TEST_F(EventActorTest, RequestsStatusEveryMinute) {
   const auto asked = [this] {
     std::size_t count = 0;
-    for (const proto::Message& message : team_.Take({1, actor_name::kSync})) {
+    for (const proto::Message& message : team_.TakeMessages({1, actor_name::kSync})) {
       const auto request = ControlRequestOf(message);
       count += request && request->has_share_status();
     }

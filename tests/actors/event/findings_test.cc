@@ -55,7 +55,7 @@ class FindingsTest : public testing::Test {
   proto::ControlReply Ask(const proto::ControlRequest& question) {
     (void)team_.Post({1, "requester"}, {1, actor_name::kEvent}, MessageOf(question));
     team_.RunUntilIdle();
-    const auto answers = team_.Take({1, "requester"});
+    const auto answers = team_.TakeMessages({1, "requester"});
     EXPECT_EQ(answers.size(), 1u);
     const auto reply = ControlReplyOf(answers.empty() ? proto::Message() : answers.front());
     EXPECT_TRUE(reply);
@@ -89,7 +89,7 @@ class FindingsTest : public testing::Test {
     (void)team_.Post({1, "reader"}, {1, actor_name::kStorage}, question);
     team_.RunUntilIdle();
     std::vector<std::string> texts;
-    for (const proto::Message& answer : team_.Take({1, "reader"})) {
+    for (const proto::Message& answer : team_.TakeMessages({1, "reader"})) {
       for (const proto::StoredRecord& stored : answer.read_reply().records()) {
         proto::Record record;
         EXPECT_TRUE(record.ParseFromString(stored.content()));
@@ -227,7 +227,7 @@ TEST_F(FindingsTest, ReportThatAnAcknowledgmentCouldNotBeStored) {
   question.mutable_acknowledge()->set_until_ns(findings[0].timestamp_ns());
   (void)team_.Post({1, "requester"}, {1, actor_name::kEvent}, MessageOf(question));
   team_.RunUntilIdle();
-  EXPECT_THAT(team_.Take({1, "requester"}), IsEmpty());
+  EXPECT_THAT(team_.TakeMessages({1, "requester"}), IsEmpty());
   Minutes(1);
   EXPECT_EQ(Texts().size(), 1u);
   EXPECT_EQ(Acknowledge(findings[0].timestamp_ns()).count(), 1u);

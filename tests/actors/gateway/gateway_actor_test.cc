@@ -64,7 +64,7 @@ class GatewayActorTest : public testing::Test {
   // Returns the message that the gateway sent to `actor` since the last call. The test fails unless there is exactly
   // one.
   proto::Message Asked(const std::string& actor) {
-    const auto messages = team_.Take({1, actor});
+    const auto messages = team_.TakeMessages({1, actor});
     EXPECT_EQ(messages.size(), 1u) << actor;
     return messages.empty() ? proto::Message() : messages.front();
   }
@@ -87,7 +87,7 @@ class GatewayActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  std::vector<proto::Message> Answers() { return team_.Take(client_); }
+  std::vector<proto::Message> Answers() { return team_.TakeMessages(client_); }
 
   proto::ControlReply OnlyAnswer(std::uint64_t id = 5) {
     const auto answers = Answers();
@@ -167,7 +167,7 @@ TEST_F(GatewayActorTest, RefusesACustomQuestionToAStandardActor) {
     request.mutable_custom()->mutable_body();
     Request(request);
     EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_NOT_FOUND) << actor;
-    EXPECT_TRUE(team_.Take({1, actor}).empty()) << actor;
+    EXPECT_TRUE(team_.TakeMessages({1, actor}).empty()) << actor;
   }
 }
 
@@ -285,7 +285,7 @@ TEST_F(GatewayActorTest, SendsAShareToTheActorOfItsKind) {
   proto::ControlRequest request;
   request.mutable_share()->set_kind(proto::SHARING_KIND_REPLICATION);
   Request(request);
-  EXPECT_TRUE(team_.Take({1, actor_name::kSync}).empty());
+  EXPECT_TRUE(team_.TakeMessages({1, actor_name::kSync}).empty());
   EXPECT_TRUE(Asked(actor_name::kReplica).has_share_request());
 }
 
@@ -331,13 +331,13 @@ TEST_F(GatewayActorTest, AnswersARequestThatDoesNotDecodeAtOnce) {
     team_.RunUntilIdle();
     EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_CORRUPT);
   }
-  EXPECT_TRUE(team_.Take({1, actor_name::kStorage}).empty());
+  EXPECT_TRUE(team_.TakeMessages({1, actor_name::kStorage}).empty());
 }
 
 TEST_F(GatewayActorTest, ReportsThatAnotherAgentsAnswerDoesNotDecode) {
   Request(ReadAtTwo());  // Agent 2 runs no gateway. The test answers in its place.
   team_.AdvanceTime(seconds(1));
-  const auto asked = team_.Take({2, actor_name::kGateway});
+  const auto asked = team_.TakeMessages({2, actor_name::kGateway});
   ASSERT_EQ(asked.size(), 1u);
   proto::Message answer;
   answer.set_request_id(asked[0].request_id());
@@ -370,7 +370,7 @@ TEST_F(GatewayActorTest, BoundsTheNumberOfPendingRequests) {
   EXPECT_TRUE(Answers().empty());
   Request(Optimize(), 5);
   EXPECT_EQ(OnlyAnswer(5).error().code(), proto::ERROR_CODE_FULL);
-  const auto asked = team_.Take({1, actor_name::kPgo});
+  const auto asked = team_.TakeMessages({1, actor_name::kPgo});
   ASSERT_EQ(asked.size(), 4u);
   proto::Message answer;
   answer.mutable_optimize_reply();
@@ -403,8 +403,8 @@ TEST_F(GatewayActorTest, RefusesTheRequestOfAnotherAgent) {
   const Address other{2, "client"};
   RequestAs(other, Optimize(), 5);
   team_.AdvanceTime(seconds(1));
-  EXPECT_TRUE(team_.Take({1, actor_name::kPgo}).empty());
-  const auto answers = team_.Take(other);
+  EXPECT_TRUE(team_.TakeMessages({1, actor_name::kPgo}).empty());
+  const auto answers = team_.TakeMessages(other);
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(ReplyIn(answers[0]).error().code(), proto::ERROR_CODE_REFUSED);
 }
@@ -415,14 +415,14 @@ TEST_F(GatewayActorTest, LogsSomeOfManyCommandsOfAKindAndTheNumberOfTheRest) {
   share.set_by("robot");
   const auto texts = [this] {
     std::vector<std::string> events;
-    for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) {
+    for (const proto::Message& asked : team_.TakeMessages({1, actor_name::kStorage})) {
       events.push_back(asked.insert_request().records(0).agent_event().text());
     }
     return events;
   };
   for (std::uint64_t id = 0; id < 100; ++id) {
     Request(share, id);
-    const auto asked = team_.Take({1, actor_name::kSync});
+    const auto asked = team_.TakeMessages({1, actor_name::kSync});
     proto::Message done;
     done.mutable_share_reply();
     for (const proto::Message& order : asked) AnswerAs(actor_name::kSync, order, done);
@@ -518,7 +518,7 @@ class FeedTest : public GatewayActorTest {
     (void)team_.Post({1, actor}, gateway_, stored);
     team_.RunUntilIdle();
   }
-  std::size_t AskedOfStorage() { return team_.Take({1, actor_name::kStorage}).size(); }
+  std::size_t AskedOfStorage() { return team_.TakeMessages({1, actor_name::kStorage}).size(); }
 };
 
 TEST_F(FeedTest, AnswersAtOnceIfRecordsAreStored) {
@@ -593,7 +593,7 @@ TEST_F(FeedTest, WaitsForStoragesAnswerBeyondTheEndOfItsWait) {
 
 TEST_F(FeedTest, LimitsTheNumberOfWaitingReads) {
   for (std::uint64_t id = 1; id <= 2; ++id) Request(Feed(30), id);
-  for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) AnswerPage(asked, 0);
+  for (const proto::Message& asked : team_.TakeMessages({1, actor_name::kStorage})) AnswerPage(asked, 0);
   Request(Feed(30), 3);
   EXPECT_EQ(OnlyAnswer(3).error().code(), proto::ERROR_CODE_FULL);
   proto::ControlRequest read;
@@ -622,7 +622,7 @@ TEST_F(FeedTest, LimitsThePendingRequestsOfEachClient) {
     message.set_client_name(key_name);
     (void)team_.Post({kClients, connection}, gateway, message);
     team_.RunUntilIdle();
-    const auto answers = team_.Take({kClients, connection});
+    const auto answers = team_.TakeMessages({kClients, connection});
     return answers.empty() ? "" : ReplyIn(answers.front()).error().text();
   };
   EXPECT_EQ(ask("k1", "anna", Feed(30)), "");
@@ -648,7 +648,7 @@ TEST_F(FeedTest, LimitsThePendingRequestsOfEachClient) {
     asked.set_for_agent(2);
     (void)team_.Post(requester, gateway, MessageOf(asked));
     team_.AdvanceTime(seconds(1));
-    const auto answers = team_.Take(requester);
+    const auto answers = team_.TakeMessages(requester);
     return answers.empty() ? "" : ReplyIn(answers.front()).error().text();
   };
   EXPECT_EQ(ask_as({1, "asker1"}), "");
@@ -665,7 +665,7 @@ class KeyedClientTest : public GatewayActorTest {
     message.set_client_name("anna");
     (void)team_.Post(keyed_, gateway_, message);
     team_.RunUntilIdle();
-    const auto answers = team_.Take(keyed_);
+    const auto answers = team_.TakeMessages(keyed_);
     return answers.empty() ? proto::ControlReply() : ReplyIn(answers.front());
   }
   static proto::ControlRequest SetLeader() {
@@ -699,9 +699,9 @@ TEST_F(KeyedClientTest, IsRefusedRequestsThatItsKeyDoesNotAllow) {
   EXPECT_EQ(RequestWith(proto::CLIENT_RIGHTS_VIEW, Optimize()).error().code(), proto::ERROR_CODE_REFUSED);
   team_.AdvanceTime(seconds(1));
   for (const char* actor : {actor_name::kRole, actor_name::kStorage, actor_name::kPgo}) {
-    EXPECT_TRUE(team_.Take({1, actor}).empty()) << actor;
+    EXPECT_TRUE(team_.TakeMessages({1, actor}).empty()) << actor;
   }
-  EXPECT_TRUE(team_.Take({2, actor_name::kGateway}).empty());
+  EXPECT_TRUE(team_.TakeMessages({2, actor_name::kGateway}).empty());
   EXPECT_EQ(RefusedClients(), 5);
 }
 
@@ -714,7 +714,7 @@ TEST_F(KeyedClientTest, IsLoggedUnderItsKeysName) {
   relayed.set_for_agent(2);
   RequestWith(proto::CLIENT_RIGHTS_COMMAND, relayed);
   team_.AdvanceTime(seconds(1));
-  const auto at_other = team_.Take({2, actor_name::kGateway});
+  const auto at_other = team_.TakeMessages({2, actor_name::kGateway});
   ASSERT_EQ(at_other.size(), 1u);
   EXPECT_EQ(RequestIn(at_other.front()).by(), "anna (key)");
 }
@@ -756,7 +756,8 @@ TEST_F(GatewayActorTest, LogsACommandAndItsClientBeforeCarryingItOut) {
   request.mutable_status();  // A status request changes nothing, so it is not logged.
   request.clear_for_agent();
   Request(request);
-  for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) EXPECT_FALSE(asked.has_insert_request());
+  for (const proto::Message& asked : team_.TakeMessages({1, actor_name::kStorage}))
+    EXPECT_FALSE(asked.has_insert_request());
 }
 
 // A team of rovers 1 and 2 and base station 3. Agent 1 accepts another agent's commands only from the base station.
@@ -769,7 +770,7 @@ class CommandFromTest : public GatewayActorTest {
   proto::ControlReply Relay(AgentId from, const proto::ControlRequest& request) {
     RequestAs({from, actor_name::kGateway}, request, 6);
     team_.AdvanceTime(seconds(1));
-    const auto answers = team_.Take({from, actor_name::kGateway});
+    const auto answers = team_.TakeMessages({from, actor_name::kGateway});
     EXPECT_LE(answers.size(), 1u);
     return answers.empty() ? proto::ControlReply() : ReplyIn(answers.front());
   }
@@ -800,7 +801,7 @@ TEST_F(CommandFromTest, IsCheckedBeforeARelayedCommandIsCarriedOut) {
   const proto::ControlReply refused = Relay(2, SetLeader());
   EXPECT_EQ(refused.error().code(), proto::ERROR_CODE_REFUSED);
   EXPECT_EQ(refused.error().field(), "command_from");
-  EXPECT_TRUE(team_.Take({1, actor_name::kRole}).empty());
+  EXPECT_TRUE(team_.TakeMessages({1, actor_name::kRole}).empty());
   const proto::Record written = Asked(actor_name::kStorage).insert_request().records(0);
   EXPECT_EQ(written.agent_event().kind(), proto::EVENT_KIND_REJECTED);
   EXPECT_EQ(written.agent_event().text(), "refused role_set through rover2, which command_from does not name");
@@ -811,7 +812,7 @@ TEST_F(CommandFromTest, IsCheckedBeforeARelayedCommandIsCarriedOut) {
 
 TEST_F(CommandFromTest, CountsRefusedCommandsAndLogsAFewPerMinute) {
   for (int i = 0; i < 50; ++i) Relay(2, SetLeader());
-  EXPECT_EQ(team_.Take({1, actor_name::kStorage}).size(), 2u);
+  EXPECT_EQ(team_.TakeMessages({1, actor_name::kStorage}).size(), 2u);
   team_.AdvanceTime(std::chrono::minutes(1));
   const proto::Record rest = Asked(actor_name::kStorage).insert_request().records(0);
   EXPECT_THAT(rest.agent_event().text(), testing::HasSubstr("the last of 48 more"));
@@ -825,11 +826,11 @@ TEST_F(CommandFromTest, CountsRefusedCommandsAndLogsAFewPerMinute) {
 
 TEST_F(CommandFromTest, RestartsTheCountOfRefusedCommandsAfterAnAcknowledgment) {
   Relay(2, SetLeader());
-  (void)team_.Take({1, actor_name::kStorage});
+  (void)team_.TakeMessages({1, actor_name::kStorage});
   proto::ControlRequest acknowledge;
   acknowledge.mutable_acknowledge();
   Request(acknowledge, 76);
-  (void)team_.Take({1, actor_name::kStorage});
+  (void)team_.TakeMessages({1, actor_name::kStorage});
   proto::ControlReply done;
   done.mutable_acknowledge();
   AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), MessageOf(done));
@@ -876,8 +877,8 @@ TEST_F(GatewayActorTest, RelaysARequestToAnotherAgentAndReturnsItsAnswer) {
   SpawnGateway(2);
   Request(ReadAtTwo(), 42);
   team_.AdvanceTime(seconds(1));
-  EXPECT_TRUE(team_.Take({1, actor_name::kStorage}).empty());
-  const auto asked = team_.Take({2, actor_name::kStorage});
+  EXPECT_TRUE(team_.TakeMessages({1, actor_name::kStorage}).empty());
+  const auto asked = team_.TakeMessages({2, actor_name::kStorage});
   ASSERT_EQ(asked.size(), 1u);
   // The limit for agent 2's own clients is 1 MB.
   EXPECT_EQ(asked[0].read_request().content_bytes_max(), kRelayedContentBytesMax);
@@ -904,7 +905,7 @@ TEST_F(GatewayActorTest, RefusesAnAnswerTooLongForTheRadio) {
   for (const std::size_t bytes : {10'000u, 30'000u}) {
     Request(ReadAtTwo());
     team_.AdvanceTime(seconds(1));
-    const auto asked = team_.Take({2, actor_name::kStorage});
+    const auto asked = team_.TakeMessages({2, actor_name::kStorage});
     ASSERT_EQ(asked.size(), 1u);
     proto::Message page;
     page.set_request_id(asked[0].request_id());
@@ -922,7 +923,7 @@ TEST_F(GatewayActorTest, TheLongestAnswerFitsIntoAMessageBetweenAgents) {
   for (const std::size_t bytes : {longest - 100, longest}) {
     Request(ReadAtTwo());
     team_.AdvanceTime(seconds(1));
-    const auto asked = team_.Take({2, actor_name::kStorage});
+    const auto asked = team_.TakeMessages({2, actor_name::kStorage});
     ASSERT_EQ(asked.size(), 1u);
     proto::Message page;
     page.set_request_id(asked[0].request_id());
@@ -956,7 +957,7 @@ TEST_F(GatewayActorTest, NamesTheAgentThatCannotBeReachedOrWasLost) {
 TEST_F(GatewayActorTest, AcceptsAnAnswerOnlyFromTheAgentThatWasAsked) {
   Request(ReadAtTwo());  // Agent 2 runs no gateway. The test answers in its place.
   team_.AdvanceTime(seconds(1));
-  const auto asked = team_.Take({2, actor_name::kGateway});
+  const auto asked = team_.TakeMessages({2, actor_name::kGateway});
   ASSERT_EQ(asked.size(), 1u);
   EXPECT_EQ(RequestIn(asked[0]).for_agent(), 2u);
   proto::ControlReply reply;
@@ -976,7 +977,7 @@ TEST_F(GatewayActorTest, DoesNotForwardARelayedRequestToAThirdAgent) {
   proto::ControlRequest request = ReadAtTwo();
   RequestAs(other, request, 5);
   team_.AdvanceTime(seconds(1));
-  const auto answers = team_.Take(other);
+  const auto answers = team_.TakeMessages(other);
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(ReplyIn(answers[0]).error().code(), proto::ERROR_CODE_REFUSED);
 }
@@ -995,7 +996,7 @@ TEST_F(GatewayActorTest, RefusesARequestForAnotherTeam) {
     EXPECT_EQ(reply.error().text(),
               "this agent is of another team: test with the team id 00112233, the request is for ff112233");
     EXPECT_EQ(reply.team_id(), TeamIdBytes(team_config_.team_id()));
-    for (const AgentId asked : {1u, 2u}) EXPECT_TRUE(team_.Take({asked, actor_name::kStorage}).empty());
+    for (const AgentId asked : {1u, 2u}) EXPECT_TRUE(team_.TakeMessages({asked, actor_name::kStorage}).empty());
   }
   proto::ControlRequest request;
   request.mutable_stop();
@@ -1012,7 +1013,7 @@ TEST_F(GatewayActorTest, NamesTheAnsweringAgentInEachReply) {
     request.set_team_id(TeamIdBytes(team_config_.team_id()));
     Request(request);
     team_.AdvanceTime(seconds(1));
-    const auto asked = team_.Take({agent, actor_name::kPgo});
+    const auto asked = team_.TakeMessages({agent, actor_name::kPgo});
     ASSERT_EQ(asked.size(), 1u);
     proto::Message answer;
     answer.mutable_optimize_reply();
@@ -1027,12 +1028,12 @@ TEST_F(GatewayActorTest, NamesTheAnsweringAgentInEachReply) {
 }
 
 TEST_F(GatewayActorTest, RelaysOnlyForItsOwnTeam) {
-  (void)team_.Take({2, actor_name::kGateway});
+  (void)team_.TakeMessages({2, actor_name::kGateway});
   proto::ControlRequest request = Optimize();  // The client sets no team_id. The gateway must add it.
   request.set_for_agent(2);
   Request(request);
   team_.AdvanceTime(seconds(1));
-  const auto relayed = team_.Take({2, actor_name::kGateway});
+  const auto relayed = team_.TakeMessages({2, actor_name::kGateway});
   ASSERT_EQ(relayed.size(), 1u);
   EXPECT_EQ(RequestIn(relayed.front()).team_id(), TeamIdBytes(team_config_.team_id()));
 }

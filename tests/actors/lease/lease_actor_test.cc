@@ -122,7 +122,7 @@ TEST_F(LeaseActorTest, NotifiesTheTeamOfAPauseBesideTheOtherLeases) {
     EXPECT_EQ(KnownPause(agent, 2), 550) << agent;
     EXPECT_EQ(Known(agent, 2), std::pair(0L, 0L)) << agent;
   }
-  team_.Take({1, "planner"});
+  team_.TakeMessages({1, "planner"});
   const auto expired = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, minutes(10));
   ASSERT_TRUE(expired);
   EXPECT_TRUE(expired->leases_changed().leases().empty());
@@ -152,7 +152,7 @@ TEST_F(LeaseActorTest, RefusesBadDurationsAndKinds) {
 }
 
 TEST_F(LeaseActorTest, PublishesEachChangeAndExpiry) {
-  team_.Take({1, "planner"});
+  team_.TakeMessages({1, "planner"});
   Set(2, kDriving, 40);
   const auto begun = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, seconds(1));
   ASSERT_TRUE(begun);

@@ -198,7 +198,7 @@ class MergeActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  std::vector<proto::Message> TakeReplies() { return team_.Take(kRequester); }
+  std::vector<proto::Message> TakeReplies() { return team_.TakeMessages(kRequester); }
 
   proto::MergeReply Merge(const proto::MergeRequest& request = {}) {
     Ask(77, request);
@@ -448,7 +448,7 @@ TEST_F(MergeActorTest, AcceptsOnlyItsOwnStoragesAnswerToItsPresentQuestion) {
   const auto ask = [&](std::uint64_t request_id) {
     Ask(request_id);
     team_.RunUntilIdle();
-    const std::vector<proto::Message> reads = team_.Take(storage);
+    const std::vector<proto::Message> reads = team_.TakeMessages(storage);
     ASSERT_EQ(reads.size(), 1u);
     answer.set_request_id(reads[0].request_id());
   };
@@ -732,7 +732,7 @@ TEST_F(MergeActorTest, GlReturnsTheSameReply) {
   message.mutable_merge_request();
   ASSERT_EQ(team_.Post({2, "test"}, {2, actor_name::kMerge}, std::move(message)), SendResult::kAccepted);
   team_.RunUntilIdle();
-  const std::vector<proto::Message> replies = team_.Take({2, "test"});
+  const std::vector<proto::Message> replies = team_.TakeMessages({2, "test"});
   ASSERT_EQ(replies.size(), 1u);
   EXPECT_EQ(replies[0].merge_reply().backend(), "gl");
   EXPECT_EQ(reported, "gl");

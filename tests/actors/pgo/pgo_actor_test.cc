@@ -105,7 +105,7 @@ class PgoActorTest : public testing::Test {
     }
     ASSERT_EQ(team_.Post({1, "test"}, storage_, message), SendResult::kAccepted);
     team_.RunUntilIdle();
-    for (const proto::Message& reply : team_.Take({1, "test"})) {
+    for (const proto::Message& reply : team_.TakeMessages({1, "test"})) {
       ASSERT_FALSE(IsError(reply.insert_reply().error())) << reply.ShortDebugString();
       ASSERT_EQ(reply.store_reply().rejected_count(), 0u) << reply.ShortDebugString();
     }
@@ -119,7 +119,7 @@ class PgoActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  std::vector<proto::Message> Answers() { return team_.Take(client_); }
+  std::vector<proto::Message> Answers() { return team_.TakeMessages(client_); }
 
   proto::OptimizeReply Optimize(const proto::OptimizeRequest& request = {}) {
     Request(1, request);
@@ -136,7 +136,7 @@ class PgoActorTest : public testing::Test {
     EXPECT_EQ(team_.Post({1, "test"}, storage_, message), SendResult::kAccepted);
     team_.RunUntilIdle();
     std::vector<proto::Record> records;
-    for (const proto::Message& reply : team_.Take({1, "test"})) {
+    for (const proto::Message& reply : team_.TakeMessages({1, "test"})) {
       for (const proto::StoredRecord& stored : reply.read_reply().records()) {
         EXPECT_TRUE(records.emplace_back().ParseFromString(stored.content()));
       }
@@ -146,7 +146,7 @@ class PgoActorTest : public testing::Test {
 
   // Returns the last message that PgoActor sent to storage. Requires: SpawnStorage was not called.
   proto::Message AskedStorage() {
-    const std::vector<proto::Message> asked = team_.Take(storage_);
+    const std::vector<proto::Message> asked = team_.TakeMessages(storage_);
     EXPECT_FALSE(asked.empty());
     return asked.empty() ? proto::Message() : asked.back();
   }
@@ -273,7 +273,7 @@ TEST_F(PgoActorTest, RefusesWhenAnotherAgentLeads) {
   const proto::OptimizeReply reply = Optimize();
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
   EXPECT_THAT(reply.error().text(), testing::HasSubstr("agent-2 leads"));
-  EXPECT_TRUE(team_.Take(storage_).empty());
+  EXPECT_TRUE(team_.TakeMessages(storage_).empty());
 }
 
 TEST_F(PgoActorTest, IgnoresRolesAndRecordsThatAnotherAgentSends) {
@@ -368,7 +368,7 @@ TEST_F(PgoActorTest, PublishesNothingIfRolesChangeDuringTheSolve) {
   ASSERT_EQ(team_.Post({1, actor_name::kRole}, pgo_, change), SendResult::kAccepted);
   team_.RunUntilIdle();
   team_.AdvanceTime(seconds(1));
-  EXPECT_TRUE(team_.Take(storage_).empty());
+  EXPECT_TRUE(team_.TakeMessages(storage_).empty());
   const std::vector<proto::Message> answers = Answers();
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].optimize_reply().error().code(), proto::ERROR_CODE_REFUSED);
@@ -387,7 +387,7 @@ TEST_F(PgoActorTest, GivesUpWhenStorageIsSilentAndAcceptsANewRequest) {
   EXPECT_EQ(answers[0].optimize_reply().error().code(), proto::ERROR_CODE_TIMED_OUT);
 
   AnswerAsStorage(late, PageWithOneNode());  // This page comes too late and matches no pending request.
-  EXPECT_TRUE(team_.Take(storage_).empty());
+  EXPECT_TRUE(team_.TakeMessages(storage_).empty());
   Request();
   EXPECT_EQ(AskedStorage().read_request().after_row_id(), 0u);
 }
@@ -417,7 +417,7 @@ TEST_F(PgoActorTest, StopsWritingWhenItLosesTheLead) {
   proto::Message inserted;
   inserted.mutable_insert_reply();
   AnswerAsStorage(insert, inserted);
-  EXPECT_TRUE(team_.Take(storage_).empty());
+  EXPECT_TRUE(team_.TakeMessages(storage_).empty());
   EXPECT_TRUE(Answers().empty());
 }
 

@@ -72,10 +72,10 @@ class RetentionActorTest : public testing::Test {
   }
 
   proto::Message Ask(AgentId agent, const char* actor, proto::Message question) {
-    (void)team_.Take({agent, "requester"});
+    (void)team_.TakeMessages({agent, "requester"});
     (void)team_.Post({agent, "requester"}, {agent, actor}, std::move(question));
     team_.RunUntilIdle();
-    const std::vector<proto::Message> answers = team_.Take({agent, "requester"});
+    const std::vector<proto::Message> answers = team_.TakeMessages({agent, "requester"});
     EXPECT_EQ(answers.size(), 1u);
     return answers.empty() ? proto::Message() : answers.front();
   }
@@ -146,7 +146,7 @@ class RetentionActorTest : public testing::Test {
         records.begin(), records.end(), [type](const auto& record) { return record.key().data_type() == type; }));
   }
 
-  void Bring(AgentId from, AgentId to) {
+  void Transfer(AgentId from, AgentId to) {
     proto::Message message;
     message.mutable_store_request()->set_sender(from);
     for (const proto::StoredRecord& record : RecordsOf(from)) *message.mutable_store_request()->add_records() = record;
@@ -155,14 +155,14 @@ class RetentionActorTest : public testing::Test {
 
   void InsertOldMapEverywhere() {
     Insert(kRover, MapOf(kRover, 1, 1, 64));
-    Bring(kRover, kLeader);
-    Bring(kRover, kSurvivor);
+    Transfer(kRover, kLeader);
+    Transfer(kRover, kSurvivor);
   }
 
   // Waits a minute. Returns true if the rover's storage has reported a prune since the last call.
   bool HearsOfPruned() {
     team_.AdvanceTime(minutes(1));
-    const std::vector<proto::Message> heard = team_.Take({kRover, "reader"});
+    const std::vector<proto::Message> heard = team_.TakeMessages({kRover, "reader"});
     return std::any_of(heard.begin(), heard.end(),
                        [](const proto::Message& message) { return message.records_stored().is_pruned(); });
   }
@@ -231,10 +231,10 @@ class RetentionActorTest : public testing::Test {
 TEST_F(RetentionActorTest, RemovesRecordsThatLeaderAndSurvivorHaveNow) {
   Start();
   Insert(kRover, ReportOf(1, "both"));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   Insert(kRover, ReportOf(1, "leader alone"));
-  Bring(kRover, kLeader);
+  Transfer(kRover, kLeader);
   const proto::PruneReply reply = Prune(kRover);
   EXPECT_EQ(reply.text(), "");
   EXPECT_TRUE(reply.is_complete());
@@ -247,7 +247,7 @@ TEST_F(RetentionActorTest, RemovesRecordsThatLeaderAndSurvivorHaveNow) {
 TEST_F(RetentionActorTest, LeaderAndSurvivorAskOnlyEachOther) {
   Start();
   Insert(kLeader, ReportOf(1));
-  Bring(kLeader, kSurvivor);
+  Transfer(kLeader, kSurvivor);
   team_.SetLink(kLeader, kRover, false);
   EXPECT_EQ(GoneOf(Prune(kLeader)), 1);
   team_.SetLink(kSurvivor, kRover, false);
@@ -260,7 +260,7 @@ TEST_F(RetentionActorTest, LeaderAndSurvivorAskOnlyEachOther) {
 TEST_F(RetentionActorTest, OneOfTwoAgentsThatPruneTheSameRecordAtOnceKeepsIt) {
   Start();
   Insert(kLeader, ReportOf(1));
-  Bring(kLeader, kSurvivor);
+  Transfer(kLeader, kSurvivor);
   Order(kLeader, {});
   Order(kSurvivor, {});
   team_.AdvanceTime(seconds(5));
@@ -270,8 +270,8 @@ TEST_F(RetentionActorTest, OneOfTwoAgentsThatPruneTheSameRecordAtOnceKeepsIt) {
 TEST_F(RetentionActorTest, RemovesNothingWhileTheSurvivorCannotBeReached) {
   Start();
   Insert(kRover, ReportOf(1));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   team_.SetLink(kRover, kSurvivor, false);
   const proto::PruneReply reply = Prune(kRover);
   EXPECT_EQ(reply.text(), "rover2, the designated survivor, cannot be reached");
@@ -284,8 +284,8 @@ TEST_F(RetentionActorTest, RemovesNothingWhileTheSurvivorCannotBeReached) {
 TEST_F(RetentionActorTest, RemovesNothingWhileTheLeaderIsSilent) {
   Start();
   Insert(kRover, ReportOf(1));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   team_.SetLink(kRover, kLeader, false, /*tell=*/false);
   EXPECT_EQ(Prune(kRover).text(), "rover1, the leader, did not answer in time");
   EXPECT_EQ(RecordsOf(kRover).size(), 1u);
@@ -415,8 +415,8 @@ TEST_F(RetentionActorTest, RefusesTypesThatAreNeverPruned) {
 TEST_F(RetentionActorTest, RemovesNothingByAgeWhileItsClockIsSuspect) {
   Start();
   Insert(kRover, ReportOf(1));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   team_.SetUtcOffset(kRover, std::chrono::hours(24 * 365));
   proto::PruneOrder order;
   order.set_older_than_s(30 * 86400);
@@ -428,8 +428,8 @@ TEST_F(RetentionActorTest, AnOrderRemovesNoEvents) {
   Start();
   Insert(kRover, EventOf(31));
   Insert(kRover, ReportOf(31));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   proto::PruneOrder order;
   order.add_data_types(proto::AGENT_EVENT);
   const proto::PruneReply refused = Prune(kRover, order);
@@ -444,7 +444,7 @@ TEST_F(RetentionActorTest, AnOrderRemovesNoEvents) {
 TEST_F(RetentionActorTest, RemovesNothingForTenMinutesAfterLeaderOrSurvivorChanged) {
   Start();
   Insert(kRover, ReportOf(31));
-  for (const AgentId agent : {kLeader, kSurvivor}) Bring(kRover, agent);
+  for (const AgentId agent : {kLeader, kSurvivor}) Transfer(kRover, agent);
   SetRoles(kLeader, kRover);
   EXPECT_NE(Prune(kSurvivor, {}).text().find("changed within the last 10 minutes"), std::string::npos);
   EXPECT_EQ(RecordsOf(kSurvivor).size(), 1u);
@@ -458,8 +458,8 @@ TEST_F(RetentionActorTest, AppliesTheTeamFilesAgesPeriodically) {
   Start();
   Insert(kRover, EventOf(31));
   Insert(kRover, EventOf(29));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   team_.AdvanceTime(minutes(4));
   EXPECT_EQ(RecordsOf(kRover).size(), 2u);
   team_.AdvanceTime(minutes(7));
@@ -471,8 +471,8 @@ TEST_F(RetentionActorTest, TriesAgainWhenTheOtherAgentsReturn) {
   config_.mutable_retention()->set_keep_days(30);
   Start();
   Insert(kRover, ReportOf(31));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   team_.SetLink(kRover, kLeader, false);
   team_.AdvanceTime(minutes(25));
   EXPECT_EQ(RecordsOf(kRover).size(), 1u);
@@ -511,8 +511,8 @@ TEST_F(RetentionActorTest, RemovesMapsFirstAndKeepsGraphAndStates) {
   for (int i = 0; i < 100; ++i) Insert(kRover, ReportOf(300));
   for (int i = 0; StatusOf(kRover).map_bytes() < 0.75e6; ++i) Insert(kRover, MapOf(kRover, 1, 200 - i));
   const std::size_t maps = CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP);
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   team_.AdvanceTime(minutes(11));
   const proto::StorageStatus after = StatusOf(kRover);
   EXPECT_LT(CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP), maps);
@@ -542,8 +542,8 @@ TEST_F(RetentionActorTest, ReportsThatSpaceIsLowIfNothingMayBeRemoved) {
 TEST_F(RetentionActorTest, RemovesFullyOccludedMaps) {
   Start();
   for (std::uint64_t i = 1; i <= 3; ++i) Insert(kRover, MapOf(kRover, i, 1, 64));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   const proto::RecordKey occluded = RecordsOf(kRover)[1].key();
   proto::PruneOrder order;
   order.set_occluded_maps(true);
@@ -560,8 +560,8 @@ TEST_F(RetentionActorTest, RemovesFullyOccludedMaps) {
 TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnyType) {
   Start();
   Insert(kRover, ReportOf(1));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   EXPECT_FALSE(HearsOfPruned());
   proto::PruneOrder order;
   order.set_is_dry_run(true);
@@ -594,8 +594,8 @@ TEST_F(RetentionActorTest, ReadersHearOfAPruneBeforeTheRestartOfStorage) {
 TEST_F(RetentionActorTest, RemovesNothingIfNoMapIsFullyOccluded) {
   Start();
   Insert(kRover, MapOf(kRover, 1, 1, 64));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   proto::PruneOrder order;
   order.set_occluded_maps(true);
   Order(kRover, order);
@@ -624,8 +624,8 @@ TEST_F(RetentionActorTest, ReportsWhyMergeCouldNotAnswer) {
 TEST_F(RetentionActorTest, ContinuesAfterARestartDuringAPrune) {
   Start();
   Insert(kRover, ReportOf(1));
-  Bring(kRover, kLeader);
-  Bring(kRover, kSurvivor);
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
   team_.SetFilter([](AgentId, AgentId, const proto::Message& message) { return !message.has_control_reply(); });
   Order(kRover, {});
   team_.AdvanceTime(seconds(5));  // The rover asks leader and survivor, but the radio loses their answers.

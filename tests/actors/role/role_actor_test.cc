@@ -38,7 +38,7 @@ class RoleActorTest : public testing::Test, protected RoleTeam {
   // Returns the RolesChanged messages that `agent`'s sync actor has received since the last call, oldest first.
   std::vector<proto::RolesChanged> Notified(AgentId agent) {
     std::vector<proto::RolesChanged> reported;
-    for (const proto::Message& message : team_.Take({agent, actor_name::kSync}))
+    for (const proto::Message& message : team_.TakeMessages({agent, actor_name::kSync}))
       reported.push_back(message.roles_changed());
     return reported;
   }
@@ -243,7 +243,7 @@ TEST_F(RoleWaitTest, IsRefusedIfAnotherChangeHappensFirst) {
   other.set_survivor(1);
   Set(1, other);
   std::vector<Error> errors;
-  for (const proto::Message& message : team_.Take({1, actor_name::kGateway})) {
+  for (const proto::Message& message : team_.TakeMessages({1, actor_name::kGateway})) {
     const Result<void> answered = CheckControlReply(message);
     if (message.has_control_reply() && !answered) errors.push_back(answered.error());
   }
@@ -263,7 +263,7 @@ TEST_F(RoleWaitTest, TooManyWaitingSwapsAreRefused) {
     request.set_wait_s(600);
     Set(1, request);
   }
-  (void)team_.Take({1, actor_name::kGateway});
+  (void)team_.TakeMessages({1, actor_name::kGateway});
   SwapAndWait(1, 600);
   EXPECT_EQ(Refusal(1).code, ErrorCode::kFull);
 }

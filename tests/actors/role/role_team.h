@@ -114,7 +114,7 @@ class RoleTeam {
   // Returns the last message that RoleActor sent to the gateway of agent `at`.
   proto::Message Answer(AgentId at) {
     proto::Message answer;
-    for (const proto::Message& message : team_.Take({at, actor_name::kGateway})) answer = message;
+    for (const proto::Message& message : team_.TakeMessages({at, actor_name::kGateway})) answer = message;
     return answer;
   }
 

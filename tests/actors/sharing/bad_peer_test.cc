@@ -24,7 +24,7 @@ class BadPeerTest : public testing::Test {
     store_ = AddMemoryAgent(team_, kGood, config_);
     for (AgentId agent = 2; agent <= 4; ++agent) team_.AddAgent(agent);
     team_.AdvanceTime(seconds(1));
-    (void)team_.Take({kBad, actor_name::kSync});
+    (void)team_.TakeMessages({kBad, actor_name::kSync});
   }
 
   static proto::Message Hello(std::uint64_t session_id) {
@@ -64,7 +64,8 @@ class BadPeerTest : public testing::Test {
 
   int CountHeard(proto::Message::BodyCase body) {
     int count = 0;
-    for (const proto::Message& message : team_.Take({kBad, actor_name::kSync})) count += message.body_case() == body;
+    for (const proto::Message& message : team_.TakeMessages({kBad, actor_name::kSync}))
+      count += message.body_case() == body;
     return count;
   }
 
@@ -162,7 +163,7 @@ TEST_F(BadPeerTest, ShowsAcknowledgmentsOfRecordsThatWereNeverSent) {
   store_->Insert(kGood, proto::POWER, "own");
   Say(ShareOrder(proto::SHARING_KIND_SYNC));
   proto::Message have;
-  for (const proto::Message& message : team_.Take({kBad, actor_name::kSync})) {
+  for (const proto::Message& message : team_.TakeMessages({kBad, actor_name::kSync})) {
     if (message.has_hello()) have.mutable_have()->set_session_id(message.hello().session_id());
   }
   have.mutable_have()->set_batch_number(UINT32_MAX);
@@ -186,7 +187,7 @@ TEST_F(BadPeerTest, RefusesAHaveSetWithoutEnd) {
   Say(ShareOrder(proto::SHARING_KIND_SYNC));
   int hellos = 0;
   for (int step = 0; step < 5000 && Status().sessions(0).refused_haves() == 0; ++step) {
-    for (const proto::Message& message : team_.Take({kBad, actor_name::kSync})) {
+    for (const proto::Message& message : team_.TakeMessages({kBad, actor_name::kSync})) {
       if (!message.has_hello()) continue;
       ++hellos;
       proto::Message page;

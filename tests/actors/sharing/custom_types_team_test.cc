@@ -111,7 +111,7 @@ class CustomTypesTeamTest : public testing::Test {
   proto::Message Ask(AgentId agent, const proto::Message& question) {
     (void)team_.Post({agent, "client"}, {agent, actor_name::kStorage}, question);
     team_.RunUntilIdle();
-    const auto answers = team_.Take({agent, "client"});
+    const auto answers = team_.TakeMessages({agent, "client"});
     return answers.empty() ? proto::Message() : answers.back();
   }
 
@@ -171,9 +171,9 @@ TEST_F(CustomTypesTeamTest, ALeaderThatDoesNotKnowTheTypeCarriesIt) {
 TEST_F(CustomTypesTeamTest, NotifiesReadersOfNewRecords) {
   Start(/*without_types=*/0);
   // Discards the notifications that were published at the start.
-  (void)team_.Take({kRover, "listener"});
+  (void)team_.TakeMessages({kRover, "listener"});
   Insert(kRover, kSoil, "a");
-  const auto reported = team_.Take({kRover, "listener"});
+  const auto reported = team_.TakeMessages({kRover, "listener"});
   ASSERT_EQ(reported.size(), 1u);
   EXPECT_THAT(reported[0].records_stored().data_types(), ElementsAre(kSoil));
 }

@@ -58,7 +58,7 @@ class DownlinkActorTest : public testing::Test {
   proto::Message Ask(const char* actor, const proto::Message& question) {
     EXPECT_EQ(team_.Post(requester_, {kSelf, actor}, question), SendResult::kAccepted);
     team_.RunUntilIdle();
-    const std::vector<proto::Message> answers = team_.Take(requester_);
+    const std::vector<proto::Message> answers = team_.TakeMessages(requester_);
     EXPECT_EQ(answers.size(), 1u);
     return answers.empty() ? proto::Message() : answers.front();
   }
@@ -175,7 +175,7 @@ TEST_F(DownlinkActorTest, CarriesOutOneOrderAtATimeAndQueuesAFew) {
   team_.RunUntilIdle();
   std::set<std::uint32_t> numbers;
   int refused_count = 0;
-  for (const proto::Message& answer : team_.Take(requester_)) {
+  for (const proto::Message& answer : team_.TakeMessages(requester_)) {
     if (answer.downlink_reply().error().code() == proto::ERROR_CODE_FULL) {
       EXPECT_EQ(answer.request_id(), 3u);
       ++refused_count;
@@ -196,7 +196,7 @@ TEST_F(DownlinkActorTest, AnswersThoughStorageDoesNot) {
   message.mutable_downlink_request()->set_bytes_max(2000);
   ASSERT_EQ(team.Post(requester_, {kSelf, actor_name::kDownlink}, message), SendResult::kAccepted);
   team.AdvanceTime(minutes(2));
-  const std::vector<proto::Message> answers = team.Take(requester_);
+  const std::vector<proto::Message> answers = team.TakeMessages(requester_);
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].downlink_reply().error().code(), proto::ERROR_CODE_TIMED_OUT);
 }
@@ -207,7 +207,7 @@ TEST_F(DownlinkActorTest, AcceptsNoOrderFromAnotherAgent) {
   team_.AddAgent(1);
   ASSERT_EQ(team_.Post({1, actor_name::kGateway}, {kSelf, actor_name::kDownlink}, message), SendResult::kAccepted);
   team_.RunUntilIdle();
-  EXPECT_TRUE(team_.Take({1, actor_name::kGateway}).empty());
+  EXPECT_TRUE(team_.TakeMessages({1, actor_name::kGateway}).empty());
 }
 
 }  // namespace

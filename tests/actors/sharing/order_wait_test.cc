@@ -67,7 +67,7 @@ class OrderWaitTest : public testing::Test {
 
   // Returns the answer that the client at `agent` has received, or nothing if no answer has arrived yet.
   std::optional<proto::ShareReply> AnswerAt(AgentId agent) {
-    for (const proto::Message& message : team_.Take({agent, "client"})) {
+    for (const proto::Message& message : team_.TakeMessages({agent, "client"})) {
       if (message.has_share_reply()) {
         EXPECT_EQ(message.request_id(), kRequest);
         answers_[agent] = message.share_reply();

@@ -28,7 +28,7 @@ class PeerOrdersTest : public testing::Test {
 
 TEST_F(PeerOrdersTest, AsksUntilThePeerAnswersWithAGrowingDelay) {
   EXPECT_FALSE(orders_.deadline());
-  const SharingActions first = orders_.Give(2, 41, 0, now_);
+  const SharingActions first = orders_.Place(2, 41, 0, now_);
   ASSERT_EQ(first.size(), 1u);
   EXPECT_EQ(first[0].to, 2u);
   EXPECT_EQ(first[0].message.request_id(), 41u);
@@ -45,7 +45,7 @@ TEST_F(PeerOrdersTest, AsksUntilThePeerAnswersWithAGrowingDelay) {
 
 // A peer that connects again may have restarted and forgotten the order.
 TEST_F(PeerOrdersTest, AsksAReconnectedPeerAgainIfItHasNotReportedTheEnd) {
-  orders_.Give(2, kOrder, 0, now_);
+  orders_.Place(2, kOrder, 0, now_);
   ASSERT_TRUE(orders_.TakeAnswer(2, kOrder, /*is_taken=*/true));
   EXPECT_EQ(orders_.OnConnected(2, now_).size(), 1u);
   EXPECT_EQ(NextAfter(5).size(), 1u) << "until it answers";
@@ -58,14 +58,14 @@ TEST_F(PeerOrdersTest, AsksAReconnectedPeerAgainIfItHasNotReportedTheEnd) {
 }
 
 TEST_F(PeerOrdersTest, ForgetsOrdersThatThePeerRefused) {
-  orders_.Give(2, kOrder, 0, now_);
+  orders_.Place(2, kOrder, 0, now_);
   ASSERT_TRUE(orders_.TakeAnswer(2, kOrder, /*is_taken=*/false));
   EXPECT_TRUE(orders_.OnConnected(2, now_).empty());
 }
 
 TEST_F(PeerOrdersTest, AsksAReconnectedPeerAtOnce) {
   EXPECT_TRUE(orders_.OnConnected(2, now_).empty()) << "nothing is ordered";
-  orders_.Give(2, 41, 0, now_);
+  orders_.Place(2, 41, 0, now_);
   NextAfter(5);
   NextAfter(10);
   now_ += seconds(1);
@@ -74,9 +74,9 @@ TEST_F(PeerOrdersTest, AsksAReconnectedPeerAtOnce) {
 }
 
 TEST_F(PeerOrdersTest, EachPeerHasItsOwnDelay) {
-  orders_.Give(2, 41, 0, now_);
+  orders_.Place(2, 41, 0, now_);
   NextAfter(5);
-  orders_.Give(3, 42, 0, now_);
+  orders_.Place(3, 42, 0, now_);
   const SharingActions next = NextAfter(5);
   ASSERT_EQ(next.size(), 1u);
   EXPECT_EQ(next[0].to, 3u);
@@ -88,10 +88,10 @@ TEST_F(PeerOrdersTest, EachPeerHasItsOwnDelay) {
 }
 
 TEST_F(PeerOrdersTest, ALimitDoesNotNarrowAnOrderThatHasNone) {
-  EXPECT_EQ(orders_.Give(2, 41, 500, now_)[0].message.share_request().bytes_max(), 500u);
-  EXPECT_EQ(orders_.Give(2, 42, 700, now_)[0].message.share_request().bytes_max(), 700u);
-  EXPECT_EQ(orders_.Give(2, 43, 0, now_)[0].message.share_request().bytes_max(), 0u);
-  EXPECT_EQ(orders_.Give(2, 44, 500, now_)[0].message.share_request().bytes_max(), 0u);
+  EXPECT_EQ(orders_.Place(2, 41, 500, now_)[0].message.share_request().bytes_max(), 500u);
+  EXPECT_EQ(orders_.Place(2, 42, 700, now_)[0].message.share_request().bytes_max(), 700u);
+  EXPECT_EQ(orders_.Place(2, 43, 0, now_)[0].message.share_request().bytes_max(), 0u);
+  EXPECT_EQ(orders_.Place(2, 44, 500, now_)[0].message.share_request().bytes_max(), 0u);
   EXPECT_FALSE(orders_.TakeAnswer(2, 43, /*is_taken=*/true));
   EXPECT_TRUE(orders_.TakeAnswer(2, 44, /*is_taken=*/true));
 }

@@ -283,7 +283,7 @@ class RealTeam {
   proto::Message Ask(AgentId agent, const char* actor, const proto::Message& question) {
     (void)team_.Post({agent, "client"}, {agent, actor}, question);
     team_.RunUntilIdle();
-    const auto answers = team_.Take({agent, "client"});
+    const auto answers = team_.TakeMessages({agent, "client"});
     return answers.empty() ? proto::Message() : answers.back();
   }
 

@@ -192,7 +192,7 @@ class ReplicatingTeam {
     question.mutable_have_request();
     (void)team_.Post({kPeer, "test"}, {kPeer, actor_name::kStorage}, question);
     team_.RunUntilIdle();
-    return *FromProto(team_.Take({kPeer, "test"}).at(0).have_reply().have());
+    return *FromProto(team_.TakeMessages({kPeer, "test"}).at(0).have_reply().have());
   }
 
   // Stops both agents. Returns the records that agent 2 covers according to agent 1's database.
@@ -240,7 +240,7 @@ class ReplicatingTeam {
   void Post(AgentId agent, proto::Message message) {
     EXPECT_EQ(team_.Post({agent, "test"}, {agent, actor_name::kStorage}, std::move(message)), SendResult::kAccepted);
     team_.RunUntilIdle();
-    for (const proto::Message& reply : team_.Take({agent, "test"})) {
+    for (const proto::Message& reply : team_.TakeMessages({agent, "test"})) {
       EXPECT_FALSE(IsError(reply.insert_reply().error())) << reply.ShortDebugString();
       EXPECT_EQ(reply.store_reply().rejected_count(), 0u);
       EXPECT_FALSE(IsError(reply.store_reply().error())) << reply.ShortDebugString();

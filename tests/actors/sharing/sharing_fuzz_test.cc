@@ -424,7 +424,7 @@ TEST(SharingFuzzTest, ActorsSurviveAPeerThatSendsAnything) {
       }
       team.AdvanceTime(std::chrono::milliseconds(20));
       for (const char* actor : kActors) {
-        EXPECT_LE(team.Take({kBad, actor}).size(), 16u) << "many answers to one message";
+        EXPECT_LE(team.TakeMessages({kBad, actor}).size(), 16u) << "many answers to one message";
       }
     }
     EXPECT_EQ(team.restarts(kReceiver), 0u);

@@ -66,7 +66,7 @@ proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, const pr
   (void)team.Post({agent, "operator"}, {agent, is_sync ? actor_name::kSync : actor_name::kReplica}, order);
   team.RunUntilIdle();
   proto::ShareReply reply;
-  for (const proto::Message& message : team.Take({agent, "operator"})) {
+  for (const proto::Message& message : team.TakeMessages({agent, "operator"})) {
     if (message.has_share_reply()) reply = message.share_reply();
   }
   return reply;
@@ -97,7 +97,7 @@ proto::ShareStatus ShareStatusOf(simulation::SimulatedTeam& team, AgentId agent,
   (void)team.Post({agent, "status"}, {agent, actor}, MessageOf(question));
   team.RunUntilIdle();
   proto::ShareStatus status;
-  for (const proto::Message& message : team.Take({agent, "status"})) {
+  for (const proto::Message& message : team.TakeMessages({agent, "status"})) {
     if (const auto reply = ControlReplyOf(message)) status = reply->share_status();
   }
   return status;

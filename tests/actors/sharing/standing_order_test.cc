@@ -279,7 +279,7 @@ TEST_F(StandingOrderTest, LeavesOutTypesThatTheDestinationDefinesDifferently) {
 TEST_F(StandingOrderTest, SendsPeriodicStatesWithoutCountingOrReportingAnEnd) {
   source_.Insert(kSelf, proto::POWER, "p");
   source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
-  Take(session_.BringPeriodic(States(), now_));
+  Take(session_.SharePeriodic(States(), now_));
   EXPECT_TRUE(Status().is_periodic());
   AnswerHello();
   const auto batches = RunToEnd();
@@ -289,7 +289,7 @@ TEST_F(StandingOrderTest, SendsPeriodicStatesWithoutCountingOrReportingAnEnd) {
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(Status().completed_sessions() + Status().closed_sessions(), 0);
 
-  Take(session_.BringPeriodic(States(), now_));  // There are no new records.
+  Take(session_.SharePeriodic(States(), now_));  // There are no new records.
   AnswerHello();
   EXPECT_TRUE(TakeSent().empty());
   EXPECT_FALSE(session_.is_open());
@@ -298,7 +298,7 @@ TEST_F(StandingOrderTest, SendsPeriodicStatesWithoutCountingOrReportingAnEnd) {
 TEST_F(StandingOrderTest, AnOrderReplacesPeriodicStatesAndKeepsItsOwnLimit) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   source_.Insert(kSelf, proto::POWER, "p");
-  Take(session_.BringPeriodic(States(), now_));
+  Take(session_.SharePeriodic(States(), now_));
   AnswerHello();
   Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/10'000));
   AnswerHello();
@@ -309,7 +309,7 @@ TEST_F(StandingOrderTest, AnOrderReplacesPeriodicStatesAndKeepsItsOwnLimit) {
   EXPECT_LE(Status().coded_bytes(), 10'000 + 1300);
   const std::string error = Status().last_error();
   EXPECT_FALSE(error.empty());
-  Take(session_.BringPeriodic(States(), now_));
+  Take(session_.SharePeriodic(States(), now_));
   EXPECT_EQ(Status().last_error(), error) << "the order's end is still to be seen";
 }
 
@@ -319,9 +319,9 @@ TEST_F(StandingOrderTest, RemindersNeitherDelayNorExtendAnOrder) {
   AnswerHello();
   while (!sent_.empty()) {
     for (const proto::Message& message : TakeSent()) {
-      Take(session_.BringPeriodic(States(), now_));
+      Take(session_.SharePeriodic(States(), now_));
       Acknowledge(message);
-      if (session_.is_open()) Take(session_.BringPeriodic(States(), now_));
+      if (session_.is_open()) Take(session_.SharePeriodic(States(), now_));
     }
   }
   EXPECT_FALSE(session_.is_ordered());
@@ -332,7 +332,7 @@ TEST_F(StandingOrderTest, RemindersNeitherDelayNorExtendAnOrder) {
 TEST_F(StandingOrderTest, PeriodicStatesWaitForAShutWindowWithoutCountingResends) {
   source_.Insert(kSelf, proto::POWER, "p");
   Take(session_.SetWindow(Window::kShut, now_));
-  for (int i = 0; i < 10; ++i) Take(session_.BringPeriodic(States(), now_));
+  for (int i = 0; i < 10; ++i) Take(session_.SharePeriodic(States(), now_));
   EXPECT_TRUE(TakeSent().empty());
   EXPECT_EQ(Status().resends(), 0);
   Take(session_.SetWindow(Window::kOpen, now_));
@@ -349,7 +349,7 @@ TEST_F(StandingOrderTest, CoversOnlyTheStatesOfItsFilterInAWindowForStates) {
   filter.add_data_types(proto::POWER);
   filter.add_data_types(proto::POSE_GRAPH_NODE);
   filter.set_own_records_of(kDestination);
-  order.Give(filter, 0, {}, /*is_added=*/false);
+  order.Set(filter, 0, {}, /*is_added=*/false);
   order.SetOtherSchemaTypes({proto::POSE_GRAPH_EDGE});
   order.StartOver();
   EXPECT_FALSE(order.is_for_states());
@@ -376,33 +376,33 @@ TEST_F(StandingOrderTest, NeedsARestartForStreamsThatTheDestinationWasNotAskedAb
   proto::Hello hello;
   proto::RecordFilter own;
   own.add_origin_agents(kSelf);
-  order.Give(own, 0, {}, /*is_added=*/false);
-  order.Ask(hello);
+  order.Set(own, 0, {}, /*is_added=*/false);
+  order.FillRequest(hello);
   EXPECT_FALSE(order.NeedsNewStart());
   own.add_everyones_types(proto::MAP_QUARANTINE);
-  order.Give(own, 0, {}, /*is_added=*/true);
+  order.Set(own, 0, {}, /*is_added=*/true);
   EXPECT_TRUE(order.NeedsNewStart());
-  order.Ask(hello);
+  order.FillRequest(hello);
   EXPECT_FALSE(order.NeedsNewStart());
-  order.Give(proto::RecordFilter(), 0, {}, /*is_added=*/true);
+  order.Set(proto::RecordFilter(), 0, {}, /*is_added=*/true);
   EXPECT_TRUE(order.NeedsNewStart());
-  order.Ask(hello);
+  order.FillRequest(hello);
   EXPECT_EQ(hello.origin_agents_size(), 0);
-  order.Give(own, 0, {}, /*is_added=*/true);
+  order.Set(own, 0, {}, /*is_added=*/true);
   EXPECT_FALSE(order.NeedsNewStart()) << "it was asked about all";
 }
 
 TEST_F(StandingOrderTest, KeepsALimitOnlyIfTheOpenOrderHasOne) {
   StandingOrder order({}, /*first_mark=*/1);
-  order.Give({}, 1000, {}, /*is_added=*/false);
+  order.Set({}, 1000, {}, /*is_added=*/false);
   order.SpendBytes(400);
   EXPECT_EQ(order.bytes_left(), 600u);
   order.SpendBytes(1000);
   EXPECT_TRUE(order.is_used_up());
-  order.Give({}, 2000, {}, /*is_added=*/true);
+  order.Set({}, 2000, {}, /*is_added=*/true);
   EXPECT_EQ(order.bytes_left(), 2000u);
-  order.Give({}, 0, {}, /*is_added=*/true);
-  order.Give({}, 3000, {}, /*is_added=*/true);
+  order.Set({}, 0, {}, /*is_added=*/true);
+  order.Set({}, 3000, {}, /*is_added=*/true);
   EXPECT_FALSE(order.bytes_left());
   EXPECT_FALSE(order.is_used_up());
 }

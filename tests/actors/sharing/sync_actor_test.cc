@@ -246,7 +246,7 @@ TEST_F(SyncActorTest, SendsNoMessagesToRoleActors) {
   NotifyRoles(team_, config_, 2, Roles(1, 3, 8));
   Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
   team_.AdvanceTime(seconds(1));
-  EXPECT_TRUE(team_.Take({kLeader, actor_name::kRole}).empty());
+  EXPECT_TRUE(team_.TakeMessages({kLeader, actor_name::kRole}).empty());
 }
 
 // Each run has a random lossy radio, which then becomes reliable. All records must arrive.

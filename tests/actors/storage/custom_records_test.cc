@@ -43,8 +43,8 @@ std::vector<std::string> PayloadsOf(RecordStore& store, DataType type) {
   return PayloadsOf(store.Read(request)->records());
 }
 
-void BringAll(RecordStore& from, RecordStore& to) {
-  while (Bring(from, to)) {
+void TransferAll(RecordStore& from, RecordStore& to) {
+  while (Transfer(from, to)) {
   }
 }
 
@@ -139,9 +139,9 @@ TEST(CustomRecordsTest, KeepsTheNewestOfEachKeyOfALatestType) {
   InsertOne(*origin, CustomRecordOf(kBeacon, "b1", "b"));
   // A soil record with the same latest_key supersedes no beacon record.
   InsertOne(*origin, CustomRecordOf(kSoil, "soil", "a"));
-  BringAll(*origin, *leader);
+  TransferAll(*origin, *leader);
   InsertOne(*origin, CustomRecordOf(kBeacon, "a2", "a"));
-  BringAll(*origin, *leader);
+  TransferAll(*origin, *leader);
   for (RecordStore* store : {origin.get(), leader.get()}) {
     EXPECT_THAT(PayloadsOf(*store, kBeacon), testing::ElementsAre("b1", "a2"));
     EXPECT_THAT(PayloadsOf(*store, kSoil), testing::ElementsAre("soil"));
@@ -169,10 +169,10 @@ TEST(CustomRecordsTest, CarriesRecordsOfTypesThatItsTeamFileDoesNotDeclare) {
   auto survivor = OpenStore(StoreOptionsOf(3));
   InsertOne(*origin, CustomRecordOf(kBeacon, "old", "a"));
   InsertOne(*origin, CustomRecordOf(kSoil, "s"));
-  BringAll(*origin, *carrier);
+  TransferAll(*origin, *carrier);
   InsertOne(*origin, CustomRecordOf(kBeacon, "new", "a"));
-  BringAll(*origin, *carrier);
-  BringAll(*carrier, *survivor);
+  TransferAll(*origin, *carrier);
+  TransferAll(*carrier, *survivor);
   for (RecordStore* store : {carrier.get(), survivor.get()}) {
     EXPECT_THAT(PayloadsOf(*store, kBeacon), testing::ElementsAre("new"));
     EXPECT_THAT(PayloadsOf(*store, kSoil), testing::ElementsAre("s"));
@@ -197,7 +197,7 @@ TEST(CustomRecordsTest, KeepsTheRowsOfATypeThatIsNoLongerDeclared) {
   {
     auto store = OpenStore(StoreOptionsOf(2, path));
     InsertOne(*store, CustomRecordOf(kSoil, "own"));
-    BringAll(*peer, *store);
+    TransferAll(*peer, *store);
   }
   auto store = OpenStore(WithoutTypes(2, path));
   EXPECT_THAT(PayloadsOf(*store, kSoil), testing::ElementsAre("own", "of a peer"));

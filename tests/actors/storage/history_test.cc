@@ -100,7 +100,7 @@ TEST(HistoryTest, IsNotPartOfWhatIsHeldSharedVerifiedAndCounted) {
     return missing ? missing->SerializeAsString() : "";
   };
   EXPECT_EQ(missing_of(*with), missing_of(*without));
-  while (Bring(*with, *peer)) {
+  while (Transfer(*with, *peer)) {
   }
   EXPECT_THAT(Contents(*peer), SizeIs(2));
   EXPECT_THAT(ReadHistory(*peer).records(), IsEmpty());

@@ -31,8 +31,8 @@ HaveSet HaveOf(const RecordStore& store) { return *FromProto(store.GetHave().hav
 // Exchanges records until each store covers all records of the other.
 void Exchange(RecordStore& a, RecordStore& b) {
   for (int round = 0; round < 100; ++round) {
-    const bool is_moving = Bring(a, b);
-    if (!Bring(b, a) && !is_moving) return;
+    const bool is_moving = Transfer(a, b);
+    if (!Transfer(b, a) && !is_moving) return;
   }
   ADD_FAILURE() << "there is no end";
 }
@@ -106,7 +106,7 @@ TEST_F(LostDiskTest, AStateFromAnEmptyDiskWinsOverOlderStatesThatPeersReturn) {
   ASSERT_EQ(key.epoch() >> 48, 1u) << "it does not know its earlier epochs";
   const std::string content = Contents(*store_)[0].content();
   // The peer returns the agent's own earlier records.
-  Bring(*peer_, *store_);
+  Transfer(*peer_, *store_);
   EXPECT_EQ(Celsius(*store_), 50);
   Exchange(*store_, *peer_);
   EXPECT_EQ(Celsius(*store_), 50);

@@ -43,7 +43,7 @@ class PolicyChangeTest : public testing::Test {
 
   // Sends from `from` to `to` all records that `to` lacks, and the drops of `from`. An agent under policy `all` ignores
   // drops.
-  static void BringAll(RecordStore& from, RecordStore& to) {
+  static void TransferAll(RecordStore& from, RecordStore& to) {
     proto::MissingRequest request;
     *request.mutable_destination_have() = to.GetHave().have();
     const Result<proto::MissingReply> missing = from.GetMissing(request);
@@ -78,15 +78,15 @@ TEST_F(PolicyChangeTest, AgentsThatStillKeepOnlyTheLatestLoseNoRecordOfARoverTha
   Insert(*rover, {-22, -23, -24});
   auto leader = Start(kLeader, proto::POLICY_LATEST);
   auto survivor = Start(kSurvivor, proto::POLICY_LATEST);
-  BringAll(*rover, *leader);
+  TransferAll(*rover, *leader);
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-21, -22, -23, -24));
-  BringAll(*leader, *survivor);
+  TransferAll(*leader, *survivor);
   EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-21, -22, -23, -24)) << "over a leader that does not know";
   Restart(leader, kLeader, proto::POLICY_ALL);
   Restart(survivor, kSurvivor, proto::POLICY_ALL);
   Insert(*rover, {-25});
-  BringAll(*rover, *leader);
-  BringAll(*leader, *survivor);
+  TransferAll(*rover, *leader);
+  TransferAll(*leader, *survivor);
   EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-21, -22, -23, -24, -25));
 }
 
@@ -109,7 +109,7 @@ TEST_F(PolicyChangeTest, AnAgentThatKeepsAllKeepsStatesThatTheOriginDropped) {
   auto leader = Start(kLeader, proto::POLICY_ALL);
   for (const double celsius : {-20.0, -21.0}) {
     Insert(*rover, {celsius});
-    BringAll(*rover, *leader);
+    TransferAll(*rover, *leader);
   }
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21));
   EXPECT_THAT(TemperaturesOf(*rover), ElementsAre(-21));
@@ -123,7 +123,7 @@ TEST_F(PolicyChangeTest, AStateSupersedesNoRecordThatItsOriginStoredUnderPolicyA
   Insert(*rover, {-22, -23});
   EXPECT_THAT(TemperaturesOf(*rover), ElementsAre(-20, -21, -23));
   auto leader = Start(kLeader, proto::POLICY_LATEST);
-  BringAll(*rover, *leader);
+  TransferAll(*rover, *leader);
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21, -23));
   auto survivor = Start(kSurvivor, proto::POLICY_LATEST);
   StoreOne(*survivor, Contents(*rover)[2]);
@@ -157,7 +157,7 @@ TEST_F(PolicyChangeTest, AClientCannotMarkARecordAsAState) {
   state.set_is_state(true);
   InsertOne(*rover, state);
   auto leader = Start(kLeader, proto::POLICY_LATEST);
-  BringAll(*rover, *leader);
+  TransferAll(*rover, *leader);
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21));
 }
 

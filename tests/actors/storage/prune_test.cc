@@ -29,8 +29,8 @@ proto::Record SoilOf(std::int64_t days, const std::string& payload = "dust") {
 // and survivor.
 class PruneTest : public testing::Test {
  protected:
-  void BringAll() {
-    while (Bring(*store_, *leader_) || Bring(*store_, *survivor_)) {
+  void TransferAll() {
+    while (Transfer(*store_, *leader_) || Transfer(*store_, *survivor_)) {
     }
   }
 
@@ -90,7 +90,7 @@ class PruneTest : public testing::Test {
 TEST_F(PruneTest, RemovesRecordsThatLeaderAndSurvivorHavePermanently) {
   InsertOne(*store_, SoilOf(3, "a"));
   InsertOne(*store_, Aged(MapRecord({1, 1}), 2));
-  BringAll();
+  TransferAll();
   const proto::PruneReply reply = Prune(Acknowledged());
   EXPECT_TRUE(reply.is_complete());
   EXPECT_EQ(CountOf(reply), 2);
@@ -102,7 +102,7 @@ TEST_F(PruneTest, RemovesRecordsThatLeaderAndSurvivorHavePermanently) {
   ExpectSound();
   Reopen();
   EXPECT_TRUE(Contents(*store_).empty());
-  EXPECT_FALSE(Bring(*leader_, *store_)) << "it asks for them again";
+  EXPECT_FALSE(Transfer(*leader_, *store_)) << "it asks for them again";
   ExpectSound();
 }
 
@@ -123,7 +123,7 @@ TEST_F(PruneTest, KeepsRecordsForTheGroundStationThatAreInNoBundleYet) {
   InsertOne(*store_, Aged(event, 3));
   // The ground station does not request maps.
   InsertOne(*store_, Aged(MapRecord({1, 1}), 3));
-  BringAll();
+  TransferAll();
   const proto::PruneReply reply = Prune(Acknowledged());
   EXPECT_EQ(CountOf(reply), 2);
   EXPECT_EQ(reply.unacknowledged_count(), 2);
@@ -132,9 +132,9 @@ TEST_F(PruneTest, KeepsRecordsForTheGroundStationThatAreInNoBundleYet) {
 
 TEST_F(PruneTest, KeepsRecordsThatLeaderOrSurvivorLacks) {
   InsertOne(*store_, SoilOf(3, "both"));
-  BringAll();
+  TransferAll();
   InsertOne(*store_, SoilOf(2, "leader only"));
-  while (Bring(*store_, *leader_)) {
+  while (Transfer(*store_, *leader_)) {
   }
   InsertOne(*store_, SoilOf(1, "nobody"));
   const proto::PruneReply reply = Prune(Acknowledged());
@@ -145,7 +145,7 @@ TEST_F(PruneTest, KeepsRecordsThatLeaderOrSurvivorLacks) {
 
 TEST_F(PruneTest, CountsRecordsThatAPeerPrunedAsCovered) {
   InsertOne(*store_, SoilOf(3));
-  BringAll();
+  TransferAll();
   proto::PruneRequest request;
   *request.add_acknowledged() = store_->GetHave().have();
   ASSERT_TRUE(leader_->Prune(request, kNow_ns));
@@ -156,12 +156,12 @@ TEST_F(PruneTest, CountsRecordsThatAPeerPrunedAsCovered) {
 TEST_F(PruneTest, PeersKeepRecordsThatItPruned) {
   InsertOne(*store_, SoilOf(3, "a"));
   InsertOne(*store_, SoilOf(1, "b"));
-  BringAll();
+  TransferAll();
   proto::PruneRequest request = Acknowledged();
   request.set_older_than_s(2 * 86400);
   EXPECT_EQ(CountOf(Prune(request)), 1);
   InsertOne(*store_, SoilOf(0, "c"));
-  BringAll();
+  TransferAll();
   EXPECT_EQ(PayloadsIn(*leader_), (std::set<std::string>{"a", "b", "c"}));
   EXPECT_EQ(PayloadsIn(*survivor_), (std::set<std::string>{"a", "b", "c"}));
 }
@@ -173,21 +173,21 @@ TEST_F(PruneTest, ACarrierKeepsRecordsThatAPeerPruned) {
   const auto carrier = OpenStore(options);
   InsertOne(*store_, SoilOf(3, "a"));
   InsertOne(*store_, SoilOf(1, "b"));
-  BringAll();
-  while (Bring(*store_, *carrier)) {
+  TransferAll();
+  while (Transfer(*store_, *carrier)) {
   }
   proto::PruneRequest request = Acknowledged();
   request.set_older_than_s(2 * 86400);
   EXPECT_EQ(CountOf(Prune(request)), 1);
   InsertOne(*store_, SoilOf(0, "c"));
-  while (Bring(*store_, *carrier)) {
+  while (Transfer(*store_, *carrier)) {
   }
   EXPECT_EQ(PayloadsIn(*carrier), (std::set<std::string>{"a", "b", "c"}));
 }
 
 TEST_F(PruneTest, IgnoresAPrunedRecordThatArrivesAgain) {
   const RecordKey key = FromProto(InsertOne(*store_, SoilOf(3)));
-  BringAll();
+  TransferAll();
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
   const proto::StoreReply reply = StoreOne(*store_, Packed(key, SoilOf(3)));
   EXPECT_EQ(reply.stored_count(), 0u);
@@ -198,17 +198,17 @@ TEST_F(PruneTest, IgnoresAPrunedRecordThatArrivesAgain) {
 
 TEST_F(PruneTest, RestoresRecordsThatPeersHoldToAnEmptyDisk) {
   InsertOne(*store_, SoilOf(3, "a"));
-  BringAll();
+  TransferAll();
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
   store_ = OpenStore(StoreOptionsOf(1, ":memory:", 3));
-  while (Bring(*leader_, *store_)) {
+  while (Transfer(*leader_, *store_)) {
   }
   EXPECT_EQ(PayloadsIn(*store_), std::set<std::string>{"a"});
 }
 
 TEST_F(PruneTest, PrunesRecordsOlderThanTheGivenAge) {
   for (const int days : {40, 31, 29, 1}) InsertOne(*store_, SoilOf(days, std::to_string(days)));
-  BringAll();
+  TransferAll();
   proto::PruneRequest request = Acknowledged();
   request.set_older_than_s(30 * 86400);
   const proto::PruneReply reply = Prune(request);
@@ -230,7 +230,7 @@ TEST_F(PruneTest, KeepsRecordsTimestampedByASuspectClock) {
   suspect.set_is_clock_suspect(true);
   InsertOne(*store_, suspect);
   InsertOne(*store_, SoilOf(40, "sure"));
-  BringAll();
+  TransferAll();
   proto::PruneRequest request = Acknowledged();
   request.set_older_than_s(30 * 86400);
   EXPECT_EQ(CountOf(Prune(request)), 1);
@@ -239,7 +239,7 @@ TEST_F(PruneTest, KeepsRecordsTimestampedByASuspectClock) {
 
 TEST_F(PruneTest, PrunesTheOldestFirstUntilTheGivenSizeIsReached) {
   for (const int days : {1, 4, 2, 3}) InsertOne(*store_, SoilOf(days, std::to_string(days)));
-  BringAll();
+  TransferAll();
   proto::PruneRequest request = Acknowledged();
   request.set_content_bytes_max(static_cast<double>(SerializeRecord(SoilOf(4, "4")).size()) + 1);
   const proto::PruneReply reply = Prune(request);
@@ -250,7 +250,7 @@ TEST_F(PruneTest, PrunesTheOldestFirstUntilTheGivenSizeIsReached) {
 
 TEST_F(PruneTest, CountsWithoutRemovingInADryRun) {
   for (int i = 0; i < 3; ++i) InsertOne(*store_, SoilOf(i));
-  BringAll();
+  TransferAll();
   const proto::HaveSet before = store_->GetHave().have();
   proto::PruneRequest request = Acknowledged();
   request.set_is_dry_run(true);
@@ -264,7 +264,7 @@ TEST_F(PruneTest, ContinuesWhereABoundedRequestEnded) {
   std::vector<proto::Record> records;
   for (std::size_t i = 0; i < kPruneRowsMax + 10; ++i) records.push_back(SoilOf(1, std::to_string(i)));
   EXPECT_FALSE(IsError(InsertAll(*store_, records).error()));
-  BringAll();
+  TransferAll();
   proto::PruneRequest dry = Acknowledged();
   dry.set_is_dry_run(true);
   EXPECT_EQ(CountOf(Prune(dry)), kPruneRowsMax + 10);
@@ -281,7 +281,7 @@ TEST_F(PruneTest, KeepsStatesLocalRecordsAndThePoseGraph) {
   InsertOne(*store_, SoilOf(50, "local"), /*is_local=*/true);
   InsertOne(*store_, Aged(NodeRecord(1, 1), 50));
   InsertOne(*store_, Aged(RangeRecord({1, 1}, {2, 1}, 3), 50));
-  BringAll();
+  TransferAll();
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 0);
   EXPECT_EQ(Contents(*store_).size(), 4u);
   proto::PruneRequest named = Acknowledged();
@@ -295,7 +295,7 @@ TEST_F(PruneTest, KeepsStatesLocalRecordsAndThePoseGraph) {
 TEST_F(PruneTest, PrunesOnlyNamedRecordsIfSomeAreNamed) {
   const proto::RecordKey first = InsertOne(*store_, SoilOf(3, "first"));
   InsertOne(*store_, SoilOf(3, "second"));
-  BringAll();
+  TransferAll();
   proto::PruneRequest request = Acknowledged();
   *request.add_records() = first;
   proto::RecordKey never = first;
@@ -330,7 +330,7 @@ TEST_F(PruneTest, RefusesAnInvalidRequest) {
 
 TEST_F(PruneTest, NumbersNewRecordsAfterPrunedOnes) {
   const proto::RecordKey pruned = InsertOne(*store_, SoilOf(3));
-  BringAll();
+  TransferAll();
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
   const proto::RecordKey next = InsertOne(*store_, SoilOf(3));
   EXPECT_EQ(next.epoch(), pruned.epoch());
@@ -339,13 +339,13 @@ TEST_F(PruneTest, NumbersNewRecordsAfterPrunedOnes) {
 
 TEST_F(PruneTest, StoresAPrunedNodeThatIsInsertedAgainAsANewRecord) {
   const proto::RecordKey pruned = InsertOne(*store_, NodeRecord(1, 7));
-  BringAll();
+  TransferAll();
   proto::PruneRequest request = Acknowledged();
   request.add_data_types(proto::POSE_GRAPH_NODE);
   EXPECT_EQ(CountOf(Prune(request)), 1);
   const proto::RecordKey again = InsertOne(*store_, NodeRecord(1, 7));
   EXPECT_NE(again.seq(), pruned.seq());
-  BringAll();
+  TransferAll();
 }
 
 // Prunes every second record of a stream, which leaves holes.
@@ -355,7 +355,7 @@ TEST_F(PruneTest, ReportsAStreamWithHolesToPeersAsOneInterval) {
     const proto::RecordKey key = InsertOne(*store_, SoilOf(3));
     if (i % 2 == 0) *named.add_records() = key;
   }
-  BringAll();
+  TransferAll();
   *named.mutable_acknowledged() = Acknowledged().acknowledged();
   EXPECT_EQ(CountOf(Prune(named)), 10);
   proto::HaveRequest question;
@@ -365,15 +365,15 @@ TEST_F(PruneTest, ReportsAStreamWithHolesToPeersAsOneInterval) {
 
 TEST_F(PruneTest, RemembersPrunedRecordsWhenAnotherRowIsDamaged) {
   InsertOne(*store_, SoilOf(3, "pruned"));
-  BringAll();
+  TransferAll();
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
   InsertOne(*store_, SoilOf(3, "damaged"));
-  BringAll();
+  TransferAll();
   ASSERT_TRUE(
       store_->database().Execute("UPDATE custom_record SET content = x'00', payload_at = 0, payload_bytes = 0"));
   Reopen();
   EXPECT_TRUE(Contents(*store_).empty());
-  while (Bring(*leader_, *store_)) {
+  while (Transfer(*leader_, *store_)) {
   }
   EXPECT_EQ(PayloadsIn(*store_), std::set<std::string>{"damaged"});
 }
@@ -383,7 +383,7 @@ TEST_F(PruneTest, CountsTheBytesOfMaps) {
   const proto::RecordKey first = InsertOne(*store_, MapRecord({1, 1}));
   InsertOne(*store_, MapRecord({1, 1}), /*is_local=*/true);
   EXPECT_EQ(store_->GetStatus()->map_bytes(), 2 * bytes);
-  BringAll();
+  TransferAll();
   EXPECT_EQ(leader_->GetStatus()->map_bytes(), bytes);
   proto::PruneRequest request = Acknowledged();
   *request.add_records() = first;
@@ -397,7 +397,7 @@ TEST_F(PruneTest, FreesSpaceThatNewRecordsReuse) {
   const std::string payload(60, 'x');
   std::vector<proto::Record> records(3000, SoilOf(3, payload));
   EXPECT_FALSE(IsError(InsertAll(*store_, records).error()));
-  BringAll();
+  TransferAll();
   const auto used = [&] { return store_->GetStatus()->database_bytes() - store_->GetStatus()->wal_bytes(); };
   ASSERT_TRUE(store_->database().Execute("PRAGMA wal_checkpoint(TRUNCATE)"));
   const double before = used();

@@ -52,7 +52,7 @@ class Exchange {
       bool is_moving = false;
       for (auto& [from, source] : stores_) {
         for (auto& [to, sink] : stores_) {
-          if (from != to && Bring(*source, *sink, static_cast<std::uint32_t>(Draw(4)))) is_moving = true;
+          if (from != to && Transfer(*source, *sink, static_cast<std::uint32_t>(Draw(4)))) is_moving = true;
         }
       }
       if (!is_moving) return true;
@@ -141,7 +141,7 @@ TEST(RecordExchangeTest, AStateIsNotSupersededByALostState) {
   auto first = OpenStore(StoreOptionsOf(2));
   auto second = OpenStore(StoreOptionsOf(3));
   InsertOne(*origin, TemperatureRecord(1));
-  while (Bring(*origin, *first)) {
+  while (Transfer(*origin, *first)) {
   }
   InsertOne(*origin, TemperatureRecord(2));
   proto::StoreRequest reported;
@@ -150,7 +150,7 @@ TEST(RecordExchangeTest, AStateIsNotSupersededByALostState) {
   ASSERT_EQ(reported.dropped_size(), 1);
   EXPECT_FALSE(IsError(second->Store(reported).reply.error()));
   origin.reset();
-  while (Bring(*first, *second)) {
+  while (Transfer(*first, *second)) {
   }
   EXPECT_EQ(*second->database().Number("SELECT celsius FROM temperature"), 1);
 }
@@ -160,10 +160,10 @@ TEST(RecordExchangeTest, TheLeaderAlwaysHasAStateOfAnAgentOnceItReceivedOne) {
   auto leader = OpenStore(StoreOptionsOf(1));
   for (int i = 1; i <= 20; ++i) {
     InsertOne(*origin, TemperatureRecord(i));
-    if (i % 3 == 0) Bring(*origin, *leader, 1);
+    if (i % 3 == 0) Transfer(*origin, *leader, 1);
     EXPECT_EQ(*leader->database().Number("SELECT count(*) FROM temperature"), i < 3 ? 0 : 1);
   }
-  while (Bring(*origin, *leader)) {
+  while (Transfer(*origin, *leader)) {
   }
   EXPECT_EQ(*leader->database().Number("SELECT celsius FROM temperature"), 20);
 }

@@ -247,7 +247,7 @@ TEST(RecordStoreTest, PreservesUnknownFields) {
   proto::Record record = TemperatureRecord(20);
   record.GetReflection()->MutableUnknownFields(&record)->AddVarint(900, 42);
   InsertOne(*origin, record);
-  while (Bring(*origin, *peer)) {
+  while (Transfer(*origin, *peer)) {
   }
   ASSERT_EQ(Contents(*peer).size(), 1u);
   EXPECT_EQ(Contents(*peer)[0].content(), Contents(*origin)[0].content());
@@ -626,7 +626,7 @@ TEST(RecordStoreTest, ReturnsOnlyTheRequestedStreams) {
   InsertOne(*store, NodeRecord(2, 1));
   InsertOne(*other, NodeRecord(3, 1));
   InsertOne(*other, TemperatureRecord(1));
-  while (Bring(*other, *store)) {
+  while (Transfer(*other, *store)) {
   }
   proto::HaveRequest request;
   EXPECT_EQ(store->GetHave(request).have().streams_size(), 3);

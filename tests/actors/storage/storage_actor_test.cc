@@ -35,15 +35,15 @@ class StorageActorTest : public testing::Test {
   void Start() {
     team_.Spawn(2, "storage", [this] { return std::make_unique<StorageActor>(options_); });
     team_.RunUntilIdle();
-    started_ = team_.Take({2, "merge"});
-    (void)team_.Take({2, "pgo"});
+    started_ = team_.TakeMessages({2, "merge"});
+    (void)team_.TakeMessages({2, "pgo"});
   }
 
   proto::Message Ask(proto::Message question) {
     question.set_request_id(++request_id_);
     EXPECT_EQ(team_.Post({2, "test"}, {2, "storage"}, std::move(question)), SendResult::kAccepted);
     team_.RunUntilIdle();
-    const std::vector<proto::Message> replies = team_.Take({2, "test"});
+    const std::vector<proto::Message> replies = team_.TakeMessages({2, "test"});
     EXPECT_EQ(replies.size(), 1u);
     if (replies.empty()) return {};
     EXPECT_EQ(replies[0].request_id(), request_id_);
@@ -90,7 +90,7 @@ TEST_F(StorageActorTest, AnswersInsertsAndNotifiesOtherActorsOfNewRows) {
   const proto::InsertReply reply = Insert(NodeRecord(2, 1));
   ASSERT_EQ(reply.keys_size(), 1);
   for (const char* actor : {"merge", "pgo"}) {
-    const std::vector<proto::Message> reported = team_.Take({2, actor});
+    const std::vector<proto::Message> reported = team_.TakeMessages({2, actor});
     ASSERT_EQ(reported.size(), 1u) << actor;
     EXPECT_EQ(reported[0].records_stored().last_row_id(), 1u);
     ASSERT_EQ(reported[0].records_stored().data_types_size(), 1);
@@ -99,7 +99,7 @@ TEST_F(StorageActorTest, AnswersInsertsAndNotifiesOtherActorsOfNewRows) {
   // The next inserts add no row, so nothing is published.
   Insert(NodeRecord(2, 1));
   EXPECT_TRUE(IsError(Insert(NodeRecord(1, 1)).error()));
-  EXPECT_TRUE(team_.Take({2, "merge"}).empty());
+  EXPECT_TRUE(team_.TakeMessages({2, "merge"}).empty());
 }
 
 TEST_F(StorageActorTest, KeepsItsRecordsAndRolesAcrossAKill) {
@@ -174,12 +174,12 @@ TEST_F(EpochReportTest, ReportsEpochsToAPeerWhenALinkComesUp) {
         Packed(RecordKey{StreamKey{1, epoch, proto::POSE_GRAPH_NODE}, 2}, NodeRecord(1, epoch));
   }
   Ask(question);
-  EXPECT_TRUE(team_.Take({1, "storage"}).empty());
+  EXPECT_TRUE(team_.TakeMessages({1, "storage"}).empty());
   for (int i = 0; i < 2; ++i) {
     team_.SetLink(1, 2, false);
     team_.SetLink(1, 2, true);
     team_.AdvanceTime(std::chrono::seconds(1));
-    const std::vector<proto::Message> reported = team_.Take({1, "storage"});
+    const std::vector<proto::Message> reported = team_.TakeMessages({1, "storage"});
     ASSERT_EQ(reported.size(), 1u);
     EXPECT_EQ(reported[0].ms_type(), proto::CONTROL);
     EXPECT_EQ(reported[0].epoch_report().ShortDebugString(), "epochs: 4 epochs: 9");
@@ -187,7 +187,7 @@ TEST_F(EpochReportTest, ReportsEpochsToAPeerWhenALinkComesUp) {
   team_.SetLink(2, 7, false);
   team_.SetLink(2, 7, true);
   team_.AdvanceTime(std::chrono::seconds(1));
-  EXPECT_TRUE(team_.Take({7, "storage"}).empty()) << "of which it knows none";
+  EXPECT_TRUE(team_.TakeMessages({7, "storage"}).empty()) << "of which it knows none";
 }
 
 TEST_F(EpochReportTest, ReportsEpochsAgainBeforeItReturnsAPeersOwnRecords) {
@@ -203,7 +203,7 @@ TEST_F(EpochReportTest, ReportsEpochsAgainBeforeItReturnsAPeersOwnRecords) {
     missing.mutable_missing_request()->set_records_max(1);
     ASSERT_EQ(Ask(missing).missing_reply().records_size(), 1);
     team_.AdvanceTime(std::chrono::seconds(1));
-    const std::vector<proto::Message> reported = team_.Take({destination, "storage"});
+    const std::vector<proto::Message> reported = team_.TakeMessages({destination, "storage"});
     ASSERT_EQ(reported.size(), destination == 1 ? 1u : 0u);
     for (const proto::Message& report : reported) {
       EXPECT_EQ(report.epoch_report().ShortDebugString(), "epochs: 4 epochs: 9");
@@ -213,11 +213,11 @@ TEST_F(EpochReportTest, ReportsEpochsAgainBeforeItReturnsAPeersOwnRecords) {
 
 TEST_F(EpochReportTest, ReissuesEndangeredStatesAndNotifiesReaders) {
   const std::uint64_t epoch = Insert(TemperatureRecord(20)).keys(0).epoch();
-  (void)team_.Take({2, "merge"});
+  (void)team_.TakeMessages({2, "merge"});
   const std::uint64_t later = OfAnotherDisk(epoch);
   Report(1, later);
   EXPECT_GT(EpochOfTheState(), later);
-  const std::vector<proto::Message> reported = team_.Take({2, "merge"});
+  const std::vector<proto::Message> reported = team_.TakeMessages({2, "merge"});
   ASSERT_EQ(reported.size(), 1u);
   EXPECT_EQ(reported[0].records_stored().data_types(0), static_cast<DataType>(proto::TEMPERATURE));
 }
@@ -235,7 +235,7 @@ TEST_F(EpochReportTest, AcceptsOnlyEpochReportsFromPeersAndNothingFromOutsideThe
   for (const proto::Message& message : {insert, roles, read}) {
     (void)team_.Post({1, "sync"}, {2, "storage"}, message);
     team_.AdvanceTime(std::chrono::seconds(1));
-    EXPECT_TRUE(team_.Take({1, "sync"}).empty());
+    EXPECT_TRUE(team_.TakeMessages({1, "sync"}).empty());
   }
   EXPECT_EQ(EpochOfTheState(), epoch);
   proto::Message load;
@@ -268,7 +268,7 @@ TEST_F(StorageActorTest, ReportsAFullDiskAndContinues) {
   proto::Message question;
   for (int i = 0; i < 5000; ++i) *question.mutable_insert_request()->add_records() = NodeRecord(2, i);
   EXPECT_EQ(Ask(question).insert_reply().error().code(), proto::ERROR_CODE_FULL);
-  EXPECT_TRUE(team_.Take({2, "merge"}).empty());
+  EXPECT_TRUE(team_.TakeMessages({2, "merge"}).empty());
   EXPECT_EQ(Insert(NodeRecord(2, 1)).keys_size(), 1);
   const proto::StorageStatus shown = Status();
   ASSERT_EQ(shown.counts_size(), 1);
@@ -284,7 +284,7 @@ TEST_F(StorageActorTest, StoresPeersHaveSetsWithoutAReply) {
   *note.mutable_peer_have()->add_handed_over() = key;
   EXPECT_EQ(team_.Post({2, "test"}, {2, "storage"}, note), SendResult::kAccepted);
   team_.RunUntilIdle();
-  EXPECT_TRUE(team_.Take({2, "test"}).empty());
+  EXPECT_TRUE(team_.TakeMessages({2, "test"}).empty());
 }
 
 // Damages a page of table pose_graph_node. The store does not read this page at its start if `is_checked` is true.
@@ -308,7 +308,7 @@ TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
   (void)team_.Post({2, "test"}, {2, "storage"}, std::move(question));
   team_.RunUntilIdle();
   EXPECT_FALSE(team_.is_running(2));
-  EXPECT_EQ(team_.Take({2, "test"}).at(0).read_reply().error().code(), proto::ERROR_CODE_CORRUPT);
+  EXPECT_EQ(team_.TakeMessages({2, "test"}).at(0).read_reply().error().code(), proto::ERROR_CODE_CORRUPT);
   EXPECT_FALSE(std::filesystem::exists(options_.path + ".damaged-1"));
 
   options_.is_checked = false;

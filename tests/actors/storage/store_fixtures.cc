@@ -164,7 +164,7 @@ std::vector<proto::StoredRecord> Contents(RecordStore& store) {
   }
 }
 
-bool Bring(RecordStore& from, RecordStore& to, std::uint32_t records_max) {
+bool Transfer(RecordStore& from, RecordStore& to, std::uint32_t records_max) {
   proto::MissingRequest question;
   *question.mutable_destination_have() = to.GetHave().have();
   question.set_records_max(records_max);

@@ -39,6 +39,6 @@ proto::StoreReply StoreOne(RecordStore& store, const proto::StoredRecord& record
 std::vector<proto::StoredRecord> Contents(RecordStore& store);
 
 // Sends `to` one page of the records and drops of `from` that `to` lacks. Returns false if the page was empty.
-bool Bring(RecordStore& from, RecordStore& to, std::uint32_t records_max = 0);
+bool Transfer(RecordStore& from, RecordStore& to, std::uint32_t records_max = 0);
 
 }  // namespace moondb

@@ -76,7 +76,7 @@ TEST(TypeTablesTest, PreserveARecordOfEachTypeSentToAnotherStore) {
     proto::Record record = SampleRecord(row.type, 1);
     record.set_is_state(row.share == proto::POLICY_LATEST);
     EXPECT_GT(InsertOne(*store, record, false).seq(), 0u);
-    EXPECT_TRUE(Bring(*store, *other, 10));
+    EXPECT_TRUE(Transfer(*store, *other, 10));
     for (RecordStore* held : {store.get(), other.get()}) {
       const std::vector<proto::StoredRecord> contents = Contents(*held);
       ASSERT_THAT(contents, SizeIs(1));

@@ -218,7 +218,7 @@ TEST_F(VerifyTest, TwoAgentsWithTheSameRecordsHaveTheSameFingerprint) {
   auto other = OpenStore(StoreOptionsOf(3));
   for (int i = 0; i < 5; ++i) InsertOne(*store_, NodeRecord(2, i));
   const StreamKey stream{2, store_->GetHave().epoch(), proto::POSE_GRAPH_NODE};
-  while (Bring(*store_, *other, 2)) {
+  while (Transfer(*store_, *other, 2)) {
   }
   const proto::FingerprintReply ours = FingerprintOf(*store_, stream, 1, 5);
   EXPECT_EQ(ours.record_count(), 5);

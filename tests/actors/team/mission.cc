@@ -295,7 +295,7 @@ class Mission {
     }
     const auto take = [&] {
       std::erase_if(waiting, [&](const auto& entry) {
-        const std::vector<proto::Message> answers = team_.Take(entry.second);
+        const std::vector<proto::Message> answers = team_.TakeMessages(entry.second);
         if (answers.size() > 1) Complain("more than one answer to " + requests[entry.first].ShortDebugString());
         if (!answers.empty()) replies[entry.first] = ReplyIn(answers.front());
         return !answers.empty();
@@ -522,7 +522,7 @@ class Mission {
     const Address requester{agent, "checker"};
     (void)team_.Post(requester, {agent, actor_name::kStorage}, std::move(question));
     team_.RunUntilIdle();
-    std::vector<proto::Message> answers = team_.Take(requester);
+    std::vector<proto::Message> answers = team_.TakeMessages(requester);
     return answers.empty() ? proto::Message() : std::move(answers.back());
   }
 

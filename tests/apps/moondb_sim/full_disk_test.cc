@@ -45,10 +45,10 @@ class FullDiskTest : public testing::Test {
   ~FullDiskTest() override { team_.Crash(kSelf); }
 
   proto::Message Ask(proto::Message question) {
-    (void)team_.Take({kSelf, "test"});
+    (void)team_.TakeMessages({kSelf, "test"});
     (void)team_.Post({kSelf, "test"}, {kSelf, "storage"}, std::move(question));
     team_.RunUntilIdle();
-    const std::vector<proto::Message> replies = team_.Take({kSelf, "test"});
+    const std::vector<proto::Message> replies = team_.TakeMessages({kSelf, "test"});
     EXPECT_EQ(replies.size(), 1u);
     return replies.empty() ? proto::Message() : replies[0];
   }

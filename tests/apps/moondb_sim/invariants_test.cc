@@ -43,8 +43,8 @@ HaveSet Have(const std::vector<RecordKey>& held, const std::vector<RecordKey>& d
 class RulesTest : public testing::Test {
  protected:
   void Insert(AgentId agent, const RecordKey& key, const proto::Record& record) {
-    rules_.SeeInserted(agent, key, record);
-    rules_.SeeRecord(key, record.SerializeAsString(), agent);
+    rules_.ObserveInserted(agent, key, record);
+    rules_.ObserveRecord(key, record.SerializeAsString(), agent);
   }
 
   // Checks an idle team of leader 1, survivor 2 and base station 3 with these have-sets. Each agent stores exactly the
@@ -71,13 +71,13 @@ TEST_F(RulesTest, RecordIsWhatItsRobotInserted) {
   Insert(1, key, State());
   proto::Record marked = State();
   marked.set_is_clock_suspect(true);
-  rules_.SeeRecord(Key(1, 5, proto::POWER, 2), marked.SerializeAsString(), 2);
-  rules_.SeeInserted(1, Key(1, 5, proto::POWER, 2), State());
+  rules_.ObserveRecord(Key(1, 5, proto::POWER, 2), marked.SerializeAsString(), 2);
+  rules_.ObserveInserted(1, Key(1, 5, proto::POWER, 2), State());
   EXPECT_THAT(broken_, IsEmpty());
-  rules_.SeeRecord(Key(1, 5, proto::POWER, 3), "other", 2);
-  rules_.SeeInserted(1, Key(1, 5, proto::POWER, 3), State());
+  rules_.ObserveRecord(Key(1, 5, proto::POWER, 3), "other", 2);
+  rules_.ObserveInserted(1, Key(1, 5, proto::POWER, 3), State());
   EXPECT_THAT(broken_, ElementsAre("one_content"));
-  rules_.SeeRecord(key, marked.SerializeAsString(), 2);
+  rules_.ObserveRecord(key, marked.SerializeAsString(), 2);
   EXPECT_THAT(broken_, ElementsAre("one_content", "one_content"));
 }
 
@@ -106,7 +106,7 @@ TEST_F(RulesTest, LeaderNeedsTheLastStateThatAnyDiskHas) {
   const RecordKey second = Key(1, 5, proto::POWER, 2);
   Insert(1, first, State());
   Insert(1, second, State());
-  rules_.SeeHave(2, Have({second}, {first}));
+  rules_.ObserveHave(2, Have({second}, {first}));
   const HaveSet all = Have({second}, {first});
   Rest(all, all, all);
   EXPECT_THAT(broken_, IsEmpty());
@@ -177,7 +177,7 @@ TEST_F(RulesTest, StateIsDroppedForANewerOneOnly) {
 
 TEST_F(RulesTest, KeptNotesAreHeldByLeaderAndSurvivorUnlessTheirDisksAreLost) {
   for (std::uint64_t seq = 1; seq <= 2; ++seq) Insert(3, Key(3, 5, kNote, seq), proto::Record());
-  rules_.SeeKept(Key(3, 5, kNote, 2));
+  rules_.ObserveKept(Key(3, 5, kNote, 2));
   const HaveSet both = Have({Key(3, 5, kNote, 1), Key(3, 5, kNote, 2)});
   const HaveSet first = Have({Key(3, 5, kNote, 1)}, {Key(3, 5, kNote, 2)});
   const HaveSet second = Have({Key(3, 5, kNote, 2)}, {Key(3, 5, kNote, 1)});
@@ -196,7 +196,7 @@ TEST_F(RulesTest, KeptNotesAreHeldByLeaderAndSurvivorUnlessTheirDisksAreLost) {
 TEST_F(RulesTest, DamagedRecordIsForgottenAndNothingElse) {
   const DataType node = proto::POSE_GRAPH_NODE;
   for (std::uint64_t seq = 1; seq <= 3; ++seq) Insert(1, Key(1, 5, node, seq), proto::Record());
-  rules_.SeeHave(2, Have({Key(1, 5, node, 1)}));
+  rules_.ObserveHave(2, Have({Key(1, 5, node, 1)}));
   rules_.ForgetRecord(1, Key(1, 5, node, 1));
   rules_.ForgetRecord(1, Key(1, 5, node, 2));
   rules_.CheckHave(1, Have({Key(1, 5, node, 3)}));
@@ -208,7 +208,7 @@ TEST_F(RulesTest, DamagedRecordIsForgottenAndNothingElse) {
 TEST_F(RulesTest, DamagedRecordIsOwedWhereAnotherDiskHasIt) {
   const DataType node = proto::POSE_GRAPH_NODE;
   for (std::uint64_t seq = 1; seq <= 2; ++seq) Insert(1, Key(1, 5, node, seq), proto::Record());
-  rules_.SeeHave(2, Have({Key(1, 5, node, 1)}));
+  rules_.ObserveHave(2, Have({Key(1, 5, node, 1)}));
   for (std::uint64_t seq = 1; seq <= 2; ++seq) rules_.ForgetRecord(1, Key(1, 5, node, seq));
   const HaveSet first = Have({Key(1, 5, node, 1)});
   Rest(first, first, first);

@@ -127,7 +127,7 @@ TEST_F(TcpConnectionsTest, ReadsTheConnectionThatReusesADescriptor) {
   ours.reset();
   const Socket reused = Accept();
   ASSERT_EQ(reused.file(), file) << "the kernel gives the lowest free descriptor";
-  const std::optional<TcpConnection> looked_at = connections->Look(file);
+  const std::optional<TcpConnection> looked_at = connections->Inspect(file);
   ASSERT_TRUE(looked_at);
   EXPECT_EQ(looked_at->bytes_received, 0u);
   EXPECT_EQ(looked_at->peer_port, connections->Read(file)->peer_port);
