@@ -34,7 +34,7 @@ struct TeamRun {
 
 std::vector<TeamCase> StandardTeamCases();
 
-// Teams of three rovers and a base station. Two of the rovers do not know their start poses.
+// Results of solves for teams of three rovers and a base station. Two of the rovers do not know their start poses.
 struct UnknownStartsRun {
   int runs = 0;
   int right = 0;            // Runs with an error of the whole team below 1 m.

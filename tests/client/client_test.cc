@@ -53,7 +53,7 @@ TEST(ClientTest, ReportsADeadAgentThatLeftItsSocket) {
   FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>{}; });
   const std::string path = agent.endpoint().substr(6);
   agent.Stop();
-  // Create a socket file without a listening process, as a killed process leaves it behind.
+  // Create a socket file on which no process listens, like the file that a killed agent leaves behind.
   const int left = ::socket(AF_UNIX, SOCK_STREAM, 0);
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
