@@ -25,10 +25,10 @@ struct TeamRun {
   TeamCase team;
   int seeds = 0;
   std::map<Method, MethodFigures> methods;
-  // Precision and recall with which the staged solve rejects outlier ranges, over all seeds.
+  // Precision and recall with which Method::kStaged rejects outlier ranges, over all seeds.
   double precision = 0;
   double recall = 0;
-  MethodFigures warm;    // The staged solve that starts from the previous solution, after 10 new nodes per rover.
+  MethodFigures warm;    // Method::kStaged, started from the previous solution after 10 new nodes per rover.
   MethodFigures window;  // As `warm`, but only the last 100 nodes of each rover are variable.
 };
 

@@ -127,7 +127,7 @@ proto::ControlReply ErrorReply(proto::ErrorCode code, const std::string& text, c
   return reply;
 }
 
-// A leader that reports an order as complete in its `steps`-th progress report.
+// A fake leader. Its `steps`-th progress report says that the order to share is complete.
 class SharingAgent {
  public:
   explicit SharingAgent(int steps) : steps_(steps) {}

@@ -463,7 +463,7 @@ class KeepsReissuedToItself final : public OtherActor {
       }
 
      private:
-      // Returns the record's content without the marks that the agent sets.
+      // Returns the record's content without the fields that the agent sets.
       static std::string Name(proto::Record record) {
         record.clear_is_clock_suspect();
         record.clear_is_state();
@@ -673,7 +673,8 @@ Applies Says(const char* actor_name, decltype(Hooks::says) says) {
   return Hooked(actor_name, {nullptr, std::move(says)});
 }
 
-// Every batch claims that the newest order of its destination has ended, even if records are still missing.
+// Every batch claims that its destination's newest order to share (ShareRequest.order) is done, even if records are
+// still missing.
 void ReportTheEndTooSoon(SimOptions& options) {
   using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // Newest order, by agent and requester.
   const auto orders = std::make_shared<Ends>();
@@ -704,7 +705,7 @@ bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
   return true;
 }
 
-// Does not send states that were stored after the order was accepted.
+// Storage holds back states that were inserted after the destination's newest order to share was accepted.
 void KeepNewStatesBack(SimOptions& options) {
   struct Storage {
     std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // Last MissingRequest::mark, by destination and kind.
@@ -821,7 +822,7 @@ bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   return true;
 }
 
-// Does not tell an agent's actors that the agent has given up its roles because it cannot store them.
+// Does not notify an agent's actors that the agent has given up its roles because it cannot store them.
 bool KeepRoles(Context&, const Address&, proto::Message& message) {
   const proto::RoleAssignment& roles = message.roles_changed().roles();
   return !message.has_roles_changed() || (roles.leader() != 0 && roles.survivor() != 0);
