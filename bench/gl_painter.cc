@@ -138,7 +138,7 @@ class GlPainter::Context {
     const PlacedRectangle& p = quad.placed;
     const double c = p.step_cos;
     const double s = p.step_sin;
-    // The inverse of (c, s) is (c, -s) times this factor.
+    // Read as complex numbers, the inverse of (c, s) is (c, -s) times this factor.
     const double scale = 1 / (c * c + s * s);
     const double du = p.width_q / 2.0 - p.u0;
     const double dv = p.height_q / 2.0 - p.v0;

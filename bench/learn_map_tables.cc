@@ -3,9 +3,9 @@
 //
 //   learn_map_tables > actors/sharing/coding/trained_tables_data.cc
 //
-// The training data are generated maps: lasers in buildings, cameras on the Moon, and maps that roll over one grid. The
-// output is part of the wire format (actors/sharing/coding/map_codec.h), so new tables require a new wire version
-// (docs/COMPATIBILITY.md).
+// The training data are generated maps: of lasers in buildings, of cameras on the Moon, and rolling maps
+// (bench/rolling_maps.h). The output is part of the wire format (actors/sharing/coding/map_codec.h), so new tables
+// require a new wire version (docs/COMPATIBILITY.md).
 //
 // Takes a minute. After a change of the model's structure, first build this program with an empty string in
 // trained_tables_data.cc.
@@ -26,7 +26,8 @@
 namespace moondb {
 namespace {
 
-// Maximum count of a context. With the highest possible value, a trained probability averages over many maps.
+// Upper limit of a context's count (BitModel::SetCountLimit). With the highest possible limit, a trained probability is
+// an average over many maps.
 constexpr std::uint32_t kCountLimit = BitModel::kCountMax;
 constexpr int kDrives = 150;
 constexpr int kMapsPerDrive = 16;

@@ -47,9 +47,9 @@ struct MergeRun {
   std::optional<double> gl_maps_upload_ms;  // Time of the first upload of all maps to the GPU.
   double local_map_ms = 0;                  // Time to pack one map on its arrival.
   double read_cells_ms = 0;                 // Time to read the whole merged map as a grid.
-  // Fraction of cells with the same value as in the naive merger with integers, among cells known to at least one of
-  // the two. The mergers of this field and of the next two place layers with floats or doubles, so their cells on
-  // borders differ.
+  // Fraction of a contender's cells that have the same value as in the naive merger with integers, among the cells that
+  // are known in at least one of the two maps. The three contenders place layers with floats or doubles, so some of
+  // their cells on borders differ.
   double naive_agrees = 0;
   std::optional<double> opencv_agrees;
   std::optional<double> painter_agrees;

@@ -9,7 +9,8 @@
 
 namespace moondb {
 
-// Writes a PNG or an SVG file (apps/picture/drawing.h, also for the errors).
+// Writes a PNG or an SVG file, depending on the extension of `file`. Returns the errors of WriteDrawing
+// (apps/picture/drawing.h).
 Result<void> WritePlot(const std::vector<MergeRun>& runs, const std::filesystem::path& file);
 
 }  // namespace moondb

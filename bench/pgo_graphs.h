@@ -16,12 +16,14 @@ namespace moondb {
 // Result of solving one graph with one method.
 struct GraphResult {
   bool has_converged = false;
-  double cost = 0;  // F of actors/pgo/standalone_graph.h; for a team, the solver's F over accepted ranges.
-  std::optional<double>
-      ate_m;  // Null if the file has no ground truth (PyFG vertices). Graphs without map are rigidly aligned first.
+  double cost = 0;  // F of actors/pgo/standalone_graph.h for a graph file; Solution::final_cost for a team.
+  // Absolute trajectory error: root mean square of the distances from the ground truth. Null for a .g2o file, which has
+  // no ground truth. The solution of a .pyfg file is first rigidly aligned with the ground truth.
+  std::optional<double> ate_m;
   double seconds = 0;
-  // For a team: maps merged at the solved poses are compared with maps merged at the true poses. Intersection over
-  // union of their hazard cells. Null if there are no maps, or if the node of a map was not solved.
+  // For a team: intersection over union of the hazard cells of two merged maps, one with the maps at the solved poses
+  // and one with the maps at the true poses. Null if there are no maps or they cannot be merged, for example because a
+  // map's node was not solved.
   std::optional<double> hazard_iou;
 };
 

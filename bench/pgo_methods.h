@@ -24,7 +24,7 @@ struct MethodResult {
   double cost = 0;
   double seconds = 0;
   std::map<NodeKey, Pose> poses;
-  std::vector<RangeVerdict> ranges;  // Filled only by the staged method.
+  std::vector<RangeVerdict> ranges;  // Filled only with Method::kStaged.
 };
 
 MethodResult SolveWith(Method method, const PoseGraph& graph, const AgentFactsMap& agents,

@@ -10,7 +10,8 @@
 namespace moondb {
 namespace {
 
-// A range that exceeds the true distance by more than this counts as lengthened by a burst.
+// A range that exceeds the true distance by more than this counts as part of a burst: a series of ranges that are too
+// long because the line of sight is blocked.
 constexpr double kBurstMin_m = 0.5;
 
 std::vector<GraphNode> TrueNodes(const Mission& mission, AgentId agent) {
@@ -55,7 +56,7 @@ Mission Redraw(const Mission& mission, std::uint64_t seed) {
   return drawn;
 }
 
-// Solves by least squares without the ranges that bursts have lengthened. This uses the true poses, which the compared
+// Solves by least squares without the ranges of bursts. Finds these ranges with the true poses, which the compared
 // methods do not know.
 MethodResult SolveWithoutBursts(const Mission& mission, const SolverOptions& options) {
   const auto antenna_at = [&](const NodeKey& key) {

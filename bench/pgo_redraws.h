@@ -16,7 +16,7 @@ struct RedrawRun {
   std::string name;
   int draws = 0;
   std::map<Method, MethodFigures> methods;
-  MethodFigures without_bursts;  // Least squares without the ranges that bursts lengthened: a practical optimum.
+  MethodFigures without_bursts;  // Least squares without the ranges of bursts: about the best possible result.
 };
 
 RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws, const SolverOptions& options);

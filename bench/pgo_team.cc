@@ -42,7 +42,7 @@ ScenarioOptions OptionsOf(const TeamCase& team, std::uint64_t seed) {
   return options;
 }
 
-// Returns the graph that existed before the last `node_count` nodes of each rover.
+// Returns the graph without the last kNewNodes nodes of each rover. `node_count` is the number of nodes per rover.
 PoseGraph Earlier(const PoseGraph& graph, int node_count) {
   PoseGraph earlier = graph;
   const std::int64_t end_ns = (node_count - kNewNodes) * kStep_ns;

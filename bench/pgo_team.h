@@ -25,16 +25,16 @@ struct TeamRun {
   TeamCase team;
   int seeds = 0;
   std::map<Method, MethodFigures> methods;
-  // Precision and recall with which the staged solve rejects outlier ranges, over all seeds.
+  // Precision and recall with which Method::kStaged rejects outlier ranges, over all seeds.
   double precision = 0;
   double recall = 0;
-  MethodFigures warm;    // The staged solve that starts from the previous solution, after 10 new nodes per rover.
+  MethodFigures warm;    // Method::kStaged, started from the previous solution after 10 new nodes per rover.
   MethodFigures window;  // As `warm`, but only the last 100 nodes of each rover are variable.
 };
 
 std::vector<TeamCase> StandardTeamCases();
 
-// Teams of three rovers and a base station. Two of the rovers do not know their start poses.
+// Results of solves for teams of three rovers and a base station. Two of the rovers do not know their start poses.
 struct UnknownStartsRun {
   int runs = 0;
   int right = 0;            // Runs with an error of the whole team below 1 m.

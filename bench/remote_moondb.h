@@ -12,8 +12,8 @@
 
 namespace moondb {
 
-// Returns messages per second from a thread of one agent, which belongs to no actor, to an actor of the other agent.
-// Each message is `bytes` long when serialised.
+// Returns the number of messages per second that a thread of one agent sends to an actor of the other agent. The thread
+// belongs to no actor. Each message is `bytes` long when serialised.
 Result<double> MoondbRemoteThroughput(bool is_curve, std::size_t bytes, std::uint64_t count);
 
 // Returns microseconds per round trip between actors of the two agents.

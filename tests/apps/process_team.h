@@ -19,8 +19,8 @@
 
 namespace moondb {
 
-// Adapts a team file of `config init`. Replaces loopback addresses by ipc sockets in `folder`. Turns off automatic
-// solving, whose records could disturb tests that compare the records of agents.
+// Adapts a team file that `moonctl config init` has made. Replaces loopback addresses by ipc sockets in `folder`. Turns
+// off automatic solving, whose records could disturb tests that compare the records of agents.
 void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::path& folder);
 
 class ProcessTeam : public testing::Test {

@@ -302,8 +302,8 @@ TEST_F(ProcessTest, TheSurvivorCanLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(4, {"graph", "optimize", "-a", "rover1"});
 }
 
-// A leader that lost its disk requests all records from all agents. This takes longer than the order of one `sync now`,
-// and --wait must wait for it too.
+// A leader that lost its disk requests all records from all agents. `sync now --wait` must wait until the leader has
+// received the records of all reachable agents.
 TEST_F(ProcessTest, WaitsUntilALeaderThatLostItsDiskHasCollectedAllRecords) {
   MoonctlExpecting(0, {"up"});
   constexpr std::uint64_t kSeed = 20261122;

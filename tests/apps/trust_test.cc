@@ -165,7 +165,7 @@ TEST_F(TrustTest, FindsDamageInAStore) {
   MoonctlExpecting(0, {"db", "verify", "-a", "rover3"});
 
   Kill("rover2");
-  // Damage determines the exit code, although an agent is unreachable.
+  // The exit code reports the damage, not the unreachable agent.
   EXPECT_THAT(MoonctlExpecting(1, {"db", "verify"}), HasSubstr("rover2  unreachable"));
   MoonctlExpecting(3, {"db", "verify", "-a", "rover2"});
   EXPECT_EQ(Moonctl({"db", "verify", "-a", "nobody"}).exit_code, 2);

@@ -53,7 +53,7 @@ TEST(ClientTest, ReportsADeadAgentThatLeftItsSocket) {
   FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>{}; });
   const std::string path = agent.endpoint().substr(6);
   agent.Stop();
-  // Create a socket file without a listening process, as a killed process leaves it behind.
+  // Create a socket file on which no process listens, like the file that a killed agent leaves behind.
   const int left = ::socket(AF_UNIX, SOCK_STREAM, 0);
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -127,7 +127,7 @@ proto::ControlReply ErrorReply(proto::ErrorCode code, const std::string& text, c
   return reply;
 }
 
-// A leader that reports an order as complete in its `steps`-th progress report.
+// A fake leader. Its `steps`-th progress report says that the order to share is complete.
 class SharingAgent {
  public:
   explicit SharingAgent(int steps) : steps_(steps) {}

@@ -1,5 +1,5 @@
 // Runs each decoder on its corpus and on random mutations of the corpus. MOONDB_FUZZ_RUNS is the number of mutations
-// (200), MOONDB_FUZZ_SEED the seed (random).
+// per decoder (default: 200), MOONDB_FUZZ_SEED the seed of the mutations (default: random).
 #include <gtest/gtest.h>
 
 #include <cstdlib>

@@ -163,8 +163,8 @@ bool WriteFrames(const std::filesystem::path& folder) {
          Write(folder, "client_frame", "roles", MessageOf(roles).SerializeAsString());
 }
 
-// Writes the two records with valid signatures. Also writes messages of an attacker: a role assignment of a high term,
-// and the chain of assignments that allegedly precedes it.
+// Writes FuzzedAssignment and FuzzedQuarantine, which have valid signatures. Also writes messages of an attacker: a
+// role assignment of a high term, and the chain of assignments that allegedly precedes it.
 bool WriteSigned(const std::filesystem::path& folder) {
   proto::RoleAnnounce announce;
   proto::RoleChainReply chain;

@@ -1,4 +1,5 @@
-// Runs simulated missions with every standard actor. No invariant may be violated, and all rare states must occur.
+// Runs simulated missions with every standard actor. No invariant may be violated, and each rare state that the
+// simulator counts (RareStateKinds) must occur.
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 

@@ -205,8 +205,8 @@ class WithoutTerms final : public OtherActor {
   std::uint64_t highest_ = 0;
 };
 
-// A restarted leader reuses its last term. Until it has saved a term, the mutant lowers the number of its last term in
-// messages to the role actor. The actor draws the same epoch after each restart.
+// Makes a restarted leader reuse its last term. Until the role actor saves a term, the mutant lowers the number of the
+// leader's last term by one in messages to that actor. The actor draws the same epoch after each restart.
 class WithoutANewTerm final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -278,7 +278,8 @@ class NewestByClock final : public OtherActor {
   std::map<AgentId, std::int64_t> newest_ns_;
 };
 
-// Stores only the last note of each origin and latest key in a store request, although notes are not states.
+// Treats notes as states: of the notes in a store request with the same origin and the same `latest_key`, stores only
+// the last one.
 bool TakeTheLastNotes(Context&, proto::Message& message) {
   if (!message.has_store_request()) return true;
   proto::StoreRequest& request = *message.mutable_store_request();
@@ -462,7 +463,7 @@ class KeepsReissuedToItself final : public OtherActor {
       }
 
      private:
-      // Returns the record's content without the marks that the agent sets.
+      // Returns the record's content without the fields that the agent sets.
       static std::string Name(proto::Record record) {
         record.clear_is_clock_suspect();
         record.clear_is_state();
@@ -672,7 +673,8 @@ Applies Says(const char* actor_name, decltype(Hooks::says) says) {
   return Hooked(actor_name, {nullptr, std::move(says)});
 }
 
-// Every batch claims that the newest order of its destination has ended, even if records are still missing.
+// Every batch claims that its destination's newest order to share (ShareRequest.order) is done, even if records are
+// still missing.
 void ReportTheEndTooSoon(SimOptions& options) {
   using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // Newest order, by agent and requester.
   const auto orders = std::make_shared<Ends>();
@@ -703,7 +705,7 @@ bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
   return true;
 }
 
-// Does not send states that were stored after the order was accepted.
+// Storage holds back states that were inserted after the destination's newest order to share was accepted.
 void KeepNewStatesBack(SimOptions& options) {
   struct Storage {
     std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // Last MissingRequest::mark, by destination and kind.
@@ -743,7 +745,7 @@ void KeepNewStatesBack(SimOptions& options) {
 void StoreNothingAfterAFullDisk(SimOptions& options) {
   for (const char* fault : {"full", "failing"}) options.faults_per_hour[fault] = 0;
   options.faults_per_hour["full_prune"] = 3;
-  // In the minute after a disk fault, the invariants allow refused inserts. This time is shorter.
+  // Shorter than the minute after a disk fault in which the invariants allow refused inserts.
   static constexpr std::chrono::seconds kRefuses(55);
   const auto full = std::make_shared<std::map<AgentId, MonotonicTime>>();
   Hooks hooks;
@@ -820,7 +822,7 @@ bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   return true;
 }
 
-// Does not notify the agent's own actors if it gives up its roles because it cannot store them.
+// Does not notify an agent's actors that the agent has given up its roles because it cannot store them.
 bool KeepRoles(Context&, const Address&, proto::Message& message) {
   const proto::RoleAssignment& roles = message.roles_changed().roles();
   return !message.has_roles_changed() || (roles.leader() != 0 && roles.survivor() != 0);
