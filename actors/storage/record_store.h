@@ -219,7 +219,7 @@ class RecordStore {
   Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<std::uint64_t> UsedByRecords();  // Returns the bytes of file pages, without bundles and history.
   // Returns the maximum size of the file: Options::bytes_max, or less if the disk has less space. Returns null while
-  // all records together use less than one agent's guaranteed part of this size (PeerAuthority), because no agent can
+  // the file's used pages take less than one agent's guaranteed part of this size (PeerAuthority), because no agent can
   // then exceed its part.
   Result<std::optional<std::uint64_t>> RoomToShare();
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
