@@ -193,7 +193,7 @@ void EventActor::OnFindings(Context& context, const proto::AgentStatus& status) 
   findings_.assign(status.findings().begin(), status.findings().end());
   known_version_ = asked_version_;
   LogReturnedPeers(context);
-  // This reply is outdated. A newer request is in flight, or is sent in the next period.
+  // If this reply is outdated, wait for the reply to a newer request, which is in flight or is sent in the next period.
   if (known_version_ != findings_version_) return;
   for (const Requester& requester : std::exchange(requesters_, {})) {
     if (known_version_ == findings_version_) {

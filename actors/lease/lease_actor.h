@@ -1,10 +1,10 @@
 // LeaseActor ("lease"): tracks which agents of the team drive, sleep or are paused, and for how long (model/leases.h).
 //
-// Actors of this agent set its leases with a LeaseRequest; clients send theirs through the gateway. The LeaseReply
-// contains kInvalid, with the field, if the request is invalid. A change is announced to the LeaseActors of all other
-// agents at once, and the leases are announced to each agent that connects. Announcements are repeated, with a growing
-// delay, until the other agent acknowledges them. The expiry of a lease is not announced, because every agent counts
-// the time down itself. An announcement sets only the leases of its sender.
+// Actors of this agent set the agent's leases with a LeaseRequest. Clients send a LeaseRequest through the gateway. The
+// LeaseReply contains kInvalid, with the field, if the request is invalid. A change is announced to the LeaseActors of
+// all other agents at once, and the leases are announced to each agent that connects. Announcements are repeated, with
+// a growing delay, until the other agent acknowledges them. The expiry of a lease is not announced, because every agent
+// counts the time down itself. An announcement sets only the leases of its sender.
 //
 // Publishes LeasesChanged (Topic::kLeases) at each change and expiry. Answers the ControlRequest `status` with the
 // leases. Stores nothing: after a restart, an agent has no lease until its robot sets one again.

@@ -108,8 +108,8 @@ class RetentionActor final : public Actor {
     return stage_ == stage && message.request_id() == request_id_;
   }
   void Enter(Context& context, Stage stage, Duration timeout);
-  // Sends the message to this agent's actor, with request_id_ as its id. Ends the job with kUnavailable if the message
-  // cannot be sent.
+  // Sends `message`, with request_id_ as its request id, to the actor of this agent whose name is `actor`. Ends the job
+  // with kUnavailable if the message cannot be sent.
   void Ask(Context& context, const char* actor, proto::Message message);
   void Begin(Context& context, Job job);
   void DoStep(Context& context);

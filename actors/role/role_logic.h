@@ -137,8 +137,8 @@ class RoleLogic {
   // Call OnSaved or OnSaveFailed when storage has answered the request to store saving().
   Actions OnSaved();
   Actions OnSaveFailed();
-  // Call if storage has not answered in time. The caller repeats the request, and storage may still report success or
-  // failure.
+  // Call if storage has not answered in time. Unless this agent issued saving() since its start, the agent then acts on
+  // saving() without its own role. The caller repeats the request, and storage may still report success or failure.
   Actions OnSaveLate();
   Actions OnStoreTimer();
   // Returns the assignment being stored; null if there is none.

@@ -63,7 +63,7 @@ std::optional<DiskGuard::Room> DiskGuard::RoomOf(Database& database) const {
   Room room;
   room.disk_bytes = room.bytes = space->free_bytes;
   room.reserve_bytes = ReserveBytesFor(space->capacity_bytes);
-  // The disk has more room than any limit requires, so the free pages of the file do not matter.
+  // If the disk has more room than any limit requires, the free pages of the file do not matter.
   if (room.bytes >= 3 * room.reserve_bytes) return room;
   room.bytes += database.FreePageBytes().value_or(0);
   room.log_bytes = database.WalBytes();
@@ -99,7 +99,7 @@ bool DiskGuard::MakeRoomForLog(Database& database) {
 bool DiskGuard::GiveUpReserve(Database& database) {
   is_reserve_whole_ = false;
   const bool was_there = reserve_.GiveUp();
-  // The database file now has room to grow. Move the log into it, so SQLite can reuse the log from its beginning.
+  // The database file now has room to grow. Move the log into the file, so SQLite can reuse the log from its beginning.
   const bool is_moved = database.Checkpoint().has_value();
   return was_there || is_moved;
 }

@@ -284,7 +284,7 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
   double bytes = 0;
   std::size_t count = 0;
   for (const Candidate& row : rows) {
-    // The rows counted so far have the requested number of bytes.
+    // Stop once the rows counted so far have at least the requested number of bytes.
     if (request.content_bytes_max() > 0 && bytes >= request.content_bytes_max()) break;
     if (count == rows_max) {
       reply.set_is_complete(false);

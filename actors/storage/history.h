@@ -83,7 +83,8 @@ class History {
   // Discards the changes to counts and sizes by an earlier transaction that failed. Call before a transaction.
   void Forget() { draft_.reset(); }
 
-  // Reads a page, as ReadPage (actors/storage/record_pages.h) does. Logs and skips damaged rows.
+  // Returns one page of the history, with the same limits as ReadPage (actors/storage/record_pages.h). Logs and skips
+  // damaged rows.
   Result<proto::ReadReply> Read(Database& database, const proto::ReadRequest& request) const;
 
  private:

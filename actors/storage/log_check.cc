@@ -75,7 +75,7 @@ std::string FindLogDamage(const std::string& database_path) {
   for (std::uint64_t at = kHeaderBytes; log.read(reinterpret_cast<char*>(frame.data()), frame.size());
        at += frame.size()) {
     const std::uint64_t frame_salts = std::uint64_t{BigEndian(bytes, 8)} << 32 | BigEndian(bytes, 12);
-    // The header is damaged, so its salts may be wrong. Use the salts of the first frame.
+    // If the header is damaged, its salts may be wrong. Use the salts of the first frame instead.
     if (!is_header_good && at == kHeaderBytes) salts = frame_salts;
     const bool is_of_this_log = frame_salts == salts;
     if (damaged_at && is_committed && is_of_this_log) {

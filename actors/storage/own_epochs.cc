@@ -23,8 +23,8 @@ constexpr std::uint32_t kMarkMax = 0x3FFF;
 // Returns a hash that is stored with the epoch, to detect a changed byte in the table own_epoch.
 std::uint64_t HashOf(std::uint64_t epoch) { return HashRecord({{0, epoch, 0}, 0}, "begun"); }
 
-// The epochs of this incarnation that another epoch knew when it began. The other epoch certainly knew all epochs with
-// counters up to `certain`, and possibly all epochs with counters up to `possible`.
+// The epochs of this incarnation that another epoch knew. The other epoch certainly knew all epochs with counters up to
+// `certain`, and possibly all epochs with counters up to `possible`.
 struct Knowledge {
   std::uint64_t certain = 0;
   std::uint64_t possible = 0;

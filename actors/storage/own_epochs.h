@@ -62,8 +62,8 @@ class OwnEpochs {
   // begun an epoch yet, even if peers have returned this agent's records.
   bool has_incarnation() const { return tag_ != 0; }
   std::uint64_t highest() const;  // The highest known epoch; 0 if none is known.
-  // Call once, after the process has loaded its file. IsPossible compares later claims with the epoch that is highest
-  // at this call.
+  // Call once, when all own epochs in this agent's database file are known. From then on, IsPossible compares epochs
+  // that peers claim with the highest epoch known at this call.
   void NoteStart() { highest_at_start_ = highest(); }
   // Returns whether an epoch that a peer claims can exist: it is not 0, and at most kOwnEpochJumpMax above the highest
   // epoch at the start of the process. Later claims do not raise this limit.
@@ -87,7 +87,7 @@ class OwnEpochs {
     std::uint64_t epoch = 0;
     std::uint32_t tag = 0;  // The tag of this incarnation; drawn now if the incarnation had none.
   };
-  // Fails with kInternal if no epochs are left.
+  // Returns the epoch that this agent can begin next. Fails with kInternal if no epochs are left.
   Result<Next> Draw(std::mt19937_64& random) const;
   Result<void> Write(Database& database, const Next& begun) const;
   void NoteBegun(const Next& begun);

@@ -341,9 +341,10 @@ DatabaseHandle OpenFor(const PaperTable& table) {
   return database;
 }
 
-// Returns true if the text outside of quoted values is at most as long as the longest such text of SqlOf, and has only
-// letters, digits and kSigns, without comments. Other syntax could hide quotes. The length is limited because SQLite
-// needs a hundred times the size of such text in memory, and searches all columns for each name in it.
+// Returns true if the text outside of quoted values is not too long and has only letters, digits and kSigns, without
+// comments. No text that SqlOf writes outside of quoted values for `table` is too long. Other syntax could hide quotes.
+// The length is limited because SQLite needs a hundred times the size of such text in memory, and searches all columns
+// for each name in it.
 bool IsShortOutsideQuotes(std::string_view sql, const PaperTable& table) {
   constexpr std::size_t kNumberBytesMax = 32;  // Maximum bytes of a number and its separator.
   constexpr std::size_t kOtherBytesMax = 160;

@@ -112,7 +112,7 @@ class PeerAuthority {
 
   const Options options_;
   RoleChain chain_;
-  std::set<std::string> held_as_records_;                                 // Signatures of assignments.
+  std::set<std::string> held_as_records_;  // Signatures of the assignments held as records.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // Counts by sender, cause and origin.
   // By peer and stream: the last seq that NoteOwnBeyond received; 0 if only the epoch is known.
   std::map<AgentId, std::map<StreamKey, std::uint64_t>> own_beyond_;

@@ -52,7 +52,7 @@ Result<void> WriteHandedOver(Database& database, const proto::PeerHave& note) {
 
 }  // namespace
 
-// Returns false if the table is damaged.
+// Reads the table peer_have into `covered_`. Returns false if the table is damaged.
 Result<bool> PeerLog::ReadAll(Database& database) {
   Query query = database.Prepare("SELECT peer, origin, epoch, data_type, first, last FROM peer_have");
   while (true) {

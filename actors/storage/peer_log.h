@@ -24,7 +24,7 @@ class PeerLog {
 
   // Applies a report. Returns false if the report is a difference that does not follow the last applied report. In this
   // case only the report's part about the session is applied. Fails with kInvalid if the report is malformed. Other
-  // errors are as for Database. After an error the log is unchanged, and Note returns false for the next difference.
+  // errors are as for Database. After an error the log is unchanged, and Store returns false for the next difference.
   Result<bool> Store(Database& database, const proto::PeerHave& note);
 
   // Returns whether any peer is known to cover the record (to hold or have dropped it).

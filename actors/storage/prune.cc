@@ -98,7 +98,8 @@ class Chooser {
     return {};
   }
 
-  // Reads the whole record. Call this only for rows that are otherwise selected.
+  // Returns true if the request selects by age and the record's timestamp comes from a suspect clock. Reads the whole
+  // record, so call this only for rows that are otherwise selected.
   Result<bool> IsOfUnknownAge(const PruneChoice::Chosen& row) {
     if (!timestamp_before_ns_) return false;
     const Result<proto::Record> record = row.table->ReadRecord(database_, row.row.row_id);

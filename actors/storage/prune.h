@@ -27,7 +27,8 @@ inline constexpr std::size_t kPruneRowsMax = 2000;  // Maximum rows per request 
 // Maximum bytes of contents per request that removes records. One larger record is removed alone.
 inline constexpr std::uint64_t kPruneContentBytesMax = 64 * 1024 * 1024;
 inline constexpr int kPruneNamedMax = 4096;  // Maximum number of keys in PruneRequest.records.
-// Maximum number of candidates. If there are more, only the first ones in the order of streams are considered.
+// Maximum number of records that one request considers. If more records match, only the first ones in the order of
+// streams are considered.
 inline constexpr std::size_t kPruneCandidatesMax = 262'144;
 
 struct PruneChoice {
@@ -37,7 +38,7 @@ struct PruneChoice {
     RecordTable::Row row;  // Hash and latest key are not filled.
   };
   std::vector<Chosen> rows;
-  // Records that are not selected because `acknowledged` does not cover them.
+  // Number of records that are not selected because `acknowledged` does not cover them.
   double unacknowledged_count = 0;
   bool is_complete = true;  // False if a limit above left out candidates.
 };

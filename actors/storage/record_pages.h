@@ -19,8 +19,9 @@ inline constexpr std::uint32_t kPageRecordsMax = 10'000;
 // no further records. Fails as Database does.
 Result<proto::ReadReply> ReadPage(Database& database, const proto::ReadRequest& request);
 
-// Merges `queries`, which must return rows as RecordTable::ReadAfter or ReadNewestFirst does. Skips rows for which
-// `accepts` returns false.
+// Merges the rows of `queries` into one page. Skips rows for which `accepts` returns false. Requires: each query
+// returns the same columns, in the same order of rows, as RecordTable::ReadAfter, or as ReadNewestFirst if the request
+// has is_newest_first.
 Result<proto::ReadReply> ReadMerged(std::vector<Query> queries, const proto::ReadRequest& request,
                                     const std::function<bool(const Query&)>& accepts = nullptr);
 

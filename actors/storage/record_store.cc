@@ -540,7 +540,7 @@ Result<void> RecordStore::CheckRoomForMaps(const proto::InsertRequest& request) 
                                     std::string("what is left of the disk is for states"));
 }
 
-// Does not count bundles and history. Their sizes have limits of their own.
+// Does not count bundles and history, because bundles and history have size limits of their own.
 Result<std::uint64_t> RecordStore::UsedByRecords() {
   const Result<std::uint64_t> used = database_->UsedPageBytes();
   if (!used) return used;
@@ -915,8 +915,8 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   const IntervalSet never_held = dropped.Minus(held);
   IntervalSet superseded = never_held;
   const RecordKey newest = ledger_.NewestHeld(stream.origin, stream.type);
-  // Versioned records are ordered by term and run, which a drop does not contain. Any held record may be newer than the
-  // dropped records.
+  // Records with a RecordVersion are ordered by the term and run in it. A report of dropped seqs does not contain the
+  // versions, so any held record may be newer than the dropped records.
   const bool is_order_known = !IsVersioned(stream.type);
   if (newest.seq == 0 || (is_order_known && newest.stream.epoch < stream.epoch)) {
     superseded = IntervalSet();

@@ -160,15 +160,16 @@ class RecordStore {
   // Fills in the number of refused records per peer; see PeerAuthority::Describe.
   void DescribeRefused(proto::AgentStatus& status) const { authority_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();
-  // Applies a session's report of the records that a peer has; see PeerLog::Note.
+  // Applies a session's report of the records that a peer has; see PeerLog::Store.
   Result<bool> NotePeerHave(const proto::PeerHave& note);
   // `day` is today, in days since 1970. StorageStatus shows the bytes written per day.
   Result<proto::StorageStatus> GetStatus(std::uint32_t day = 0);
   // Call once a minute. Saves the count of bytes written, if it changed.
   Result<void> SaveWritten(std::uint32_t day) { return write_count_.Save(*database_, day); }
 
-  // Removes at most `rows_max` rows; a dry run only counts the rows. Durable on return. On a full disk, pass a small
-  // `rows_max`, since the removal of few rows needs little space. Fails as ChooseToPrune does.
+  // Removes the rows that the request selects, but at most `rows_max` of them. A dry run only counts the rows. Durable
+  // on return. On a full disk, pass a small `rows_max`, since the removal of few rows needs little space. Fails as
+  // ChooseToPrune does.
   Result<proto::PruneReply> Prune(const proto::PruneRequest& request, std::int64_t utc_now_ns,
                                   std::size_t rows_max = SIZE_MAX);
   // Rewrites an existing value, to test whether the disk accepts writes.
@@ -218,7 +219,8 @@ class RecordStore {
   Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<std::uint64_t> UsedByRecords();  // Returns the bytes of file pages, without bundles and history.
   // Returns the maximum size of the file: Options::bytes_max, or less if the disk has less space. Returns null while
-  // the file is smaller than one agent's part of this size, because no agent can then exceed its part.
+  // the file's used pages take less than one agent's guaranteed part of this size (PeerAuthority), because no agent can
+  // then exceed its part.
   Result<std::optional<std::uint64_t>> RoomToShare();
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
   Result<void> CheckOwnRecord(const proto::Record& record) const;
@@ -232,7 +234,7 @@ class RecordStore {
   Result<void> Reissue();
   Result<std::vector<RecordKey>> FindEndangered();
   Result<void> ReissueOne(const RecordKey& old_key, Writing& writing);
-  bool IsPossible(const StreamKey& stream) const;  // Returns false for an own epoch that cannot exist.
+  bool IsPossible(const StreamKey& stream) const;  // False for an own epoch that is 0 or too high (kOwnEpochJumpMax).
 
   Result<void> InsertAll(const proto::InsertRequest& request, const std::vector<std::string>& contents,
                          Inserted& result);

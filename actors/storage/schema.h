@@ -10,7 +10,8 @@
 //   - custom_record: the records of all custom data types (proto/team.proto). The payload is a part of `content`. The
 //     view v_custom_record shows the names of the types that the team file declared at the last start.
 //   - written: the bytes that the store wrote to the disk, by day since 1970.
-//   - downlink_bundle: the bundles for a ground station. An acknowledged bundle keeps its have-set, not its file.
+//   - downlink_bundle: the bundles for a ground station. The bundle that was acknowledged last keeps the have-set of
+//     all acknowledged bundles; acknowledged bundles have no file.
 //   - own_epoch: the own epochs that this file's history began (own_epochs.h).
 //   - history: this agent's own superseded states (actors/storage/history.h), with their typed columns as JSON in
 //     `fields`. The view v_history shows the names of the types.

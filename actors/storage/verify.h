@@ -18,11 +18,14 @@ inline constexpr std::uint32_t kVerifyRecordsMax = 2000;  // Maximum records per
 inline constexpr std::uint32_t kVerifyBytesMax = 4 * 1024 * 1024;
 inline constexpr int kVerifyFindingsMax = 100;  // Maximum findings named per reply.
 
-// `have` is this agent's own have-set. For VERIFY_PART_FILE, a damaged file is a finding of the reply. For the other
-// parts, damage of the file is an error, as for Database. Fails with kInvalid if the part is unknown.
+// Checks one part of the store. `have` is this agent's own have-set. If the file is damaged, VERIFY_PART_FILE reports
+// the damage as a finding; the other parts fail with kCorrupt. Fails with kInvalid if the part is unknown. Other errors
+// are as for Database.
 Result<proto::VerifyReply> Verify(Database& database, const HaveSet& have, const proto::VerifyRequest& request);
 
-// Fails with kInvalid if the request's stream is malformed or of an unknown type. Other errors are as for Database.
+// Returns the XOR of the hashes of the requested records that are stored here. One call reads a limited number of
+// records; FingerprintReply.last_seq shows where to continue. Fails with kInvalid if the request's stream is malformed
+// or of an unknown type. Other errors are as for Database.
 Result<proto::FingerprintReply> TakeFingerprint(Database& database, const proto::FingerprintRequest& request);
 
 }  // namespace moondb

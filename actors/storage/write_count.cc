@@ -26,8 +26,8 @@ Result<void> WriteCount::Load(Database& database) {
 }
 
 Result<void> WriteCount::Save(Database& database, std::uint32_t day) {
-  // Nothing was written since the last save. Without this check, each save of an idle agent would cause another save,
-  // because a save itself writes bytes.
+  // Do nothing if nothing was written since the last save. Without this check, each save of an idle agent would cause
+  // another save, because a save itself writes bytes.
   if (database.WrittenBytes() == seen_) return {};
   const std::uint64_t counted = database.WrittenBytes();
   std::map<std::uint32_t, std::uint64_t> days = Days(database, day);
