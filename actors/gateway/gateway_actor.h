@@ -99,7 +99,7 @@ class GatewayActor final : public Actor {
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnCheckedRequest(Context& context, const proto::Message& message, proto::ControlRequest request);
   bool IsSameClient(const Pending& a, const Pending& b) const;
-  // Returns kFull if the client's or the total number of waiting requests has reached its limit.
+  // Returns kFull if the request would exceed a limit of waiting requests (Options).
   Result<void> CheckRoom(const Pending& pending) const;
   void OnStop(Context& context, const proto::Message& message);
   void OnAnswer(Context& context, const proto::Message& message);

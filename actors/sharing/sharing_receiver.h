@@ -102,7 +102,8 @@ class SharingReceiver {
   // Returns the number of moving senders. A sender is moving if it has records left to send and is not silent
   // (Options::sending_after). Each moving sender gets an equal part of the credit and the budget.
   std::size_t MovingSessions(Time now) const;
-  // Sets the number of this agent's moving sessions outside this receiver. They also get a part of the budget.
+  // Sets how many sessions of this agent, outside this receiver, use the radio now. These sessions also get a part of
+  // the budget.
   void SetMovingElsewhere(std::size_t sessions) { moving_elsewhere_ = sessions; }
 
   const Counts& counts() const { return counts_; }

@@ -79,7 +79,8 @@ class BitModel {
   // called again for the same Decision. Calls of Predict for the other Decision are allowed.
   void Update(const Prediction& prediction, int bit);
 
-  // Returns the probability that a nearly certain bit is 1: one adaptive probability per decision, without mixing.
+  // Returns the probability that the next bit is 1, for a bit that is nearly certain. Each decision has one adaptive
+  // probability for such bits, without mixing.
   int PredictRare(Decision decision) const { return rare_[static_cast<std::size_t>(decision)]; }
   void UpdateRare(Decision decision, int bit);
 

@@ -26,7 +26,7 @@ struct CoarserIndex {
   std::vector<std::uint8_t> half;
 };
 
-// Further data from which the cells of a layer are predicted.
+// Data, besides the layer's own cells, from which the cells of a layer are predicted.
 struct LayerContext {
   const CellPlane* coarser = nullptr;  // The next coarser layer; null if there is none.
   const CoarserIndex* columns = nullptr;
