@@ -99,7 +99,7 @@ class GatewayActor final : public Actor {
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnCheckedRequest(Context& context, const proto::Message& message, proto::ControlRequest request);
   bool IsSameClient(const Pending& a, const Pending& b) const;
-  // Returns kFull if the client's or the total number of waiting requests has reached its limit.
+  // Returns kFull if the request would exceed a limit of waiting requests (Options).
   Result<void> CheckRoom(const Pending& pending) const;
   void OnStop(Context& context, const proto::Message& message);
   void OnAnswer(Context& context, const proto::Message& message);
@@ -135,8 +135,8 @@ class GatewayActor final : public Actor {
   void CompleteStatus(Context& context, proto::AgentStatus& status) const;
   void Finish(Context& context, std::uint64_t id);
   void Answer(Context& context, const Address& client, std::uint64_t request_id, proto::ControlReply reply);
-  // Returns the message for the client. Adds this agent's team id and team file hash, unless the reply contains those
-  // of another agent.
+  // Returns the message for the client. Adds this agent's team id and team file hash, unless the reply already contains
+  // the team id or the team file hash of another agent.
   proto::Message AnswerOf(std::uint64_t request_id, proto::ControlReply reply) const;
 
   Options options_;

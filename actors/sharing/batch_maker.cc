@@ -75,7 +75,7 @@ bool BatchMaker::Make(const proto::MissingReply& reply, std::size_t bytes_max, b
   Code(reply, bytes_max, is_part_of_order);
   missing_count_ = ready_->message.remaining();
   if (missing_count_ == 0) is_end_reported_ = true;
-  // Return false if dropped intervals were sent, since the message may be too small for all of them.
+  // If the reply has dropped intervals, return false: some of them may not have fit into the batch.
   return missing_count_ == 0 && reply.dropped().empty();
 }
 

@@ -102,8 +102,8 @@ class BatchMaker {
   std::uint64_t session_id_ = 0;
   std::uint32_t next_number_ = 1;
   SharingEncoder encoder_;
-  // Each batch of maps begins a new run, because the destination keeps no decoder for this session's runs, or lacks a
-  // batch of a run.
+  // True if each batch of maps must begin a new run, because the destination keeps no decoder for this session's runs,
+  // or lacks a batch of a run.
   bool is_each_by_itself_ = false;
   double coded_ratio_ = 0.5;  // Coded bytes per content byte, smoothed.
   std::optional<MadeBatch> ready_;

@@ -65,8 +65,8 @@ class SharingEncoder {
 
   // Encodes as many of the first records as fit into `bytes_max` bytes, but at least one, whatever its size. Uses
   // `codec`, with these exceptions.
-  //   CODEC_COMPACT without maps: a zstd frame or the uncompressed form, if that is not larger.
-  //   CODEC_ZSTD: the uncompressed form, if that is not larger.
+  //   CODEC_COMPACT without maps: a zstd frame or the uncompressed form, if it is not larger than the compact form.
+  //   CODEC_ZSTD: the uncompressed form, if it is not larger than the zstd frame.
   //   CODEC_PAPER_SQL: always one statement with the first record. If this record has no statement, a zstd frame or the
   //       uncompressed form with as many records as fit.
   // The encoding of the first batch of a run is deterministic; fragments rely on this (fragments.h).

@@ -39,7 +39,8 @@ struct PartOfWhole {
 
 class FragmentCutter {
  public:
-  // Starts after the bytes in `covered`, which the receiver already holds, if `covered` is a part of `whole`.
+  // `covered`: the part that the receiver already holds. If it belongs to `whole`, cutting starts after this part;
+  // otherwise at the first byte.
   FragmentCutter(CodedBatch whole, std::uint32_t record_count, const PartOfWhole& covered);
 
   // Returns the next fragment as a batch, with codec, coded, record_count and fragment filled in. The fragment has at

@@ -38,7 +38,7 @@ HaveSet InFlightBatches::ExpectedHave(const HaveSet& more) const {
   for (const auto& [number, batch] : batches_) AddContents(batch, coming);
   HaveSet expected = have_;
   expected.Merge(refused_);
-  expected.Merge(coming);  // Merge keeps held and dropped disjoint, even if they overlap in `coming`.
+  expected.Merge(coming);  // Merge keeps held and dropped intervals disjoint, even if they overlap in `coming`.
   return expected;
 }
 

@@ -2,8 +2,8 @@
 // wait for an order.
 //
 // A request waits for the end of its order (ShareRequest.wait_s) or for the next change of its progress
-// (ShareProgressRequest). The actor supplies the progress of an order (RowsOf). The actor calls Look after each message
-// and when deadline() is reached; Look updates the progress at most once per kLookPeriod.
+// (ShareProgressRequest). The actor supplies the progress of an order (RowsOf). The actor calls CollectAnswers after
+// each message and when deadline() is reached. CollectAnswers updates the progress at most once per kLookPeriod.
 //
 // Holds at most kRequestsMax requests. If there are kOrdersMax orders, forgets the oldest order for which no request
 // waits. A state machine: the caller passes the time with each input. Not thread-safe.
@@ -96,13 +96,13 @@ class OrderWatch {
   // Updates the progress of the orders and returns the answers that are due. Returns none if the last update was less
   // than kLookPeriod ago; deadline() then returns when to call again.
   std::vector<Answer> CollectAnswers(Time now, const RowsOf& rows_of);
-  // When to call Look next; nullopt while no request waits.
+  // When to call CollectAnswers next; nullopt while no request waits.
   std::optional<Time> deadline() const;
 
  private:
   struct Watched {
     Order order;
-    proto::ShareProgress progress;  // Progress at the last call of Look.
+    proto::ShareProgress progress;  // Progress at its last update by CollectAnswers.
     bool is_settled = false;        // The order is complete or has failed, so its progress is final.
     std::optional<Time> reported;   // Time of the last answer about changed progress.
   };

@@ -22,7 +22,7 @@ class RadioShare {
     return bytes_per_second_ / static_cast<double>(std::max<std::size_t>(moving + moving_elsewhere_, 1));
   }
 
-  // Sets the number of moving sessions that the other sharing actor reported.
+  // Sets how many sessions of the other sharing actor use the radio now, as reported by that actor.
   void SetMovingElsewhere(std::size_t moving) {
     moving_elsewhere_ = moving;
     // The other actor may have restarted and forgotten this actor's number, so make MustNotify return true.
@@ -30,7 +30,7 @@ class RadioShare {
   }
   std::size_t moving_elsewhere() const { return moving_elsewhere_; }
 
-  // Returns true if the last notification to the other sharing actor gave another number of moving sessions, or if
+  // Returns true if the last notification to the other sharing actor contained another number than `moving`, or if
   // there was no notification yet.
   bool MustNotify(std::size_t moving) const { return notified_ != moving; }
   void NoteNotified(std::size_t moving) { notified_ = moving; }
@@ -38,7 +38,7 @@ class RadioShare {
  private:
   double bytes_per_second_;
   std::size_t moving_elsewhere_ = 0;
-  std::optional<std::size_t> notified_;  // Moving sessions in the last notification to the other actor.
+  std::optional<std::size_t> notified_;  // Number of sessions in the last notification to the other actor.
 };
 
 }  // namespace moondb

@@ -47,7 +47,7 @@ class ReplicaActor final : public SharingActor {
   void PassOver(Context& context);
   void CrossOff(Context& context, AgentId agent);
 
-  std::deque<AgentId> to_ask_;  // Agents to gather from, in the order of their turns.
+  std::deque<AgentId> to_ask_;  // Agents to gather from, in the order in which they are asked.
   // Agents that refused to share, or whose records this agent refused. Not asked again in this term.
   std::set<AgentId> refused_;
   std::map<AgentId, std::uint64_t> orders_to_gather_;  // This term's order number for each agent that was asked.
@@ -57,7 +57,7 @@ class ReplicaActor final : public SharingActor {
   AgentId asked_ = 0;
   MonotonicTime last_progress_{};
   Duration patience_{};           // If the asked agent makes no progress for this time, the next agent is asked.
-  std::uint64_t step_ = 0;        // Number of the current turn. A timer with an earlier number is ignored.
+  std::uint64_t step_ = 0;        // Counts the calls of AskNext. A timer with an earlier count is ignored.
   bool is_sync_notified_ = true;  // False if the last notification did not fit into SyncActor's mailbox.
 };
 

@@ -167,7 +167,7 @@ class SharingActor : public Actor {
   Result<void> CheckExpectedTerm(const Context& context, const proto::ShareRequest& request) const;
 
   SharingSession::Window WindowTo(const Context& context, AgentId peer) const;
-  // Returns the seconds until the leases of both agents have expired; 0 if the window is open.
+  // Returns the seconds until no lease of this agent or the peer restricts sharing between them; 0 if none does now.
   double SecondsUntilWindowOpens(const Context& context, AgentId peer) const;
   Outgoing* FindOutgoing(AgentId destination);
   Outgoing& FindOrMakeOutgoing(Context& context, AgentId destination);

@@ -90,8 +90,8 @@ class SharingReceiver {
     double coded_bytes = 0;       // Coded bytes of all batches.
     std::uint64_t remaining = 0;  // Records that remained to be sent after the last batch.
     std::uint64_t batches = 0;
-    // The last OrderEnd whose batch is stored. Its not_taken includes the records of that batch that storage did not
-    // store.
+    // The last OrderEnd whose batch is stored. OrderEnd.not_taken includes the records of this batch, if storage did
+    // not store them.
     proto::OrderEnd order_end;
     std::uint64_t completed_order = 0;  // The last order of which all records were sent and stored.
     int refusals = 0;                   // Refused batches since a batch of the sender was last stored.
@@ -102,7 +102,8 @@ class SharingReceiver {
   // Returns the number of moving senders. A sender is moving if it has records left to send and is not silent
   // (Options::sending_after). Each moving sender gets an equal part of the credit and the budget.
   std::size_t MovingSessions(Time now) const;
-  // Sets the number of this agent's moving sessions outside this receiver. They also get a part of the budget.
+  // Sets how many sessions of this agent, outside this receiver, use the radio now. These sessions also get a part of
+  // the budget.
   void SetMovingElsewhere(std::size_t sessions) { moving_elsewhere_ = sessions; }
 
   const Counts& counts() const { return counts_; }

@@ -110,7 +110,7 @@ class SharingSession {
   // Call if the actor could not send a message of this session. Status then contains `text`.
   void NoteError(std::string text) { last_error_ = std::move(text); }
 
-  std::optional<Time> deadline() const;  // Nullopt while the session is closed or waits for the window.
+  std::optional<Time> deadline() const;  // Nullopt while the session is closed or waits for the window to open.
   bool is_open() const { return phase_ != Phase::kClosed; }
   bool is_ordered() const { return is_open() && !order_.is_periodic(); }
   // Coded bytes that the order may still send; 0: no limit.
@@ -146,8 +146,8 @@ class SharingSession {
   void TakeGrant(const proto::Have& have, Time now);
   void TakeAcknowledgment(std::uint32_t batch_number, Time now);
   void Start(Time now, SharingActions& actions);  // Calls Restart with the shortest delay.
-  // Like Start, but if the collected pages of the have-set are still useful, keeps these pages and requests the next
-  // page.
+  // Requests the next page of the have-set if the session has collected pages that are still useful. Otherwise calls
+  // Start.
   void GoOn(Time now, SharingActions& actions);
   // Sets the deadline and requests the next page with a Hello. While order_.is_waiting(), sends no Hello.
   void AskForPage(Time now, SharingActions& actions);

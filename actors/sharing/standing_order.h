@@ -103,7 +103,7 @@ class StandingOrder {
   };
 
   void Note(ShareOrderId id);
-  std::set<AgentId> OriginsMeant() const;  // Empty: the streams of all origins.
+  std::set<AgentId> OriginsMeant() const;  // Origins of the ordered records; empty: all origins.
   bool IsAllAsked() const;
   proto::RecordFilter StatesMeant() const;
 

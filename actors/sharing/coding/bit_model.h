@@ -27,7 +27,7 @@ enum class Decision { kIsKnown = 0, kIsHazard = 1 };
 inline constexpr std::size_t kDecisionCount = 2;
 inline constexpr std::size_t kModelsAlone = 10;
 inline constexpr std::size_t kModelsWithPrevious = 14;
-inline constexpr std::size_t kInputs = 16;      // Inputs of a mix: one per model, a constant bias, and zeros.
+inline constexpr std::size_t kInputs = 16;  // Inputs of a mix: one per model, a constant bias, and zeros as padding.
 inline constexpr std::size_t kChoiceCount = 2;  // Number of mixes. Each mix selects one set of weights.
 
 // Table sizes: the contexts of each model, the sets of weights of each mix, and the contexts of the refinement table.
@@ -36,8 +36,8 @@ inline constexpr std::array<std::uint32_t, kModelsWithPrevious> kContextCounts =
 inline constexpr std::array<std::uint32_t, kChoiceCount> kWeightSetCounts = {144, 256};
 inline constexpr std::uint32_t kRefinementCount = 324;
 
-// The contexts of one decision. Each context is a number below the size of its table above. Without a previous map,
-// only the first kModelsAlone models are used.
+// Indexes of the contexts that one decision uses, one index into each table whose size is given above. Without a
+// previous map, only the first kModelsAlone entries of `models` are used.
 struct BitContexts {
   Decision decision = Decision::kIsKnown;
   bool has_previous = false;
@@ -79,7 +79,8 @@ class BitModel {
   // called again for the same Decision. Calls of Predict for the other Decision are allowed.
   void Update(const Prediction& prediction, int bit);
 
-  // Returns the probability that a nearly certain bit is 1: one adaptive probability per decision, without mixing.
+  // Returns the probability that the next bit is 1, for a bit that is nearly certain. Each decision has one adaptive
+  // probability for such bits, without mixing.
   int PredictRare(Decision decision) const { return rare_[static_cast<std::size_t>(decision)]; }
   void UpdateRare(Decision decision, int bit);
 
@@ -105,7 +106,7 @@ class BitModel {
   static constexpr int kRefinementShift = 6;  // Adaptation rate of the refinement table: 1/64.
   static constexpr int kFinalMin = 24;        // Lowest probability: no bit costs more than 12 bits.
   static constexpr std::uint32_t kRefinementKnots = 33;
-  static constexpr std::uint32_t kRefinementStep = 128;  // Distance of two knots in logit units.
+  static constexpr std::uint32_t kRefinementStep = 128;  // Distance of neighbouring table entries, in logit units.
   static constexpr int kRefinementMax = kRefinementStep * (kRefinementKnots - 1) / 2;
 
   // The adaptation rate by count: 1 / (count + 1.6) in units of 1/2^16. The last two bits are zeros.

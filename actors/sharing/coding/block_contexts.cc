@@ -63,7 +63,7 @@ BlockContexts::Numbers BlockContexts::Widen(const std::uint8_t* cells) {
 
 void BlockContexts::LookUpCoarser(const Block& block) {
   Coarser& c = coarser_;
-  Numbers here, east{}, west{};  // Packed values from coarser_row_.
+  Numbers here, east{}, west{};  // Numbers from coarser_row_, which pack three cells each.
   here.fill(kNoCoarser);
   c.half_x.fill(0);
   c.half_y.fill(0);

@@ -43,9 +43,9 @@ constexpr CellMemory Remember(CellMemory memory, std::uint8_t cell) {
   return static_cast<CellMemory>(cell | belief << 2 | confirmed << 4);
 }
 
-// Makes the table that assigns to each CellMemory a state, a number below kMemoryStates. If the belief equals the last
-// cell, the state depends on how often the belief was confirmed: never, once or more often. Otherwise the state depends
-// on the belief's value.
+// Makes the table that assigns to each CellMemory a state, a number below kMemoryStates. The state depends on the last
+// cell. If the belief equals the last cell, the state also depends on how often the belief was confirmed: never, once,
+// or at least twice. Otherwise the state also depends on the belief's value.
 constexpr std::array<std::uint8_t, 64> MakeMemoryStates() {
   std::array<std::uint8_t, 64> states{};
   for (int memory = 0; memory < 64; ++memory) {

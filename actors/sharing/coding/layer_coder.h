@@ -26,7 +26,7 @@ struct CoarserIndex {
   std::vector<std::uint8_t> half;
 };
 
-// Further data from which the cells of a layer are predicted.
+// Data, besides the layer's own cells, from which the cells of a layer are predicted.
 struct LayerContext {
   const CellPlane* coarser = nullptr;  // The next coarser layer; null if there is none.
   const CoarserIndex* columns = nullptr;
@@ -35,8 +35,8 @@ struct LayerContext {
   const CellPlane* previous = nullptr;
   const CellPlane* coarser_previous = nullptr;
   std::uint32_t depth = 0;  // Number of finer layers, at most 3.
-  // True if each hazard cell lies in a hazard cell of the coarser layer. The hazard bit of all other cells is then not
-  // coded.
+  // True if each hazard cell lies in a hazard cell of the coarser layer. The hazard bit is then coded only for cells
+  // that lie in hazard cells of the coarser layer.
   bool are_hazards_nested = false;
 };
 

@@ -62,8 +62,8 @@ class MapRun {
     MapPlacement placement;
   };
 
-  // `reference`: a map that encoder and decoder already hold, as the first map of the run; null: none. Requires:
-  // IsCodable(*reference).
+  // `reference`: a map that both the encoder and the decoder already hold. It becomes the first map of the run. Null:
+  // the run starts empty. Requires: IsCodable(*reference), if not null.
   explicit MapRun(const std::vector<MapLayer>* reference);
 
   void MakeRoomFor(const CodedLayers& layers);

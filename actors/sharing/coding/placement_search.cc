@@ -19,7 +19,7 @@ constexpr std::int8_t kBesideHazard = 2;
 constexpr std::int8_t kOnFree = -1;
 constexpr std::uint8_t kHazardCell = 2;
 
-// A hazard of the later map: its position relative to the middle, in half micrometres.
+// Centre of a hazard cell of the later map, relative to the middle of its layer, in half micrometres.
 struct Point {
   std::int64_t x = 0;
   std::int64_t y = 0;

@@ -23,7 +23,7 @@ class PreviousTrials {
   // Returns how to code the next map that has a previous map.
   Way next() const { return rest_ > 0 ? Way::kAlone : trust_ > 0 ? Way::kWithPrevious : Way::kBoth; }
 
-  // Call when a map was coded both ways, with the resulting sizes.
+  // Call when a map was coded with and without the previous map. Pass the sizes of both results.
   void Compared(std::size_t bytes_alone, std::size_t bytes_with_previous) {
     const double alone = static_cast<double>(bytes_alone);
     const double gain = alone - static_cast<double>(bytes_with_previous);

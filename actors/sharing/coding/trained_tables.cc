@@ -21,7 +21,7 @@ constexpr int kLevels = 2 * kLevelMax + 1;
 // first maps of a run predict its later maps better than the training maps do.
 constexpr int kTrainedCount = 11;
 constexpr std::uint32_t kCountMin = 5;  // Slots with a lower count are written as untrained.
-// The other characters of the alphabet stand for 1, 2, 4, ... untrained slots in a row.
+// The characters of kAlphabet after the first kLevels stand for 1, 2, 4, ... untrained slots in a row.
 constexpr std::array<std::size_t, 8> kRuns = {1, 2, 4, 8, 16, 64, 256, 1024};
 static_assert(kLevels + kRuns.size() <= kAlphabet.size());
 
