@@ -21,9 +21,9 @@
 namespace moondb {
 namespace {
 
-// For each round: the maximum number of blocks in the lists of a tile and of a square. The first lists are short,
-// because most cells are known after very few blocks. No list is longer than 63, because the byte that is read back for
-// a cell has 6 bits for the block's number.
+// Tiles are drawn in rounds, until all their cells are known. For each round: the maximum number of blocks in the lists
+// of a tile and of a square. The first lists are short, because most cells are known after very few blocks. No list is
+// longer than 63, because the byte that is read back for a cell has 6 bits for the block's number.
 struct RoundLimits {
   std::size_t tile_blocks;
   std::uint8_t square_blocks;
@@ -74,7 +74,7 @@ struct Candidate {
   ListEntry at_tile;  // The block's list entry, with the coordinates of the tile's first cell.
 };
 
-// Counts, for each square of a tile, the blocks in the square's list of this round.
+// Counts, for each square of a tile, the blocks in the square's list.
 class SquareCounts {
  public:
   SquareCounts(std::uint64_t squares, std::uint8_t blocks_max) : wanting_(squares), blocks_max_(blocks_max) {}
@@ -174,7 +174,8 @@ class GlGather::Painter {
     }
   }
 
-  // Draws the tiles in rounds. A draw contains as many tiles as fit into the target.
+  // Draws each tile repeatedly, each time with the next blocks, until all its cells are known or no blocks are left.
+  // One draw contains as many tiles as fit into the target.
   Result<void> GatherTiles(const StopPredicate& stop) {
     std::vector<OpenTile*> open;
     for (OpenTile& tile : tiles_) open.push_back(&tile);

@@ -40,8 +40,8 @@ struct LayerBlock {
   bool operator==(const LayerBlock&) const = default;
 };
 
-// Columns of a strip, and padding words before and after all strips. A kernel may load up to 16 rows beyond both ends,
-// but never uses their values.
+// Number of columns of a strip, and number of padding words before the first strip and after the last strip. A kernel
+// may load padding words, but never uses their values.
 inline constexpr std::int32_t kStripColumns = 16;
 inline constexpr std::int32_t kStripPaddingWords = 16;
 

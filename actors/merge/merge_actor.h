@@ -113,8 +113,8 @@ class MergeActor final : public Actor {
   bool is_outdated_ = false;            // True if collection_ may contain pruned records and must be read again.
   std::size_t unusable_map_count_ = 0;  // Number of map records whose cells are too fine for the grid.
   std::size_t unplaced_map_count_ = 0;  // Number of maps and footprints that merger_ rejected in the last update.
-  // Version numbers are comparable only under the same id. Chosen at random at each start, and again when the Merger
-  // drops empty pages.
+  // Random id of merger_. Clients may compare two version numbers of the merged map only if the ids are equal. A new id
+  // is chosen at each start, and when merger_ drops empty pages.
   std::uint64_t merger_id_ = 0;
   RateLimitedLog refused_log_;
   RateLimitedLog dropped_log_;

@@ -42,7 +42,7 @@ void ReadSquare(const std::array<std::uint8_t, 64>& drawn, std::size_t first_blo
     winners[cell] = static_cast<std::uint16_t>(first_block + (drawn[cell] >> 2));
   };
   if (tile.known[square] == 0) {
-    // The winner of an unknown cell has no meaning; 0 is stored.
+    // The winner of an unknown cell is never used, so the winners of all 64 cells may be written.
     for (std::size_t cell = 0; cell < drawn.size(); ++cell) take(cell);
   } else {
     for (std::uint64_t cells = taken; cells != 0; cells &= cells - 1) {

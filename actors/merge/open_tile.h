@@ -1,4 +1,5 @@
-// OpenTile: a tile that GlGather fills in rounds, and functions that copy results from the pixels of a round.
+// OpenTile: a tile that GlGather fills by drawing it once or several times (rounds), and functions that copy the drawn
+// pixels into the tile.
 //
 // Value types and pure functions, usable on any thread.
 #pragma once
@@ -24,7 +25,7 @@ struct OpenTile {
   std::size_t index = 0;  // Index of the tile in its page.
   CellBox box;
   const std::vector<OrderedBlock>* list = nullptr;  // Blocks of the tile's page.
-  std::size_t next = 0;                             // Index in `list` of the first block of the next round.
+  std::size_t next = 0;                             // Index in `list` of the first block that still has to be drawn.
   std::uint64_t open = ~std::uint64_t{0};           // Squares with unknown cells, one bit each.
   std::unique_ptr<Tile> tile;                       // Null until a block is listed for the tile.
   bool is_for_cpu = false;

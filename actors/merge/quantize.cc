@@ -53,8 +53,8 @@ PlanarPose Project(const Vector& position, const Rotation& q) {
 
 std::int64_t ToFixed(double value) { return std::llround(value * static_cast<double>(1 << kFractionBits)); }
 
-// Returns an upper bound on the distance, in grid cells, by which rounding can move an edge of the rectangle. Each step
-// has an error of at most half a unit in both directions.
+// Returns an upper bound on the distance, in grid cells, by which rounding can move an edge of the rectangle. For each
+// grid cell between the anchor and the edge, rounding adds an error of at most half a Q10.22 unit to u and to v.
 double RoundingCells(double half_x, double half_y, double step) {
   const double unit = 1.0 / static_cast<double>(1 << kFractionBits);
   return 1e-6 + unit * (half_x + half_y + 4) / step;

@@ -28,7 +28,7 @@ inline constexpr int kFractionBits = 22;
 // outside the block.
 inline constexpr std::int32_t kBlockSideCellsMax = 512;
 
-// Maximum ratio of the grid's cell size to the rectangle's; larger ratios would overflow Q10.22.
+// Maximum ratio of the grid's cell size to the rectangle's cell size; larger ratios would overflow Q10.22.
 inline constexpr std::uint32_t kStepCellsMax = 256;
 
 // Box of cells from the first to the last, both included. Empty if last < first.

@@ -17,7 +17,8 @@ namespace moondb {
 struct Arrangement {
   double cost = 0;  // Robust cost of the range errors.
   PlainState state;
-  // Keyed by the body's entry in `heads`. A body that no ranges join to a placed node has no entry.
+  // Pose of each body, keyed by the body's entry in `heads` (argument of ArrangeParts). Bodies that no ranges join to a
+  // placed node are absent.
   std::map<std::size_t, Pose> map_from_body;
 };
 
@@ -28,7 +29,8 @@ struct ArrangementOptions {
   // Maximum number of ranges to use, spread evenly over time. A body that would have fewer than 10 of these ranges gets
   // up to 10 of its ranges in addition.
   std::size_t ranges_max = 400;
-  bool begins_as_given = false;  // If true, one more start leaves every body at its pose in `state`.
+  // If true, one more start leaves every node at its pose in `state` (argument of ArrangeParts).
+  bool begins_as_given = false;
   // Polled at each start and each iteration. If it returns true, the search ends with the arrangements found so far.
   std::function<bool()> stop_requested = {};
 };

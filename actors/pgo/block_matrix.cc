@@ -73,7 +73,7 @@ void BlockMatrix::MakePattern(const std::vector<int>& sizes, const std::vector<N
   }
 }
 
-// The rows of a node are contiguous in every column, so the offset of the first row is enough.
+// Returns only the offset of the first row in each column, because the rows of a node are contiguous in every column.
 BlockMatrix::Columns BlockMatrix::FindColumns(std::size_t row_node, std::size_t column_node, int size) const {
   Columns columns = {kNone, kNone, kNone};
   for (int column = 0; column < size; ++column) {

@@ -57,9 +57,9 @@ class Relaxation {
   }
 
  private:
-  // Adds the coefficient of the node's unknown number `offset` to the current row. A head is fixed at the identity: in
-  // problem r its rotation row is the unit vector r. The coefficients of a head are therefore added to the right-hand
-  // side.
+  // Adds the coefficient of the node's unknown number `offset` to the current row. The rotation of a head is fixed
+  // at the identity, so row r of this rotation is the unit vector r. The coefficients of a head are therefore added to
+  // the right-hand side.
   void Add(std::size_t node, int offset, double value) {
     const int first = first_unknown_[node];
     if (first != kStands) {

@@ -59,8 +59,8 @@ class CostTerms {
   // Returns the settings of a stage that starts from the initial values and runs to full tolerance.
   Stage FirstStage(Loss loss) const { return {.loss = loss, .is_near = is_warm_}; }
 
-  // Returns the cost F at `state` without any loss, over all terms except the ranges whose flag in `uses_range` is
-  // false.
+  // Returns the cost F at `state` without a robust loss function (Loss::kNone). Omits the ranges whose flag in
+  // `uses_range` is false.
   double Cost(const std::vector<bool>& uses_range, const State& state) const;
 
   // Returns the marginal covariance of each of `nodes`. Rows are the position in the frame `map`, then the rotation in
@@ -108,7 +108,7 @@ class CostTerms {
   const SolverOptions& options_;
   bool is_warm_;
   std::vector<bool> is_free_;
-  bool is_window_;  // True for a solve of a window of nodes: scales and biases are then held constant.
+  bool is_window_;  // True if SolverOptions::window_nodes is not 0. Scales and biases are then held constant.
   State initial_;
   std::vector<Term> terms_;
   std::vector<std::size_t> range_terms_;  // Index in terms_ of each range; kNoTerm if omitted.

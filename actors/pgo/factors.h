@@ -73,8 +73,9 @@ class AxesManifold final : public ceres::Manifold {
 //
 //   W [ R_i^T (p_j - p_i) - (1 + s) t ;  2 vec(dq) ]
 //
-// R, p and q are the rotation, position and quaternion of a pose. t and q_measured are those of from_from_to. W^T W is
-// covariance^-1. dq is q_measured^-1 q_i^-1 q_j with w >= 0. s is the rover's odometry scale error, a constant factor.
+// R, p and q are the rotation, position and quaternion of a pose. t and q_measured are the position and quaternion of
+// from_from_to. W^T W is covariance^-1. dq is q_measured^-1 q_i^-1 q_j with w >= 0. s is the rover's odometry scale
+// error, a constant factor.
 std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to, const Matrix6d& covariance);
 
 // One range. Blocks: pose a, pose b, bias. One residual:

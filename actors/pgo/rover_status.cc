@@ -12,8 +12,8 @@ namespace {
 
 constexpr std::size_t kAnchoringRangesMin = 3;  // With fewer ranges, a rover has more than one possible place.
 
-// Returns `anchored`, extended by every rover that at least kAnchoringRangesMin accepted ranges join to agents already
-// in the set.
+// Adds rovers to `anchored` and returns the result. Repeatedly adds each rover with at least kAnchoringRangesMin
+// accepted ranges to agents in the set, until no more rovers can be added.
 std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set<AgentId> anchored) {
   for (bool has_grown = true; has_grown;) {
     has_grown = false;

@@ -11,7 +11,7 @@
 namespace moondb {
 
 // Returns one result per rover, in the order of `rovers`. `scales`: odometry scale error s of each rover. `ambiguous`:
-// rovers whose ranges another place fits nearly as well.
+// rovers whose ranges would fit another place of the rover nearly as well.
 std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                      const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges,
                                      const std::vector<double>& scales, const std::set<AgentId>& ambiguous);

@@ -23,8 +23,8 @@ struct StagedResult {
 // Minimises with a Cauchy loss on ranges, then alternates least squares and range tests until a test gives the same
 // verdicts as the previous test.
 //
-// `first`: verdicts that replace the Cauchy stage in a warm solve; nullopt in a cold solve. If `first` is doubtful, the
-// Cauchy stage runs, but without the loss on the ranges in is_trusted.
+// `first`: verdicts that replace the Cauchy stage in a warm solve; nullopt in a cold solve. If first->is_doubtful, the
+// Cauchy stage runs, but ranges whose flag in first->is_trusted is true get no Cauchy loss.
 StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph, const std::optional<FirstVerdicts>& first,
                            const SolverOptions& options);
 

@@ -25,7 +25,7 @@
 namespace moondb {
 
 struct PlainNode {
-  NodeKey key;  // Agent 0 and the vertex id for a g2o vertex.
+  NodeKey key;  // The key of a g2o vertex consists of agent 0 and the vertex id.
   Pose vertex;  // Pose in the file: ground truth or a solution.
   // Time of the node in ns, or index of the node in a file without timestamps. Used only for ordering.
   std::int64_t time = 0;

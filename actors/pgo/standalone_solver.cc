@@ -14,7 +14,8 @@ namespace moondb {
 
 namespace {
 
-// Initial lengths of the prefix, as fractions of all poses in order of time. 1: solve the whole graph at once.
+// Some starts solve only the earliest poses first (a prefix of all poses in order of time). These are the initial
+// lengths of the prefix, as fractions of all poses. 1: the whole graph is solved at once.
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
 constexpr double kSameCostPart = 1e-7;
 // An arrangement is worse than the best one if its cost exceeds this factor times the best cost.
@@ -31,8 +32,8 @@ struct Start {
   PlainState state;
 };
 
-// The solution of a prefix, from which a start has already continued. `part`: length of the prefix, as a fraction of
-// all poses.
+// A solution of the first poses (a prefix of all poses) from which some start has continued. Other starts that reach it
+// stop. `part`: length of the prefix, as a fraction of all poses.
 struct Passed {
   double part = 0;
   double cost = 0;
@@ -128,8 +129,8 @@ class StandaloneSolver {
     }
   }
 
-  // Returns flags of the nodes in a prefix: the first fraction `part` of the poses by time, and the points that these
-  // poses observe.
+  // Returns one flag per node: true for the first fraction `part` of the poses by time, for the points that these poses
+  // observe, and for fixed nodes.
   ActiveNodes Prefix(double part) const {
     if (times_.empty()) return all_;  // The graph has only points.
     const auto last = static_cast<std::size_t>(part * static_cast<double>(times_.size() - 1));
@@ -165,7 +166,7 @@ class StandaloneSolver {
         if (--left < 0 || IsStopped()) break;
         const double before = solution_.cost;
         Add(RunStart(1, all_, std::move(arrangement.state)), solution_.initial_values);
-        // The remaining arrangements were made from a solution that has just been replaced.
+        // If this start has replaced the solution, stop: the remaining arrangements belong to the previous solution.
         if (solution_.cost < before) break;
       }
     }
@@ -180,8 +181,8 @@ class StandaloneSolver {
     Add(Start{fit, std::move(state)}, solution_.initial_values);
   }
 
-  // Returns flags of the nodes that stay in place while the other parts are arranged: the parts with a fixed node, or
-  // the largest part if no node is fixed.
+  // Returns one flag per node: true if the node stays in place while other parts are arranged. Parts with a fixed node
+  // stay in place; if no node is fixed, the largest part does.
   std::vector<bool> FirstPlaced(const ActiveNodes& active, const std::vector<std::size_t>& heads) const {
     std::map<std::size_t, std::size_t> sizes;
     std::set<std::size_t> standing;
@@ -227,8 +228,9 @@ class StandaloneSolver {
     return options;
   }
 
-  // Runs one start to its end. If the start reaches a prefix solution from which another start has already continued,
-  // this start stops and returns infinite cost, because it would only repeat the other start.
+  // Runs one start to its end. `part`: fraction of all poses, in order of time, that the start solves first. If an
+  // earlier start had the same solution for the same fraction of the poses, this start stops and returns infinite cost,
+  // because it would only repeat the earlier start.
   Start RunStart(double part, ActiveNodes active, PlainState state) {
     PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
     int iterations = fit.iterations;
@@ -254,8 +256,8 @@ class StandaloneSolver {
     });
   }
 
-  // Places the nodes that are active now but not in `before`: by composing edges from placed nodes, or by arranging new
-  // parts around the placed nodes.
+  // Places the nodes whose flag is true in `active` but not in `before`: by composing edges from placed nodes, or by
+  // arranging new parts around the placed nodes.
   void Extend(const ActiveNodes& before, const ActiveNodes& active, PlainState& state) const {
     std::vector<bool> placed = before;
     ComposeFromPlaced(graph_, active, ComposeAlong::kAll, placed, state);
