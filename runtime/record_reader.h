@@ -71,8 +71,8 @@ class RecordReader {
   void Read(Context& context);
   // As Read, but starts at the first record. Ends a reading that is in progress, without changing result().
   void ReadAgain(Context& context);
-  // Ends a reading that is in progress, without changing result(). Keeps the cursor. A following reader continues at
-  // the next RecordsStored.
+  // Ends a reading that is in progress, without changing result(). Keeps the cursor. If Follow was called, the
+  // reader continues at the next RecordsStored.
   void Stop(Context& context);
 
   // Call with each message that the actor handles. Returns true if the message was for this reader only; the actor must
