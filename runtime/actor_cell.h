@@ -67,7 +67,8 @@ class ActorCell final : public ActorHost, private Runnable {
   ActorCell(CellSystem& system, Address self, SpawnOptions options, ActorFactory factory, WorkerPool& pool,
             Supervisor::Options supervision, std::uint64_t seed);
 
-  // Puts a message into the mailbox. Thread-safe. Returns kUnreachable if the actor failed permanently or ended.
+  // Puts a message into the mailbox. Thread-safe. Returns the result of Mailbox::Push, for example kUnreachable if
+  // the actor failed permanently or ended.
   // `sender` and `sender_name`: see Mailbox::Item. If `may_wait`, waits without a time limit for room in a full kBlock
   // mailbox.
   SendResult Push(OwnedMessage message, const Address* sender, std::uint16_t sender_name, bool may_wait = false);

@@ -176,7 +176,7 @@ SendResult ActorSystem::Impl::Deliver(OwnedMessage message) {
 // thread.
 const Address* ActorSystem::Impl::TakeSender(proto::Message& message) {
   delete message.release_destination_actor();            // Clearing the string would keep its memory.
-  if (message.hop_sender() == kClients) return nullptr;  // Connections of clients change too often to be kept.
+  if (message.hop_sender() == kClients) return nullptr;  // Clients reconnect too often to store their addresses.
   const Address* sender = remote_senders_.Keep(SenderOf(message));
   if (sender != nullptr) delete message.release_source_actor();
   return sender;

@@ -41,7 +41,7 @@ class Mailbox {
 
   struct Pushed {
     SendResult result;
-    bool must_call_reader = false;  // The reader is away: the caller must schedule it.
+    bool must_call_reader = false;  // True if no reader was active (GoAway). The caller must then schedule one.
   };
 
   struct Counts {
@@ -63,8 +63,8 @@ class Mailbox {
   Pushed Push(Item&& item);
   // As Push, but an item that is not accepted stays unchanged and is not counted as dropped.
   Pushed TryPush(Item& item);
-  // Makes the next GoAway return false, so that the reader checks for work other than messages. Returns true if the
-  // reader is away; the caller must then schedule it.
+  // Makes the next GoAway return false, so that the reader checks for work other than messages. Returns true if no
+  // reader is active (GoAway); the caller must then schedule one.
   bool Nudge();
 
   Counts counts() const;
@@ -79,9 +79,9 @@ class Mailbox {
   Item* Take();
   // True if the next Take checks for newly pushed messages.
   bool must_look() const { return next_ == items_.size(); }
-  // Marks the reader as away and returns true. Returns false instead if there is work: the mailbox was nudged, or
-  // `for_messages` is true and messages wait. After GoAway returned true, another thread may already be the reader. The
-  // reader of a new mailbox is away.
+  // Ends the reader's activity and returns true. Returns false instead if there is work: Nudge was called, or
+  // `for_messages` is true and messages wait. After GoAway returned true, another thread may already be the reader. A
+  // new mailbox has no active reader.
   bool GoAway(bool for_messages);
   // Drops all waiting messages, without counting them as dropped, and refuses new ones.
   void Close();

@@ -91,8 +91,8 @@ void RecordReader::OnRecordsStored(Context& context, const proto::RecordsStored&
 }
 
 // Requests the page again through a timer and not directly, because a reading may end only in Read or in an OnMessage
-// that returns true. A following reader that is idle requests a page too: storage may have failed before it published
-// its last commit.
+// that returns true. After Follow, an idle reader requests a page too, because storage may have failed after a commit
+// and before it published RecordsStored.
 void RecordReader::OnDown(Context& context, const proto::Down& down) {
   const Address lost{down.agent(), down.actor()};
   if (lost != StorageOf(context) || down.is_final()) return;

@@ -50,7 +50,7 @@ class RecordReader {
     // Content bytes per page, at most 32 MiB. A larger record has a page of its own.
     std::uint32_t page_bytes_max = 1024 * 1024;
     Duration answer_timeout = std::chrono::seconds(30);
-    Duration retry_delay = std::chrono::seconds(5);  // Delay before a following reader retries after an error.
+    Duration retry_delay = std::chrono::seconds(5);  // Delay before a retry after an error, if Follow was called.
   };
 
   // Called for each record, inside OnMessage. Must not call the reader. If it returns an error, the reading ends with
@@ -71,8 +71,8 @@ class RecordReader {
   void Read(Context& context);
   // As Read, but starts at the first record. Ends a reading that is in progress, without changing result().
   void ReadAgain(Context& context);
-  // Ends a reading that is in progress, without changing result(). Keeps the cursor. A following reader continues at
-  // the next RecordsStored.
+  // Ends a reading that is in progress, without changing result(). Keeps the cursor. If Follow was called, the
+  // reader continues at the next RecordsStored.
   void Stop(Context& context);
 
   // Call with each message that the actor handles. Returns true if the message was for this reader only; the actor must
@@ -111,7 +111,7 @@ class RecordReader {
   bool is_following_ = false;
   bool is_more_wanted_ = false;    // True if records may be stored that the page in flight does not contain.
   std::uint64_t last_row_id_ = 0;  // The cursor: row id of the last record read.
-  std::uint64_t question_id_ = 0;  // Id of the last request, or of the pause before the next one; 0: none yet.
+  std::uint64_t question_id_ = 0;  // Id of the last request, or of the timer for the next one; 0: none yet.
   TimerId timer_ = 0;
   Result<void> result_;
   RateLimitedLog trouble_log_;

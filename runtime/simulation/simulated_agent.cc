@@ -208,8 +208,7 @@ void SimulatedAgent::ScheduleStep(Host& host) {
 }
 
 void SimulatedAgent::Step(Host& host) {
-  // Without an actor, the host waits for its restart. Messages stay in the mailbox; StartHost schedules a step for each
-  // of them.
+  // If the actor is down, messages stay in the mailbox. At the restart, StartHost schedules a step for each of them.
   if (!host.has_actor()) return;
   Mailbox::Item* taken = host.mailbox.Take();
   if (taken == nullptr) return;

@@ -37,8 +37,8 @@ class AgentSurroundings {
   virtual std::int64_t utc_now_ns() const = 0;  // True UTC, without the agent's clock offset.
   virtual TimerQueue<Event>& events() = 0;
   virtual SendResult Send(const Address& from, const Address& to, proto::Message message) = 0;
-  // Delivers `message` to the actor at `to`. If no actor has this address, keeps the message for SimulatedTeam::Take.
-  // `sender`: see Mailbox::Item.
+  // Delivers `message` to the actor at `to`. If no actor has this address, keeps the message for
+  // SimulatedTeam::TakeMessages. `sender`: see Mailbox::Item.
   virtual SendResult HandOver(const Address& to, OwnedMessage message, const Address* sender) = 0;
   // Returns a pointer to a copy of `sender` that stays valid as long as the team exists.
   virtual const Address* Remember(const Address& sender) = 0;

@@ -238,7 +238,7 @@ void SimulatedTeam::Impl::Arrive(AgentId from, AgentId to, const std::string& by
   Check(message->ParseFromString(bytes), "what was serialised can be parsed");
   const std::string actor = message->destination_actor();
   trace_hash_ = XXH64(bytes.data(), bytes.size(), trace_hash_);
-  // A full mailbox counts the dropped message itself.
+  // Ignore kFull: the mailbox has already counted the dropped message.
   (void)HandOver({to, actor}, std::move(message), /*sender=*/nullptr);
 }
 

@@ -9,10 +9,9 @@
 //   team.AddAgent(1);
 //   team.Spawn(1, "sync", [] { return std::make_unique<SyncActor>(...); });
 //   team.AddAgent(2);
-//   (void)team.Post({1, "test"}, {1, "sync"}, share_request); // Answers to 1/test are kept for Take.
+//   (void)team.Post({1, "test"}, {1, "sync"}, share_request); // TakeMessages({1, "test"}) returns the answers.
 //   team.AdvanceTime(seconds(6));
-//   EXPECT_EQ(team.TakeMessages({2, "sync"}).size(), 2u);             // 2/sync is not spawned, so its messages are
-//   kept.
+//   EXPECT_EQ(team.TakeMessages({2, "sync"}).size(), 2u); // Kept, because 2/sync is not spawned.
 //
 // Supervision works as in ActorSystem, with delays in virtual time. A permanent failure crashes the agent.
 // Context::RequestStop ends the agent after the handler. All agents count as connected until SetLink or Partition
@@ -65,7 +64,7 @@ class SimulatedTeam {
   // together; later ones are dropped.
   std::vector<proto::Message> TakeMessages(const Address& address);
 
-  // Subscribes `actor`, an address without an actor, to `topic`. The published messages are kept for Take. The
+  // Subscribes `actor`, an address without an actor, to `topic`. TakeMessages returns the published messages. The
   // subscription ends when the agent crashes.
   void Watch(const Address& actor, Topic topic);
 

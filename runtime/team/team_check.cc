@@ -166,7 +166,7 @@ class TeamChecker {
     CheckPlace(agent, path);
   }
 
-  // Checks that every agent has a signing key or that, in a team without keys, no agent has one.
+  // Checks that every agent with a CURVE key has a valid signing key, and that no agent of an `insecure` team has one.
   void CheckSigningKeys() {
     for (int i = 0; i < team_.agents_size(); ++i) {
       const proto::AgentConfig& agent = team_.agents(i);

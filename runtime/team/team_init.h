@@ -44,7 +44,7 @@ struct SigningKeysAdded {
 Result<SigningKeysAdded> AddSigningKeys(const std::string& yaml, const std::filesystem::path& file, NewFiles* files);
 
 // Adds the key files of an agent to `files`: a new public CURVE key at `public_path`, and the secrets NAME.sec and
-// NAME.sign beside it. Errors as for NewFiles::Add and MakeCurveKeys.
+// NAME.sign beside it. Returns the errors of NewFiles::Add and MakeCurveKeys.
 Result<void> AddAgentKeys(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files);
 // Adds only the secret of `signing` to `files`, as NAME.sign beside the public key.
 Result<void> AddSigningSecret(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files);

@@ -22,8 +22,8 @@ namespace moondb {
 // Places of the values in a file, by field path ("agents[1].id"). Includes values with errors.
 using Places = std::map<std::string, Place>;
 
-// Returns the place of `field`. If `field` is not in `places`, returns the place of the nearest enclosing field that
-// is, or the start of the file.
+// Returns the place of `field`. If `places` does not contain `field`, returns the place of the nearest enclosing field
+// in `places`, or the start of the file if there is none.
 Place PlaceOf(const Places& places, std::string field);
 
 // Reads the valid fields into `message`, and adds an error for each invalid field.

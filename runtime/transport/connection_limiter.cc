@@ -58,7 +58,7 @@ void ConnectionLimiter::Work(MonotonicTime now) {
 
 bool ConnectionLimiter::Admit(std::uint16_t port, const std::string& key, const std::string& peer, MonotonicTime now) {
   if (rules_.Admit(port, key, peer)) return true;
-  // Limit the rate: a look at all connections for each of many handshakes would use a whole processor.
+  // Limit the rate: checking all connections at each of many handshakes would use a whole processor.
   if (now < looked_at_ + kLookAfter) return false;
   Inspect(now);  // Connections that closed since the last look no longer count.
   return rules_.Admit(port, key, peer);

@@ -59,7 +59,8 @@ class ConnectionLimiter {
   void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false) {
     rules_.OnMessage(file, key, peer_port, has_claimed_id);
   }
-  // Admits a connection as ConnectionRules::Admit does. Returns false if the key has reached its connection limit.
+  // Returns the result of ConnectionRules::Admit. If that is false and no check of the connections was recent, first
+  // checks all connections, after which closed connections no longer count, and tries once more.
   bool Admit(std::uint16_t port, const std::string& key, const std::string& peer, MonotonicTime now);
 
   // Numbers of connections that were cut, by cause.

@@ -133,7 +133,7 @@ void ConnectionRules::JudgeKeys(std::uint16_t port, const Listener& listener, st
 }
 
 void ConnectionRules::JudgePlaces(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts) {
-  // Connections by address, for addresses with reserved places. All other connections are under "".
+  // Connections by address, for the addresses in listener.places. All other connections are under "".
   std::map<std::string, std::vector<Known*>> groups;
   for (auto& [file, known] : known_) {
     if (known.is_cut || known.connection.port != port) continue;

@@ -45,7 +45,8 @@ class ConnectionRules {
     std::map<std::string, std::size_t> places;  // By address: limit of connections from that address.
     std::size_t others_max = 0;                 // Limit of connections from all other addresses together.
     std::size_t key_max = 0;                    // Limit of connections with one key.
-    // Bytes of incomplete messages that the connections of a port share, in addition to kFreeBytes (JudgeBytes).
+    // JudgeBytes cuts connections while the bytes of large incomplete messages on the port exceed the sum of kFreeBytes
+    // and this value.
     std::uint64_t shared_bytes = 0;
   };
 
@@ -90,10 +91,11 @@ class ConnectionRules {
   void JudgeClaims(std::vector<Cut>& cuts);
   // If more than `key_max` connections have completed a message with one key, cuts those that were silent for longest.
   void JudgeKeys(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
-  // Cuts connections beyond the places of their address, or beyond the shared places. Cuts first the connections that
-  // never completed a message and whose address completed none within kRememberedTime, then other connections that
-  // never completed a message, then all others. Among equals, the network with the most connections loses its oldest. A
-  // network is all addresses with the same first 24 bits (IPv6: 64), because one host can use all of them.
+  // Cuts the connections of each address in `places` beyond the limit of that address, and the connections of all
+  // other addresses together beyond `others_max`. Cuts first the connections that never completed a message
+  // and whose address completed none within kRememberedTime, then other connections that never completed a message,
+  // then all others. Among equals, the network with the most connections loses its oldest. A network is all addresses
+  // with the same first 24 bits (IPv6: 64), because one host can use all of them.
   void JudgePlaces(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
   // Adds up the bytes of all connections that received more than kFreeBytes after their last complete message. While
   // the sum exceeds kFreeBytes + `shared_bytes`, cuts the connection with the most bytes.

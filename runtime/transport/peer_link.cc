@@ -80,7 +80,7 @@ SendResult PeerLink::Send(const proto::Message& message) {
   {
     const std::lock_guard lock(mutex_);
     SendResult result = is_small_enough ? SendResult::kAccepted : SendResult::kTooLong;
-    // If the link opened after the first check of is_open_, the frame was not built.
+    // The frame is empty if the link opened after the first check of is_open_. Refuse the message then.
     if (!is_open_ || (is_small_enough && entry.frame.empty())) result = SendResult::kUnreachable;
     if (result == SendResult::kAccepted) result = SendOrKeep(now, std::move(entry));
     if (result != SendResult::kAccepted) {

@@ -61,7 +61,8 @@ class PeerLink {
   // the peer.
   void OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on_link);
   void OnReport(const proto::LinkReport& report, std::uint32_t link_number, bool is_on_link);
-  // Call when LinkOrder::returns of the peer has increased: a replaced process with the peer's key has connected again.
+  // Call when LinkOrder::returns of the peer has increased. Repeated calls mean that two processes use the peer's
+  // key; OnReturn then logs this, and Status reports it.
   void OnReturn();
   // Call when a frame was rejected. Its bytes still count as received.
   void OnRejected(std::size_t frame_bytes, bool is_on_link);

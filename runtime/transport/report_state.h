@@ -38,7 +38,7 @@ class ReportState {
   bool is_opening_due_ = false;
   bool is_due_ = false;
   bool is_asking_peer_ = false;
-  // Credit when the last report was sent. The peer's report interval was derived from it.
+  // Credit when the last report was sent. If the credit has changed since, the next report sets a new report interval.
   std::size_t reported_credit_bytes_ = 0;
   LargeFrameNotice large_frame_notice_;
 };

@@ -30,8 +30,8 @@ class ZapHandler {
   using AdmitClient = std::function<Admission(const std::string& key, const std::string& address)>;
   using OnRefused = std::function<void(bool is_client)>;
 
-  // Binds in `context`; must be called before any socket uses CURVE. `agents` maps public keys in Z85 to ids. Calls
-  // `on_refused` for each handshake with an unknown key, before the answer is sent.
+  // Binds ZAP's endpoint in `context`. Must be called before any socket of `context` uses CURVE. `agents` maps public
+  // keys in Z85 to ids. Calls `on_refused` for each handshake with an unknown key, before the answer is sent.
   static Result<ZapHandler> Make(const ZmqContext& context, std::map<std::string, AgentId> agents,
                                  OnRefused on_refused);
   void LetClientsIn(AdmitClient admit_client) { admit_client_ = std::move(admit_client); }

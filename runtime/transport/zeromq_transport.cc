@@ -120,7 +120,7 @@ class ZeroMqTransport::Impl {
   SendResult Send(const Address& to, const proto::Message& message) {
     Check(!message.has_link_report(), "only transports send link reports");
     if (to.agent == kClients) {
-      SendResult sent = SendResult::kUnreachable;  // Result of a listener that does not know the client.
+      SendResult sent = SendResult::kUnreachable;  // The result if no listener knows the client.
       for (const auto& listener : listeners_) {
         if (sent == SendResult::kUnreachable) sent = listener->Send(to.actor, message);
       }
@@ -263,8 +263,8 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Sets the connection limits of each port. The places of an agent whose address is a host name are added to the
-  // places that all other addresses share.
+  // Sets the connection limits of each port. For an agent whose address is a host name, raises the common limit
+  // of all addresses that have no own limit (ConnectionRules::Listener::others_max).
   Result<void> OpenGuard() {
     std::map<std::uint16_t, ConnectionRules::Listener> listeners;
     const proto::AgentConfig& self = *FindAgent(team_, options_.self);

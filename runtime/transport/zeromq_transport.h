@@ -44,8 +44,8 @@ class ZeroMqTransport final : public Transport {
     std::string clients_file;     // List of clients admitted at client_address (runtime/team/client_list.h).
   };
 
-  // Binds the sockets and starts the thread. Both callbacks may run before Create returns. Requires: `team` passed its
-  // checks. Relative paths of key files start at `team_folder`.
+  // Binds the sockets and starts the thread. Both callbacks may run before Create returns. Requires: `team` passed
+  // CheckTeam. Relative paths of key files start at `team_folder`.
   //
   // Returns kUnavailable if an address is in use. Returns kInvalid if a key file is missing, malformed or does not
   // match the team file, or if a secret key file is readable by others. Also returns kInvalid if the folder of
