@@ -19,7 +19,7 @@ class NaiveMerger {
   struct CellState {
     std::int64_t timestamp_ns = 0;
     std::uint32_t resolution_um = UINT32_MAX;  // UINT32_MAX if unknown.
-    std::uint32_t map = UINT32_MAX;            // Index of the map; UINT32_MAX with level 255 for a footprint.
+    std::uint32_t map = UINT32_MAX;            // Index in maps(); UINT32_MAX for a footprint (level 255) or if unknown.
     std::uint8_t level = 0;
     Cell value = Cell::kUnknown;
   };
