@@ -46,7 +46,7 @@ class NaiveMerger {
   const MergeGrid grid_;
   std::vector<PlacedMap> maps_;
   std::vector<Footprint> footprints_;
-  std::vector<std::vector<std::vector<Cell>>> block_cells_;  // Indexed by map and block.
+  std::vector<std::vector<std::vector<Cell>>> block_cells_;  // Indexed by map, block and cell.
   CellBox extent_;
   std::vector<CellState> cells_;
 };

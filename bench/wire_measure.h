@@ -17,8 +17,8 @@ struct WireSizes {
   std::size_t paper_sql_bytes = 0;  // One acknowledged statement per record (actors/storage/paper_sql.h).
   std::size_t alone_bytes = 0;      // Compact encoding; no map is coded with the previous map as context.
   std::size_t previous_bytes = 0;   // As alone_bytes, but each map is coded with the previous map if that is smaller.
-  // Size of the mission as sessions send it. Like previous_bytes, but the comparison is skipped for some maps, which
-  // are then coded in one way only (MapRunEncoder::Previous::kWhileItPays).
+  // Size of the mission as sessions send it (MapRunEncoder::Previous::kWhileItPays). Like previous_bytes, but some maps
+  // are coded in only one of the two ways (with or without the previous map), to save time.
   std::size_t sent_bytes = 0;
   // Sizes of the cells of all maps, in bytes, without headers.
   std::size_t map_2bit_zstd_bytes = 0;
