@@ -14,10 +14,11 @@ namespace {
 
 constexpr char kVertexShader[] = R"glsl(#version 310 es
 precision highp float;
-uniform vec4 center_and_x;  // Cells of the target; half of the x side.
+// Centre of the quad in cells of the target, and half of its x side as a vector.
+uniform vec4 center_and_x;
 uniform vec2 half_y;
 uniform vec2 target_size;
-out vec2 place;  // In the layer, 0 to 1.
+out vec2 place;  // Position in the layer, from 0 to 1 in each direction.
 void main() {
   vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
   vec2 cell = center_and_x.xy + corner.x * center_and_x.zw + corner.y * half_y;
@@ -30,7 +31,7 @@ constexpr char kFragmentShader[] = R"glsl(#version 310 es
 precision highp float;
 precision highp usampler2D;
 uniform usampler2D layer;
-uniform uint fixed_value;  // Not 0: a footprint.
+uniform uint fixed_value;  // For a footprint, the value of all cells; 0 for a layer.
 in vec2 place;
 layout(location = 0) out uvec4 cell;
 void main() {
@@ -138,7 +139,7 @@ class GlPainter::Context {
     const PlacedRectangle& p = quad.placed;
     const double c = p.step_cos;
     const double s = p.step_sin;
-    // Read as complex numbers, the inverse of (c, s) is (c, -s) times this factor.
+    // The inverse of the complex number c + i s is (c - i s) * scale.
     const double scale = 1 / (c * c + s * s);
     const double du = p.width_q / 2.0 - p.u0;
     const double dv = p.height_q / 2.0 - p.v0;

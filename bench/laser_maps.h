@@ -2,7 +2,8 @@
 //
 // A map contains one scan, or several scans made a short distance apart. In each layer, a beam marks the cells that it
 // crosses as free, and the cell in which it ends as a hazard. A coarse cell that contains a hazard of a finer layer is
-// therefore also a hazard. The thin lines of free cells differ between layers.
+// therefore also a hazard. If beams are drawn as thin lines, each layer has its own lines, so the free cells of two
+// layers may differ.
 #pragma once
 
 #include <cstdint>

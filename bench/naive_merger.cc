@@ -10,8 +10,8 @@ namespace moondb {
 namespace {
 
 // Replaces `state` by `seen` if `seen` is better: finer, or newer at equal resolution. If resolution and time are
-// equal, the later call wins between maps, and the earlier call within a map. Requires: calls in order of the maps'
-// record keys; within a map, from fine to coarse.
+// equal, `seen` is better only if it is from another map than `state`. Requires: calls in order of the maps' record
+// keys; within a map, from fine to coarse.
 inline void Decide(const NaiveMerger::CellState& seen, NaiveMerger::CellState& state) {
   if (seen.resolution_um > state.resolution_um) return;
   if (seen.resolution_um == state.resolution_um) {

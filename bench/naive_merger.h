@@ -19,7 +19,7 @@ class NaiveMerger {
   struct CellState {
     std::int64_t timestamp_ns = 0;
     std::uint32_t resolution_um = UINT32_MAX;  // UINT32_MAX if unknown.
-    std::uint32_t map = UINT32_MAX;            // Index of the map; UINT32_MAX with level 255 for a footprint.
+    std::uint32_t map = UINT32_MAX;            // Index in maps(); UINT32_MAX for a footprint (level 255) or if unknown.
     std::uint8_t level = 0;
     Cell value = Cell::kUnknown;
   };
@@ -46,7 +46,7 @@ class NaiveMerger {
   const MergeGrid grid_;
   std::vector<PlacedMap> maps_;
   std::vector<Footprint> footprints_;
-  std::vector<std::vector<std::vector<Cell>>> block_cells_;  // Indexed by map and block.
+  std::vector<std::vector<std::vector<Cell>>> block_cells_;  // Indexed by map, block and cell.
   CellBox extent_;
   std::vector<CellState> cells_;
 };

@@ -36,14 +36,14 @@ struct GraphRun {
   GraphResult ours;
   std::string initialisation;
   std::string text;                  // Describes quantities that could not be determined.
-  std::optional<GraphResult> plain;  // Least squares with Ceres from odometry.
+  std::optional<GraphResult> plain;  // Result of least squares with Ceres, started from odometry.
   std::vector<Track> odometry_tracks;
   std::vector<Track> tracks;
   std::vector<Track> true_tracks;
 };
 
 struct GraphBenchOptions {
-  SolverOptions solver;   // Options for teams. Standalone graphs use only its thread count.
+  SolverOptions solver;   // Options for teams. For standalone graphs, only thread_count is used.
   bool has_plain = true;  // True to solve by least squares from odometry as well.
 };
 

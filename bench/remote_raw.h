@@ -1,6 +1,6 @@
 // Measures bare libzmq with the message pattern of remote_moondb.h, without actors. Each side has one context, one I/O
-// thread, a listener that only receives, and a DEALER that only sends. The listener is a ROUTER, except that it is a
-// DEALER with kAsMoondb and CURVE. Frames are copied and not parsed.
+// thread, a listener that only receives, and a DEALER that only sends. The listener is a DEALER with kAsMoondb and
+// CURVE, and a ROUTER otherwise. Frames are copied and not parsed.
 #pragma once
 
 #include <cstddef>

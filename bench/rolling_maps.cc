@@ -25,8 +25,8 @@ class WorldLayer {
     }
   }
 
-  // Returns the cell that lies `column` columns and `row` rows of this layer from the cell of the finest layer given by
-  // `finest_column` and `finest_row`. Outside the world, returns the nearest border cell.
+  // Finds the cell of this layer that contains the finest layer's cell (`finest_column`, `finest_row`), and returns the
+  // cell that lies `column` columns and `row` rows further. Outside the world, returns the nearest border cell.
   Cell At(int finest_column, int finest_row, int column, int row) const {
     return grid_.At(std::clamp((finest_column >> shift_) + column, 0, side_ - 1),
                     std::clamp((finest_row >> shift_) + row, 0, side_ - 1));

@@ -126,7 +126,7 @@ class Sender {
 
 struct Cost {
   std::size_t bytes = 0;
-  double encode_ms = 0, decode_ms = 0;  // Sum over all records.
+  double encode_ms = 0, decode_ms = 0;  // Processor time, summed over all records.
 };
 
 Cost MissionCost(const WireMission& mission, Previous previous) {

@@ -14,7 +14,8 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::internal::WireFormatLite;
 using google::protobuf::io::CodedInputStream;
 
-// Messages up to these sizes in bytes are parsed without counting their parts, because they cannot have many parts.
+// Messages of at most these sizes in bytes are parsed without counting their parts (kParsedPartsMax): such messages are
+// too small to have many parts.
 constexpr std::size_t kUncountedBytesMax = 64 * 1024;
 constexpr std::size_t kUncountedPeerBytesMax = 1024;
 constexpr int kDepthMax = 100;  // Protobuf's own recursion limit.

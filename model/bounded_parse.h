@@ -1,8 +1,8 @@
 // ParseBounded: parses untrusted bytes into a message, and limits the memory that the message needs.
 //
-// An empty part of a message takes two bytes on the wire and up to a hundred in memory. Many empty parts compress well:
-// three kilobytes from a peer could expand to a gigabyte. ParseBounded counts the parts before it allocates memory.
-// Thread-safe.
+// An empty part of a message (a nested message or a list element) takes two bytes on the wire and up to a hundred in
+// memory. Many empty parts compress well: three kilobytes from a peer could expand to a gigabyte. ParseBounded counts
+// the parts before it allocates memory. Thread-safe.
 #pragma once
 
 #include <google/protobuf/message.h>

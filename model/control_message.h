@@ -24,7 +24,7 @@ proto::Message ErrorMessage(const Error& error);
 // the body does not decode or would need too much memory (model/bounded_parse.h).
 Result<proto::ControlRequest> ControlRequestOf(const proto::Message& message);
 Result<proto::ControlReply> ControlReplyOf(const proto::Message& message);
-// Fails with the error in the message's ControlReply, if it holds one. Also fails like ControlReplyOf.
+// If the ControlReply in `message` holds an error, fails with that error. Also fails like ControlReplyOf.
 Result<void> CheckControlReply(const proto::Message& message);
 
 }  // namespace moondb

@@ -188,7 +188,7 @@ Result<std::string> GeoTiffBytes(const MergedMap& map, const MapSite& site, cons
     SetPlace(tiff.get(), map, site);
     is_done = SetKeys(tiff.get(), site);
     for (int row = 0; is_done && row < image.height; ++row) {
-      void* pixels = const_cast<std::uint8_t*>(image.At(0, row));  // libtiff only reads them.
+      void* pixels = const_cast<std::uint8_t*>(image.At(0, row));  // libtiff only reads the pixels.
       is_done = TIFFWriteScanline(tiff.get(), pixels, static_cast<std::uint32_t>(row)) == 1;
     }
   }

@@ -42,7 +42,7 @@ class IntervalSet {
 
   // Returns the seqs of this set that are not in `other`.
   IntervalSet Minus(const IntervalSet& other) const;
-  // Returns the complete intervals of this set that share a seq with `other`.
+  // Returns the intervals of this set that share a seq with `other`. The intervals are not cut to the shared seqs.
   IntervalSet Around(const IntervalSet& other) const;
 
   const std::vector<Interval>& intervals() const { return intervals_; }
@@ -77,8 +77,8 @@ class HaveSet {
   void Merge(const HaveSet& other);
   // Fails with kInvalid if the result of Merge(other) would exceed the limits of a have-set.
   Result<void> CheckJoins(const HaveSet& other) const;
-  // Returns, for each stream of `other`, the complete intervals of this have-set that share a seq with an interval that
-  // `other` covers.
+  // Returns, for each stream of `other`, the intervals of this have-set that share a seq with an interval of `other`
+  // (held or dropped). The intervals are not cut to the shared seqs.
   HaveSet Around(const HaveSet& other) const;
 
   const std::map<StreamKey, StreamHave>& streams() const { return streams_; }

@@ -111,7 +111,7 @@ Eigen::Matrix3d PlanarOf(const Matrix6d& spatial) {
 
 double ExactPlanarYaw(const Eigen::Quaterniond& q) {
   constexpr int kSteps = 8;
-  // The computed yaw lies between -2 pi and 2 pi. The signs of z and w preserve a yaw beyond pi, as in some files.
+  // Some files contain a yaw beyond pi. The signs of z and w preserve it: the computed yaw lies between -2 pi and 2 pi.
   const double yaw_rad = 2 * std::atan2(q.z(), q.w());
   double above = yaw_rad;
   double below = yaw_rad;

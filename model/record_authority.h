@@ -30,8 +30,8 @@ namespace moondb {
 // Returns whether the record names this agent (DataTypeRow::agents).
 bool IsNamedIn(const proto::Record& record, AgentId agent);
 
-// Fails with kInvalid if `origin` may not write this record in any role. The error's field is the path of an agent that
-// may write the record. Requires: CheckRecord(record) succeeds.
+// Fails with kInvalid if `origin` may not write this record in any role. The error's field is the path of the first
+// agent that the record names. Requires: CheckRecord(record) succeeds.
 Result<void> CheckSpeaker(const proto::Record& record, AgentId origin);
 
 class RecordAuthority {

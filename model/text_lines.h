@@ -22,8 +22,8 @@ class TextLines {
 
   // Requires: `text` outlives this object.
   explicit TextLines(std::string_view text) : text_(text) {}
-  // Opens a file. Fails like ReadTextFile (model/text.h), except that Next checks the size instead. The object must not
-  // be moved after the first call of Next.
+  // Opens a file. Fails like ReadTextFile (model/text.h), but does not check the file's size; Next checks it. The
+  // object must not be moved after the first call of Next.
   static Result<TextLines> OfFile(const std::filesystem::path& file);
 
   // Returns the next line, without "\n" or "\r\n". The line is valid until the next call. Returns nullopt at the end of

@@ -23,8 +23,8 @@ TypeSchemas SchemasOf(const CustomTypes& custom_types);
 // Returns one hash over all schemas, independent of their order. The hash is never 0.
 std::uint64_t HashSchemas(const TypeSchemas& schemas);
 
-// Returns the types of `ours` that an agent with the schemas `theirs` would misunderstand or cannot store. Returns no
-// types if `theirs` is empty, because an agent sends no schemas if they equal `ours`.
+// Returns the types of `ours` that an agent with the schemas `theirs` would misunderstand or cannot store. If `theirs`
+// is empty, returns no types: an agent sends its schemas only if they differ from `ours`.
 std::set<DataType> TypesNotFor(const TypeSchemas& ours, const TypeSchemas& theirs);
 
 }  // namespace moondb
