@@ -71,7 +71,7 @@ TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
   }
 }
 
-// This test places more maps over one cell than the first rounds of draws can hold.
+// Places 500 maps over one cell. A draw uses at most 63 of these maps per cell, so GlGather needs several draws.
 TEST_F(GlGatherTest, GathersHundredsOfMapsOverOneCell) {
   World world;
   std::mt19937_64 rng(302);

@@ -493,7 +493,7 @@ TEST_F(RetentionActorTest, AsksNoAgentIfTheTeamFileSetsNoLimits) {
   EXPECT_LT(team_.radio_bytes() - bytes, 10'000u);
 }
 
-// Maps may use half of the 1 MB budget, but use more. All other records stay within their half.
+// The store may use 1 MB. The maps exceed their half of it. All other records stay within the other half.
 TEST_F(RetentionActorTest, RemovesMapsFirstAndKeepsGraphAndStates) {
   config_.mutable_retention()->set_store_mb_max(1);
   config_.mutable_retention()->set_map_part_max(0.5);
