@@ -93,7 +93,8 @@ TEST_F(GlGatherTest, GathersLayersMuchFinerThanTheGrid) {
   }
 }
 
-// When a map is withdrawn, Merger gathers again each tile that names a block of that map.
+// Tile::blocks must contain only blocks that won a cell. When a map is withdrawn, Merger gathers again each tile whose
+// `blocks` contains a block of that map.
 TEST_F(GlGatherTest, ATileNamesOnlyBlocksThatWonACell) {
   std::vector<std::unique_ptr<PlacedThing>> things;
   for (const auto& [rows, timestamp_ns] : {std::pair{"#.", 3}, {"##", 2}, {"  ", 1}}) {

@@ -123,7 +123,7 @@ TEST(OwnEpochsTest, FollowsAChainOfBases) {
   const std::uint64_t the_same_disk = Epoch(5, kLost, knew_third);
   const std::uint64_t its_replacement = Epoch(6, kAnother, the_same_disk);
   for (const std::uint64_t epoch : {knew_third, the_same_disk, its_replacement}) own.Learn(epoch);
-  // A later epoch of the replacement disk. This file does not know on which epoch that epoch is based.
+  // A later epoch of the replacement disk, based on an epoch that this file does not know.
   own.Learn(Epoch(8, kAnother, kNeverShared));
   EXPECT_THAT(own.Endangered().certain, ElementsAre(fifth));
   // The lost disk returns, hears of the fifth epoch, and begins an epoch based on it.
