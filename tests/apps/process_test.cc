@@ -657,7 +657,8 @@ TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfALeaderThatHangs) {
   const auto is_replaced = [this] {
     return MoonctlExpecting(0, {"role", "show", "-a", "rover2"}).find("rover2  leader ") != std::string::npos;
   };
-  // Failover takes 4/3 of leader_timeout_s plus 3 s. Without requests, the link would be closed only after 33 s.
+  // Failover takes 4/3 of leader_timeout_s plus 3 s. Without the survivor's heartbeats to the leader, the link would be
+  // closed only after 33 s.
   EXPECT_TRUE(Until(is_replaced, std::chrono::seconds(15)));
   ASSERT_EQ(kill(leader, SIGCONT), 0);
 }

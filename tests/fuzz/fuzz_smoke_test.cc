@@ -1,5 +1,6 @@
-// Runs each decoder on its corpus and on random mutations of the corpus. MOONDB_FUZZ_RUNS is the number of mutations
-// per decoder (default: 200), MOONDB_FUZZ_SEED the seed of the mutations (default: random).
+// Runs each decoder on its corpus and on random mutations of the corpus. The environment variable MOONDB_FUZZ_RUNS
+// sets the number of mutations per decoder (default: 200). MOONDB_FUZZ_SEED sets the seed of the mutations
+// (default: random).
 #include <gtest/gtest.h>
 
 #include <cstdlib>

@@ -103,7 +103,8 @@ TEST_F(EventActorTest, ReportsRolesThatItsOwnAgentIssuedAfterTheFirst) {
 
 TEST_F(EventActorTest, ReportsNewlyRefusedRecordsOnceAMinute) {
   (void)Notified();
-  Rejected(5);  // EventActor reports increases of storage's count. The first count only gives the baseline.
+  // EventActor reports by how many the count of refused records has risen. It reports nothing for the first count.
+  Rejected(5);
   EXPECT_THAT(Notified(), IsEmpty());
   Rejected(8);
   EXPECT_THAT(Notified(), ElementsAre("3 records were refused by storage"));

@@ -71,7 +71,7 @@ TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
   }
 }
 
-// This test places more maps over one cell than the first rounds of draws can hold.
+// Places 500 maps over one cell. A draw uses at most 63 of these maps per cell, so GlGather needs several draws.
 TEST_F(GlGatherTest, GathersHundredsOfMapsOverOneCell) {
   World world;
   std::mt19937_64 rng(302);
@@ -93,7 +93,8 @@ TEST_F(GlGatherTest, GathersLayersMuchFinerThanTheGrid) {
   }
 }
 
-// When a map is withdrawn, Merger gathers again each tile that names a block of that map.
+// Tile::blocks must contain only blocks that won a cell. When a map is withdrawn, Merger gathers again each tile whose
+// `blocks` contains a block of that map.
 TEST_F(GlGatherTest, ATileNamesOnlyBlocksThatWonACell) {
   std::vector<std::unique_ptr<PlacedThing>> things;
   for (const auto& [rows, timestamp_ns] : {std::pair{"#.", 3}, {"##", 2}, {"  ", 1}}) {

@@ -1,4 +1,4 @@
-// The merge policy of the paper's Section 5.1, case by case, in worlds small enough to check by eye.
+// Tests the merge policy of the paper's Section 5.1 case by case, in worlds small enough to check by eye.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -277,7 +277,7 @@ TEST(StandaloneSolverStopTest, StopsOnRequest) {
 
 struct PublicSet {
   const char* file;
-  double best_cost;  // Lowest known cost. Certified as optimal by SE-Sync, except for sets with ranges.
+  double best_cost;  // Lowest known cost. SE-Sync certified it as optimal, except for graphs with ranges.
   double slack;
   int iterations_max = 60;  // Limit for the iterations of all starts together. About twice the number needed.
   InformationCheck check = InformationCheck::kPositiveDefinite;

@@ -493,7 +493,7 @@ TEST_F(RetentionActorTest, AsksNoAgentIfTheTeamFileSetsNoLimits) {
   EXPECT_LT(team_.radio_bytes() - bytes, 10'000u);
 }
 
-// Maps may use half of the 1 MB budget, but use more. All other records stay within their half.
+// The store may use 1 MB, half of it for maps. The maps use 0.75 MB, and all other records less than 0.5 MB.
 TEST_F(RetentionActorTest, RemovesMapsFirstAndKeepsGraphAndStates) {
   config_.mutable_retention()->set_store_mb_max(1);
   config_.mutable_retention()->set_map_part_max(0.5);

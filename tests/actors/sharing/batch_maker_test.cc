@@ -147,7 +147,7 @@ TEST_F(BatchMakerTest, ReportsDropsOnlyWithTheLastRecords) {
   EXPECT_EQ(destination_.have(), source_.have());
   Order();
   AnswerHello();
-  // The destination knows the drops already.
+  // The destination already knows which records were dropped.
   for (const auto& batch : RunToEnd()) EXPECT_EQ(batch.batch().dropped_size(), 0);
 }
 
@@ -235,8 +235,8 @@ TEST_F(BatchMakerTest, AnOrderBeforeTheEndDoesNotRestartTheRun) {
   EXPECT_EQ(Status().resends(), 0);
 }
 
-// The destination loses its decoder of the run. The destination then cannot read the batches that the session has
-// already coded in this run.
+// Each batch of a run is coded with reference to earlier batches of the run. The destination loses its decoder, so it
+// cannot read the remaining batches of the run.
 TEST_F(BatchMakerTest, SendsNoMoreBatchesOfABrokenRun) {
   OrderMaps(60, 0, 2048);
   const proto::Message first = sent_.front();

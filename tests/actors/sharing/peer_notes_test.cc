@@ -104,8 +104,8 @@ TEST_F(PeerNotesTest, NotesTheWholeHaveSetAgainWhenStorageRequestsIt) {
   EXPECT_EQ(notes[0].handed_over_size(), handed_over - int(first.batch().record_count())) << "the records in flight";
 }
 
-// Storage requests the whole have-set for each note that it cannot use. One reply answers all requests that name
-// earlier notes.
+// If storage cannot use a note, it requests the whole have-set and names the note. The session ignores the request
+// if it has sent the whole have-set after that note.
 TEST_F(PeerNotesTest, IgnoresRequestsThatAnEarlierAnswerAlreadyCovers) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
   Order();

@@ -86,7 +86,7 @@ TEST_F(ReplicaActorTest, ANewLeaderGathersAllRecordsOfTheTeamOnce) {
   InsertAtLeader(1);
   team_.AdvanceTime(seconds(100));
   EXPECT_EQ(stores_[3]->records().size(), 31u);
-  // Agent 3 begins another term, as after a restart with a disk that may be empty. Agent 3 then gathers again.
+  // Agent 3 begins another term. It may have restarted with an empty disk, so it gathers again.
   NotifyRoles(team_, config_, 3, Roles(3, 2, 4));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(stores_[3]->records().size(), 34u);

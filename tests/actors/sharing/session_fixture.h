@@ -73,7 +73,7 @@ class SessionFixture : public testing::Test {
   }
 
   // Stores a batch at the destination, and returns the destination's acknowledgment. The acknowledgment requests a new
-  // run if the batch cannot be decoded.
+  // run of batches if the batch cannot be decoded.
   proto::Have Store(const proto::Message& message) {
     const proto::Batch& batch = message.batch();
     std::string coded = batch.coded();

@@ -159,8 +159,8 @@ class Conversation {
     }
   }
 
-  // Discards the messages in flight and orders again. Then delivers all messages unchanged. Returns true if the session
-  // completes.
+  // Discards the messages in flight and gives the session a new order to share. Then delivers all messages unchanged.
+  // Returns true if the session completes.
   bool GoodEnd() {
     air_.clear();
     TakeOfSession(session_.Close());

@@ -230,7 +230,7 @@ TEST_F(SharingReceiverTest, RefusesAnotherWireVersionAndNamesBoth) {
   EXPECT_EQ(receiver_.counts().refused_hellos, 2);
 }
 
-// The Hello has wire version 42 and contains a field that this version does not know.
+// The Hello has wire version 42 and contains a field that this program does not know.
 TEST_F(SharingReceiverTest, ReadsTheWireVersionOfAnyVersionsHello) {
   proto::Hello hello;
   ASSERT_TRUE(hello.ParseFromString("\x08\x2A\x12\x03tea\x7A\x02no"));

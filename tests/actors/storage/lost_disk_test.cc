@@ -392,7 +392,8 @@ TEST_F(LostDiskTest, ALeadersPosesOfANewerTermWinInALowerEpoch) {
   EXPECT_EQ(HaveOf(*store_), HaveOf(*peer_)) << "both become idle";
   EXPECT_EQ(Number(*store_, "SELECT epoch FROM optimized_pose WHERE node_index = 1"), static_cast<std::int64_t>(low));
 
-  // A third agent, which has no poses yet, also accepts the drops once it holds the current poses.
+  // A third agent, which has no poses yet, receives the current poses. It then also accepts that the older poses were
+  // dropped.
   auto third = OpenStore(StoreOptionsOf(3));
   Exchange(*peer_, *third);
   EXPECT_EQ(HaveOf(*third), HaveOf(*peer_));

@@ -123,7 +123,7 @@ TEST(OwnEpochsTest, FollowsAChainOfBases) {
   const std::uint64_t the_same_disk = Epoch(5, kLost, knew_third);
   const std::uint64_t its_replacement = Epoch(6, kAnother, the_same_disk);
   for (const std::uint64_t epoch : {knew_third, the_same_disk, its_replacement}) own.Learn(epoch);
-  // A later epoch of the replacement disk. This file does not know on which epoch that epoch is based.
+  // A later epoch of the replacement disk, based on an epoch that this file does not know.
   own.Learn(Epoch(8, kAnother, kNeverShared));
   EXPECT_THAT(own.Endangered().certain, ElementsAre(fifth));
   // The lost disk returns, hears of the fifth epoch, and begins an epoch based on it.
@@ -288,7 +288,7 @@ class Robot {
   // Learns all epochs, and compares Endangered with the true history. An epoch E of the present incarnation is
   // endangered if the highest epoch that other disks began is higher than E and did not know E. Counts the endangered
   // epochs (right_), the endangered epochs that Endangered does not return (missed_), and the epochs in `certain` that
-  // are not endangered (wrong_). `possible` must be empty unless two epochs share a mark.
+  // are not endangered (wrong_). `possible` must be empty unless two epochs have the same mark (MarkOf).
   void Check() {
     Hear();
     const auto highest = std::find_if(knew_.rbegin(), knew_.rend(),
@@ -360,7 +360,7 @@ class Robot {
   const bool has_copies_;
   std::vector<Disk> disks_ = std::vector<Disk>(1);
   std::size_t present_ = 0;
-  std::set<std::uint32_t> marks_;                                 // Marks of all epochs.
+  std::set<std::uint32_t> marks_;                                 // MarkOf(epoch) of each epoch.
   std::set<std::pair<std::uint64_t, std::uint32_t>> base_marks_;  // Counter and base mark of all epochs.
   bool is_ambiguous_ = false;
   // By epoch: the epoch on which it is based, its predecessor in the same file, and all epochs that these two knew.

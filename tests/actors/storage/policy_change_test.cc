@@ -41,8 +41,8 @@ class PolicyChangeTest : public testing::Test {
     for (const double value : celsius) InsertOne(store, TemperatureRecord(value));
   }
 
-  // Sends from `from` to `to` all records that `to` lacks, and the drops of `from`. An agent under policy `all` ignores
-  // drops.
+  // Sends `to` all records of `from` that `to` lacks, and reports which records `from` has dropped. A store under
+  // policy `all` ignores such reports.
   static void TransferAll(RecordStore& from, RecordStore& to) {
     proto::MissingRequest request;
     *request.mutable_destination_have() = to.GetHave().have();

@@ -166,7 +166,8 @@ TEST_F(PruneTest, PeersKeepRecordsThatItPruned) {
   EXPECT_EQ(PayloadsIn(*survivor_), (std::set<std::string>{"a", "b", "c"}));
 }
 
-// The team file of `carrier` does not declare the type, so `carrier` accepts drops of this type from any sender.
+// The team file of `carrier` does not declare the type. `carrier` therefore accepts reports of dropped records of this
+// type from any sender.
 TEST_F(PruneTest, ACarrierKeepsRecordsThatAPeerPruned) {
   RecordStore::Options options = StoreOptionsOf(9);
   options.custom_types.Clear();

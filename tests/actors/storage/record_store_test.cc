@@ -24,7 +24,7 @@ RecordKey Key(AgentId origin, DataType type, std::uint64_t seq, std::uint64_t ep
 
 std::int64_t Number(RecordStore& store, const std::string& sql) { return *store.database().Number(sql); }
 
-// Returns the records and drops that `store` would send to a destination with an empty have-set.
+// Returns what `store` would send to a destination with an empty have-set: records, and which records were dropped.
 proto::MissingReply AllOf(RecordStore& store, const proto::RecordFilter& filter = {}) {
   proto::MissingRequest request;
   *request.mutable_filter() = filter;
@@ -370,7 +370,7 @@ TEST(RecordStoreTest, KeepsTheNewestRowUntilItsSupersederArrives) {
   auto store = OpenStore(StoreOptionsOf(1));
   const StreamKey stream{2, kEpoch, proto::TEMPERATURE};
   StoreOne(*store, Packed({stream, 2}, TemperatureRecord(2)));
-  // The drop of seqs 1 to 3 overtakes the batch with their superseder, seq 4.
+  // A report that seqs 1 to 3 were dropped arrives before seq 4, which supersedes them.
   const proto::StoreReply early = StoreDropped(*store, Dropped(stream, 1, 3));
   EXPECT_EQ(early.rejected_count(), 0u);
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 2);
@@ -613,7 +613,7 @@ TEST(RecordStoreTest, ReportsALatestTypeToPeersAsOneInterval) {
   ASSERT_EQ(reported.have().streams(0).dropped_size(), 1);
   EXPECT_EQ(reported.have().streams(0).dropped(0).last(), 60u + 30 + 20);
 
-  // The store sends no records and no drops to a peer that has this interval.
+  // To a peer that already has this interval, the store sends no records and reports no dropped records.
   proto::MissingRequest missing;
   *missing.mutable_destination_have() = reported.have();
   const proto::MissingReply reply = *store->GetMissing(missing);
@@ -835,7 +835,7 @@ TEST(RecordStoreTest, FiltersByOriginTypeAndAgentOfPoses) {
   poses.add_data_types(proto::OPTIMIZED_POSE);
   poses.set_optimized_poses_of_agent(2);
   EXPECT_EQ(AllOf(*store, poses).records_size(), 2);
-  // The filter might exclude the record that superseded a dropped pose, so the store sends no drops.
+  // The filter might exclude the record that superseded a dropped pose, so the store reports no dropped poses.
   EXPECT_EQ(AllOf(*store, poses).dropped_size(), 0);
   proto::MissingRequest first;
   *first.mutable_filter() = poses;

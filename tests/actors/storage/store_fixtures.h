@@ -38,7 +38,8 @@ proto::StoreReply StoreOne(RecordStore& store, const proto::StoredRecord& record
 // Returns all records in `store`, in the order of their row ids.
 std::vector<proto::StoredRecord> Contents(RecordStore& store);
 
-// Sends `to` one page of the records and drops of `from` that `to` lacks. Returns false if the page was empty.
+// Sends `to` one page of the records of `from` that `to` lacks, with reports of dropped records. Returns false if the
+// page was empty.
 bool Transfer(RecordStore& from, RecordStore& to, std::uint32_t records_max = 0);
 
 }  // namespace moondb

@@ -630,7 +630,7 @@ class Mission {
       if (key.stream.origin == origin) CheckHas(origin, key, records, have);
     }
     for (const auto& [key, content] : records.at(origin)) {
-      // This also checks records whose insert was not acknowledged.
+      // This loop also checks records whose insert was not acknowledged.
       if (key.stream.origin == origin) CheckHas(2, key, records, have);
     }
     for (const auto& [key, stream] : claimed_[origin].streams()) {

@@ -54,7 +54,8 @@ TEST(GraphImportTest, SeparatesOdometryFromLoopClosuresAndSkipsObservationsOfOth
   const auto import = PrepareImport(Team(2, true), *pyfg);
   ASSERT_TRUE(import.has_value()) << ToString(import.error());
   EXPECT_EQ(import->odometry_count, 3u);
-  EXPECT_EQ(import->left_out_count, 5u);  // M0 and its range, A1's view of B1, and two loop closures (A0, A2).
+  // The import leaves out the landmark M0 and its range, A1's view of B1, and two loop closures between A0 and A2.
+  EXPECT_EQ(import->left_out_count, 5u);
   const auto& last = import->records.at(10)[2].pose_graph_node();
   EXPECT_EQ(last.node().index(), 2u);
   EXPECT_NEAR(last.map_from_node().position_m().x(), 5, 1e-12);

@@ -206,7 +206,7 @@ class WithoutTerms final : public OtherActor {
 };
 
 // Makes a restarted leader reuse its last term. Until the role actor saves a term, the mutant lowers the number of the
-// leader's last term by one in messages to that actor. The actor draws the same epoch after each restart.
+// leader's last term by one in messages to the role actor. All terms of the role actor get the same issuer_epoch.
 class WithoutANewTerm final : public OtherActor {
  public:
   using OtherActor::OtherActor;
@@ -278,8 +278,8 @@ class NewestByClock final : public OtherActor {
   std::map<AgentId, std::int64_t> newest_ns_;
 };
 
-// Treats notes as states: of the notes in a store request with the same origin and the same `latest_key`, stores only
-// the last one.
+// Treats records of the custom type kNote as states. If several of them in one store request have the same origin and
+// `latest_key`, keeps only the last one.
 bool TakeTheLastNotes(Context&, proto::Message& message) {
   if (!message.has_store_request()) return true;
   proto::StoreRequest& request = *message.mutable_store_request();
@@ -491,8 +491,8 @@ class KeepsReissuedToItself final : public OtherActor {
   std::map<std::string, RecordKey> first_keys_;  // First key of each record content.
 };
 
-// Adds an invented later epoch, which covers no other epoch, for each epoch that a peer reports. Storage therefore
-// reissues states even if a later state's author knew them.
+// Adds an invented later epoch, which is based on no other epoch, for each epoch that a peer reports. Storage therefore
+// reissues states even if the author of a later state knew them.
 class ReissuesWhateverWasKnown final : public OtherActor {
  public:
   using OtherActor::OtherActor;

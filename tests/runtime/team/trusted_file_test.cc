@@ -53,7 +53,7 @@ TEST_F(TrustedFileTest, MayLieInASharedFolderOnlyIfItIsSticky) {
   EXPECT_TRUE(CheckTrusted(folder_.path())) << "others remove nothing there";
 }
 
-// A user who can write such a file could give it any content in the operator's name.
+// A user who can write a team file, client list or public key could change it in the operator's name.
 TEST_F(TrustedFileTest, IsRequiredForTeamFilesClientListsAndPublicKeys) {
   const std::string path = Make("a", 0666);
   EXPECT_THAT(ToString(ReadTeamFile(path).error()), HasSubstr("other users may write it"));

@@ -60,8 +60,8 @@ TEST(LinkCreditTest, RestartsWithEachConnection) {
   EXPECT_TRUE(credit.HasRoomFor(100));
 }
 
-// Sends the whole credit `rounds` times. Each time, the peer reports all bytes after the time `round`. Returns the
-// final credit.
+// Sends the whole credit `rounds` times. Each time, the peer reports after the time `round` that it received all bytes.
+// Returns the final credit in bytes.
 std::size_t CreditAfterRounds(LinkCredit& credit, int rounds, Duration round, bool is_blocked = true) {
   MonotonicTime now = kNow;
   std::uint64_t sent = 0;

@@ -66,7 +66,7 @@ TEST(MapCodecTest, RestoresTenThousandRandomMaps) {
   const unsigned seed = 31;
   SCOPED_TRACE(seed);
   std::mt19937_64 rng(seed);
-  constexpr int kMapsPerString = 40;  // More than kRunMapsMax, the most maps that a run may have.
+  constexpr int kMapsPerString = 40;  // More than kRunMapsMax, the limit of maps in a compression run.
   for (int string = 0; string < 250; ++string) {
     std::vector<Layers> maps;
     for (int i = 0; i < kMapsPerString; ++i) maps.push_back(RandomMap(rng));
