@@ -188,8 +188,8 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
 
   const std::string file = folder / kPidFile;
   const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-  // If `agent.pid` cannot be opened because the disk is full, faulty or read-only, the flock of the folder suffices.
-  // Without this flock, which some network file systems do not support, Take fails.
+  // The flock of the folder suffices if `agent.pid` cannot be opened because the disk is full, faulty or read-only. If
+  // both locks fail, Take fails. Some network file systems do not support flock of folders.
   if (descriptor < 0 && is_folder_locked && (errno == EROFS || errno == ENOSPC || errno == EIO)) return lock;
   if (descriptor < 0) return Fail(ErrorCode::kInternal, ErrnoText(), file);
   lock.descriptor_ = descriptor;
