@@ -29,8 +29,8 @@ class BundleChecker {
 
   // Called when the client sends `request`. Until the answer arrives, the effect of the request is unknown.
   void OnAsked(const proto::DownlinkRequest& request);
-  // Checks a successful answer and returns a violated invariant. `is_at_once` means that nothing else happened between
-  // the request and the answer.
+  // Checks a successful answer. Returns a violated invariant; null if there is none. `is_at_once` means that nothing
+  // else happened between the request and the answer.
   Broken OnReply(const proto::DownlinkRequest& request, const proto::DownlinkReply& reply, bool is_at_once);
   // Call if the agent answers an acknowledgement of bundle `number` with kNotFound. Returns bundle_kept if the agent
   // once listed this bundle; null otherwise.
