@@ -5,8 +5,8 @@
 namespace moondb {
 namespace {
 
-// Calls `parse`, which throws CLI11's errors. Returns nothing if `parse` succeeds. Prints the help or the version if
-// the command line asks for it.
+// Calls `parse`. If `parse` throws an error of CLI11, returns the error as a ParseStop, otherwise nothing. If the
+// command line asks for the help or the version, prints it and returns a ParseStop with exit code 0.
 template <typename ParseWords>
 std::optional<ParseStop> StopOf(const CLI::App& app, ParseWords parse) {
   try {

@@ -125,8 +125,8 @@ class Command {
   Command& SetNote(CommandNote note);
 
   // Parses a command line: sets the variables of the options, then calls the callbacks of the given commands. Returns
-  // nothing if the program is to continue. Prints the help or the version if the command line asks for it, but prints
-  // no errors.
+  // nothing if the program must continue, otherwise the reason to end. Prints the help or the version if the command
+  // line asks for it, but prints no errors.
   std::optional<ParseStop> Parse(int argc, const char* const* argv);
   // Like Parse(argc, argv), but for one string that begins with the program's name. Words that contain blanks must be
   // quoted.

@@ -28,8 +28,8 @@ constexpr std::string_view kTeamIdKey = "team_id: ";
 constexpr std::string_view kAgentIdKey = "agent_id: ";
 constexpr std::size_t kSmallFileBytesMax = 4096;
 
-// Returns a lock of the whole file for fcntl. `type` is F_RDLCK or F_WRLCK. Unlike a flock, such a lock can be queried
-// without being taken. Taking the lock to test it could make a starting agent fail.
+// Returns a lock of the whole file for fcntl. `type` is F_RDLCK or F_WRLCK. Unlike a flock, a lock of fcntl can be
+// queried without being taken. A query that takes the lock could make a starting agent fail.
 struct flock LockOf(short type) {
   struct flock lock {};
   lock.l_type = type;
@@ -188,8 +188,8 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
 
   const std::string file = folder / kPidFile;
   const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
-  // The disk is full, faulty or read-only, so `agent.pid` cannot be opened. The folder's flock suffices. On network
-  // file systems that do not support flock of folders, Take fails instead.
+  // The flock of the folder suffices if `agent.pid` cannot be opened because the disk is full, faulty or read-only. If
+  // both locks fail, Take fails. Some network file systems do not support flock of folders.
   if (descriptor < 0 && is_folder_locked && (errno == EROFS || errno == ENOSPC || errno == EIO)) return lock;
   if (descriptor < 0) return Fail(ErrorCode::kInternal, ErrnoText(), file);
   lock.descriptor_ = descriptor;

@@ -11,8 +11,8 @@
 
 namespace moondb {
 
-// Returns the agent called `name`. Returns kInvalid, with a similar name if there is one, if the team has no such
-// agent.
+// Returns the agent called `name`. If the team has no such agent, returns kInvalid with a text that may suggest a
+// similar name.
 Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, const std::string& name);
 
 // Like AgentNamed, but returns kRefused for an agent that has left the team.

@@ -47,8 +47,7 @@ class SpawnSettings {
 }  // namespace
 
 Result<pid_t> StartProcess(const std::vector<std::string>& command, const std::filesystem::path& log) {
-  // The parent opens the log, so that it can distinguish a log that cannot be opened from a program that cannot be
-  // started.
+  // Open the log in the parent, so that an unusable log and a program that cannot be started cause different errors.
   const int log_file = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (log_file < 0)
     return Fail(ErrorCode::kInternal, std::string("cannot open: ") + std::strerror(errno), log.string());

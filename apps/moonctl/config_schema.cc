@@ -48,7 +48,7 @@ void WriteType(const FieldDescriptor& field, JsonWriter& json) {
 
 void WriteRange(const proto::FieldRule& rule, JsonWriter& json) {
   if (!rule.has_low()) return;
-  // The rule may be "0, or 1 to 86400", which draft 7 cannot express compactly. The schema allows 0 to 86400.
+  // The rule may be "0, or 1 to 86400", which JSON Schema cannot express compactly. The schema allows 0 to 86400.
   json.Key("minimum").Number(rule.zero().empty() ? rule.low() : 0).Key("maximum").Number(rule.high());
 }
 

@@ -40,7 +40,7 @@ struct StoreFileArguments {
 inline constexpr std::size_t kQueryRowsMax = 1'000'000;
 
 struct QueryArguments : StoreFileArguments {
-  std::size_t rows_max = 0;  // 0: a default that depends on the output format.
+  std::size_t rows_max = 0;  // Maximum number of rows. 0: the default of the output format.
   bool is_csv = false;
   std::string out;  // Path of the CSV file. Empty: stdout.
 };

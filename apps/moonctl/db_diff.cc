@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kKeysMax = 10;  // Maximum number of listed records per series.
+constexpr std::size_t kKeysMax = 10;  // Maximum size of each Difference::differing.
 
 struct Side {
   AgentClient agent;
@@ -20,7 +20,7 @@ struct Side {
 
 struct Difference {
   HoldingPair holdings;
-  std::vector<RecordKey> differing;  // Held by both agents with different contents; only the first kKeysMax.
+  std::vector<RecordKey> differing;  // Records whose contents differ between the agents; only the first kKeysMax.
 
   // `lacking` counts the records that only the other agent holds.
   bool is_equal() const { return holdings.first.lacking + holdings.second.lacking == 0 && differing.empty(); }

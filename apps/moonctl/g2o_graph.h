@@ -15,8 +15,8 @@ namespace moondb {
 Result<G2o> ToG2o(const Pyfg& pyfg);
 
 // Converts a g2o graph. Timestamps become 0. Assigns vertices whose ids are not GTSAM symbols to `plain_agent`, the
-// number of a letter (AgentOfLetter). Returns kInvalid if there is such a vertex and `plain_agent` is 0, if an
-// information matrix is singular, or if there is no vertex.
+// alphabet position of a letter (AgentOfLetter). Returns kInvalid if `plain_agent` is 0 but is needed for a vertex, if
+// an information matrix is singular, or if there is no vertex.
 Result<Pyfg> ToPyfg(const G2o& g2o, AgentId plain_agent);
 
 }  // namespace moondb

@@ -162,7 +162,7 @@ ExitCode OptimizeGraph(CommandContext& context, const OptimizeArguments& argumen
   return context.Done(ToJson(*solve), SolveText((*team)->config, *solve));
 }
 
-// Statistics of the ranges between two agents. A range is rejected or not according to its newest verdict.
+// Statistics of the ranges between two agents. A range counts as rejected if its newest verdict rejects it.
 struct PairStats {
   std::size_t range_count = 0;
   std::size_t rejected_count = 0;

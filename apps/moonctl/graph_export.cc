@@ -58,8 +58,9 @@ HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
   return held;
 }
 
-// Replaces each agent's id by the number of its letter in the file. The base station becomes a landmark without a
-// timestamp, because PyFactorGraph's reader rejects timestamps of landmarks.
+// Replaces each agent's id by the alphabet position of the letter that stands for the agent in the file
+// (AgentsByLetter). The base station becomes a landmark without a timestamp, because PyFactorGraph's reader rejects
+// timestamps of landmarks.
 Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   std::map<AgentId, AgentId> letters;
   for (const auto& [letter, agent] : AgentsByLetter(team)) letters[agent] = letter;

@@ -21,7 +21,7 @@ namespace moondb {
 namespace {
 
 struct KeysArguments {
-  std::string file;  // Empty: the team file given with -t or in $MOONDB_TEAM.
+  std::string file;  // Path of the team file. Empty: the file given with -t or in $MOONDB_TEAM.
   std::string name;
   std::string out;  // Folder for new keys. Empty: the folder of the team file for an agent, UserFolder() for a client.
   bool is_client = false;

@@ -18,7 +18,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::chrono::minutes kLeaseMargin(2);  // Time to wait after a lease for the transfers that it delayed.
+constexpr std::chrono::minutes kLeaseMargin(2);  // Value of Client::ShareOptions::lease_margin without --timeout.
 
 struct ShareArguments {
   std::vector<std::string> from;

@@ -32,7 +32,7 @@ class TeamReach {
     // Called with TeamFile::hash of an answering agent's team file.
     std::function<void(const proto::AgentConfig& agent, std::uint64_t hash)> on_config_hash;
     std::function<void(const proto::AgentConfig& via)> on_relay;  // Called when `via` has relayed a request.
-    std::function<void(const std::string& text)> on_remark;       // Called with a fault of this machine, for the user.
+    std::function<void(const std::string& text)> on_remark;       // Called with a warning about this machine.
   };
 
   // Requires: `team` outlives this object.

@@ -280,8 +280,8 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
   if (std::any_of(agents->begin(), agents->end(), has_failed)) {
     StopOurs(*agents);
   } else {
-    // Wait for agreement on the roles, so that the next command finds a leader. No agreement is no failure: the leader
-    // may run on another machine.
+    // Wait until the agents agree on the roles, so that the next command finds a leader. Report no failure if they do
+    // not agree, because the leader may run on another machine.
     WaitUntil(SteadyClock::now() + kAgreementTimeout, [&] { return IsAgreed(context, *agents); });
   }
   return ShowOutcome(context, *agents, left);

@@ -19,8 +19,8 @@
 namespace moondb {
 
 // A user's actor, supervised like the standard actors. Actors of this agent and of other agents send Message.custom to
-// its name; clients use Client::Ask. The actor receives RecordsStored after each commit of new rows, and RolesChanged
-// and LeasesChanged after each change of roles or leases. The actor may ignore these messages.
+// the actor's name; clients use Client::Ask. The actor receives RecordsStored after each commit of new rows, and
+// RolesChanged and LeasesChanged after each change of roles or leases. The actor may ignore these messages.
 struct OwnActor {
   std::string name;  // 1 to 32 lower-case letters, digits, - and _; not the name of a standard actor.
   ActorFactory factory;

@@ -32,7 +32,7 @@ struct MissionOptions {
 
 struct MadeMission {
   Terrain terrain;
-  Mission mission;                      // The mission without a folder. The names of the map files are set.
+  Mission mission;                      // Mission::folder is empty. The names of the map files are set.
   std::vector<TraversabilityMap> maps;  // One map for each entry of mission.maps.
 };
 

@@ -31,7 +31,7 @@ class AgentRestarts {
   void Kill(AgentId agent);
   // Kills the agent if it runs. Applies the disk fault named `fault` (FaultKinds) before the agent's next restart.
   void KillWithDisk(AgentId agent, const std::string& fault);
-  // Kills the agent if it runs, and restarts it after `down`. The other agents are notified of the loss within 33 s.
+  // If the agent runs, kills it, notifies the other agents within 33 s that it is down, and restarts it after `down`.
   void KillFor(AgentId agent, Duration down);
   // Returns whether the agent is down and the other agents were notified that it is down.
   bool is_gone(AgentId agent) const { return gone_.contains(agent); }

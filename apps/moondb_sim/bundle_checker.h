@@ -29,12 +29,14 @@ class BundleChecker {
 
   // Called when the client sends `request`. Until the answer arrives, the effect of the request is unknown.
   void OnAsked(const proto::DownlinkRequest& request);
-  // Checks a successful answer. `is_at_once` means that nothing else happened between the request and the answer.
+  // Checks a successful answer. Returns a violated invariant; null if there is none. `is_at_once` means that nothing
+  // else happened between the request and the answer.
   Broken OnReply(const proto::DownlinkRequest& request, const proto::DownlinkReply& reply, bool is_at_once);
   // Call if the agent answers an acknowledgement of bundle `number` with kNotFound. Returns bundle_kept if the agent
   // once listed this bundle; null otherwise.
   Broken OnNotFound(std::uint32_t number) const;
-  // Checks the complete file of a bundle. Returns null if the file is correct, or if the agent never listed the bundle.
+  // Checks the complete file of a bundle. Returns the violated invariant; null if the file is correct, or if the agent
+  // never listed the bundle.
   Broken OnFile(std::uint32_t number, const std::string& file);
 
   // Returns the number of a fetched bundle that no request has acknowledged yet; 0 if there is none.

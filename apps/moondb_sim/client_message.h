@@ -11,8 +11,8 @@
 
 namespace moondb::simulation {
 
-// Returns the message with which a client on the agent's own machine sends `request`. Such a client may send every
-// command.
+// Returns the message with which a client on the agent's own machine sends `request`. A local client may send
+// every command.
 proto::Message ClientMessage(std::uint64_t request_id, const proto::ControlRequest& request);
 // Returns the answer to a client that `message` holds; null for other messages.
 std::optional<proto::ControlReply> ClientReplyIn(const proto::Message& message);

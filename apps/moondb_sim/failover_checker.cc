@@ -49,8 +49,8 @@ void FailoverChecker::OnOwn(const proto::Message& message, const LeaseChecker& l
     case proto::Message::kPeerEvent:
       return SetConnected(message.peer_event(), now);
     case proto::Message::kDown:
-      // LeaseActor lost all leases at its restart. Only connected agents announce their leases again, so forget the
-      // others.
+      // LeaseActor lost all leases at its restart, and only connected agents announce their leases again. Forget the
+      // agents that are not connected.
       lost_.clear();
       return;
     default:

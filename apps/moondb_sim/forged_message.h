@@ -12,7 +12,7 @@ namespace moondb::simulation {
 
 // Forged seqs and node indexes start here. Honest agents would reach this number only after thousands of years.
 inline constexpr std::uint64_t kFarSeq = 1ull << 40;
-// Run numbers of forged poses start here. No leader solves that often.
+// The solver run numbers in forged optimized poses start here. No leader solves that often.
 inline constexpr std::uint64_t kForgedRunMin = 1'000'000;
 
 // Returns a record with unique content that is valid under `key`. An optimized pose belongs to `term` and to a node of

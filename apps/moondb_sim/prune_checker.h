@@ -35,7 +35,7 @@ class PruneChecker {
   const AgentId self_;
   proto::RoleAssignment roles_;
   std::map<AgentId, HaveSet> reported_;
-  // Records, listed as held, that leader and survivor had reported as covered before this agent pruned.
+  // Records that leader and survivor had reported as covered before this agent pruned (in StreamHave::held).
   HaveSet allowed_;
 };
 

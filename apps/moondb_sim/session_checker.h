@@ -44,7 +44,7 @@ class SessionChecker {
   FragmentCollector fragments_{2 * kWholeBytesMax};
   RunDecoders runs_{1, {}};
   // Compression run of the last fragmented record that could not be decoded, because the present session did not send
-  // all its fragments; 0 if there is none. Other batches of this run cannot be decoded either.
+  // all fragments of the record; 0 if there is none. Other batches of this run cannot be decoded either.
   std::uint32_t unheard_run_ = 0;
 };
 

@@ -18,7 +18,7 @@ using std::chrono::minutes;
 using std::chrono::seconds;
 
 constexpr Duration kAskPeriod = seconds(15);  // Average time between requests.
-constexpr std::uint64_t kSeveralEvery = 8;    // One round of requests in eight has several requests.
+constexpr std::uint64_t kSeveralEvery = 8;    // One call of Work in eight sends several requests.
 constexpr std::uint64_t kSeveralMax = 5;
 constexpr std::uint64_t kOtherWayEvery = 6;
 constexpr std::uint64_t kSwapAmidFragmentsEvery = 2;

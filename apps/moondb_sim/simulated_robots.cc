@@ -14,7 +14,7 @@ using std::chrono::seconds;
 
 constexpr Duration kInsertPeriod = seconds(10);
 constexpr int kInsertsPerMap = 6;
-constexpr std::uint64_t kQuarantineEvery = 60;  // One quarantine on average in this number of turns.
+constexpr std::uint64_t kQuarantineEvery = 60;  // A robot inserts one quarantine on average in this number of turns.
 constexpr std::uint64_t kLargeMapEvery = 30;    // One map in 30 takes about 15 kB coded; other maps take 0.2 kB.
 constexpr std::size_t kOpenMax = 32;
 constexpr std::uint64_t kSilentEvery = 4;  // In one seed of four, robots report states rarely.
@@ -26,7 +26,8 @@ constexpr std::uint64_t kNotes = 2;         // Number of latest keys that notes 
 constexpr std::uint64_t kTurnsPerNote = 3;  // A rover inserts a note every third turn.
 constexpr Duration kOptimizedAfterStart = seconds(2);
 constexpr Duration kOptimizePeriod = minutes(5);
-// Each run covers the last 60 nodes of each rover, and optimizes every sixth. A rover adds 30 nodes between two runs.
+// Each call of Optimize optimizes every sixth of the last 60 nodes of each rover. A rover adds 30 nodes between two
+// calls.
 constexpr std::uint64_t kOptimizedNodes = 60;
 constexpr std::uint64_t kOptimizedStep = 6;
 // A driving robot inserts a node every sixth turn. More nodes would make solving and merging too slow.

@@ -33,7 +33,7 @@ class SimulatedRobots {
 
  private:
   struct Robot {
-    std::uint64_t turns = 0;       // Turns so far. Each turn inserts one node, unless the robot drives.
+    std::uint64_t turns = 0;       // Number of past turns. The robot has a turn (Work) every ten seconds.
     MonotonicTime silent_until{};  // The robot reports no states before this time.
     std::map<std::uint64_t, std::vector<proto::Record>> asked;
     std::deque<proto::Record> open;  // Records to insert at the next turn.
@@ -66,7 +66,7 @@ class SimulatedRobots {
   std::vector<RecordKey> quarantines_;
   std::uint64_t request_id_ = 0;
   std::map<AgentId, Robot> robots_;
-  // Number of the last run, by leader and term number. Cleared when the leader's process ends.
+  // Run number of the last optimized poses, by leader and term number. Cleared when the leader's process ends.
   std::map<std::pair<AgentId, std::uint64_t>, std::uint64_t> run_;
 };
 

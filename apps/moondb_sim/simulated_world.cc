@@ -102,8 +102,8 @@ std::set<AgentId> SimulatedWorld::Leaders() const {
 proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto::Message question) {
   const Address requester{agent, "checker"};
   (void)team.TakeMessages(requester);
-  // Let gateways forward pending messages first. An actor that handled such a message after `question` could invalidate
-  // its own answer.
+  // Let gateways forward pending messages first. If the actor handled them after `question`, its answer could be
+  // outdated.
   if (options.has_all_actors()) team.RunUntilIdle();
   is_asking = true;
   (void)team.Post(requester, {agent, actor}, std::move(question));

@@ -42,7 +42,7 @@ double Median(std::vector<double> values) {
   return *middle;
 }
 
-// Removes points that are not finite, or too far from the median of all points.
+// Removes points that are not finite, or farther than kOutlierM from the median of all points.
 void RemoveOutliers(std::vector<Panel>& panels) {
   std::vector<double> all_x, all_y;
   for (const Panel& panel : panels) {
@@ -94,7 +94,7 @@ Box ExtentOf(const std::vector<Panel>& panels) {
   return box;
 }
 
-// Returns the largest of 1, 2 and 5 times a power of ten that is at most `limit`.
+// Returns the largest number that is at most `limit` and is 1, 2 or 5 times a power of ten.
 double RoundLength(double limit) {
   const double power = std::pow(10, std::floor(std::log10(limit)));
   for (const double factor : {5.0, 2.0}) {

@@ -48,8 +48,8 @@ struct Picture {
   double north_yaw_rad = std::numbers::pi / 2;  // Direction of north in the frame `map`. By REP 103, +y is north.
 };
 
-// Writes a PNG or an SVG file (apps/picture/drawing.h, also for the errors). A point further than 10 km from the median
-// of all points is left out, because one outlier would shrink everything else to a dot.
+// Writes a PNG or an SVG file. Returns the errors of WriteDrawing (apps/picture/drawing.h). Leaves out points farther
+// than 10 km from the median of all points, because one outlier would shrink everything else to a dot.
 Result<void> WritePicture(const Picture& picture, const std::filesystem::path& file);
 
 }  // namespace moondb
