@@ -59,11 +59,11 @@ Result<Raster> ComparisonRaster(const MergedMap& map, const MergedMap& truth) {
   Raster raster = RasterOf(map);
   for (std::size_t i = 0; i < matches->size(); ++i) raster.cells[i] = static_cast<std::uint8_t>((*matches)[i]);
   // The classes are in the order of HazardMatch's values.
-  raster.classes = {{{212, 214, 219}, "unmapped"},
-                    {{255, 255, 255}, "free"},
-                    {{20, 20, 20}, "hazard hit"},
-                    {{0, 90, 160}, "missed"},
-                    {{240, 150, 30}, "phantom"}};
+  raster.classes = {raster.classes[0],
+                    raster.classes[1],
+                    {{20, 20, 20}, "hazard, right"},
+                    {{0, 90, 160}, "hazard, missed"},
+                    {{240, 150, 30}, "hazard, phantom"}};
   return raster;
 }
 

@@ -458,6 +458,28 @@ TEST_F(GatewayActorTest, WaitsForTheEndOfAnOrderAsLongAsRequested) {
   EXPECT_TRUE(OnlyAnswer().share().progress().is_complete());
 }
 
+TEST_F(GatewayActorTest, AnswersARelayedWaitingRequestWithOneMessage) {
+  std::map<std::pair<AgentId, AgentId>, int> messages;
+  team_.SetFilter([&](AgentId from, AgentId to, const proto::Message&) { return ++messages[{from, to}] > 0; });
+  proto::ControlRequest request = SyncAndWait(3600);
+  request.set_for_agent(1);
+  RequestAs({2, actor_name::kGateway}, request, 6);
+  team_.AdvanceTime(seconds(1));
+  const proto::Message asked = Asked(actor_name::kSync);
+  team_.AdvanceTime(seconds(3598));
+  EXPECT_EQ((messages[{1, 2}]), 0) << "the wait itself sends nothing";
+  EXPECT_EQ((messages[{2, 1}]), 1) << "the request";
+  proto::Message done;
+  done.mutable_share_reply()->mutable_progress()->set_is_complete(true);
+  AnswerAs(actor_name::kSync, asked, done);
+  team_.AdvanceTime(seconds(3600));
+  EXPECT_EQ((messages[{1, 2}]), 1) << "the answer";
+  EXPECT_EQ((messages[{2, 1}]), 1);
+  const auto answers = team_.TakeMessages({2, actor_name::kGateway});
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_TRUE(ReplyIn(answers.front()).share().progress().is_complete());
+}
+
 TEST_F(GatewayActorTest, FailsAWaitingRequestIfTheActorRestarts) {
   class SilentActor final : public Actor {
     void OnMessage(Context&, const proto::Message&) override {}
