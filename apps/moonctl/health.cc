@@ -138,39 +138,47 @@ void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status
   }
 }
 
+// Returns, for example, "1 record" or "12 records".
+std::string Counted(std::uint64_t count, const std::string& noun) {
+  return FormatCount(static_cast<double>(count)) + " " + noun + (count == 1 ? "" : "s");
+}
+
 // Describes the messages or records of one sender that an agent refused, and the reason.
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom& refused) {
   const std::string sender = AgentName(team, refused.agent_id());
-  const std::string count = FormatCount(refused.count());
-  const std::string of = refused.origin_agent() == 0 ? "" : " of " + AgentName(team, refused.origin_agent());
+  const std::string origin = refused.origin_agent() == 0 ? sender : AgentName(team, refused.origin_agent());
+  const std::string records = Counted(refused.count(), "record");
   switch (refused.cause()) {
     case proto::REFUSAL_CAUSE_COMMAND:
-      return "refused " + count + " commands relayed by " + sender + ", which is not in command_from of the team file";
+      return "refused " + Counted(refused.count(), "command") + " relayed by " + sender +
+             ", which is not in command_from of the team file";
     case proto::REFUSAL_CAUSE_ORIGIN:
-      return "refused " + count + " records" + of + " that " + sender + " brought, which never led nor survived";
+      return "refused " + records + " of " + origin + " sent by " + sender +
+             ", which has never been leader or survivor";
     case proto::REFUSAL_CAUSE_OWN_EPOCH:
       return sender +
-             " reports records of this agent that its disk never had: the disk is older than it was, and 'moonctl "
-             "sync " +
-             "now' brings them home, or " + sender + " is wrong";
+             " reports records of this agent that its disk never had: if the disk was replaced or restored, 'moonctl "
+             "sync now' returns them; otherwise " +
+             sender + " reports false records";
     case proto::REFUSAL_CAUSE_STREAMS:
-      return "refused " + count + " records" + of + " that " + sender + " brought, which has used up its streams";
+      return "refused " + records + " of " + origin + " sent by " + sender + ", because " + origin +
+             " has too many streams";
     case proto::REFUSAL_CAUSE_STATEMENT:
-      return "refused " + count + " records of " + sender + " about other agents, which only those may state";
+      return "refused " + records + " of " + sender + " about other agents, which only those agents may make";
     case proto::REFUSAL_CAUSE_UNCOUNTED:
-      return "leaves out " + count + " records of " + sender +
-             " (poses, verdicts, quarantines of others' maps): it did not lead in their term and is not in "
-             "command_from";
+      return "ignores " + records + " of " + sender + " (poses, verdicts, quarantines of others' maps): " + sender +
+             " did not lead in their term and is not in command_from";
     case proto::REFUSAL_CAUSE_NO_ROOM:
-      return "leaves the oldest " + count + " records of " + sender +
-             " out of the map or the pose graph: it made more than its share of what these can hold";
+      return "leaves the oldest " + records + " of " + sender + " out of the map or the pose graph, because " + sender +
+             " exceeds its share of them";
     case proto::REFUSAL_CAUSE_DISK_ROOM:
-      return "refused " + count + " records of " + sender +
-             ": they take more than its share of this disk; 'moonctl db prune' makes room, and they come again";
+      return "refused " + records + " of " + sender +
+             ": they exceed its share of this disk; once 'moonctl db prune' has made room, they are sent again";
     case proto::REFUSAL_CAUSE_ROLES:
-      return "refused " + count + " role assignments from " + sender + ", which it may not decide";
+      return "refused " + Counted(refused.count(), "role assignment") + " of " + sender +
+             ", which may not assign these roles";
     default:
-      return "refused " + count + " messages of " + sender;
+      return "refused " + Counted(refused.count(), "message") + " of " + sender;
   }
 }
 
