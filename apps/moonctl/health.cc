@@ -63,15 +63,20 @@ void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status,
   }
 }
 
+// Returns, for example, "1 record" or "12 records".
+std::string Counted(double count, const std::string& noun) {
+  return FormatCount(count) + " " + noun + (count == 1 ? "" : "s");
+}
+
 void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status, Findings& findings) {
   for (const proto::PeerStatus& peer : status.peers()) {
     if (peer.rejected_messages() > 0) {
-      findings.push_back("refused " + FormatCount(peer.rejected_messages()) + " messages that " +
+      findings.push_back("refused " + Counted(peer.rejected_messages(), "message") + " that " +
                          AgentName(team, peer.agent_id()) + " may not send");
     }
     if (peer.cut_for_bytes() > 0) {
       findings.push_back("closed the link to " + AgentName(team, peer.agent_id()) + " " +
-                         FormatCount(peer.cut_for_bytes()) + " times: " + AgentName(team, peer.agent_id()) +
+                         Counted(peer.cut_for_bytes(), "time") + ": " + AgentName(team, peer.agent_id()) +
                          " sends data over this agent's own link");
     }
     if (peer.has_two_processes()) {
@@ -138,11 +143,6 @@ void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status
   }
 }
 
-// Returns, for example, "1 record" or "12 records".
-std::string Counted(std::uint64_t count, const std::string& noun) {
-  return FormatCount(static_cast<double>(count)) + " " + noun + (count == 1 ? "" : "s");
-}
-
 // Describes the messages or records of one sender that an agent refused, and the reason.
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom& refused) {
   const std::string sender = AgentName(team, refused.agent_id());
@@ -197,7 +197,7 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
       findings.push_back(to + " leaves out types that it understands otherwise");
   }
   if (shares.rejected_records() > 0) {
-    findings.push_back("refused " + FormatCount(shares.rejected_records()) + " records of peers");
+    findings.push_back("refused " + Counted(shares.rejected_records(), "record") + " of peers");
   }
   for (const std::uint32_t other : shares.other_config_agents()) {
     findings.push_back(AgentName(team, other) + " has another team file");
