@@ -12,7 +12,7 @@ namespace moondb {
 
 namespace {
 
-// Returns the rows, keyed by the number of the type's field in proto::Record.
+// Returns the rows of DataTypeRows(), keyed by the field number of their data type in proto::Record.
 std::map<int, const DataTypeRow*> RowsByBody() {
   std::map<int, const DataTypeRow*> rows;
   for (const DataTypeRow& row : DataTypeRows()) {

@@ -58,8 +58,9 @@ class Mailbox {
   // --- Thread-safe functions ---
 
   // Adds an item to the control lane if IsControl(message), otherwise to the data lane. The result is kAccepted, kFull
-  // (the item is dropped and counted), or kUnreachable after Close. A message larger than bytes_max is accepted if no
-  // waiting message counts towards the bytes. A RecordsStored is merged into one that already waits.
+  // (the item is dropped and counted), or kUnreachable after Close. On the data lane, a message larger than the byte
+  // limit is accepted only if no waiting message counts towards that limit. A RecordsStored message is merged into a
+  // RecordsStored that already waits.
   Pushed Push(Item&& item);
   // As Push, but an item that is not accepted stays unchanged and is not counted as dropped.
   Pushed TryPush(Item& item);

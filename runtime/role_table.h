@@ -18,8 +18,8 @@ class RoleTable {
   void SetRoles(const proto::RoleAssignment& roles);
   void SetBaseStation(AgentId agent) { base_station_ = agent; }
 
-  // Returns the agent to which an alias resolves, or 0 if no agent has that role at present. Returns an id that is no
-  // alias unchanged.
+  // Returns the agent to which an alias resolves, or 0 if no agent has that role at present. An id that is not an alias
+  // is returned unchanged.
   AgentId Resolve(AgentId agent) const;
 
  private:

@@ -18,7 +18,8 @@ struct Seen {
   std::uint64_t hazard = 0;
 };
 
-// Ranges of u and v over the cells of a square, relative to the square's first cell.
+// Ranges of the block coordinates u and v (KernelBlock) over the cells of a square, relative to the square's first
+// cell.
 struct SquareReach {
   explicit SquareReach(const KernelBlock& block) {
     const std::int64_t c = 7 * block.step_cos;
@@ -34,8 +35,8 @@ struct SquareReach {
   std::int64_t v_high;
 };
 
-// Returns true if 32-bit coordinates suffice. Such coordinates wrap around after 1024 cells of the block. With small
-// steps, no cell of a square that touches the block wraps around into the block.
+// Returns true if 32-bit coordinates suffice. They wrap around every 1024 cells of the block. If a square that touches
+// the block spans fewer than 500 cells, none of its cells outside the block can wrap to a position inside the block.
 [[maybe_unused]] inline bool HasSmallSteps(const SquareReach& reach) {
   return reach.u_high - reach.u_low < 500 * kCell;
 }

@@ -29,7 +29,8 @@ struct ArrangementOptions {
   // Maximum number of ranges to use, spread evenly over time. A body that would have fewer than 10 of these ranges gets
   // up to 10 of its ranges in addition.
   std::size_t ranges_max = 400;
-  // If true, one more start leaves every node at its pose in `state` (argument of ArrangeParts).
+  // If true, the search also starts once from the poses in `state` (argument of ArrangeParts), without moving any body
+  // first.
   bool begins_as_given = false;
   // Polled at each start and each iteration. If it returns true, the search ends with the arrangements found so far.
   std::function<bool()> stop_requested = {};

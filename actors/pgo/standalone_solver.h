@@ -39,8 +39,8 @@ struct PlainSolution {
 
 PlainSolution SolveStandaloneGraph(const StandaloneGraph& graph, const PlainOptions& options);
 
-// Solves by least squares from composed odometry, with each unconnected part at the origin. For comparison with
-// SolveStandaloneGraph.
+// Solves by least squares, starting from poses composed along the odometry. Each connected component of the graph is
+// placed by its first fixed node, or at the origin if it has none. For comparison with SolveStandaloneGraph.
 PlainSolution SolveFromOdometry(const StandaloneGraph& graph, const PlainOptions& options);
 
 // Solves by least squares from the poses in the file (PlainNode::vertex).

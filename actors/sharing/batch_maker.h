@@ -64,7 +64,8 @@ class BatchMaker {
   // Estimates how many content bytes fit into `coded_bytes` coded bytes.
   double ContentBytesFor(std::size_t coded_bytes) const;
 
-  // Call if records became missing after storage's answer. The ready batch then no longer ends the order.
+  // Call if the destination may lack records that storage's last answer did not include. The ready batch then no longer
+  // reports the end of the order.
   void PutOffEnd();
   // True if a batch with 0 remaining records was made since the last StartOver and the last PutOffEnd.
   bool has_reported_end() const { return is_end_reported_; }

@@ -6,8 +6,8 @@
 namespace moondb {
 namespace {
 
-// Returns the records that `heard` covers and `known` does not. The note does not distinguish held from dropped
-// records, so a known record that was dropped meanwhile is not included.
+// Returns the records that `heard` covers and `known` does not. A record in `known` that the destination has since
+// dropped is not included, because a PeerHave note does not distinguish held from dropped records.
 HaveSet NewsOf(const HaveSet& heard, const HaveSet& known) {
   HaveSet news;
   for (const auto& [key, stream] : heard.streams()) {

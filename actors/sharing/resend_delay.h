@@ -36,8 +36,8 @@ class ResendDelay {
   void NoteProgress(bool has_records) {
     if (has_records || refusals_ == 0) Reset();
   }
-  // Call when the destination has forgotten the session. Returns true if the session may start over immediately. An
-  // immediate start is allowed once until there is progress; otherwise the delay applies.
+  // Call when the destination has forgotten the session. Returns true if the session may start over immediately, which
+  // is allowed only once between two reports of progress. If false, the session must wait for delay().
   bool TakeStartAtOnce() { return !std::exchange(has_started_over_at_once_, true); }
 
  private:

@@ -78,9 +78,9 @@ class SharingActor : public Actor {
   // Called when a timer of StartStepTimer expires. `step` is the number that was passed to StartStepTimer.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
-  // Starts a session to the destination, or gives the open session a further order. During OnShareRequest and
-  // OpenAgain, the session serves the order in_hand_. At other times, nobody waits for the session. `is_by_role`:
-  // CloseByRole closes the session. `bytes_max`: see SharingSession::Order.
+  // Starts a session to the destination, or gives the open session a further order. If called during OnShareRequest or
+  // OpenAgain, the session serves the order in_hand_; otherwise, no agent or client waits for the order's completion.
+  // If `is_by_role` is true, CloseByRole may close the session. `bytes_max`: see SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
   // Sends this agent's latest states without an order (SharingSession::SharePeriodic).

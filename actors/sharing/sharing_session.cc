@@ -51,7 +51,8 @@ SharingActions SharingSession::SharePeriodic(const proto::RecordFilter& states, 
     LookAgain(now, actions);
     return actions;
   }
-  // Ask storage again only while the session sends batches, or if the order waits in a window that admits states.
+  // Ask storage again only in two cases: the session is sending batches, or the order has been held back and the window
+  // to the destination admits only states.
   const bool is_sending = is_answered() && phase_ != Phase::kAsking && !maker_.has_reported_end();
   if (order_.is_waiting() ? order_.is_waiting_for_states() : is_sending) LookAgain(now, actions);
   return actions;

@@ -110,7 +110,8 @@ class SharingSession {
   // Call if the actor could not send a message of this session. Status then contains `text`.
   void NoteError(std::string text) { last_error_ = std::move(text); }
 
-  std::optional<Time> deadline() const;  // Nullopt while the session is closed or waits for the window to open.
+  // Time at which OnTimer must be called next. Nullopt while the session is closed or waits for the window to open.
+  std::optional<Time> deadline() const;
   bool is_open() const { return phase_ != Phase::kClosed; }
   bool is_ordered() const { return is_open() && !order_.is_periodic(); }
   // Coded bytes that the order may still send; 0: no limit.

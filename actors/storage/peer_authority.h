@@ -116,7 +116,8 @@ class PeerAuthority {
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // Counts by sender, cause and origin.
   // By peer and stream: the last seq that NoteOwnBeyond received; 0 if only the epoch is known.
   std::map<AgentId, std::map<StreamKey, std::uint64_t>> own_beyond_;
-  std::map<std::string, proto::LeftOutReport> left_out_;  // Last report of each reader.
+  // The last LeftOutReport of each actor that reads records, by the actor's name.
+  std::map<std::string, proto::LeftOutReport> left_out_;
 };
 
 }  // namespace moondb

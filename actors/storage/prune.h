@@ -40,7 +40,9 @@ struct PruneChoice {
   std::vector<Chosen> rows;
   // Number of records that are not selected because `acknowledged` does not cover them.
   double unacknowledged_count = 0;
-  bool is_complete = true;  // False if a limit above left out candidates.
+  // False if candidates were left out because of kPruneCandidatesMax, kPruneRowsMax, kPruneContentBytesMax, or
+  // `rows_max` of RecordStore::Prune.
+  bool is_complete = true;
 };
 
 // Fails with kInvalid, and names the field, if a number of the request is negative, not finite or too large.

@@ -26,8 +26,8 @@
 
 namespace moondb {
 
-// Parses the duration of a lease, the value of --for, at most 24 h. Returns kInvalid, with the field "--for" and an
-// example, if `text` is no such duration.
+// Parses a lease duration of at most 24 h (the value of --for). If `text` is not such a duration, returns kInvalid with
+// the field "--for" and an example.
 Result<std::chrono::milliseconds> ParseLeaseDuration(const std::string& text);
 
 // The type T, for a function of type `Ask` that takes a Client& and returns a Result<T>.

@@ -180,7 +180,7 @@ class Invariants {
   HaveSet late_;
   HaveSet kept_notes_;
   HaveSet inserted_;                 // Confirmed records, without the lost records (ForgetWhatIsLost).
-  std::map<AgentId, HaveSet> held_;  // Records that each agent certainly covers.
+  std::map<AgentId, HaveSet> held_;  // By agent: records that it certainly holds or has dropped.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
   std::map<RecordKey, PoseName> pose_names_;
   std::map<RecordKey, std::pair<Node, Node>> verdict_names_;  // Both nodes of the range that each verdict judges.

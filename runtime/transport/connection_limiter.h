@@ -37,7 +37,8 @@ class ConnectionLimiter {
   // `listeners` holds the limits of each listening port. Returns kUnavailable if no more files can be opened.
   static Result<std::unique_ptr<ConnectionLimiter>> Make(std::map<std::uint16_t, ConnectionRules::Listener> listeners);
 
-  // Limit of bytes that may arrive over a link. A handshake takes less than 1 KiB.
+  // Maximum bytes that a peer may send over a link while it is connected. A peer sends only its part of the handshake
+  // there, which takes less than 1 KiB.
   static constexpr std::uint64_t kLinkBytesMax = 64 * 1024;
 
   // Call when libzmq accepted a connection with this file descriptor.

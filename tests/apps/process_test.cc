@@ -259,7 +259,7 @@ TEST_F(ProcessTest, LosesNothingAcknowledgedWhenTheLeaderIsKilledDuringASync) {
   update();
   std::cout << "acknowledged when the leader died: " << acknowledged << " of 600\n";
 
-  // The restarted leader holds all acknowledged records at once.
+  // The restarted leader holds all acknowledged records immediately, before it reaches other agents.
   const auto leader = StartAgent("rover1");
   ASSERT_TRUE(Until([&] { return Moonctl({"status", "-a", "rover1"}).exit_code == 0; }));
   EXPECT_GE(static_cast<double>(KeysHeldBy("rover1").size()), acknowledged);

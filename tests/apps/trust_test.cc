@@ -24,7 +24,7 @@ std::vector<Struct> List(const Struct& json, const std::string& name) {
   return structs;
 }
 
-// Returns the row of pose graph nodes. Requires: exactly one such row.
+// Returns the row of the data type pose_graph_node. Requires: exactly one row has this type.
 Struct OfNodes(const std::vector<Struct>& rows) {
   std::vector<Struct> found;
   for (const Struct& row : rows) {

@@ -221,7 +221,8 @@ std::string BatchEncoder::Encode(const proto::RecordBatch& batch) {
 }
 
 CodedRows BatchEncoder::EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max) {
-  // Only maps change the run. If there are maps, keep a copy of the encoder for another attempt.
+  // Encoding maps changes this encoder's map state (`run_`, `rows_before_`, `maps_before_`); encoding other records
+  // does not. For a batch with maps, keep a copy of the encoder for another attempt.
   const auto is_map = [](const proto::StoredRecord& record) {
     return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
   };

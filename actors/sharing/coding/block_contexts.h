@@ -1,8 +1,9 @@
 // BlockContexts: computes the contexts (bit_model.h) of a block of neighbouring cells in a row, all at once.
 //
-// Most inputs of a prediction are known before the row begins: the rows nearer to the middle, the coarser layer and the
-// placed previous map. The contexts of kBlock cells are therefore computed together, in loops that compilers vectorise.
-// Only the inputs from the row's own cells are added cell by cell.
+// Most inputs of a prediction are known before the row begins: the rows nearer to the layer's middle, which are coded
+// first; the coarser layer; and the previous map, placed over this map. The contexts of kBlock cells are therefore
+// computed together, in loops that compilers vectorise. Only the inputs from the row's own cells are added cell by
+// cell.
 //
 // Neighbours are named as in layer_coder.h; west2 is the second cell to the west, north_east2 the cell east of
 // north_east. Nearly all models use the coarser cell at the same place, and the quarter of this coarser cell in which

@@ -70,7 +70,8 @@ class MapRun {
   const CodedLayers& EarlierOf(const Reference& reference) const {
     return *earlier_[earlier_.size() - reference.maps_back];
   }
-  // Codes the nested bits and the layers of a map, and fills `cells`.
+  // Codes the cells of a map and fills `cells`. For each layer with a coarser one, first codes one bit: whether its
+  // hazards lie only in hazards of the coarser layer (`nested` in the format above).
   template <typename Coder>
   void CodeCells(const std::optional<Reference>& reference, const CodedLayers& source, Coder& coder, BitModel& model,
                  CodedLayers& cells);

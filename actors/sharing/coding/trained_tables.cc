@@ -13,7 +13,8 @@ namespace {
 constexpr std::string_view kAlphabet =
     "!#$%&'()*+,-./0123456789:;<=>@ABCDEFGHIJKLMNOPQRSTUVWXYZ[]^_`abcdefghijklmnopqrstuvwxyz{|}~";
 
-// A trained slot is written as one character: its logit in steps of kLevelStep (half a natural logit).
+// A trained slot is written as one character: its logit in steps of kLevelStep. Logits have the unit 1/256
+// (logistic.h), so a step is a logit of 0.5.
 constexpr int kLevelStep = 128;
 constexpr int kLevelMax = 20;
 constexpr int kLevels = 2 * kLevelMax + 1;

@@ -17,7 +17,7 @@ const BitModel& TrainedModel();
 std::string WriteTables(BitModel& model);
 BitModel ReadTables(std::string_view text);
 
-// The committed text of the initial model; empty if no model was trained yet.
+// The initial model as text, from trained_tables_data.cc. Empty if no model has been trained yet.
 extern const std::string_view kTrainedTables;
 
 }  // namespace moondb

@@ -24,7 +24,7 @@ struct ScenarioOptions {
   double correlation = 0;  // Correlation of a pair's consecutive range errors. Their sigma is range_sigma_m.
   std::vector<double> scale_errors = {};  // Scale error of each rover. Rovers beyond the list have none.
   double step_noise_m = 0.02;             // Sigma of a step in x and y. The sigma in z is half as large.
-  double yaw_noise_rad = 0.004;           // Sigma of a step.
+  double yaw_noise_rad = 0.004;           // Sigma of the yaw of a step.
   // Sigma of the roll and pitch of a step. The roll and pitch of raw poses follow gravity, with a sigma of 0.01 rad.
   double tilt_noise_rad = 0.002;
   double bias_sigma_m = 0;  // Sigma of each pair's range bias.

@@ -136,7 +136,8 @@ TEST(OwnEpochsTest, FindsWhereAnOlderCopyDiverged) {
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
   const std::uint64_t others_third = Epoch(3, kOurs, second, second, 0);
-  // This file is an older copy. The original file began a third epoch of its own.
+  // `own` tracks the epochs of an older copy of the file. The original file, not this copy, began the epoch
+  // `others_third`.
   own.Learn(others_third);
   own.Learn(Epoch(4, kOurs, others_third));
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
@@ -211,8 +212,8 @@ TEST(OwnEpochsTest, FindsThatACopyDivergedThoughItsFirstEpochIsUnknown) {
   EXPECT_THAT(own.Endangered().certain, ElementsAre(second));
 }
 
-// The file was restored from a backup of the disk kLost. That disk knew the states from before the backup, so only
-// `third` is endangered.
+// The file was restored from a backup made on the disk kLost. kLost itself began `first` and `second`, so its later
+// epochs know their states. Only `third`, begun after the restore, is endangered.
 TEST(OwnEpochsTest, DoesNotEndangerEpochsFromARestoredBackup) {
   const std::uint64_t first = Epoch(1, kLost, 0);
   const std::uint64_t second = Epoch(2, kLost, first);

@@ -678,7 +678,8 @@ TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   EXPECT_EQ(reply.dropped_size(), 1);
 }
 
-// The destination requests only the newest temperature. After the mark, another temperature becomes the newest.
+// Records stored after the first request with a mark are normally skipped. But this destination requests only the
+// newest temperature, so the store must send temperature 2, although it was stored later.
 TEST(RecordStoreTest, ANewerRecordThanTheMarkedOneIsMissingUnderPolicyAll) {
   RecordStore::Options options = StoreOptionsOf(2);
   options.policies[proto::TEMPERATURE] = proto::POLICY_ALL;

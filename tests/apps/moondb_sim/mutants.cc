@@ -745,7 +745,7 @@ void KeepNewStatesBack(SimOptions& options) {
 void StoreNothingAfterAFullDisk(SimOptions& options) {
   for (const char* fault : {"full", "failing"}) options.faults_per_hour[fault] = 0;
   options.faults_per_hour["full_prune"] = 3;
-  // Shorter than the minute after a disk fault in which the invariants allow refused inserts.
+  // The invariants allow refused inserts for one minute after a disk fault, so this time must be shorter.
   static constexpr std::chrono::seconds kRefuses(55);
   const auto full = std::make_shared<std::map<AgentId, MonotonicTime>>();
   Hooks hooks;
@@ -873,7 +873,8 @@ class RelaysForTheBase final : public OtherActor {
   const AgentId base_;
 };
 
-// Signs role assignments of a Byzantine agent in the name of the base station.
+// Gives each role assignment that a Byzantine agent announces a term of the next era, with the base station as issuer,
+// and signs it with the base station's key.
 void TakeRolesOfAnybody(SimOptions& options) {
   options.attacks = {"announce"};
   const auto base = static_cast<AgentId>(options.RoverCount() + 1);

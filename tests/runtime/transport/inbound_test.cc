@@ -78,7 +78,8 @@ TEST(InboundTest, RefusesInvalidFrames) {
   EXPECT_EQ(ParsePeerFrame("", 2).error().code, ErrorCode::kCorrupt);
 }
 
-// A new body must be refused until it is added to `may_leave`.
+// Every field of the `body` oneof that is not listed in `may_leave` must be refused, including fields that are added
+// later.
 TEST(InboundTest, RefusesMessagesThatMustNotLeaveTheirAgent) {
   const std::set<std::string> may_leave = {"hello",           "have",          "batch",         "refusal",
                                            "share_request",   "share_reply",   "role_announce", "lease_announce",

@@ -65,7 +65,7 @@ TEST(PlacementTest, ShiftsByHalfCellsAndTurns) {
 TEST(PlacementTest, UsesACoarserLayerBeyondTheFinerOne) {
   CodedLayers earlier = ToCoded(DrawLayers(2, 8, 8, [](int layer, int, int) { return static_cast<Cell>(layer + 1); }));
   const CodedLayers later = earlier;
-  // Moves ahead by 3 cells of the finer layer.
+  // The robot moves ahead by 3 cells of the finer layer.
   const CellPlane placed = Place(earlier, later[0], later[0].resolution_um, {6, 0, 0});
   EXPECT_EQ(*placed.At(4, 4), 1);
   EXPECT_EQ(*placed.At(5, 4), 2);
