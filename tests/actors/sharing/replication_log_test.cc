@@ -104,7 +104,7 @@ class NotesOverTime {
     for (const SharingAction& action : actions) {
       is_writable_ = is_writable_ ? rng_() % 8 != 0 : rng_() % 2 == 0;
       ASSERT_TRUE(store_->database().Execute(is_writable_ ? "PRAGMA query_only = OFF" : "PRAGMA query_only = ON"));
-      const Result<bool> noted = log_.Note(store_->database(), action.message.peer_have());
+      const Result<bool> noted = log_.Store(store_->database(), action.message.peer_have());
       ASSERT_TRUE(store_->database().Execute("PRAGMA query_only = OFF"));
       if (!noted) continue;
       if (*noted) {
