@@ -44,7 +44,7 @@ TEST_F(MapFilesTest, APngLiesWhereItsWorldFileSays) {
     if (!line.empty()) world.push_back(*ParseDouble(line));
   }
   // Compare the world coordinates of the centre of the hazard's pixel.
-  ASSERT_EQ(image.At(20, 20)[0], 139);
+  ASSERT_EQ(image.At(20, 20)[0], 120);
   EXPECT_NEAR(world[0] * 20 + world[2] * 20 + world[4], (-100 + 50.5) * 0.05, 1e-12);
   EXPECT_NEAR(world[1] * 20 + world[3] * 20 + world[5], (20 + 40.5) * 0.05, 1e-12);
 }
