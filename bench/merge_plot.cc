@@ -9,6 +9,7 @@
 #include <string>
 
 #include "apps/picture/drawing.h"
+#include "model/png.h"
 
 namespace moondb {
 namespace {
