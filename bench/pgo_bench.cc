@@ -34,13 +34,8 @@ struct Options {
 bool Plot(const GraphRun& run, const std::string& folder) {
   Picture picture;
   picture.panel_width_px = 900;
-  std::vector<Track> tracks = Restyled(run.true_tracks, TrackStyle::kBroad, "true track", {196, 198, 204});
-  for (Track& track :
-       Restyled(run.odometry_tracks, TrackStyle::kDashed, run.is_team ? "odometry" : "least squares", {70, 70, 70})) {
-    tracks.push_back(std::move(track));
-  }
-  tracks.insert(tracks.end(), run.tracks.begin(), run.tracks.end());
-  picture.panels = {{run.name, {}, std::move(tracks)}};
+  const char* before = run.is_team ? "odometry" : "least squares";
+  picture.panels = {{run.name, {}, ComparedTracks(run.true_tracks, run.odometry_tracks, before, run.tracks)}};
   const Result<void> written = WritePicture(picture, std::filesystem::path(folder) / (run.name + ".png"));
   if (!written) fmt::print(stderr, "pgo_bench: {}\n", ToString(written.error()));
   return written.has_value();

@@ -25,9 +25,6 @@ struct Setting {
   std::string agent_backend;
 };
 
-constexpr Color kTruthColor = {196, 198, 204};
-constexpr Color kOdometryColor = {70, 70, 70};
-
 std::string Title(const std::string& what, const TrajectoryError& error, const MapAgreement& agreement) {
   return what + ": ATE " + FormatFixed(error.rmse_m, 2) + " m, hazard IoU " + FormatFixed(agreement.hazard_iou, 2);
 }
@@ -106,11 +103,6 @@ Result<void> WritePictures(const Setting& setting, const std::filesystem::path& 
   if (!compared_before) return tl::unexpected(compared_before.error());
   auto compared_after = ComparisonRaster(map_after, map_truth);
   if (!compared_after) return tl::unexpected(compared_after.error());
-  std::vector<Track> trajectories = Restyled(truth, TrackStyle::kBroad, "true track", kTruthColor);
-  for (Track& track : Restyled(before, TrackStyle::kDashed, "odometry", kOdometryColor)) {
-    trajectories.push_back(std::move(track));
-  }
-  trajectories.insert(trajectories.end(), after.begin(), after.end());
 
   Panel optimized = panel_after;
   optimized.title = "Merged map at optimized poses";
@@ -120,7 +112,7 @@ Result<void> WritePictures(const Setting& setting, const std::filesystem::path& 
       {"merged_truth", {panel_truth}},
       {"before_after",
        {optimized, {panel_before.title, *compared_before, {}}, {panel_after.title, *compared_after, {}}}},
-      {"trajectories", {{"Tracks", {}, trajectories}}}};
+      {"trajectories", {{"Tracks", {}, ComparedTracks(truth, before, "odometry", after)}}}};
   for (const auto& [name, panels] : pictures) {
     Picture picture = NewPicture(setting, panels.size() == 1 ? 1200 : 760);
     picture.panels = panels;

@@ -16,7 +16,8 @@ constexpr const char* kFont = "DejaVu Sans";
 constexpr double kOutlierM = 10'000;
 constexpr double kHeightPerWidthMin = 0.25;
 constexpr double kHeightPerWidthMax = 2.5;
-constexpr double kInk = 0.15;  // Grey level of text and axes.
+constexpr double kLegendRow = 1.7;  // Height of a row of the legend, in font sizes.
+constexpr double kInk = 0.15;       // Grey level of text and axes.
 
 struct Box {
   double left = 0;
@@ -147,6 +148,13 @@ struct LegendEntry {
   TrackStyle style = TrackStyle::kLine;
 };
 
+// The entry's left edge and text baseline, in pixels of the picture.
+struct PlacedEntry {
+  LegendEntry entry;
+  double x = 0;
+  double baseline = 0;
+};
+
 std::vector<LegendEntry> LegendOf(const std::vector<Panel>& panels) {
   std::vector<LegendEntry> entries;
   std::set<std::string> names;
@@ -167,7 +175,7 @@ std::vector<LegendEntry> LegendOf(const std::vector<Panel>& panels) {
 class Painter {
  public:
   Painter(const Picture& picture, std::vector<Panel> panels)
-      : picture_(picture), panels_(std::move(panels)), legend_(LegendOf(panels_)), extent_(ExtentOf(panels_)) {
+      : picture_(picture), panels_(std::move(panels)), extent_(ExtentOf(panels_)) {
     const double count = static_cast<double>(panels_.size());
     panel_width_ = std::clamp(picture.panel_width_px, 100, 4000);
     font_px_ = std::clamp(panel_width_ * count / 85, 13.0, 40.0);
@@ -176,17 +184,17 @@ class Painter {
     left_ = 4.8 * font_px_;
     gap_ = 1.2 * font_px_;
     top_ = 2.1 * font_px_;
+    PlaceLegend();
   }
 
   int width() const {
     const double panels = static_cast<double>(panels_.size());
     return static_cast<int>(std::ceil(left_ + panels * (panel_width_ + gap_)));
   }
-  int height() const { return static_cast<int>(std::ceil(LegendTop() + LegendRows() * 1.7 * font_px_)); }
+  int height() const { return static_cast<int>(std::ceil(LegendTop() + legend_rows_ * kLegendRow * font_px_)); }
 
   void Paint(cairo_t* canvas) {
-    cairo_select_font_face(canvas, kFont, CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
-    cairo_set_font_size(canvas, font_px_);
+    SetFont(canvas);
     for (std::size_t i = 0; i < panels_.size(); ++i) {
       const double left = left_ + static_cast<double>(i) * (panel_width_ + gap_);
       PaintPanel(canvas, panels_[i], {left, top_, panel_width_, panel_height_}, i == 0);
@@ -196,19 +204,30 @@ class Painter {
 
  private:
   double LegendTop() const { return top_ + panel_height_ + 3.4 * font_px_; }
-  int LegendRows() const {
-    // An estimate of the width that is never too small: no letter of the font is wider than its size.
+
+  void SetFont(cairo_t* canvas) const {
+    cairo_select_font_face(canvas, kFont, CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+    cairo_set_font_size(canvas, font_px_);
+  }
+
+  // Wraps the entries of the legend into rows. Widths of text are measured on a surface of their own, because the
+  // height of the picture depends on the number of rows.
+  void PlaceLegend() {
+    cairo_surface_t* surface = cairo_image_surface_create(CAIRO_FORMAT_A8, 1, 1);
+    cairo_t* canvas = cairo_create(surface);
+    SetFont(canvas);
     double x = left_;
-    int rows = 1;
-    for (const LegendEntry& entry : legend_) {
-      const double needed = (3.2 + 0.75 * static_cast<double>(entry.name.size())) * font_px_;
+    for (LegendEntry& entry : LegendOf(panels_)) {
+      const double needed = 3.2 * font_px_ + TextWidth(canvas, entry.name);
       if (x > left_ && x + needed > width()) {
-        ++rows;
+        ++legend_rows_;
         x = left_;
       }
+      legend_.push_back({std::move(entry), x, LegendTop() + ((legend_rows_ - 1) * kLegendRow + 1) * font_px_});
       x += needed;
     }
-    return rows;
+    cairo_destroy(canvas);
+    cairo_surface_destroy(surface);
   }
 
   double X(const Area& area, double x_m) const { return area.left + (x_m - extent_.left) * px_per_m_; }
@@ -237,12 +256,17 @@ class Painter {
     const int columns = static_cast<int>(area.width), rows = static_cast<int>(area.height);
     cairo_surface_t* surface = cairo_image_surface_create(CAIRO_FORMAT_RGB24, columns, rows);
     if (cairo_surface_status(surface) == CAIRO_STATUS_SUCCESS) {
+      const std::vector<CellRange> xs =
+          RangesOf(columns, extent_.left, raster.resolution_um, raster.origin_cell_x, raster.width);
+      // Row 0 of the picture is the largest y.
+      const std::vector<CellRange> ys =
+          RangesOf(rows, extent_.top - rows / px_per_m_, raster.resolution_um, raster.origin_cell_y, raster.height);
       unsigned char* bytes = cairo_image_surface_get_data(surface);
       const int stride = cairo_image_surface_get_stride(surface);
       for (int row = 0; row < rows; ++row) {
         auto* pixels = reinterpret_cast<std::uint32_t*>(bytes + static_cast<std::ptrdiff_t>(row) * stride);
         for (int column = 0; column < columns; ++column) {
-          const Color& color = raster.classes[LargestValueIn(raster, column, row)].color;
+          const Color& color = raster.classes[LargestValueIn(raster, xs[column], ys[rows - 1 - row])].color;
           pixels[column] = static_cast<std::uint32_t>(color[0] << 16 | color[1] << 8 | color[2]);
         }
       }
@@ -254,20 +278,31 @@ class Painter {
     cairo_surface_destroy(surface);
   }
 
-  std::size_t LargestValueIn(const Raster& raster, int column, int row) const {
-    const double cell_m = raster.resolution_um / 1e6;
-    const auto range = [cell_m](double from_m, double to_m, std::int64_t origin, std::int32_t size) {
-      const double first = std::floor(from_m / cell_m) - static_cast<double>(origin);
-      const double last = std::ceil(to_m / cell_m) - 1 - static_cast<double>(origin);
-      return std::pair{static_cast<int>(std::clamp(first, 0.0, static_cast<double>(size))),
-                       static_cast<int>(std::clamp(std::max(first, last) + 1, 0.0, static_cast<double>(size)))};
-    };
-    const double x_m = extent_.left + column / px_per_m_, y_m = extent_.top - (row + 1) / px_per_m_;
-    const auto [first_x, last_x] = range(x_m, x_m + 1 / px_per_m_, raster.origin_cell_x, raster.width);
-    const auto [first_y, last_y] = range(y_m, y_m + 1 / px_per_m_, raster.origin_cell_y, raster.height);
+  // Cells [first, last) of one axis of a raster. Empty outside the raster.
+  struct CellRange {
+    int first = 0;
+    int last = 0;
+  };
+
+  // Returns the range of cells that each of `count` pixels covers along one axis, which begins at `start_m`.
+  std::vector<CellRange> RangesOf(int count, double start_m, std::uint32_t resolution_um, std::int64_t origin,
+                                  std::int32_t size) const {
+    const double cells_per_px = 1e6 / (px_per_m_ * resolution_um);
+    const double start = start_m * 1e6 / resolution_um - static_cast<double>(origin);
+    const auto clamped = [size](double cell) { return static_cast<int>(std::clamp<double>(cell, 0, size)); };
+    std::vector<CellRange> ranges;
+    for (int i = 0; i < count; ++i) {
+      const double first = std::floor(start + i * cells_per_px);
+      const double last = std::max(first + 1, std::ceil(start + (i + 1) * cells_per_px));
+      ranges.push_back({clamped(first), clamped(last)});
+    }
+    return ranges;
+  }
+
+  static std::size_t LargestValueIn(const Raster& raster, const CellRange& xs, const CellRange& ys) {
     std::uint8_t value = 0;
-    for (int y = first_y; y < last_y; ++y) {
-      for (int x = first_x; x < last_x; ++x) {
+    for (int y = ys.first; y < ys.last; ++y) {
+      for (int x = xs.first; x < xs.last; ++x) {
         value = std::max(value, raster.cells[static_cast<std::size_t>(y) * raster.width + x]);
       }
     }
@@ -405,16 +440,9 @@ class Painter {
   }
 
   void PaintLegend(cairo_t* canvas) {
-    double x = left_, y = LegendTop() + font_px_;
-    for (const LegendEntry& entry : legend_) {
-      const double needed = 3.2 * font_px_ + TextWidth(canvas, entry.name);
-      if (x > left_ && x + needed > width()) {
-        x = left_;
-        y += 1.7 * font_px_;
-      }
-      PaintSample(canvas, entry, x, y);
-      WriteText(canvas, x + 2 * font_px_, y, entry.name);
-      x += needed;
+    for (const PlacedEntry& placed : legend_) {
+      PaintSample(canvas, placed.entry, placed.x, placed.baseline);
+      WriteText(canvas, placed.x + 2 * font_px_, placed.baseline, placed.entry.name);
     }
   }
 
@@ -439,8 +467,9 @@ class Painter {
 
   const Picture& picture_;
   std::vector<Panel> panels_;
-  std::vector<LegendEntry> legend_;
   Box extent_;
+  std::vector<PlacedEntry> legend_;
+  int legend_rows_ = 1;
   double font_px_ = 0;
   double px_per_m_ = 0;
   double panel_width_ = 0;

@@ -25,13 +25,16 @@ std::vector<Track> TracksOf(const std::map<NodeKey, Pose>& poses, const std::vec
   return tracks;
 }
 
-std::vector<Track> Restyled(std::vector<Track> tracks, TrackStyle style, const std::string& name, Color color) {
-  for (Track& track : tracks) {
-    track.style = style;
-    track.name = name;
-    track.color = color;
-  }
-  return tracks;
+std::vector<Track> ComparedTracks(std::vector<Track> truth, std::vector<Track> before, const std::string& before_name,
+                                  const std::vector<Track>& after) {
+  std::vector<Track> all;
+  const auto add = [&all](std::vector<Track> tracks, TrackStyle style, const std::string& name, const Color& color) {
+    for (Track& track : tracks) all.push_back({name, color, style, std::move(track.points)});
+  };
+  add(std::move(truth), TrackStyle::kBroad, "true track", {196, 198, 204});
+  add(std::move(before), TrackStyle::kDashed, before_name, {70, 70, 70});
+  all.insert(all.end(), after.begin(), after.end());
+  return all;
 }
 
 }  // namespace moondb

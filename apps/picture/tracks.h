@@ -42,7 +42,9 @@ struct TrackAgent {
 // Returns one track per agent, in the order of `agents`. The track of an agent without poses is empty.
 std::vector<Track> TracksOf(const std::map<NodeKey, Pose>& poses, const std::vector<TrackAgent>& agents);
 
-// Returns the tracks in another style, all with one name and one colour.
-std::vector<Track> Restyled(std::vector<Track> tracks, TrackStyle style, const std::string& name, Color color);
+// Returns the tracks of a picture that compares them: `truth` broad and pale, `before` dashed with the name
+// `before_name`, and `after` as they are.
+std::vector<Track> ComparedTracks(std::vector<Track> truth, std::vector<Track> before, const std::string& before_name,
+                                  const std::vector<Track>& after);
 
 }  // namespace moondb
