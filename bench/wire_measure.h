@@ -16,7 +16,7 @@ struct WireSizes {
   // Sizes of the whole mission on the wire, in bytes, with framing, CURVE and acknowledgments.
   std::size_t paper_sql_bytes = 0;  // One acknowledged statement per record (actors/storage/paper_sql.h).
   std::size_t alone_bytes = 0;      // Compact encoding; no map is coded with the previous map as context.
-  std::size_t previous_bytes = 0;   // As alone_bytes, but each map is coded with the previous map if that is smaller.
+  std::size_t previous_bytes = 0;   // Like alone_bytes, with each map coded by the previous map if that is smaller.
   // Size of the mission as sessions send it (MapRunEncoder::Previous::kWhileItPays). Like previous_bytes, but some maps
   // are coded in only one of the two ways (with or without the previous map), to save time.
   std::size_t sent_bytes = 0;
@@ -24,7 +24,7 @@ struct WireSizes {
   std::size_t map_2bit_zstd_bytes = 0;
   std::size_t map_single_bytes = 0;    // Each map coded as a separate run.
   std::size_t map_batch_bytes = 0;     // Maps coded in runs of 32; no map is coded with the previous map as context.
-  std::size_t map_previous_bytes = 0;  // As map_batch_bytes, but with the previous map as context if that is smaller.
+  std::size_t map_previous_bytes = 0;  // Like map_batch_bytes, with the previous map as context if that is smaller.
   // Processor time per map, in milliseconds.
   double encode_ms = 0, decode_ms = 0, encode_previous_ms = 0, decode_previous_ms = 0;
   // Processor time to code and decode all records of the mission as sessions do, in milliseconds per map.

@@ -57,7 +57,7 @@ struct DataTypeRow {
   // records of its own robot, unless the type has versions (`version` is set).
   proto::Policy share = proto::POLICY_LATEST;
   proto::Policy ground = proto::POLICY_LATEST;
-  // Whether the team file may set the policy `latest`.
+  // True if the team file may set the policy `latest`.
   bool may_be_latest = true;
   // If true, records of this type are pruned only if an order names the type, because other records depend on them. For
   // example, a map is used again if the quarantine of the map is pruned.

@@ -37,8 +37,8 @@ class RoleChain {
  public:
   struct Options {
     proto::RoleAssignment initial;             // The team file's roles, without a signature.
-    std::function<bool(AgentId)> may_command;  // Whether command_from allows an agent to command.
-    bool has_keys = true;                      // Whether assignments are signed.
+    std::function<bool(AgentId)> may_command;  // Returns true if command_from names the agent.
+    bool has_keys = true;                      // True if assignments are signed.
   };
 
   enum class Standing {

@@ -72,7 +72,8 @@ class ActorCell final : public ActorHost, private Runnable {
   // `sender` and `sender_name`: see Mailbox::Item. If `may_wait`, waits without a time limit for room in a full kBlock
   // mailbox.
   SendResult Push(OwnedMessage message, const Address* sender, std::uint16_t sender_name, bool may_wait = false);
-  // As Push, for a message from another agent or a client. Null `sender`: the sender is in the message's envelope.
+  // Pushes a message from another agent or a client, with the results of Push. Null `sender`: the sender is in the
+  // message's envelope.
   SendResult PushFromOutside(OwnedMessage message, const Address* sender);
   void Wake();
   void BeginStart();

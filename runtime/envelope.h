@@ -10,7 +10,7 @@ namespace moondb {
 // origin of the data. Requires: `to` is not an alias.
 void WriteEnvelope(const Address& from, const Address& to, proto::Message& message);
 
-// As WriteEnvelope, but does not set source_actor and destination_actor. For messages within one agent.
+// Writes the envelope like WriteEnvelope, without source_actor and destination_actor. For messages within one agent.
 void WriteLocalEnvelope(AgentId from, AgentId to, proto::Message& message);
 
 // Returns the sender of the last hop: hop_sender and source_actor.

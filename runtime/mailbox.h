@@ -62,7 +62,7 @@ class Mailbox {
   // limit is accepted only if no waiting message counts towards that limit. A RecordsStored message is merged into a
   // RecordsStored that already waits.
   Pushed Push(Item&& item);
-  // As Push, but an item that is not accepted stays unchanged and is not counted as dropped.
+  // Adds the item like Push. An item that is not accepted stays unchanged and is not counted as dropped.
   Pushed TryPush(Item& item);
   // Makes the next GoAway return false, so that the reader checks for work other than messages. Returns true if no
   // reader is active (GoAway); the caller must then schedule one.

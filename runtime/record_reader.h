@@ -69,7 +69,7 @@ class RecordReader {
   // start. If storage cannot be reached and the reader does not follow, the reading ends before this call returns, and
   // result() holds the error.
   void Read(Context& context);
-  // As Read, but starts at the first record. Ends a reading that is in progress, without changing result().
+  // Reads like Read, but from the first record. Ends a reading that is in progress, without changing result().
   void ReadAgain(Context& context);
   // Ends a reading that is in progress, without changing result(). Keeps the cursor. If Follow was called, the
   // reader continues at the next RecordsStored.

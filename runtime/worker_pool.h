@@ -39,7 +39,7 @@ class WorkerPool {
   // Submits a task. Requires: the task is not already waiting in the pool, and it exists until its turn ends. Has no
   // effect after Join. Thread-safe.
   void Submit(Runnable* task);
-  // As Submit, but always behind all waiting tasks. For a task that just had its turn.
+  // Adds the task like Submit, but always behind all waiting tasks. For a task that just had its turn.
   void SubmitLast(Runnable* task);
 
   // Yields the processor up to `times` times, as long as no work waits in the pool. Call only inside a turn.

@@ -437,7 +437,7 @@ Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
     }
     for (const IntervalSet::Interval& interval : newest[stream.type][stream.epoch].intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
-        // It is uncertain whether the foreign epoch's disk had the record. If a peer covers the record, that disk may
+        // The foreign epoch's disk may or may not have had the record. If a peer covers the record, that disk may
         // have received it from the peer, so the record does not count as endangered.
         if (is_guess && peer_log_.IsCoveredByAny({stream, seq})) continue;
         found.push_back({stream, seq});

@@ -2,8 +2,9 @@
 // of roles, and the writes at the start of a process.
 //
 // The reserve of moondb.sqlite is moondb.reserve. It is filled with random bytes, so no file system can compress it.
-// Its size is kReserveBytesMax, or an eighth of a small disk. The largest write-ahead log fits into this space: SQLite
-// moves the log into the file at 4 MB, and one record may add 8 MiB. The growth of the file by this move fits too.
+// The file's size is kReserveBytesMax, or an eighth of a small disk. The largest write-ahead log fits into this space:
+// SQLite moves the log into the file at 4 MB, and one record may add 8 MiB. The growth of the file by this move fits
+// too.
 //
 // All calls use a SQLite VFS, so a simulated disk has a reserve too. No other file is ever deleted.
 #pragma once

@@ -3,9 +3,9 @@
 // identity. It sends only messages that agents accept from each other (runtime/transport/inbound.h). It knows all
 // records of all agents.
 //
-// It has no role in the team file, and stops its attacks when an honest agent gives it a role. SECURITY.md describes
-// what a malicious leader can do. Attacks use their own random stream, so adding one does not change the rest of a
-// seeded run.
+// The agent has no role in the team file, and stops its attacks when an honest agent gives it a role. SECURITY.md
+// describes what a malicious leader can do. Attacks use their own random stream, so adding one does not change the rest
+// of a seeded run.
 #pragma once
 
 #include <cstdint>

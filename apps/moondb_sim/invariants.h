@@ -183,7 +183,7 @@ class Invariants {
   std::map<AgentId, HaveSet> held_;  // By agent: records that it certainly holds or has dropped.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
   std::map<RecordKey, PoseName> pose_names_;
-  std::map<RecordKey, std::pair<Node, Node>> verdict_names_;  // Both nodes of the range that each verdict judges.
+  std::map<RecordKey, std::pair<Node, Node>> verdict_names_;  // The two nodes of the range that each verdict judges.
   struct Poses {
     HaveSet held;  // Optimized poses held at the last check.
     std::map<Node, PoseVersion> newest;

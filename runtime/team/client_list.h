@@ -28,7 +28,7 @@ inline constexpr char kClientsFile[] = "clients.yaml";
 // one error per line, each with its place in the file. Besides the errors of ReadYaml, these are bad names, malformed
 // keys, invalid rights, duplicate names or keys, and too many clients.
 Result<proto::ClientList> ReadClientList(const std::filesystem::path& path);
-// As ReadClientList, but parses the text `yaml`. `name` is the file name in error messages.
+// Parses the text `yaml` by the rules of ReadClientList. `name` is the file name in error messages.
 Result<proto::ClientList> ParseClientList(const std::string& yaml, const std::string& name);
 
 // Returns the text of a file for ReadClientList. `head` holds comment lines for the start of the text.

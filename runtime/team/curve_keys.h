@@ -13,7 +13,7 @@
 namespace moondb {
 
 struct CurveKeys {
-  std::string public_key;  // Both keys are in Z85.
+  std::string public_key;  // The two keys are in Z85.
   std::string secret_key;
 };
 

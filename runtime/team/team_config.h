@@ -28,7 +28,8 @@ struct TeamFile {
 // per line.
 Result<TeamFile> ReadTeamFile(const std::filesystem::path& path);
 
-// As ReadTeamFile, but parses the text `yaml` and checks no key files. `name` is the file name in error messages.
+// Parses the text `yaml` by the rules of ReadTeamFile, but checks no key files. `name` is the file name in error
+// messages.
 Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name);
 
 // Returns the same bytes for equal teams, which SerializeAsString does not guarantee for maps.
@@ -63,7 +64,8 @@ proto::Role RoleOf(const proto::TeamConfig& team, const proto::RoleAssignment& r
 // a file.
 Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port);
 
-// As WriteInitialTeam, but for the agents in `team`, which holds names, addresses, kinds, start poses and antennas.
+// Writes files like WriteInitialTeam, for the agents in `team`, which holds names, addresses, kinds, start poses and
+// antennas.
 Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfig& team);
 
 // Returns the ipc:// endpoint for an agent's clients. The socket lies in a folder of this user with mode 0700, under

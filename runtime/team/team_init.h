@@ -14,8 +14,8 @@
 
 namespace moondb {
 
-// As WriteInitialTeam in runtime/team/team_config.h, for a team called `name`. If `name` is empty, derives the team's
-// name from the name of the file's folder (PlainNameOf).
+// Writes the files of WriteInitialTeam (runtime/team/team_config.h) for a team called `name`. If `name` is empty,
+// derives the team's name from the name of the file's folder (PlainNameOf).
 Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port,
                               const std::string& name);
 

@@ -153,7 +153,7 @@ TEST_F(ClientKeysProcessTest, FollowsNewRecordsUntilInterrupted) {
   Child text(
       {"/bin/bash", "-c", std::string("set -o pipefail; ") + MOONCTL_PROGRAM + " record list -f -a rover1 | head -n 1"},
       environment_, folder_ / "text");
-  // Both commands show each new record at once, but no record that was stored before they started.
+  // The two commands show each new record at once, but no record that was stored before they started.
   std::string key;
   EXPECT_TRUE(Until([&] {
     key = MoonctlExpecting(0, insert);

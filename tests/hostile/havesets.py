@@ -61,7 +61,7 @@ def acknowledges_what_it_never_got(team, scale):
         receiver = Receiver(member, lambda: {"have": everything(team)})
         for agent in HONEST:
             receiver.ask(agent)
-        for agent in ("rover1", "base"):  # Both agents ask the survivor before pruning.
+        for agent in ("rover1", "base"):  # Each agent asks the survivor before it prunes.
             team.prune_everything(agent)
 
 
