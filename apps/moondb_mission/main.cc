@@ -8,6 +8,7 @@
 
 #include "apps/common/arguments.h"
 #include "apps/moondb_mission/mission_maker.h"
+#include "apps/picture/picture.h"
 #include "model/metrics.h"
 
 namespace moondb {
@@ -46,6 +47,19 @@ void PrintSummary(const MadeMission& made, const Request& request) {
   std::printf("measured  %zu maps, %zu odometry steps, %zu ranges\n", mission.maps.size(),
               mission.graph.odometry.size(), mission.graph.ranges.size());
   std::printf("odometry  ATE %.2f m, at most %.2f m\n", error.rmse_m, error.max_m);
+}
+
+// Returns a picture of the terrain with the rovers' true tracks.
+Picture PictureOf(const MadeMission& made, std::uint64_t seed) {
+  std::vector<TrackAgent> rovers;
+  for (const MissionAgent& agent : made.mission.agents) {
+    if (!agent.is_base_station) rovers.push_back({agent.id, agent.name});
+  }
+  const std::string title = "Hazards and true tracks, seed " + std::to_string(seed);
+  Picture picture;
+  picture.panel_width_px = 1200;
+  picture.panels = {{title, RasterOf(made.terrain.HazardMap()), TracksOf(made.mission.truth, rovers)}};
+  return picture;
 }
 
 int Generate(const Request& request) {

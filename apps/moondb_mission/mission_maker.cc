@@ -188,16 +188,4 @@ Result<void> WriteMadeMission(const MadeMission& made, const std::filesystem::pa
   return done;
 }
 
-Picture PictureOf(const MadeMission& made, std::uint64_t seed) {
-  std::vector<TrackAgent> rovers;
-  for (const MissionAgent& agent : made.mission.agents) {
-    if (!agent.is_base_station) rovers.push_back({agent.id, agent.name});
-  }
-  const std::string title = "Hazards and true tracks, seed " + std::to_string(seed);
-  Picture picture;
-  picture.panel_width_px = 1200;
-  picture.panels = {{title, RasterOf(made.terrain.HazardMap()), TracksOf(made.mission.truth, rovers)}};
-  return picture;
-}
-
 }  // namespace moondb

@@ -12,7 +12,6 @@
 #include "apps/moondb_mission/measurement.h"
 #include "apps/moondb_mission/sensing.h"
 #include "apps/moondb_mission/terrain.h"
-#include "apps/picture/picture.h"
 #include "model/mission.h"
 
 namespace moondb {
@@ -42,8 +41,5 @@ Result<MadeMission> MakeMission(const MissionOptions& options);
 
 // Writes the mission and its maps. kRefused if the folder is not empty. Other errors are those of WriteMission.
 Result<void> WriteMadeMission(const MadeMission& made, const std::filesystem::path& folder);
-
-// Returns a picture of the terrain with the rovers' true tracks. `seed` is shown in its title.
-Picture PictureOf(const MadeMission& made, std::uint64_t seed);
 
 }  // namespace moondb
