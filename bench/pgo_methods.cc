@@ -10,8 +10,8 @@ namespace moondb {
 namespace {
 
 Loss LossOf(Method method) {
-  if (method == Method::kHuber) return Loss::kHuberOnRanges;
-  return method == Method::kCauchy ? Loss::kCauchyOnRanges : Loss::kNone;
+  if (method == Method::kHuber) return Loss::kHuber;
+  return method == Method::kCauchy ? Loss::kCauchy : Loss::kNone;
 }
 
 MethodResult SolveOnce(Loss loss, const PoseGraph& graph, const AgentFactsMap& agents, const SolverOptions& options) {
@@ -23,7 +23,7 @@ MethodResult SolveOnce(Loss loss, const PoseGraph& graph, const AgentFactsMap& a
   std::vector<bool> is_free;
   for (const CheckedNode& node : checked.nodes) is_free.push_back(!node.is_fixed);
   const CostTerms terms(checked, rovers, starts, agents, initial, is_free, options);
-  const std::vector<bool> all(checked.ranges.size(), true);
+  const std::vector<bool> all(checked.tested_count(), true);
   State state = terms.initial();
   MethodResult result;
   result.has_converged = terms.Minimise(all, terms.FirstStage(loss), state).has_converged;
@@ -62,7 +62,7 @@ MethodResult SolveWith(Method method, const PoseGraph& graph, const AgentFactsMa
     result.has_converged = solution.is_accepted;
     result.cost = solution.final_cost;
     result.poses = std::move(solution.poses);
-    result.ranges = std::move(solution.ranges);
+    result.verdicts = std::move(solution.verdicts);
   } else {
     const double seconds = SecondsOf([&] { result = SolveOnce(LossOf(method), graph, agents, options); });
     result.seconds = seconds;

@@ -24,7 +24,7 @@ struct MethodResult {
   double cost = 0;
   double seconds = 0;
   std::map<NodeKey, Pose> poses;
-  std::vector<RangeVerdict> ranges;  // Filled only with Method::kStaged.
+  std::vector<FactorVerdict> verdicts;  // Filled only with Method::kStaged.
 };
 
 MethodResult SolveWith(Method method, const PoseGraph& graph, const AgentFactsMap& agents,

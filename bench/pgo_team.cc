@@ -63,13 +63,13 @@ struct Rejection {
   std::size_t rejected = 0;
   std::size_t outliers = 0;
 
-  void Add(const Scenario& scenario, const std::vector<RangeVerdict>& verdicts) {
-    std::map<std::pair<NodeKey, NodeKey>, bool> is_outlier;
+  void Add(const Scenario& scenario, const std::vector<FactorVerdict>& verdicts) {
+    std::map<FactorKey, bool> is_outlier;
     for (std::size_t i = 0; i < scenario.is_outlier.size(); ++i) {
-      is_outlier[{scenario.graph.ranges[i].from, scenario.graph.ranges[i].to}] = scenario.is_outlier[i];
+      is_outlier[KeyOf(scenario.graph.ranges[i])] = scenario.is_outlier[i];
     }
-    for (const RangeVerdict& verdict : verdicts) {
-      const bool is_bad = is_outlier.at({verdict.from, verdict.to});
+    for (const FactorVerdict& verdict : verdicts) {
+      const bool is_bad = is_outlier.at(verdict.factor);
       rejected += !verdict.is_inlier;
       outliers += is_bad;
       right += is_bad && !verdict.is_inlier;
@@ -109,7 +109,7 @@ TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options) {
       const MethodResult result = SolveWith(method, scenario.graph, scenario.agents, options);
       ates[method].push_back(TrajectoryErrorM(scenario, result.poses));
       seconds[method].push_back(result.seconds);
-      if (method == Method::kStaged) rejection.Add(scenario, result.ranges);
+      if (method == Method::kStaged) rejection.Add(scenario, result.verdicts);
     }
     const PoseGraph earlier = Earlier(scenario.graph, drawn.node_count);
     const Solution last = SolvePoseGraph(earlier, scenario.agents, {}, options);

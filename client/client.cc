@@ -32,6 +32,22 @@ std::string UserAtMachine() {
   return (user != nullptr ? user->pw_name : std::to_string(geteuid())) + std::string("@") + machine;
 }
 
+// Writes the upper triangle of a covariance. `numbers` is this triangle, or `size` standard deviations. The agent
+// refuses other lengths.
+void SetCovariance(const std::vector<double>& numbers, std::size_t size,
+                   google::protobuf::RepeatedField<double>& triangle) {
+  if (numbers.size() != size) {
+    triangle.Assign(numbers.begin(), numbers.end());
+    return;
+  }
+  triangle.Clear();
+  for (std::size_t row = 0; row < size; ++row) {
+    for (std::size_t column = row; column < size; ++column) {
+      triangle.Add(row == column ? numbers[row] * numbers[row] : 0);
+    }
+  }
+}
+
 }  // namespace
 
 Client::Client(std::unique_ptr<Connection> connection, std::string agent_name, Options options)
@@ -124,10 +140,37 @@ Result<RecordKey> Client::InsertCustom(Custom custom, bool is_local) {
   body.set_latest_key(std::move(custom.latest_key));
   body.set_payload(std::move(custom.payload));
   body.set_metadata(std::move(custom.metadata));
+  return InsertOne(record, is_local);
+}
+
+Result<RecordKey> Client::InsertOne(const proto::Record& record, bool is_local) {
   const Result<std::vector<RecordKey>> keys = Insert({record}, is_local);
   if (!keys) return tl::unexpected(keys.error());
   if (keys->size() != 1) return Fail(ErrorCode::kCorrupt, "the agent's answer has not one key for each record");
   return keys->front();
+}
+
+Result<RecordKey> Client::InsertLoopClosure(const LoopClosure& closure) {
+  proto::Record record;
+  record.set_timestamp_ns(closure.timestamp_ns);
+  proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+  *edge.mutable_from() = ToProto(closure.from);
+  *edge.mutable_to() = ToProto(closure.to);
+  *edge.mutable_relative_pose()->mutable_from_from_to() = closure.from_from_to;
+  edge.set_source(closure.source);
+  if (closure.source.empty()) return Fail(ErrorCode::kInvalid, "is missing", "source");
+  SetCovariance(closure.covariance, 6, *edge.mutable_relative_pose()->mutable_covariance());
+  return InsertOne(record, /*is_local=*/false);
+}
+
+Result<RecordKey> Client::InsertPrior(const proto::PosePrior& prior, std::int64_t timestamp_ns) {
+  proto::Record record;
+  record.set_timestamp_ns(timestamp_ns);
+  proto::PosePrior& body = *record.mutable_pose_prior();
+  body = prior;
+  const std::size_t size = prior.has_pose() ? 6 : prior.has_position_yaw() ? 4 : 3;
+  SetCovariance({prior.covariance().begin(), prior.covariance().end()}, size, *body.mutable_covariance());
+  return InsertOne(record, /*is_local=*/false);
 }
 
 Result<DataType> Client::TypeNamed(const std::string& name) const {

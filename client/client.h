@@ -34,6 +34,7 @@
 #include "proto/downlink.pb.h"
 #include "proto/graph.pb.h"
 #include "proto/lease.pb.h"
+#include "proto/record.pb.h"
 #include "proto/retention.pb.h"
 #include "proto/role.pb.h"
 #include "proto/sharing.pb.h"
@@ -128,6 +129,24 @@ class Client {
   };
   // Inserts one custom record, like Insert. Fails with kInvalid for a type name that is not in Options::custom_types.
   Result<RecordKey> InsertCustom(Custom custom, bool is_local = false);
+  // A relative pose between two nodes of any rovers that is not odometry, as PoseGraphEdge (proto/record.proto).
+  struct LoopClosure {
+    NodeKey from;  // One of the nodes must belong to the connected agent's robot.
+    NodeKey to;
+    std::int64_t timestamp_ns = 0;
+    proto::Pose from_from_to;
+    // The standard deviations x y z (m), roll pitch yaw (rad) of independent errors, or the 21 numbers of
+    // RelativePose.covariance.
+    std::vector<double> covariance;
+    std::string source;  // Name of the producer, such as "apriltag".
+  };
+  // Inserts one loop closure, like Insert.
+  Result<RecordKey> InsertLoopClosure(const LoopClosure& closure);
+
+  // An absolute measurement of a node, as PosePrior (proto/record.proto). `prior.covariance` may also hold the standard
+  // deviations of independent errors: 3 for a position, 4 for a position and a yaw, 6 for a pose. The node must belong
+  // to the connected agent's robot, or the connected agent must be in command_from of the team file.
+  Result<RecordKey> InsertPrior(const proto::PosePrior& prior, std::int64_t timestamp_ns);
   // Returns the built-in or declared type of this name, for ReadRequest::data_types. Fails with kInvalid for an unknown
   // name.
   Result<DataType> TypeNamed(const std::string& name) const;
@@ -204,6 +223,7 @@ class Client {
 
  private:
   class Connection;
+  Result<RecordKey> InsertOne(const proto::Record& record, bool is_local);
   Result<proto::ShareProgress> ShareFromHere(proto::SharingKind kind, const ShareOptions& options);
   Result<void> CheckTeam(const proto::ControlReply& reply) const;
   Client(std::unique_ptr<Connection> connection, std::string agent_name, Options options);

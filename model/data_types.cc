@@ -18,26 +18,27 @@ namespace {
 
 using proto::Record;
 
-constexpr int kCovarianceNumbers = 21;
 constexpr std::size_t kHealthTextBytesMax = 1024;
 constexpr std::size_t kQuarantineReasonBytesMax = 1024;
 
-bool IsPositiveDefinite(const google::protobuf::RepeatedField<double>& upper_triangle) {
-  Eigen::Matrix<double, 6, 6> covariance;
-  int next = 0;
-  for (int row = 0; row < 6; ++row) {
-    for (int column = row; column < 6; ++column) {
-      covariance(row, column) = covariance(column, row) = upper_triangle[next++];
-    }
-  }
-  return covariance.allFinite() && Eigen::LLT<Eigen::Matrix<double, 6, 6>>(covariance).info() == Eigen::Success;
+// Requires a positive definite covariance of `size` rows.
+void CheckCovariance(const google::protobuf::RepeatedField<double>& upper_triangle, int size, const std::string& field,
+                     FieldChecker& check) {
+  const Result<Matrix6d> covariance = FromUpperTriangle(upper_triangle, size);
+  const bool is_valid =
+      covariance && covariance->allFinite() && Eigen::LLT<Matrix6d>(*covariance).info() == Eigen::Success;
+  check.Require(is_valid, field, "must be " + std::to_string(size * (size + 1) / 2) + " numbers, positive definite");
 }
 
-void CheckOdometry(const proto::RelativePose& pose, FieldChecker& check) {
+void CheckSource(const std::string& source, const std::string& field, FieldChecker& check) {
+  check.Require(IsSource(source), field,
+                "must be 1 to 32 of a-z, 0-9 and _, from a letter on, and not odometry, range, prior or registration");
+}
+
+void CheckRelativePose(const proto::RelativePose& pose, FieldChecker& check) {
   check.Pose(pose.from_from_to(), "pose_graph_edge.relative_pose.from_from_to");
   const auto& covariance = pose.covariance();
-  check.Require(covariance.size() == kCovarianceNumbers && IsPositiveDefinite(covariance),
-                "pose_graph_edge.relative_pose.covariance", "must be 21 numbers, positive definite");
+  CheckCovariance(covariance, 6, "pose_graph_edge.relative_pose.covariance", check);
 }
 
 void CheckRange(const proto::Range& range, FieldChecker& check) {
@@ -55,14 +56,52 @@ void CheckEdge(const Record& record, FieldChecker& check) {
   const bool is_one_agent = edge.from().agent_id() == edge.to().agent_id();
   switch (edge.measurement_case()) {
     case proto::PoseGraphEdge::kRelativePose:
-      check.Require(is_one_agent, "pose_graph_edge.to.agent_id", "odometry joins nodes of one agent");
-      return CheckOdometry(edge.relative_pose(), check);
+      if (edge.source().empty()) {
+        check.Require(is_one_agent, "pose_graph_edge.to.agent_id",
+                      "odometry joins nodes of one agent; a loop closure states its source");
+      } else {
+        CheckSource(edge.source(), "pose_graph_edge.source", check);
+      }
+      return CheckRelativePose(edge.relative_pose(), check);
     case proto::PoseGraphEdge::kRange:
+      check.Require(edge.source().empty(), "pose_graph_edge.source", "must be empty for a range");
       check.Require(!is_one_agent, "pose_graph_edge.to.agent_id", "a range joins nodes of two agents");
       return CheckRange(edge.range(), check);
     case proto::PoseGraphEdge::MEASUREMENT_NOT_SET:
       check.Require(false, "pose_graph_edge.measurement", "is missing");
   }
+}
+
+void CheckPrior(const Record& record, FieldChecker& check) {
+  const proto::PosePrior& prior = record.pose_prior();
+  check.Node(prior.node(), "pose_prior.node");
+  CheckSource(prior.source(), "pose_prior.source", check);
+  check.Position(prior.point_m(), "pose_prior.point_m");
+  switch (prior.measurement_case()) {
+    case proto::PosePrior::kPositionM:
+      check.Position(prior.position_m(), "pose_prior.position_m");
+      return CheckCovariance(prior.covariance(), 3, "pose_prior.covariance", check);
+    case proto::PosePrior::kPositionYaw:
+      check.Position(prior.position_yaw().position_m(), "pose_prior.position_yaw.position_m");
+      check.Finite(prior.position_yaw().yaw_rad(), "pose_prior.position_yaw.yaw_rad");
+      return CheckCovariance(prior.covariance(), 4, "pose_prior.covariance", check);
+    case proto::PosePrior::kPose:
+      check.Pose(prior.pose(), "pose_prior.pose");
+      check.Require(!prior.has_point_m(), "pose_prior.point_m", "must be absent for a pose");
+      return CheckCovariance(prior.covariance(), 6, "pose_prior.covariance", check);
+    case proto::PosePrior::MEASUREMENT_NOT_SET:
+      check.Require(false, "pose_prior.measurement", "is missing: position_m, position_yaw or pose");
+  }
+}
+
+void CheckVerdict(const Record& record, FieldChecker& check) {
+  const proto::EdgeVerdict& verdict = record.edge_verdict();
+  check.Node(verdict.from(), "edge_verdict.from");
+  check.Node(verdict.to(), "edge_verdict.to");
+  check.Finite(verdict.residual_sigmas(), "edge_verdict.residual_sigmas");
+  check.Size(verdict.source(), kSourceBytesMax, "edge_verdict.source");
+  check.Require(!verdict.is_range() || !verdict.is_prior(), "edge_verdict.is_prior", "excludes is_range");
+  check.Term(verdict.term(), "edge_verdict.term");
 }
 
 void CheckQuarantine(const Record& record, FieldChecker& check) {
@@ -102,8 +141,14 @@ std::string NodeText(const proto::NodeKey& node) {
   return std::to_string(node.agent_id()) + ":" + std::to_string(node.index());
 }
 
-std::string EdgeText(const proto::NodeKey& from, const proto::NodeKey& to, bool is_range) {
-  return (is_range ? "range " : "odometry ") + NodeText(from) + " " + NodeText(to);
+std::string EdgeText(const proto::NodeKey& from, const proto::NodeKey& to, bool is_range, const std::string& source) {
+  const std::string ends = NodeText(from) + " " + NodeText(to);
+  if (is_range) return "range " + ends;
+  return source.empty() ? "odometry " + ends : "loop closure " + ends + " " + source;
+}
+
+std::string PriorText(const proto::NodeKey& node, const std::string& source) {
+  return "prior " + NodeText(node) + " " + source;
 }
 
 constexpr std::array kRows = std::to_array<DataTypeRow>({
@@ -177,7 +222,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .natural_key =
          [](const Record& record) {
            const proto::PoseGraphEdge& edge = record.pose_graph_edge();
-           return EdgeText(edge.from(), edge.to(), edge.has_range());
+           return EdgeText(edge.from(), edge.to(), edge.has_range(), edge.source());
          }},
 
     {.type = proto::OPTIMIZED_POSE,
@@ -204,13 +249,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .rank = ShareRank::kDerived,
      .ground = proto::POLICY_NONE,
      .is_kept_unless_named = true,
-     .check =
-         [](const Record& record, FieldChecker& check) {
-           check.Node(record.edge_verdict().from(), "edge_verdict.from");
-           check.Node(record.edge_verdict().to(), "edge_verdict.to");
-           check.Finite(record.edge_verdict().residual_sigmas(), "edge_verdict.residual_sigmas");
-           check.Term(record.edge_verdict().term(), "edge_verdict.term");
-         },
+     .check = CheckVerdict,
      .agents =
          [](const Record& record) {
            return EndsOf(record.edge_verdict().from(), record.edge_verdict().to(), "edge_verdict");
@@ -219,12 +258,27 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .latest_key =
          [](const Record& record) {
            const proto::EdgeVerdict& verdict = record.edge_verdict();
-           return EdgeText(verdict.from(), verdict.to(), verdict.is_range());
+           if (verdict.is_prior()) return PriorText(verdict.from(), verdict.source());
+           return EdgeText(verdict.from(), verdict.to(), verdict.is_range(), verdict.source());
          },
      .version =
          [](const Record& record) {
            return RecordVersion{OrderOf(record.edge_verdict().term()), record.edge_verdict().run()};
          }},
+
+    {.type = proto::POSE_PRIOR,
+     .rank = ShareRank::kEdges,
+     .share = proto::POLICY_ALL,
+     .ground = proto::POLICY_NONE,
+     .is_kept_unless_named = true,
+     .check = CheckPrior,
+     .agents =
+         [](const Record& record) {
+           return std::vector<NamedAgent>{{record.pose_prior().node().agent_id(), "pose_prior.node.agent_id"}};
+         },
+     .speaker = Speaker::kNamedAgentOrCommander,
+     .natural_key =
+         [](const Record& record) { return PriorText(record.pose_prior().node(), record.pose_prior().source()); }},
 
     {.type = proto::LOCAL_TRAVERSABILITY_MAP,
      .rank = ShareRank::kMaps,

@@ -29,9 +29,11 @@ enum class Speaker {
   // Any agent. Used for robot states, events and custom types, which describe their own origin, and for role
   // assignments, which RoleChain (model/role_chain.h) checks.
   kAnyAgent,
-  // An agent that the record names. Used for nodes, maps, odometry between nodes of one agent, and ranges between two
-  // agents.
+  // An agent that the record names. Used for nodes, maps, odometry between nodes of one agent, and ranges and loop
+  // closures between two agents.
   kNamedAgent,
+  // An agent that the record names, or an agent in command_from of the team file. Used for priors.
+  kNamedAgentOrCommander,
   // The leader of the term in the record. Used for optimised poses and edge verdicts.
   kLeader,
   // An agent that the record names, an agent in command_from of the team file, or the leader of the term in the record.

@@ -44,6 +44,13 @@ void FieldChecker::Term(const proto::Term& term, const std::string& field) {
   Require(term.number() <= kTermNumberMax, field + ".number", "is from the far future");
 }
 
+void FieldChecker::Position(const proto::Vector3& position_m, const std::string& field) {
+  for (const double coordinate : {position_m.x(), position_m.y(), position_m.z()}) {
+    // The comparison is false for NaN.
+    Require(std::abs(coordinate) <= kCoordinateMax_m, field, "must lie between -1e9 and 1e9 m");
+  }
+}
+
 void FieldChecker::Pose(const proto::Pose& pose, const std::string& field) {
   const Result<moondb::Pose> read = FromProto(pose);
   if (!read) Stop(read.error(), field);

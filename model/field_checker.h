@@ -25,6 +25,8 @@ class FieldChecker {
   void Agent(AgentId agent, const std::string& field);
   void Node(const proto::NodeKey& node, const std::string& field);
   void Term(const proto::Term& term, const std::string& field);
+  // Requires finite coordinates of at most kCoordinateMax_m (model/geometry.h).
+  void Position(const proto::Vector3& position_m, const std::string& field);
   void Pose(const proto::Pose& pose, const std::string& field);
   // Records an error that another function found in a nested part of `field`.
   void Stop(const Error& error, const std::string& field);

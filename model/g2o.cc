@@ -47,6 +47,11 @@ class G2oParser {
     if (word == "VERTEX_SE3:QUAT") return ParseVertex(fields, false);
     if (word == "EDGE_SE2") return ParseEdge(fields, true);
     if (word == "EDGE_SE3:QUAT") return ParseEdge(fields, false);
+    if (word == "EDGE_PRIOR_SE2") return ParsePrior(fields, true, PriorExtent::kPose);
+    if (word == "EDGE_PRIOR_SE2_XY") return ParsePrior(fields, true, PriorExtent::kPosition);
+    if (word == "EDGE_SE3_PRIOR") return ParsePrior(fields, false, PriorExtent::kPose);
+    if (word == "EDGE_SE3_XYZ_PRIOR") return ParsePrior(fields, false, PriorExtent::kPosition);
+    if (word == "PARAMS_SE3OFFSET") return ParseOffset(fields);
     if (word == "FIX") return ParseFix(fields);
     fields.Stop("'" + std::string(word) + "' is no keyword of g2o that is known here");
   }
@@ -76,6 +81,37 @@ class G2oParser {
       edge.information = InformationOf<6, 3>(fields);
     }
     g2o_.edges.push_back(edge);
+  }
+
+  void ParseOffset(LineFields& fields) {
+    offsets_.insert(fields.Index());
+    const Pose offset = fields.PoseOf(/*is_planar=*/false);
+    const bool is_identity = offset.position_m.isZero(0) && std::abs(offset.orientation.w()) == 1;
+    if (!is_identity) fields.Stop("the offset is not the identity");
+  }
+
+  void ParsePrior(LineFields& fields, bool is_planar, PriorExtent extent) {
+    UseDimension(fields, is_planar);
+    G2oPrior prior;
+    prior.extent = extent;
+    prior.id = Mentioned(fields);
+    if (!is_planar && !offsets_.contains(fields.Index())) fields.Stop("the offset is defined on no earlier line");
+    if (extent == PriorExtent::kPose) {
+      prior.map_from_vertex = fields.PoseOf(is_planar);
+      if (is_planar) {
+        SetPlanar(InformationOf<3, 2>(fields), prior.information);
+      } else {
+        prior.information = InformationOf<6, 3>(fields);
+      }
+    } else {
+      prior.map_from_vertex.position_m = fields.Position(is_planar);
+      if (is_planar) {
+        prior.information.topLeftCorner<2, 2>() = fields.PositiveDefinite<2>("information");
+      } else {
+        prior.information.topLeftCorner<3, 3>() = fields.PositiveDefinite<3>("information");
+      }
+    }
+    g2o_.priors.push_back(prior);
   }
 
   // Reads an information matrix of kSize rows. The first kTranslation rows belong to the translation.
@@ -122,6 +158,7 @@ class G2oParser {
   bool has_dimension_ = false;
   G2o g2o_;
   std::set<std::uint64_t> vertices_;
+  std::set<std::uint64_t> offsets_;
   std::vector<Mention> mentions_;
 };
 
@@ -149,6 +186,22 @@ std::string InformationText(const Matrix6d& information, bool is_planar) {
   return text;
 }
 
+std::string PriorText(const G2oPrior& prior, bool is_planar) {
+  const bool has_pose = prior.extent == PriorExtent::kPose;
+  const std::string id = std::to_string(prior.id) + (is_planar ? "" : " 0");
+  if (has_pose) {
+    return (is_planar ? "EDGE_PRIOR_SE2 " : "EDGE_SE3_PRIOR ") + id + PoseText(prior.map_from_vertex, is_planar) +
+           InformationText(prior.information, is_planar) + "\n";
+  }
+  std::string text = (is_planar ? "EDGE_PRIOR_SE2_XY " : "EDGE_SE3_XYZ_PRIOR ") + id;
+  const int size = is_planar ? 2 : 3;
+  for (int i = 0; i < size; ++i) text += " " + FormatDouble(prior.map_from_vertex.position_m[i]);
+  for (int row = 0; row < size; ++row) {
+    for (int column = row; column < size; ++column) text += " " + FormatDouble(prior.information(row, column));
+  }
+  return text + "\n";
+}
+
 }  // namespace
 
 Result<G2o> ParseG2o(std::string_view text, const std::string& name, InformationCheck check) {
@@ -173,6 +226,8 @@ std::string FormatG2o(const G2o& g2o) {
             std::to_string(edge.to) + PoseText(edge.from_from_to, g2o.is_planar) +
             InformationText(edge.information, g2o.is_planar) + "\n";
   }
+  if (!g2o.is_planar && !g2o.priors.empty()) text += "PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\n";
+  for (const G2oPrior& prior : g2o.priors) text += PriorText(prior, g2o.is_planar);
   return text;
 }
 

@@ -29,7 +29,7 @@ class LineFields {
   std::string_view Take();
   double Number();           // Reads a finite number.
   std::uint64_t Index();     // Reads an unsigned 64-bit integer.
-  std::int64_t Timestamp();  // Reads a timestamp in seconds and returns nanoseconds.
+  std::int64_t Timestamp();  // Reads a timestamp and returns nanoseconds (ParseTimestampNs in model/text.h).
 
   // Reads the coordinates x y (if `is_planar`) or x y z, of up to 1e9 m. If `is_planar`, z is 0.
   Eigen::Vector3d Position(bool is_planar);

@@ -1,18 +1,43 @@
 #include "model/pose_graph.h"
 
+#include <algorithm>
+#include <array>
 #include <string>
 
 namespace moondb {
 
 namespace {
 
-constexpr int kDimensions = 6;
-constexpr int kTriangleNumbers = kDimensions * (kDimensions + 1) / 2;
+constexpr int TriangleNumbers(int size) { return size * (size + 1) / 2; }
+
+// ReadCovariance and ReadPose name the field in an error by its path in the record.
+Result<Matrix6d> ReadCovariance(const google::protobuf::RepeatedField<double>& numbers, int size,
+                                const std::string& field) {
+  Result<Matrix6d> covariance = FromUpperTriangle(numbers, size);
+  if (!covariance) return Fail(covariance.error().code, covariance.error().text, field);
+  return covariance;
+}
+
+Result<Pose> ReadPose(const proto::Pose& message, const std::string& field) {
+  Result<Pose> pose = FromProto(message);
+  if (!pose) return Fail(pose.error().code, pose.error().text, field + "." + pose.error().field);
+  return pose;
+}
+
+Eigen::Vector3d VectorOf(const proto::Vector3& vector) { return {vector.x(), vector.y(), vector.z()}; }
+
+proto::Vector3 VectorMessage(const Eigen::Vector3d& vector) {
+  proto::Vector3 message;
+  message.set_x(vector.x());
+  message.set_y(vector.y());
+  message.set_z(vector.z());
+  return message;
+}
 
 Result<void> AddNode(const proto::Record& record, PoseGraph& graph) {
   const proto::PoseGraphNode& node = record.pose_graph_node();
-  const Result<Pose> pose = FromProto(node.map_from_node());
-  if (!pose) return Fail(pose.error().code, pose.error().text, "pose_graph_node.map_from_node." + pose.error().field);
+  const Result<Pose> pose = ReadPose(node.map_from_node(), "pose_graph_node.map_from_node");
+  if (!pose) return tl::unexpected(pose.error());
   graph.nodes.push_back(GraphNode{FromProto(node.node()), record.timestamp_ns(), *pose});
   return {};
 }
@@ -26,38 +51,135 @@ Result<void> AddEdge(const proto::Record& record, PoseGraph& graph) {
     return {};
   }
   if (!edge.has_relative_pose()) return Fail(ErrorCode::kInvalid, "is missing", "pose_graph_edge.measurement");
-  const Result<Pose> pose = FromProto(edge.relative_pose().from_from_to());
-  if (!pose) {
-    return Fail(pose.error().code, pose.error().text,
-                "pose_graph_edge.relative_pose.from_from_to." + pose.error().field);
+  const Result<Pose> pose = ReadPose(edge.relative_pose().from_from_to(), "pose_graph_edge.relative_pose.from_from_to");
+  if (!pose) return tl::unexpected(pose.error());
+  const Result<Matrix6d> covariance =
+      ReadCovariance(edge.relative_pose().covariance(), 6, "pose_graph_edge.relative_pose.covariance");
+  if (!covariance) return tl::unexpected(covariance.error());
+  if (edge.source().empty()) {
+    graph.odometry.push_back({from, to, record.timestamp_ns(), *pose, *covariance});
+  } else {
+    graph.closures.push_back({from, to, record.timestamp_ns(), *pose, *covariance, edge.source()});
   }
-  const Result<Matrix6d> covariance = FromUpperTriangle(edge.relative_pose().covariance());
-  if (!covariance) {
-    return Fail(covariance.error().code, covariance.error().text, "pose_graph_edge.relative_pose.covariance");
-  }
-  graph.odometry.push_back(OdometryEdge{from, to, record.timestamp_ns(), *pose, *covariance});
   return {};
+}
+
+Result<void> AddPrior(const proto::Record& record, PoseGraph& graph) {
+  const proto::PosePrior& body = record.pose_prior();
+  NodePrior prior;
+  prior.node = FromProto(body.node());
+  prior.timestamp_ns = record.timestamp_ns();
+  prior.point_m = VectorOf(body.point_m());
+  prior.source = body.source();
+  switch (body.measurement_case()) {
+    case proto::PosePrior::kPositionM:
+      prior.extent = PriorExtent::kPosition;
+      prior.map_from_node.position_m = VectorOf(body.position_m());
+      break;
+    case proto::PosePrior::kPositionYaw:
+      prior.extent = PriorExtent::kPositionYaw;
+      prior.map_from_node = Pose::FromPlanar(0, 0, body.position_yaw().yaw_rad());
+      prior.map_from_node.position_m = VectorOf(body.position_yaw().position_m());
+      break;
+    case proto::PosePrior::kPose: {
+      const Result<Pose> pose = ReadPose(body.pose(), "pose_prior.pose");
+      if (!pose) return tl::unexpected(pose.error());
+      prior.map_from_node = *pose;
+      break;
+    }
+    case proto::PosePrior::MEASUREMENT_NOT_SET:
+      return Fail(ErrorCode::kInvalid, "is missing", "pose_prior.measurement");
+  }
+  const Result<Matrix6d> covariance =
+      ReadCovariance(body.covariance(), static_cast<int>(prior.extent), "pose_prior.covariance");
+  if (!covariance) return tl::unexpected(covariance.error());
+  prior.covariance = *covariance;
+  graph.priors.push_back(std::move(prior));
+  return {};
+}
+
+// Returns a record of an edge with these ends.
+proto::Record EdgeRecord(const NodeKey& from, const NodeKey& to, std::int64_t timestamp_ns) {
+  proto::Record record;
+  record.set_timestamp_ns(timestamp_ns);
+  *record.mutable_pose_graph_edge()->mutable_from() = ToProto(from);
+  *record.mutable_pose_graph_edge()->mutable_to() = ToProto(to);
+  return record;
+}
+
+void SetRelativePose(const Pose& from_from_to, const Matrix6d& covariance, proto::Record& record) {
+  proto::RelativePose& relative_pose = *record.mutable_pose_graph_edge()->mutable_relative_pose();
+  *relative_pose.mutable_from_from_to() = ToProto(from_from_to);
+  AddUpperTriangle(covariance, *relative_pose.mutable_covariance());
 }
 
 }  // namespace
 
-Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>& numbers) {
-  if (numbers.size() != kTriangleNumbers) {
-    return Fail(ErrorCode::kInvalid, "has " + std::to_string(numbers.size()) + " numbers instead of 21");
+NodePrior WithTilt(NodePrior prior) {
+  if (prior.extent != PriorExtent::kPositionYaw) return prior;
+  const Eigen::Matrix4d measured = prior.covariance.topLeftCorner<4, 4>();
+  prior.extent = PriorExtent::kPose;
+  prior.covariance.setIdentity();
+  prior.covariance.topLeftCorner<3, 3>() = measured.topLeftCorner<3, 3>();
+  prior.covariance.block<3, 1>(0, 5) = measured.block<3, 1>(0, 3);
+  prior.covariance.block<1, 3>(5, 0) = measured.block<1, 3>(3, 0);
+  prior.covariance(5, 5) = measured(3, 3);
+  return prior;
+}
+
+FactorKey KeyOf(const RangeEdge& edge) { return {FactorKind::kRange, edge.from, edge.to, {}}; }
+
+FactorKey KeyOf(const LoopClosure& closure) {
+  return {FactorKind::kLoopClosure, closure.from, closure.to, closure.source};
+}
+
+FactorKey KeyOf(const NodePrior& prior) { return {FactorKind::kPrior, prior.node, prior.node, prior.source}; }
+
+FactorKey KeyOf(const proto::EdgeVerdict& verdict) {
+  const FactorKind kind = verdict.is_range()   ? FactorKind::kRange
+                          : verdict.is_prior() ? FactorKind::kPrior
+                                               : FactorKind::kLoopClosure;
+  return {kind, FromProto(verdict.from()), FromProto(verdict.to()), verdict.source()};
+}
+
+std::string ToString(FactorKind kind) {
+  switch (kind) {
+    case FactorKind::kRange:
+      return "range";
+    case FactorKind::kLoopClosure:
+      return "loop closure";
+    case FactorKind::kPrior:
+      return "prior";
   }
-  Matrix6d matrix;
+  return "unknown";
+}
+
+Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>& numbers, int size) {
+  if (numbers.size() != TriangleNumbers(size)) {
+    return Fail(ErrorCode::kInvalid, "has " + std::to_string(numbers.size()) + " numbers instead of " +
+                                         std::to_string(TriangleNumbers(size)));
+  }
+  Matrix6d matrix = Matrix6d::Identity();
   int next = 0;
-  for (int row = 0; row < kDimensions; ++row) {
-    for (int column = row; column < kDimensions; ++column) matrix(row, column) = matrix(column, row) = numbers[next++];
+  for (int row = 0; row < size; ++row) {
+    for (int column = row; column < size; ++column) matrix(row, column) = matrix(column, row) = numbers[next++];
   }
   return matrix;
 }
 
-void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<double>& numbers) {
-  numbers.Reserve(numbers.size() + kTriangleNumbers);
-  for (int row = 0; row < kDimensions; ++row) {
-    for (int column = row; column < kDimensions; ++column) numbers.Add(matrix(row, column));
+void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<double>& numbers, int size) {
+  numbers.Reserve(numbers.size() + TriangleNumbers(size));
+  for (int row = 0; row < size; ++row) {
+    for (int column = row; column < size; ++column) numbers.Add(matrix(row, column));
   }
+}
+
+bool IsSource(std::string_view source) {
+  constexpr std::array<std::string_view, 4> kReserved = {"odometry", "range", "prior", "registration"};
+  const auto is_letter = [](char c) { return c >= 'a' && c <= 'z'; };
+  const auto is_allowed = [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; };
+  return !source.empty() && source.size() <= kSourceBytesMax && is_letter(source.front()) &&
+         std::ranges::all_of(source, is_allowed) && std::ranges::find(kReserved, source) == kReserved.end();
 }
 
 proto::Record ToRecord(const GraphNode& node) {
@@ -70,31 +192,53 @@ proto::Record ToRecord(const GraphNode& node) {
 }
 
 proto::Record ToRecord(const OdometryEdge& edge) {
-  proto::Record record;
-  record.set_timestamp_ns(edge.timestamp_ns);
-  proto::PoseGraphEdge& body = *record.mutable_pose_graph_edge();
-  *body.mutable_from() = ToProto(edge.from);
-  *body.mutable_to() = ToProto(edge.to);
-  proto::RelativePose& relative_pose = *body.mutable_relative_pose();
-  *relative_pose.mutable_from_from_to() = ToProto(edge.from_from_to);
-  AddUpperTriangle(edge.covariance, *relative_pose.mutable_covariance());
+  proto::Record record = EdgeRecord(edge.from, edge.to, edge.timestamp_ns);
+  SetRelativePose(edge.from_from_to, edge.covariance, record);
   return record;
 }
 
 proto::Record ToRecord(const RangeEdge& edge) {
+  proto::Record record = EdgeRecord(edge.from, edge.to, edge.timestamp_ns);
+  proto::Range& range = *record.mutable_pose_graph_edge()->mutable_range();
+  range.set_range_m(edge.range_m);
+  range.set_variance_m2(edge.variance_m2);
+  return record;
+}
+
+proto::Record ToRecord(const LoopClosure& closure) {
+  proto::Record record = EdgeRecord(closure.from, closure.to, closure.timestamp_ns);
+  SetRelativePose(closure.from_from_to, closure.covariance, record);
+  record.mutable_pose_graph_edge()->set_source(closure.source);
+  return record;
+}
+
+proto::Record ToRecord(const NodePrior& prior) {
   proto::Record record;
-  record.set_timestamp_ns(edge.timestamp_ns);
-  proto::PoseGraphEdge& body = *record.mutable_pose_graph_edge();
-  *body.mutable_from() = ToProto(edge.from);
-  *body.mutable_to() = ToProto(edge.to);
-  body.mutable_range()->set_range_m(edge.range_m);
-  body.mutable_range()->set_variance_m2(edge.variance_m2);
+  record.set_timestamp_ns(prior.timestamp_ns);
+  proto::PosePrior& body = *record.mutable_pose_prior();
+  *body.mutable_node() = ToProto(prior.node);
+  switch (prior.extent) {
+    case PriorExtent::kPosition:
+      *body.mutable_position_m() = VectorMessage(prior.map_from_node.position_m);
+      break;
+    case PriorExtent::kPositionYaw:
+      *body.mutable_position_yaw()->mutable_position_m() = VectorMessage(prior.map_from_node.position_m);
+      body.mutable_position_yaw()->set_yaw_rad(prior.map_from_node.Yaw());
+      break;
+    case PriorExtent::kPose:
+      *body.mutable_pose() = ToProto(prior.map_from_node);
+      break;
+  }
+  AddUpperTriangle(prior.covariance, *body.mutable_covariance(), static_cast<int>(prior.extent));
+  if (!prior.point_m.isZero(0)) *body.mutable_point_m() = VectorMessage(prior.point_m);
+  body.set_source(prior.source);
   return record;
 }
 
 Result<void> AddRecord(const proto::Record& record, PoseGraph& graph) {
   if (record.has_pose_graph_node()) return AddNode(record, graph);
   if (record.has_pose_graph_edge()) return AddEdge(record, graph);
+  if (record.has_pose_prior()) return AddPrior(record, graph);
   return {};
 }
 

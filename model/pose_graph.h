@@ -1,8 +1,11 @@
-// PoseGraph: the nodes, odometry and ranges of a team, as plain values.
+// PoseGraph: the nodes of a team and the measurements between them, as plain values.
 #pragma once
 
 #include <Eigen/Core>
+#include <compare>
 #include <cstdint>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "model/error.h"
@@ -40,22 +43,84 @@ struct RangeEdge {
   double variance_m2 = 1;
 };
 
+// A relative pose between any two nodes that is not odometry: a loop closure of one rover, or one rover's measurement
+// of another. Loop closures may be wrong; the solver tests them.
+struct LoopClosure {
+  NodeKey from;
+  NodeKey to;
+  std::int64_t timestamp_ns = 0;
+  Pose from_from_to;
+  Matrix6d covariance = Matrix6d::Identity();  // As in OdometryEdge.
+  std::string source;                          // Name of the producer.
+};
+
+// How much of a node's pose a prior measures. The value is the size of the covariance.
+enum class PriorExtent { kPosition = 3, kPositionYaw = 4, kPose = 6 };
+
+// An absolute measurement of one node.
+struct NodePrior {
+  NodeKey node;
+  std::int64_t timestamp_ns = 0;
+  PriorExtent extent = PriorExtent::kPose;
+  // The measured pose. Its orientation is the identity for kPosition, and a yaw for kPositionYaw.
+  Pose map_from_node;
+  // The first rows and columns, as many as `extent` says, are the covariance of the position in the frame `map` (m),
+  // then of the yaw or of the rotation about the axes of `map` (rad). The other diagonal entries are 1.
+  Matrix6d covariance = Matrix6d::Identity();
+  Eigen::Vector3d point_m = Eigen::Vector3d::Zero();  // The measured point in the node's body frame.
+  std::string source;                                 // Name of the producer.
+};
+
+// Returns a prior of a position and a yaw as a prior of a pose whose roll and pitch are 0 with a sigma of 1 rad, for
+// file formats that have no such prior. Returns other priors unchanged.
+NodePrior WithTilt(NodePrior prior);
+
 struct PoseGraph {
   std::vector<GraphNode> nodes;
   std::vector<OdometryEdge> odometry;
   std::vector<RangeEdge> ranges;
+  std::vector<LoopClosure> closures;
+  std::vector<NodePrior> priors;
 };
 
-// Convert between a symmetric matrix and the 21 numbers of its upper triangle, row by row. FromUpperTriangle fails with
-// kInvalid unless there are 21 numbers.
-Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>& numbers);
-void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<double>& numbers);
+// The kinds of measurements that a solve may reject.
+enum class FactorKind { kRange, kLoopClosure, kPrior };
+
+// Identifies a measurement that a solve may reject.
+struct FactorKey {
+  FactorKind kind = FactorKind::kRange;
+  NodeKey from;
+  NodeKey to;          // Equals `from` for a prior.
+  std::string source;  // Empty for a range.
+  auto operator<=>(const FactorKey&) const = default;
+};
+
+FactorKey KeyOf(const RangeEdge& edge);
+FactorKey KeyOf(const LoopClosure& closure);
+FactorKey KeyOf(const NodePrior& prior);
+FactorKey KeyOf(const proto::EdgeVerdict& verdict);
+
+// Returns "range", "loop closure" or "prior".
+std::string ToString(FactorKind kind);
+
+// Convert between the first `size` rows and columns of a symmetric matrix and the numbers of their upper triangle, row
+// by row. FromUpperTriangle fills the rest with the identity, and fails with kInvalid unless there are size (size + 1)
+// / 2 numbers.
+Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>& numbers, int size = 6);
+void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<double>& numbers, int size = 6);
+
+inline constexpr std::size_t kSourceBytesMax = 32;
+
+// Returns whether `source` may name the producer of a loop closure or prior (proto/record.proto, PoseGraphEdge).
+bool IsSource(std::string_view source);
 
 // Convert between graph elements and records. AddRecord adds the element in a record to `graph`, and ignores records of
 // other types. Requires for AddRecord: CheckRecord(record) succeeds.
 proto::Record ToRecord(const GraphNode& node);
 proto::Record ToRecord(const OdometryEdge& edge);
 proto::Record ToRecord(const RangeEdge& edge);
+proto::Record ToRecord(const LoopClosure& closure);
+proto::Record ToRecord(const NodePrior& prior);
 Result<void> AddRecord(const proto::Record& record, PoseGraph& graph);
 
 }  // namespace moondb

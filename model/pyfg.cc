@@ -17,12 +17,14 @@ constexpr int kLetters = 26;
 
 enum class VertexKind { kPose, kLandmark };
 
+// The keys that an edge or prior names. Both are equal for a prior.
 struct EdgeEnds {
   NodeKey from;
   NodeKey to;
   std::size_t line = 0;
   bool is_to_landmark = false;
-  bool is_range = false;
+  bool is_of_any = false;  // True if poses and landmarks are allowed.
+  bool is_prior = false;
 };
 
 NodeKey TakeKey(LineFields& fields) {
@@ -36,6 +38,17 @@ Matrix6d Lift(const Eigen::Matrix3d& planar) {
   Matrix6d covariance = Matrix6d::Identity();
   SetPlanar(planar, covariance);
   return covariance;
+}
+
+// The covariance of a planar pose (x, y, yaw) within that of a position and a yaw (x, y, z, yaw).
+constexpr int kPlanarPlaces[] = {0, 1, 3};
+
+void SetPositionYaw(const Eigen::Matrix3d& planar, Matrix6d& covariance) {
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      covariance(kPlanarPlaces[row], kPlanarPlaces[column]) = planar(row, column);
+    }
+  }
 }
 
 class PyfgParser {
@@ -63,6 +76,10 @@ class PyfgParser {
     if (word == "EDGE_SE2_XY") return ParseSighting(fields, true);
     if (word == "EDGE_SE3_XYZ") return ParseSighting(fields, false);
     if (word == "EDGE_RANGE") return ParseRange(fields);
+    if (word == "VERTEX_SE2:PRIOR") return ParsePosePrior(fields, true);
+    if (word == "VERTEX_SE3:QUAT:PRIOR") return ParsePosePrior(fields, false);
+    if (word == "VERTEX_XY:PRIOR") return ParsePositionPrior(fields, true);
+    if (word == "VERTEX_XYZ:PRIOR") return ParsePositionPrior(fields, false);
     fields.Stop("'" + std::string(word) + "' is no keyword of PyFG");
   }
 
@@ -96,7 +113,7 @@ class PyfgParser {
     edge.from_from_to = fields.PoseOf(is_planar);
     edge.covariance =
         is_planar ? Lift(fields.PositiveDefinite<3>("covariance")) : fields.PositiveDefinite<6>("covariance");
-    edges_.push_back({edge.from, edge.to, line_, false, false});
+    edges_.push_back({edge.from, edge.to, line_});
     pyfg_.graph.odometry.push_back(edge);
   }
 
@@ -112,7 +129,7 @@ class PyfgParser {
     } else {
       sighting.covariance = fields.PositiveDefinite<3>("covariance");
     }
-    edges_.push_back({sighting.from, sighting.to, line_, true, false});
+    edges_.push_back({sighting.from, sighting.to, line_, /*is_to_landmark=*/true});
     pyfg_.sightings.push_back(sighting);
   }
 
@@ -125,8 +142,40 @@ class PyfgParser {
     edge.variance_m2 = fields.Number();
     if (edge.range_m < 0 || edge.range_m > kRangeMax_m) fields.Stop("the range must lie between 0 and 1e6 m");
     if (edge.variance_m2 <= 0) fields.Stop("the variance must be positive");
-    edges_.push_back({edge.from, edge.to, line_, false, true});
+    edges_.push_back({edge.from, edge.to, line_, false, /*is_of_any=*/true});
     pyfg_.graph.ranges.push_back(edge);
+  }
+
+  void ParsePosePrior(LineFields& fields, bool is_planar) {
+    UseDimension(fields, is_planar);
+    NodePrior prior;
+    prior.timestamp_ns = fields.Timestamp();
+    prior.node = TakeKey(fields);
+    prior.map_from_node = fields.PoseOf(is_planar);
+    if (is_planar) {
+      prior.extent = PriorExtent::kPositionYaw;
+      SetPositionYaw(fields.PositiveDefinite<3>("covariance"), prior.covariance);
+    } else {
+      prior.covariance = fields.PositiveDefinite<6>("covariance");
+    }
+    edges_.push_back({prior.node, prior.node, line_, false, false, /*is_prior=*/true});
+    pyfg_.graph.priors.push_back(prior);
+  }
+
+  void ParsePositionPrior(LineFields& fields, bool is_planar) {
+    UseDimension(fields, is_planar);
+    NodePrior prior;
+    prior.extent = PriorExtent::kPosition;
+    prior.timestamp_ns = fields.Timestamp();
+    prior.node = TakeKey(fields);
+    prior.map_from_node.position_m = fields.Position(is_planar);
+    if (is_planar) {
+      prior.covariance.topLeftCorner<2, 2>() = fields.PositiveDefinite<2>("covariance");
+    } else {
+      prior.covariance.topLeftCorner<3, 3>() = fields.PositiveDefinite<3>("covariance");
+    }
+    edges_.push_back({prior.node, prior.node, line_, false, /*is_of_any=*/true, /*is_prior=*/true});
+    pyfg_.graph.priors.push_back(prior);
   }
 
   void UseDimension(LineFields& fields, bool is_planar) {
@@ -144,11 +193,12 @@ class PyfgParser {
   // Checks that the ends of all edges exist. Call it after the last line, because edges may precede their vertices.
   Result<Pyfg> CheckEdges() {
     for (const EdgeEnds& edge : edges_) {
-      if (edge.from == edge.to) return Stop(edge.line, "the edge joins " + FormatKey(edge.from) + " with itself");
+      if (edge.from == edge.to && !edge.is_prior)
+        return Stop(edge.line, "the edge joins " + FormatKey(edge.from) + " with itself");
       for (const NodeKey end : {edge.from, edge.to}) {
         const auto vertex = vertices_.find(end);
         if (vertex == vertices_.end()) return Stop(edge.line, "no vertex has the key " + FormatKey(end));
-        if (edge.is_range) continue;
+        if (edge.is_of_any) continue;
         const bool is_landmark = vertex->second == VertexKind::kLandmark;
         if (is_landmark != (edge.is_to_landmark && end == edge.to)) {
           return Stop(edge.line, FormatKey(end) + (is_landmark ? " is a landmark" : " is no landmark"));
@@ -212,7 +262,9 @@ class Formatter {
   std::string text_;
 };
 
-void FormatOdometry(const OdometryEdge& edge, bool is_planar, Formatter& out) {
+// `edge` is an OdometryEdge or a LoopClosure.
+template <typename Edge>
+void FormatRelativePose(const Edge& edge, bool is_planar, Formatter& out) {
   out.Word("EDGE_SE2", "EDGE_SE3:QUAT")
       .Timestamp(edge.timestamp_ns)
       .Key(edge.from)
@@ -222,6 +274,24 @@ void FormatOdometry(const OdometryEdge& edge, bool is_planar, Formatter& out) {
     out.UpperTriangle(PlanarOf(edge.covariance), 3);
   } else {
     out.UpperTriangle(edge.covariance, 6);
+  }
+  out.End();
+}
+
+void FormatPrior(const NodePrior& measured, bool is_planar, Formatter& out) {
+  Check(measured.point_m.isZero(0), "PyFG has no prior of another point than the origin");
+  const NodePrior prior = WithTilt(measured);
+  if (prior.extent == PriorExtent::kPosition) {
+    out.Word("VERTEX_XY:PRIOR", "VERTEX_XYZ:PRIOR").Timestamp(prior.timestamp_ns).Key(prior.node);
+    out.Position(prior.map_from_node.position_m).UpperTriangle(prior.covariance, is_planar ? 2 : 3).End();
+    return;
+  }
+  out.Word("VERTEX_SE2:PRIOR", "VERTEX_SE3:QUAT:PRIOR").Timestamp(prior.timestamp_ns).Key(prior.node);
+  out.PoseOf(prior.map_from_node);
+  if (is_planar) {
+    out.UpperTriangle(PlanarOf(prior.covariance), 3);
+  } else {
+    out.UpperTriangle(prior.covariance, 6);
   }
   out.End();
 }
@@ -274,7 +344,8 @@ std::string FormatPyfg(const Pyfg& pyfg) {
     if (landmark.timestamp_ns) out.Timestamp(*landmark.timestamp_ns);
     out.Key(landmark.key).Position(landmark.position_m).End();
   }
-  for (const OdometryEdge& edge : pyfg.graph.odometry) FormatOdometry(edge, pyfg.is_planar, out);
+  for (const OdometryEdge& edge : pyfg.graph.odometry) FormatRelativePose(edge, pyfg.is_planar, out);
+  for (const LoopClosure& edge : pyfg.graph.closures) FormatRelativePose(edge, pyfg.is_planar, out);
   for (const PyfgSighting& sighting : pyfg.sightings) {
     out.Word("EDGE_SE2_XY", "EDGE_SE3_XYZ").Timestamp(sighting.timestamp_ns).Key(sighting.from).Key(sighting.to);
     out.Position(sighting.from_point_m).UpperTriangle(sighting.covariance, pyfg.is_planar ? 2 : 3).End();
@@ -283,6 +354,7 @@ std::string FormatPyfg(const Pyfg& pyfg) {
     out.Word("EDGE_RANGE").Timestamp(edge.timestamp_ns).Key(edge.from).Key(edge.to);
     out.Number(edge.range_m).Number(edge.variance_m2).End();
   }
+  for (const NodePrior& prior : pyfg.graph.priors) FormatPrior(prior, pyfg.is_planar, out);
   return out.Take();
 }
 

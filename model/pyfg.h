@@ -5,15 +5,19 @@
 //   EDGE_SE2        time from to x y yaw  +6          EDGE_SE3:QUAT    time from to x y z qx qy qz qw  +21
 //   EDGE_SE2_XY     time from to x y  +3              EDGE_SE3_XYZ     time from to x y z  +6
 //   EDGE_RANGE      time key key range variance
+//   VERTEX_SE2:PRIOR  time key x y yaw  +6            VERTEX_SE3:QUAT:PRIOR  time key x y z qx qy qz qw  +21
+//   VERTEX_XY:PRIOR   time key x y  +3                VERTEX_XYZ:PRIOR       time key x y z  +6
 //
-// "+n" is the upper triangle of the covariance, row by row, translation first. Times are timestamps in seconds; the
-// time of an edge is that of its `to` node. Lengths are in metres, angles in radians. A key is a letter and a number
+// "+n" is the upper triangle of the covariance, row by row, translation first. Times are timestamps in seconds or, from
+// 1e17 on, in nanoseconds; the time of an edge is that of its `to` node. A prior of a position (XY, XYZ) may name a
+// pose or a landmark. Lengths are in metres, angles in radians. A key is a letter and a number
 // ("A17"). Empty lines and lines that begin with '#' are skipped. Edges may precede the vertices that they name. A file
 // is either 2-D or 3-D.
 //
 // A key becomes a NodeKey. NodeKey::agent is the position of the letter in A..Z, a..z, from 1 (see AgentOfLetter);
 // callers that know the team replace it by the agent's id. A 2-D pose lies in the plane z = 0. The covariance of a 2-D
-// edge fills rows 0, 1 and 5 of the 6 x 6 matrix, and the other variances are 1.
+// edge fills rows 0, 1 and 5 of the 6 x 6 matrix, and the other variances are 1. A 2-D pose prior becomes a position
+// and a yaw.
 //
 // Writing and reading back is lossless, bit for bit, with one exception: a 2-D rotation is an angle in the file and a
 // quaternion in memory. A computed 2-D rotation may therefore change by 1e-15 rad.
@@ -49,7 +53,9 @@ struct PyfgSighting {
 
 struct Pyfg {
   bool is_planar = false;
-  PoseGraph graph;  // Nodes are the pose vertices, in file order. Their poses may be true poses or initial values.
+  // Nodes are the pose vertices, in file order. Their poses may be true poses or initial values. All relative poses of
+  // the file are in `odometry`. Priors may name landmarks; they have no source.
+  PoseGraph graph;
   std::vector<PyfgLandmark> landmarks;
   std::vector<PyfgSighting> sightings;
 };
@@ -67,7 +73,7 @@ std::string FormatKey(const NodeKey& key);
 //   - a line with an unknown keyword, too few or too many fields, or more than kGraphLineBytesMax bytes;
 //   - a number that is not finite, a key that is not a letter and a number, or a position beyond 1e9 m;
 //   - a duplicate vertex, an edge from a vertex to itself, or an edge with an undefined vertex;
-//   - an edge that names a landmark where a pose is required, or a pose where a landmark is required;
+//   - an edge or prior that names a landmark where a pose is required, or a pose where a landmark is required;
 //   - a quaternion whose length is not 1 (within 1 %), or a covariance that is not positive definite;
 //   - a range below 0 or above 1e6 m, or a variance that is not positive;
 //   - a mix of 2-D and 3-D lines.
@@ -76,8 +82,9 @@ Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name);
 // Like ParsePyfg, but reads the text from a file, block by block. Also fails with the errors of TextLines.
 Result<Pyfg> ReadPyfg(const std::filesystem::path& file);
 
-// Returns the text of a PyFG file: poses, landmarks, odometry, sightings, ranges, each in list order. Requires: agent
-// ids are 1 to 52; otherwise Check aborts.
+// Returns the text of a PyFG file: poses, landmarks, odometry and loop closures, sightings, ranges, priors, each in
+// list order. In a 3-D file, a prior of a position and a yaw is written as a pose (WithTilt). Requires: agent ids are 1
+// to 52, and priors measure the body's origin; otherwise Check aborts.
 std::string FormatPyfg(const Pyfg& pyfg);
 
 Result<void> WritePyfg(const Pyfg& pyfg, const std::filesystem::path& file);

@@ -58,6 +58,8 @@ bool RecordAuthority::MayState(AgentId origin, const proto::Record& record) {
       return true;
     case Speaker::kNamedAgent:
       return IsNamedIn(record, origin);
+    case Speaker::kNamedAgentOrCommander:
+      return !has_keys_ || IsNamedIn(record, origin) || may_command_(origin);
     case Speaker::kLeader:
       return !has_keys_ || HasLedIn(origin, ClaimedTermOf(record));
     case Speaker::kNamedAgentOrLeader:

@@ -27,7 +27,8 @@ DataType TypeOf(const proto::Record& record);
 //   - a number that is not finite, or a ratio outside of 0 to 1;
 //   - an edge from a node to itself, odometry between nodes of two agents, or a range between nodes of one agent;
 //   - a range that is negative or above 1e6 m, or a variance that is not positive;
-//   - a covariance that does not have 21 numbers or is not positive definite;
+//   - a prior without a measurement, or a loop closure or prior whose source is invalid (IsSource);
+//   - a covariance that is not positive definite, or whose number of entries does not fit the measurement;
 //   - a map that fails FromProto(LocalTraversabilityMap);
 //   - a custom record with an id outside of 1000 to 1999, a payload, key or metadata that is too long, or metadata that
 //     is not UTF-8.
@@ -37,12 +38,12 @@ Result<void> CheckRecord(const proto::Record& record);
 std::vector<NamedAgent> AgentsNamedIn(const proto::Record& record);
 
 // Returns the latest key as bytes. The policy `latest` keeps only the newest record per origin and latest key. The key
-// is empty for robot states, the node for optimized poses, the edge for verdicts, and CustomRecord.latest_key for
-// custom records.
+// is empty for robot states, the node for optimized poses, the edge or prior for verdicts, and CustomRecord.latest_key
+// for custom records.
 std::string LatestKey(const proto::Record& record);
 
-// Returns the natural key, by which robots identify a node or an edge: the NodeKey of a node; the type of measurement
-// and both nodes of an edge. Empty for other types.
+// Returns the natural key, by which robots identify a node, an edge or a prior: the NodeKey of a node; otherwise the
+// kind of measurement, its nodes and its source. Empty for other types.
 std::string NaturalKey(const proto::Record& record);
 
 }  // namespace moondb

@@ -134,8 +134,13 @@ std::optional<std::int64_t> ParseTimestampNs(std::string_view seconds) {
   const std::string_view digits = point == std::string_view::npos ? "" : seconds.substr(point + 1);
   const std::optional<std::int64_t> fraction = FractionNs(digits);
   constexpr std::uint64_t kSecondsMax = std::numeric_limits<std::int64_t>::max() / kNsPerSecond - 1;
-  if (!whole || !fraction || *whole > kSecondsMax) return std::nullopt;
-  const std::int64_t ns = static_cast<std::int64_t>(*whole) * kNsPerSecond + *fraction;
+  constexpr std::uint64_t kNanosecondsMin = 100'000'000'000'000'000;
+  constexpr std::uint64_t kNanosecondsMax = std::numeric_limits<std::int64_t>::max();
+  if (!whole || !fraction) return std::nullopt;
+  const bool is_in_ns = *whole >= kNanosecondsMin && *whole <= kNanosecondsMax;
+  if (!is_in_ns && *whole > kSecondsMax) return std::nullopt;
+  const auto number = static_cast<std::int64_t>(*whole);
+  const std::int64_t ns = is_in_ns ? number : number * kNsPerSecond + *fraction;
   return is_negative ? -ns : ns;
 }
 

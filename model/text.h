@@ -40,7 +40,8 @@ std::optional<double> ParseDouble(std::string_view text);
 std::optional<std::uint64_t> ParseUnsigned(std::string_view text);
 
 // Converts decimal seconds ("12", "-0.5", "1671300425.3106995") to nanoseconds. Exact up to the ninth decimal; further
-// decimals are rounded. Returns nullopt for other text, and for numbers that do not fit.
+// decimals are rounded. A number from 1e17 on cannot be seconds and is read as nanoseconds since 1970; some graph files
+// hold those. Returns nullopt for other text, and for numbers that do not fit.
 std::optional<std::int64_t> ParseTimestampNs(std::string_view seconds);
 
 // Returns the shortest text that reads back as exactly this number.

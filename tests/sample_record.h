@@ -64,6 +64,13 @@ inline proto::Record SampleRecord(DataType type, AgentId agent) {
     edge.mutable_to()->set_agent_id(agent + 1);
     edge.mutable_range()->set_range_m(1);
     edge.mutable_range()->set_variance_m2(1);
+    edge.clear_source();  // Ranges have none.
+  }
+  if (record.has_edge_verdict()) record.mutable_edge_verdict()->set_is_prior(false);  // It is a range's.
+  if (record.has_pose_prior()) {
+    proto::PosePrior& prior = *record.mutable_pose_prior();
+    prior.mutable_position_m()->set_x(0.5);
+    for (const double number : {1, 0, 0, 1, 0, 1}) prior.add_covariance(number);
   }
   if (record.has_local_traversability_map()) {
     const TraversabilityMap map{NodeKey{agent, 1}, Pose(), {MapLayer{Grid(5, 3, Cell::kFree), 50'000, 0, 0}}};

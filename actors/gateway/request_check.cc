@@ -102,6 +102,9 @@ Result<void> CheckPhysics(const proto::Record& record, const std::string& at) {
       if (!record.pose_graph_edge().has_relative_pose()) return {};
       return CheckPose(record.pose_graph_edge().relative_pose().from_from_to(),
                        at + ".pose_graph_edge.relative_pose.from_from_to");
+    case proto::Record::kPosePrior:
+      if (!record.pose_prior().has_pose()) return {};
+      return CheckPose(record.pose_prior().pose(), at + ".pose_prior.pose");
     case proto::Record::kLocalTraversabilityMap:
       return CheckPose(record.local_traversability_map().node_from_map(),
                        at + ".local_traversability_map.node_from_map");

@@ -31,8 +31,8 @@ ceres::Solver::Options SolveOptions(const SolverOptions& options, const Stage& s
 }
 
 std::unique_ptr<ceres::LossFunction> MakeLoss(Loss loss, const SolverOptions& options) {
-  if (loss == Loss::kCauchyOnRanges) return std::make_unique<ceres::CauchyLoss>(options.cauchy_sigmas);
-  if (loss == Loss::kHuberOnRanges) return std::make_unique<ceres::HuberLoss>(options.huber_sigmas);
+  if (loss == Loss::kCauchy) return std::make_unique<ceres::CauchyLoss>(options.cauchy_sigmas);
+  if (loss == Loss::kHuber) return std::make_unique<ceres::HuberLoss>(options.huber_sigmas);
   return nullptr;
 }
 
@@ -49,6 +49,17 @@ Eigen::Vector3d UpInBody(const CheckedNode& node, bool is_ground_level) {
   return node.raw.orientation.conjugate() * Eigen::Vector3d::UnitZ();
 }
 
+// Returns a prior with independent coordinates, for the first node of a rover or of a part of its trajectory.
+NodePrior StartOf(const Pose& map_from_node, double sigma_m, double sigma_tilt_rad, double sigma_yaw_rad) {
+  NodePrior prior;
+  prior.map_from_node = map_from_node;
+  const auto sigmas =
+      (Eigen::Matrix<double, 6, 1>() << sigma_m, sigma_m, sigma_m, sigma_tilt_rad, sigma_tilt_rad, sigma_yaw_rad)
+          .finished();
+  prior.covariance = sigmas.cwiseAbs2().asDiagonal();
+  return prior;
+}
+
 }  // namespace
 
 CostTerms::CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts,
@@ -60,17 +71,21 @@ CostTerms::CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers
       is_free_(is_free),
       is_window_(options.window_nodes > 0) {
   for (const Pose& pose : initial.poses) initial_.poses.push_back(ToBlock(pose));
-  for (const double scale : initial.scales) AddNumber(scale, options.scale_sigma);
+  for (std::size_t i = 0; i < rovers.size(); ++i) {
+    if (graph.fixed_scales.contains(rovers[i].agent)) held_numbers_.insert(i);
+    AddNumber(initial.scales[i], options.scale_sigma);
+  }
   AddOdometry(rovers);
   AddRanges(agents, initial.biases_m);
-  AddPriors(rovers, starts);
+  AddClosuresAndPriors();
+  AddStartsAndGravity(rovers, starts);
 }
 
 void CostTerms::AddNumber(double value, double sigma) {
   initial_.numbers.push_back(value);
   if (is_window_) return;
   const int number = static_cast<int>(initial_.numbers.size()) - 1;
-  terms_.push_back(Term{MakeZeroPriorFactor(sigma), kNone, kNone, number, kNone});
+  terms_.push_back(Term{MakeZeroPriorFactor(sigma), kNone, kNone, number});
 }
 
 void CostTerms::AddOdometry(const std::vector<Rover>& rovers) {
@@ -82,14 +97,13 @@ void CostTerms::AddOdometry(const std::vector<Rover>& rovers) {
     // Odometry without a scale belongs to a base station, which is stationary by configuration.
     if (scale == scale_of.end()) continue;
     terms_.push_back(Term{MakeOdometryFactor(odometry.from_from_to, odometry.edge->covariance),
-                          static_cast<int>(odometry.from), static_cast<int>(odometry.to), scale->second, kNone});
+                          static_cast<int>(odometry.from), static_cast<int>(odometry.to), scale->second});
   }
 }
 
 void CostTerms::AddRanges(const AgentFactsMap& agents, const PairNumbers& biases_m) {
   std::map<std::pair<AgentId, AgentId>, int> bias_of;
-  for (std::size_t i = 0; i < graph_.ranges.size(); ++i) {
-    const CheckedRange& range = graph_.ranges[i];
+  for (const CheckedRange& range : graph_.ranges) {
     const AgentId a = graph_.nodes[range.from].key.agent;
     const AgentId b = graph_.nodes[range.to].key.agent;
     const auto [bias, is_new] = bias_of.try_emplace(std::minmax(a, b), static_cast<int>(initial_.numbers.size()));
@@ -97,18 +111,35 @@ void CostTerms::AddRanges(const AgentFactsMap& agents, const PairNumbers& biases
       const auto known = biases_m.find(std::minmax(a, b));
       AddNumber(known == biases_m.end() ? 0 : known->second, options_.bias_sigma_m);
     }
-    range_terms_.push_back(IsMoving(range.from, range.to) ? terms_.size() : kNoTerm);
-    if (range_terms_.back() == kNoTerm) continue;
-    terms_.push_back(Term{MakeRangeFactor(range.edge->range_m, std::sqrt(range.edge->variance_m2), AntennaOf(agents, a),
-                                          AntennaOf(agents, b)),
-                          static_cast<int>(range.from), static_cast<int>(range.to), bias->second, static_cast<int>(i)});
+    AddTested(Term{MakeRangeFactor(range.edge->range_m, std::sqrt(range.edge->variance_m2), AntennaOf(agents, a),
+                                   AntennaOf(agents, b)),
+                   static_cast<int>(range.from), static_cast<int>(range.to), bias->second},
+              IsMoving(range.from, range.to));
   }
 }
 
-void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts) {
+void CostTerms::AddClosuresAndPriors() {
+  for (const CheckedClosure& closure : graph_.closures) {
+    AddTested(Term{MakeLoopClosureFactor(closure.from_from_to, closure.edge->covariance),
+                   static_cast<int>(closure.from), static_cast<int>(closure.to)},
+              IsMoving(closure.from, closure.to));
+  }
+  for (const CheckedPrior& prior : graph_.priors) {
+    AddTested(Term{MakePriorFactor(*prior.prior), static_cast<int>(prior.node)}, is_free_[prior.node]);
+  }
+}
+
+// Adds the term of the next tested factor, or notes that the factor is not part of this solve.
+void CostTerms::AddTested(Term term, bool is_moving) {
+  term.tested = static_cast<int>(tested_terms_.size());
+  tested_terms_.push_back(is_moving ? terms_.size() : kNoTerm);
+  if (is_moving) terms_.push_back(std::move(term));
+}
+
+void CostTerms::AddStartsAndGravity(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts) {
   const auto add = [this](std::unique_ptr<ceres::CostFunction> factor, std::size_t node) {
     if (!is_free_[node]) return;
-    terms_.push_back(Term{std::move(factor), static_cast<int>(node), kNone, kNone, kNone});
+    terms_.push_back(Term{std::move(factor), static_cast<int>(node)});
   };
   std::vector<bool> is_level(rovers.size(), options_.gravity_reference == GravityReference::kLevelGround);
   if (options_.gravity_reference == GravityReference::kChosen) {
@@ -118,13 +149,13 @@ void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<St
     const Rover& rover = rovers[i];
     // Gravity determines roll and pitch better than a configured start, so the start prior has a large sigma for roll
     // and pitch.
-    add(MakePosePriorFactor(
-            {starts[i].map_from_node, starts[i].sigma_m, options_.loose_sigma_rad, starts[i].sigma_rad}),
+    add(MakePriorFactor(
+            StartOf(starts[i].map_from_node, starts[i].sigma_m, options_.loose_sigma_rad, starts[i].sigma_rad)),
         rover.first);
     for (const std::size_t head : rover.part_heads) {
       if (head == rover.first) continue;
       const Pose initial = FromBlock(initial_.poses[head]);
-      add(MakePosePriorFactor({initial, options_.loose_sigma_m, options_.loose_sigma_rad, options_.loose_sigma_rad}),
+      add(MakePriorFactor(StartOf(initial, options_.loose_sigma_m, options_.loose_sigma_rad, options_.loose_sigma_rad)),
           head);
     }
     for (std::size_t node = rover.first; node < rover.first + rover.count; ++node) {
@@ -134,8 +165,8 @@ void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<St
   }
 }
 
-bool CostTerms::IsUsed(const Term& term, const std::vector<bool>& uses_range) const {
-  return term.range == kNone || uses_range[static_cast<std::size_t>(term.range)];
+bool CostTerms::IsUsed(const Term& term, const std::vector<bool>& is_used) const {
+  return term.tested == kNone || is_used[static_cast<std::size_t>(term.tested)];
 }
 
 std::vector<double*> CostTerms::BlocksOf(const Term& term, State& state) {
@@ -146,14 +177,14 @@ std::vector<double*> CostTerms::BlocksOf(const Term& term, State& state) {
   return blocks;
 }
 
-void CostTerms::AddTerms(const std::vector<bool>& uses_range, const std::vector<bool>& is_trusted,
-                         ceres::LossFunction* range_loss, State& state, ceres::Problem& problem) const {
-  const auto is_spared = [&](int range) {
-    return range == kNone || (!is_trusted.empty() && is_trusted[static_cast<std::size_t>(range)]);
+void CostTerms::AddTerms(const std::vector<bool>& is_used, const std::vector<bool>& is_trusted,
+                         ceres::LossFunction* loss, State& state, ceres::Problem& problem) const {
+  const auto is_spared = [&](int tested) {
+    return tested == kNone || (!is_trusted.empty() && is_trusted[static_cast<std::size_t>(tested)]);
   };
   for (const Term& term : terms_) {
-    if (!IsUsed(term, uses_range)) continue;
-    problem.AddResidualBlock(term.factor.get(), is_spared(term.range) ? nullptr : range_loss, BlocksOf(term, state));
+    if (!IsUsed(term, is_used)) continue;
+    problem.AddResidualBlock(term.factor.get(), is_spared(term.tested) ? nullptr : loss, BlocksOf(term, state));
   }
 }
 
@@ -164,34 +195,35 @@ void CostTerms::HoldStanding(State& state, ceres::Problem& problem) const {
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
     if (!is_free_[node]) hold(state.poses[node].data());
   }
-  if (!is_window_) return;
-  for (double& number : state.numbers) hold(&number);
+  for (std::size_t i = 0; i < state.numbers.size(); ++i) {
+    if (is_window_ || held_numbers_.contains(i)) hold(&state.numbers[i]);
+  }
 }
 
-StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const {
+StageResult CostTerms::Minimise(const std::vector<bool>& is_used, const Stage& stage, State& state) const {
   const State begin = state;
-  StageResult first = Try(uses_range, stage, /*is_dogleg=*/false, state);
+  StageResult first = Try(is_used, stage, /*is_dogleg=*/false, state);
   if (first.has_converged || (options_.stop_requested && options_.stop_requested())) return first;
   state = begin;
-  StageResult second = Try(uses_range, stage, /*is_dogleg=*/true, state);
+  StageResult second = Try(is_used, stage, /*is_dogleg=*/true, state);
   second.iterations += first.iterations;
   return second;
 }
 
-void CostTerms::Build(const std::vector<bool>& uses_range, const std::vector<bool>& is_trusted,
-                      ceres::LossFunction* loss, PoseManifold& manifold, State& state, ceres::Problem& problem) const {
+void CostTerms::Build(const std::vector<bool>& is_used, const std::vector<bool>& is_trusted, ceres::LossFunction* loss,
+                      PoseManifold& manifold, State& state, ceres::Problem& problem) const {
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
     if (is_free_[node]) problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
   }
-  AddTerms(uses_range, is_trusted, loss, state, problem);
+  AddTerms(is_used, is_trusted, loss, state, problem);
   HoldStanding(state, problem);
 }
 
-std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& uses_range, const std::vector<std::size_t>& nodes,
+std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& is_used, const std::vector<std::size_t>& nodes,
                                              State state) const {
   PoseManifold manifold;
   ceres::Problem problem(BorrowingProblemOptions());
-  Build(uses_range, {}, nullptr, manifold, state, problem);
+  Build(is_used, {}, nullptr, manifold, state, problem);
   ceres::Problem::EvaluateOptions evaluation;
   evaluation.num_threads = options_.thread_count;
   std::map<std::size_t, int> columns;
@@ -200,8 +232,10 @@ std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& uses_range
     columns[node] = static_cast<int>(evaluation.parameter_blocks.size()) * kPoseTangentSize;
     evaluation.parameter_blocks.push_back(state.poses[node].data());
   }
-  for (double& number : state.numbers) {
-    if (!is_window_ && problem.HasParameterBlock(&number)) evaluation.parameter_blocks.push_back(&number);
+  for (std::size_t i = 0; i < state.numbers.size(); ++i) {
+    double* const number = &state.numbers[i];
+    const bool is_held = is_window_ || held_numbers_.contains(i);
+    if (!is_held && problem.HasParameterBlock(number)) evaluation.parameter_blocks.push_back(number);
   }
   ceres::CRSMatrix rows;
   if (!problem.Evaluate(evaluation, nullptr, nullptr, nullptr, &rows)) return {};
@@ -222,12 +256,11 @@ std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& uses_range
   return covariances;
 }
 
-StageResult CostTerms::Try(const std::vector<bool>& uses_range, const Stage& stage, bool is_dogleg,
-                           State& state) const {
+StageResult CostTerms::Try(const std::vector<bool>& is_used, const Stage& stage, bool is_dogleg, State& state) const {
   PoseManifold manifold;
-  const std::unique_ptr<ceres::LossFunction> range_loss = MakeLoss(stage.loss, options_);
+  const std::unique_ptr<ceres::LossFunction> loss = MakeLoss(stage.loss, options_);
   ceres::Problem problem(BorrowingProblemOptions());
-  Build(uses_range, stage.is_trusted, range_loss.get(), manifold, state, problem);
+  Build(is_used, stage.is_trusted, loss.get(), manifold, state, problem);
   ceres::Solver::Options solve_options = SolveOptions(options_, stage, is_dogleg);
   StopCallback stop(options_.stop_requested);
   if (options_.stop_requested) solve_options.callbacks.push_back(&stop);
@@ -241,32 +274,37 @@ StageResult CostTerms::Try(const std::vector<bool>& uses_range, const Stage& sta
   return result;
 }
 
-double CostTerms::Cost(const std::vector<bool>& uses_range, const State& state) const {
+double CostTerms::Cost(const std::vector<bool>& is_used, const State& state) const {
   State copy = state;  // Ceres needs mutable blocks.
   double square_sum = 0;
   std::array<double, 6> residuals{};
   for (const Term& term : terms_) {
-    if (!IsUsed(term, uses_range)) continue;
+    if (!IsUsed(term, is_used)) continue;
     term.factor->Evaluate(BlocksOf(term, copy).data(), residuals.data(), nullptr);
     for (int i = 0; i < term.factor->num_residuals(); ++i) square_sum += residuals[i] * residuals[i];
   }
   return square_sum / 2;
 }
 
-double CostTerms::RobustCost(const State& state) const {
-  double cost = Cost(std::vector<bool>(range_terms_.size(), false), state);
+double CostTerms::RobustCost(const std::vector<bool>& is_allowed, const State& state) const {
+  double cost = Cost(std::vector<bool>(tested_terms_.size(), false), state);
   const double scale = options_.cauchy_sigmas * options_.cauchy_sigmas;
-  for (const double residual : RangeResiduals(state)) cost += scale / 2 * std::log1p(residual * residual / scale);
+  const std::vector<double> residuals = TestedResiduals(state);
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    if (is_allowed[i]) cost += scale / 2 * std::log1p(residuals[i] * residuals[i] / scale);
+  }
   return cost;
 }
 
-std::vector<double> CostTerms::RangeResiduals(const State& state) const {
+std::vector<double> CostTerms::TestedResiduals(const State& state) const {
   State copy = state;
-  std::vector<double> residuals(range_terms_.size());
+  std::vector<double> residuals(tested_terms_.size());
   for (std::size_t i = 0; i < residuals.size(); ++i) {
-    if (range_terms_[i] == kNoTerm) continue;
-    const Term& term = terms_[range_terms_[i]];
-    term.factor->Evaluate(BlocksOf(term, copy).data(), &residuals[i], nullptr);
+    if (tested_terms_[i] == kNoTerm) continue;
+    const Term& term = terms_[tested_terms_[i]];
+    Eigen::Matrix<double, 6, 1> whitened = Eigen::Matrix<double, 6, 1>::Zero();
+    term.factor->Evaluate(BlocksOf(term, copy).data(), whitened.data(), nullptr);
+    residuals[i] = term.factor->num_residuals() == 1 ? whitened(0) : whitened.norm();
   }
   return residuals;
 }

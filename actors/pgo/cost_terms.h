@@ -1,5 +1,5 @@
 // CostTerms: the cost F of one pose graph (pose_graph_solver.h), and its minimisation with Ceres. Robust kernels
-// (losses) apply only to ranges.
+// (losses) apply only to the tested factors (graph_check.h): ranges, loop closures and priors.
 //
 // One object serves all stages of a solve. `graph` and `options` must outlive this object. Single-threaded, except for
 // Ceres's own threads.
@@ -9,6 +9,7 @@
 #include <ceres/problem.h>
 
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -25,16 +26,16 @@ struct State {
   std::vector<double> numbers;   // Odometry scales of the rovers, then range biases of the pairs of agents.
 };
 
-enum class Loss { kNone, kHuberOnRanges, kCauchyOnRanges };
+enum class Loss { kNone, kHuber, kCauchy };
 
 // Settings of one minimisation within a solve.
 struct Stage {
   Loss loss = Loss::kNone;
   // True if the initial values are close to the minimum. The trust region is then large at the start.
   bool is_near = false;
-  // True if a loose tolerance suffices, because the result is used only to classify the ranges.
+  // True if a loose tolerance suffices, because the result is used only to classify the tested factors.
   bool is_rough = false;
-  std::vector<bool> is_trusted = {};  // True for ranges to which `loss` is not applied. Empty: all false.
+  std::vector<bool> is_trusted = {};  // True for tested factors to which `loss` is not applied. Empty: all false.
 };
 
 struct StageResult {
@@ -52,29 +53,31 @@ class CostTerms {
 
   const State& initial() const { return initial_; }
 
-  // Minimises the cost over all terms except the ranges whose flag in `uses_range` is false. Updates `state` in place.
-  // Tries Levenberg-Marquardt first, and dogleg if Levenberg-Marquardt does not converge.
-  StageResult Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const;
+  // Minimises the cost over all terms except the tested factors whose flag in `is_used` is false. Updates `state` in
+  // place. Tries Levenberg-Marquardt first, and dogleg if Levenberg-Marquardt does not converge.
+  StageResult Minimise(const std::vector<bool>& is_used, const Stage& stage, State& state) const;
 
   // Returns the settings of a stage that starts from the initial values and runs to full tolerance.
   Stage FirstStage(Loss loss) const { return {.loss = loss, .is_near = is_warm_}; }
 
-  // Returns the cost F at `state` without a robust loss function (Loss::kNone). Omits the ranges whose flag in
-  // `uses_range` is false.
-  double Cost(const std::vector<bool>& uses_range, const State& state) const;
+  // Returns the cost F at `state` without a robust loss function (Loss::kNone). Omits the tested factors whose flag in
+  // `is_used` is false.
+  double Cost(const std::vector<bool>& is_used, const State& state) const;
 
   // Returns the marginal covariance of each of `nodes`. Rows are the position in the frame `map`, then the rotation in
   // the node's own frame (the tangent of PoseManifold). Returns an empty list if the graph does not determine the
-  // covariances. Requires: `nodes` are free, and `state` is a minimum over the ranges in `uses_range`.
-  std::vector<Matrix6d> Covariances(const std::vector<bool>& uses_range, const std::vector<std::size_t>& nodes,
+  // covariances. Requires: `nodes` are free, and `state` is a minimum over the tested factors in `is_used`.
+  std::vector<Matrix6d> Covariances(const std::vector<bool>& is_used, const std::vector<std::size_t>& nodes,
                                     State state) const;
 
-  // Returns F over all terms, with the Cauchy loss on ranges. Used to compare solutions that accept different ranges.
-  double RobustCost(const State& state) const;
+  // Returns F over all terms, with the Cauchy loss on tested factors. Omits the tested factors whose flag in
+  // `is_allowed` is false. Used to compare solutions that accept different factors.
+  double RobustCost(const std::vector<bool>& is_allowed, const State& state) const;
 
-  // Returns the residual of each range in sigmas; 0 for ranges that are not part of this solve.
-  std::vector<double> RangeResiduals(const State& state) const;
-  bool HasRange(std::size_t range) const { return range_terms_[range] != kNoTerm; }
+  // Returns the residual of each tested factor in sigmas: signed for a range, the Mahalanobis distance for a loop
+  // closure or prior, 0 for factors that are not part of this solve.
+  std::vector<double> TestedResiduals(const State& state) const;
+  bool HasTested(std::size_t factor) const { return tested_terms_[factor] != kNoTerm; }
 
  private:
   static constexpr int kNone = -1;
@@ -86,32 +89,35 @@ class CostTerms {
     int pose_a = kNone;
     int pose_b = kNone;
     int number = kNone;
-    int range = kNone;  // Index of the range in CheckedGraph::ranges.
+    int tested = kNone;  // Number of the tested factor.
   };
 
   void AddOdometry(const std::vector<Rover>& rovers);
   void AddRanges(const AgentFactsMap& agents, const PairNumbers& biases_m);
-  void AddPriors(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts);
+  void AddClosuresAndPriors();
+  void AddTested(Term term, bool is_moving);
+  void AddStartsAndGravity(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts);
   void AddNumber(double value, double sigma);
   bool IsMoving(std::size_t a, std::size_t b) const { return is_free_[a] || is_free_[b]; }
-  bool IsUsed(const Term& term, const std::vector<bool>& uses_range) const;
+  bool IsUsed(const Term& term, const std::vector<bool>& is_used) const;
   // Adds all blocks and terms to `problem`. `state`, `manifold` and `loss` must outlive `problem`.
-  void Build(const std::vector<bool>& uses_range, const std::vector<bool>& is_trusted, ceres::LossFunction* loss,
+  void Build(const std::vector<bool>& is_used, const std::vector<bool>& is_trusted, ceres::LossFunction* loss,
              PoseManifold& manifold, State& state, ceres::Problem& problem) const;
   void HoldStanding(State& state, ceres::Problem& problem) const;
   static std::vector<double*> BlocksOf(const Term& term, State& state);
-  StageResult Try(const std::vector<bool>& uses_range, const Stage& stage, bool is_dogleg, State& state) const;
-  void AddTerms(const std::vector<bool>& uses_range, const std::vector<bool>& is_trusted,
-                ceres::LossFunction* range_loss, State& state, ceres::Problem& problem) const;
+  StageResult Try(const std::vector<bool>& is_used, const Stage& stage, bool is_dogleg, State& state) const;
+  void AddTerms(const std::vector<bool>& is_used, const std::vector<bool>& is_trusted, ceres::LossFunction* loss,
+                State& state, ceres::Problem& problem) const;
 
   const CheckedGraph& graph_;
   const SolverOptions& options_;
   bool is_warm_;
   std::vector<bool> is_free_;
   bool is_window_;  // True if SolverOptions::window_nodes is not 0. Scales and biases are then held constant.
+  std::set<std::size_t> held_numbers_;  // Indices in State::numbers of the scales that are fixed.
   State initial_;
   std::vector<Term> terms_;
-  std::vector<std::size_t> range_terms_;  // Index in terms_ of each range; kNoTerm if omitted.
+  std::vector<std::size_t> tested_terms_;  // Index in terms_ of each tested factor; kNoTerm if omitted.
 };
 
 }  // namespace moondb

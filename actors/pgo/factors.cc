@@ -33,10 +33,14 @@ Eigen::Quaterniond WithPositiveW(const Eigen::Quaterniond& q) {
   return q.w() < 0 ? Eigen::Quaterniond(-q.w(), -q.x(), -q.y(), -q.z()) : q;
 }
 
-class OdometryFactor final : public ceres::SizedCostFunction<6, kPoseSize, kPoseSize, 1> {
+// An odometry step, with a scale as the third block, or a loop closure without one.
+class RelativePoseFactor final : public ceres::CostFunction {
  public:
-  OdometryFactor(const Pose& from_from_to, const Matrix6d& covariance)
-      : step_(from_from_to), step_inverse_(from_from_to.orientation.conjugate()) {
+  RelativePoseFactor(const Pose& from_from_to, const Matrix6d& covariance, bool has_scale)
+      : step_(from_from_to), step_inverse_(from_from_to.orientation.conjugate()), has_scale_(has_scale) {
+    set_num_residuals(6);
+    *mutable_parameter_block_sizes() = {kPoseSize, kPoseSize};
+    if (has_scale) mutable_parameter_block_sizes()->push_back(1);
     // covariance = L L^T, so W = L^-1 has W^T W = covariance^-1.
     whitener_ = Eigen::LLT<Matrix6d>(covariance).matrixL().solve(Matrix6d::Identity());
   }
@@ -44,7 +48,7 @@ class OdometryFactor final : public ceres::SizedCostFunction<6, kPoseSize, kPose
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     const Eigen::Quaterniond from = OrientationOf(parameters[0]);
     const Eigen::Quaterniond to = OrientationOf(parameters[1]);
-    const double scale = 1 + parameters[2][0];
+    const double scale = has_scale_ ? 1 + parameters[2][0] : 1;
     const Eigen::Matrix3d body_from_map = from.conjugate().toRotationMatrix();
     const Eigen::Vector3d moved = body_from_map * (PositionOf(parameters[1]) - PositionOf(parameters[0]));
     const Eigen::Quaterniond error = WithPositiveW(step_inverse_ * (from.conjugate() * to));
@@ -70,7 +74,7 @@ class OdometryFactor final : public ceres::SizedCostFunction<6, kPoseSize, kPose
       j.bottomRightCorner<3, 3>() = error_scalar + error_cross;
       WriteWhitened(j, jacobians[1]);
     }
-    if (jacobians[2] != nullptr) {
+    if (has_scale_ && jacobians[2] != nullptr) {
       Eigen::Map<Vector6d> out(jacobians[2]);
       out = -whitener_.leftCols<3>() * step_.position_m;
     }
@@ -86,6 +90,7 @@ class OdometryFactor final : public ceres::SizedCostFunction<6, kPoseSize, kPose
 
   Pose step_;
   Eigen::Quaterniond step_inverse_;
+  bool has_scale_;
   Matrix6d whitener_;
 };
 
@@ -169,32 +174,55 @@ class GravityFactor final : public ceres::SizedCostFunction<2, kPoseSize> {
   double weight_;
 };
 
-class PosePriorFactor final : public ceres::SizedCostFunction<6, kPoseSize> {
+class PriorFactor final : public ceres::CostFunction {
  public:
-  explicit PosePriorFactor(const PosePrior& prior)
-      : prior_(prior.map_from_node),
-        position_weight_(1 / prior.sigma_m),
-        turn_weights_(1 / prior.sigma_tilt_rad, 1 / prior.sigma_tilt_rad, 1 / prior.sigma_yaw_rad) {}
+  explicit PriorFactor(const NodePrior& prior)
+      : prior_(prior), size_(static_cast<int>(prior.extent)), yaw_rad_(prior.map_from_node.Yaw()) {
+    set_num_residuals(size_);
+    *mutable_parameter_block_sizes() = {kPoseSize};
+    const Eigen::MatrixXd covariance = prior.covariance.topLeftCorner(size_, size_);
+    whitener_ = Eigen::LLT<Eigen::MatrixXd>(covariance).matrixL().solve(Eigen::MatrixXd::Identity(size_, size_));
+  }
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    const Eigen::Quaterniond error = WithPositiveW(OrientationOf(parameters[0]) * prior_.orientation.conjugate());
-    Eigen::Map<Vector6d> out(residuals);
-    out << position_weight_ * (PositionOf(parameters[0]) - prior_.position_m),
-        2 * turn_weights_.cwiseProduct(error.vec());
+    const Eigen::Quaterniond orientation = OrientationOf(parameters[0]);
+    const Eigen::Matrix3d rotation = orientation.toRotationMatrix();
+    Vector6d raw = Vector6d::Zero();
+    Matrix6d j = Matrix6d::Zero();
+    raw.head<3>() = PositionOf(parameters[0]) + rotation * prior_.point_m - prior_.map_from_node.position_m;
+    j.topLeftCorner<3, 3>().setIdentity();
+    j.topRightCorner<3, 3>() = -rotation * Cross(prior_.point_m);
+    if (prior_.extent == PriorExtent::kPositionYaw) {
+      const double cosine = rotation(0, 0);
+      const double sine = rotation(1, 0);
+      raw(3) = std::remainder(std::atan2(sine, cosine) - yaw_rad_, 2 * M_PI);
+      // The derivative of the body's x axis by the perturbation is R (0, dtheta_z, -dtheta_y). The yaw of a body whose
+      // x axis is vertical is undefined; its Jacobian is then zero.
+      const double square = cosine * cosine + sine * sine;
+      if (square > kZeroDistance_m) {
+        j(3, 4) = (sine * rotation(0, 2) - cosine * rotation(1, 2)) / square;
+        j(3, 5) = (cosine * rotation(1, 1) - sine * rotation(0, 1)) / square;
+      }
+    }
+    if (prior_.extent == PriorExtent::kPose) {
+      const Eigen::Quaterniond error = WithPositiveW(orientation * prior_.map_from_node.orientation.conjugate());
+      raw.tail<3>() = 2 * error.vec();
+      j.bottomRightCorner<3, 3>() = (error.w() * Eigen::Matrix3d::Identity() + Cross(error.vec())) *
+                                    prior_.map_from_node.orientation.toRotationMatrix();
+    }
+    Eigen::Map<Eigen::VectorXd>(residuals, size_) = whitener_ * raw.head(size_);
     if (jacobians == nullptr || jacobians[0] == nullptr) return true;
-    Eigen::Map<PoseJacobian<6>> jacobian(jacobians[0]);
-    jacobian.setZero();
-    jacobian.topLeftCorner<3, 3>() = position_weight_ * Eigen::Matrix3d::Identity();
-    jacobian.block<3, 3>(3, 3) = turn_weights_.asDiagonal() *
-                                 (error.w() * Eigen::Matrix3d::Identity() + Cross(error.vec())) *
-                                 prior_.orientation.toRotationMatrix();
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, kPoseSize, Eigen::RowMajor>> out(jacobians[0], size_, kPoseSize);
+    out.leftCols<6>() = whitener_ * j.topRows(size_);
+    out.col(6).setZero();
     return true;
   }
 
  private:
-  Pose prior_;
-  double position_weight_;
-  Eigen::Vector3d turn_weights_;
+  NodePrior prior_;
+  int size_;
+  double yaw_rad_;
+  Eigen::MatrixXd whitener_;
 };
 
 class ZeroPriorFactor final : public ceres::SizedCostFunction<1, 1> {
@@ -289,7 +317,11 @@ bool AxesManifold::MinusJacobian(const double*, double* jacobian) const {
 }
 
 std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to, const Matrix6d& covariance) {
-  return std::make_unique<OdometryFactor>(from_from_to, covariance);
+  return std::make_unique<RelativePoseFactor>(from_from_to, covariance, /*has_scale=*/true);
+}
+
+std::unique_ptr<ceres::CostFunction> MakeLoopClosureFactor(const Pose& from_from_to, const Matrix6d& covariance) {
+  return std::make_unique<RelativePoseFactor>(from_from_to, covariance, /*has_scale=*/false);
 }
 
 std::unique_ptr<ceres::CostFunction> MakeRangeFactor(double range_m, double sigma_m, const Eigen::Vector3d& antenna_a_m,
@@ -305,8 +337,8 @@ std::unique_ptr<ceres::CostFunction> MakeGravityFactor(const Eigen::Vector3d& up
   return std::make_unique<GravityFactor>(up_in_body, sigma_rad);
 }
 
-std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const PosePrior& prior) {
-  return std::make_unique<PosePriorFactor>(prior);
+std::unique_ptr<ceres::CostFunction> MakePriorFactor(const NodePrior& prior) {
+  return std::make_unique<PriorFactor>(prior);
 }
 
 std::unique_ptr<ceres::CostFunction> MakeZeroPriorFactor(double sigma) {

@@ -78,6 +78,9 @@ class AxesManifold final : public ceres::Manifold {
 // error, a constant factor.
 std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to, const Matrix6d& covariance);
 
+// One loop closure. Blocks: pose i, pose j. The residuals are those of an odometry step with s = 0.
+std::unique_ptr<ceres::CostFunction> MakeLoopClosureFactor(const Pose& from_from_to, const Matrix6d& covariance);
+
 // One range. Blocks: pose a, pose b, bias. One residual:
 //   (|p_a + R_a l_a - p_b - R_b l_b| + bias - range) / sigma
 // l_a and l_b are the antennas in the body frames. At distance zero the direction is undefined, and the Jacobian is set
@@ -95,15 +98,14 @@ std::unique_ptr<ceres::CostFunction> MakeSightingFactor(const Eigen::Vector3d& f
 // `up` is the z axis of the frame `map`, expressed in the body frame, of unit length.
 std::unique_ptr<ceres::CostFunction> MakeGravityFactor(const Eigen::Vector3d& up_in_body, double sigma_rad);
 
-// Prior on a node's pose. Block: pose. Six residuals: (p - p_0) / sigma_m, and the rotation error 2 vec(q q_0^-1) in
-// the frame `map`, with roll and pitch divided by sigma_tilt_rad and yaw by sigma_yaw_rad.
-struct PosePrior {
-  Pose map_from_node;
-  double sigma_m = 1;
-  double sigma_tilt_rad = 1;
-  double sigma_yaw_rad = 1;
-};
-std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const PosePrior& prior);
+// An absolute measurement of a pose. Block: pose. As many residuals as `prior.extent` says:
+//
+//   W [ p + R l - p_0 ;  rotation error ]
+//
+// p_0 and q_0 are the position and quaternion of map_from_node, and l is point_m. W^T W is covariance^-1. The rotation
+// error is absent for kPosition, the wrapped difference of the yaws for kPositionYaw, and 2 vec(q q_0^-1), in the frame
+// `map`, for kPose.
+std::unique_ptr<ceres::CostFunction> MakePriorFactor(const NodePrior& prior);
 
 // Zero-mean prior on a scale or bias. Block: the number. One residual: value / sigma.
 std::unique_ptr<ceres::CostFunction> MakeZeroPriorFactor(double sigma);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <string_view>
 #include <tuple>
 #include <utility>
 
@@ -78,17 +79,36 @@ std::pair<std::size_t, std::size_t> NameOf(const CheckedEdge& edge) {
   return {edge.from, edge.to};
 }
 
+FactorKey NameOf(const CheckedClosure& closure) { return KeyOf(*closure.edge); }
+FactorKey NameOf(const CheckedPrior& prior) { return KeyOf(*prior.prior); }
+
 auto OrderOf(const CheckedRange& range) {
   return std::tuple(range.from, range.to, range.edge->timestamp_ns, range.edge->range_m, range.edge->variance_m2);
 }
 
-auto OrderOf(const CheckedOdometry& odometry) {
-  const Pose& pose = odometry.edge->from_from_to;
+std::array<double, 13> ContentOf(const Pose& pose, const Matrix6d& covariance) {
   std::array<double, 13> content{};
   Eigen::Map<Eigen::Vector3d>(content.data()) = pose.position_m;
   Eigen::Map<Eigen::Vector4d>(content.data() + 3) = pose.orientation.coeffs();
-  Eigen::Map<Eigen::Matrix<double, 6, 1>>(content.data() + 7) = odometry.edge->covariance.diagonal();
-  return std::tuple(odometry.from, odometry.to, odometry.edge->timestamp_ns, content);
+  Eigen::Map<Eigen::Matrix<double, 6, 1>>(content.data() + 7) = covariance.diagonal();
+  return content;
+}
+
+auto OrderOf(const CheckedOdometry& odometry) {
+  const OdometryEdge& edge = *odometry.edge;
+  return std::tuple(odometry.from, odometry.to, edge.timestamp_ns, ContentOf(edge.from_from_to, edge.covariance));
+}
+
+auto OrderOf(const CheckedClosure& closure) {
+  const LoopClosure& edge = *closure.edge;
+  return std::tuple(closure.from, closure.to, std::string_view(edge.source), edge.timestamp_ns,
+                    ContentOf(edge.from_from_to, edge.covariance));
+}
+
+auto OrderOf(const CheckedPrior& checked) {
+  const NodePrior& prior = *checked.prior;
+  return std::tuple(checked.node, std::string_view(prior.source), prior.timestamp_ns, prior.extent,
+                    ContentOf(prior.map_from_node, prior.covariance));
 }
 
 template <typename Item, typename Report>
@@ -134,6 +154,18 @@ std::string WhyNot(const OdometryEdge& edge) {
   return WhyNot(edge.covariance);
 }
 
+std::string WhyNot(const LoopClosure& edge) {
+  if (edge.from == edge.to) return "joins a node with itself";
+  if (!IsUsable(edge.from_from_to)) return "its pose is not finite or not a rotation";
+  return WhyNot(edge.covariance);
+}
+
+std::string WhyNot(const NodePrior& prior) {
+  if (!IsUsable(prior.map_from_node)) return "its pose is not finite or not a rotation";
+  if (!prior.point_m.allFinite()) return "its point is not finite";
+  return WhyNot(prior.covariance);
+}
+
 std::string WhyNot(const RangeEdge& edge) {
   if (edge.from.agent == edge.to.agent) return "is within one agent";
   const bool is_distance = edge.range_m >= 0 && edge.range_m <= kRangeMax_m;  // False for NaN.
@@ -147,6 +179,10 @@ CheckedOdometry ToChecked(std::size_t from, std::size_t to, const OdometryEdge& 
 }
 
 CheckedRange ToChecked(std::size_t from, std::size_t to, const RangeEdge& edge) { return {from, to, &edge}; }
+
+CheckedClosure ToChecked(std::size_t from, std::size_t to, const LoopClosure& edge) {
+  return {from, to, &edge, Pose{edge.from_from_to.position_m, edge.from_from_to.orientation.normalized()}};
+}
 
 template <typename CheckedEdge, typename Edge>
 void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& checked,
@@ -166,6 +202,35 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
   }
   SortAndLeaveOutDoubled(out, [&](const CheckedEdge& edge) {
     LeaveOut(checked, edge.edge->from.agent, EdgeName(kind, edge.edge->from, edge.edge->to), kDoubled);
+  });
+}
+
+// Removes loop closures that end at a base station.
+void LeaveOutClosuresToBaseStations(CheckedGraph& checked) {
+  std::erase_if(checked.closures, [&checked](const CheckedClosure& closure) {
+    if (!checked.nodes[closure.from].is_fixed && !checked.nodes[closure.to].is_fixed) return false;
+    const LoopClosure& edge = *closure.edge;
+    LeaveOut(checked, edge.from.agent, EdgeName("loop closure", edge.from, edge.to),
+             "a base station has no heading; state a prior");
+    return true;
+  });
+}
+
+void CheckPriors(const std::vector<NodePrior>& priors, CheckedGraph& checked) {
+  const auto name_of = [](const NodePrior& prior) { return "prior of " + ToString(prior.node); };
+  for (const NodePrior& prior : priors) {
+    std::string why = WhyNot(prior);
+    const std::optional<std::size_t> node = checked.Find(prior.node);
+    if (why.empty() && !node) why = "the node is not known here";
+    if (why.empty() && checked.nodes[*node].is_fixed) why = "the node is fixed";
+    if (why.empty()) {
+      checked.priors.push_back({*node, &prior});
+    } else {
+      LeaveOut(checked, prior.node.agent, name_of(prior), why);
+    }
+  }
+  SortAndLeaveOutDoubled(checked.priors, [&](const CheckedPrior& prior) {
+    LeaveOut(checked, prior.prior->node.agent, name_of(*prior.prior), kDoubled);
   });
 }
 
@@ -200,16 +265,38 @@ std::optional<std::size_t> CheckedGraph::Find(const NodeKey& key) const {
   return static_cast<std::size_t>(found - nodes.begin());
 }
 
+FactorKey CheckedGraph::KeyOfTested(std::size_t factor) const {
+  if (factor < first_closure()) return KeyOf(*ranges[factor].edge);
+  if (factor < first_prior()) return KeyOf(*closures[factor - first_closure()].edge);
+  return KeyOf(*priors[factor - first_prior()].prior);
+}
+
+std::pair<std::size_t, std::size_t> CheckedGraph::EndsOfTested(std::size_t factor) const {
+  if (factor < first_closure()) return {ranges[factor].from, ranges[factor].to};
+  if (factor < first_prior()) {
+    const CheckedClosure& closure = closures[factor - first_closure()];
+    return {closure.from, closure.to};
+  }
+  const std::size_t node = priors[factor - first_prior()].node;
+  return {node, node};
+}
+
 std::string ToString(const NodeKey& key) {
   return "agent " + std::to_string(key.agent) + ", node " + std::to_string(key.index);
 }
 
 CheckedGraph CheckGraph(const PoseGraph& graph, const AgentFactsMap& agents) {
   CheckedGraph checked;
+  for (const auto& [agent, facts] : agents) {
+    if (facts.has_fixed_scale) checked.fixed_scales.insert(agent);
+  }
   CheckNodes(graph, agents, checked);
   CheckEdges(graph.odometry, "odometry", checked, checked.odometry);
   LeaveOutWhatSkipsNodes(checked);
   CheckEdges(graph.ranges, "range", checked, checked.ranges);
+  CheckEdges(graph.closures, "loop closure", checked, checked.closures);
+  LeaveOutClosuresToBaseStations(checked);
+  CheckPriors(graph.priors, checked);
   return checked;
 }
 

@@ -1,4 +1,4 @@
-// CheckGraph: returns the usable nodes and edges of a pose graph, and names those that it leaves out.
+// CheckGraph: returns the usable nodes, edges and priors of a pose graph, and names those that it leaves out.
 //
 // Records arrive in any order and from any agent, and one NaN makes Ceres refuse the whole solve. CheckGraph therefore
 // leaves out each unusable node or edge. An edge is unusable, for example, for one of these reasons:
@@ -6,16 +6,18 @@
 // - its covariance is not positive definite;
 // - its variance is below 1e-12 or above 1e8, in m^2 or rad^2;
 // - its range exceeds 1e6 m;
-// - one of its numbers is not finite.
+// - one of its numbers is not finite;
+// - it is a loop closure to a base station, which has a position but no heading.
 //
-// Among records with the same natural key (the node's key, or the edge's ends), the first one in a fixed order of the
-// contents is kept. The result therefore does not depend on the order of arrival. Results point into `graph`, which
-// must outlive them.
+// Among records with the same natural key (the node's key, the edge's ends, or the FactorKey), the first one in a fixed
+// order of the contents is kept. The result therefore does not depend on the order of arrival. Results point into
+// `graph`, which must outlive them.
 #pragma once
 
 #include <cstddef>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -35,6 +37,7 @@ struct AgentFacts {
   double start_sigma_m = 0.05;
   double start_sigma_rad = 0.01;  // Standard deviation of each angle of a rover's start. 0 or less: use the default.
   Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // Position of the UWB antenna in the body's frame.
+  bool has_fixed_scale = false;                         // True if the odometry scale is 1 and not estimated.
 };
 
 using AgentFactsMap = std::map<AgentId, AgentFacts>;
@@ -59,9 +62,19 @@ struct CheckedRange {
   const RangeEdge* edge = nullptr;
 };
 
-using RangeKey = std::pair<NodeKey, NodeKey>;  // The range's ends (from, to).
+struct CheckedClosure {
+  std::size_t from = 0;
+  std::size_t to = 0;
+  const LoopClosure* edge = nullptr;
+  Pose from_from_to;  // The edge's relative pose with a normalised quaternion.
+};
 
-// Unusable nodes and edges of one agent.
+struct CheckedPrior {
+  std::size_t node = 0;
+  const NodePrior* prior = nullptr;
+};
+
+// Unusable nodes, edges and priors of one agent.
 struct LeftOut {
   std::size_t count = 0;
   std::string first;  // Name of the first unusable node or edge, and the reason.
@@ -69,13 +82,26 @@ struct LeftOut {
 
 using LeftOutMap = std::map<AgentId, LeftOut>;  // Keyed by the agent of the node, or of the edge's `from` node.
 
+// The tested factors of a graph are the measurements that a solve may reject. They are numbered: first the ranges, then
+// the loop closures, then the priors.
 struct CheckedGraph {
   std::vector<CheckedNode> nodes;         // Nodes sorted by key.
   std::vector<CheckedOdometry> odometry;  // Steps sorted by their ends.
   std::vector<CheckedRange> ranges;       // Ranges sorted by their ends.
-  LeftOutMap left_out;                    // Unusable nodes and edges. Empty if all were usable.
+  std::vector<CheckedClosure> closures;   // Loop closures sorted by their ends and source.
+  std::vector<CheckedPrior> priors;       // Priors sorted by their node and source.
+  std::set<AgentId> fixed_scales;         // Agents whose odometry scale is 1 and not estimated.
+  LeftOutMap left_out;                    // Unusable nodes, edges and priors. Empty if all were usable.
 
   std::optional<std::size_t> Find(const NodeKey& key) const;  // Returns the node's index in `nodes`; nullopt if absent.
+
+  std::size_t tested_count() const { return ranges.size() + closures.size() + priors.size(); }
+  std::size_t first_closure() const { return ranges.size(); }  // Number of the first loop closure.
+  std::size_t first_prior() const { return ranges.size() + closures.size(); }
+  // Returns the key of a tested factor.
+  FactorKey KeyOfTested(std::size_t factor) const;
+  // Returns the indices in `nodes` of a tested factor's ends. Both are equal for a prior.
+  std::pair<std::size_t, std::size_t> EndsOfTested(std::size_t factor) const;
 };
 
 // Checks `graph` and returns its usable part. A base station with a configured pose gets a node {agent, 0} if `graph`

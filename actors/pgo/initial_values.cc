@@ -46,8 +46,10 @@ std::vector<std::vector<std::size_t>> FindTouching(const CheckedGraph& graph) {
 }
 
 // Returns the rover's odometry scale error s by least squares over the steps between nodes that have a pose: minimises
-// sum |d - (1 + s) t|^2, with d from the poses and t from odometry. Returns 0 if these steps are too short.
+// sum |d - (1 + s) t|^2, with d from the poses and t from odometry. Returns 0 if these steps are too short, or if the
+// scale is fixed.
 double EstimateScale(const CheckedGraph& graph, const Rover& rover, const Poses& poses) {
+  if (graph.fixed_scales.contains(rover.agent)) return 0;
   double product_sum = 0;
   double square_sum = 0;
   double length_m = 0;

@@ -80,17 +80,19 @@ State Moved(const Group& group, const Pose& by, State state) {
   return state;
 }
 
-// Returns the groups to move: first the parts of the team joined by accepted ranges, then each single rover.
+// Returns the groups to move: first the parts of the team joined by accepted ranges and loop closures, then each
+// single rover.
 std::vector<Group> FindGroups(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                               const std::vector<bool>& is_inlier) {
   std::map<AgentId, std::size_t> places;
   for (std::size_t i = 0; i < rovers.size(); ++i) places[rovers[i].agent] = i;
   ConnectedParts parts(rovers.size());
   std::vector<std::optional<Eigen::Vector3d>> fixed_m(rovers.size());
-  for (std::size_t i = 0; i < graph.ranges.size(); ++i) {
+  for (std::size_t i = 0; i < graph.tested_count(); ++i) {
     if (!is_inlier[i]) continue;
-    const CheckedNode& from = graph.nodes[graph.ranges[i].from];
-    const CheckedNode& to = graph.nodes[graph.ranges[i].to];
+    const auto [from_index, to_index] = graph.EndsOfTested(i);
+    const CheckedNode& from = graph.nodes[from_index];
+    const CheckedNode& to = graph.nodes[to_index];
     if (from.is_fixed || to.is_fixed) {
       fixed_m[places.at((from.is_fixed ? to : from).key.agent)] = (from.is_fixed ? from : to).raw.position_m;
     } else {
@@ -116,7 +118,9 @@ std::vector<Group> FindGroups(const CheckedGraph& graph, const std::vector<Rover
 State KeepStill(const CheckedGraph& graph, const std::vector<Rover>& rovers, const CostTerms& terms,
                 const std::vector<bool>& is_inlier, const LastSolution& last, const SolverOptions& options,
                 State state) {
-  const double cost_max = terms.RobustCost(state) + options.still_cost;
+  std::vector<bool> is_counted = is_inlier;
+  std::fill_n(is_counted.begin(), graph.first_closure(), true);
+  const double cost_max = terms.RobustCost(is_counted, state) + options.still_cost;
   for (const Group& group : FindGroups(graph, rovers, is_inlier)) {
     // Try a motion with translation first, then a rotation about the fixed node. Next to a fixed node even a small
     // translation may raise the cost, but a rotation about that node does not.
@@ -126,7 +130,7 @@ State KeepStill(const CheckedGraph& graph, const std::vector<Rover>& rovers, con
       const Pose back = FindWayBack(moves, pivot_m);
       if (!IsWorthPublishing(moves, back, options)) continue;
       State moved = Moved(group, back, state);
-      if (terms.RobustCost(moved) < cost_max) state = std::move(moved);
+      if (terms.RobustCost(is_counted, moved) < cost_max) state = std::move(moved);
     }
   }
   return state;

@@ -14,8 +14,8 @@ namespace moondb {
 
 // Returns `state` with rigid motions since `last` (a rotation about z and a translation) undone, first of parts of the
 // team, then of single rovers. A motion is undone if it exceeds SolverOptions::still_move_m or still_move_rad, and if
-// the robust cost then rises by less than still_cost in total. `is_inlier`: flags of the accepted ranges, which join
-// rovers to parts.
+// the robust cost of all ranges and of the accepted loop closures and priors then rises by less than still_cost in
+// total. `is_inlier`: flags of the accepted factors, of which ranges and loop closures join rovers to parts.
 State KeepStill(const CheckedGraph& graph, const std::vector<Rover>& rovers, const CostTerms& terms,
                 const std::vector<bool>& is_inlier, const LastSolution& last, const SolverOptions& options,
                 State state);

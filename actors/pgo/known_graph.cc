@@ -36,21 +36,32 @@ Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) 
   }
   for (const OdometryEdge& edge : one.odometry) {
     const EdgeName name{edge.from, edge.to};
-    if (odometry_.emplace(std::pair(name, key), edge).second) AddEdge(key, {name, /*is_range=*/false});
+    if (!odometry_.emplace(std::pair(name, key), edge).second) continue;
+    AddEdge(key, {{FactorKind::kRange, edge.from, edge.to, {}}, /*is_odometry=*/true});
   }
   for (const RangeEdge& edge : one.ranges) {
-    const EdgeName name{edge.from, edge.to};
-    if (ranges_.emplace(std::pair(name, key), edge).second) AddEdge(key, {name, /*is_range=*/true});
+    if (ranges_.emplace(std::pair(EdgeName{edge.from, edge.to}, key), edge).second) AddEdge(key, {KeyOf(edge)});
+  }
+  for (const LoopClosure& closure : one.closures) {
+    if (closures_.emplace(std::pair(KeyOf(closure), key), closure).second) AddEdge(key, {KeyOf(closure)});
+  }
+  for (const NodePrior& prior : one.priors) {
+    if (priors_.emplace(std::pair(KeyOf(prior), key), prior).second) AddEdge(key, {KeyOf(prior)});
   }
   return {};
 }
 
 void KnownGraph::AddEdge(const RecordKey& key, const EdgeNote& note) {
   for (const auto& removed : edge_quota_.Add(key, 1, note)) {
-    if (removed.note.is_range) {
-      ranges_.erase({removed.note.name, removed.key});
+    const FactorKey& name = removed.note.key;
+    if (removed.note.is_odometry) {
+      odometry_.erase({EdgeName{name.from, name.to}, removed.key});
+    } else if (name.kind == FactorKind::kRange) {
+      ranges_.erase({EdgeName{name.from, name.to}, removed.key});
+    } else if (name.kind == FactorKind::kLoopClosure) {
+      closures_.erase({name, removed.key});
     } else {
-      odometry_.erase({removed.note.name, removed.key});
+      priors_.erase({name, removed.key});
     }
   }
 }
@@ -65,6 +76,7 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
     std::pair<int, int> joined;
     const OdometryEdge* odometry = nullptr;
     const RangeEdge* range = nullptr;
+    const LoopClosure* closure = nullptr;
   };
   Selection selection;
   std::map<NodeKey, int> place_of;
@@ -83,7 +95,7 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
   ForEachStanding(odometry_, [&](const RecordKey& key, const OdometryEdge& edge) {
     const auto joined = places(edge);
     const bool is_step = !joined || (edge.from.agent == edge.to.agent && joined->first + 1 == joined->second);
-    if (!is_step) return extras[key.stream.origin].push_back({key, *joined, &edge, nullptr});
+    if (!is_step) return extras[key.stream.origin].push_back({.key = key, .joined = *joined, .odometry = &edge});
     if (joined) chain.push_back(*joined);
     // The edge is kept even if one of its nodes is missing. The solver then reports the edge as left out.
     selection.graph.odometry.push_back(edge);
@@ -91,8 +103,14 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
   ForEachStanding(ranges_, [&](const RecordKey& key, const RangeEdge& edge) {
     const auto joined = places(edge);
     if (!joined) return selection.graph.ranges.push_back(edge);
-    extras[key.stream.origin].push_back({key, *joined, nullptr, &edge});
+    extras[key.stream.origin].push_back({.key = key, .joined = *joined, .range = &edge});
   });
+  ForEachStanding(closures_, [&](const RecordKey& key, const LoopClosure& closure) {
+    const auto joined = places(closure);
+    if (!joined) return selection.graph.closures.push_back(closure);
+    extras[key.stream.origin].push_back({.key = key, .joined = *joined, .closure = &closure});
+  });
+  ForEachStanding(priors_, [&](const RecordKey&, const NodePrior& prior) { selection.graph.priors.push_back(prior); });
   std::size_t level = 0;
   for (auto& [origin, of_origin] : extras) {
     level = std::max(level, of_origin.size());
@@ -112,6 +130,7 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
     for (std::size_t i = 0; i < std::min(level, of_origin.size()); ++i) {
       if (of_origin[i].odometry != nullptr) selection.graph.odometry.push_back(*of_origin[i].odometry);
       if (of_origin[i].range != nullptr) selection.graph.ranges.push_back(*of_origin[i].range);
+      if (of_origin[i].closure != nullptr) selection.graph.closures.push_back(*of_origin[i].closure);
     }
   }
   return selection;
@@ -140,24 +159,27 @@ Result<void> KnownGraph::AddPose(const RecordKey& key, const proto::OptimizedPos
 }
 
 void KnownGraph::AddVerdict(const RecordKey& key, const proto::EdgeVerdict& verdict) {
-  if (!verdict.is_range()) return;
   const Version version{Run{OrderOf(verdict.term()), verdict.run()}, key};
   newest_run_ = std::max(newest_run_, version.first);
-  const RangeKey range{FromProto(verdict.from()), FromProto(verdict.to())};
-  if (verdicts_.size() >= limits_.edges_max && !verdicts_.contains(range)) {
+  const FactorKey factor = KeyOf(verdict);
+  if (verdicts_.size() >= limits_.edges_max && !verdicts_.contains(factor)) {
     ++left_out_published_[key.stream.origin];
     return;
   }
   const PublishedVerdict published{verdict.is_inlier(), verdict.residual_sigmas()};
-  const auto [entry, is_new] = verdicts_.try_emplace(range, Versioned<PublishedVerdict>{version, published});
+  const auto [entry, is_new] = verdicts_.try_emplace(factor, Versioned<PublishedVerdict>{version, published});
   if (!is_new && version > entry->second.version) entry->second = {version, published};
 }
 
 LastSolution KnownGraph::FindLastSolution() const {
   LastSolution solution;
   for (const auto& [node, pose] : poses_) solution.poses.emplace_hint(solution.poses.end(), node, pose.value);
-  for (const auto& [range, verdict] : verdicts_) {
-    if (!verdict.value.is_inlier) solution.rejected.insert(range);
+  for (const auto& [factor, verdict] : verdicts_) {
+    if (!verdict.value.is_inlier) {
+      solution.rejected.insert(factor);
+    } else if (factor.kind != FactorKind::kRange) {
+      solution.accepted.insert(factor);
+    }
   }
   return solution;
 }
@@ -172,14 +194,9 @@ const Pose& KnownGraph::NewestPose(const GraphNode& node) const {
   return published == nullptr ? node.map_from_node : *published;
 }
 
-const PublishedVerdict* KnownGraph::FindVerdict(const RangeKey& range) const {
-  const auto found = verdicts_.find(range);
+const PublishedVerdict* KnownGraph::FindVerdict(const FactorKey& factor) const {
+  const auto found = verdicts_.find(factor);
   return found == verdicts_.end() ? nullptr : &found->second.value;
-}
-
-bool KnownGraph::IsPublishedInlier(const RangeKey& range) const {
-  const PublishedVerdict* verdict = FindVerdict(range);
-  return verdict == nullptr || verdict->is_inlier;
 }
 
 std::vector<NodeKey> KnownGraph::NewestNodes() const {

@@ -24,14 +24,14 @@ namespace moondb {
 
 struct PublishedVerdict {
   bool is_inlier = true;
-  double residual_sigmas = 0;  // RangeVerdict::residual_sigmas at the time of publication.
+  double residual_sigmas = 0;  // FactorVerdict::residual_sigmas at the time of publication.
 };
 
 class KnownGraph {
  public:
   struct Limits {
     std::size_t nodes_max = 200'000;  // Maximum number of nodes, and also of published poses.
-    std::size_t edges_max = 600'000;  // Maximum number of edges, and also of published verdicts.
+    std::size_t edges_max = 600'000;  // Maximum number of edges and priors, and also of published verdicts.
   };
 
   // The part of the graph that a solve uses.
@@ -43,19 +43,19 @@ class KnownGraph {
   KnownGraph() : KnownGraph(Limits()) {}
   explicit KnownGraph(const Limits& limits);
 
-  // Adds a node, edge, optimized pose or edge verdict; ignores other types. Call it once per record, in any order.
+  // Adds a node, edge, prior, optimized pose or verdict; ignores other types. Call it once per record, in any order.
   // Returns kInvalid for an invalid pose or covariance, without changing anything.
   //
   // Conflicts are resolved independently of the order of arrival, so all agents hold the same graph. Among poses of one
-  // node, or verdicts on one edge, the record with the highest (term, run, record key) is kept. Among nodes or edges
-  // with the same natural key (the node's key, or the edge's kind and ends), the record with the smallest record key is
+  // node, or verdicts on one factor, the record with the highest (term, run, record key) is kept. Among nodes, edges or
+  // priors with the same natural key (NaturalKey in model/record_check.h), the record with the smallest record key is
   // kept.
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
   PoseGraph graph() const { return SelectForSolve({UINT64_MAX, UINT64_MAX}).graph; }
-  // Returns a graph whose solve stays within `size`. The graph contains all nodes, the odometry from each node to the
-  // next, and the newest other edges of each origin, up to a limit per origin. The limit starts at the largest number
-  // of such edges of any origin, and is halved until the solve fits or the limit is zero.
+  // Returns a graph whose solve stays within `size`. The graph contains all nodes and priors, the odometry from each
+  // node to the next, and the newest other edges of each origin, up to a limit per origin. The limit starts at the
+  // largest number of such edges of any origin, and is halved until the solve fits or the limit is zero.
   Selection SelectForSolve(const SolveSize& size) const;
   // Returns the maximum size of a solve with this many nodes. Public benchmark graphs need several times less.
   static SolveSize SolveSizeMax(std::size_t node_count);
@@ -64,16 +64,16 @@ class KnownGraph {
   // absent.
   std::map<AgentId, std::uint64_t> CountLeftOut() const;
 
-  // Returns the newest published pose of each node, and the ranges whose newest verdict is "rejected".
+  // Returns the newest published pose of each node, and the newest verdicts.
   LastSolution FindLastSolution() const;
   const Pose* FindPublished(const NodeKey& node) const;          // Null if no pose is published.
   std::size_t published_count() const { return poses_.size(); }  // Number of nodes with a published pose.
   // Returns the published pose; the raw pose if none is published.
   const Pose& NewestPose(const GraphNode& node) const;
 
-  // Returns the last published verdict on a range. Null if none is published; such a range counts as accepted.
-  const PublishedVerdict* FindVerdict(const RangeKey& range) const;
-  bool IsPublishedInlier(const RangeKey& range) const;
+  // Returns the last published verdict on a factor. Null if none is published; such a range counts as accepted, and
+  // such a loop closure or prior was not part of a solve yet.
+  const PublishedVerdict* FindVerdict(const FactorKey& factor) const;
 
   std::vector<NodeKey> NewestNodes() const;  // Returns the newest node of each agent.
 
@@ -90,8 +90,8 @@ class KnownGraph {
   template <typename Name, typename Item>
   using Records = std::map<std::pair<Name, RecordKey>, Item>;
   struct EdgeNote {
-    EdgeName name;
-    bool is_range = false;
+    FactorKey key;  // The kind of odometry is meaningless.
+    bool is_odometry = false;
   };
 
   template <typename T>
@@ -109,9 +109,11 @@ class KnownGraph {
   OriginQuota<NodeKey> node_quota_;
   Records<EdgeName, OdometryEdge> odometry_;
   Records<EdgeName, RangeEdge> ranges_;
-  OriginQuota<EdgeNote> edge_quota_;  // Quota of odometry and ranges together.
+  Records<FactorKey, LoopClosure> closures_;
+  Records<FactorKey, NodePrior> priors_;
+  OriginQuota<EdgeNote> edge_quota_;  // Quota of odometry, ranges, loop closures and priors together.
   std::map<NodeKey, Versioned<Pose>> poses_;
-  std::map<RangeKey, Versioned<PublishedVerdict>> verdicts_;
+  std::map<FactorKey, Versioned<PublishedVerdict>> verdicts_;
   std::map<AgentId, std::uint64_t> left_out_published_;
   Run newest_run_;
 };

@@ -11,8 +11,10 @@
 #include "actors/pgo/cost_terms.h"
 #include "actors/pgo/initial_values.h"
 #include "actors/pgo/keep_still.h"
-#include "actors/pgo/range_tests.h"
+#include "actors/pgo/outlier_tests.h"
+#include "actors/pgo/placement_by_poses.h"
 #include "actors/pgo/rover_status.h"
+#include "actors/pgo/set_test.h"
 #include "actors/pgo/staged_solve.h"
 #include "actors/pgo/unknown_starts.h"
 
@@ -30,7 +32,7 @@ PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& a
   std::vector<bool> counts;
   for (const CheckedRange& range : graph.ranges) {
     counts.push_back(IsKnown(graph, initial, range.from) && IsKnown(graph, initial, range.to) &&
-                     !last.rejected.contains({range.edge->from, range.edge->to}));
+                     !last.rejected.contains(KeyOf(*range.edge)));
   }
   return EstimateBiases(graph, agents, initial.poses, counts, options.bias_sigma_m);
 }
@@ -50,16 +52,15 @@ std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& 
   return is_free;
 }
 
-// Returns the verdicts on the ranges that took part in the solve, or on all ranges if `is_all`. A range that did not
+// Returns the verdicts on the factors that took part in the solve, or on all factors if `is_all`. A factor that did not
 // take part keeps its previous verdict.
-std::vector<RangeVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerms& terms, const StagedResult& staged,
-                                       bool is_all) {
-  const std::vector<double> residuals = terms.RangeResiduals(staged.state);
-  std::vector<RangeVerdict> verdicts;
+std::vector<FactorVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerms& terms, const StagedResult& staged,
+                                        bool is_all) {
+  const std::vector<double> residuals = terms.TestedResiduals(staged.state);
+  std::vector<FactorVerdict> verdicts;
   for (std::size_t i = 0; i < residuals.size(); ++i) {
-    if (!is_all && !terms.HasRange(i)) continue;
-    const RangeEdge& edge = *graph.ranges[i].edge;
-    verdicts.push_back(RangeVerdict{edge.from, edge.to, staged.is_inlier[i], residuals[i]});
+    if (!is_all && !terms.HasTested(i)) continue;
+    verdicts.push_back({graph.KeyOfTested(i), staged.is_inlier[i], residuals[i]});
   }
   return verdicts;
 }
@@ -79,9 +80,12 @@ struct Attempt {
   SolveInitialValues initial_values = SolveInitialValues::kOdometry;
   InitialValues initial;
   std::vector<StartPrior> starts;
-  SolverOptions options;  // The caller's options, with window_nodes of this attempt.
+  std::map<AgentId, std::string> not_placed;  // PosePlacement::not_placed.
+  std::vector<bool> is_allowed;               // One flag per tested factor.
+  SolverOptions options;                      // The caller's options, with window_nodes of this attempt.
   std::unique_ptr<CostTerms> terms;
   StagedResult staged;
+  std::vector<FactorSet> refused;
   // Robust cost of the solution. If the attempt was not accepted, the robust cost at its initial values.
   double robust_cost = std::numeric_limits<double>::infinity();
   std::set<AgentId> ambiguous;  // Rovers that another attempt places elsewhere at nearly the same cost.
@@ -98,6 +102,7 @@ class Solver {
     const LoosePrior loose{options.loose_sigma_m, options.loose_sigma_rad};
     for (const Rover& rover : rovers_) starts_.push_back(FindStartPrior(checked_.nodes[rover.first], agents, loose));
     unknown_ = FindUnknownRovers(checked_, rovers_, starts_);
+    to_place_ = FindRoversToPlace(checked_, rovers_, starts_);
     initial_ = FindInitialValues(checked_, rovers_, starts_, last.poses);
     if (initial_.is_mostly_warm) initial_.biases_m = EstimateWarmBiases(checked_, agents, initial_, last, options);
   }
@@ -106,7 +111,7 @@ class Solver {
     solution_.left_out = checked_.left_out;
     solution_.node_count = checked_.nodes.size();
     solution_.odometry_count = checked_.odometry.size();
-    solution_.range_count = checked_.ranges.size();
+    for (std::size_t i = 0; i < checked_.tested_count(); ++i) ++solution_.counts[checked_.KeyOfTested(i).kind].usable;
     if (rovers_.empty()) {
       solution_.is_accepted = true;
       solution_.text = "no rover has a node yet";
@@ -131,23 +136,43 @@ class Solver {
     return IsBetter(*cold, *best, margin) ? std::move(cold) : std::move(best);
   }
 
-  // Solves from `initial`, and from each arrangement of the rovers without a configured start. Returns the best
-  // attempt.
+  // Places rovers by loop closures and priors, and solves from the result. If such a solution is suspect, also solves
+  // without this placement.
   AttemptPointer BestFrom(const InitialValues& initial) const {
+    if (to_place_.empty()) return BestArranged(initial, {});
+    PosePlacement placement = PlaceByPoses(checked_, rovers_, starts_, to_place_, initial);
+    AttemptPointer best = BestArranged(placement.initial, placement);
+    if (placement.placed.empty() || IsStopped() || !IsSuspect(*best)) return best;
+    placement.placed.clear();
+    AttemptPointer other = BestArranged(initial, placement);
+    return IsBetter(*other, *best, 0) ? std::move(other) : std::move(best);
+  }
+
+  // Solves from `initial`, and from each arrangement of the rovers that have neither a configured start nor a place in
+  // `placement`. Returns the best attempt.
+  AttemptPointer BestArranged(const InitialValues& initial, const PosePlacement& placement) const {
+    std::vector<std::size_t> unknown = unknown_;
+    std::erase_if(unknown, [&](std::size_t i) { return placement.placed.contains(rovers_[i].agent); });
+    std::vector<StartPrior> starts = starts_;
+    for (std::size_t i = 0; i < rovers_.size(); ++i) {
+      if (placement.placed.contains(rovers_[i].agent)) starts[i].is_configured = true;
+    }
     std::vector<InitialValues> elsewhere;
-    if (!unknown_.empty()) {
-      elsewhere = ArrangeUnknownRovers(checked_, rovers_, starts_, unknown_, agents_, initial, options_.stop_requested);
+    if (!unknown.empty()) {
+      elsewhere = ArrangeUnknownRovers(checked_, rovers_, starts, unknown, agents_, initial, options_.stop_requested);
     }
     const bool is_warm =
-        std::any_of(unknown_.begin(), unknown_.end(), [&](std::size_t i) { return HasWarmNode(rovers_[i], initial); });
+        std::any_of(unknown.begin(), unknown.end(), [&](std::size_t i) { return HasWarmNode(rovers_[i], initial); });
     std::vector<AttemptPointer> attempts;
     const bool goes_on = initial.is_mostly_warm;
-    attempts.push_back(Try(initial, goes_on ? SolveInitialValues::kLastSolution : SolveInitialValues::kOdometry,
-                           goes_on && elsewhere.empty() ? options_.window_nodes : 0));
+    const SolveInitialValues first = goes_on                     ? SolveInitialValues::kLastSolution
+                                     : !placement.placed.empty() ? SolveInitialValues::kArrangedRovers
+                                                                 : SolveInitialValues::kOdometry;
+    attempts.push_back(Try(initial, placement, first, goes_on && elsewhere.empty() ? options_.window_nodes : 0));
     std::size_t best = 0;
     for (const InitialValues& initial_values : elsewhere) {
       if (IsStopped()) break;
-      attempts.push_back(Try(initial_values, SolveInitialValues::kArrangedRovers, /*window_nodes=*/0));
+      attempts.push_back(Try(initial_values, placement, SolveInitialValues::kArrangedRovers, /*window_nodes=*/0));
       // If the last solution has placed a rover without a configured start, accept another place only if that place is
       // clearly better.
       const double margin = best == 0 && is_warm && attempts[0]->staged.is_accepted ? options_.ambiguous_cost : 0;
@@ -173,22 +198,27 @@ class Solver {
     return attempt.options.window_nodes == 0 && HasMostlyRejected(checked_, attempt.staged.is_inlier);
   }
 
-  AttemptPointer Try(const InitialValues& initial, SolveInitialValues initial_values, std::size_t window_nodes) const {
+  AttemptPointer Try(const InitialValues& initial, const PosePlacement& placement, SolveInitialValues initial_values,
+                     std::size_t window_nodes) const {
     auto attempt = std::make_unique<Attempt>();
     attempt->initial_values = initial_values;
     attempt->initial = initial;
-    attempt->starts = StartsAt(initial);
+    attempt->not_placed = placement.not_placed;
+    attempt->starts = StartsAt(initial, placement);
+    attempt->is_allowed = FindAllowed(placement);
     attempt->options = options_;
     attempt->options.window_nodes = window_nodes;
     attempt->terms = MakeTerms(*attempt, attempt->options);
     const CostTerms& terms = *attempt->terms;
     std::optional<FirstVerdicts> first;
     if (initial_values == SolveInitialValues::kLastSolution) {
-      first = FindFirstVerdicts(checked_, initial, terms.RangeResiduals(terms.initial()), last_, options_);
+      first = FindFirstVerdicts(checked_, initial, terms.TestedResiduals(terms.initial()), last_, options_);
     }
-    attempt->staged = SolveInStages(terms, checked_, first, attempt->options);
+    SetTested tested = SolveWithSetTest(terms, checked_, first, attempt->is_allowed, last_, attempt->options);
+    attempt->staged = std::move(tested.staged);
+    attempt->refused = std::move(tested.refused);
     const bool is_accepted = attempt->staged.is_accepted;
-    const double cost = terms.RobustCost(is_accepted ? attempt->staged.state : terms.initial());
+    const double cost = terms.RobustCost(attempt->is_allowed, is_accepted ? attempt->staged.state : terms.initial());
     if (std::isfinite(cost)) attempt->robust_cost = cost;
     return attempt;
   }
@@ -198,11 +228,29 @@ class Solver {
                                        FindFree(checked_, rovers_, attempt.initial, options.window_nodes), options);
   }
 
-  // Returns the start priors of all rovers. The prior of a rover without a configured start is the rover's initial
-  // pose, with sigmas so large that the prior costs nothing.
-  std::vector<StartPrior> StartsAt(const InitialValues& initial) const {
+  // Returns one flag per tested factor. A loop closure between two rovers, of which one was not placed and has no
+  // ranges, is not allowed: too few loop closures agree on the rover's place.
+  std::vector<bool> FindAllowed(const PosePlacement& placement) const {
+    std::set<AgentId> loose;
+    for (const auto& [agent, why] : placement.not_placed) loose.insert(agent);
+    for (const std::size_t i : unknown_) loose.erase(rovers_[i].agent);
+    std::vector<bool> is_allowed(checked_.tested_count(), true);
+    for (std::size_t i = checked_.first_closure(); i < checked_.first_prior(); ++i) {
+      const FactorKey key = checked_.KeyOfTested(i);
+      is_allowed[i] = loose.contains(key.from.agent) == loose.contains(key.to.agent);
+    }
+    return is_allowed;
+  }
+
+  // Returns the start priors of all rovers. The prior of a rover that ranges, loop closures or priors place is the
+  // rover's initial pose, with sigmas so large that the prior costs nothing.
+  std::vector<StartPrior> StartsAt(const InitialValues& initial, const PosePlacement& placement) const {
     std::vector<StartPrior> starts = starts_;
-    for (const std::size_t i : unknown_) {
+    std::vector<std::size_t> placed = unknown_;
+    for (const std::size_t i : to_place_) {
+      if (!placement.not_placed.contains(rovers_[i].agent)) placed.push_back(i);
+    }
+    for (const std::size_t i : placed) {
       starts[i].map_from_node = initial.poses[rovers_[i].first];
       starts[i].sigma_m = kFreeSigma_m;
       starts[i].sigma_rad = kFreeSigma_rad;
@@ -225,14 +273,16 @@ class Solver {
       solution_.final_cost = attempt.terms->Cost(staged.is_inlier, staged.state);
     }
     TakePoses([&staged](std::size_t node) { return FromBlock(staged.state.poses[node]); });
-    solution_.ranges = FindVerdicts(checked_, *attempt.terms, staged, /*is_all=*/false);
-    solution_.rejected_range_count = static_cast<std::size_t>(std::count_if(
-        solution_.ranges.begin(), solution_.ranges.end(), [](const auto& range) { return !range.is_inlier; }));
+    solution_.verdicts = FindVerdicts(checked_, *attempt.terms, staged, /*is_all=*/false);
+    for (const FactorVerdict& verdict : solution_.verdicts) {
+      solution_.counts[verdict.factor.kind].rejected += !verdict.is_inlier;
+    }
+    solution_.refused = attempt.refused;
     const std::vector<double> scales(staged.state.numbers.begin(),
                                      staged.state.numbers.begin() + static_cast<std::ptrdiff_t>(rovers_.size()));
     solution_.rovers =
         JudgeRovers(checked_, rovers_, starts_, FindVerdicts(checked_, *attempt.terms, staged, /*is_all=*/true), scales,
-                    attempt.ambiguous);
+                    attempt.ambiguous, attempt.not_placed);
     TakeCovariances(attempt);
   }
 
@@ -275,6 +325,7 @@ class Solver {
   std::vector<StartPrior> starts_;
   // Indices in rovers_ of the rovers that have no configured start and have ranges to other agents.
   std::vector<std::size_t> unknown_;
+  std::vector<std::size_t> to_place_;  // Result of FindRoversToPlace.
   InitialValues initial_;
   Solution solution_;
 };
@@ -296,8 +347,12 @@ std::string ToString(SolveInitialValues initial_values) {
 LastSolution ToLast(const Solution& solution) {
   LastSolution last;
   last.poses = solution.poses;
-  for (const RangeVerdict& range : solution.ranges) {
-    if (!range.is_inlier) last.rejected.insert({range.from, range.to});
+  for (const FactorVerdict& verdict : solution.verdicts) {
+    if (!verdict.is_inlier) {
+      last.rejected.insert(verdict.factor);
+    } else if (verdict.factor.kind != FactorKind::kRange) {
+      last.accepted.insert(verdict.factor);
+    }
   }
   return last;
 }

@@ -1,22 +1,24 @@
-// SolvePoseGraph: estimates all rovers' trajectories from odometry and ranges (paper, Section 5.2).
+// SolvePoseGraph: estimates all rovers' trajectories from odometry, ranges, loop closures and priors (paper, Section
+// 5.2).
 //
 // The solver minimises the following cost over the poses x, each rover's odometry scale s and the bias b of each pair
 // of radios:
 //
-//   F = 1/2 ( sum_odometry |r|^2 + sum_range |r|^2                      actors/pgo/factors.h
+//   F = 1/2 ( sum_odometry |r|^2 + sum_range |r|^2 + sum_closure |r|^2 + sum_prior |r|^2    actors/pgo/factors.h
 //           + sum_rover |start prior|^2 + sum_node |gravity|^2 + sum (s / 2 %)^2 + sum (b / 0.1 m)^2 )
 //
 // The solve has these stages:
 // 1. leave out unusable records (graph_check.h);
 // 2. take initial values from the last solution (initial_values.h);
-// 3. minimise with a Cauchy loss on ranges, because many ranges are too long;
-// 4. reject ranges beyond 3.5 sigma;
-// 5. repeat least squares over the accepted ranges and tests of all ranges, until the verdicts no longer change.
+// 3. minimise with a Cauchy loss on ranges, loop closures and priors, because many of them are wrong;
+// 4. reject ranges beyond 3.5 sigma, and loop closures and priors beyond a Mahalanobis distance of 4;
+// 5. repeat least squares over the accepted factors and tests of all, until the verdicts no longer change;
+// 6. refuse sets of loop closures or priors that contradict the ranges together (set_test.h).
 //
 // A warm solve (nearly all nodes have been solved before) starts from the last verdicts instead of stage 3, so an
 // unchanged graph keeps its poses. If a warm solution is not accepted, or rejects most ranges of a rover, the graph is
 // also solved from odometry, and the solution with the lower robust cost is used. A rover without a configured start is
-// placed by its ranges (unknown_starts.h).
+// placed by its loop closures and priors (placement_by_poses.h), or by its ranges (unknown_starts.h).
 //
 // Deterministic: the same values in any order give the same solution, to the last bit for one thread count and binary.
 // May run on any thread.
@@ -31,6 +33,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "actors/pgo/graph_check.h"
@@ -50,6 +53,7 @@ struct SolverOptions {
   double cauchy_sigmas = 2;     // Scale of the Cauchy loss of the robust stage.
   double huber_sigmas = 1.345;  // Scale of the Huber loss, used only for comparison.
   double reject_sigmas = 3.5;   // Ranges with larger residuals are left out of the last stage.
+  double reject_distance = 4;   // Loop closures and priors with larger Mahalanobis distances are left out.
   // Replaces reject_sigmas for a range directly before or after a rejected range between the same two agents, if both
   // residuals have the same sign.
   double burst_sigmas = 2.5;
@@ -63,7 +67,7 @@ struct SolverOptions {
   double still_move_m = 0.01;
   double still_move_rad = 0.002;
   double still_cost = 0.25;
-  // Standard deviations of the prior on the first pose of a rover that has neither a configured start nor ranges, and
+  // Standard deviations of the prior on the first pose of a rover that has no configured start and is not placed, and
   // on the first pose after a gap in the odometry.
   double loose_sigma_m = 10;
   double loose_sigma_rad = 1;
@@ -80,15 +84,27 @@ struct SolverOptions {
 // The last published solution, from which a solve continues.
 struct LastSolution {
   std::map<NodeKey, Pose> poses;  // map_from_node of each node.
-  // Rejected ranges, each given by its two nodes. All other ranges between nodes in `poses` were accepted.
-  std::set<RangeKey> rejected;
+  // Rejected ranges, loop closures and priors. All other ranges between nodes in `poses` were accepted.
+  std::set<FactorKey> rejected;
+  std::set<FactorKey> accepted;  // Accepted loop closures and priors.
+};
+
+// Loop closures of one source between two rovers, or priors of one source on one rover (set_test.h).
+struct FactorSet {
+  FactorKind kind = FactorKind::kLoopClosure;  // kLoopClosure or kPrior.
+  std::pair<AgentId, AgentId> agents;          // The smaller id first. Both are equal within one rover.
+  std::string source;
+  std::vector<std::size_t> factors;  // Numbers of tested factors (graph_check.h).
 };
 
 enum class Anchoring {
-  // The rover has accepted ranges to agents in the map. It has a configured start, or ranges join it, directly or
-  // through other rovers, to a rover with a configured start or to two base stations.
+  // The rover has accepted ranges or loop closures to agents in the map, or accepted priors. It has a configured start
+  // or priors that determine its heading, or it is joined, directly or through other rovers, to such a rover or to two
+  // base stations.
   kAnchored,
-  kNoRanges,  // The rover has a configured start and odometry, but no accepted range to an agent in the map.
+  // The rover has a configured start and odometry, but no accepted range, loop closure or prior that joins it to the
+  // map.
+  kNoRanges,
   // Ranges join the rover to one base station, and no start is known. The trajectories may be rotated about the base
   // station.
   kYawFree,
@@ -100,7 +116,7 @@ enum class Anchoring {
 enum class SolveInitialValues {
   kOdometry,        // Start poses and odometry.
   kLastSolution,    // The last solution, which contains at least 80 % of the free nodes.
-  kArrangedRovers,  // Rovers without a known start were placed by their ranges.
+  kArrangedRovers,  // Rovers without a known start were placed by their ranges, loop closures or priors.
 };
 
 // Returns "odometry", "warm" or "stage 0".
@@ -116,11 +132,18 @@ struct RoverResult {
   std::string text;  // Describes problems with this rover's data or place. Empty if there are none.
 };
 
-struct RangeVerdict {
-  NodeKey from;
-  NodeKey to;
+struct FactorVerdict {
+  FactorKey factor;
   bool is_inlier = true;
-  double residual_sigmas = 0;  // Signed: negative if the measured range is too long.
+  // A range has a signed residual, negative if the measured range is too long. A loop closure or prior has a
+  // Mahalanobis distance.
+  double residual_sigmas = 0;
+};
+
+// Numbers of factors of one kind.
+struct FactorCount {
+  std::size_t usable = 0;
+  std::size_t rejected = 0;
 };
 
 struct Solution {
@@ -128,8 +151,10 @@ struct Solution {
   SolveInitialValues initial_values = SolveInitialValues::kOdometry;
   // Says why the solution is not accepted, or that there is nothing to solve. Otherwise empty.
   std::string text;
-  std::map<NodeKey, Pose> poses;     // map_from_node of every usable node. The initial values if not accepted.
-  std::vector<RangeVerdict> ranges;  // In the order of CheckedGraph::ranges. Empty if the solution is not accepted.
+  std::map<NodeKey, Pose> poses;  // map_from_node of every usable node. The initial values if not accepted.
+  // In the order of the tested factors (graph_check.h). Empty if the solution is not accepted.
+  std::vector<FactorVerdict> verdicts;
+  std::vector<FactorSet> refused;  // Sets of loop closures or priors that were refused together.
   // Covariances of the nodes in SolverOptions::covariance_of, including nodes outside a window. Rows are the position
   // in the frame `map` (m), then the rotation in the node's own frame (rad). Base stations, and rovers whose place in
   // the map is unknown (kYawFree, kUnanchored), have none. The covariance of an ambiguous rover is valid for the place
@@ -139,11 +164,15 @@ struct Solution {
   LeftOutMap left_out;              // Unusable nodes and edges.
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
-  std::size_t range_count = 0;  // Number of usable ranges.
-  std::size_t rejected_range_count = 0;
-  double initial_cost = 0;  // F over the accepted ranges at the initial values.
-  double final_cost = 0;    // F over the accepted ranges at the end of the solve.
-  int iterations = 0;       // Sum of the iterations of all stages.
+  std::map<FactorKind, FactorCount> counts;  // Kinds without a usable factor are absent.
+  double initial_cost = 0;                   // F over the accepted factors at the initial values.
+  double final_cost = 0;                     // F over the accepted factors at the end of the solve.
+  int iterations = 0;                        // Sum of the iterations of all stages.
+
+  FactorCount CountOf(FactorKind kind) const {
+    const auto found = counts.find(kind);
+    return found == counts.end() ? FactorCount() : found->second;
+  }
 };
 
 Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents, const LastSolution& last,

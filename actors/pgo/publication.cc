@@ -10,6 +10,14 @@ bool HasMoved(const Pose& pose, const Pose* published, const PublicationOptions&
          pose.orientation.angularDistance(published->orientation) > options.move_threshold_rad;
 }
 
+// Returns true if the verdict differs from the published one. A range without a published verdict counts as accepted.
+// The first verdict on a loop closure or prior is always news.
+bool IsNews(const FactorVerdict& verdict, const KnownGraph& known) {
+  const PublishedVerdict* const published = known.FindVerdict(verdict.factor);
+  if (published != nullptr) return published->is_inlier != verdict.is_inlier;
+  return verdict.factor.kind != FactorKind::kRange || !verdict.is_inlier;
+}
+
 bool IsRover(const AgentFactsMap& agents, AgentId agent) {
   const auto facts = agents.find(agent);
   return facts == agents.end() || !facts->second.is_base_station;
@@ -57,14 +65,16 @@ Publication MakePublication(const Solution& solution, const KnownGraph& known, c
     SetVersion(term, run, body);
     ++publication.pose_count;
   }
-  for (const RangeVerdict& range : solution.ranges) {
-    if (range.is_inlier == known.IsPublishedInlier({range.from, range.to})) continue;
+  for (const FactorVerdict& verdict : solution.verdicts) {
+    if (!IsNews(verdict, known)) continue;
     proto::EdgeVerdict& body = *add().mutable_edge_verdict();
-    *body.mutable_from() = ToProto(range.from);
-    *body.mutable_to() = ToProto(range.to);
-    body.set_is_range(true);
-    body.set_is_inlier(range.is_inlier);
-    body.set_residual_sigmas(range.residual_sigmas);
+    *body.mutable_from() = ToProto(verdict.factor.from);
+    *body.mutable_to() = ToProto(verdict.factor.to);
+    body.set_is_range(verdict.factor.kind == FactorKind::kRange);
+    body.set_is_prior(verdict.factor.kind == FactorKind::kPrior);
+    body.set_source(verdict.factor.source);
+    body.set_is_inlier(verdict.is_inlier);
+    body.set_residual_sigmas(verdict.residual_sigmas);
     SetVersion(term, run, body);
   }
   return publication;
@@ -80,8 +90,20 @@ proto::OptimizeReply ToReply(const Solution& solution) {
   }
   reply.set_node_count(static_cast<double>(solution.node_count));
   reply.set_odometry_count(static_cast<double>(solution.odometry_count));
-  reply.set_range_count(static_cast<double>(solution.range_count));
-  reply.set_rejected_range_count(static_cast<double>(solution.rejected_range_count));
+  reply.set_range_count(static_cast<double>(solution.CountOf(FactorKind::kRange).usable));
+  reply.set_rejected_range_count(static_cast<double>(solution.CountOf(FactorKind::kRange).rejected));
+  reply.set_closure_count(static_cast<double>(solution.CountOf(FactorKind::kLoopClosure).usable));
+  reply.set_rejected_closure_count(static_cast<double>(solution.CountOf(FactorKind::kLoopClosure).rejected));
+  reply.set_prior_count(static_cast<double>(solution.CountOf(FactorKind::kPrior).usable));
+  reply.set_rejected_prior_count(static_cast<double>(solution.CountOf(FactorKind::kPrior).rejected));
+  for (const FactorSet& set : solution.refused) {
+    proto::RefusedSet& out = *reply.add_refused_sets();
+    out.add_agent_ids(set.agents.first);
+    if (set.agents.second != set.agents.first) out.add_agent_ids(set.agents.second);
+    out.set_source(set.source);
+    out.set_is_prior(set.kind == FactorKind::kPrior);
+    out.set_count(static_cast<double>(set.factors.size()));
+  }
   reply.set_initial_cost(solution.initial_cost);
   reply.set_final_cost(solution.final_cost);
   reply.set_iterations(solution.iterations);

@@ -1,5 +1,6 @@
 #include "actors/pgo/rover_status.h"
 
+#include <functional>
 #include <map>
 #include <string>
 #include <utility>
@@ -10,37 +11,99 @@ namespace moondb {
 
 namespace {
 
-constexpr std::size_t kAnchoringRangesMin = 3;  // With fewer ranges, a rover has more than one possible place.
+// A rover is anchored by three ranges, or by two loop closures. With fewer ranges it has more than one possible place,
+// and a single loop closure may be wrong.
+constexpr std::size_t kPointsMin = 6;
+constexpr std::size_t kPointsOfRange = 2;
+constexpr std::size_t kPointsOfClosure = 3;
 
-// Adds rovers to `anchored` and returns the result. Repeatedly adds each rover with at least kAnchoringRangesMin
-// accepted ranges to agents in the set, until no more rovers can be added.
-std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set<AgentId> anchored) {
+// Adds rovers to `anchored` and returns the result. Repeatedly adds each rover whose accepted ranges and loop closures
+// to agents in the set have at least kPointsMin points, until no more rovers can be added.
+std::set<AgentId> FindAnchored(const std::vector<FactorVerdict>& verdicts, std::set<AgentId> anchored) {
   for (bool has_grown = true; has_grown;) {
     has_grown = false;
-    std::map<AgentId, std::size_t> ranges_to_anchored;
-    for (const RangeVerdict& range : ranges) {
-      if (!range.is_inlier || anchored.contains(range.from.agent) == anchored.contains(range.to.agent)) continue;
-      const AgentId agent = anchored.contains(range.from.agent) ? range.to.agent : range.from.agent;
-      ++ranges_to_anchored[agent];
+    std::map<AgentId, std::size_t> points;
+    for (const FactorVerdict& verdict : verdicts) {
+      const AgentId from = verdict.factor.from.agent;
+      const AgentId to = verdict.factor.to.agent;
+      if (!verdict.is_inlier || anchored.contains(from) == anchored.contains(to)) continue;
+      points[anchored.contains(from) ? to : from] +=
+          verdict.factor.kind == FactorKind::kRange ? kPointsOfRange : kPointsOfClosure;
     }
-    for (const auto& [agent, count] : ranges_to_anchored) {
-      if (count >= kAnchoringRangesMin) has_grown |= anchored.insert(agent).second;
+    for (const auto& [agent, count] : points) {
+      if (count >= kPointsMin) has_grown |= anchored.insert(agent).second;
     }
   }
   return anchored;
 }
 
+// Returns the rovers whose accepted priors determine their place and heading: one prior with a yaw, or two positions
+// more than kApart_m apart.
+std::set<AgentId> FindAnchoredByPriors(const CheckedGraph& graph, const std::vector<FactorVerdict>& verdicts) {
+  std::set<AgentId> anchored;
+  std::map<AgentId, Eigen::Vector3d> first_m;
+  for (std::size_t i = 0; i < graph.priors.size(); ++i) {
+    if (!verdicts[graph.first_prior() + i].is_inlier) continue;
+    const NodePrior& prior = *graph.priors[i].prior;
+    const Eigen::Vector3d& position_m = prior.map_from_node.position_m;
+    const auto [first, is_first] = first_m.try_emplace(prior.node.agent, position_m);
+    const bool is_apart = !is_first && (position_m - first->second).head<2>().norm() > kApart_m;
+    if (prior.extent != PriorExtent::kPosition || is_apart) anchored.insert(prior.node.agent);
+  }
+  return anchored;
+}
+
+// Numbers of one rover's accepted and rejected factors. A loop closure within the rover counts once.
+struct FactorCounts {
+  struct OfKind {
+    std::size_t accepted = 0;
+    std::size_t rejected = 0;
+  };
+  OfKind ranges;
+  OfKind closures;
+  OfKind priors;
+
+  OfKind& Of(FactorKind kind) {
+    if (kind == FactorKind::kRange) return ranges;
+    return kind == FactorKind::kLoopClosure ? closures : priors;
+  }
+};
+
+std::map<AgentId, FactorCounts> CountFactors(const std::vector<FactorVerdict>& verdicts) {
+  std::map<AgentId, FactorCounts> counts;
+  for (const FactorVerdict& verdict : verdicts) {
+    for (const AgentId agent : std::set<AgentId>{verdict.factor.from.agent, verdict.factor.to.agent}) {
+      FactorCounts::OfKind& of_kind = counts[agent].Of(verdict.factor.kind);
+      ++(verdict.is_inlier ? of_kind.accepted : of_kind.rejected);
+    }
+  }
+  return counts;
+}
+
 // Describes where the rover's place comes from if no start is configured.
-std::string WhereElse(const RoverResult& rover) {
-  if (rover.anchoring != Anchoring::kUnanchored) return ": its ranges say where it is";
-  return rover.range_count > 0 ? ": its ranges say how it stands to other rovers" : ": begins at its raw pose";
+std::string WhereElse(const RoverResult& rover, const FactorCounts& counts) {
+  const bool has_poses = counts.closures.accepted + counts.priors.accepted > 0;
+  const std::string what = rover.range_count == 0 ? "measurements" : has_poses ? "ranges and measurements" : "ranges";
+  if (rover.anchoring != Anchoring::kUnanchored) return ": its " + what + " say where it is";
+  if (rover.range_count == 0 && !has_poses) return ": begins at its raw pose";
+  return ": its " + what + " say how it stands to other rovers";
+}
+
+// Adds a line if more than a third of the factors of one kind are rejected.
+void SayIfContradicted(const FactorCounts::OfKind& counts, const std::string& what, const std::string& question,
+                       const std::function<void(const std::string&)>& say) {
+  const std::size_t all = counts.accepted + counts.rejected;
+  if (3 * counts.rejected <= all) return;
+  say(std::to_string(counts.rejected) + " of its " + std::to_string(all) + " " + what + " contradict the rest" +
+      question);
 }
 
 std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const StartPrior& start,
-                   std::size_t part_count) {
+                   const FactorCounts& counts, const std::string& why_not_placed, std::size_t part_count) {
   std::string text;
   const auto say = [&text](const std::string& line) { text += (text.empty() ? "" : "; ") + line; };
-  if (!start.is_configured) say("no start pose configured for its first node" + WhereElse(rover));
+  if (!start.is_configured) say("no start pose configured for its first node" + WhereElse(rover, counts));
+  if (!why_not_placed.empty() && rover.anchoring == Anchoring::kUnanchored) say("not placed: " + why_not_placed);
   if (rover.anchoring == Anchoring::kNoRanges) {
     const std::string which = rover.range_count > 0 ? "no accepted range to a rover in the map" : "no accepted range";
     say(which + ": start pose and odometry alone");
@@ -48,11 +111,9 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
   if (rover.anchoring == Anchoring::kUnanchored) say("nothing ties it to the map");
   if (rover.anchoring == Anchoring::kYawFree) say("nothing says how it is turned about the base station");
   if (rover.anchoring == Anchoring::kAmbiguous) say("ambiguous: it would stand nearly as well elsewhere");
-  if (3 * rover.rejected_range_count > rover.range_count + rover.rejected_range_count) {
-    say(std::to_string(rover.rejected_range_count) + " of its " +
-        std::to_string(rover.range_count + rover.rejected_range_count) +
-        " ranges contradict the rest: is its start right, or another rover's, are the radios?");
-  }
+  SayIfContradicted(counts.ranges, "ranges", ": is its start right, or another rover's, are the radios?", say);
+  SayIfContradicted(counts.closures, "loop closures", "", say);
+  SayIfContradicted(counts.priors, "priors", ": are they in the frame map?", say);
   if (!IsPlausibleOdometryScale(rover.odometry_scale)) {
     say("its odometry scale is implausible: are all its edges odometry, in metres?");
   }
@@ -66,11 +127,12 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
 struct RoversInMap {
   std::set<AgentId> anchored;
   std::set<AgentId> yaw_free;
-  std::map<AgentId, std::size_t> ranges_in_map;  // Number of accepted ranges to agents that are in the map.
+  // Number of accepted priors, and of accepted ranges and loop closures to other agents that are in the map.
+  std::map<AgentId, std::size_t> ties;
 };
 
 RoversInMap FindInMap(const CheckedGraph& graph, const std::vector<Rover>& rovers,
-                      const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges) {
+                      const std::vector<StartPrior>& starts, const std::vector<FactorVerdict>& verdicts) {
   std::set<AgentId> fixed;
   std::set<AgentId> configured;
   for (const CheckedNode& node : graph.nodes) {
@@ -81,13 +143,17 @@ RoversInMap FindInMap(const CheckedGraph& graph, const std::vector<Rover>& rover
   }
   RoversInMap result;
   if (FixedNodesHoldYaw(graph)) configured.insert(fixed.begin(), fixed.end());
-  result.anchored = FindAnchored(ranges, configured);
-  result.yaw_free = FindAnchored(ranges, fixed);
-  for (const RangeVerdict& range : ranges) {
-    const auto is_in_map = [&](AgentId agent) { return fixed.contains(agent) || result.anchored.contains(agent); };
-    if (!range.is_inlier) continue;
-    result.ranges_in_map[range.from.agent] += is_in_map(range.to.agent);
-    result.ranges_in_map[range.to.agent] += is_in_map(range.from.agent);
+  configured.merge(FindAnchoredByPriors(graph, verdicts));
+  result.anchored = FindAnchored(verdicts, configured);
+  result.yaw_free = FindAnchored(verdicts, fixed);
+  const auto is_in_map = [&](AgentId agent) { return fixed.contains(agent) || result.anchored.contains(agent); };
+  for (const FactorVerdict& verdict : verdicts) {
+    if (!verdict.is_inlier) continue;
+    const AgentId from = verdict.factor.from.agent;
+    const AgentId to = verdict.factor.to.agent;
+    if (from == to && verdict.factor.kind != FactorKind::kPrior) continue;
+    result.ties[from] += is_in_map(to) || from == to;
+    result.ties[to] += is_in_map(from) || from == to;
   }
   return result;
 }
@@ -95,31 +161,29 @@ RoversInMap FindInMap(const CheckedGraph& graph, const std::vector<Rover>& rover
 }  // namespace
 
 std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
-                                     const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges,
-                                     const std::vector<double>& scales, const std::set<AgentId>& ambiguous) {
-  std::map<AgentId, std::size_t> accepted;
-  std::map<AgentId, std::size_t> rejected;
-  for (const RangeVerdict& range : ranges) {
-    std::map<AgentId, std::size_t>& counts = range.is_inlier ? accepted : rejected;
-    ++counts[range.from.agent];
-    ++counts[range.to.agent];
-  }
-  RoversInMap in_map = FindInMap(graph, rovers, starts, ranges);
+                                     const std::vector<StartPrior>& starts, const std::vector<FactorVerdict>& verdicts,
+                                     const std::vector<double>& scales, const std::set<AgentId>& ambiguous,
+                                     const std::map<AgentId, std::string>& not_placed) {
+  std::map<AgentId, FactorCounts> counts = CountFactors(verdicts);
+  RoversInMap in_map = FindInMap(graph, rovers, starts, verdicts);
   std::vector<RoverResult> results;
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     RoverResult result;
     result.agent = rovers[i].agent;
+    const FactorCounts& of_rover = counts[result.agent];
     result.odometry_scale = 1 + scales[i];
     result.node_count = rovers[i].count;
-    result.range_count = accepted[result.agent];
-    result.rejected_range_count = rejected[result.agent];
+    result.range_count = of_rover.ranges.accepted;
+    result.rejected_range_count = of_rover.ranges.rejected;
     if (in_map.anchored.contains(result.agent)) {
-      result.anchoring = in_map.ranges_in_map[result.agent] > 0 ? Anchoring::kAnchored : Anchoring::kNoRanges;
+      result.anchoring = in_map.ties[result.agent] > 0 ? Anchoring::kAnchored : Anchoring::kNoRanges;
       if (ambiguous.contains(result.agent)) result.anchoring = Anchoring::kAmbiguous;
     } else if (in_map.yaw_free.contains(result.agent)) {
       result.anchoring = Anchoring::kYawFree;
     }
-    result.text = TextOf(graph, result, starts[i], rovers[i].part_heads.size());
+    const auto why = not_placed.find(result.agent);
+    result.text = TextOf(graph, result, starts[i], of_rover, why == not_placed.end() ? "" : why->second,
+                         rovers[i].part_heads.size());
     results.push_back(std::move(result));
   }
   return results;

@@ -1,7 +1,9 @@
 // Summarises what a solve could and could not determine about each rover.
 #pragma once
 
+#include <map>
 #include <set>
+#include <string>
 #include <vector>
 
 #include "actors/pgo/graph_check.h"
@@ -10,10 +12,12 @@
 
 namespace moondb {
 
-// Returns one result per rover, in the order of `rovers`. `scales`: odometry scale error s of each rover. `ambiguous`:
-// rovers whose ranges would fit another place of the rover nearly as well.
+// Returns one result per rover, in the order of `rovers`. `verdicts`: those on all tested factors, in their order.
+// `scales`: odometry scale error s of each rover. `ambiguous`: rovers whose ranges would fit another place of the rover
+// nearly as well. `not_placed`: rovers that their loop closures or priors did not place, and the reason.
 std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
-                                     const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges,
-                                     const std::vector<double>& scales, const std::set<AgentId>& ambiguous);
+                                     const std::vector<StartPrior>& starts, const std::vector<FactorVerdict>& verdicts,
+                                     const std::vector<double>& scales, const std::set<AgentId>& ambiguous,
+                                     const std::map<AgentId, std::string>& not_placed);
 
 }  // namespace moondb

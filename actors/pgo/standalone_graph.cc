@@ -58,6 +58,22 @@ std::map<NodeKey, std::size_t> PlacesOf(const std::vector<PlainNode>& nodes) {
   return places;
 }
 
+// Adds a prior of a position as a sighting, and a prior with a rotation as a step.
+void AddPrior(const NodePrior& prior, std::size_t origin, std::size_t node, StandaloneGraph& graph) {
+  if (prior.extent == PriorExtent::kPosition) {
+    const int size = graph.is_planar ? 2 : 3;
+    const double tau = size / prior.covariance.topLeftCorner(size, size).trace();
+    graph.sightings.push_back({origin, node, prior.map_from_node.position_m, tau});
+    return;
+  }
+  Matrix6d covariance = prior.covariance;
+  if (prior.extent == PriorExtent::kPositionYaw) covariance(5, 5) = prior.covariance(3, 3);
+  PlainStep step = StepOf(prior.map_from_node, covariance, graph.is_planar);
+  step.from = origin;
+  step.to = node;
+  graph.steps.push_back(step);
+}
+
 }  // namespace
 
 StandaloneGraph ToStandaloneGraph(const Pyfg& pyfg, const std::set<NodeKey>& fixed) {
@@ -70,8 +86,12 @@ StandaloneGraph ToStandaloneGraph(const Pyfg& pyfg, const std::set<NodeKey>& fix
     const Pose place{landmark.position_m, Eigen::Quaterniond::Identity()};
     graph.nodes.push_back({landmark.key, place, landmark.timestamp_ns.value_or(0), true, fixed.contains(landmark.key)});
   }
+  if (!pyfg.graph.priors.empty()) graph.nodes.push_back({kOriginKey, Pose{}, 0, false, true});
   SortByKey(graph.nodes);
   const std::map<NodeKey, std::size_t> places = PlacesOf(graph.nodes);
+  for (const NodePrior& prior : pyfg.graph.priors) {
+    AddPrior(prior, places.at(kOriginKey), places.at(prior.node), graph);
+  }
   for (const OdometryEdge& edge : pyfg.graph.odometry) {
     PlainStep step = StepOf(edge.from_from_to, edge.covariance, pyfg.is_planar);
     step.from = places.at(edge.from);
@@ -103,8 +123,16 @@ StandaloneGraph ToStandaloneGraph(const G2o& g2o) {
       graph.nodes.push_back({NodeKey{0, id}, Pose{}, time, false, fixed.contains(id)});
     }
   }
+  if (!g2o.priors.empty()) graph.nodes.push_back({kOriginKey, Pose{}, 0, false, true});
   SortByKey(graph.nodes);
   const std::map<NodeKey, std::size_t> places = PlacesOf(graph.nodes);
+  for (const G2oPrior& prior : g2o.priors) {
+    NodePrior converted;
+    converted.extent = prior.extent;
+    converted.map_from_node = prior.map_from_vertex;
+    converted.covariance = BlockInverse(prior.information, g2o.is_planar);
+    AddPrior(converted, places.at(kOriginKey), places.at({0, prior.id}), graph);
+  }
   for (const G2oEdge& edge : g2o.edges) {
     PlainStep step = StepOf(edge.from_from_to, BlockInverse(edge.information, g2o.is_planar), g2o.is_planar);
     step.from = places.at({0, edge.from});

@@ -6,6 +6,8 @@
 //     + sum_sightings tau |l - p_i - R_i t_il|^2
 //     + sum_ranges    (|p_a - p_b| - r)^2 / variance
 //
+// A prior is a step or sighting from an additional pose, the origin, which is fixed at the identity (kOriginKey).
+//
 // The isotropic weights are computed from a covariance matrix as in the code of SE-Sync and CORA. In d dimensions tau =
 // d / trace(translation covariance). In space kappa = 3 / (2 trace(rotation covariance)), in the plane kappa = 1 /
 // (variance of the yaw).
@@ -44,7 +46,7 @@ struct PlainStep {
 
 struct PlainSighting {
   std::size_t from = 0;
-  std::size_t to = 0;  // Index of a point.
+  std::size_t to = 0;  // Index of a point, or of a pose of which only the position is measured.
   Eigen::Vector3d from_point_m = Eigen::Vector3d::Zero();
   double tau = 1;
 };
@@ -55,6 +57,9 @@ struct PlainRange {
   double range_m = 0;
   double sigma_m = 1;
 };
+
+// Key of the origin in a graph with priors. No node of a file has this key.
+inline constexpr NodeKey kOriginKey{kAgentIdMax, 0};
 
 struct StandaloneGraph {
   bool is_planar = false;

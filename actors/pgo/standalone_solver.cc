@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <set>
 #include <utility>
@@ -17,6 +18,10 @@ namespace {
 // Some starts solve only the earliest poses first (a prefix of all poses in order of time). These are the initial
 // lengths of the prefix, as fractions of all poses. 1: the whole graph is solved at once.
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
+// A prefix grows by this factor from solve to solve. If the graph has priors, one start grows gently: priors determine
+// every prefix, and few new poses lie near their solution.
+constexpr double kGrowth = 2;
+constexpr double kGentleGrowth = 1.1;
 constexpr double kSameCostPart = 1e-7;
 // An arrangement is worse than the best one if its cost exceeds this factor times the best cost.
 constexpr double kWorseTimes = 1.5;
@@ -65,9 +70,12 @@ class StandaloneSolver {
     if (graph_.ranges.empty()) {
       SolveLoops();
     } else {
+      const bool has_priors = std::any_of(graph_.nodes.begin(), graph_.nodes.end(),
+                                          [](const PlainNode& node) { return node.key == kOriginKey; });
+      if (has_priors) RunStarts(*std::rbegin(kFirstPrefixes), kGentleGrowth);
       for (const double first : kFirstPrefixes) {
         if (IsStopped() || (solution_.starts_at_lowest > 1 && first < kFirstPrefixes[0])) break;
-        RunStarts(first);
+        RunStarts(first, kGrowth);
       }
       if (solution_.starts_at_lowest < 2 && !best_.empty()) LookBeside();
     }
@@ -84,7 +92,9 @@ class StandaloneSolver {
     if (graph_.nodes.empty()) return Run();
     PlainState state;
     for (const PlainNode& node : graph_.nodes) state.push_back(ToBlock(node.vertex));
-    Add(Start{cost_.Minimise(all_, StartQuality::kRough, state), state}, InitialValues::kVertices);
+    const PlainFit fit = cost_.Minimise(all_, StartQuality::kRough, state);
+    Add(Start{fit, std::move(state)}, PlainInitialValues::kVertices);
+    if (!solution_.has_converged && !IsStopped()) Polish();
     return Finish();
   }
 
@@ -97,7 +107,7 @@ class StandaloneSolver {
     PlainState state = ChordalParts(graph_, all_, heads);
     MoveToFixed(heads, state);
     const PlainFit fit = cost_.Minimise(all_, StartQuality::kNear, state);
-    Add(Start{fit, std::move(state)}, has_loops ? InitialValues::kChordal : InitialValues::kOdometry);
+    Add(Start{fit, std::move(state)}, has_loops ? PlainInitialValues::kChordal : PlainInitialValues::kOdometry);
     if (!fit.has_converged && has_loops && !IsStopped()) GoFromOdometry();
   }
 
@@ -111,7 +121,7 @@ class StandaloneSolver {
     ComposeFromPlaced(graph_, all_, ComposeAlong::kAll, placed, state);
     MoveToFixed(heads, state);
     const PlainFit fit = cost_.Minimise(all_, StartQuality::kRough, state);
-    Add(Start{fit, std::move(state)}, InitialValues::kOdometry);
+    Add(Start{fit, std::move(state)}, PlainInitialValues::kOdometry);
   }
 
   // Moves each part rigidly so that the first fixed node of the part is at its vertex. Then sets every fixed node to
@@ -165,7 +175,7 @@ class StandaloneSolver {
       for (Arrangement& arrangement : ArrangeParts(graph_, all_, placed, heads, from, Freedom())) {
         if (--left < 0 || IsStopped()) break;
         const double before = solution_.cost;
-        Add(RunStart(1, all_, std::move(arrangement.state)), solution_.initial_values);
+        Add(RunStart(1, kGrowth, all_, std::move(arrangement.state)), solution_.initial_values);
         // If this start has replaced the solution, stop: the remaining arrangements belong to the previous solution.
         if (solution_.cost < before) break;
       }
@@ -201,23 +211,24 @@ class StandaloneSolver {
     return placed;
   }
 
-  void RunStarts(double first) {
+  // `first`: the first prefix, as a fraction of all poses. `growth`: factor by which it grows.
+  void RunStarts(double first, double growth) {
     const ActiveNodes active = Prefix(first);
     const std::vector<std::size_t> heads = FindHeads(graph_, active);
     PlainState state = ChordalParts(graph_, active, heads);
     MoveToFixed(heads, state);
     const std::vector<bool> placed = FirstPlaced(active, heads);
     const bool is_whole = placed == active;
-    InitialValues initial_values =
-        is_whole ? (HasLoops(graph_, active, heads) ? InitialValues::kChordal : InitialValues::kOdometry)
-                 : InitialValues::kArrangedParts;
-    if (first < 1) initial_values = InitialValues::kPrefixGrowth;
+    PlainInitialValues initial_values =
+        is_whole ? (HasLoops(graph_, active, heads) ? PlainInitialValues::kChordal : PlainInitialValues::kOdometry)
+                 : PlainInitialValues::kArrangedParts;
+    if (first < 1) initial_values = PlainInitialValues::kPrefixGrowth;
     std::vector<Arrangement> arrangements = ArrangeParts(graph_, active, placed, heads, state, Freedom());
     for (Arrangement& arrangement : arrangements) {
       if (IsStopped()) return;
       const bool is_worse = arrangement.cost > kWorseTimes * arrangements.front().cost;
       if (solution_.starts_at_lowest > 1 && is_worse) return;
-      Add(RunStart(first, active, std::move(arrangement.state)), initial_values);
+      Add(RunStart(first, growth, active, std::move(arrangement.state)), initial_values);
     }
   }
 
@@ -231,14 +242,14 @@ class StandaloneSolver {
   // Runs one start to its end. `part`: fraction of all poses, in order of time, that the start solves first. If an
   // earlier start had the same solution for the same fraction of the poses, this start stops and returns infinite cost,
   // because it would only repeat the earlier start.
-  Start RunStart(double part, ActiveNodes active, PlainState state) {
+  Start RunStart(double part, double growth, ActiveNodes active, PlainState state) {
     PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
     int iterations = fit.iterations;
     while (part < 1 && !IsStopped()) {
       if (HasPassed(part, fit.cost, state))
         return Start{{false, std::numeric_limits<double>::infinity(), iterations}, {}};
       passed_.push_back({part, fit.cost, state});
-      part = std::min(1.0, 2 * part);
+      part = std::min(1.0, growth * part);
       const ActiveNodes grown = Prefix(part);
       Extend(active, grown, state);
       active = grown;
@@ -274,7 +285,7 @@ class StandaloneSolver {
     state = std::move(ArrangeParts(graph_, active, placed, heads, state, one).front().state);
   }
 
-  void Add(Start start, InitialValues initial_values) {
+  void Add(Start start, PlainInitialValues initial_values) {
     ++solution_.starts;
     solution_.iterations += start.fit.iterations;
     if (!std::isfinite(start.fit.cost)) return;
@@ -332,17 +343,17 @@ class StandaloneSolver {
 
 }  // namespace
 
-std::string ToString(InitialValues initial_values) {
+std::string ToString(PlainInitialValues initial_values) {
   switch (initial_values) {
-    case InitialValues::kOdometry:
+    case PlainInitialValues::kOdometry:
       return "odometry";
-    case InitialValues::kChordal:
+    case PlainInitialValues::kChordal:
       return "chordal";
-    case InitialValues::kArrangedParts:
+    case PlainInitialValues::kArrangedParts:
       return "stage 0";
-    case InitialValues::kPrefixGrowth:
+    case PlainInitialValues::kPrefixGrowth:
       return "prefix growth";
-    case InitialValues::kVertices:
+    case PlainInitialValues::kVertices:
       return "vertices";
   }
   return "unknown";

@@ -18,10 +18,10 @@
 
 namespace moondb {
 
-enum class InitialValues { kOdometry, kChordal, kArrangedParts, kPrefixGrowth, kVertices };
+enum class PlainInitialValues { kOdometry, kChordal, kArrangedParts, kPrefixGrowth, kVertices };
 
 // Returns "odometry", "chordal", "stage 0", "prefix growth" or "vertices".
-std::string ToString(InitialValues initial_values);
+std::string ToString(PlainInitialValues initial_values);
 
 struct PlainSolution {
   bool has_converged = false;
@@ -30,7 +30,7 @@ struct PlainSolution {
   std::string text;
   std::vector<Pose> poses;  // In the order of StandaloneGraph::nodes. The file's vertices if no start gave a solution.
   double cost = 0;          // F; infinity if no start gave a solution.
-  InitialValues initial_values = InitialValues::kOdometry;
+  PlainInitialValues initial_values = PlainInitialValues::kOdometry;
   // Number of starts, and how many of them ended at the lowest cost in the same shape.
   int starts = 0;
   int starts_at_lowest = 0;

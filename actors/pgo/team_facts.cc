@@ -14,6 +14,7 @@ AgentFacts FactsOf(const proto::AgentConfig& agent) {
   facts.agent = agent.id();
   facts.is_base_station = agent.kind() == proto::AGENT_KIND_BASE_STATION;
   facts.antenna_m = ToVector(agent.antenna_m()).value_or(Eigen::Vector3d::Zero());
+  facts.has_fixed_scale = agent.pose_graph().odometry_scale() == proto::ODOMETRY_SCALE_FIXED;
   if (facts.is_base_station) {
     const std::optional<Eigen::Vector3d> position_m = ToVector(agent.position_m());
     if (position_m) facts.start = Pose{*position_m, Eigen::Quaterniond::Identity()};
@@ -38,8 +39,12 @@ AgentFactsMap FactsOf(const proto::TeamConfig& team) {
 AgentFactsMap FactsOf(const Mission& mission) {
   AgentFactsMap facts;
   for (const MissionAgent& agent : mission.agents) {
-    facts[agent.id] = AgentFacts{
-        agent.id, agent.is_base_station, agent.start, agent.start_sigma_m, agent.start_sigma_rad, agent.antenna_m};
+    facts[agent.id] = AgentFacts{.agent = agent.id,
+                                 .is_base_station = agent.is_base_station,
+                                 .start = agent.start,
+                                 .start_sigma_m = agent.start_sigma_m,
+                                 .start_sigma_rad = agent.start_sigma_rad,
+                                 .antenna_m = agent.antenna_m};
   }
   return facts;
 }

@@ -131,6 +131,15 @@ Result<void> PeerAuthority::CheckOwnQuarantine(const proto::Record& record) cons
       record.map_quarantine().has_lifts() ? "map_quarantine.lifts" : "map_quarantine.agent_id");
 }
 
+Result<void> PeerAuthority::CheckOwnPrior(const proto::Record& record) const {
+  const bool may_command = !options_.roles.has_keys || options_.roles.may_command(options_.self);
+  if (may_command || IsNamedIn(record, options_.self)) return {};
+  return Fail(ErrorCode::kRefused,
+              "is about another agent's node, and this agent is not in command_from of the team file: give it at that "
+              "agent or at an agent of command_from",
+              "pose_prior.node.agent_id");
+}
+
 void PeerAuthority::NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) {
   left_out_[reader] = report;
 }

@@ -90,6 +90,9 @@ class PeerAuthority {
   // Checks a quarantine that this agent wants to store. Fails with kRefused if it concerns another agent's maps or
   // lifts another agent's quarantine, unless this agent is the leader or is listed in command_from of the team file.
   Result<void> CheckOwnQuarantine(const proto::Record& record) const;
+  // Checks a prior that this agent wants to store. Fails with kRefused if it concerns another agent's node, unless this
+  // agent is listed in command_from of the team file.
+  Result<void> CheckOwnPrior(const proto::Record& record) const;
   // Returns the newest known valid term.
   const proto::Term& newest_term() const { return chain_.newest().term(); }
   // Counts a refused record that its origin may not write in any role (CheckSpeaker).

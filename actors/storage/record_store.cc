@@ -355,6 +355,7 @@ Result<void> RecordStore::CheckOwnRecord(const proto::Record& record) const {
   Result<void> checked = CheckTeamRecord(record, options_.team);
   if (checked) checked = CheckSpeaker(record, options_.self);
   if (checked && record.has_map_quarantine()) checked = authority_.CheckOwnQuarantine(record);
+  if (checked && record.has_pose_prior()) checked = authority_.CheckOwnPrior(record);
   return checked && record.has_custom() ? CheckDeclared(record.custom(), options_.custom_types) : checked;
 }
 
@@ -638,7 +639,7 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
       return Fail(ErrorCode::kInvalid, name + " already exists " + as, table.name());
     }
   }
-  if (record.pose_graph_edge().has_relative_pose()) {
+  if (record.pose_graph_edge().has_relative_pose() && record.pose_graph_edge().source().empty()) {
     const Result<void> consecutive = CheckConsecutive(record.pose_graph_edge(), writing);
     if (!consecutive) return consecutive;
   }
@@ -691,7 +692,7 @@ Result<void> RecordStore::CheckConsecutive(const proto::PoseGraphEdge& edge, con
     if (next == nodes->end() || *next >= last) continue;
     return Fail(ErrorCode::kInvalid,
                 "node " + std::to_string(options_.self) + ":" + std::to_string(*next) +
-                    " lies between: odometry joins a node to the next one, and a loop closure is no odometry",
+                    " lies between: odometry joins a node to the next one, and a loop closure states its source",
                 "pose_graph_edge.to");
   }
   return {};

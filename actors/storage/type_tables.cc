@@ -1,5 +1,6 @@
 #include "actors/storage/type_tables.h"
 
+#include <cmath>
 #include <string_view>
 
 #include "model/record_key.h"
@@ -26,6 +27,11 @@ void BindPose(const proto::Pose& pose, Query& query) {
 }
 
 void BindNode(const proto::NodeKey& node, Query& query) { query << node.agent_id() << node.index(); }
+
+// Returns the angle of the body's x axis in the horizontal plane.
+double YawOf(const proto::Quaternion& q) {
+  return std::atan2(2 * (q.w() * q.z() + q.x() * q.y()), 1 - 2 * (q.y() * q.y() + q.z() * q.z()));
+}
 
 void BindVersion(const proto::Term& term, std::uint64_t run, Query& query) {
   query << term.number() << term.issuer() << term.issuer_epoch() << run;
@@ -75,7 +81,7 @@ std::vector<TypeTable> MakeTypeTables() {
            }},
 
       {.type = proto::POSE_GRAPH_EDGE,
-       .columns = std::string(kEnds) + "range_m REAL, variance_m2 REAL",
+       .columns = std::string(kEnds) + "range_m REAL, variance_m2 REAL, source TEXT NOT NULL",
        .bind =
            [](const Record& record, Query& query) {
              const proto::PoseGraphEdge& edge = record.pose_graph_edge();
@@ -87,6 +93,7 @@ std::vector<TypeTable> MakeTypeTables() {
              } else {
                query << nullptr << nullptr;
              }
+             query << std::string_view(edge.source());
            }},
 
       {.type = proto::OPTIMIZED_POSE,
@@ -106,7 +113,7 @@ std::vector<TypeTable> MakeTypeTables() {
        .columns = std::string(kEnds) +
                   "is_inlier INTEGER NOT NULL, residual_sigmas REAL NOT NULL,"
                   "term_number INTEGER NOT NULL, term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL,"
-                  "run INTEGER NOT NULL",
+                  "run INTEGER NOT NULL, is_prior INTEGER NOT NULL, source TEXT NOT NULL",
        .bind =
            [](const Record& record, Query& query) {
              const proto::EdgeVerdict& verdict = record.edge_verdict();
@@ -114,8 +121,28 @@ std::vector<TypeTable> MakeTypeTables() {
              BindNode(verdict.to(), query);
              query << verdict.is_range() << verdict.is_inlier() << verdict.residual_sigmas();
              BindVersion(verdict.term(), verdict.run(), query);
+             query << verdict.is_prior() << std::string_view(verdict.source());
            },
        .agent_condition = "(from_agent = ?6 OR to_agent = ?6)"},
+
+      {.type = proto::POSE_PRIOR,
+       .columns = std::string(kNode) + "x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL, yaw REAL, "
+                                       "source TEXT NOT NULL",
+       .bind =
+           [](const Record& record, Query& query) {
+             const proto::PosePrior& prior = record.pose_prior();
+             BindNode(prior.node(), query);
+             const proto::Vector3& position_m = prior.has_pose()           ? prior.pose().position_m()
+                                                : prior.has_position_yaw() ? prior.position_yaw().position_m()
+                                                                           : prior.position_m();
+             query << position_m.x() << position_m.y() << position_m.z();
+             if (prior.has_position_m()) {
+               query << nullptr;
+             } else {
+               query << (prior.has_pose() ? YawOf(prior.pose().orientation()) : prior.position_yaw().yaw_rad());
+             }
+             query << std::string_view(prior.source());
+           }},
 
       {.type = proto::LOCAL_TRAVERSABILITY_MAP,
        .columns = std::string(kNode) +

@@ -26,6 +26,17 @@ Result<Matrix6d> InverseOf(const Matrix6d& matrix) {
   return Fail(ErrorCode::kInvalid, "an edge's covariance or information has no inverse");
 }
 
+// Rotates the covariance of a pose prior from the frame `map` into the frame of the measured pose, or back. g2o uses
+// the latter. Returns the covariance of a position prior unchanged.
+Matrix6d InFrameOfPose(const NodePrior& prior, bool is_into) {
+  if (prior.extent != PriorExtent::kPose) return prior.covariance;
+  const Eigen::Matrix3d map_from_node = prior.map_from_node.orientation.toRotationMatrix();
+  Matrix6d rotation = Matrix6d::Zero();
+  rotation.topLeftCorner<3, 3>() = rotation.bottomRightCorner<3, 3>() =
+      is_into ? Eigen::Matrix3d(map_from_node.transpose()) : map_from_node;
+  return rotation * prior.covariance * rotation.transpose();
+}
+
 }  // namespace
 
 Result<G2o> ToG2o(const Pyfg& pyfg) {
@@ -35,10 +46,21 @@ Result<G2o> ToG2o(const Pyfg& pyfg) {
     if (node.key.index > kIndexMax) return Fail(ErrorCode::kInvalid, "a node's number is beyond g2o's symbols (2^56)");
     g2o.vertices.push_back({SymbolOf(node.key), node.map_from_node});
   }
-  for (const OdometryEdge& edge : pyfg.graph.odometry) {
-    const Result<Matrix6d> information = InverseOf(edge.covariance);
+  const auto add = [&g2o](const auto& edges) -> Result<void> {
+    for (const auto& edge : edges) {
+      const Result<Matrix6d> information = InverseOf(edge.covariance);
+      if (!information) return tl::unexpected(information.error());
+      g2o.edges.push_back({SymbolOf(edge.from), SymbolOf(edge.to), edge.from_from_to, *information});
+    }
+    return {};
+  };
+  if (auto added = add(pyfg.graph.odometry); !added) return tl::unexpected(added.error());
+  if (auto added = add(pyfg.graph.closures); !added) return tl::unexpected(added.error());
+  for (const NodePrior& measured : pyfg.graph.priors) {
+    const NodePrior prior = WithTilt(measured);
+    const Result<Matrix6d> information = InverseOf(InFrameOfPose(prior, /*is_into=*/true));
     if (!information) return tl::unexpected(information.error());
-    g2o.edges.push_back({SymbolOf(edge.from), SymbolOf(edge.to), edge.from_from_to, *information});
+    g2o.priors.push_back({SymbolOf(prior.node), prior.extent, prior.map_from_node, *information});
   }
   return g2o;
 }
@@ -60,6 +82,17 @@ Result<Pyfg> ToPyfg(const G2o& g2o, AgentId plain_agent) {
     // The reader of the file has checked that both nodes of an edge are vertices.
     pyfg.graph.odometry.push_back(
         {*KeyOf(edge.from, plain_agent), *KeyOf(edge.to, plain_agent), 0, edge.from_from_to, *covariance});
+  }
+  for (const G2oPrior& prior : g2o.priors) {
+    const Result<Matrix6d> covariance = InverseOf(prior.information);
+    if (!covariance) return tl::unexpected(covariance.error());
+    NodePrior converted;
+    converted.node = *KeyOf(prior.id, plain_agent);
+    converted.extent = prior.extent;
+    converted.map_from_node = prior.map_from_vertex;
+    converted.covariance = *covariance;
+    converted.covariance = InFrameOfPose(converted, /*is_into=*/false);
+    pyfg.graph.priors.push_back(converted);
   }
   return pyfg;
 }

@@ -10,8 +10,8 @@
 
 namespace moondb {
 
-// Converts poses and odometry. Omits ranges, because g2o has no edge for them. Returns kInvalid if the index of a node
-// is 2^56 or more, or if a covariance is singular.
+// Converts poses, relative poses and priors. Omits ranges, because g2o has no edge for them. Returns kInvalid if the
+// index of a node is 2^56 or more, or if a covariance is singular.
 Result<G2o> ToG2o(const Pyfg& pyfg);
 
 // Converts a g2o graph. Timestamps become 0. Assigns vertices whose ids are not GTSAM symbols to `plain_agent`, the

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "apps/common/graph_reading.h"
 #include "apps/common/json_writer.h"
@@ -73,11 +74,14 @@ ExitCode ImportGraph(CommandContext& context, const std::string& file) {
   json.BeginObject().Key("nodes").Number(static_cast<double>(import->node_count));
   json.Key("odometry").Number(static_cast<double>(import->odometry_count));
   json.Key("ranges").Number(static_cast<double>(import->range_count));
+  json.Key("loop_closures").Number(static_cast<double>(import->closure_count));
+  json.Key("priors").Number(static_cast<double>(import->prior_count));
   json.Key("left_out").Number(static_cast<double>(import->left_out_count)).EndObject();
   return context.Done(json.text(), "inserted " + Count(import->node_count) + " nodes, " +
-                                       Count(import->odometry_count) + " odometry edges and " +
-                                       Count(import->range_count) + " ranges at " + Count(clients.size()) +
-                                       " agents; left out " + Count(import->left_out_count));
+                                       Count(import->odometry_count) + " odometry edges, " +
+                                       Count(import->range_count) + " ranges, " + Count(import->closure_count) +
+                                       " loop closures and " + Count(import->prior_count) + " priors at " +
+                                       Count(clients.size()) + " agents; left out " + Count(import->left_out_count));
 }
 
 std::string AnchoringText(proto::Anchoring anchoring) {
@@ -108,15 +112,35 @@ std::string SigmaText(const proto::NodeCovariance& node, int coordinate, const c
   return FormatFixed(std::sqrt((*covariance)(coordinate, coordinate)), 3) + " " + unit;
 }
 
+std::string CountText(double count, double rejected, const std::string& what) {
+  return FormatCount(count) + " " + what + " (" + FormatCount(rejected) + " rejected)";
+}
+
+std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedSet& set) {
+  std::string text = "refused all " + FormatCount(set.count()) + (set.is_prior() ? " priors" : " loop closures") +
+                     " of " + set.source();
+  if (set.agent_ids_size() == 2) {
+    text += " between " + AgentName(team, set.agent_ids(0)) + " and " + AgentName(team, set.agent_ids(1));
+  } else if (set.agent_ids_size() == 1) {
+    text += (set.is_prior() ? " on " : " within ") + AgentName(team, set.agent_ids(0));
+  }
+  return text + ": together they contradict the other measurements";
+}
+
 std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply& solve) {
   if (IsError(solve.error())) return "it failed: " + FromProto(solve.error()).text + "\n";
   std::string text =
       FormatCount(solve.node_count()) + " nodes, " + FormatCount(solve.odometry_count()) + " odometry edges, " +
-      FormatCount(solve.range_count()) + " ranges (" + FormatCount(solve.rejected_range_count()) + " rejected)\ncost " +
-      FormatFixed(solve.initial_cost(), 2) + " to " + FormatFixed(solve.final_cost(), 2) + " in " +
+      CountText(solve.range_count(), solve.rejected_range_count(), "ranges") +
+      (solve.closure_count() > 0
+           ? ", " + CountText(solve.closure_count(), solve.rejected_closure_count(), "loop closures")
+           : "") +
+      (solve.prior_count() > 0 ? ", " + CountText(solve.prior_count(), solve.rejected_prior_count(), "priors") : "") +
+      "\ncost " + FormatFixed(solve.initial_cost(), 2) + " to " + FormatFixed(solve.final_cost(), 2) + " in " +
       FormatCount(solve.iterations()) + " iterations, " + FormatFixed(solve.seconds(), 3) +
       " s, begun at: " + solve.initial_values() + "; " + FormatCount(solve.updated_pose_count()) + " poses written\n";
   if (!solve.text().empty()) text += solve.text() + "\n";
+  for (const proto::RefusedSet& set : solve.refused_sets()) text += RefusedText(team, set) + "\n";
   Table table({"ROVER", "NODES", "ANCHORED", "ODOMETRY SCALE", "NOTE"});
   for (const proto::RoverSolution& rover : solve.rovers()) {
     table.Add({AgentName(team, rover.agent_id()), FormatCount(rover.node_count()), AnchoringText(rover.anchoring()),
@@ -162,73 +186,98 @@ ExitCode OptimizeGraph(CommandContext& context, const OptimizeArguments& argumen
   return context.Done(ToJson(*solve), SolveText((*team)->config, *solve));
 }
 
-// Statistics of the ranges between two agents. A range counts as rejected if its newest verdict rejects it.
-struct PairStats {
-  std::size_t range_count = 0;
+// Statistics of the factors of one kind and source between two agents. A factor counts as rejected if its newest
+// verdict rejects it.
+struct GroupStats {
+  std::size_t count = 0;
   std::size_t rejected_count = 0;
-  double worst_sigmas = 0;  // Residual with the largest magnitude among the rejected ranges, in sigmas.
+  std::size_t unjudged_count = 0;  // Loop closures and priors without a verdict: no solve has used them yet.
+  double worst_sigmas = 0;         // Residual with the largest magnitude among the rejected factors, in sigmas.
 };
 
-using AgentPair = std::pair<AgentId, AgentId>;  // Two agents, the smaller id first.
+// A kind, two agents (the smaller id first; both are equal within one rover) and a source.
+using GroupKey = std::tuple<FactorKind, std::pair<AgentId, AgentId>, std::string>;
 
-struct RejectedRange {
-  const RangeEdge* range = nullptr;
+struct RejectedFactor {
+  FactorKey key;
+  const RangeEdge* range = nullptr;  // Null for other kinds.
   double residual_sigmas = 0;
 };
 
-struct RangeStats {
-  std::map<AgentPair, PairStats> pairs;
-  std::vector<RejectedRange> rejected;
+struct FactorStats {
+  std::map<GroupKey, GroupStats> groups;
+  std::vector<RejectedFactor> rejected;
 };
 
-// Returns the statistics of all ranges in `known`. The result points into `known`.
-RangeStats FindRangeStats(const KnownGraph& known) {
-  RangeStats stats;
-  for (const RangeEdge& range : known.graph().ranges) {
-    PairStats& pair = stats.pairs[std::minmax(range.from.agent, range.to.agent)];
-    ++pair.range_count;
-    const PublishedVerdict* verdict = known.FindVerdict({range.from, range.to});
-    if (verdict == nullptr || verdict->is_inlier) continue;
-    stats.rejected.push_back({&range, verdict->residual_sigmas});
-    ++pair.rejected_count;
-    if (std::abs(verdict->residual_sigmas) > std::abs(pair.worst_sigmas)) pair.worst_sigmas = verdict->residual_sigmas;
-  }
+// Returns the statistics of all ranges, loop closures and priors in `graph`, with the verdicts in `known`. The result
+// points into `graph`.
+FactorStats FindFactorStats(const PoseGraph& graph, const KnownGraph& known) {
+  FactorStats stats;
+  const auto add = [&](const FactorKey& key, const RangeEdge* range) {
+    GroupStats& group = stats.groups[{key.kind, std::minmax(key.from.agent, key.to.agent), key.source}];
+    ++group.count;
+    const PublishedVerdict* verdict = known.FindVerdict(key);
+    if (verdict == nullptr && key.kind != FactorKind::kRange) ++group.unjudged_count;
+    if (verdict == nullptr || verdict->is_inlier) return;
+    stats.rejected.push_back({key, range, verdict->residual_sigmas});
+    ++group.rejected_count;
+    if (std::abs(verdict->residual_sigmas) > std::abs(group.worst_sigmas)) {
+      group.worst_sigmas = verdict->residual_sigmas;
+    }
+  };
+  for (const RangeEdge& range : graph.ranges) add(KeyOf(range), &range);
+  for (const LoopClosure& closure : graph.closures) add(KeyOf(closure), nullptr);
+  for (const NodePrior& prior : graph.priors) add(KeyOf(prior), nullptr);
   return stats;
 }
 
-std::string PairsText(const proto::TeamConfig& team, const std::map<AgentPair, PairStats>& pairs) {
-  if (pairs.empty()) return "no range is held here\n";
-  Table table({"RANGES BETWEEN", "", "HELD", "REJECTED", "WORST SIGMAS"});
-  for (const auto& [agents, pair] : pairs) {
-    table.Add({AgentName(team, agents.first), AgentName(team, agents.second), std::to_string(pair.range_count),
-               std::to_string(pair.rejected_count),
-               pair.rejected_count == 0 ? "-" : FormatFixed(pair.worst_sigmas, 1)});
+std::string GroupsText(const proto::TeamConfig& team, const FactorStats& stats) {
+  if (stats.groups.empty()) return "no range, loop closure or prior is held here\n";
+  Table table({"KIND", "BETWEEN", "", "SOURCE", "HELD", "REJECTED", "NOT JUDGED", "WORST SIGMAS"});
+  for (const auto& [key, group] : stats.groups) {
+    const auto& [kind, agents, source] = key;
+    table.Add({ToString(kind), AgentName(team, agents.first),
+               kind == FactorKind::kPrior ? "-" : AgentName(team, agents.second), source.empty() ? "-" : source,
+               std::to_string(group.count), std::to_string(group.rejected_count), std::to_string(group.unjudged_count),
+               group.rejected_count == 0 ? "-" : FormatFixed(group.worst_sigmas, 1)});
   }
   return table.Text();
 }
 
-std::string RejectedText(const proto::TeamConfig& team, const std::vector<RejectedRange>& rejected) {
-  Table table({"REJECTED", "", "RANGE m", "SIGMAS"});
-  for (const auto& [range, residual_sigmas] : rejected) {
-    table.Add({NodeName(team, range->from), NodeName(team, range->to), FormatFixed(range->range_m, 3),
-               FormatFixed(residual_sigmas, 1)});
+std::string RejectedText(const proto::TeamConfig& team, const std::vector<RejectedFactor>& rejected) {
+  Table table({"REJECTED", "FROM", "TO", "SOURCE", "RANGE m", "SIGMAS"});
+  for (const auto& [key, range, residual_sigmas] : rejected) {
+    table.Add({ToString(key.kind), NodeName(team, key.from),
+               key.kind == FactorKind::kPrior ? "-" : NodeName(team, key.to), key.source.empty() ? "-" : key.source,
+               range == nullptr ? "-" : FormatFixed(range->range_m, 3), FormatFixed(residual_sigmas, 1)});
   }
   return table.Text();
 }
 
-void WriteRanges(const proto::TeamConfig& team, const RangeStats& stats, JsonWriter& json) {
-  json.Key("pairs").BeginArray();
-  for (const auto& [agents, pair] : stats.pairs) {
-    json.BeginObject().Key("agents").BeginArray();
-    json.String(AgentName(team, agents.first)).String(AgentName(team, agents.second)).EndArray();
-    json.Key("ranges").Number(static_cast<double>(pair.range_count));
-    json.Key("rejected").Number(static_cast<double>(pair.rejected_count));
-    json.Key("worst_sigmas").Number(pair.worst_sigmas).EndObject();
+void WriteFactors(const proto::TeamConfig& team, const FactorStats& stats, JsonWriter& json) {
+  json.Key("factors").BeginArray();
+  for (const auto& [key, group] : stats.groups) {
+    const auto& [kind, agents, source] = key;
+    json.BeginObject()
+        .Key("kind")
+        .String(ToString(kind))
+        .Key("agents")
+        .BeginArray()
+        .String(AgentName(team, agents.first));
+    if (kind != FactorKind::kPrior) json.String(AgentName(team, agents.second));
+    json.EndArray().Key("source").String(source);
+    json.Key("held").Number(static_cast<double>(group.count));
+    json.Key("rejected").Number(static_cast<double>(group.rejected_count));
+    json.Key("not_judged").Number(static_cast<double>(group.unjudged_count));
+    json.Key("worst_sigmas").Number(group.worst_sigmas).EndObject();
   }
   json.EndArray().Key("rejected").BeginArray();
-  for (const auto& [range, residual_sigmas] : stats.rejected) {
-    json.BeginObject().Key("from").Raw(ToJson(ToProto(range->from))).Key("to").Raw(ToJson(ToProto(range->to)));
-    json.Key("range_m").Number(range->range_m).Key("residual_sigmas").Number(residual_sigmas).EndObject();
+  for (const auto& [key, range, residual_sigmas] : stats.rejected) {
+    json.BeginObject().Key("kind").String(ToString(key.kind));
+    json.Key("from").Raw(ToJson(ToProto(key.from))).Key("to").Raw(ToJson(ToProto(key.to)));
+    json.Key("source").String(key.source);
+    if (range != nullptr) json.Key("range_m").Number(range->range_m);
+    json.Key("residual_sigmas").Number(residual_sigmas).EndObject();
   }
   json.EndArray();
 }
@@ -245,13 +294,14 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
                          ? target->agent->name() + " has not solved the graph since it started\n"
                          : FormatCount(stats->solve_count()) + " solves since the start; the last one:\n" +
                                SolveText(team, stats->last_solve());
-  const RangeStats ranges = FindRangeStats(*known);
-  text += PairsText(team, ranges.pairs);
-  if (has_edges) text += RejectedText(team, ranges.rejected);
+  const PoseGraph graph = known->graph();
+  const FactorStats factors = FindFactorStats(graph, *known);
+  text += GroupsText(team, factors);
+  if (has_edges) text += RejectedText(team, factors.rejected);
   JsonWriter json;
   json.BeginObject().Key("solve_count").Number(stats->solve_count());
   json.Key("last_solve").Raw(ToJson(stats->last_solve()));
-  WriteRanges(team, ranges, json);
+  WriteFactors(team, factors, json);
   json.EndObject();
   return context.Done(json.text(), text);
 }
@@ -285,9 +335,10 @@ void AddGraphCommands(Command& app, CommandContext& context) {
       [&context, optimize] { context.action = [&context, optimize] { return OptimizeGraph(context, *optimize); }; });
 
   auto has_edges = std::make_shared<bool>(false);
-  Command& stats = AddCommand(group, "stats", "Show the last solve and the verdicts on ranges",
-                              {"moonctl graph stats --edges", kShows});
-  stats.AddFlag("--edges", *has_edges, "List each rejected range");
+  Command& stats =
+      AddCommand(group, "stats", "Show the last solve and its verdicts on ranges, loop closures and priors",
+                 {"moonctl graph stats --edges", kShows});
+  stats.AddFlag("--edges", *has_edges, "List each rejected range, loop closure and prior");
   stats.Callback([&context, has_edges] {
     context.action = [&context, has_edges] { return ShowGraphStats(context, *has_edges); };
   });

@@ -24,10 +24,11 @@ struct ExportArguments {
 
 // The graph that an agent holds, sorted by node. Omits edges whose nodes have not arrived yet.
 struct HeldGraph {
-  PoseGraph graph;                                // Has raw or optimized poses, as the user chose.
-  std::vector<const PublishedVerdict*> verdicts;  // One for each of graph.ranges. Null: no verdict.
-  std::size_t rejected_count = 0;
-  std::size_t waiting_edge_count = 0;  // Number of omitted edges.
+  PoseGraph graph;  // Has raw or optimized poses, as the user chose.
+  // One for each of graph.ranges, then of graph.closures, then of graph.priors. Null: no verdict.
+  std::vector<const PublishedVerdict*> verdicts;
+  std::map<FactorKind, std::size_t> rejected_counts;
+  std::size_t waiting_edge_count = 0;  // Number of omitted edges and priors.
   std::set<NodeKey> optimized;         // Nodes that have an optimized pose.
 };
 
@@ -51,10 +52,19 @@ HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
             [](const GraphNode& a, const GraphNode& b) { return a.key < b.key; });
   arrange(held.graph.odometry);
   arrange(held.graph.ranges);
-  for (const RangeEdge& range : held.graph.ranges) {
-    held.verdicts.push_back(known.FindVerdict({range.from, range.to}));
-    if (held.verdicts.back() != nullptr && !held.verdicts.back()->is_inlier) ++held.rejected_count;
-  }
+  arrange(held.graph.closures);
+  held.waiting_edge_count +=
+      std::erase_if(held.graph.priors, [&](const NodePrior& prior) { return !keys.contains(prior.node); });
+  const auto judge = [&](const auto& factors) {
+    for (const auto& factor : factors) {
+      const FactorKey key = KeyOf(factor);
+      held.verdicts.push_back(known.FindVerdict(key));
+      if (held.verdicts.back() != nullptr && !held.verdicts.back()->is_inlier) ++held.rejected_counts[key.kind];
+    }
+  };
+  judge(held.graph.ranges);
+  judge(held.graph.closures);
+  judge(held.graph.priors);
   return held;
 }
 
@@ -85,25 +95,45 @@ Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   }
   pyfg.graph.odometry = graph.odometry;
   pyfg.graph.ranges = graph.ranges;
+  pyfg.graph.closures = graph.closures;
+  pyfg.graph.priors = graph.priors;
   for (OdometryEdge& edge : pyfg.graph.odometry) edge.from = rename(edge.from), edge.to = rename(edge.to);
   for (RangeEdge& edge : pyfg.graph.ranges) edge.from = rename(edge.from), edge.to = rename(edge.to);
+  for (LoopClosure& edge : pyfg.graph.closures) edge.from = rename(edge.from), edge.to = rename(edge.to);
+  for (NodePrior& prior : pyfg.graph.priors) prior.node = rename(prior.node);
   if (!is_named) return Fail(ErrorCode::kInvalid, "the graph has nodes of agents that the team file does not name");
   return pyfg;
 }
 
-// Returns a CSV with all ranges and their verdicts. `named` is the exported graph: it has the same ranges in the same
-// order, with letters in place of agent ids.
+// Returns a CSV with all ranges, loop closures and priors, and their verdicts. `named` is the exported graph: it has
+// the same factors in the same order, with letters in place of agent ids.
 std::string VerdictsText(const HeldGraph& held, const Pyfg& named) {
-  std::string text = "from,to,timestamp_s,range_m,variance_m2,verdict,residual_sigmas\n";
-  for (std::size_t i = 0; i < held.graph.ranges.size(); ++i) {
-    const RangeEdge& range = named.graph.ranges[i];
-    const PublishedVerdict* verdict = held.verdicts[i];
-    text += FormatKey(range.from) + "," + FormatKey(range.to) + "," + FormatTimestampNs(range.timestamp_ns) + "," +
-            FormatDouble(range.range_m) + "," + FormatDouble(range.variance_m2) + "," +
-            (verdict == nullptr || verdict->is_inlier ? "accepted" : "rejected") + "," +
-            (verdict == nullptr ? "" : FormatDouble(verdict->residual_sigmas)) + "\n";
+  std::string text = "from,to,timestamp_s,range_m,variance_m2,verdict,residual_sigmas,kind,source\n";
+  std::size_t next = 0;
+  const auto add = [&](const FactorKey& key, std::int64_t timestamp_ns, const std::string& range) {
+    const PublishedVerdict* verdict = held.verdicts[next++];
+    const bool is_judged = verdict != nullptr || key.kind == FactorKind::kRange;
+    text += FormatKey(key.from) + "," + FormatKey(key.to) + "," + FormatTimestampNs(timestamp_ns) + "," + range + "," +
+            (!is_judged                                 ? "none"
+             : verdict == nullptr || verdict->is_inlier ? "accepted"
+                                                        : "rejected") +
+            "," + (verdict == nullptr ? "" : FormatDouble(verdict->residual_sigmas)) + "," + ToString(key.kind) + "," +
+            key.source + "\n";
+  };
+  for (const RangeEdge& range : named.graph.ranges) {
+    add(KeyOf(range), range.timestamp_ns, FormatDouble(range.range_m) + "," + FormatDouble(range.variance_m2));
   }
+  for (const LoopClosure& closure : named.graph.closures) add(KeyOf(closure), closure.timestamp_ns, ",");
+  for (const NodePrior& prior : named.graph.priors) add(KeyOf(prior), prior.timestamp_ns, ",");
   return text;
+}
+
+bool HasPoint(const NodePrior& prior) { return !prior.point_m.isZero(0); }
+
+// Returns the graph without priors of another point than the body's origin, which PyFG and g2o cannot express.
+Pyfg WithoutPointPriors(Pyfg pyfg) {
+  std::erase_if(pyfg.graph.priors, HasPoint);
+  return pyfg;
 }
 
 // The files of an exported graph, and the command's output about them.
@@ -117,15 +147,24 @@ std::string PosesText(const ExportArguments& arguments) {
   return arguments.poses == "raw" ? "raw" : "optimized, raw where there are none";
 }
 
-FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {
+FileNotes NotesOn(const ExportArguments& arguments, HeldGraph& held) {
   FileNotes notes{{"poses", PosesText(arguments)},
                   {"nodes", std::to_string(held.graph.nodes.size())},
                   {"optimized_nodes", std::to_string(held.optimized.size())},
                   {"odometry_edges", std::to_string(held.graph.odometry.size())},
                   {"ranges", std::to_string(held.graph.ranges.size())},
-                  {"rejected_ranges", std::to_string(held.rejected_count)},
+                  {"rejected_ranges", std::to_string(held.rejected_counts[FactorKind::kRange])},
+                  {"loop_closures", std::to_string(held.graph.closures.size())},
+                  {"rejected_loop_closures", std::to_string(held.rejected_counts[FactorKind::kLoopClosure])},
+                  {"priors", std::to_string(held.graph.priors.size())},
+                  {"rejected_priors", std::to_string(held.rejected_counts[FactorKind::kPrior])},
                   {"waiting_edges", std::to_string(held.waiting_edge_count)}};
+  const auto point_priors = static_cast<std::size_t>(std::ranges::count_if(held.graph.priors, HasPoint));
   if (arguments.format == "g2o") notes.emplace_back("left_out", "the ranges, which g2o does not have");
+  if (point_priors > 0) {
+    notes.emplace_back("left_out_priors",
+                       std::to_string(point_priors) + ", which measure another point than the body's origin");
+  }
   return notes;
 }
 
@@ -138,27 +177,38 @@ FileBytes OriginFile(const std::string& file, const FileNotes& notes) {
 GraphFiles PyfgFiles(const HeldGraph& held, const Pyfg& named, const std::string& file, const FileNotes& notes) {
   const std::string verdicts = file + ".verdicts.csv";
   GraphFiles made;
-  made.files = {OriginFile(file, notes), {verdicts, VerdictsText(held, named)}, {file, FormatPyfg(named)}};
+  made.files = {
+      OriginFile(file, notes), {verdicts, VerdictsText(held, named)}, {file, FormatPyfg(WithoutPointPriors(named))}};
   made.json.BeginObject().Key("file").String(file).Key("verdicts_file").String(verdicts);
   made.json.Key("origin_file").String(made.files.front().file.string());
   made.json.Key("nodes").Number(static_cast<double>(held.graph.nodes.size()));
   made.json.Key("optimized_nodes").Number(static_cast<double>(held.optimized.size()));
   made.json.Key("odometry").Number(static_cast<double>(held.graph.odometry.size()));
   made.json.Key("ranges").Number(static_cast<double>(held.graph.ranges.size()));
-  made.json.Key("rejected_ranges").Number(static_cast<double>(held.rejected_count));
+  const auto rejected = [&held](FactorKind kind) {
+    const auto found = held.rejected_counts.find(kind);
+    return found == held.rejected_counts.end() ? 0.0 : static_cast<double>(found->second);
+  };
+  made.json.Key("rejected_ranges").Number(rejected(FactorKind::kRange));
+  made.json.Key("loop_closures").Number(static_cast<double>(held.graph.closures.size()));
+  made.json.Key("rejected_loop_closures").Number(rejected(FactorKind::kLoopClosure));
+  made.json.Key("priors").Number(static_cast<double>(held.graph.priors.size()));
+  made.json.Key("rejected_priors").Number(rejected(FactorKind::kPrior));
   made.text = "wrote " + file + " and beside it .verdicts.csv and .origin.txt\n";
   return made;
 }
 
 Result<GraphFiles> G2oFiles(const HeldGraph& held, const Pyfg& named, const std::string& file, const FileNotes& notes) {
-  const Result<G2o> g2o = ToG2o(named);
+  const Result<G2o> g2o = ToG2o(WithoutPointPriors(named));
   if (!g2o) return tl::unexpected(g2o.error());
   GraphFiles made;
   made.files = {OriginFile(file, notes), {file, FormatG2o(*g2o)}};
   made.json.BeginObject().Key("file").String(file).Key("origin_file").String(made.files.front().file.string());
   made.json.Key("nodes").Number(static_cast<double>(g2o->vertices.size()));
   made.json.Key("optimized_nodes").Number(static_cast<double>(held.optimized.size()));
-  made.json.Key("odometry").Number(static_cast<double>(g2o->edges.size()));
+  made.json.Key("odometry").Number(static_cast<double>(held.graph.odometry.size()));
+  made.json.Key("loop_closures").Number(static_cast<double>(held.graph.closures.size()));
+  made.json.Key("priors").Number(static_cast<double>(g2o->priors.size()));
   made.json.Key("left_out_ranges").Number(static_cast<double>(held.graph.ranges.size()));
   made.text = "wrote " + file + " and beside it .origin.txt\n";
   return made;
@@ -206,7 +256,7 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
   const proto::TeamConfig& team = (*context.Team())->config;
   const auto known = ReadGraphOf(*target->client, team);
   if (!known) return context.Report(known.error());
-  const HeldGraph held = Arrange(*known, arguments.poses == "optimized");
+  HeldGraph held = Arrange(*known, arguments.poses == "optimized");
   const FileOrigin origin = OriginOf(team, *target);
   const FileNotes notes = NotesOf(origin, NotesOn(arguments, held));
   auto made = FilesOf(team, held, arguments, origin, notes);
@@ -222,15 +272,14 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
 void AddGraphExport(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<ExportArguments>();
   Command& command = AddCommand(group, "export",
-                                "Write the graph of the leader (or -a); verdicts on ranges go to "
+                                "Write the graph of the leader (or -a); verdicts go to "
                                 "FILE.verdicts.csv, the origin of the data to "
                                 "FILE.origin.txt or (TUM) into the file",
                                 {"moonctl graph export graph.g2o --format g2o"});
   command.AddOption("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
       .TypeName("FILE")
       .Required();
-  command
-      .AddOption("--format", arguments->format, "pyfg, g2o (poses and odometry, no ranges), or tum (only trajectories)")
+  command.AddOption("--format", arguments->format, "pyfg, g2o (no ranges), or tum (only trajectories)")
       .OneOf({"pyfg", "g2o", "tum"});
   command.AddOption("--poses", arguments->poses, "optimized (if available) or raw").OneOf({"optimized", "raw"});
   command.Callback(

@@ -19,14 +19,17 @@ class Importer {
     AddLandmarks();
     if (auto added = AddNodes(); !added) return tl::unexpected(added.error());
     for (const OdometryEdge& edge : pyfg_.graph.odometry) {
-      if (edge.from.agent != edge.to.agent || IsLoopClosure(edge)) {
-        ++import_.left_out_count;
+      const NodeKey from = *Translate(edge.from);
+      const NodeKey to = *Translate(edge.to);
+      if (from.agent != to.agent || IsLoopClosure(edge)) {
+        const LoopClosure closure{from, to, edge.timestamp_ns, edge.from_from_to, edge.covariance, SourceOf(from, to)};
+        Add(from.agent, ToRecord(closure), import_.closure_count);
         continue;
       }
       OdometryEdge translated = edge;
-      translated.from = *Translate(edge.from);
-      translated.to = *Translate(edge.to);
-      Add(translated.from.agent, ToRecord(translated), import_.odometry_count);
+      translated.from = from;
+      translated.to = to;
+      Add(from.agent, ToRecord(translated), import_.odometry_count);
     }
     for (const RangeEdge& edge : pyfg_.graph.ranges) {
       RangeEdge translated = edge;
@@ -40,6 +43,16 @@ class Importer {
       translated.to = *to;
       Add(translated.from.agent, ToRecord(translated), import_.range_count);
     }
+    for (NodePrior prior : pyfg_.graph.priors) {
+      const auto node = Translate(prior.node);
+      if (!node || node->agent == base_ || !known_.contains(*node)) {
+        ++import_.left_out_count;
+        continue;
+      }
+      prior.node = *node;
+      prior.source = SourceOf(*node, *node);
+      Add(node->agent, ToRecord(prior), import_.prior_count);
+    }
     import_.left_out_count += pyfg_.sightings.size();
     return std::move(import_);
   }
@@ -49,6 +62,13 @@ class Importer {
     const auto found = agents_.find(key.agent);
     if (found == agents_.end()) return std::nullopt;
     return NodeKey{found->second, key.index};
+  }
+
+  // Returns the source of the next loop closure between two nodes, or of the next prior of a node (`from` and `to` are
+  // then equal). A file may hold several, and an agent accepts one of each source.
+  std::string SourceOf(const NodeKey& from, const NodeKey& to) {
+    const int count = ++counts_[{from, to}];
+    return count == 1 ? kImportSource : kImportSource + ("_" + std::to_string(count));
   }
 
   // Returns true if the file has a node between the nodes of the edge. Agents do not accept such an edge as odometry.
@@ -127,6 +147,7 @@ class Importer {
   const std::map<AgentId, AgentId> agents_;
   const AgentId base_;
   std::set<NodeKey> known_;
+  std::map<std::pair<NodeKey, NodeKey>, int> counts_;
   GraphImport import_;
 };
 

@@ -1,5 +1,7 @@
 // Turns a PyFG file into the records that each agent would have inserted itself.
 //
+// The source of loop closures and priors is kImportSource, because files name none.
+//
 // Vertices in such files are usually ground truth or a solution. The import uses only the first vertex of each rover,
 // and composes the rover's other raw poses from odometry, as the rover itself would have done.
 #pragma once
@@ -14,14 +16,18 @@
 
 namespace moondb {
 
+inline constexpr char kImportSource[] = "file";
+
 struct GraphImport {
   // Records by the agent that inserts them. The nodes of an agent precede its edges.
   std::map<AgentId, std::vector<proto::Record>> records;
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
   std::size_t range_count = 0;
-  // Number of skipped items: sightings, landmarks other than the base station, ranges to such landmarks, poses of one
-  // rover measured by another, and loop closures (relative poses between non-consecutive nodes of one rover).
+  // Relative poses between two rovers, or between nodes of one rover that are not consecutive.
+  std::size_t closure_count = 0;
+  std::size_t prior_count = 0;
+  // Number of skipped items: sightings, landmarks other than the base station, and ranges to and priors of landmarks.
   std::size_t left_out_count = 0;
 };
 

@@ -77,6 +77,7 @@ Result<void> WriteSolved(GraphFile file, const StandaloneGraph& graph, const Pla
                          const std::string& out) {
   std::map<NodeKey, Pose> poses;
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) poses[graph.nodes[i].key] = solution.poses[i];
+  poses.erase(kOriginKey);
   if (file.is_g2o) {
     file.g2o.vertices.clear();
     for (const auto& [key, pose] : poses) file.g2o.vertices.push_back({key.index, pose});
@@ -109,18 +110,22 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
       return context.Report(written.error());
     }
   }
-  const std::size_t edges = graph->steps.size() + graph->sightings.size();
+  const std::size_t priors = file->pyfg.graph.priors.size() + file->g2o.priors.size();
+  const std::size_t nodes = graph->nodes.size() - (priors > 0 ? 1 : 0);  // Without the origin.
+  const std::size_t edges = graph->steps.size() + graph->sightings.size() - priors;
   JsonWriter json;
-  json.BeginObject().Key("nodes").Number(static_cast<double>(graph->nodes.size()));
+  json.BeginObject().Key("nodes").Number(static_cast<double>(nodes));
   json.Key("edges").Number(static_cast<double>(edges));
   json.Key("ranges").Number(static_cast<double>(graph->ranges.size()));
+  json.Key("priors").Number(static_cast<double>(priors));
   json.Key("cost").Number(solution.cost).Key("initialisation").String(ToString(solution.initial_values));
   json.Key("iterations").Number(solution.iterations).Key("seconds").Number(seconds);
   json.Key("text").String(solution.text).EndObject();
-  std::string text = std::to_string(graph->nodes.size()) + " nodes, " + std::to_string(edges) + " edges, " +
-                     std::to_string(graph->ranges.size()) + " ranges\ncost " + FormatDouble(solution.cost) + " after " +
-                     std::to_string(solution.iterations) + " iterations, " + FormatFixed(seconds, 3) +
-                     " s; begun at: " + ToString(solution.initial_values);
+  std::string text = std::to_string(nodes) + " nodes, " + std::to_string(edges) + " edges, " +
+                     std::to_string(graph->ranges.size()) + " ranges" +
+                     (priors > 0 ? ", " + std::to_string(priors) + " priors" : "") + "\ncost " +
+                     FormatDouble(solution.cost) + " after " + std::to_string(solution.iterations) + " iterations, " +
+                     FormatFixed(seconds, 3) + " s; begun at: " + ToString(solution.initial_values);
   if (!solution.text.empty()) text += "\n" + solution.text;
   if (!arguments.out.empty()) text += "\nwrote " + arguments.out;
   return context.Done(json.text(), text);

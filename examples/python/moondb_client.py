@@ -91,6 +91,48 @@ class MoondbClient:
         """Stores records as records of this agent, all or none. Returns their keys."""
         return self.call(control_pb2.ControlRequest(insert={"records": records})).insert.keys
 
+    def insert_loop_closure(self, from_node, to_node, position_m, covariance, source, orientation=(0, 0, 0, 1),
+                            timestamp_ns=None):
+        """Stores a relative pose of `to_node` in the frame of `from_node` that is not odometry. A node is a pair
+        (agent id, index); one of the two belongs to this agent's robot. `orientation` is x y z w. `covariance` holds the
+        standard deviations x y z (m), roll pitch yaw (rad), or the 21 numbers of RelativePose. `source` names the producer,
+        such as "apriltag". Returns the record's key."""
+        record = record_pb2.Record(timestamp_ns=timestamp_ns or time.time_ns())
+        edge = record.pose_graph_edge
+        edge.source = source
+        for key, (agent_id, index) in ((getattr(edge, "from"), from_node), (edge.to, to_node)):
+            key.agent_id, key.index = agent_id, index
+        pose = edge.relative_pose.from_from_to
+        pose.position_m.x, pose.position_m.y, pose.position_m.z = position_m
+        pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = orientation
+        edge.relative_pose.covariance.extend(triangle_of(covariance, 6))
+        return self.insert([record])[0]
+
+    def insert_prior(self, node, position_m, covariance, source, yaw_rad=None, orientation=None, point_m=None,
+                     timestamp_ns=None):
+        """Stores an absolute measurement of a node in the frame `map`: a position, with yaw_rad a position and a yaw, with
+        orientation (x y z w) a pose. `covariance` holds standard deviations (3, 4 or 6: m, then rad), or the upper triangle
+        of the covariance. `point_m` is the measured point in the body's frame, such as a GNSS antenna. Returns the
+        record's key."""
+        record = record_pb2.Record(timestamp_ns=timestamp_ns or time.time_ns())
+        prior = record.pose_prior
+        prior.node.agent_id, prior.node.index = node
+        prior.source = source
+        if orientation is not None:
+            position, size, turn = prior.pose.position_m, 6, prior.pose.orientation
+            turn.x, turn.y, turn.z, turn.w = orientation
+        elif yaw_rad is not None:
+            position, size = prior.position_yaw.position_m, 4
+            prior.position_yaw.yaw_rad = yaw_rad
+        else:
+            position, size = prior.position_m, 3
+        position.x, position.y, position.z = position_m
+        position.SetInParent()
+        if point_m is not None:
+            prior.point_m.x, prior.point_m.y, prior.point_m.z = point_m
+        prior.covariance.extend(triangle_of(covariance, size))
+        return self.insert([record])[0]
+
     def follow(self, data_types, wait_s=10.0):
         """Yields (key, bytes) of each stored record and then of each new record. Ends after wait_s without a new
         record."""
@@ -178,6 +220,14 @@ class MoondbClient:
         if size == 0:
             return reply, b""
         return reply, zstandard.ZstdDecompressor().decompress(reply.zstd_cells, max_output_size=size)
+
+
+def triangle_of(covariance, size):
+    """Returns the upper triangle of a covariance matrix, row by row, from `size` standard deviations. Returns other lists
+    unchanged."""
+    if len(covariance) != size:
+        return covariance
+    return [covariance[row] ** 2 if row == column else 0.0 for row in range(size) for column in range(row, size)]
 
 
 def key_text(key):

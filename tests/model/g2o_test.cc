@@ -59,6 +59,31 @@ TEST(G2oTest, WritesWhatReadsBackTheSame) {
   EXPECT_EQ(FormatG2o(*ParseG2o(kPlanar, "graph.g2o")), kPlanar);
 }
 
+TEST(G2oTest, ReadsAndWritesPriors) {
+  const std::string spatial =
+      "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nPARAMS_SE3OFFSET 0 0 0 0 0 0 0 1\n"
+      "EDGE_SE3_PRIOR 0 0 1 2 3 0 0 0 1 4 0 0 0 0 0 4 0 0 0 0 4 0 0 0 9 0 0 9 0 9\n"
+      "EDGE_SE3_XYZ_PRIOR 0 0 1 2 3 4 0.5 0 4 0 4\n";
+  const Result<G2o> read = ParseG2o(spatial, "a.g2o");
+  ASSERT_TRUE(read) << ToString(read.error());
+  ASSERT_EQ(read->priors.size(), 2u);
+  EXPECT_EQ(read->priors[0].information(5, 5), 9);
+  EXPECT_EQ(read->priors[1].extent, PriorExtent::kPosition);
+  EXPECT_EQ(read->priors[1].information(1, 0), 0.5);
+  const Result<G2o> again = ParseG2o(FormatG2o(*read), "a.g2o");
+  ASSERT_TRUE(again) << ToString(again.error());
+  EXPECT_EQ(FormatG2o(*again), FormatG2o(*read));
+  const Result<G2o> planar =
+      ParseG2o("VERTEX_SE2 7 0 0 0\nEDGE_PRIOR_SE2 7 1 2 0.5 4 0 0 4 0 9\nEDGE_PRIOR_SE2_XY 7 1 2 4 0 4\n", "a.g2o");
+  ASSERT_TRUE(planar) << ToString(planar.error());
+  EXPECT_EQ(planar->priors.size(), 2u);
+  EXPECT_EQ(
+      ParseG2o("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nEDGE_SE3_XYZ_PRIOR 0 3 1 2 3 4 0 0 4 0 4\n", "a.g2o").error().field,
+      "a.g2o:2")
+      << "no offset 3";
+  EXPECT_EQ(ParseG2o("PARAMS_SE3OFFSET 0 1 0 0 0 0 0 1\n", "a.g2o").error().field, "a.g2o:1") << "not the identity";
+}
+
 TEST(G2oTest, ReadsAGraphOfEdgesAlone) {
   const std::string text = "EDGE_SE2 0 5 1 0 0.5 1 0 0 1 0 1\n";
   const Result<G2o> g2o = ParseG2o(text, "graph.g2o");

@@ -36,6 +36,60 @@ TEST(PoseGraphTest, RecordsBringEveryFieldBack) {
   EXPECT_EQ(graph.ranges[0].timestamp_ns, 13);
 }
 
+TEST(PoseGraphTest, RecordsBringLoopClosuresAndPriorsBack) {
+  Matrix6d covariance = Matrix6d::Identity() * 2;
+  covariance(0, 3) = covariance(3, 0) = 0.25;
+  PoseGraph graph;
+  const auto add = [&graph](const proto::Record& record) {
+    const Result<void> checked = CheckRecord(record);
+    EXPECT_TRUE(checked) << ToString(checked.error());
+    EXPECT_TRUE(AddRecord(record, graph));
+  };
+  const LoopClosure closure{{2, 7}, {3, 1}, 14, kPose, covariance, "apriltag"};
+  add(ToRecord(closure));
+  ASSERT_EQ(graph.closures.size(), 1u);
+  EXPECT_TRUE(graph.odometry.empty());
+  EXPECT_EQ(KeyOf(graph.closures[0]), KeyOf(closure));
+  EXPECT_EQ(graph.closures[0].covariance, covariance);
+  EXPECT_EQ(graph.closures[0].timestamp_ns, 14);
+  for (const PriorExtent extent : {PriorExtent::kPosition, PriorExtent::kPositionYaw, PriorExtent::kPose}) {
+    const int size = static_cast<int>(extent);
+    SCOPED_TRACE(size);
+    NodePrior prior{{2, 7}, 15, extent, kPose, Matrix6d::Identity(), Eigen::Vector3d::Zero(), "gnss"};
+    prior.covariance.topLeftCorner(size, size) = covariance.topLeftCorner(size, size);
+    if (extent != PriorExtent::kPose) prior.point_m = {0.5, 0, 1};
+    add(ToRecord(prior));
+    const NodePrior& read = graph.priors.back();
+    EXPECT_EQ(KeyOf(read), KeyOf(prior));
+    EXPECT_EQ(read.extent, extent);
+    EXPECT_EQ(read.covariance, prior.covariance);
+    EXPECT_EQ(read.map_from_node.position_m, kPose.position_m);
+    EXPECT_EQ(read.point_m, prior.point_m);
+    EXPECT_NEAR(read.map_from_node.Yaw(), extent == PriorExtent::kPosition ? 0 : kPose.Yaw(), 1e-12);
+  }
+}
+
+TEST(PoseGraphTest, ASourceIsAShortNameThatIsNotReserved) {
+  for (const char* const source : {"apriltag", "slam_toolbox", "gnss2", "a"}) EXPECT_TRUE(IsSource(source)) << source;
+  for (const char* const source : {"", "odometry", "range", "prior", "registration", "AprilTag", "2d", "a b", "_a",
+                                   "a2345678901234567890123456789012x"}) {
+    EXPECT_FALSE(IsSource(source)) << source;
+  }
+}
+
+TEST(PoseGraphTest, WithTiltKeepsPositionAndYaw) {
+  NodePrior prior;
+  prior.extent = PriorExtent::kPositionYaw;
+  prior.covariance.topLeftCorner<4, 4>().diagonal() << 1, 2, 3, 4;
+  prior.covariance(0, 3) = prior.covariance(3, 0) = 0.5;
+  const NodePrior pose = WithTilt(prior);
+  EXPECT_EQ(pose.extent, PriorExtent::kPose);
+  EXPECT_EQ(pose.covariance(5, 5), 4);
+  EXPECT_EQ(pose.covariance(0, 5), 0.5);
+  EXPECT_EQ(pose.covariance(3, 3), 1);
+  EXPECT_EQ(pose.covariance(0, 3), 0);
+}
+
 TEST(PoseGraphTest, OtherRecordsAreIgnoredAndBrokenOnesRefused) {
   PoseGraph graph;
   proto::Record temperature;

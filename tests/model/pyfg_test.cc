@@ -113,6 +113,45 @@ TEST(PyfgTest, WritesWhatReadsBackBitForBit) {
   EXPECT_EQ(FormatPyfg(*read), FormatPyfg(pyfg));
 }
 
+TEST(PyfgTest, WritesPriorsThatReadBackBitForBit) {
+  Pyfg pyfg;
+  const Pose turned{Eigen::Vector3d(0.1, -1.0 / 3, 2), Eigen::Quaterniond(0.3, 0.5, -0.7, 0.1).normalized()};
+  pyfg.graph.nodes = {{{1, 0}, 0, turned}};
+  pyfg.landmarks = {{{12, 0}, std::nullopt, {1, 2, 3}}};
+  const Matrix6d covariance = Matrix6d::Identity() / 3;
+  NodePrior of_pose{{1, 0}, 5, PriorExtent::kPose, turned, covariance, Eigen::Vector3d::Zero(), {}};
+  NodePrior of_landmark{{12, 0}, 6, PriorExtent::kPosition, Pose{{1, 2, 1.0 / 7}, {}}, {}, Eigen::Vector3d::Zero(), {}};
+  of_landmark.map_from_node.orientation.setIdentity();
+  of_landmark.covariance = Matrix6d::Identity();
+  of_landmark.covariance(0, 1) = of_landmark.covariance(1, 0) = 0.125;
+  pyfg.graph.priors = {of_pose, of_landmark};
+  const Result<Pyfg> read = ParsePyfg(FormatPyfg(pyfg), "graph.pyfg");
+  ASSERT_TRUE(read) << ToString(read.error());
+  ASSERT_EQ(read->graph.priors.size(), 2u);
+  EXPECT_EQ(read->graph.priors[0].covariance, covariance);
+  EXPECT_EQ(read->graph.priors[0].map_from_node.orientation.coeffs(), turned.orientation.coeffs());
+  EXPECT_EQ(read->graph.priors[1].extent, PriorExtent::kPosition);
+  EXPECT_EQ(read->graph.priors[1].covariance(0, 1), 0.125);
+  EXPECT_EQ(FormatPyfg(*read), FormatPyfg(pyfg));
+}
+
+TEST(PyfgTest, ReadsPlanarPriorsOfPosesAndLandmarks) {
+  const Result<Pyfg> pyfg = ParsePyfg(
+      "VERTEX_SE2 0 A0 1 2 0.5\nVERTEX_XY L0 3 4\nVERTEX_SE2:PRIOR 0 A0 1 2 0.5 4 0.5 0.25 9 0.125 16\n"
+      "VERTEX_XY:PRIOR 1 L0 3 4 0.2 0 0.2\nVERTEX_XY:PRIOR 1 A0 3 4 0.2 0 0.2\n",
+      "graph.pyfg");
+  ASSERT_TRUE(pyfg) << ToString(pyfg.error());
+  ASSERT_EQ(pyfg->graph.priors.size(), 3u);
+  const NodePrior& pose = pyfg->graph.priors[0];
+  EXPECT_EQ(pose.extent, PriorExtent::kPositionYaw);
+  EXPECT_EQ(pose.covariance(3, 3), 16);
+  EXPECT_EQ(pose.covariance(0, 3), 0.25);
+  EXPECT_EQ(pose.covariance(2, 2), 1);
+  EXPECT_EQ(pyfg->graph.priors[1].node, (NodeKey{12, 0}));
+  EXPECT_EQ(FieldOf("VERTEX_XY L0 3 4\nVERTEX_SE2:PRIOR 0 L0 1 2 0.5 4 0 0 9 0 16\n"), "graph.pyfg:2");
+  EXPECT_EQ(FieldOf("VERTEX_XY L0 3 4\nVERTEX_XY:PRIOR 0 L1 1 2 4 0 9\n"), "graph.pyfg:2");
+}
+
 TEST(PyfgTest, AgentsAndLettersAreInverse) {
   for (AgentId agent = 1; agent <= 52; ++agent) EXPECT_EQ(AgentOfLetter(LetterOfAgent(agent)), agent);
   EXPECT_EQ(AgentOfLetter('A'), 1u);

@@ -67,6 +67,17 @@ TEST(RecordAuthorityTest, RecordsAreReadAgainWhenAMissingAssignmentArrives) {
   EXPECT_TRUE(authority.Counts(KeyOf(2, proto::OPTIMIZED_POSE), PoseIn(Second().term())));
 }
 
+TEST(RecordAuthorityTest, PriorsCountOfTheNodesAgentAndOfCommanders) {
+  RoleChain::Options options = Options();
+  options.may_command = [](AgentId agent) { return agent == 4; };
+  RecordAuthority authority(options);
+  proto::Record prior;
+  prior.mutable_pose_prior()->mutable_node()->set_agent_id(3);
+  EXPECT_TRUE(authority.Counts(KeyOf(3, proto::POSE_PRIOR), prior));
+  EXPECT_TRUE(authority.Counts(KeyOf(4, proto::POSE_PRIOR), prior));
+  EXPECT_FALSE(authority.Counts(KeyOf(2, proto::POSE_PRIOR), prior)) << "neither names the node nor may command";
+}
+
 TEST(RecordAuthorityTest, RolesDoNotMatterInATeamWithoutKeys) {
   RecordAuthority authority(RoleChain::WithoutKeys());
   EXPECT_TRUE(authority.Counts(KeyOf(3, proto::OPTIMIZED_POSE), PoseIn(Second().term())));

@@ -167,6 +167,51 @@ TEST(RecordCheckTest, NamesTheFieldOfAQuarantineThatIsWrong) {
             "map_quarantine.lifts");
 }
 
+TEST(RecordCheckTest, ALoopClosureStatesItsSource) {
+  const auto edge = [](proto::Record& r) { return r.mutable_pose_graph_edge(); };
+  const auto closure = [&](const std::string& source) {
+    proto::Record record = OdometryRecord();
+    edge(record)->mutable_to()->set_agent_id(2);
+    edge(record)->set_source(source);
+    return record;
+  };
+  EXPECT_TRUE(CheckRecord(closure("apriltag")));
+  EXPECT_EQ(CheckRecord(closure("")).error().field, "pose_graph_edge.to.agent_id") << "odometry of two agents";
+  EXPECT_EQ(CheckRecord(closure("registration")).error().field, "pose_graph_edge.source");
+  EXPECT_EQ(Refused(RangeRecord(), [&](auto& r) { edge(r)->set_source("apriltag"); }), "pose_graph_edge.source");
+  EXPECT_NE(NaturalKey(closure("apriltag")), NaturalKey(closure("slam_toolbox")));
+}
+
+TEST(RecordCheckTest, NamesThePriorFieldThatIsWrong) {
+  const auto sample = [] {
+    proto::Record record;
+    proto::PosePrior& prior = *record.mutable_pose_prior();
+    *prior.mutable_node() = ToProto(NodeKey{1, 4});
+    prior.mutable_position_m()->set_x(3);
+    for (const double number : {1, 0, 0, 1, 0, 1}) prior.add_covariance(number);
+    prior.set_source("gnss");
+    return record;
+  };
+  EXPECT_TRUE(CheckRecord(sample()));
+  const auto prior = [](proto::Record& r) { return r.mutable_pose_prior(); };
+  EXPECT_EQ(Refused(sample(), [&](auto& r) { prior(r)->clear_source(); }), "pose_prior.source");
+  EXPECT_EQ(Refused(sample(), [&](auto& r) { prior(r)->clear_measurement(); }), "pose_prior.measurement");
+  EXPECT_EQ(Refused(sample(), [&](auto& r) { prior(r)->mutable_position_m()->set_y(kNan); }), "pose_prior.position_m");
+  EXPECT_EQ(Refused(sample(), [&](auto& r) { prior(r)->mutable_position_m()->set_y(2e9); }), "pose_prior.position_m");
+  EXPECT_EQ(Refused(sample(), [&](auto& r) { prior(r)->mutable_point_m()->set_y(kNan); }), "pose_prior.point_m");
+  EXPECT_EQ(Refused(sample(), [&](auto& r) { prior(r)->set_covariance(0, 0); }), "pose_prior.covariance") << "singular";
+  EXPECT_EQ(Refused(sample(), [&](auto& r) { prior(r)->mutable_position_yaw()->mutable_position_m(); }),
+            "pose_prior.covariance")
+      << "of another size";
+  EXPECT_EQ(Refused(sample(),
+                    [&](auto& r) {
+                      *prior(r)->mutable_pose() = ToProto(Pose());
+                      prior(r)->mutable_point_m();
+                    }),
+            "pose_prior.point_m");
+  EXPECT_EQ(Refused(sample(), [&](auto& r) { prior(r)->mutable_node()->set_agent_id(0); }), "pose_prior.node.agent_id");
+}
+
 TEST(RecordCheckTest, NodesAndEdgesHaveDistinctNaturalKeys) {
   EXPECT_NE(NaturalKey(RangeRecord()), NaturalKey(OdometryRecord()));
   EXPECT_EQ(NaturalKey(RangeRecord()), NaturalKey(RangeRecord()));

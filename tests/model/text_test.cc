@@ -19,6 +19,7 @@ TEST(TextTest, TimestampsAreConvertedWithoutADouble) {
   EXPECT_EQ(ParseTimestampNs("-0.5"), -500000000);
   EXPECT_EQ(ParseTimestampNs("0.9999999996"), 1000000000);
   EXPECT_EQ(ParseTimestampNs("10."), 10000000000);
+  EXPECT_EQ(ParseTimestampNs("1730477379787663104.000000000"), 1730477379787663104) << "nanoseconds";
   for (const char* bad : {"", "-", ".", "1e3", "nan", "1.5x", "1.2.3", "99999999999", "--1"}) {
     EXPECT_FALSE(ParseTimestampNs(bad)) << bad;
   }

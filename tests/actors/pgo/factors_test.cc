@@ -93,9 +93,23 @@ TEST_P(FactorsTest, RangeHasTheJacobianOfItsResidual) {
   ExpectJacobiansMatch(*factor, {Block(RandomPose(rng_)), Block(RandomPose(rng_)), {0.07}});
 }
 
+TEST_P(FactorsTest, LoopClosureHasTheJacobianOfItsResidual) {
+  const auto factor = MakeLoopClosureFactor(RandomPose(rng_), RandomCovariance(rng_));
+  ExpectJacobiansMatch(*factor, {Block(RandomPose(rng_)), Block(RandomPose(rng_))});
+}
+
 TEST_P(FactorsTest, PriorsHaveTheJacobiansOfTheirResiduals) {
   ExpectJacobiansMatch(*MakeSightingFactor({1, -2, 0.5}, 0.1), {Block(RandomPose(rng_)), Block(RandomPose(rng_))});
-  ExpectJacobiansMatch(*MakePosePriorFactor({RandomPose(rng_), 0.05, 0.03, 0.01}), {Block(RandomPose(rng_))});
+  for (const PriorExtent extent : {PriorExtent::kPosition, PriorExtent::kPositionYaw, PriorExtent::kPose}) {
+    NodePrior prior;
+    prior.extent = extent;
+    prior.map_from_node = RandomPose(rng_);
+    prior.covariance = RandomCovariance(rng_);
+    prior.point_m = {0.4, -0.1, 0.9};
+    const auto factor = MakePriorFactor(prior);
+    EXPECT_EQ(factor->num_residuals(), static_cast<int>(extent));
+    ExpectJacobiansMatch(*factor, {Block(RandomPose(rng_))});
+  }
   ExpectJacobiansMatch(*MakeGravityFactor(Eigen::Vector3d(0.1, -0.2, 0.97).normalized(), 0.02),
                        {Block(RandomPose(rng_))});
   ExpectJacobiansMatch(*MakeZeroPriorFactor(0.02), {{0.013}});
@@ -146,13 +160,30 @@ TEST(FactorsAtTheEdgeTest, RangeOfZeroDistanceHasAFiniteJacobian) {
   EXPECT_THAT(b, testing::Each(0.0));
 }
 
+TEST(FactorsAtTheEdgeTest, APriorMeasuresItsPointAndWrapsItsYaw) {
+  NodePrior prior;
+  prior.extent = PriorExtent::kPositionYaw;
+  prior.map_from_node = Pose::FromPlanar(5, 2, 3.1);
+  prior.point_m = {0, 1, 0};
+  prior.covariance.diagonal() << 0.25, 0.25, 0.25, 0.01, 1, 1;
+  const std::vector<double> block = Block(Pose::FromPlanar(5, 3, -3.1));
+  const double* parameters = block.data();
+  std::array<double, 4> residuals{};
+  ASSERT_TRUE(MakePriorFactor(prior)->Evaluate(&parameters, residuals.data(), nullptr));
+  EXPECT_NEAR(residuals[0], std::sin(3.1) / 0.5, 1e-9) << "the point lies beside the body";
+  EXPECT_NEAR(residuals[1], (3 + std::cos(3.1) - 2) / 0.5, 1e-9);
+  EXPECT_NEAR(residuals[3], (2 * M_PI - 6.2) / 0.1, 1e-9) << "the shorter way round";
+}
+
 TEST(FactorsAtTheEdgeTest, AQuaternionAndItsNegativeAreOneOrientation) {
   const Pose pose{{1, 2, 3}, Eigen::Quaterniond(-0.5, 0.5, -0.5, 0.5)};
   const Pose same{{1, 2, 3}, Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5)};
   std::array<double, 6> residuals{};
   const std::vector<double> block = Block(pose);
   const double* parameters = block.data();
-  ASSERT_TRUE(MakePosePriorFactor({same, 1, 1, 1})->Evaluate(&parameters, residuals.data(), nullptr));
+  NodePrior prior;
+  prior.map_from_node = same;
+  ASSERT_TRUE(MakePriorFactor(prior)->Evaluate(&parameters, residuals.data(), nullptr));
   EXPECT_THAT(residuals, testing::Each(testing::DoubleNear(0, 1e-12)));
 }
 

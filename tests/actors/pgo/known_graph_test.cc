@@ -55,15 +55,30 @@ TEST(KnownGraphTest, KeepsTheNewestPoseInAnyOrderOfArrival) {
   }
 }
 
-TEST(KnownGraphTest, KeepsTheNewestVerdictAndTrustsARangeWithoutOne) {
+TEST(KnownGraphTest, KeepsTheNewestVerdict) {
   KnownGraph known;
-  const RangeKey range{{1, 2}, {2, 2}};
-  EXPECT_TRUE(known.IsPublishedInlier(range));
+  const FactorKey range{FactorKind::kRange, {1, 2}, {2, 2}, {}};
+  EXPECT_EQ(known.FindVerdict(range), nullptr);
   ASSERT_TRUE(known.Add(NextKey(), VerdictOf(false, 2, 1)));
   ASSERT_TRUE(known.Add(NextKey(), VerdictOf(true, 1, 7)));
-  EXPECT_FALSE(known.IsPublishedInlier(range));
+  ASSERT_NE(known.FindVerdict(range), nullptr);
+  EXPECT_FALSE(known.FindVerdict(range)->is_inlier);
   ASSERT_TRUE(known.Add(NextKey(), VerdictOf(true, 2, 2)));
-  EXPECT_TRUE(known.IsPublishedInlier(range));
+  EXPECT_TRUE(known.FindVerdict(range)->is_inlier);
+}
+
+TEST(KnownGraphTest, KeepsOneVerdictForEachSource) {
+  KnownGraph known;
+  for (const char* const source : {"apriltag", "slam_toolbox"}) {
+    proto::Record record = VerdictOf(std::string(source) == "apriltag", 2, 1);
+    record.mutable_edge_verdict()->set_is_range(false);
+    record.mutable_edge_verdict()->set_source(source);
+    ASSERT_TRUE(known.Add(NextKey(), record));
+  }
+  const FactorKey accepted{FactorKind::kLoopClosure, {1, 2}, {2, 2}, "apriltag"};
+  const FactorKey rejected{FactorKind::kLoopClosure, {1, 2}, {2, 2}, "slam_toolbox"};
+  EXPECT_EQ(known.FindLastSolution().accepted, std::set<FactorKey>{accepted});
+  EXPECT_EQ(known.FindLastSolution().rejected, std::set<FactorKey>{rejected});
 }
 
 TEST(KnownGraphTest, OrdersRunsWithinTheNewestTerm) {

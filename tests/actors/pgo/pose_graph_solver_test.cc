@@ -60,15 +60,15 @@ TEST_F(PoseGraphSolverTest, FindsTheLongRanges) {
     const Scenario scenario = MakeScenario({.seed = seed, .outlier_ratio = 0.15});
     const Solution solution = Solve(scenario);
     ASSERT_TRUE(solution.is_accepted) << solution.text;
-    ASSERT_EQ(solution.ranges.size(), scenario.is_outlier.size());
-    std::map<std::pair<NodeKey, NodeKey>, bool> is_outlier;
+    ASSERT_EQ(solution.verdicts.size(), scenario.is_outlier.size());
+    std::map<FactorKey, bool> is_outlier;
     for (std::size_t i = 0; i < scenario.is_outlier.size(); ++i) {
-      is_outlier[{scenario.graph.ranges[i].from, scenario.graph.ranges[i].to}] = scenario.is_outlier[i];
+      is_outlier[KeyOf(scenario.graph.ranges[i])] = scenario.is_outlier[i];
     }
     std::size_t wrong = 0;
-    for (const RangeVerdict& range : solution.ranges) wrong += range.is_inlier == is_outlier.at({range.from, range.to});
-    EXPECT_LE(wrong, solution.ranges.size() / 50);
-    EXPECT_GT(solution.rejected_range_count, 5u);
+    for (const FactorVerdict& range : solution.verdicts) wrong += range.is_inlier == is_outlier.at(range.factor);
+    EXPECT_LE(wrong, solution.verdicts.size() / 50);
+    EXPECT_GT(solution.CountOf(FactorKind::kRange).rejected, 5u);
     EXPECT_LT(TrajectoryErrorM(scenario, solution.poses), 0.25);
   }
 }
@@ -129,7 +129,7 @@ TEST_F(PoseGraphSolverTest, DoesNotMoveWhenSolvedAgain) {
     const Solution first = Solve(scenario);
     const Solution again = Solve(scenario, ToLast(first));
     ASSERT_TRUE(again.is_accepted) << again.text;
-    EXPECT_EQ(again.rejected_range_count, first.rejected_range_count);
+    EXPECT_EQ(again.CountOf(FactorKind::kRange).rejected, first.CountOf(FactorKind::kRange).rejected);
     for (const auto& [key, pose] : first.poses) {
       ASSERT_LT((pose.position_m - again.poses.at(key).position_m).norm(), 1e-4) << ToString(key);
     }
@@ -150,7 +150,7 @@ TEST_F(PoseGraphSolverTest, MovesOnlyTheNewestNodesInAWindow) {
   ASSERT_TRUE(window.is_accepted) << window.text;
   EXPECT_EQ(window.poses.at({1, 49}).position_m, last.poses.at({1, 49}).position_m);
   EXPECT_NE(window.poses.at({1, 50}).position_m, last.poses.at({1, 50}).position_m);
-  EXPECT_LT(window.ranges.size(), all.ranges.size());
+  EXPECT_LT(window.verdicts.size(), all.verdicts.size());
   for (AgentId agent = 1; agent <= 3; ++agent) {
     EXPECT_LT((window.poses.at({agent, 99}).position_m - all.poses.at({agent, 99}).position_m).norm(), 0.1);
   }
@@ -172,7 +172,7 @@ TEST_F(PoseGraphSolverTest, StartsFromTheLastSolution) {
     const Solution second = Solve(scenario, ToLast(first));
     ASSERT_TRUE(second.is_accepted) << second.text;
     EXPECT_EQ(second.initial_values, initial_values);
-    EXPECT_GT(second.range_count, first.range_count);
+    EXPECT_GT(second.CountOf(FactorKind::kRange).usable, first.CountOf(FactorKind::kRange).usable);
     EXPECT_NEAR(second.final_cost, Solve(scenario).final_cost, 0.6) << "no rover moves as a whole for less";
   }
 }
@@ -250,14 +250,25 @@ TEST_F(PoseGraphSolverTest, BridgesAGapInTheOdometry) {
   EXPECT_LT(TrajectoryErrorM(scenario, solution.poses), 0.4);
 }
 
+TEST_F(PoseGraphSolverTest, AFixedScaleStaysOne) {
+  Scenario scenario = MakeScenario({.seed = 19, .scale_errors = {0.03, 0.03, 0.03}});
+  scenario.agents.at(2).has_fixed_scale = true;
+  const Solution solution = Solve(scenario);
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  EXPECT_EQ(solution.rovers[1].odometry_scale, 1);
+  EXPECT_GT(solution.rovers[0].odometry_scale, 1.01);
+  options_.covariance_of = {{2, 50}};
+  EXPECT_EQ(Solve(scenario, ToLast(solution)).covariances.size(), 1u);
+}
+
 TEST_F(PoseGraphSolverTest, KeepsTheOldPosesWhenStopped) {
   const Scenario scenario = MakeScenario({.seed = 17, .node_count = 20});
   options_.stop_requested = [] { return true; };
   std::map<NodeKey, Pose> last = PosesOf(scenario.graph);
-  const Solution solution = Solve(scenario, {.poses = last, .rejected = {}});
+  const Solution solution = Solve(scenario, {.poses = last, .rejected = {}, .accepted = {}});
   EXPECT_FALSE(solution.is_accepted);
   EXPECT_NE(solution.text, "");
-  EXPECT_TRUE(solution.ranges.empty());
+  EXPECT_TRUE(solution.verdicts.empty());
   EXPECT_TRUE(solution.rovers.empty()) << "nothing was determined of them";
   for (const auto& [key, pose] : last) EXPECT_EQ(solution.poses.at(key).position_m, pose.position_m);
 }

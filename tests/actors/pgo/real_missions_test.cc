@@ -40,7 +40,8 @@ TEST_P(RealMissionsTest, EndsNearTheTruth) {
   const double odometry_m = CompareTrajectories(PosesOf(mission->graph), mission->truth, rovers).rmse_m;
   const double solved_m = CompareTrajectories(solution.poses, mission->truth, rovers).rmse_m;
   std::cout << GetParam().folder << ": error " << odometry_m << " m by odometry, " << solved_m << " m solved; "
-            << solution.rejected_range_count << " of " << solution.ranges.size() << " ranges rejected\n";
+            << solution.CountOf(FactorKind::kRange).rejected << " of " << solution.verdicts.size()
+            << " ranges rejected\n";
   EXPECT_GT(odometry_m, 1);
   EXPECT_LT(solved_m, GetParam().error_max_m);
 }

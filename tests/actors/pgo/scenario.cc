@@ -168,6 +168,38 @@ class Generator {
 
 Scenario MakeScenario(const ScenarioOptions& options) { return Generator(options).Make(); }
 
+LoopClosure LoopClosureOf(const Scenario& scenario, const NodeKey& from, const NodeKey& to, const std::string& source,
+                          std::mt19937_64& rng, const Eigen::Vector3d& offset_m) {
+  std::normal_distribution<double> normal;
+  LoopClosure closure{from, to, 0, scenario.truth.at(from).Inverse() * scenario.truth.at(to), {}, source};
+  Eigen::Vector3d turn;
+  for (int i = 0; i < 3; ++i) {
+    closure.from_from_to.position_m[i] += kClosureSigma_m * normal(rng) + offset_m[i];
+    turn[i] = kClosureSigma_rad * normal(rng);
+  }
+  closure.from_from_to.orientation =
+      closure.from_from_to.orientation * Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+  closure.covariance.setZero();
+  closure.covariance.diagonal().head<3>().setConstant(kClosureSigma_m * kClosureSigma_m);
+  closure.covariance.diagonal().tail<3>().setConstant(kClosureSigma_rad * kClosureSigma_rad);
+  return closure;
+}
+
+NodePrior PriorOf(const Scenario& scenario, const NodeKey& node, PriorExtent extent, const std::string& source,
+                  std::mt19937_64& rng) {
+  std::normal_distribution<double> normal;
+  NodePrior prior;
+  prior.node = node;
+  prior.extent = extent;
+  prior.source = source;
+  prior.map_from_node = scenario.truth.at(node);
+  for (int i = 0; i < 3; ++i) prior.map_from_node.position_m[i] += kClosureSigma_m * normal(rng);
+  prior.covariance.setZero();
+  prior.covariance.diagonal().head<3>().setConstant(kClosureSigma_m * kClosureSigma_m);
+  prior.covariance.diagonal().tail<3>().setConstant(kClosureSigma_rad * kClosureSigma_rad);
+  return prior;
+}
+
 double TrajectoryErrorM(const Scenario& scenario, const std::map<NodeKey, Pose>& poses) {
   std::vector<AgentId> rovers;
   for (const auto& [agent, facts] : scenario.agents) {

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <map>
+#include <random>
+#include <string>
 #include <vector>
 
 #include "actors/pgo/graph_check.h"
@@ -45,6 +47,18 @@ struct Scenario {
 };
 
 Scenario MakeScenario(const ScenarioOptions& options);
+
+// Sigmas of the measurements that LoopClosureOf and PriorOf draw.
+inline constexpr double kClosureSigma_m = 0.05;
+inline constexpr double kClosureSigma_rad = 0.01;
+
+// Draws a loop closure between two nodes from their true poses, with an additional offset of the measured position.
+LoopClosure LoopClosureOf(const Scenario& scenario, const NodeKey& from, const NodeKey& to, const std::string& source,
+                          std::mt19937_64& rng, const Eigen::Vector3d& offset_m = Eigen::Vector3d::Zero());
+
+// Draws a prior of a node from its true pose. Its map_from_node has the full true orientation whatever the extent.
+NodePrior PriorOf(const Scenario& scenario, const NodeKey& node, PriorExtent extent, const std::string& source,
+                  std::mt19937_64& rng);
 
 // Returns the root mean square distance between `poses` and the true positions, over all rovers' nodes.
 double TrajectoryErrorM(const Scenario& scenario, const std::map<NodeKey, Pose>& poses);

@@ -98,7 +98,7 @@ TEST_P(StandaloneSolverTest, RelaxesLoopsExactlyWithoutNoise) {
   }
   const PlainSolution solution = SolveStandaloneGraph(drive.graph(), OneThread());
   EXPECT_TRUE(solution.has_converged);
-  EXPECT_EQ(solution.initial_values, InitialValues::kChordal);
+  EXPECT_EQ(solution.initial_values, PlainInitialValues::kChordal);
   EXPECT_LT(solution.cost, 1e-9);
 }
 

@@ -110,7 +110,7 @@ TEST_F(MirrorTest, ChangesSidesWhenRangesDistinguishThem) {
     ASSERT_TRUE(second.is_accepted) << second.text;
     EXPECT_LT((second.poses.at({2, 0}).position_m - Eigen::Vector3d(10, 7, 0)).norm(), 0.5);
     EXPECT_EQ(second.rovers[1].anchoring, Anchoring::kAnchored);
-    EXPECT_EQ(second.rejected_range_count, 0u);
+    EXPECT_EQ(second.CountOf(FactorKind::kRange).rejected, 0u);
   }
 }
 
@@ -139,7 +139,7 @@ TEST_F(WarmSolveTest, CorrectsARoverThatDriftedWithoutRanges) {
   const Solution solution = Solve(scenario, ToLast(last));
   ASSERT_TRUE(solution.is_accepted) << solution.text;
   EXPECT_EQ(solution.initial_values, SolveInitialValues::kLastSolution);
-  EXPECT_EQ(solution.rejected_range_count, 0u);
+  EXPECT_EQ(solution.CountOf(FactorKind::kRange).rejected, 0u);
   EXPECT_LT(LargestMoveM(Solve(scenario).poses, solution.poses), 0.1);
 }
 
@@ -169,7 +169,7 @@ TEST_F(WarmSolveTest, RecoversFromARoverOnTheWrongSide) {
     if (key.agent == 2) pose = away * pose;
   }
   for (const RangeEdge& edge : scenario.graph.ranges) {
-    if (edge.from.agent == 2 || edge.to.agent == 2) last.rejected.insert({edge.from, edge.to});
+    if (edge.from.agent == 2 || edge.to.agent == 2) last.rejected.insert(KeyOf(edge));
   }
   const Solution solution = Solve(scenario, last);
   ASSERT_TRUE(solution.is_accepted) << solution.text;
@@ -227,7 +227,7 @@ TEST_F(WarmSolveTest, AWindowIncludesAllNodesThatWereNeverSolved) {
   for (std::uint64_t i = 30; i < 40; ++i) last.poses.erase({1, i});
   options_.window_nodes = 10;
   const Solution never = Solve(scenario);
-  EXPECT_EQ(never.ranges.size(), full.ranges.size());
+  EXPECT_EQ(never.verdicts.size(), full.verdicts.size());
   EXPECT_LT(LargestMoveM(full.poses, never.poses), 1e-6);
   const Solution partly = Solve(scenario, last);
   ASSERT_TRUE(partly.is_accepted) << partly.text;

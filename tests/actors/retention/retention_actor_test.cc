@@ -509,14 +509,14 @@ TEST_F(RetentionActorTest, RemovesMapsFirstAndKeepsGraphAndStates) {
   node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_orientation()->set_w(1);
   Insert(kRover, node);
   for (int i = 0; i < 100; ++i) Insert(kRover, ReportOf(300));
-  for (int i = 0; StatusOf(kRover).map_bytes() < 0.75e6; ++i) Insert(kRover, MapOf(kRover, 1, 200 - i));
+  for (int i = 0; StatusOf(kRover).map_bytes() < 0.7e6; ++i) Insert(kRover, MapOf(kRover, 1, 200 - i));
   const std::size_t maps = CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP);
   Transfer(kRover, kLeader);
   Transfer(kRover, kSurvivor);
   team_.AdvanceTime(minutes(11));
   const proto::StorageStatus after = StatusOf(kRover);
   EXPECT_LT(CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP), maps);
-  EXPECT_LE(after.map_bytes(), 0.75e6);
+  EXPECT_LE(after.map_bytes(), 0.7e6);
   EXPECT_GT(after.map_bytes(), 0.2e6);
   EXPECT_EQ(CountOf(kRover, proto::HEALTH), 100u) << "older than the maps, but within their part";
   EXPECT_EQ(CountOf(kRover, proto::POWER), 1u);

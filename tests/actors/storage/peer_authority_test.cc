@@ -7,6 +7,7 @@
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
+#include "tests/sample_record.h"
 
 namespace moondb {
 namespace {
@@ -350,6 +351,21 @@ TEST(PeerAuthorityTest, SignsItsOwnQuarantinesAndForwardsThoseOfOthers) {
     ASSERT_TRUE(content.ParseFromString(offered.content()));
     EXPECT_EQ(content.map_quarantine().signature(), "signed " + ToString(key));
   }
+}
+
+TEST(PeerAuthorityTest, RefusesOwnPriorsOfOthersUnlessItMayCommand) {
+  const auto prior_of = [](AgentId agent) {
+    proto::InsertRequest request;
+    *request.add_records() = SampleRecord(proto::POSE_PRIOR, agent);
+    return request;
+  };
+  auto rover = OpenStore(OptionsWithKeys(3));
+  EXPECT_FALSE(IsError(rover->Insert(prior_of(3)).reply.error()));
+  const proto::InsertReply refused = rover->Insert(prior_of(2)).reply;
+  EXPECT_EQ(refused.error().code(), proto::ERROR_CODE_REFUSED);
+  EXPECT_EQ(refused.error().field(), "records[0].pose_prior.node.agent_id");
+  auto base = OpenStore(OptionsWithKeys(9));
+  EXPECT_FALSE(IsError(base->Insert(prior_of(2)).reply.error()));
 }
 
 TEST(PeerAuthorityTest, GivesItsOwnQuarantinesTheNewestTerm) {

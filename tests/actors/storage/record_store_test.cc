@@ -9,6 +9,7 @@
 
 #include "actors/storage/role_history.h"
 #include "model/have_page.h"
+#include "model/pose_graph.h"
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
@@ -951,6 +952,33 @@ TEST(RecordStoreTest, DerivesTypedColumnsOfMapsAndRanges) {
                    "layer_count = 1 AND finest_resolution_um = 50000 AND finest_width_cells = 4 AND qw = 1"),
             1);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM pose_graph_edge WHERE is_range AND range_m = 5 AND to_agent = 3"), 1);
+}
+
+TEST(RecordStoreTest, AcceptsLoopClosuresBySourceAndPriors) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  for (const std::uint64_t index : {0, 1, 2}) InsertOne(*store, NodeRecord(2, index));
+  proto::Record edge = ToRecord(OdometryEdge{{2, 0}, {2, 2}, 1, Pose(), Matrix6d::Identity()});
+  const auto insert = [&store](const proto::Record& record) {
+    proto::InsertRequest request;
+    *request.add_records() = record;
+    return store->Insert(request).reply;
+  };
+  EXPECT_EQ(insert(edge).error().field(), "records[0].pose_graph_edge.to") << "it skips a node";
+  for (const char* const source : {"apriltag", "slam_toolbox"}) {
+    edge.mutable_pose_graph_edge()->set_source(source);
+    EXPECT_FALSE(IsError(insert(edge).error())) << source;
+  }
+  edge.set_timestamp_ns(2);
+  EXPECT_EQ(insert(edge).error().text(), "loop closure 2:0 2:2 slam_toolbox already exists with other content");
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM pose_graph_edge WHERE source = 'apriltag' AND NOT is_range"), 1);
+  const NodePrior prior{
+      {2, 1}, 1, PriorExtent::kPositionYaw, Pose::FromPlanar(3, 4, 0.5), Matrix6d::Identity(), Eigen::Vector3d::Zero(),
+      "gnss"};
+  EXPECT_FALSE(IsError(insert(ToRecord(prior)).error()));
+  EXPECT_EQ(Number(*store,
+                   "SELECT count(*) FROM pose_prior WHERE node_index = 1 AND x = 3 AND abs(yaw - 0.5) < 1e-9 "
+                   "AND source = 'gnss'"),
+            1);
 }
 
 proto::SaveRolesRequest Saving(const proto::RoleAssignment& roles) {

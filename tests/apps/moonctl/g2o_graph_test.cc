@@ -38,6 +38,30 @@ TEST(G2oGraphTest, NamesVerticesByTheLetterAndTheNumberAndComesBack) {
   EXPECT_TRUE(back->graph.ranges.empty());
 }
 
+TEST(G2oGraphTest, ConvertsLoopClosuresBetweenRobotsAndPriors) {
+  Pyfg pyfg;
+  const Pose turned{Eigen::Vector3d(1, 2, 3), Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)};
+  pyfg.graph.nodes = {{{1, 0}, 0, turned}, {{2, 4}, 0, turned}};
+  pyfg.graph.closures = {{{1, 0}, {2, 4}, 0, turned, Matrix6d::Identity(), "apriltag"}};
+  NodePrior prior;
+  prior.node = {2, 4};
+  prior.map_from_node = turned;
+  prior.covariance.diagonal() << 1, 2, 3, 4, 5, 6;
+  pyfg.graph.priors = {prior};
+  const Result<G2o> g2o = ToG2o(pyfg);
+  ASSERT_TRUE(g2o) << ToString(g2o.error());
+  EXPECT_EQ(g2o->edges.size(), 1u);
+  ASSERT_EQ(g2o->priors.size(), 1u);
+  // This rotation maps the body's x, y, z axes to the map's z, -x and -y axes. g2o's information is in the body's
+  // frame.
+  EXPECT_NEAR(g2o->priors[0].information(0, 0), 1.0 / 3, 1e-12);
+  EXPECT_NEAR(g2o->priors[0].information(1, 1), 1, 1e-12);
+  EXPECT_NEAR(g2o->priors[0].information(2, 2), 1.0 / 2, 1e-12);
+  const Result<Pyfg> back = ToPyfg(*g2o, 0);
+  ASSERT_TRUE(back) << ToString(back.error());
+  EXPECT_TRUE(back->graph.priors.at(0).covariance.isApprox(prior.covariance, 1e-12));
+}
+
 TEST(G2oGraphTest, GivesPlainIdsToTheRoverThatIsNamed) {
   const auto g2o = ParseG2o("VERTEX_SE2 3 1 2 0\nVERTEX_SE2 4 2 2 0\nEDGE_SE2 3 4 1 0 0 1 0 0 1 0 1\n", "test");
   ASSERT_TRUE(g2o.has_value());

@@ -42,20 +42,34 @@ TEST(TeamLettersTest, GivesRoversTheAlphabetWithoutTheBaseStationsLetter) {
   EXPECT_EQ(agents.at(AgentOfLetter('L')), 140u);
 }
 
-TEST(GraphImportTest, SeparatesOdometryFromLoopClosuresAndSkipsObservationsOfOthers) {
+TEST(GraphImportTest, SeparatesOdometryFromLoopClosuresAndPriors) {
   const auto pyfg = ParsePyfg(std::string(kGraph) +
                                   "VERTEX_SE2 20 A2 70 70 0\n"
                                   "EDGE_SE2 20 A1 A2 2 0 0 1 0 0 1 0 1\n"
                                   "EDGE_SE2 20 A0 A2 9 9 0 1 0 0 1 0 1\n"
                                   "EDGE_SE2 0 A2 A0 -9 -9 0 1 0 0 1 0 1\n"
-                                  "EDGE_SE2 10 A1 B1 3 0 0 1 0 0 1 0 1\n",
+                                  "EDGE_SE2 10 A1 B1 3 0 0 1 0 0 1 0 1\n"
+                                  "EDGE_SE2 10 A1 B1 3 0 0 1 0 0 1 0 1\n"
+                                  "VERTEX_SE2:PRIOR 10 B1 3 0 0 1 0 0 1 0 1\n"
+                                  "VERTEX_XY:PRIOR 10 M0 3 0 1 0 1\n",
                               "test");
   ASSERT_TRUE(pyfg.has_value()) << ToString(pyfg.error());
   const auto import = PrepareImport(Team(2, true), *pyfg);
   ASSERT_TRUE(import.has_value()) << ToString(import.error());
   EXPECT_EQ(import->odometry_count, 3u);
-  // The import leaves out the landmark M0 and its range, A1's view of B1, and two loop closures between A0 and A2.
-  EXPECT_EQ(import->left_out_count, 5u);
+  // Two between A0 and A2, and two between A1 and B1.
+  EXPECT_EQ(import->closure_count, 4u);
+  EXPECT_EQ(import->prior_count, 1u);
+  // The import leaves out the landmark M0, its range and its prior.
+  EXPECT_EQ(import->left_out_count, 3u);
+  std::vector<std::string> sources;
+  for (const auto& [agent, records] : import->records) {
+    for (const proto::Record& record : records) {
+      if (!record.pose_graph_edge().source().empty()) sources.push_back(record.pose_graph_edge().source());
+      EXPECT_EQ(record.pose_prior().source(), record.has_pose_prior() ? "file" : "");
+    }
+  }
+  EXPECT_EQ(sources, (std::vector<std::string>{"file", "file", "file", "file_2"}));
   const auto& last = import->records.at(10)[2].pose_graph_node();
   EXPECT_EQ(last.node().index(), 2u);
   EXPECT_NEAR(last.map_from_node().position_m().x(), 5, 1e-12);

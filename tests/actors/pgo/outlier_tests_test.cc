@@ -1,4 +1,4 @@
-#include "actors/pgo/range_tests.h"
+#include "actors/pgo/outlier_tests.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,10 @@
 namespace moondb {
 namespace {
 
+FactorKey Range(std::uint64_t index) { return {FactorKind::kRange, {1, index}, {2, index}, {}}; }
+
 // Two rovers, with one range between them at each timestamp.
-class RangeTestsTest : public testing::Test {
+class OutlierTestsTest : public testing::Test {
  protected:
   void Use(const std::vector<std::int64_t>& timestamps_s) {
     graph_ = {};
@@ -27,10 +29,11 @@ class RangeTestsTest : public testing::Test {
   std::vector<bool> Inliers(const std::vector<double>& residuals) {
     const CostTerms terms(checked_, rovers_, starts_, {}, initial_, std::vector<bool>(checked_.nodes.size(), true),
                           options_);
-    return FindInliers(checked_, terms, residuals, std::vector<bool>(residuals.size(), true), options_);
+    const std::vector<bool> all(residuals.size(), true);
+    return FindInliers(checked_, terms, residuals, all, all, options_);
   }
 
-  FirstVerdicts First(const std::vector<double>& residuals, std::size_t known, const std::set<RangeKey>& rejected) {
+  FirstVerdicts First(const std::vector<double>& residuals, std::size_t known, const std::set<FactorKey>& rejected) {
     LastSolution last;
     for (const CheckedNode& node : checked_.nodes) {
       if (node.key.index < known) last.poses[node.key] = node.raw;
@@ -48,26 +51,26 @@ class RangeTestsTest : public testing::Test {
   InitialValues initial_;
 };
 
-TEST_F(RangeTestsTest, DoubtsNeighboursOfARejectedRangeWithAnErrorOfTheSameSign) {
+TEST_F(OutlierTestsTest, DoubtsNeighboursOfARejectedRangeWithAnErrorOfTheSameSign) {
   Use({0, 30, 60, 90});
   EXPECT_THAT(Inliers({-5, -3, -2, -3}), testing::ElementsAre(false, false, true, true));
   EXPECT_THAT(Inliers({-5, 3, -3, 0}), testing::ElementsAre(false, true, true, true));
 }
 
-TEST_F(RangeTestsTest, EndsABurstAtAPauseOfTheRanges) {
+TEST_F(OutlierTestsTest, EndsABurstAtAPauseOfTheRanges) {
   Use({0, 30, 60, 1000, 1030});
   EXPECT_THAT(Inliers({0, 0, -5, -3, 0}), testing::ElementsAre(true, true, false, true, true));
 }
 
-TEST_F(RangeTestsTest, KeepsTheLastVerdictsAndJudgesNewRangesByTheirFirstGuess) {
+TEST_F(OutlierTestsTest, KeepsTheLastVerdictsAndJudgesNewRangesByTheirFirstGuess) {
   Use({0, 30, 60, 90, 120});
-  const FirstVerdicts first = First({0, 20, 0, 3, 0}, 3, {{{1, 0}, {2, 0}}});
+  const FirstVerdicts first = First({0, 20, 0, 3, 0}, 3, {Range(0)});
   EXPECT_THAT(first.is_inlier, testing::ElementsAre(false, true, true, true, true));
   EXPECT_THAT(first.is_trusted, testing::ElementsAre(false, true, true, false, false));
   EXPECT_FALSE(first.is_doubtful);
 }
 
-TEST_F(RangeTestsTest, DoubtsItsFirstGuessIfManyNewRangesDoNotFit) {
+TEST_F(OutlierTestsTest, DoubtsItsFirstGuessIfManyNewRangesDoNotFit) {
   Use({0, 30, 60, 90, 120});
   const FirstVerdicts first = First({0, 0, 0, 20, 0}, 3, {});
   EXPECT_THAT(first.is_inlier, testing::ElementsAre(true, true, true, false, true));
@@ -75,10 +78,10 @@ TEST_F(RangeTestsTest, DoubtsItsFirstGuessIfManyNewRangesDoNotFit) {
   EXPECT_TRUE(first.is_doubtful);
 }
 
-TEST_F(RangeTestsTest, DoubtsTheLastVerdictsIfMostRangesOfARoverWereRejected) {
+TEST_F(OutlierTestsTest, DoubtsTheLastVerdictsIfMostRangesOfARoverWereRejected) {
   Use({0, 30, 60, 90, 120});
-  EXPECT_TRUE(First({0, 0, 0, 0, 0}, 5, {{{1, 0}, {2, 0}}, {{1, 1}, {2, 1}}, {{1, 2}, {2, 2}}}).is_doubtful);
-  EXPECT_FALSE(First({0, 0, 0, 0, 0}, 5, {{{1, 0}, {2, 0}}, {{1, 1}, {2, 1}}}).is_doubtful);
+  EXPECT_TRUE(First({0, 0, 0, 0, 0}, 5, {Range(0), Range(1), Range(2)}).is_doubtful);
+  EXPECT_FALSE(First({0, 0, 0, 0, 0}, 5, {Range(0), Range(1)}).is_doubtful);
 }
 
 }  // namespace

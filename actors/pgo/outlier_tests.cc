@@ -1,4 +1,4 @@
-#include "actors/pgo/range_tests.h"
+#include "actors/pgo/outlier_tests.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,18 +9,23 @@ namespace moondb {
 
 namespace {
 
-// Hysteresis: a rejected range is accepted again only if its residual is below this fraction of the limit for
+// Hysteresis: a rejected factor is accepted again only if its residual is below this fraction of the limit for
 // rejection. Otherwise verdicts could alternate between tests.
 constexpr double kReturnPart = 0.9;
-// For a range of a new node, the limit for rejection is multiplied by this factor, because the initial values of a new
-// node come only from odometry.
-constexpr double kNewRangeSlack = 2;
+// For a new factor, the limit for rejection is multiplied by this number, because the initial values of a new node come
+// only from odometry.
+constexpr double kNewFactorSlack = 2;
 constexpr double kMisfitShareMax = 0.4;
 constexpr double kRejectedShareMax = 0.5;
 constexpr double kJudgedRangesMin = 4;  // Fewer ranges are not enough to judge a rover.
 // Two consecutive ranges of a pair of agents belong to one burst only if their time difference is at most this many
 // times the pair's median interval.
 constexpr double kBurstIntervals = 3;
+
+// Returns the residual above which a tested factor is rejected, in sigmas.
+double LimitOf(const CheckedGraph& graph, std::size_t factor, const SolverOptions& options) {
+  return factor < graph.first_closure() ? options.reject_sigmas : options.reject_distance;
+}
 
 struct Share {
   double part = 0;
@@ -76,12 +81,14 @@ void ExtendBursts(const CheckedGraph& graph, const std::vector<std::size_t>& ser
 }  // namespace
 
 std::vector<bool> FindInliers(const CheckedGraph& graph, const CostTerms& terms, const std::vector<double>& residuals,
-                              const std::vector<bool>& before, const SolverOptions& options) {
+                              const std::vector<bool>& before, const std::vector<bool>& is_allowed,
+                              const SolverOptions& options) {
   std::vector<bool> is_inlier(residuals.size());
   std::vector<double> burst_limits(residuals.size());
   for (std::size_t i = 0; i < residuals.size(); ++i) {
     const double part = before[i] ? 1 : kReturnPart;
-    is_inlier[i] = terms.HasRange(i) ? std::abs(residuals[i]) <= part * options.reject_sigmas : before[i];
+    is_inlier[i] = terms.HasTested(i) ? std::abs(residuals[i]) <= part * LimitOf(graph, i, options) : before[i];
+    if (!is_allowed[i]) is_inlier[i] = false;
     burst_limits[i] = part * options.burst_sigmas;
   }
   for (const std::vector<std::size_t>& series : FindSeries(graph)) {
@@ -92,7 +99,7 @@ std::vector<bool> FindInliers(const CheckedGraph& graph, const CostTerms& terms,
 
 bool HasMostlyRejected(const CheckedGraph& graph, const std::vector<bool>& is_inlier) {
   std::map<AgentId, Share> rejected;
-  for (std::size_t i = 0; i < graph.ranges.size(); ++i) {
+  for (std::size_t i = 0; i < graph.first_closure(); ++i) {
     rejected[graph.ranges[i].edge->from.agent].Add(!is_inlier[i]);
     rejected[graph.ranges[i].edge->to.agent].Add(!is_inlier[i]);
   }
@@ -106,20 +113,32 @@ FirstVerdicts FindFirstVerdicts(const CheckedGraph& graph, const InitialValues& 
                                 const SolverOptions& options) {
   FirstVerdicts verdicts;
   std::map<AgentId, Share> misfits;  // Share of misfits among the ranges of each agent's new nodes.
-  for (std::size_t i = 0; i < residuals.size(); ++i) {
+  const auto add = [&verdicts](bool is_old, bool was_inlier, bool fits) {
+    verdicts.is_inlier.push_back(is_old ? was_inlier : fits);
+    verdicts.is_inlier_before.push_back(was_inlier);
+    verdicts.is_trusted.push_back(is_old && was_inlier);
+  };
+  for (std::size_t i = 0; i < graph.first_closure(); ++i) {
     const CheckedRange& range = graph.ranges[i];
     const bool is_from_known = IsKnown(graph, initial, range.from);
     const bool is_to_known = IsKnown(graph, initial, range.to);
     const bool is_old = is_from_known && is_to_known;
-    const bool was_inlier = !is_old || !last.rejected.contains({range.edge->from, range.edge->to});
-    const bool fits = std::abs(residuals[i]) <= kNewRangeSlack * options.reject_sigmas;
-    verdicts.is_inlier.push_back(is_old ? was_inlier : fits);
-    verdicts.is_inlier_before.push_back(was_inlier);
-    verdicts.is_trusted.push_back(is_old && was_inlier);
+    const bool fits = std::abs(residuals[i]) <= kNewFactorSlack * options.reject_sigmas;
+    add(is_old, !is_old || !last.rejected.contains(graph.KeyOfTested(i)), fits);
     if (!is_from_known) misfits[range.edge->from.agent].Add(!fits);
     if (!is_to_known) misfits[range.edge->to.agent].Add(!fits);
   }
-  verdicts.is_doubtful = std::any_of(misfits.begin(), misfits.end(),
+  bool has_misfit = false;
+  for (std::size_t i = graph.first_closure(); i < residuals.size(); ++i) {
+    const FactorKey key = graph.KeyOfTested(i);
+    const bool was_accepted = last.accepted.contains(key);
+    const bool is_old = was_accepted || last.rejected.contains(key);
+    const bool fits = residuals[i] <= kNewFactorSlack * options.reject_distance;
+    add(is_old, was_accepted || !is_old, fits);
+    has_misfit = has_misfit || (!is_old && !fits);
+  }
+  verdicts.is_doubtful = has_misfit ||
+                         std::any_of(misfits.begin(), misfits.end(),
                                      [](const auto& agent) { return agent.second.IsMoreThan(kMisfitShareMax); }) ||
                          HasMostlyRejected(graph, verdicts.is_inlier);
   return verdicts;
