@@ -104,6 +104,15 @@ void CheckVerdict(const Record& record, FieldChecker& check) {
   check.Term(verdict.term(), "edge_verdict.term");
 }
 
+void CheckQuarantinedFactor(const proto::QuarantinedFactor& factor, AgentId agent, FieldChecker& check) {
+  check.Node(factor.from(), "map_quarantine.factor.from");
+  check.Node(factor.to(), "map_quarantine.factor.to");
+  check.Require(factor.from().agent_id() == agent || factor.to().agent_id() == agent, "map_quarantine.factor",
+                "must have an end at agent_id");
+  check.Require(!factor.is_range() || !factor.is_prior(), "map_quarantine.factor.is_prior", "excludes is_range");
+  check.Size(factor.source(), kSourceBytesMax, "map_quarantine.factor.source");
+}
+
 void CheckQuarantine(const Record& record, FieldChecker& check) {
   const proto::MapQuarantine& quarantine = record.map_quarantine();
   check.Text(quarantine.reason(), kQuarantineReasonBytesMax, "map_quarantine.reason");
@@ -119,6 +128,12 @@ void CheckQuarantine(const Record& record, FieldChecker& check) {
   }
   check.Agent(quarantine.agent_id(), "map_quarantine.agent_id");
   check.Require(quarantine.from_ns() <= quarantine.to_ns(), "map_quarantine.to_ns", "lies before from_ns");
+  if (quarantine.has_node()) {
+    check.Require(quarantine.node().agent_id() == quarantine.agent_id(), "map_quarantine.node.agent_id",
+                  "must be agent_id");
+  }
+  if (quarantine.has_factor()) CheckQuarantinedFactor(quarantine.factor(), quarantine.agent_id(), check);
+  check.Size(quarantine.producer().source(), kSourceBytesMax, "map_quarantine.producer.source");
 }
 
 void CheckAssignment(const Record& record, FieldChecker& check) {

@@ -156,6 +156,8 @@ proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merg
     stats.set_waiting_map_count(stats.waiting_map_count() + 1);
   }
   proto::MapStatsReply reply;
+  AddFarNodes(selected.far_nodes, *reply.mutable_far_nodes());
+  reply.set_far_node_count(static_cast<double>(selected.far_nodes.size()));
   for (auto& [agent, stats] : agents) {
     stats.set_agent_id(agent);
     *reply.add_agents() = stats;

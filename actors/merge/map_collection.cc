@@ -53,7 +53,7 @@ void MapCollection::RemoveRawPose(const RecordKey& key, const NodeKey& node) {
 }
 
 void MapCollection::AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
-                                     const proto::Term& term, std::uint64_t run) {
+                                     const proto::Term& term, std::uint64_t run, bool ignores_raw_pose) {
   const auto found = nodes_.find(node);
   const bool is_first = found == nodes_.end() || !found->second.optimized;
   if (is_first && optimized_count_ >= options_.nodes_max) {
@@ -63,7 +63,7 @@ void MapCollection::AddOptimizedPose(const RecordKey& key, const NodeKey& node, 
   optimized_count_ += is_first ? 1 : 0;
   auto& optimized = nodes_[node].optimized;
   const Version version = std::tuple_cat(OrderOf(term), std::tuple(run, key));
-  if (!optimized || version > optimized->first) optimized.emplace(version, map_from_node);
+  if (!optimized || version > optimized->version) optimized = {version, map_from_node, ignores_raw_pose};
 }
 
 void MapCollection::AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine) {
@@ -74,6 +74,7 @@ void MapCollection::AddQuarantine(const RecordKey& key, const proto::MapQuaranti
   } else if (!quarantines_.emplace(key, quarantine).second) {
     return;
   }
+  quarantined_nodes_.reset();
   for (const auto& removed : quarantine_quota_.Add(key, 1, lifts)) {
     if (removed.note) {
       lifted_.erase(lifted_.find(*removed.note));
@@ -99,6 +100,10 @@ std::vector<MapCollection::Quarantine> MapCollection::StandingQuarantines() cons
   std::vector<Quarantine> standing;
   for (const auto& [key, said] : quarantines_) {
     if (lifted_.contains(key)) continue;
+    if (said.graph_part_case() != proto::MapQuarantine::GRAPH_PART_NOT_SET) {
+      standing.push_back({key, said, said.has_node() ? CountMapsAt(FromProto(said.node())) : 0});
+      continue;
+    }
     const std::vector<std::int64_t>& of_agent = timestamps[said.agent_id()];
     const auto first = std::lower_bound(of_agent.begin(), of_agent.end(), said.from_ns());
     const auto last = std::upper_bound(of_agent.begin(), of_agent.end(), said.to_ns());
@@ -110,7 +115,8 @@ std::vector<MapCollection::Quarantine> MapCollection::StandingQuarantines() cons
 MapCollection::Spans MapCollection::StandingSpans() const {
   Spans spans;
   for (const auto& [key, said] : quarantines_) {
-    if (!lifted_.contains(key)) spans[said.agent_id()].emplace_back(said.from_ns(), said.to_ns());
+    const bool is_of_maps = said.graph_part_case() == proto::MapQuarantine::GRAPH_PART_NOT_SET;
+    if (is_of_maps && !lifted_.contains(key)) spans[said.agent_id()].emplace_back(said.from_ns(), said.to_ns());
   }
   for (auto& [agent, of_agent] : spans) {
     std::sort(of_agent.begin(), of_agent.end());
@@ -125,6 +131,21 @@ MapCollection::Spans MapCollection::StandingSpans() const {
     of_agent = std::move(joined);
   }
   return spans;
+}
+
+const std::set<NodeKey>& MapCollection::QuarantinedNodes() const {
+  if (!quarantined_nodes_) {
+    quarantined_nodes_.emplace();
+    for (const auto& [key, said] : quarantines_) {
+      if (said.has_node() && !lifted_.contains(key)) quarantined_nodes_->insert(FromProto(said.node()));
+    }
+  }
+  return *quarantined_nodes_;
+}
+
+std::size_t MapCollection::CountMapsAt(const NodeKey& node) const {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(maps_, [&node](const auto& map) { return map.second.local->node == node; }));
 }
 
 bool MapCollection::IsLeftOut(const Spans& spans, const HeldMap& map) {
@@ -150,8 +171,20 @@ const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) con
   const auto found = nodes_.find(node);
   if (found == nodes_.end()) return nullptr;
   const auto& [raw, optimized] = found->second;
-  if (!use_raw_poses && optimized) return &optimized->second;
+  if (QuarantinedNodes().contains(node)) {
+    return !use_raw_poses && optimized && optimized->ignores_raw_pose ? &optimized->map_from_node : nullptr;
+  }
+  if (!use_raw_poses && optimized) return &optimized->map_from_node;
   return raw.empty() ? nullptr : &raw.front().second;
+}
+
+std::vector<std::pair<NodeKey, Eigen::Vector3d>> MapCollection::PositionsOf(const Selection& selection) const {
+  std::vector<std::pair<NodeKey, Eigen::Vector3d>> positions_m;
+  for (const auto& [node, poses] : nodes_) {
+    if (!selection.agents.empty() && !selection.agents.contains(node.agent)) continue;
+    if (const Pose* pose = FindPose(node, selection.use_raw_poses)) positions_m.emplace_back(node, pose->position_m);
+  }
+  return positions_m;
 }
 
 MapCollection::Selected MapCollection::Select(const Selection& selection) const {
@@ -160,20 +193,23 @@ MapCollection::Selected MapCollection::Select(const Selection& selection) const 
   };
   const Spans left_out = StandingSpans();
   Selected selected;
+  selected.far_nodes = FindFarNodes(PositionsOf(selection));
+  std::set<NodeKey> far;
+  for (const FarNode& node : selected.far_nodes) far.insert(node.node);
   for (const auto& [key, map] : maps_) {
     if (!is_selected(key.stream.origin)) continue;
     const Pose* pose = FindPose(map.local->node, selection.use_raw_poses);
-    const bool is_left_out = IsLeftOut(left_out, map);
+    const bool is_left_out = IsLeftOut(left_out, map) || QuarantinedNodes().contains(map.local->node);
     if (is_left_out) {
       selected.quarantined_maps.push_back(map.local);
     } else if (pose == nullptr) {
       selected.waiting_maps.push_back(map.local);
-    } else {
+    } else if (!far.contains(map.local->node)) {
       selected.maps.push_back({map.local, *pose});
     }
   }
   for (const auto& [node, poses] : nodes_) {
-    if (!is_selected(node.agent) || options_.without_footprint.contains(node.agent)) continue;
+    if (!is_selected(node.agent) || options_.without_footprint.contains(node.agent) || far.contains(node)) continue;
     if (const Pose* pose = FindPose(node, selection.use_raw_poses)) selected.footprints.push_back({node, *pose});
   }
   return selected;

@@ -19,6 +19,7 @@
 
 #include "actors/merge/placement.h"
 #include "model/error.h"
+#include "model/far_nodes.h"
 #include "model/ids.h"
 #include "model/origin_quota.h"
 #include "model/record_key.h"
@@ -51,6 +52,8 @@ class MapCollection {
     std::vector<Footprint> footprints;                              // Sorted by node.
     std::vector<std::shared_ptr<const LocalMap>> waiting_maps;      // Selected maps whose node is unknown.
     std::vector<std::shared_ptr<const LocalMap>> quarantined_maps;  // Selected maps that a quarantine leaves out.
+    // Nodes that lie absurdly far from the others, the farthest first. Their maps and footprints are left out.
+    std::vector<FarNode> far_nodes;
   };
 
   struct NodePose {
@@ -80,10 +83,12 @@ class MapCollection {
   void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
 
   // Adds an optimized pose. Among several poses of a node, the pose with the highest (term, run) is used.
+  // `ignores_raw_pose`: the pose is valid even while a quarantine of the node stands.
   void AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
-                        std::uint64_t run);
+                        std::uint64_t run, bool ignores_raw_pose = false);
 
-  // Adds a record that quarantines maps or that lifts a quarantine. A record may lift a quarantine that arrives later.
+  // Adds a record that quarantines maps or a node, or that lifts a quarantine. Other quarantines are only listed by
+  // StandingQuarantines. A record may lift a quarantine that arrives later.
   void AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine);
 
   // Returns the input of Merger::Assign for a selection: the selected maps and footprints at the poses of their nodes.
@@ -105,9 +110,15 @@ class MapCollection {
   // Order of a node's optimized poses: term number, issuer and epoch, then run, then record key. The greatest is used.
   using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
 
+  struct OptimizedPose {
+    Version version;
+    Pose map_from_node;
+    bool ignores_raw_pose = false;
+  };
+
   struct Node {
     std::vector<std::pair<RecordKey, Pose>> raw;  // Poses from odometry, sorted by key; usually one.
-    std::optional<std::pair<Version, Pose>> optimized;
+    std::optional<OptimizedPose> optimized;
   };
 
   struct HeldMap {
@@ -116,9 +127,12 @@ class MapCollection {
   };
 
   const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;
+  std::vector<std::pair<NodeKey, Eigen::Vector3d>> PositionsOf(const Selection& selection) const;
   // Disjoint, sorted timestamp ranges of quarantined maps, by agent.
   using Spans = std::map<AgentId, std::vector<std::pair<std::int64_t, std::int64_t>>>;
   Spans StandingSpans() const;
+  const std::set<NodeKey>& QuarantinedNodes() const;
+  std::size_t CountMapsAt(const NodeKey& node) const;
   static bool IsLeftOut(const Spans& spans, const HeldMap& map);
   void RemoveMap(const RecordKey& key);
   void RemoveRawPose(const RecordKey& key, const NodeKey& node);
@@ -131,6 +145,7 @@ class MapCollection {
   OriginQuota<NoNote> map_bytes_quota_;
   std::map<RecordKey, proto::MapQuarantine> quarantines_;
   std::multiset<RecordKey> lifted_;
+  mutable std::optional<std::set<NodeKey>> quarantined_nodes_;  // Derived from the two members above when needed.
   // The quota keeps a note on each record. If the record lifts a quarantine, the note is the key of that quarantine.
   // Otherwise the note is nullopt.
   OriginQuota<std::optional<RecordKey>> quarantine_quota_;

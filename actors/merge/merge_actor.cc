@@ -241,7 +241,8 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
       const proto::OptimizedPose& optimized = record.optimized_pose();
       const Result<Pose> pose = FromProto(optimized.map_from_node());
       if (!pose) return tl::unexpected(pose.error());
-      collection_.AddOptimizedPose(key, FromProto(optimized.node()), *pose, optimized.term(), optimized.run());
+      collection_.AddOptimizedPose(key, FromProto(optimized.node()), *pose, optimized.term(), optimized.run(),
+                                   optimized.ignores_raw_pose());
       return {};
     }
     case proto::Record::kLocalTraversabilityMap: {
@@ -356,6 +357,8 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   reply.set_map_count(static_cast<double>(selected.maps.size()));
   reply.set_waiting_map_count(static_cast<double>(selected.waiting_maps.size()));
   reply.set_node_count(static_cast<double>(selected.footprints.size()));
+  AddFarNodes(selected.far_nodes, *reply.mutable_far_nodes());
+  reply.set_far_node_count(static_cast<double>(selected.far_nodes.size()));
   reply.set_backend(backend_->name());
   reply.set_seconds(std::chrono::duration<double>(context.now() - start).count());
   return reply;

@@ -28,6 +28,10 @@ Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) 
     AddVerdict(key, record.edge_verdict());
     return {};
   }
+  if (record.has_map_quarantine()) {
+    quarantines_.Add(key, record.map_quarantine());
+    return {};
+  }
   PoseGraph one;
   if (auto added = AddRecord(record, one); !added) return added;
   for (const GraphNode& node : one.nodes) {
@@ -80,10 +84,8 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
   };
   Selection selection;
   std::map<NodeKey, int> place_of;
-  ForEachStanding(nodes_, [&](const RecordKey&, const GraphNode& node) {
-    place_of.emplace(node.key, static_cast<int>(selection.graph.nodes.size()));
-    selection.graph.nodes.push_back(node);
-  });
+  selection.graph.nodes = SelectNodes();
+  for (const GraphNode& node : selection.graph.nodes) place_of.emplace(node.key, static_cast<int>(place_of.size()));
   std::vector<std::pair<int, int>> chain;
   std::map<AgentId, std::vector<Extra>> extras;
   const auto places = [&place_of](const auto& edge) -> std::optional<std::pair<int, int>> {
@@ -101,16 +103,20 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
     selection.graph.odometry.push_back(edge);
   });
   ForEachStanding(ranges_, [&](const RecordKey& key, const RangeEdge& edge) {
+    if (quarantines_.HasFactor(key, KeyOf(edge))) return;
     const auto joined = places(edge);
     if (!joined) return selection.graph.ranges.push_back(edge);
     extras[key.stream.origin].push_back({.key = key, .joined = *joined, .range = &edge});
   });
   ForEachStanding(closures_, [&](const RecordKey& key, const LoopClosure& closure) {
+    if (quarantines_.HasFactor(key, KeyOf(closure))) return;
     const auto joined = places(closure);
     if (!joined) return selection.graph.closures.push_back(closure);
     extras[key.stream.origin].push_back({.key = key, .joined = *joined, .closure = &closure});
   });
-  ForEachStanding(priors_, [&](const RecordKey&, const NodePrior& prior) { selection.graph.priors.push_back(prior); });
+  ForEachStanding(priors_, [&](const RecordKey& key, const NodePrior& prior) {
+    if (!quarantines_.HasFactor(key, KeyOf(prior))) selection.graph.priors.push_back(prior);
+  });
   std::size_t level = 0;
   for (auto& [origin, of_origin] : extras) {
     level = std::max(level, of_origin.size());
@@ -136,8 +142,43 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
   return selection;
 }
 
+std::vector<GraphNode> KnownGraph::SelectNodes() const {
+  std::vector<GraphNode> all;
+  ForEachStanding(nodes_, [&all](const RecordKey&, const GraphNode& node) { all.push_back(node); });
+  std::vector<GraphNode> selected;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (quarantines_.HasNode(all[i].key)) {
+      const std::optional<Pose> pose = ComposePose(selected, all[i], i + 1 < all.size() ? &all[i + 1] : nullptr);
+      if (!pose) continue;
+      all[i].map_from_node = *pose;
+    }
+    selected.push_back(all[i]);
+  }
+  return selected;
+}
+
+// Returns the pose of a quarantined node: that of the node before or after it, composed with odometry. `before`: the
+// nodes selected so far. `next`: the next node; may be null. Returns nullopt if neither has odometry to the node.
+std::optional<Pose> KnownGraph::ComposePose(const std::vector<GraphNode>& before, const GraphNode& node,
+                                            const GraphNode* next) const {
+  if (!before.empty()) {
+    const OdometryEdge* step = FindOdometry(before.back().key, node.key);
+    if (step != nullptr) return before.back().map_from_node * step->from_from_to;
+  }
+  if (next == nullptr || quarantines_.HasNode(next->key)) return std::nullopt;
+  const OdometryEdge* step = FindOdometry(node.key, next->key);
+  if (step == nullptr) return std::nullopt;
+  return next->map_from_node * step->from_from_to.Inverse();
+}
+
+const OdometryEdge* KnownGraph::FindOdometry(const NodeKey& from, const NodeKey& to) const {
+  const auto found = odometry_.lower_bound({EdgeName{from, to}, RecordKey()});
+  return found == odometry_.end() || found->first.first != EdgeName{from, to} ? nullptr : &found->second;
+}
+
 std::map<AgentId, std::uint64_t> KnownGraph::CountLeftOut() const {
   std::map<AgentId, std::uint64_t> counts = left_out_published_;
+  quarantines_.CountLeftOut(counts);
   node_quota_.CountLeftOut(counts);
   edge_quota_.CountLeftOut(counts);
   return counts;
@@ -153,8 +194,9 @@ Result<void> KnownGraph::AddPose(const RecordKey& key, const proto::OptimizedPos
     ++left_out_published_[key.stream.origin];
     return {};
   }
-  const auto [entry, is_new] = poses_.try_emplace(node, Versioned<Pose>{version, *map_from_node});
-  if (!is_new && version > entry->second.version) entry->second = {version, *map_from_node};
+  const PublishedPose published{*map_from_node, pose.ignores_raw_pose()};
+  const auto [entry, is_new] = poses_.try_emplace(node, Versioned<PublishedPose>{version, published});
+  if (!is_new && version > entry->second.version) entry->second = {version, published};
   return {};
 }
 
@@ -173,7 +215,11 @@ void KnownGraph::AddVerdict(const RecordKey& key, const proto::EdgeVerdict& verd
 
 LastSolution KnownGraph::FindLastSolution() const {
   LastSolution solution;
-  for (const auto& [node, pose] : poses_) solution.poses.emplace_hint(solution.poses.end(), node, pose.value);
+  for (const auto& [node, pose] : poses_) {
+    if (const Pose* const published = FindPublished(node)) {
+      solution.poses.emplace_hint(solution.poses.end(), node, *published);
+    }
+  }
   for (const auto& [factor, verdict] : verdicts_) {
     if (!verdict.value.is_inlier) {
       solution.rejected.insert(factor);
@@ -186,7 +232,9 @@ LastSolution KnownGraph::FindLastSolution() const {
 
 const Pose* KnownGraph::FindPublished(const NodeKey& node) const {
   const auto found = poses_.find(node);
-  return found == poses_.end() ? nullptr : &found->second.value;
+  if (found == poses_.end()) return nullptr;
+  const PublishedPose& published = found->second.value;
+  return quarantines_.HasNode(node) && !published.ignores_raw_pose ? nullptr : &published.map_from_node;
 }
 
 const Pose& KnownGraph::NewestPose(const GraphNode& node) const {

@@ -9,9 +9,11 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <utility>
 #include <vector>
 
+#include "actors/pgo/graph_quarantines.h"
 #include "actors/pgo/pose_graph_solver.h"
 #include "actors/pgo/solve_size.h"
 #include "model/error.h"
@@ -43,8 +45,8 @@ class KnownGraph {
   KnownGraph() : KnownGraph(Limits()) {}
   explicit KnownGraph(const Limits& limits);
 
-  // Adds a node, edge, prior, optimized pose or verdict; ignores other types. Call it once per record, in any order.
-  // Returns kInvalid for an invalid pose or covariance, without changing anything.
+  // Adds a node, edge, prior, optimized pose, verdict or quarantine; ignores other types. Call it once per record, in
+  // any order. Returns kInvalid for an invalid pose or covariance, without changing anything.
   //
   // Conflicts are resolved independently of the order of arrival, so all agents hold the same graph. Among poses of one
   // node, or verdicts on one factor, the record with the highest (term, run, record key) is kept. Among nodes, edges or
@@ -53,9 +55,11 @@ class KnownGraph {
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
   PoseGraph graph() const { return SelectForSolve({UINT64_MAX, UINT64_MAX}).graph; }
-  // Returns a graph whose solve stays within `size`. The graph contains all nodes and priors, the odometry from each
-  // node to the next, and the newest other edges of each origin, up to a limit per origin. The limit starts at the
-  // largest number of such edges of any origin, and is halved until the solve fits or the limit is zero.
+  // Returns a graph without quarantined factors, whose solve stays within `size`. A quarantined node gets the pose of
+  // its neighbour composed with odometry instead of its raw pose. Without such odometry it is left out. The graph
+  // contains all nodes and priors, the odometry from each node to the next, and the newest other edges of each origin,
+  // up to a limit per origin. The limit starts at the largest number of such edges of any origin, and is halved until
+  // the solve fits or the limit is zero.
   Selection SelectForSolve(const SolveSize& size) const;
   // Returns the maximum size of a solve with this many nodes. Public benchmark graphs need several times less.
   static SolveSize SolveSizeMax(std::size_t node_count);
@@ -66,7 +70,10 @@ class KnownGraph {
 
   // Returns the newest published pose of each node, and the newest verdicts.
   LastSolution FindLastSolution() const;
-  const Pose* FindPublished(const NodeKey& node) const;          // Null if no pose is published.
+  // Returns the node's published pose. Null if none is published, or if the node is quarantined and the pose used its
+  // raw pose.
+  const Pose* FindPublished(const NodeKey& node) const;
+  const GraphQuarantines& quarantines() const { return quarantines_; }
   std::size_t published_count() const { return poses_.size(); }  // Number of nodes with a published pose.
   // Returns the published pose; the raw pose if none is published.
   const Pose& NewestPose(const GraphNode& node) const;
@@ -103,6 +110,10 @@ class KnownGraph {
   Result<void> AddPose(const RecordKey& key, const proto::OptimizedPose& pose);
   void AddVerdict(const RecordKey& key, const proto::EdgeVerdict& verdict);
   void AddEdge(const RecordKey& key, const EdgeNote& note);
+  std::vector<GraphNode> SelectNodes() const;
+  std::optional<Pose> ComposePose(const std::vector<GraphNode>& before, const GraphNode& node,
+                                  const GraphNode* next) const;
+  const OdometryEdge* FindOdometry(const NodeKey& from, const NodeKey& to) const;
 
   Limits limits_;
   Records<NodeKey, GraphNode> nodes_;
@@ -112,9 +123,14 @@ class KnownGraph {
   Records<FactorKey, LoopClosure> closures_;
   Records<FactorKey, NodePrior> priors_;
   OriginQuota<EdgeNote> edge_quota_;  // Quota of odometry, ranges, loop closures and priors together.
-  std::map<NodeKey, Versioned<Pose>> poses_;
+  struct PublishedPose {
+    Pose map_from_node;
+    bool ignores_raw_pose = false;
+  };
+  std::map<NodeKey, Versioned<PublishedPose>> poses_;
   std::map<FactorKey, Versioned<PublishedVerdict>> verdicts_;
   std::map<AgentId, std::uint64_t> left_out_published_;
+  GraphQuarantines quarantines_;
   Run newest_run_;
 };
 

@@ -1,5 +1,7 @@
 #include "actors/pgo/publication.h"
 
+#include "model/far_nodes.h"
+
 namespace moondb {
 
 namespace {
@@ -62,6 +64,7 @@ Publication MakePublication(const Solution& solution, const KnownGraph& known, c
     proto::OptimizedPose& body = *add().mutable_optimized_pose();
     *body.mutable_node() = ToProto(node);
     *body.mutable_map_from_node() = ToProto(pose);
+    body.set_ignores_raw_pose(known.quarantines().HasNode(node));
     SetVersion(term, run, body);
     ++publication.pose_count;
   }
@@ -109,6 +112,11 @@ proto::OptimizeReply ToReply(const Solution& solution) {
   reply.set_iterations(solution.iterations);
   reply.set_initial_values(ToString(solution.initial_values));
   reply.set_text(solution.text);
+  std::vector<std::pair<NodeKey, Eigen::Vector3d>> positions_m;
+  for (const auto& [node, pose] : solution.poses) positions_m.emplace_back(node, pose.position_m);
+  const std::vector<FarNode> far = FindFarNodes(positions_m);
+  AddFarNodes(far, *reply.mutable_far_nodes());
+  reply.set_far_node_count(static_cast<double>(far.size()));
   for (const auto& [node, covariance] : solution.covariances) {
     proto::NodeCovariance& out = *reply.add_covariances();
     *out.mutable_node() = ToProto(node);

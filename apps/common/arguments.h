@@ -82,7 +82,8 @@ class Option {
 
 // An example of a command, and whether --watch may repeat the command.
 struct CommandNote {
-  std::string example;      // The command as a user types it: "moonctl role set rover2 leader".
+  // The command as a user types it: "moonctl role set rover2 leader". Several examples are separated by line breaks.
+  std::string example;
   bool is_showing = false;  // True if the command changes nothing, so --watch may repeat it.
 };
 

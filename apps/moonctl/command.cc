@@ -2,10 +2,18 @@
 
 #include <utility>
 
+#include "model/text.h"
+
 namespace moondb {
 namespace {
 
-std::string FooterOf(const CommandNote& note) { return "Example: " + note.example; }
+std::string FooterOf(const CommandNote& note) {
+  std::string text;
+  for (const std::string_view example : Split(note.example, '\n')) {
+    text += (text.empty() ? "Example: " : "\nExample: ") + std::string(example);
+  }
+  return text;
+}
 
 }  // namespace
 

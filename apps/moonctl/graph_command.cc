@@ -12,6 +12,8 @@
 #include "apps/moonctl/g2o_graph.h"
 #include "apps/moonctl/graph_commands.h"
 #include "apps/moonctl/graph_import.h"
+#include "apps/moonctl/node_name.h"
+#include "apps/moonctl/quarantine.h"
 #include "apps/moonctl/team_letters.h"
 #include "model/text.h"
 
@@ -99,11 +101,6 @@ std::string AnchoringText(proto::Anchoring anchoring) {
   }
 }
 
-// Returns the name of a node, such as "rover2:17", in the form that ParseNode parses.
-std::string NodeName(const proto::TeamConfig& team, const NodeKey& node) {
-  return AgentName(team, node.agent) + ":" + std::to_string(node.index);
-}
-
 // Returns the standard deviation of one coordinate of a pose as text, or "-" without a valid covariance. Coordinates 0
 // to 2 are the position, 3 to 5 the rotation.
 std::string SigmaText(const proto::NodeCovariance& node, int coordinate, const char* unit) {
@@ -141,6 +138,10 @@ std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply&
       " s, begun at: " + solve.initial_values() + "; " + FormatCount(solve.updated_pose_count()) + " poses written\n";
   if (!solve.text().empty()) text += solve.text() + "\n";
   for (const proto::RefusedSet& set : solve.refused_sets()) text += RefusedText(team, set) + "\n";
+  for (const proto::FarNode& far : solve.far_nodes()) {
+    text += "node " + NodeName(team, FromProto(far.node())) + " lies " + FormatFixed(far.distance_m() / 1000, 0) +
+            " km off: is its pose in metres? moonctl graph quarantine lets the solver place it\n";
+  }
   Table table({"ROVER", "NODES", "ANCHORED", "ODOMETRY SCALE", "NOTE"});
   for (const proto::RoverSolution& rover : solve.rovers()) {
     table.Add({AgentName(team, rover.agent_id()), FormatCount(rover.node_count()), AnchoringText(rover.anchoring()),
@@ -156,17 +157,6 @@ std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply&
   return text + "one sigma:\n" + spreads.Text();
 }
 
-// Parses the name of a node, such as "rover2:17".
-Result<proto::NodeKey> ParseNode(const proto::TeamConfig& team, const std::string& text) {
-  const std::size_t colon = text.find(':');
-  const std::string name = text.substr(0, colon);
-  for (const proto::AgentConfig& agent : team.agents()) {
-    const auto index = colon == std::string::npos ? std::nullopt : ParseUnsigned(text.substr(colon + 1));
-    if (agent.name() == name && index) return ToProto(NodeKey{agent.id(), *index});
-  }
-  return Fail(ErrorCode::kInvalid, "'" + text + "' is no node of the team, such as rover2:17", "--covariance-of");
-}
-
 ExitCode OptimizeGraph(CommandContext& context, const OptimizeArguments& arguments) {
   const auto team = context.Team();
   if (!team) return context.Report(team.error());
@@ -175,9 +165,9 @@ ExitCode OptimizeGraph(CommandContext& context, const OptimizeArguments& argumen
   request.set_window_nodes(arguments.window_nodes);
   request.set_with_covariance(arguments.has_covariance);
   for (const std::string& text : arguments.covariance_of) {
-    const auto node = ParseNode((*team)->config, text);
+    const auto node = ParseNodeName((*team)->config, text, "--covariance-of");
     if (!node) return context.Report(node.error());
-    *request.add_covariance_of() = *node;
+    *request.add_covariance_of() = ToProto(*node);
   }
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
@@ -297,6 +287,10 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
   const PoseGraph graph = known->graph();
   const FactorStats factors = FindFactorStats(graph, *known);
   text += GroupsText(team, factors);
+  if (known->quarantines().size() > 0) {
+    text += std::to_string(known->quarantines().size()) +
+            " quarantines leave out parts of the graph; moonctl map stats lists them\n";
+  }
   if (has_edges) text += RejectedText(team, factors.rejected);
   JsonWriter json;
   json.BeginObject().Key("solve_count").Number(stats->solve_count());
@@ -343,6 +337,7 @@ void AddGraphCommands(Command& app, CommandContext& context) {
     context.action = [&context, has_edges] { return ShowGraphStats(context, *has_edges); };
   });
 
+  AddGraphQuarantine(group, context);
   AddGraphSolve(group, context);
 }
 

@@ -8,6 +8,7 @@
 #include "apps/common/hash_text.h"
 #include "apps/common/table.h"
 #include "apps/common/team_clients.h"
+#include "apps/moonctl/node_name.h"
 #include "model/event.h"
 #include "model/odometry_scale.h"
 #include "model/team_member.h"
@@ -204,12 +205,18 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
   }
 }
 
-// Adds a finding to each rover with an implausible odometry scale, not to the leader that solved.
-void JudgeSolve(const proto::OptimizeReply& solve, std::map<std::uint32_t, Findings>& all) {
+// Adds a finding to each rover with an implausible odometry scale or a far node, not to the leader that solved.
+void JudgeSolve(const proto::TeamConfig& team, const proto::OptimizeReply& solve,
+                std::map<std::uint32_t, Findings>& all) {
   for (const proto::RoverSolution& rover : solve.rovers()) {
     if (IsPlausibleOdometryScale(rover.odometry_scale())) continue;
     all[rover.agent_id()].push_back("its odometry scale is " + FormatFixed(rover.odometry_scale(), 3) +
                                     " in the last solve: an edge of it is no odometry, or its units are wrong");
+  }
+  for (const proto::FarNode& far : solve.far_nodes()) {
+    const NodeKey node = FromProto(far.node());
+    all[node.agent].push_back("node " + NodeName(team, node) + " lies " + FormatFixed(far.distance_m() / 1000, 0) +
+                              " km off in the last solve");
   }
 }
 
@@ -250,7 +257,7 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
     if (!findings.empty()) all[agent] = std::move(findings);
   }
   for (const auto& [agent, report] : reports) {
-    if (report.last_solve) JudgeSolve(*report.last_solve, all);
+    if (report.last_solve) JudgeSolve(team, *report.last_solve, all);
   }
   return all;
 }

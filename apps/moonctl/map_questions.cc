@@ -5,26 +5,17 @@
 #include "apps/common/table.h"
 #include "apps/common/utc.h"
 #include "apps/moonctl/command.h"
+#include "apps/moonctl/node_name.h"
+#include "apps/moonctl/quarantine.h"
 #include "model/record_key.h"
 #include "model/text.h"
 
 namespace moondb {
 namespace {
 
-constexpr std::int64_t kBeginning = INT64_MIN;
-constexpr std::int64_t kEndOfTime = INT64_MAX;
-
 struct Place {
   double x_m = 0;
   double y_m = 0;
-};
-
-struct QuarantineArguments {
-  std::string agent;
-  std::string from;
-  std::string to;
-  std::string reason;
-  std::string lift;
 };
 
 const char* ValueName(std::uint32_t value) {
@@ -70,19 +61,31 @@ ExitCode AskWhy(CommandContext& context, const Place& place) {
   return context.Print(ExitCode::kDone, ToJson(*why), text);
 }
 
-std::string SpanText(std::int64_t timestamp_ns) {
-  return timestamp_ns == kBeginning || timestamp_ns == kEndOfTime ? "-" : FormatUtc(timestamp_ns);
+// Returns one end of a quarantine's time range, or "-" without such an end.
+std::string SpanText(const proto::MapQuarantine& quarantine, std::int64_t timestamp_ns) {
+  const bool is_of_maps = quarantine.graph_part_case() == proto::MapQuarantine::GRAPH_PART_NOT_SET;
+  return !is_of_maps || timestamp_ns == INT64_MIN || timestamp_ns == INT64_MAX ? "-" : FormatUtc(timestamp_ns);
 }
 
 std::string QuarantinesText(const proto::TeamConfig& team, const proto::MapStatsReply& stats) {
   if (stats.quarantines().empty()) return "";
-  Table table({"QUARANTINE", "MAPS OF", "FROM", "TO", "MAPS", "REASON"});
+  Table table({"QUARANTINE", "AGENT", "LEAVES OUT", "FROM", "TO", "MAPS", "REASON"});
   for (const proto::StandingQuarantine& standing : stats.quarantines()) {
     const proto::MapQuarantine& said = standing.quarantine();
-    table.Add({ToString(FromProto(standing.record())), AgentName(team, said.agent_id()), SpanText(said.from_ns()),
-               SpanText(said.to_ns()), FormatCount(standing.map_count()), said.reason()});
+    table.Add({ToString(FromProto(standing.record())), AgentName(team, said.agent_id()), QuarantinedText(team, said),
+               SpanText(said, said.from_ns()), SpanText(said, said.to_ns()), FormatCount(standing.map_count()),
+               said.reason()});
   }
   return table.Text();
+}
+
+std::string FarText(const proto::TeamConfig& team, const proto::MapStatsReply& stats) {
+  std::string text;
+  for (const proto::FarNode& far : stats.far_nodes()) {
+    text += "node " + NodeName(team, FromProto(far.node())) + " lies " + FormatFixed(far.distance_m() / 1000, 0) +
+            " km off and is left out; moonctl graph quarantine lets the solver place it\n";
+  }
+  return text;
 }
 
 std::string RefusedText(const proto::MapStatsReply& stats) {
@@ -107,77 +110,8 @@ ExitCode ShowStats(CommandContext& context) {
                            " free and " + FormatCount(stats->hazard_cell_count()) + " hazard cells of " +
                            FormatDouble(stats->resolution_um() / 1e6) + " m, " + FormatBytes(stats->memory_bytes()) +
                            " in memory, merged on " + stats->backend() + "\n" + RefusedText(*stats) +
-                           QuarantinesText(team, *stats);
+                           FarText(team, *stats) + QuarantinesText(team, *stats);
   return context.Print(ExitCode::kDone, ToJson(*stats), text);
-}
-
-Result<std::int64_t> TimestampOf(const std::string& text, std::int64_t missing, const char* option) {
-  if (text.empty()) return missing;
-  const auto time = ParseUtc(text);
-  if (time) return std::chrono::duration_cast<std::chrono::nanoseconds>(time->time_since_epoch()).count();
-  return Fail(ErrorCode::kInvalid, "expected a time in UTC such as 2026-11-22T06:00Z, got \"" + text + "\"", option);
-}
-
-Result<proto::Record> MakeQuarantine(CommandContext& context, const QuarantineArguments& arguments) {
-  if (arguments.agent.empty() == arguments.lift.empty()) {
-    return Fail(ErrorCode::kInvalid, "expected --agent NAME, or --lift ID of one that map stats shows");
-  }
-  proto::Record record;
-  record.set_timestamp_ns(UtcNowNs());
-  proto::MapQuarantine& quarantine = *record.mutable_map_quarantine();
-  quarantine.set_reason(arguments.reason);
-  if (!arguments.lift.empty()) {
-    const Result<RecordKey> key = ParseRecordKey(arguments.lift);
-    if (!key) return Fail(ErrorCode::kInvalid, key.error().text, "--lift");
-    *quarantine.mutable_lifts() = ToProto(*key);
-    return record;
-  }
-  auto team = context.Team();
-  if (!team) return tl::unexpected(team.error());
-  auto agent = AgentNamed((*team)->config, arguments.agent);
-  if (!agent) return tl::unexpected(agent.error());
-  const Result<std::int64_t> from = TimestampOf(arguments.from, kBeginning, "--from");
-  if (!from) return tl::unexpected(from.error());
-  const Result<std::int64_t> to = TimestampOf(arguments.to, kEndOfTime, "--to");
-  if (!to) return tl::unexpected(to.error());
-  if (*from > *to) return Fail(ErrorCode::kInvalid, "lies before --from", "--to");
-  quarantine.set_agent_id((*agent)->id());
-  quarantine.set_from_ns(*from);
-  quarantine.set_to_ns(*to);
-  return record;
-}
-
-// Returns kNotFound if `quarantine` lifts a quarantine that does not exist, for example because the operator mistyped
-// its ID.
-Result<void> CheckStands(Client& client, const proto::MapQuarantine& quarantine) {
-  if (!quarantine.has_lifts()) return {};
-  const auto stats = client.MapStats();
-  if (!stats) return tl::unexpected(stats.error());
-  for (const proto::StandingQuarantine& standing : stats->quarantines()) {
-    if (FromProto(standing.record()) == FromProto(quarantine.lifts())) return {};
-  }
-  return Fail(ErrorCode::kNotFound, "no quarantine of that ID stands; moonctl map stats shows those that do", "--lift");
-}
-
-ExitCode SetQuarantine(CommandContext& context, const QuarantineArguments& arguments) {
-  const auto record = MakeQuarantine(context, arguments);
-  if (!record) return context.Report(record.error());
-  auto target = context.ConnectToChosenOrLeader();
-  if (!target) return context.Report(target.error());
-  if (auto stands = CheckStands(*target->client, record->map_quarantine()); !stands) {
-    return context.Report(stands.error());
-  }
-  auto keys = target->client->Insert({*record});
-  if (!keys) return context.Report(keys.error());
-  const std::string key = ToString(keys->front());
-  JsonWriter json;
-  json.BeginObject().Key("agent").String(target->agent->name()).Key("key").String(key).EndObject();
-  auto roles = target->client->Roles();
-  const bool is_leader = roles && roles->roles().leader() == target->agent->id();
-  const std::string next = is_leader ? "moonctl sync now brings it to all others"
-                                     : "moonctl sync now brings it to the leader, and again to all others";
-  const std::string what = arguments.lift.empty() ? "quarantine " + key + " stands" : arguments.lift + " is lifted";
-  return context.Done(json.text(), what + " at " + target->agent->name() + "; " + next);
 }
 
 }  // namespace
@@ -194,18 +128,7 @@ void AddMapQuestions(Command& group, CommandContext& context) {
                               {"moonctl map stats", kShows});
   stats.Callback([&context] { context.action = [&context] { return ShowStats(context); }; });
 
-  auto arguments = std::make_shared<QuarantineArguments>();
-  Command& quarantine =
-      AddCommand(group, "quarantine", "Leave an agent's maps out of all merged maps",
-                 {"moonctl map quarantine --agent rover2 --from 2026-11-21T10:00Z --reason \"wheel slip\""});
-  quarantine.AddOption("--agent", arguments->agent, "Agent whose maps to leave out").TypeName("AGENT");
-  quarantine.AddOption("--from", arguments->from, "Start of the time range in UTC: 2026-11-22T06:00Z").TypeName("TIME");
-  quarantine.AddOption("--to", arguments->to, "End of the time range in UTC").TypeName("TIME");
-  quarantine.AddOption("--reason", arguments->reason, "Reason, kept in the record");
-  quarantine.AddOption("--lift", arguments->lift, "Undo the quarantine of that ID, which map stats shows")
-      .TypeName("ID");
-  quarantine.Callback(
-      [&context, arguments] { context.action = [&context, arguments] { return SetQuarantine(context, *arguments); }; });
+  AddMapQuarantine(group, context);
 }
 
 }  // namespace moondb

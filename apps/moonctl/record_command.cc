@@ -194,15 +194,14 @@ void AddRecordCommands(Command& app, CommandContext& context) {
   Command& insert = AddCommand(
       group, "insert", "Insert one record as the agent's own",
       {"moonctl -a rover2 record insert temperature '{\"celsius\": -40.5}'\n"
-       "A loop closure:\n"
-       "  moonctl -a rover2 record insert pose_graph_edge '{\"from\": {\"agent_id\": 2, \"index\": 140},\n"
-       "    \"to\": {\"agent_id\": 1, \"index\": 17}, \"source\": \"apriltag\", \"relative_pose\": {\"from_from_to\":\n"
-       "    {\"position_m\": {\"x\": 1.2}, \"orientation\": {\"w\": 1}},\n"
-       "    \"covariance\": [0.01,0,0,0,0,0, 0.01,0,0,0,0, 0.01,0,0,0, 0.01,0,0, 0.01,0, 0.0004]}}'\n"
-       "A position by GNSS:\n"
-       "  moonctl -a rover2 record insert pose_prior '{\"node\": {\"agent_id\": 2, \"index\": 140},\n"
-       "    \"position_m\": {\"x\": 12.1, \"y\": 7.4}, \"covariance\": [0.01,0,0, 0.01,0, 0.04], \"source\": "
-       "\"gnss\"}'"});
+       // A loop closure.
+       "moonctl -a rover2 record insert pose_graph_edge '{\"from\": {\"agent_id\": 2, \"index\": 140}, \"to\": "
+       "{\"agent_id\": 1, \"index\": 17}, \"source\": \"apriltag\", \"relative_pose\": {\"from_from_to\": "
+       "{\"position_m\": {\"x\": 1.2}, \"orientation\": {\"w\": 1}}, \"covariance\": "
+       "[0.01,0,0,0,0,0,0.01,0,0,0,0,0.01,0,0,0,0.01,0,0,0.01,0,0.0004]}}'\n"
+       // A position by GNSS.
+       "moonctl -a rover2 record insert pose_prior '{\"node\": {\"agent_id\": 2, \"index\": 140}, \"position_m\": "
+       "{\"x\": 12.1, \"y\": 7.4}, \"covariance\": [0.01,0,0,0.01,0,0.04], \"source\": \"gnss\"}'"});
   insert.AddOption("type", arguments->type, "Such as temperature, or a custom type of the team file")
       .TypeName("DATATYPE")
       .Required();

@@ -26,7 +26,7 @@ proto::RoleAssignment Second() {
   return roles;
 }
 
-RecordKey KeyOf(AgentId origin, DataType type) { return {{origin, 7, type}, 1}; }
+RecordKey FirstKeyOf(AgentId origin, DataType type) { return {{origin, 7, type}, 1}; }
 
 proto::Record PoseIn(const proto::Term& term) {
   proto::Record record;
@@ -43,28 +43,28 @@ proto::Record VerdictIn(const proto::Term& term) {
 TEST(RecordAuthorityTest, PosesAndVerdictsCountIfTheirOriginLedInTheirTerm) {
   RecordAuthority authority(Options());
   const proto::Term file = Options().initial.term();
-  EXPECT_TRUE(authority.Counts(KeyOf(1, proto::OPTIMIZED_POSE), PoseIn(file)));
-  EXPECT_FALSE(authority.Counts(KeyOf(3, proto::OPTIMIZED_POSE), PoseIn(file)));
-  EXPECT_FALSE(authority.Counts(KeyOf(2, proto::EDGE_VERDICT), VerdictIn(file))) << "who survives does not solve";
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(1, proto::OPTIMIZED_POSE), PoseIn(file)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(3, proto::OPTIMIZED_POSE), PoseIn(file)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(2, proto::EDGE_VERDICT), VerdictIn(file))) << "who survives does not solve";
   proto::Term high;
   high.set_number(1'000'000);
   high.set_issuer(3);
-  EXPECT_FALSE(authority.Counts(KeyOf(3, proto::OPTIMIZED_POSE), PoseIn(high)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(3, proto::OPTIMIZED_POSE), PoseIn(high)));
   proto::Record node;
   node.mutable_pose_graph_node()->mutable_node()->set_agent_id(3);
-  EXPECT_TRUE(authority.Counts(KeyOf(3, proto::POSE_GRAPH_NODE), node));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(3, proto::POSE_GRAPH_NODE), node));
   EXPECT_FALSE(authority.TakeOutdated());
 }
 
 TEST(RecordAuthorityTest, RecordsAreReadAgainWhenAMissingAssignmentArrives) {
   RecordAuthority authority(Options());
-  EXPECT_FALSE(authority.Counts(KeyOf(2, proto::OPTIMIZED_POSE), PoseIn(Second().term())));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(2, proto::OPTIMIZED_POSE), PoseIn(Second().term())));
   proto::Record assignment;
   *assignment.mutable_role_assignment() = Second();
-  EXPECT_TRUE(authority.Counts(KeyOf(2, proto::ROLE_ASSIGNMENT), assignment));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(2, proto::ROLE_ASSIGNMENT), assignment));
   EXPECT_TRUE(authority.TakeOutdated());
   EXPECT_FALSE(authority.TakeOutdated()) << "once";
-  EXPECT_TRUE(authority.Counts(KeyOf(2, proto::OPTIMIZED_POSE), PoseIn(Second().term())));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(2, proto::OPTIMIZED_POSE), PoseIn(Second().term())));
 }
 
 TEST(RecordAuthorityTest, PriorsCountOfTheNodesAgentAndOfCommanders) {
@@ -73,14 +73,14 @@ TEST(RecordAuthorityTest, PriorsCountOfTheNodesAgentAndOfCommanders) {
   RecordAuthority authority(options);
   proto::Record prior;
   prior.mutable_pose_prior()->mutable_node()->set_agent_id(3);
-  EXPECT_TRUE(authority.Counts(KeyOf(3, proto::POSE_PRIOR), prior));
-  EXPECT_TRUE(authority.Counts(KeyOf(4, proto::POSE_PRIOR), prior));
-  EXPECT_FALSE(authority.Counts(KeyOf(2, proto::POSE_PRIOR), prior)) << "neither names the node nor may command";
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(3, proto::POSE_PRIOR), prior));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(4, proto::POSE_PRIOR), prior));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(2, proto::POSE_PRIOR), prior)) << "neither names the node nor may command";
 }
 
 TEST(RecordAuthorityTest, RolesDoNotMatterInATeamWithoutKeys) {
   RecordAuthority authority(RoleChain::WithoutKeys());
-  EXPECT_TRUE(authority.Counts(KeyOf(3, proto::OPTIMIZED_POSE), PoseIn(Second().term())));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(3, proto::OPTIMIZED_POSE), PoseIn(Second().term())));
 }
 
 proto::NodeKey Node(AgentId agent, std::uint64_t index) {
@@ -150,17 +150,17 @@ TEST(RecordAuthorityTest, ReadersLeaveOutWhatNoOriginMayStateAlsoWithoutKeys) {
   const proto::Record odometry = Edge(Node(1, 5), Node(1, 6));
   for (const RoleChain::Options& options : {Options(), RoleChain::WithoutKeys()}) {
     RecordAuthority authority(options);
-    EXPECT_TRUE(authority.Counts(KeyOf(1, proto::POSE_GRAPH_EDGE), odometry));
-    EXPECT_FALSE(authority.Counts(KeyOf(3, proto::POSE_GRAPH_EDGE), odometry));
+    EXPECT_TRUE(authority.Counts(FirstKeyOf(1, proto::POSE_GRAPH_EDGE), odometry));
+    EXPECT_FALSE(authority.Counts(FirstKeyOf(3, proto::POSE_GRAPH_EDGE), odometry));
   }
 }
 
 TEST(RecordAuthorityTest, AnAgentQuarantinesItsOwnMapsAndLiftsItsOwnQuarantines) {
   RecordAuthority authority(Options());
-  EXPECT_TRUE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(3)));
-  EXPECT_TRUE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), LiftOf(3)));
-  EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(2)));
-  EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), LiftOf(1)));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(3)));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(3, proto::MAP_QUARANTINE), LiftOf(3)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(2)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(3, proto::MAP_QUARANTINE), LiftOf(1)));
 }
 
 TEST(RecordAuthorityTest, OthersMapsCanBeQuarantinedByTheTermsLeaderOrACommandingAgent) {
@@ -168,26 +168,27 @@ TEST(RecordAuthorityTest, OthersMapsCanBeQuarantinedByTheTermsLeaderOrACommandin
   options.may_command = [](AgentId agent) { return agent == 4; };
   RecordAuthority authority(options);
   const proto::Term file = options.initial.term();
-  EXPECT_TRUE(authority.Counts(KeyOf(1, proto::MAP_QUARANTINE), QuarantineOf(2, file)));
-  EXPECT_TRUE(authority.Counts(KeyOf(4, proto::MAP_QUARANTINE), QuarantineOf(2)));
-  EXPECT_TRUE(authority.Counts(KeyOf(4, proto::MAP_QUARANTINE), LiftOf(1)));
-  EXPECT_FALSE(authority.Counts(KeyOf(2, proto::MAP_QUARANTINE), QuarantineOf(1, file))) << "it survives";
-  EXPECT_FALSE(authority.Counts(KeyOf(2, proto::MAP_QUARANTINE), QuarantineOf(1, Second().term()))) << "not known yet";
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(1, proto::MAP_QUARANTINE), QuarantineOf(2, file)));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(4, proto::MAP_QUARANTINE), QuarantineOf(2)));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(4, proto::MAP_QUARANTINE), LiftOf(1)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(2, proto::MAP_QUARANTINE), QuarantineOf(1, file))) << "it survives";
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(2, proto::MAP_QUARANTINE), QuarantineOf(1, Second().term())))
+      << "not known yet";
   proto::Record assignment;
   *assignment.mutable_role_assignment() = Second();
-  EXPECT_TRUE(authority.Counts(KeyOf(2, proto::ROLE_ASSIGNMENT), assignment));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(2, proto::ROLE_ASSIGNMENT), assignment));
   EXPECT_TRUE(authority.TakeOutdated());
   authority.Restart();
-  EXPECT_TRUE(authority.Counts(KeyOf(2, proto::MAP_QUARANTINE), QuarantineOf(1, Second().term())));
-  EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(1, Second().term())))
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(2, proto::MAP_QUARANTINE), QuarantineOf(1, Second().term())));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(1, Second().term())))
       << "the term of another agent";
 }
 
 TEST(RecordAuthorityTest, ReportsHowManyRecordsOfEachOriginDoNotCountWhenThatChanges) {
   RecordAuthority authority(Options());
   EXPECT_FALSE(authority.TakeReport({}).has_value());
-  EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(2)));
-  EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(1)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(2)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(1)));
   EXPECT_EQ(authority.TakeReport({}).value().left_out_report().without_role().at(3), 2);
   EXPECT_FALSE(authority.TakeReport({}).has_value());
   authority.Restart();

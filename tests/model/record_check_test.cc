@@ -167,6 +167,26 @@ TEST(RecordCheckTest, NamesTheFieldOfAQuarantineThatIsWrong) {
             "map_quarantine.lifts");
 }
 
+TEST(RecordCheckTest, NamesTheQuarantinedPartThatIsWrong) {
+  proto::Record record;
+  proto::MapQuarantine& quarantine = *record.mutable_map_quarantine();
+  quarantine.set_agent_id(2);
+  *quarantine.mutable_node() = ToProto(NodeKey{2, 500});
+  EXPECT_TRUE(CheckRecord(record));
+  quarantine.set_agent_id(3);
+  EXPECT_EQ(CheckRecord(record).error().field, "map_quarantine.node.agent_id");
+  *quarantine.mutable_factor()->mutable_from() = ToProto(NodeKey{3, 1});
+  EXPECT_EQ(CheckRecord(record).error().field, "map_quarantine.factor.to.agent_id");
+  *quarantine.mutable_factor()->mutable_to() = ToProto(NodeKey{2, 1});
+  EXPECT_TRUE(CheckRecord(record));
+  quarantine.set_agent_id(4);
+  EXPECT_EQ(CheckRecord(record).error().field, "map_quarantine.factor");
+  quarantine.mutable_producer()->set_source("apriltag");
+  EXPECT_TRUE(CheckRecord(record));
+  quarantine.mutable_producer()->set_source(std::string(33, 'a'));
+  EXPECT_EQ(CheckRecord(record).error().field, "map_quarantine.producer.source");
+}
+
 TEST(RecordCheckTest, ALoopClosureStatesItsSource) {
   const auto edge = [](proto::Record& r) { return r.mutable_pose_graph_edge(); };
   const auto closure = [&](const std::string& source) {

@@ -130,6 +130,47 @@ TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheMapsInTheirTimeRanges) {
   EXPECT_EQ(standing[3].map_count, 0u);
 }
 
+TEST_F(MapCollectionTest, AQuarantinedNodeLosesItsPoseAndItsMaps) {
+  AddMapOf(1);
+  collection_.AddRawPose(PoseKey(1, 1), {1, 1}, Pose::FromPlanar(30'000, 0, 0));
+  collection_.AddOptimizedPose(PoseKey(1, 2), {1, 1}, Pose::FromPlanar(29'000, 0, 0), MakeTerm(1), 1);
+  proto::MapQuarantine said;
+  said.set_agent_id(1);
+  *said.mutable_node() = ToProto(NodeKey{1, 1});
+  const RecordKey key{{2, 7, proto::MAP_QUARANTINE}, 1};
+  collection_.AddQuarantine(key, said);
+  const auto selected = collection_.Select({});
+  EXPECT_TRUE(selected.maps.empty());
+  EXPECT_TRUE(selected.footprints.empty());
+  EXPECT_EQ(selected.quarantined_maps.size(), 1u);
+  EXPECT_FALSE(collection_.PoseOf({1, 1}));
+  ASSERT_EQ(collection_.StandingQuarantines().size(), 1u);
+  EXPECT_EQ(collection_.StandingQuarantines()[0].map_count, 1u);
+
+  // A solve without the raw pose places the node again. Its maps stay left out.
+  collection_.AddOptimizedPose(PoseKey(1, 3), {1, 1}, Pose::FromPlanar(2, 0, 0), MakeTerm(1), 2,
+                               /*ignores_raw_pose=*/true);
+  EXPECT_EQ(collection_.Select({}).footprints.size(), 1u);
+  EXPECT_TRUE(collection_.Select({}).maps.empty());
+  proto::MapQuarantine lift;
+  *lift.mutable_lifts() = ToProto(key);
+  collection_.AddQuarantine({{2, 7, proto::MAP_QUARANTINE}, 2}, lift);
+  EXPECT_EQ(PlacedX(), 2);
+}
+
+TEST_F(MapCollectionTest, ANodeThatLiesAbsurdlyFarAwayIsLeftOutAndNamed) {
+  AddMapOf(1);
+  for (std::uint64_t i = 1; i < 20; ++i) {
+    const double x = i == 1 ? 30'000 : static_cast<double>(i);
+    collection_.AddRawPose(PoseKey(1, i), {1, i}, Pose::FromPlanar(x, 0, 0));
+  }
+  const auto selected = collection_.Select({});
+  EXPECT_TRUE(selected.maps.empty());
+  EXPECT_EQ(selected.footprints.size(), 18u);
+  ASSERT_EQ(selected.far_nodes.size(), 1u);
+  EXPECT_EQ(selected.far_nodes[0].node, (NodeKey{1, 1}));
+}
+
 TEST_F(MapCollectionTest, LimitsAgentsWithTheMostMapsToTheirNewestMaps) {
   const TraversabilityMap map = DrawMap({".."}, 50'000);
   MapCollection collection({.grid = {}, .without_footprint = {}, .maps_max = 5});

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <tuple>
+
 #include "proto/types.pb.h"
 
 namespace moondb {
@@ -222,6 +224,117 @@ TEST(KnownGraphTest, ATypicalTeamsGraphFitsIntoTheSizeLimitOfASolve) {
     }
   }
   EXPECT_TRUE(known.SelectForSolve(KnownGraph::SolveSizeMax(known.node_count())).left_out.empty());
+}
+
+class GraphQuarantinesTest : public testing::Test {
+ protected:
+  // Makes a quarantine of agent 1.
+  static proto::Record Quarantine() {
+    proto::Record record;
+    record.mutable_map_quarantine()->set_agent_id(1);
+    return record;
+  }
+
+  static proto::Record QuarantineOfNode(std::uint64_t index) {
+    proto::Record record = Quarantine();
+    *record.mutable_map_quarantine()->mutable_node() = ToProto(NodeKey{1, index});
+    return record;
+  }
+
+  static proto::Record LiftOf(const RecordKey& key) {
+    proto::Record record;
+    *record.mutable_map_quarantine()->mutable_lifts() = ToProto(key);
+    return record;
+  }
+
+  // Nodes 0 to 3 of agent 1 drive along x, one metre each. The raw pose of node 2 is wrong by 30 km.
+  void AddTrajectory() {
+    for (std::uint64_t i = 0; i < 4; ++i) {
+      const double x = static_cast<double>(i) + (i == 2 ? 30'000 : 0);
+      ASSERT_TRUE(known_.Add(NextKey(), ToRecord(GraphNode{{1, i}, 0, Pose::FromPlanar(x, 0, 0)})));
+    }
+    for (std::uint64_t i = 1; i < 4; ++i) {
+      ASSERT_TRUE(known_.Add(
+          NextKey(), ToRecord(OdometryEdge{{1, i - 1}, {1, i}, 0, Pose::FromPlanar(1, 0, 0), Matrix6d::Identity()})))
+          << i;
+    }
+  }
+
+  double RawX(std::uint64_t index) {
+    for (const GraphNode& node : known_.graph().nodes) {
+      if (node.key == NodeKey{1, index}) return node.map_from_node.position_m.x();
+    }
+    return -1;
+  }
+
+  KnownGraph known_;
+};
+
+TEST_F(GraphQuarantinesTest, ANodeGetsItsPoseFromOdometry) {
+  AddTrajectory();
+  EXPECT_EQ(RawX(2), 30'002);
+  const RecordKey key = NextKey();
+  ASSERT_TRUE(known_.Add(key, QuarantineOfNode(2)));
+  EXPECT_NEAR(RawX(2), 2, 1e-9);
+  ASSERT_TRUE(known_.Add(NextKey(), QuarantineOfNode(0)));
+  EXPECT_NEAR(RawX(0), 0, 1e-9) << "from the node after it";
+  EXPECT_EQ(known_.quarantines().size(), 2u);
+  ASSERT_TRUE(known_.Add(NextKey(), LiftOf(key)));
+  EXPECT_EQ(RawX(2), 30'002);
+}
+
+TEST_F(GraphQuarantinesTest, ANodeWithoutOdometryIsLeftOut) {
+  ASSERT_TRUE(known_.Add(NextKey(), QuarantineOfNode(7)));
+  ASSERT_TRUE(known_.Add(NextKey(), ToRecord(GraphNode{{1, 7}, 0, Pose()})));
+  EXPECT_EQ(RawX(7), -1);
+}
+
+TEST_F(GraphQuarantinesTest, ANodesOptimizedPoseIsValidIfItIgnoresTheRawPose) {
+  ASSERT_TRUE(known_.Add(NextKey(), PoseAt(30'002, 1, 1)));
+  ASSERT_TRUE(known_.Add(NextKey(), QuarantineOfNode(2)));
+  EXPECT_EQ(known_.FindPublished({1, 2}), nullptr);
+  EXPECT_TRUE(known_.FindLastSolution().poses.empty());
+  proto::Record better = PoseAt(2, 1, 2);
+  better.mutable_optimized_pose()->set_ignores_raw_pose(true);
+  ASSERT_TRUE(known_.Add(NextKey(), better));
+  ASSERT_NE(known_.FindPublished({1, 2}), nullptr);
+  EXPECT_EQ(known_.FindPublished({1, 2})->position_m.x(), 2);
+}
+
+TEST_F(GraphQuarantinesTest, LeaveOutFactorsSourcesAndProducersInAnyOrder) {
+  const auto count = [](const proto::Record& quarantine, bool is_first) {
+    KnownGraph known;
+    const auto add = [&known](const proto::Record& record) { ASSERT_TRUE(known.Add(NextKey(), record)); };
+    if (is_first) add(quarantine);
+    add(ToRecord(RangeEdge{{1, 0}, {2, 3}, 0, 4, 0.01}));
+    for (const char* const source : {"apriltag", "slam_toolbox"}) {
+      add(ToRecord(LoopClosure{{1, 0}, {2, 3}, 0, Pose(), Matrix6d::Identity(), source}));
+    }
+    add(ToRecord(
+        NodePrior{{1, 0}, 0, PriorExtent::kPose, Pose(), Matrix6d::Identity(), Eigen::Vector3d::Zero(), "gnss"}));
+    if (!is_first) add(quarantine);
+    const PoseGraph graph = known.graph();
+    return std::tuple(graph.ranges.size(), graph.closures.size(), graph.priors.size());
+  };
+  proto::Record range = Quarantine();
+  *range.mutable_map_quarantine()->mutable_factor()->mutable_from() = ToProto(NodeKey{1, 0});
+  *range.mutable_map_quarantine()->mutable_factor()->mutable_to() = ToProto(NodeKey{2, 3});
+  proto::Record one = range;
+  range.mutable_map_quarantine()->mutable_factor()->set_is_range(true);
+  one.mutable_map_quarantine()->mutable_factor()->set_source("apriltag");
+  proto::Record source = Quarantine();
+  source.mutable_map_quarantine()->mutable_producer()->set_source("slam_toolbox");
+  proto::Record producer = Quarantine();
+  producer.mutable_map_quarantine()->mutable_producer();
+  proto::Record another = producer;
+  another.mutable_map_quarantine()->set_agent_id(2);
+  for (const bool is_first : {false, true}) {
+    EXPECT_EQ(count(range, is_first), std::tuple(0u, 2u, 1u));
+    EXPECT_EQ(count(one, is_first), std::tuple(1u, 1u, 1u));
+    EXPECT_EQ(count(source, is_first), std::tuple(1u, 1u, 1u));
+    EXPECT_EQ(count(producer, is_first), std::tuple(1u, 0u, 0u)) << "ranges are not a producer's alone";
+    EXPECT_EQ(count(another, is_first), std::tuple(1u, 2u, 1u));
+  }
 }
 
 }  // namespace

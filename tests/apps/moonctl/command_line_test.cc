@@ -13,6 +13,7 @@
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/command_tree.h"
 #include "apps/moonctl/manual_page.h"
+#include "model/text.h"
 
 namespace moondb {
 namespace {
@@ -44,7 +45,8 @@ TEST_F(CommandLineTest, EndsEveryHelpWithAnExample) {
     SCOPED_TRACE(PathOf(command));
     const CommandNote* note = NoteOf(command);
     ASSERT_NE(note, nullptr) << "AddCommand gives it one";
-    const std::string example = &command == &app_ ? "moonctl -t team.yaml status" : note->example;
+    const std::string_view last = Split(note->example, '\n').back();
+    const std::string example = &command == &app_ ? "moonctl -t team.yaml status" : std::string(last);
     EXPECT_THAT(command.Help(), EndsWith("Example: " + example + "\n"));
   });
 }
@@ -53,7 +55,9 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
   std::vector<std::pair<std::string, std::string>> examples;  // Each command's path and example.
   VisitCommands(app_, [&examples](const Command& command) {
     if (command.subcommands().empty() || !command.requires_subcommand()) {
-      examples.emplace_back(PathOf(command), NoteOf(command)->example);
+      for (const std::string_view example : Split(NoteOf(command)->example, '\n')) {
+        examples.emplace_back(PathOf(command), std::string(example));
+      }
     }
   });
   EXPECT_GT(examples.size(), 40u);

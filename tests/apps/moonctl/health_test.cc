@@ -149,6 +149,14 @@ TEST_F(HealthTest, FindsAnOdometryScaleThatNoWheelHas) {
                                  "units are wrong"));
 }
 
+TEST_F(HealthTest, NamesANodeThatLiesFarAwayAtItsRover) {
+  proto::FarNode& far = *reports_[1].last_solve.emplace().add_far_nodes();
+  *far.mutable_node() = ToProto(NodeKey{2, 500});
+  far.set_distance_m(30'100);
+  EXPECT_THAT(Of(1), IsEmpty());
+  EXPECT_THAT(Of(2), ElementsAre("node rover2:500 lies 30 km off in the last solve"));
+}
+
 TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {
   proto::ShareSession& session = *reports_[2].shares->add_sessions();
   session.set_destination(1);
