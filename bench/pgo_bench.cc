@@ -11,6 +11,7 @@
 
 #include "apps/common/arguments.h"
 #include "apps/picture/picture.h"
+#include "bench/pgo_closures.h"
 #include "bench/pgo_graphs.h"
 #include "bench/pgo_redraws.h"
 #include "bench/pgo_report.h"
@@ -25,26 +26,33 @@ struct Options {
   int seeds = 0;
   int redraws = 0;
   int unknown_starts = 0;
+  bool has_closures = false;
   std::string only;  // If not empty, only team cases whose name contains this text run.
   bool is_json = false;
   bool is_ours_only = false;
   std::string plots;
 };
 
-bool Plot(const GraphRun& run, const std::string& folder) {
+bool PlotTracks(const std::string& title, std::vector<Track> tracks, const std::filesystem::path& file) {
   Picture picture;
   picture.panel_width_px = 900;
-  const char* before = run.is_team ? "odometry" : "least squares";
-  picture.panels = {{run.name, {}, ComparedTracks(run.true_tracks, run.odometry_tracks, before, run.tracks)}};
-  const Result<void> written = WritePicture(picture, std::filesystem::path(folder) / (run.name + ".png"));
+  picture.panels = {{title, {}, std::move(tracks)}};
+  const Result<void> written = WritePicture(picture, file);
   if (!written) fmt::print(stderr, "pgo_bench: {}\n", ToString(written.error()));
   return written.has_value();
+}
+
+bool Plot(const GraphRun& run, const std::filesystem::path& folder) {
+  const char* before = run.is_team ? "odometry" : "least squares";
+  return PlotTracks(run.name, ComparedTracks(run.true_tracks, run.odometry_tracks, before, run.tracks),
+                    folder / (run.name + ".png"));
 }
 
 int RunBench(const Options& options) {
   bool is_good = true;
   std::vector<GraphRun> graphs;
   std::vector<RedrawRun> redraws;
+  std::vector<ClosureRun> closures;
   SolverOptions solver;
   solver.thread_count = options.threads;
   for (const std::string& folder : options.folders) {
@@ -57,17 +65,26 @@ int RunBench(const Options& options) {
       }
       is_good = is_good && run->ours.has_converged;
       if (!options.plots.empty()) is_good = Plot(*run, options.plots) && is_good;
-      if (run->is_team && options.redraws > 0) {
+      if (run->is_team && (options.redraws > 0 || options.has_closures)) {
         // RunGraph has just read the mission, but its files may have been removed since.
         const auto mission = ReadMission(path);
-        if (mission) redraws.push_back(RunRedraws(run->name, *mission, options.redraws, solver));
         is_good = is_good && mission;
+        if (!mission) continue;
+        if (options.redraws > 0) redraws.push_back(RunRedraws(run->name, *mission, options.redraws, solver));
+        if (options.has_closures) {
+          const std::vector<ClosureRun> of_mission = RunClosures(run->name, *mission, solver);
+          closures.insert(closures.end(), of_mission.begin(), of_mission.end());
+        }
+        if (options.has_closures && !options.plots.empty()) {
+          const auto file = std::filesystem::path(options.plots) / (run->name + ".factors.png");
+          is_good = PlotTracks(run->name, FactorTracks(*mission, solver), file) && is_good;
+        }
       }
       graphs.push_back(*std::move(run));
     }
   }
   if (!options.is_json && !graphs.empty()) fmt::print("{}\n", TableOf(graphs));
-  if (!options.is_json) fmt::print("{}", TableOf(redraws));
+  if (!options.is_json) fmt::print("{}{}", TableOf(redraws), TableOf(closures));
   std::vector<TeamRun> teams;
   for (const TeamCase& team : StandardTeamCases()) {
     if (options.seeds == 0 || team.name.find(options.only) == std::string::npos) continue;
@@ -78,7 +95,7 @@ int RunBench(const Options& options) {
   UnknownStartsRun unknown;
   if (options.unknown_starts > 0) unknown = RunUnknownStarts(options.unknown_starts, solver);
   if (options.unknown_starts > 0 && !options.is_json) fmt::print("{}", TextOf(unknown));
-  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, teams, unknown));
+  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, closures, teams, unknown));
   return is_good ? 0 : 1;
 }
 
@@ -97,6 +114,7 @@ int main(int argc, char** argv) {
   app.AddOption("--unknown-starts", options.unknown_starts,
                 "Also so many simulated teams in which two rovers do not know where they began")
       .Within(0, 1000);
+  app.AddFlag("--closures", options.has_closures, "Also each mission with drawn loop closures, some of them wrong");
   app.AddOption("--only", options.only, "Run only simulated teams whose name contains this text");
   app.AddFlag("--json", options.is_json, "One JSON object instead of a table");
   app.AddFlag("--ours-only", options.is_ours_only, "Without plain least squares from odometry beside each graph");

@@ -131,6 +131,17 @@ std::string TableOf(const std::vector<RedrawRun>& redraws) {
   return text;
 }
 
+std::string TableOf(const std::vector<ClosureRun>& closures) {
+  if (closures.empty()) return "";
+  Table table({"MISSION", "LOOP CLOSURES", "RANGES", "GIVEN", "REJECTED", "REFUSED SETS", "ATE m", "s"});
+  for (const ClosureRun& run : closures) {
+    table.Add({run.mission, run.what, run.has_ranges ? "yes" : "no", std::to_string(run.closure_count),
+               std::to_string(run.rejected_count), std::to_string(run.refused_set_count), FormatFixed(run.ate_m, 3),
+               FormatFixed(run.seconds, 3)});
+  }
+  return table.Text();
+}
+
 std::string TextOf(const UnknownStartsRun& run) {
   return fmt::format(
       "two rovers with unknown starts: {} of {} right; of the others {} reported as ambiguous, of the "
@@ -139,12 +150,21 @@ std::string TextOf(const UnknownStartsRun& run) {
 }
 
 std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<RedrawRun>& redraws,
-                   const std::vector<TeamRun>& teams, const UnknownStartsRun& unknown) {
+                   const std::vector<ClosureRun>& closures, const std::vector<TeamRun>& teams,
+                   const UnknownStartsRun& unknown) {
   JsonWriter json;
   json.BeginObject().Key("graphs").BeginArray();
   for (const GraphRun& run : graphs) Write(run, json);
   json.EndArray().Key("redraws").BeginArray();
   for (const RedrawRun& run : redraws) Write(run, json);
+  json.EndArray().Key("closures").BeginArray();
+  for (const ClosureRun& run : closures) {
+    json.BeginObject().Key("mission").String(run.mission).Key("what").String(run.what);
+    json.Key("has_ranges").Bool(run.has_ranges).Key("given").Number(static_cast<double>(run.closure_count));
+    json.Key("rejected").Number(static_cast<double>(run.rejected_count));
+    json.Key("refused_sets").Number(static_cast<double>(run.refused_set_count));
+    json.Key("ate_m").Number(run.ate_m).Key("seconds").Number(run.seconds).EndObject();
+  }
   json.EndArray().Key("teams").BeginArray();
   for (const TeamRun& run : teams) Write(run, json);
   json.EndArray().Key("unknown_starts").BeginObject().Key("runs").Number(unknown.runs);

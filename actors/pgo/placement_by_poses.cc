@@ -8,7 +8,7 @@ namespace moondb {
 
 namespace {
 
-constexpr std::size_t kProposalsMax = 400;  // Proposals of one rover that are compared.
+constexpr std::size_t kProposalsMax = 100;  // Proposals of one rover that are compared, evenly spread.
 constexpr double kAgreementSigmas = 3;
 constexpr double kSameYaw_rad = 0.1;
 constexpr double kScaleSigma = 0.02;  // As SolverOptions::scale_sigma.
@@ -49,6 +49,18 @@ class Placer {
       rover_of_[rovers[i].agent] = i;
       is_placed_.push_back(starts[i].is_configured);
       SumDrift(rovers[i]);
+    }
+    closures_of_.resize(rovers.size());
+    priors_of_.resize(rovers.size());
+    for (const CheckedClosure& closure : graph.closures) {
+      const AgentId from = closure.edge->from.agent;
+      const AgentId to = closure.edge->to.agent;
+      if (from == to) continue;
+      closures_of_[rover_of_.at(from)].push_back(&closure);
+      closures_of_[rover_of_.at(to)].push_back(&closure);
+    }
+    for (const CheckedPrior& prior : graph.priors) {
+      priors_of_[rover_of_.at(prior.prior->node.agent)].push_back(&prior);
     }
   }
 
@@ -94,10 +106,10 @@ class Placer {
 
   std::vector<Proposal> FindProposals(std::size_t rover) const {
     std::vector<Proposal> proposals;
-    for (const CheckedClosure& closure : graph_.closures) {
-      const bool is_to = IsOf(closure.to, rover) && IsPlaced(closure.from);
-      const bool is_from = IsOf(closure.from, rover) && IsPlaced(closure.to);
-      if (!is_to && !is_from) continue;
+    for (const CheckedClosure* const joined : closures_of_[rover]) {
+      const CheckedClosure& closure = *joined;
+      const bool is_to = IsOf(closure.to, rover);
+      if (!IsPlaced(is_to ? closure.from : closure.to)) continue;
       Proposal proposal;
       proposal.node = is_to ? closure.to : closure.from;
       proposal.other = is_to ? closure.from : closure.to;
@@ -113,22 +125,22 @@ class Placer {
 
   void AddPriors(std::size_t rover, std::vector<Proposal>& proposals) const {
     std::vector<const CheckedPrior*> positions;
-    for (const CheckedPrior& checked : graph_.priors) {
-      if (!IsOf(checked.node, rover)) continue;
-      const NodePrior& prior = *checked.prior;
+    for (const CheckedPrior* const checked : priors_of_[rover]) {
+      const NodePrior& prior = *checked->prior;
       if (prior.extent == PriorExtent::kPosition) {
-        positions.push_back(&checked);
+        positions.push_back(checked);
         continue;
       }
-      Proposal proposal = ProposalOf(checked);
-      Pose measured = PoseAt(checked.node);
+      Proposal proposal = ProposalOf(*checked);
+      Pose measured = PoseAt(checked->node);
       measured = UprightMotion(measured, prior.map_from_node) * measured;
       measured.position_m = prior.map_from_node.position_m - (measured.orientation * prior.point_m);
-      proposal.motion = UprightMotion(PoseAt(checked.node), measured);
+      proposal.motion = UprightMotion(PoseAt(checked->node), measured);
       proposal.variance_rad2 =
           prior.covariance(prior.extent == PriorExtent::kPose ? 5 : 3, prior.extent == PriorExtent::kPose ? 5 : 3);
       proposals.push_back(proposal);
     }
+    positions = Thinned(std::move(positions));
     for (const CheckedPrior* const prior : positions) AddPositions(*prior, positions, proposals);
   }
 
@@ -165,10 +177,11 @@ class Placer {
     proposals.push_back(proposal);
   }
 
-  static std::vector<Proposal> Thinned(std::vector<Proposal> proposals) {
-    if (proposals.size() <= kProposalsMax) return proposals;
-    std::vector<Proposal> kept;
-    for (std::size_t i = 0; i < kProposalsMax; ++i) kept.push_back(proposals[i * proposals.size() / kProposalsMax]);
+  template <typename T>
+  static std::vector<T> Thinned(std::vector<T> all) {
+    if (all.size() <= kProposalsMax) return all;
+    std::vector<T> kept;
+    for (std::size_t i = 0; i < kProposalsMax; ++i) kept.push_back(all[i * all.size() / kProposalsMax]);
     return kept;
   }
 
@@ -259,25 +272,17 @@ class Placer {
 
   // Declares the rover with the most loop closures to others placed where it is. Returns false if there is none.
   bool StandOne() {
-    std::vector<std::size_t> counts(rovers_.size(), 0);
-    for (const CheckedClosure& closure : graph_.closures) {
-      const AgentId from = graph_.nodes[closure.from].key.agent;
-      const AgentId to = graph_.nodes[closure.to].key.agent;
-      if (from == to) continue;
-      ++counts[rover_of_.at(from)];
-      ++counts[rover_of_.at(to)];
-    }
-    const auto most = std::max_element(counts.begin(), counts.end());
-    if (most == counts.end() || *most == 0) return false;
-    is_placed_[static_cast<std::size_t>(most - counts.begin())] = true;
+    const auto most = std::max_element(closures_of_.begin(), closures_of_.end(),
+                                       [](const auto& a, const auto& b) { return a.size() < b.size(); });
+    if (most == closures_of_.end() || most->empty()) return false;
+    is_placed_[static_cast<std::size_t>(most - closures_of_.begin())] = true;
     return true;
   }
 
   std::string WhyNot(std::size_t rover) const {
     const std::size_t count = FindProposals(rover).size();
-    const bool has_prior = std::any_of(graph_.priors.begin(), graph_.priors.end(),
-                                       [&](const CheckedPrior& prior) { return IsOf(prior.node, rover); });
-    if (count == 0 && has_prior) return "its position priors do not determine its heading: they lie within 1 m";
+    if (count == 0 && !priors_of_[rover].empty())
+      return "its position priors do not determine its heading: they lie within 1 m";
     if (count == 0) return "its loop closures lead to no placed rover";
     if (count == 1) return "one loop closure joins it to placed rovers; two that agree are needed";
     return "no two of its " + std::to_string(count) + " loop closures to placed rovers agree";
@@ -287,8 +292,10 @@ class Placer {
   const std::vector<Rover>& rovers_;
   const std::vector<std::size_t>& unknown_;
   std::map<AgentId, std::size_t> rover_of_;
-  std::vector<bool> is_placed_;  // In the order of rovers_.
-  std::vector<Drift> drift_;     // In the order of CheckedGraph::nodes.
+  std::vector<bool> is_placed_;                                  // In the order of rovers_, like the two below.
+  std::vector<std::vector<const CheckedClosure*>> closures_of_;  // Loop closures to other rovers.
+  std::vector<std::vector<const CheckedPrior*>> priors_of_;
+  std::vector<Drift> drift_;  // In the order of CheckedGraph::nodes.
   PosePlacement result_;
 };
 

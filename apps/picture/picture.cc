@@ -238,7 +238,7 @@ class Painter {
     cairo_rectangle(canvas, area.left, area.top, area.width, area.height);
     cairo_clip(canvas);
     PaintRaster(canvas, panel.raster, area);
-    for (const TrackStyle style : {TrackStyle::kBroad, TrackStyle::kDashed, TrackStyle::kLine}) {
+    for (const TrackStyle style : {TrackStyle::kBroad, TrackStyle::kThin, TrackStyle::kDashed, TrackStyle::kLine}) {
       for (const Track& track : panel.tracks) {
         if (track.style == style && !track.points.empty()) PaintTrack(canvas, track, area);
       }
@@ -405,7 +405,8 @@ class Painter {
     cairo_stroke(canvas);
     const double step_m = RoundLength(std::max(extent_.width(), extent_.height()) / 3);
     const double tick = font_px_ / 3;
-    for (double x_m = std::ceil(extent_.left / step_m) * step_m; x_m <= extent_.right; x_m += step_m) {
+    // Adding 0.0 turns -0 into 0.
+    for (double x_m = std::ceil(extent_.left / step_m) * step_m + 0.0; x_m <= extent_.right; x_m += step_m) {
       Tick(canvas, X(area, x_m), area.top + area.height, 0, tick);
       const std::string text = TickText(x_m, step_m);
       WriteText(canvas, X(area, x_m) - TextWidth(canvas, text) / 2, area.top + area.height + 1.4 * font_px_, text);
@@ -413,7 +414,7 @@ class Painter {
     WriteText(canvas, area.left + area.width / 2 - TextWidth(canvas, "x (m)") / 2,
               area.top + area.height + 2.7 * font_px_, "x (m)");
     if (!is_first) return;
-    for (double y_m = std::ceil(extent_.bottom / step_m) * step_m; y_m <= extent_.top; y_m += step_m) {
+    for (double y_m = std::ceil(extent_.bottom / step_m) * step_m + 0.0; y_m <= extent_.top; y_m += step_m) {
       Tick(canvas, area.left, Y(area, y_m), -tick, 0);
       const std::string text = TickText(y_m, step_m);
       WriteText(canvas, area.left - 0.5 * font_px_ - TextWidth(canvas, text), Y(area, y_m) + 0.36 * font_px_, text);

@@ -21,6 +21,7 @@ enum class TrackStyle {
   kLine,    // A coloured line with a white border, a dot at its start, and the track's name at its end.
   kBroad,   // A broad, pale line, for the true track.
   kDashed,  // A thin, dashed, dark line, for the track by odometry alone.
+  kThin,    // A thin line, for a measurement.
 };
 
 struct Track {

@@ -7,6 +7,7 @@ Needs pyzmq, protobuf and zstandard (Debian: python3-zmq python3-protobuf python
 One thread a client. Errors of the agent are AgentError, an agent that does not answer is TimeoutError.
 """
 import getpass
+import math
 import os
 import pathlib
 import re
@@ -220,6 +221,29 @@ class MoondbClient:
         if size == 0:
             return reply, b""
         return reply, zstandard.ZstdDecompressor().decompress(reply.zstd_cells, max_output_size=size)
+
+
+def map_position(site, lat_deg, lon_deg, alt_m):
+    """Returns x y z (m) in the frame `map` of a position in WGS 84, such as a GNSS fix. `site` is the entry `site` of the
+    team file as a dictionary: lat_deg, lon_deg, north_yaw_rad, alt_m. The frame is the local tangent plane."""
+    flattening = 1 / 298.257223563
+    square = flattening * (2 - flattening)
+
+    def to_earth(lat, lon, alt):
+        lat, lon = math.radians(lat), math.radians(lon)
+        normal = 6378137 / math.sqrt(1 - square * math.sin(lat) ** 2)
+        radius = (normal + alt) * math.cos(lat)
+        return radius * math.cos(lon), radius * math.sin(lon), ((1 - square) * normal + alt) * math.sin(lat)
+
+    origin = to_earth(site["lat_deg"], site["lon_deg"], site.get("alt_m", 0))
+    x, y, z = (a - b for a, b in zip(to_earth(lat_deg, lon_deg, alt_m), origin))
+    lat, lon = math.radians(site["lat_deg"]), math.radians(site["lon_deg"])
+    east = -math.sin(lon) * x + math.cos(lon) * y
+    outwards = math.cos(lon) * x + math.sin(lon) * y
+    north = -math.sin(lat) * outwards + math.cos(lat) * z
+    cosine, sine = math.cos(site.get("north_yaw_rad", 0)), math.sin(site.get("north_yaw_rad", 0))
+    return (east * sine + north * cosine, north * sine - east * cosine,
+            math.cos(lat) * outwards + math.sin(lat) * z)
 
 
 def triangle_of(covariance, size):

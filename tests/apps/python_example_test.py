@@ -61,9 +61,31 @@ def survey(python, programs, source, folder):
         if "stored 3 records" not in again:
             raise RuntimeError(f"a second run printed:\n{again}")
         maps = run(["moonctl", "-a", "rover2", "record", "list", "local_traversability_map"], environment, folder)
+        check_factors(source, folder, environment, python)
         return out, maps, sync_while_not_all_can(python, source, folder, environment)
     finally:
         subprocess.run(["moonctl", "down"], env=environment, capture_output=True, timeout=60)
+
+
+def check_factors(source, folder, environment, python):
+    """Inserts a loop closure and a prior by the Python client, and checks that the agent lists them."""
+    program = """
+import sys
+from moondb_client import MoondbClient, endpoint_of, map_position, team_of
+client = MoondbClient(endpoint_of("team/team.yaml", "rover2"), team_of("team/team.yaml")[1])
+client.insert_loop_closure((2, 1), (1, 17), (1.2, -0.3, 0), [0.05, 0.05, 0.1, 0.1, 0.1, 0.02], "apriltag")
+fix = map_position({"lat_deg": 0, "lon_deg": 10, "alt_m": 100}, 0, 10 + 1 / 3600, 101)
+assert abs(fix[1] + 30.922) < 0.001 and abs(fix[2] - 1) < 0.001, fix
+client.insert_prior((2, 1), fix, [0.02, 0.02, 0.04], "gnss", point_m=(-0.2, 0, 0.9))
+client.insert_prior((2, 1), fix, [0.02, 0.02, 0.04, 0.1], "total_station", yaw_rad=0.5)
+client.insert_prior((2, 1), fix, [0.02, 0.02, 0.04, 0.1, 0.1, 0.1], "apriltag", orientation=(0, 0, 0, 1))
+"""
+    environment = dict(environment, PYTHONPATH=f"{folder}:{source / 'examples/python'}")
+    run([python, "-c", program], environment, folder)
+    listed = run(["moonctl", "-a", "rover2", "record", "list", "pose_prior"], environment, folder)
+    edges = run(["moonctl", "-a", "rover2", "record", "list", "pose_graph_edge"], environment, folder)
+    if listed.count("pose_prior") != 3 or "pose_graph_edge" not in edges:
+        raise RuntimeError(f"the agent lists\n{listed}{edges}")
 
 
 def sync_while_not_all_can(python, source, folder, environment):

@@ -406,6 +406,47 @@ TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
   EXPECT_EQ(client->InsertCustom(custom).error().text, "power is no custom type");
 }
 
+TEST(ClientTest, InsertsLoopClosuresAndPriorsWithSigmasOrCovariances) {
+  proto::Record received;
+  FakeAgent agent([&received](const proto::ClientMessage& request) {
+    received = request.control_request().insert().records(0);
+    proto::ControlReply reply;
+    reply.mutable_insert()->add_keys();
+    return std::vector{Frame(request, reply)};
+  });
+  auto client = ConnectTo(agent, {});
+  Client::LoopClosure closure;
+  closure.from = {2, 140};
+  closure.to = {1, 17};
+  closure.timestamp_ns = 7;
+  closure.from_from_to.mutable_position_m()->set_x(1.2);
+  closure.covariance = {0.5, 0.5, 2, 0.1, 0.1, 0.3};
+  EXPECT_EQ(client->InsertLoopClosure(closure).error().field, "source");
+  closure.source = "apriltag";
+  ASSERT_TRUE(client->InsertLoopClosure(closure));
+  const proto::PoseGraphEdge& edge = received.pose_graph_edge();
+  EXPECT_EQ(edge.source(), "apriltag");
+  EXPECT_EQ(edge.to().index(), 17u);
+  ASSERT_EQ(edge.relative_pose().covariance_size(), 21);
+  EXPECT_EQ(edge.relative_pose().covariance(0), 0.25);
+  EXPECT_EQ(edge.relative_pose().covariance(11), 4) << "z";
+  EXPECT_EQ(edge.relative_pose().covariance(1), 0);
+  EXPECT_NEAR(edge.relative_pose().covariance(20), 0.09, 1e-12);
+
+  proto::PosePrior prior;
+  prior.mutable_node()->set_agent_id(2);
+  prior.mutable_position_m()->set_x(5);
+  for (const double sigma_m : {0.5, 0.5, 1.0}) prior.add_covariance(sigma_m);
+  prior.set_source("gnss");
+  ASSERT_TRUE(client->InsertPrior(prior, 9));
+  EXPECT_EQ(received.timestamp_ns(), 9);
+  EXPECT_THAT(received.pose_prior().covariance(), testing::ElementsAre(0.25, 0, 0, 0.25, 0, 1));
+  prior.mutable_covariance()->CopyFrom(received.pose_prior().covariance());
+  ASSERT_TRUE(client->InsertPrior(prior, 9));
+  EXPECT_THAT(received.pose_prior().covariance(), testing::ElementsAre(0.25, 0, 0, 0.25, 0, 1)) << "a covariance";
+  agent.Stop();
+}
+
 TEST(ClientTest, TimesOutAndDropsALateAnswer) {
   std::string late;
   FakeAgent agent([&late](const proto::ClientMessage& request) {
