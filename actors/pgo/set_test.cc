@@ -58,10 +58,16 @@ class SetTester {
       worst->is_refused = true;
       staged = Solve(std::nullopt);
     }
+    if (staged.is_accepted && IsStopped()) {
+      staged.is_accepted = false;
+      staged.text = "stopped before all sets of loop closures and priors were tested";
+    }
     return Finish(std::move(staged));
   }
 
  private:
+  bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
+
   // Solves without the refused sets.
   StagedResult Solve(const std::optional<FirstVerdicts>& first) const {
     return SolveInStages(terms_, graph_, first, AllowedWithout(nullptr), options_);
@@ -127,7 +133,7 @@ class SetTester {
     double worst_excess = 1;
     for (std::size_t i = 0; i < std::min(sets_.size(), kSetsMax); ++i) {
       if (sets_[i].is_refused) continue;
-      if (options_.stop_requested && options_.stop_requested()) return nullptr;
+      if (IsStopped()) return nullptr;
       const double excess = Excess(sets_[i], staged);
       if (excess < worst_excess || (worst != nullptr && excess == worst_excess)) continue;
       worst_excess = excess;
@@ -140,9 +146,11 @@ class SetTester {
     SetTested result;
     result.staged = std::move(staged);
     for (TestedSet& set : sets_) {
-      const bool has_accepted = std::ranges::any_of(
-          set.set.factors, [&result](std::size_t factor) { return result.staged.is_inlier[factor]; });
-      const bool stays_refused = set.was_refused && !has_accepted && set.set.factors.size() >= kSetSizeMin;
+      // Factors that were not allowed contradict nothing.
+      const bool stays_refused = set.was_refused && set.set.factors.size() >= kSetSizeMin &&
+                                 std::ranges::all_of(set.set.factors, [&](std::size_t factor) {
+                                   return is_allowed_[factor] && !result.staged.is_inlier[factor];
+                                 });
       if (set.is_refused || stays_refused) result.refused.push_back(std::move(set.set));
     }
     return result;

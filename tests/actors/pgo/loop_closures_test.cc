@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <utility>
+
 #include "actors/pgo/pose_graph_solver.h"
 #include "tests/actors/pgo/scenario.h"
 
@@ -129,6 +131,21 @@ TEST_F(LoopClosuresTest, RangesRefuseASetThatIsWrongTogether) {
   std::erase_if(scenario_.graph.closures, [](const LoopClosure& c) { return c.source == "slam_toolbox"; });
   AddClosures(1, 2, 3, "slam_toolbox");
   EXPECT_TRUE(Solve(last).refused.empty());
+}
+
+TEST_F(LoopClosuresTest, ASolveThatIsStoppedDuringTheTestOfSetsChangesNothing) {
+  UseWithoutRanges();
+  AddClosures(1, 2, 5);
+  int polls = 0;
+  SolverOptions options;
+  options.thread_count = 1;
+  options.stop_requested = [&polls] { return ++polls > 10'000; };
+  ASSERT_TRUE(SolvePoseGraph(scenario_.graph, scenario_.agents, {}, options).is_accepted);
+  const int all = std::exchange(polls, 0);
+  options.stop_requested = [&polls, all] { return ++polls > all - 3; };
+  const Solution stopped = SolvePoseGraph(scenario_.graph, scenario_.agents, {}, options);
+  EXPECT_FALSE(stopped.is_accepted);
+  EXPECT_TRUE(stopped.verdicts.empty());
 }
 
 TEST_F(LoopClosuresTest, ContradictingOnesAreNotAllAccepted) {
