@@ -105,11 +105,7 @@ class G2oParser {
       }
     } else {
       prior.map_from_vertex.position_m = fields.Position(is_planar);
-      if (is_planar) {
-        prior.information.topLeftCorner<2, 2>() = fields.PositiveDefinite<2>("information");
-      } else {
-        prior.information.topLeftCorner<3, 3>() = fields.PositiveDefinite<3>("information");
-      }
+      prior.information.topLeftCorner<3, 3>() = fields.PositionMatrix(is_planar, "information");
     }
     g2o_.priors.push_back(prior);
   }
@@ -162,10 +158,15 @@ class G2oParser {
   std::vector<Mention> mentions_;
 };
 
-std::string PoseText(const Pose& pose, bool is_planar) {
+std::string PositionText(const Eigen::Vector3d& position_m, bool is_planar) {
   std::string text;
+  for (int i = 0; i < (is_planar ? 2 : 3); ++i) text += " " + FormatDouble(position_m[i]);
+  return text;
+}
+
+std::string PoseText(const Pose& pose, bool is_planar) {
+  std::string text = PositionText(pose.position_m, is_planar);
   const auto add = [&text](double value) { text += " " + FormatDouble(value); };
-  for (int i = 0; i < (is_planar ? 2 : 3); ++i) add(pose.position_m[i]);
   if (is_planar) {
     add(ExactPlanarYaw(pose.orientation));
   } else {
@@ -187,15 +188,14 @@ std::string InformationText(const Matrix6d& information, bool is_planar) {
 }
 
 std::string PriorText(const G2oPrior& prior, bool is_planar) {
-  const bool has_pose = prior.extent == PriorExtent::kPose;
   const std::string id = std::to_string(prior.id) + (is_planar ? "" : " 0");
-  if (has_pose) {
+  if (prior.extent == PriorExtent::kPose) {
     return (is_planar ? "EDGE_PRIOR_SE2 " : "EDGE_SE3_PRIOR ") + id + PoseText(prior.map_from_vertex, is_planar) +
            InformationText(prior.information, is_planar) + "\n";
   }
-  std::string text = (is_planar ? "EDGE_PRIOR_SE2_XY " : "EDGE_SE3_XYZ_PRIOR ") + id;
+  std::string text = (is_planar ? "EDGE_PRIOR_SE2_XY " : "EDGE_SE3_XYZ_PRIOR ") + id +
+                     PositionText(prior.map_from_vertex.position_m, is_planar);
   const int size = is_planar ? 2 : 3;
-  for (int i = 0; i < size; ++i) text += " " + FormatDouble(prior.map_from_vertex.position_m[i]);
   for (int row = 0; row < size; ++row) {
     for (int column = row; column < size; ++column) text += " " + FormatDouble(prior.information(row, column));
   }

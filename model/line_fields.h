@@ -57,6 +57,15 @@ class LineFields {
     return matrix;
   }
 
+  // Reads the covariance or information of a position: 2 rows (if `is_planar`) or 3, positive definite. If `is_planar`,
+  // the rest is that of the identity.
+  Eigen::Matrix3d PositionMatrix(bool is_planar, const char* name) {
+    if (!is_planar) return PositiveDefinite<3>(name);
+    Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
+    matrix.topLeftCorner<2, 2>() = PositiveDefinite<2>(name);
+    return matrix;
+  }
+
  private:
   Eigen::Quaterniond Orientation();
 

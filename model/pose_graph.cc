@@ -107,6 +107,15 @@ proto::Record EdgeRecord(const NodeKey& from, const NodeKey& to, std::int64_t ti
   return record;
 }
 
+// Returns the factor that a verdict or a quarantine names.
+template <typename Message>
+FactorKey KeyInMessage(const Message& message) {
+  const FactorKind kind = message.is_range()   ? FactorKind::kRange
+                          : message.is_prior() ? FactorKind::kPrior
+                                               : FactorKind::kLoopClosure;
+  return {kind, FromProto(message.from()), FromProto(message.to()), message.source()};
+}
+
 void SetRelativePose(const Pose& from_from_to, const Matrix6d& covariance, proto::Record& record) {
   proto::RelativePose& relative_pose = *record.mutable_pose_graph_edge()->mutable_relative_pose();
   *relative_pose.mutable_from_from_to() = ToProto(from_from_to);
@@ -135,12 +144,9 @@ FactorKey KeyOf(const LoopClosure& closure) {
 
 FactorKey KeyOf(const NodePrior& prior) { return {FactorKind::kPrior, prior.node, prior.node, prior.source}; }
 
-FactorKey KeyOf(const proto::EdgeVerdict& verdict) {
-  const FactorKind kind = verdict.is_range()   ? FactorKind::kRange
-                          : verdict.is_prior() ? FactorKind::kPrior
-                                               : FactorKind::kLoopClosure;
-  return {kind, FromProto(verdict.from()), FromProto(verdict.to()), verdict.source()};
-}
+FactorKey KeyOf(const proto::EdgeVerdict& verdict) { return KeyInMessage(verdict); }
+
+FactorKey KeyOf(const proto::QuarantinedFactor& factor) { return KeyInMessage(factor); }
 
 std::string ToString(FactorKind kind) {
   switch (kind) {

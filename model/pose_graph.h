@@ -99,6 +99,7 @@ FactorKey KeyOf(const RangeEdge& edge);
 FactorKey KeyOf(const LoopClosure& closure);
 FactorKey KeyOf(const NodePrior& prior);
 FactorKey KeyOf(const proto::EdgeVerdict& verdict);
+FactorKey KeyOf(const proto::QuarantinedFactor& factor);
 
 // Returns "range", "loop closure" or "prior".
 std::string ToString(FactorKind kind);

@@ -124,11 +124,7 @@ class PyfgParser {
     sighting.from = TakeKey(fields);
     sighting.to = TakeKey(fields);
     sighting.from_point_m = fields.Position(is_planar);
-    if (is_planar) {
-      sighting.covariance.topLeftCorner<2, 2>() = fields.PositiveDefinite<2>("covariance");
-    } else {
-      sighting.covariance = fields.PositiveDefinite<3>("covariance");
-    }
+    sighting.covariance = fields.PositionMatrix(is_planar, "covariance");
     edges_.push_back({sighting.from, sighting.to, line_, /*is_to_landmark=*/true});
     pyfg_.sightings.push_back(sighting);
   }
@@ -169,11 +165,7 @@ class PyfgParser {
     prior.timestamp_ns = fields.Timestamp();
     prior.node = TakeKey(fields);
     prior.map_from_node.position_m = fields.Position(is_planar);
-    if (is_planar) {
-      prior.covariance.topLeftCorner<2, 2>() = fields.PositiveDefinite<2>("covariance");
-    } else {
-      prior.covariance.topLeftCorner<3, 3>() = fields.PositiveDefinite<3>("covariance");
-    }
+    prior.covariance.topLeftCorner<3, 3>() = fields.PositionMatrix(is_planar, "covariance");
     edges_.push_back({prior.node, prior.node, line_, false, /*is_of_any=*/true, /*is_prior=*/true});
     pyfg_.graph.priors.push_back(prior);
   }

@@ -66,7 +66,7 @@ inline proto::Record SampleRecord(DataType type, AgentId agent) {
     edge.mutable_range()->set_variance_m2(1);
     edge.clear_source();  // Ranges have none.
   }
-  if (record.has_edge_verdict()) record.mutable_edge_verdict()->set_is_prior(false);  // It is a range's.
+  if (record.has_edge_verdict()) record.mutable_edge_verdict()->set_is_prior(false);  // Verdict on a range.
   if (record.has_pose_prior()) {
     proto::PosePrior& prior = *record.mutable_pose_prior();
     prior.mutable_position_m()->set_x(0.5);

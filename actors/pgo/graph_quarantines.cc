@@ -42,11 +42,4 @@ const GraphQuarantines::Parts& GraphQuarantines::Standing() const {
   return parts;
 }
 
-FactorKey KeyOf(const proto::QuarantinedFactor& factor) {
-  const FactorKind kind = factor.is_range()   ? FactorKind::kRange
-                          : factor.is_prior() ? FactorKind::kPrior
-                                              : FactorKind::kLoopClosure;
-  return {kind, FromProto(factor.from()), FromProto(factor.to()), factor.source()};
-}
-
 }  // namespace moondb

@@ -48,7 +48,4 @@ class GraphQuarantines {
   mutable std::optional<Parts> standing_;                     // Derived from the members above when needed.
 };
 
-// Returns the factor that a quarantine names.
-FactorKey KeyOf(const proto::QuarantinedFactor& factor);
-
 }  // namespace moondb

@@ -220,13 +220,7 @@ LastSolution KnownGraph::FindLastSolution() const {
       solution.poses.emplace_hint(solution.poses.end(), node, *published);
     }
   }
-  for (const auto& [factor, verdict] : verdicts_) {
-    if (!verdict.value.is_inlier) {
-      solution.rejected.insert(factor);
-    } else if (factor.kind != FactorKind::kRange) {
-      solution.accepted.insert(factor);
-    }
-  }
+  for (const auto& [factor, verdict] : verdicts_) solution.AddVerdict(factor, verdict.value.is_inlier);
   return solution;
 }
 

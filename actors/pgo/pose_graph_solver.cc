@@ -344,16 +344,18 @@ std::string ToString(SolveInitialValues initial_values) {
   return "unknown";
 }
 
+void LastSolution::AddVerdict(const FactorKey& factor, bool is_inlier) {
+  if (!is_inlier) {
+    rejected.insert(factor);
+  } else if (factor.kind != FactorKind::kRange) {
+    accepted.insert(factor);
+  }
+}
+
 LastSolution ToLast(const Solution& solution) {
   LastSolution last;
   last.poses = solution.poses;
-  for (const FactorVerdict& verdict : solution.verdicts) {
-    if (!verdict.is_inlier) {
-      last.rejected.insert(verdict.factor);
-    } else if (verdict.factor.kind != FactorKind::kRange) {
-      last.accepted.insert(verdict.factor);
-    }
-  }
+  for (const FactorVerdict& verdict : solution.verdicts) last.AddVerdict(verdict.factor, verdict.is_inlier);
   return last;
 }
 

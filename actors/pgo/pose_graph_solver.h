@@ -87,6 +87,8 @@ struct LastSolution {
   // Rejected ranges, loop closures and priors. All other ranges between nodes in `poses` were accepted.
   std::set<FactorKey> rejected;
   std::set<FactorKey> accepted;  // Accepted loop closures and priors.
+
+  void AddVerdict(const FactorKey& factor, bool is_inlier);
 };
 
 // Loop closures of one source between two rovers, or priors of one source on one rover (set_test.h).
@@ -144,6 +146,8 @@ struct FactorVerdict {
 struct FactorCount {
   std::size_t usable = 0;
   std::size_t rejected = 0;
+
+  std::size_t accepted() const { return usable - rejected; }
 };
 
 struct Solution {

@@ -55,15 +55,11 @@ std::set<AgentId> FindAnchoredByPriors(const CheckedGraph& graph, const std::vec
 
 // Numbers of one rover's accepted and rejected factors. A loop closure within the rover counts once.
 struct FactorCounts {
-  struct OfKind {
-    std::size_t accepted = 0;
-    std::size_t rejected = 0;
-  };
-  OfKind ranges;
-  OfKind closures;
-  OfKind priors;
+  FactorCount ranges;
+  FactorCount closures;
+  FactorCount priors;
 
-  OfKind& Of(FactorKind kind) {
+  FactorCount& Of(FactorKind kind) {
     if (kind == FactorKind::kRange) return ranges;
     return kind == FactorKind::kLoopClosure ? closures : priors;
   }
@@ -73,8 +69,9 @@ std::map<AgentId, FactorCounts> CountFactors(const std::vector<FactorVerdict>& v
   std::map<AgentId, FactorCounts> counts;
   for (const FactorVerdict& verdict : verdicts) {
     for (const AgentId agent : std::set<AgentId>{verdict.factor.from.agent, verdict.factor.to.agent}) {
-      FactorCounts::OfKind& of_kind = counts[agent].Of(verdict.factor.kind);
-      ++(verdict.is_inlier ? of_kind.accepted : of_kind.rejected);
+      FactorCount& of_kind = counts[agent].Of(verdict.factor.kind);
+      ++of_kind.usable;
+      of_kind.rejected += !verdict.is_inlier;
     }
   }
   return counts;
@@ -82,7 +79,7 @@ std::map<AgentId, FactorCounts> CountFactors(const std::vector<FactorVerdict>& v
 
 // Describes where the rover's place comes from if no start is configured.
 std::string WhereElse(const RoverResult& rover, const FactorCounts& counts) {
-  const bool has_poses = counts.closures.accepted + counts.priors.accepted > 0;
+  const bool has_poses = counts.closures.accepted() + counts.priors.accepted() > 0;
   const std::string what = rover.range_count == 0 ? "measurements" : has_poses ? "ranges and measurements" : "ranges";
   if (rover.anchoring != Anchoring::kUnanchored) return ": its " + what + " say where it is";
   if (rover.range_count == 0 && !has_poses) return ": begins at its raw pose";
@@ -90,12 +87,11 @@ std::string WhereElse(const RoverResult& rover, const FactorCounts& counts) {
 }
 
 // Adds a line if more than a third of the factors of one kind are rejected.
-void SayIfContradicted(const FactorCounts::OfKind& counts, const std::string& what, const std::string& question,
+void SayIfContradicted(const FactorCount& counts, const std::string& what, const std::string& question,
                        const std::function<void(const std::string&)>& say) {
-  const std::size_t all = counts.accepted + counts.rejected;
-  if (3 * counts.rejected <= all) return;
-  say(std::to_string(counts.rejected) + " of its " + std::to_string(all) + " " + what + " contradict the rest" +
-      question);
+  if (3 * counts.rejected <= counts.usable) return;
+  say(std::to_string(counts.rejected) + " of its " + std::to_string(counts.usable) + " " + what +
+      " contradict the rest" + question);
 }
 
 std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const StartPrior& start,
@@ -173,7 +169,7 @@ std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vecto
     const FactorCounts& of_rover = counts[result.agent];
     result.odometry_scale = 1 + scales[i];
     result.node_count = rovers[i].count;
-    result.range_count = of_rover.ranges.accepted;
+    result.range_count = of_rover.ranges.accepted();
     result.rejected_range_count = of_rover.ranges.rejected;
     if (in_map.anchored.contains(result.agent)) {
       result.anchoring = in_map.ties[result.agent] > 0 ? Anchoring::kAnchored : Anchoring::kNoRanges;

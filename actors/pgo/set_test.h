@@ -6,9 +6,8 @@
 //
 // - A set is refused if more than 3 % of the ranges, and at least 3, are accepted without it and rejected with it.
 // - A set with n accepted residuals is refused if it raises the chi-square of the other terms (odometry, ranges,
-// starts,
-//   other sets) by more than n + 3 sqrt(2 n). Correct factors raise it by n at most, on average. This test also works
-//   without ranges.
+//   starts, other sets) by more than n + 3 sqrt(2 n). Correct factors raise it by n at most, on average. This test also
+//   works without ranges.
 //
 // The set that exceeds its limits most is refused first, and then the others are tested again. The limits are 2 % and n
 // for a set of which the outlier tests reject more than half, and for a set that the last solution refused.

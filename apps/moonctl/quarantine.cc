@@ -198,11 +198,10 @@ std::string QuarantinedText(const proto::TeamConfig& team, const proto::MapQuara
     case proto::MapQuarantine::kNode:
       return "node " + NodeName(team, FromProto(quarantine.node()));
     case proto::MapQuarantine::kFactor: {
-      const proto::QuarantinedFactor& factor = quarantine.factor();
-      std::string text = factor.is_range() ? "range " : factor.is_prior() ? "prior " : "loop closure ";
-      text += NodeName(team, FromProto(factor.from()));
-      if (!factor.is_prior()) text += " " + NodeName(team, FromProto(factor.to()));
-      return factor.source().empty() ? text : text + " " + factor.source();
+      const FactorKey factor = KeyOf(quarantine.factor());
+      std::string text = ToString(factor.kind) + " " + NodeName(team, factor.from);
+      if (factor.kind != FactorKind::kPrior) text += " " + NodeName(team, factor.to);
+      return factor.source.empty() ? text : text + " " + factor.source;
     }
     case proto::MapQuarantine::kProducer:
       return "loop closures and priors" +

@@ -5,20 +5,18 @@
 #include <utility>
 
 #include "actors/pgo/pose_graph_solver.h"
-#include "tests/actors/pgo/scenario.h"
+#include "tests/actors/pgo/scenario_test.h"
 
 namespace moondb {
 namespace {
 
 using simulation::LoopClosureOf;
 using simulation::MakeScenario;
-using simulation::Scenario;
 using simulation::ScenarioOptions;
-using simulation::TrajectoryErrorM;
 using testing::HasSubstr;
 using testing::Not;
 
-class LoopClosuresTest : public testing::Test {
+class LoopClosuresTest : public simulation::ScenarioTest {
  protected:
   void Use(const ScenarioOptions& options) {
     scenario_ = MakeScenario(options);
@@ -51,16 +49,6 @@ class LoopClosuresTest : public testing::Test {
     scenario_.graph.closures.push_back(LoopClosureOf(scenario_, from, to, source, rng_, offset_m));
   }
 
-  Solution Solve(const LastSolution& last = {}) {
-    SolverOptions options;
-    options.thread_count = 1;
-    Solution solution = SolvePoseGraph(scenario_.graph, scenario_.agents, last, options);
-    EXPECT_TRUE(solution.is_accepted) << solution.text;
-    return solution;
-  }
-
-  double ErrorM(const Solution& solution) { return TrajectoryErrorM(scenario_, solution.poses); }
-
   static FactorCount Closures(const Solution& solution) { return solution.CountOf(FactorKind::kLoopClosure); }
 
   static const RoverResult& Rover(const Solution& solution, AgentId agent) {
@@ -70,9 +58,6 @@ class LoopClosuresTest : public testing::Test {
     ADD_FAILURE() << "no rover " << agent;
     return solution.rovers.front();
   }
-
-  Scenario scenario_;
-  std::mt19937_64 rng_;
 };
 
 TEST_F(LoopClosuresTest, CorrectDriftWithoutRanges) {

@@ -3,19 +3,19 @@
 #include <gtest/gtest.h>
 
 #include "actors/pgo/pose_graph_solver.h"
-#include "tests/actors/pgo/scenario.h"
+#include "tests/actors/pgo/scenario_test.h"
 
 namespace moondb {
 namespace {
 
 using simulation::MakeScenario;
 using simulation::PriorOf;
-using simulation::Scenario;
-using simulation::TrajectoryErrorM;
 using testing::HasSubstr;
 
-class PriorsTest : public testing::Test {
+class PriorsTest : public simulation::ScenarioTest {
  protected:
+  PriorsTest() { rng_.seed(5); }
+
   void SetUp() override {
     scenario_ = MakeScenario({.seed = 3, .yaw_noise_rad = 0.01});
     scenario_.graph.ranges.clear();
@@ -40,20 +40,7 @@ class PriorsTest : public testing::Test {
     }
   }
 
-  Solution Solve(const LastSolution& last = {}) {
-    SolverOptions options;
-    options.thread_count = 1;
-    Solution solution = SolvePoseGraph(scenario_.graph, scenario_.agents, last, options);
-    EXPECT_TRUE(solution.is_accepted) << solution.text;
-    return solution;
-  }
-
-  double ErrorM(const Solution& solution) { return TrajectoryErrorM(scenario_, solution.poses); }
-
   static FactorCount Priors(const Solution& solution) { return solution.CountOf(FactorKind::kPrior); }
-
-  Scenario scenario_;
-  std::mt19937_64 rng_{5};
 };
 
 TEST_F(PriorsTest, CorrectDrift) {
