@@ -14,7 +14,7 @@ MapCollection::MapCollection(Options options)
     : options_(std::move(options)),
       map_quota_(options_.maps_max),
       map_bytes_quota_(options_.bytes_max),
-      quarantine_quota_(options_.quarantines_max),
+      quarantines_(options_.quarantines_max),
       node_quota_(options_.nodes_max) {}
 
 Result<void> MapCollection::AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map) {
@@ -67,57 +67,47 @@ void MapCollection::AddOptimizedPose(const RecordKey& key, const NodeKey& node, 
 }
 
 void MapCollection::AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine) {
-  std::optional<RecordKey> lifts;
-  if (quarantine.has_lifts()) {
-    lifts = FromProto(quarantine.lifts());
-    lifted_.insert(*lifts);
-  } else if (!quarantines_.emplace(key, quarantine).second) {
-    return;
-  }
-  quarantined_nodes_.reset();
-  for (const auto& removed : quarantine_quota_.Add(key, 1, lifts)) {
-    if (removed.note) {
-      lifted_.erase(lifted_.find(*removed.note));
-    } else {
-      quarantines_.erase(removed.key);
-    }
-  }
+  if (quarantines_.Add(key, quarantine)) quarantined_nodes_.reset();
 }
 
 std::map<AgentId, std::uint64_t> MapCollection::CountLeftOut() const {
   std::map<AgentId, std::uint64_t> counts = left_out_pose_count_;
   map_quota_.CountLeftOut(counts);
   map_bytes_quota_.CountLeftOut(counts);
-  quarantine_quota_.CountLeftOut(counts);
+  quarantines_.CountLeftOut(counts);
   node_quota_.CountLeftOut(counts);
   return counts;
 }
 
 std::vector<MapCollection::Quarantine> MapCollection::StandingQuarantines() const {
   std::map<AgentId, std::vector<std::int64_t>> timestamps;
-  for (const auto& [key, map] : maps_) timestamps[map.local->agent()].push_back(map.timestamp.ns);
+  std::map<NodeKey, std::size_t> map_counts;
+  for (const auto& [key, map] : maps_) {
+    timestamps[map.local->agent()].push_back(map.timestamp.ns);
+    ++map_counts[map.local->node];
+  }
   for (auto& [agent, of_agent] : timestamps) std::sort(of_agent.begin(), of_agent.end());
   std::vector<Quarantine> standing;
-  for (const auto& [key, said] : quarantines_) {
-    if (lifted_.contains(key)) continue;
+  quarantines_.ForEach([&](const RecordKey& key, const proto::MapQuarantine& said) {
     if (said.graph_part_case() != proto::MapQuarantine::GRAPH_PART_NOT_SET) {
-      standing.push_back({key, said, said.has_node() ? CountMapsAt(FromProto(said.node())) : 0});
-      continue;
+      const auto count = said.has_node() ? map_counts.find(FromProto(said.node())) : map_counts.end();
+      standing.push_back({key, said, count == map_counts.end() ? 0 : count->second});
+      return;
     }
     const std::vector<std::int64_t>& of_agent = timestamps[said.agent_id()];
     const auto first = std::lower_bound(of_agent.begin(), of_agent.end(), said.from_ns());
     const auto last = std::upper_bound(of_agent.begin(), of_agent.end(), said.to_ns());
     standing.push_back({key, said, static_cast<std::size_t>(std::max<std::ptrdiff_t>(last - first, 0))});
-  }
+  });
   return standing;
 }
 
 MapCollection::Spans MapCollection::StandingSpans() const {
   Spans spans;
-  for (const auto& [key, said] : quarantines_) {
+  quarantines_.ForEach([&spans](const RecordKey&, const proto::MapQuarantine& said) {
     const bool is_of_maps = said.graph_part_case() == proto::MapQuarantine::GRAPH_PART_NOT_SET;
-    if (is_of_maps && !lifted_.contains(key)) spans[said.agent_id()].emplace_back(said.from_ns(), said.to_ns());
-  }
+    if (is_of_maps) spans[said.agent_id()].emplace_back(said.from_ns(), said.to_ns());
+  });
   for (auto& [agent, of_agent] : spans) {
     std::sort(of_agent.begin(), of_agent.end());
     std::vector<std::pair<std::int64_t, std::int64_t>> joined;
@@ -136,16 +126,11 @@ MapCollection::Spans MapCollection::StandingSpans() const {
 const std::set<NodeKey>& MapCollection::QuarantinedNodes() const {
   if (!quarantined_nodes_) {
     quarantined_nodes_.emplace();
-    for (const auto& [key, said] : quarantines_) {
-      if (said.has_node() && !lifted_.contains(key)) quarantined_nodes_->insert(FromProto(said.node()));
-    }
+    quarantines_.ForEach([this](const RecordKey&, const proto::MapQuarantine& said) {
+      if (said.has_node()) quarantined_nodes_->insert(FromProto(said.node()));
+    });
   }
   return *quarantined_nodes_;
-}
-
-std::size_t MapCollection::CountMapsAt(const NodeKey& node) const {
-  return static_cast<std::size_t>(
-      std::ranges::count_if(maps_, [&node](const auto& map) { return map.second.local->node == node; }));
 }
 
 bool MapCollection::IsLeftOut(const Spans& spans, const HeldMap& map) {

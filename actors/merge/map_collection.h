@@ -22,6 +22,7 @@
 #include "model/far_nodes.h"
 #include "model/ids.h"
 #include "model/origin_quota.h"
+#include "model/quarantine_set.h"
 #include "model/record_key.h"
 #include "model/traversability_map.h"
 #include "proto/record.pb.h"
@@ -132,7 +133,6 @@ class MapCollection {
   using Spans = std::map<AgentId, std::vector<std::pair<std::int64_t, std::int64_t>>>;
   Spans StandingSpans() const;
   const std::set<NodeKey>& QuarantinedNodes() const;
-  std::size_t CountMapsAt(const NodeKey& node) const;
   static bool IsLeftOut(const Spans& spans, const HeldMap& map);
   void RemoveMap(const RecordKey& key);
   void RemoveRawPose(const RecordKey& key, const NodeKey& node);
@@ -143,12 +143,8 @@ class MapCollection {
   std::map<RecordKey, HeldMap> maps_;
   OriginQuota<NoNote> map_quota_;
   OriginQuota<NoNote> map_bytes_quota_;
-  std::map<RecordKey, proto::MapQuarantine> quarantines_;
-  std::multiset<RecordKey> lifted_;
-  mutable std::optional<std::set<NodeKey>> quarantined_nodes_;  // Derived from the two members above when needed.
-  // The quota keeps a note on each record. If the record lifts a quarantine, the note is the key of that quarantine.
-  // Otherwise the note is nullopt.
-  OriginQuota<std::optional<RecordKey>> quarantine_quota_;
+  QuarantineSet quarantines_;
+  mutable std::optional<std::set<NodeKey>> quarantined_nodes_;  // Derived from `quarantines_` when needed.
   std::map<NodeKey, Node> nodes_;
   OriginQuota<NodeKey> node_quota_;
   std::size_t optimized_count_ = 0;                       // Number of nodes with an optimized pose.

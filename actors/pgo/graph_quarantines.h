@@ -1,7 +1,5 @@
-// GraphQuarantines: the quarantines of parts of the pose graph that no record lifts.
-//
-// The result depends only on the set of added records, not on their order. Beyond the limit, the agents with the most
-// quarantines keep only their newest (model/origin_quota.h). Single-threaded.
+// GraphQuarantines: the parts of the pose graph that quarantines leave out (model/quarantine_set.h).
+// Single-threaded.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +9,8 @@
 #include <string>
 #include <utility>
 
-#include "model/origin_quota.h"
 #include "model/pose_graph.h"
+#include "model/quarantine_set.h"
 #include "model/record_key.h"
 
 namespace moondb {
@@ -30,7 +28,7 @@ class GraphQuarantines {
   bool HasFactor(const RecordKey& record, const FactorKey& factor) const;
   std::size_t size() const { return Standing().count; }  // Number of quarantines in force.
   // Number of records dropped because of the limit, by origin.
-  void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const { quota_.CountLeftOut(counts); }
+  void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const { quarantines_.CountLeftOut(counts); }
 
  private:
   struct Parts {
@@ -42,10 +40,8 @@ class GraphQuarantines {
 
   const Parts& Standing() const;
 
-  std::map<RecordKey, proto::MapQuarantine> quarantines_;
-  std::multiset<RecordKey> lifted_;
-  OriginQuota<std::optional<RecordKey>> quota_{kRecordsMax};  // The note is the key that the record lifts, if any.
-  mutable std::optional<Parts> standing_;                     // Derived from the members above when needed.
+  QuarantineSet quarantines_{kRecordsMax};
+  mutable std::optional<Parts> standing_;  // Derived from `quarantines_` when needed.
 };
 
 }  // namespace moondb

@@ -1,0 +1,23 @@
+#include "model/quarantine_set.h"
+
+namespace moondb {
+
+bool QuarantineSet::Add(const RecordKey& key, const proto::MapQuarantine& quarantine) {
+  std::optional<RecordKey> lifts;
+  if (quarantine.has_lifts()) {
+    lifts = FromProto(quarantine.lifts());
+    lifted_.insert(*lifts);
+  } else if (!quarantines_.emplace(key, quarantine).second) {
+    return false;
+  }
+  for (const auto& removed : quota_.Add(key, 1, lifts)) {
+    if (removed.note) {
+      lifted_.erase(lifted_.find(*removed.note));
+    } else {
+      quarantines_.erase(removed.key);
+    }
+  }
+  return true;
+}
+
+}  // namespace moondb
