@@ -27,7 +27,8 @@ struct HeldGraph {
   PoseGraph graph;  // Has raw or optimized poses, as the user chose.
   // One for each of graph.ranges, then of graph.closures, then of graph.priors. Null: no verdict.
   std::vector<const PublishedVerdict*> verdicts;
-  std::map<FactorKind, std::size_t> rejected_counts;
+  std::map<FactorKind, std::size_t> rejected_counts{
+      {FactorKind::kRange, 0}, {FactorKind::kLoopClosure, 0}, {FactorKind::kPrior, 0}};
   std::size_t waiting_edge_count = 0;  // Number of omitted edges and priors.
   std::set<NodeKey> optimized;         // Nodes that have an optimized pose.
 };
@@ -147,17 +148,17 @@ std::string PosesText(const ExportArguments& arguments) {
   return arguments.poses == "raw" ? "raw" : "optimized, raw where there are none";
 }
 
-FileNotes NotesOn(const ExportArguments& arguments, HeldGraph& held) {
+FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {
   FileNotes notes{{"poses", PosesText(arguments)},
                   {"nodes", std::to_string(held.graph.nodes.size())},
                   {"optimized_nodes", std::to_string(held.optimized.size())},
                   {"odometry_edges", std::to_string(held.graph.odometry.size())},
                   {"ranges", std::to_string(held.graph.ranges.size())},
-                  {"rejected_ranges", std::to_string(held.rejected_counts[FactorKind::kRange])},
+                  {"rejected_ranges", std::to_string(held.rejected_counts.at(FactorKind::kRange))},
                   {"loop_closures", std::to_string(held.graph.closures.size())},
-                  {"rejected_loop_closures", std::to_string(held.rejected_counts[FactorKind::kLoopClosure])},
+                  {"rejected_loop_closures", std::to_string(held.rejected_counts.at(FactorKind::kLoopClosure))},
                   {"priors", std::to_string(held.graph.priors.size())},
-                  {"rejected_priors", std::to_string(held.rejected_counts[FactorKind::kPrior])},
+                  {"rejected_priors", std::to_string(held.rejected_counts.at(FactorKind::kPrior))},
                   {"waiting_edges", std::to_string(held.waiting_edge_count)}};
   const auto point_priors = static_cast<std::size_t>(std::ranges::count_if(held.graph.priors, HasPoint));
   if (arguments.format == "g2o") notes.emplace_back("left_out", "the ranges, which g2o does not have");
@@ -185,10 +186,7 @@ GraphFiles PyfgFiles(const HeldGraph& held, const Pyfg& named, const std::string
   made.json.Key("optimized_nodes").Number(static_cast<double>(held.optimized.size()));
   made.json.Key("odometry").Number(static_cast<double>(held.graph.odometry.size()));
   made.json.Key("ranges").Number(static_cast<double>(held.graph.ranges.size()));
-  const auto rejected = [&held](FactorKind kind) {
-    const auto found = held.rejected_counts.find(kind);
-    return found == held.rejected_counts.end() ? 0.0 : static_cast<double>(found->second);
-  };
+  const auto rejected = [&held](FactorKind kind) { return static_cast<double>(held.rejected_counts.at(kind)); };
   made.json.Key("rejected_ranges").Number(rejected(FactorKind::kRange));
   made.json.Key("loop_closures").Number(static_cast<double>(held.graph.closures.size()));
   made.json.Key("rejected_loop_closures").Number(rejected(FactorKind::kLoopClosure));
@@ -256,7 +254,7 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
   const proto::TeamConfig& team = (*context.Team())->config;
   const auto known = ReadGraphOf(*target->client, team);
   if (!known) return context.Report(known.error());
-  HeldGraph held = Arrange(*known, arguments.poses == "optimized");
+  const HeldGraph held = Arrange(*known, arguments.poses == "optimized");
   const FileOrigin origin = OriginOf(team, *target);
   const FileNotes notes = NotesOf(origin, NotesOn(arguments, held));
   auto made = FilesOf(team, held, arguments, origin, notes);
