@@ -1,0 +1,260 @@
+#include "actors/registration/hazard_field.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/grid.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::uint32_t kCoarsest_um = 200'000;
+constexpr double kLikelihoodSigma_m = 0.08;
+
+// Rectangle of field cells.
+struct Span {
+  int first_x, last_x, first_y, last_y;
+};
+
+bool IsUsed(const MapLayer& layer) { return layer.resolution_um <= kCoarsest_um; }
+
+double ResolutionOf(const MapLayer& layer) { return layer.resolution_um * 1e-6; }
+
+// Returns the lower left corner of a layer.
+Eigen::Vector2d CornerOf(const MapLayer& layer) {
+  const double resolution_m = ResolutionOf(layer);
+  return {layer.center_x_m - resolution_m * layer.grid.width / 2,
+          layer.center_y_m - resolution_m * layer.grid.height / 2};
+}
+
+double ReachOf(const TraversabilityMap& map) {
+  double reach_m = 0;
+  for (const MapLayer& layer : map.layers) {
+    if (!IsUsed(layer)) continue;
+    const Eigen::Vector2d low = CornerOf(layer);
+    const Eigen::Vector2d high = low + ResolutionOf(layer) * Eigen::Vector2d(layer.grid.width, layer.grid.height);
+    reach_m = std::max({reach_m, -low.minCoeff(), high.maxCoeff()});
+  }
+  return std::min(reach_m, HazardField::kFieldSideMax_m / 2);
+}
+
+}  // namespace
+
+std::vector<Eigen::Vector2d> SamplePoints(const std::vector<Eigen::Vector2d>& points_m, std::size_t count_max) {
+  std::vector<Eigen::Vector2d> sample;
+  const std::size_t count = std::min(points_m.size(), count_max);
+  sample.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) sample.push_back(points_m[i * points_m.size() / count]);
+  return sample;
+}
+
+HazardField::HazardField(const TraversabilityMap& map, std::span<const MaskedDisc> masked)
+    : side_(2 * static_cast<int>(std::ceil(ReachOf(map) / kCell_m))) {
+  std::vector<std::uint8_t> cells(static_cast<std::size_t>(side_) * side_);
+  Draw(map, masked, cells);
+  MeasureDistances(cells);
+  FillLevels(cells);
+}
+
+int HazardField::ToCell(double coordinate_m) const {
+  return static_cast<int>(std::floor(coordinate_m / kCell_m)) + side_ / 2;
+}
+
+// Fills `cells` with values of Cell, and points_m_.
+void HazardField::Draw(const TraversabilityMap& map, std::span<const MaskedDisc> masked,
+                       std::vector<std::uint8_t>& cells) {
+  std::vector<std::uint8_t> owners(cells.size());  // 1 + index of the layer that a cell was taken from.
+  // Calls `take(column, row, center_m, value)` for each known cell of a layer that overlaps the field.
+  const auto for_each_cell = [&](const MapLayer& layer, const auto& take) {
+    const double resolution_m = ResolutionOf(layer);
+    const Eigen::Vector2d corner_m = CornerOf(layer);
+    const double reach_m = side_ / 2 * kCell_m;
+    const auto first = [&](double corner, int size) {
+      return std::clamp(static_cast<int>(std::floor((-reach_m - corner) / resolution_m)), 0, size);
+    };
+    const auto last = [&](double corner, int size) {
+      return std::clamp(static_cast<int>(std::ceil((reach_m - corner) / resolution_m)), 0, size);
+    };
+    const int end_x = last(corner_m.x(), layer.grid.width);
+    const int end_y = last(corner_m.y(), layer.grid.height);
+    for (int y = first(corner_m.y(), layer.grid.height); y < end_y; ++y) {
+      for (int x = first(corner_m.x(), layer.grid.width); x < end_x; ++x) {
+        const Cell value = layer.grid.At(x, y);
+        if (value == Cell::kUnknown) continue;
+        take(Eigen::Vector2d(corner_m + resolution_m * Eigen::Vector2d(x + 0.5, y + 0.5)), value);
+      }
+    }
+  };
+  for (std::size_t i = map.layers.size(); i-- > 0;) {
+    const MapLayer& layer = map.layers[i];
+    if (!IsUsed(layer)) continue;
+    const double half_m = std::max(ResolutionOf(layer), kCell_m) / 2 * (1 - 1e-6);
+    const std::uint8_t owner = static_cast<std::uint8_t>(i + 1);
+    for_each_cell(layer, [&](const Eigen::Vector2d& center_m, Cell value) {
+      const bool is_fine = ResolutionOf(layer) < kCell_m;
+      const double reach_m = is_fine ? 0 : half_m;
+      const Span span = {
+          std::max(ToCell(center_m.x() - reach_m), 0), std::min(ToCell(center_m.x() + reach_m), side_ - 1),
+          std::max(ToCell(center_m.y() - reach_m), 0), std::min(ToCell(center_m.y() + reach_m), side_ - 1)};
+      for (int y = span.first_y; y <= span.last_y; ++y) {
+        for (int x = span.first_x; x <= span.last_x; ++x) {
+          const std::size_t at = IndexOf(x, y);
+          const bool keeps_hazard = owners[at] == owner && cells[at] == static_cast<std::uint8_t>(Cell::kHazard);
+          if (keeps_hazard) continue;
+          owners[at] = owner;
+          cells[at] = static_cast<std::uint8_t>(value);
+        }
+      }
+    });
+  }
+  for (const MaskedDisc& disc : masked) {
+    const double reach_m = disc.radius_m;
+    for (int y = std::max(ToCell(disc.center_m.y() - reach_m), 0);
+         y <= std::min(ToCell(disc.center_m.y() + reach_m), side_ - 1); ++y) {
+      for (int x = std::max(ToCell(disc.center_m.x() - reach_m), 0);
+           x <= std::min(ToCell(disc.center_m.x() + reach_m), side_ - 1); ++x) {
+        const Eigen::Vector2d center_m((x - side_ / 2 + 0.5) * kCell_m, (y - side_ / 2 + 0.5) * kCell_m);
+        if ((center_m - disc.center_m).norm() <= reach_m)
+          cells[IndexOf(x, y)] = static_cast<std::uint8_t>(Cell::kUnknown);
+      }
+    }
+  }
+  for (std::size_t i = 0; i < map.layers.size(); ++i) {
+    const MapLayer& layer = map.layers[i];
+    if (!IsUsed(layer)) continue;
+    for_each_cell(layer, [&](const Eigen::Vector2d& center_m, Cell value) {
+      const int x = ToCell(center_m.x());
+      const int y = ToCell(center_m.y());
+      if (value != Cell::kHazard || !IsInside(x, y)) return;
+      const std::size_t at = IndexOf(x, y);
+      if (owners[at] != i + 1 || cells[at] != static_cast<std::uint8_t>(Cell::kHazard)) return;
+      points_m_.push_back(center_m);
+      if (ResolutionOf(layer) < kCell_m) owners[at] = 0;  // One point per field cell is enough.
+    });
+  }
+  points_m_ = SamplePoints(points_m_, kPointsMax);
+}
+
+// Computes exact distances up to kDistanceMax_m: first along the columns, then along the rows.
+void HazardField::MeasureDistances(const std::vector<std::uint8_t>& cells) {
+  constexpr int kReach = static_cast<int>(kDistanceMax_m / kCell_m + 0.5);
+  constexpr std::uint16_t kFar = kReach * kReach;
+  known_.resize(cells.size());
+  std::vector<std::uint16_t> along_columns(cells.size(), kFar);  // Squared distances in cells.
+  for (int x = 0; x < side_; ++x) {
+    const auto scan = [&](int begin, int end, int step) {
+      int distance = kReach;
+      for (int y = begin; y != end; y += step) {
+        const std::size_t at = IndexOf(x, y);
+        distance = cells[at] == static_cast<std::uint8_t>(Cell::kHazard) ? 0 : std::min(distance + 1, kReach);
+        along_columns[at] = std::min(along_columns[at], static_cast<std::uint16_t>(distance * distance));
+      }
+    };
+    scan(0, side_, 1);
+    scan(side_ - 1, -1, -1);
+  }
+  std::array<std::uint8_t, kFar + 1> rounded;
+  for (std::size_t i = 0; i < rounded.size(); ++i) {
+    rounded[i] = static_cast<std::uint8_t>(std::lround(kDistanceUnits * std::sqrt(static_cast<double>(i))));
+  }
+  distances_.resize(cells.size());
+  std::vector<std::uint16_t> row(static_cast<std::size_t>(side_));
+  for (int y = 0; y < side_; ++y) {
+    const std::uint16_t* const from = &along_columns[IndexOf(0, y)];
+    std::copy(from, from + side_, row.begin());
+    for (int shift = 1; shift < kReach; ++shift) {
+      const auto add = static_cast<std::uint16_t>(shift * shift);
+      for (int x = 0; x + shift < side_; ++x) {
+        row[x] = std::min(row[x], static_cast<std::uint16_t>(from[x + shift] + add));
+      }
+      for (int x = shift; x < side_; ++x) {
+        row[x] = std::min(row[x], static_cast<std::uint16_t>(from[x - shift] + add));
+      }
+    }
+    for (int x = 0; x < side_; ++x) distances_[IndexOf(x, y)] = rounded[row[x]];
+  }
+}
+
+void HazardField::FillLevels(const std::vector<std::uint8_t>& cells) {
+  std::array<std::uint8_t, 256> likelihoods;
+  for (std::size_t i = 0; i < likelihoods.size(); ++i) {
+    const double sigmas = static_cast<double>(i) * kCell_m / kDistanceUnits / kLikelihoodSigma_m;
+    likelihoods[i] = static_cast<std::uint8_t>(std::lround(255 * std::exp(-sigmas * sigmas / 2)));
+  }
+  const int stride = side_ + 2 * kPadding;
+  levels_[0].assign(static_cast<std::size_t>(stride) * stride, kUnknownLikelihood);
+  for (int y = 0; y < side_; ++y) {
+    for (int x = 0; x < side_; ++x) {
+      const std::size_t at = IndexOf(x, y);
+      known_[at] = cells[at] != static_cast<std::uint8_t>(Cell::kUnknown);
+      const std::uint8_t likelihood = likelihoods[distances_[at]];
+      levels_[0][static_cast<std::size_t>(y + kPadding) * stride + x + kPadding] =
+          known_[at] ? likelihood : std::max(likelihood, kUnknownLikelihood);
+    }
+  }
+  for (int level = 1; level < kLevels; ++level) {
+    const int half = 1 << (level - 1);
+    const std::vector<std::uint8_t>& finer = levels_[level - 1];
+    std::vector<std::uint8_t>& coarser = levels_[level];
+    coarser.resize(finer.size());
+    for (int y = 0; y < stride; ++y) {
+      const std::uint8_t* const low = &finer[static_cast<std::size_t>(y) * stride];
+      const std::uint8_t* const high = &finer[static_cast<std::size_t>(std::min(y + half, stride - 1)) * stride];
+      std::uint8_t* const out = &coarser[static_cast<std::size_t>(y) * stride];
+      for (int x = 0; x + half < stride; ++x) {
+        out[x] = std::max(std::max(low[x], low[x + half]), std::max(high[x], high[x + half]));
+      }
+      for (int x = stride - half; x < stride; ++x) out[x] = std::max({low[x], high[x], kUnknownLikelihood});
+    }
+  }
+}
+
+std::uint32_t HazardField::SumOfLikelihoods(int level, std::span<const FieldCell> cells, const FieldBox& box,
+                                            int column, int row) const {
+  const std::vector<std::uint8_t>& likelihoods = levels_[static_cast<std::size_t>(level)];
+  const int stride = side_ + 2 * kPadding;
+  const int first_x = column + kPadding;
+  const int first_y = row + kPadding;
+  std::uint32_t sum = 0;
+  if (box.first.column + first_x >= 0 && box.first.row + first_y >= 0 && box.last.column + first_x < stride &&
+      box.last.row + first_y < stride) {
+    const std::uint8_t* const from = likelihoods.data() + static_cast<std::ptrdiff_t>(first_y) * stride + first_x;
+    for (const FieldCell& cell : cells) sum += from[static_cast<std::ptrdiff_t>(cell.row) * stride + cell.column];
+    return sum;
+  }
+  for (const FieldCell& cell : cells) {
+    const int x = cell.column + first_x;
+    const int y = cell.row + first_y;
+    const bool is_inside = x >= 0 && y >= 0 && x < stride && y < stride;
+    sum += is_inside ? likelihoods[static_cast<std::size_t>(y) * stride + x] : kUnknownLikelihood;
+  }
+  return sum;
+}
+
+HazardField::Distance HazardField::DistanceAt(const Eigen::Vector2d& point_m) const {
+  const Eigen::Vector2d at = point_m / kCell_m + Eigen::Vector2d::Constant(side_ / 2 - 0.5);
+  const int x = static_cast<int>(std::floor(at.x()));
+  const int y = static_cast<int>(std::floor(at.y()));
+  if (x < 0 || y < 0 || x + 1 >= side_ || y + 1 >= side_) return {};
+  const double fx = at.x() - x;
+  const double fy = at.y() - y;
+  constexpr double kUnit_m = kCell_m / kDistanceUnits;
+  const double d00 = distances_[IndexOf(x, y)] * kUnit_m;
+  const double d10 = distances_[IndexOf(x + 1, y)] * kUnit_m;
+  const double d01 = distances_[IndexOf(x, y + 1)] * kUnit_m;
+  const double d11 = distances_[IndexOf(x + 1, y + 1)] * kUnit_m;
+  Distance result;
+  result.distance_m = (1 - fy) * ((1 - fx) * d00 + fx * d10) + fy * ((1 - fx) * d01 + fx * d11);
+  result.gradient =
+      Eigen::Vector2d((1 - fy) * (d10 - d00) + fy * (d11 - d01), (1 - fx) * (d01 - d00) + fx * (d11 - d10)) / kCell_m;
+  result.is_known = known_[IndexOf(static_cast<int>(at.x() + 0.5), static_cast<int>(at.y() + 0.5))];
+  return result;
+}
+
+std::size_t HazardField::bytes() const {
+  std::size_t bytes = points_m_.capacity() * sizeof(Eigen::Vector2d) + distances_.capacity() + known_.capacity() / 8;
+  for (const auto& level : levels_) bytes += level.capacity();
+  return bytes;
+}
+
+}  // namespace moondb
