@@ -166,9 +166,9 @@ std::vector<TypeTable> MakeTypeTables() {
        .bind =
            [](const Record& record, Query& query) {
              const proto::MapQuarantine& quarantine = record.map_quarantine();
-             const std::string lifts = quarantine.has_lifts() ? ToString(FromProto(quarantine.lifts())) : "";
              query << quarantine.agent_id() << quarantine.from_ns() << quarantine.to_ns()
-                   << std::string_view(quarantine.reason()) << std::string_view(lifts);
+                   << std::string_view(quarantine.reason());
+             query.BindCopy(quarantine.has_lifts() ? ToString(FromProto(quarantine.lifts())) : "");
            }},
 
       {.type = proto::AGENT_EVENT,

@@ -13,6 +13,7 @@
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
+#include "tests/sample_record.h"
 
 namespace moondb {
 namespace {
@@ -979,6 +980,16 @@ TEST(RecordStoreTest, AcceptsLoopClosuresBySourceAndPriors) {
                    "SELECT count(*) FROM pose_prior WHERE node_index = 1 AND x = 3 AND abs(yaw - 0.5) < 1e-9 "
                    "AND source = 'gnss'"),
             1);
+}
+
+TEST(RecordStoreTest, ShowsWhichQuarantineARecordLifts) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  InsertOne(*store, SampleRecord(proto::MAP_QUARANTINE, 2));
+  proto::Record lift;
+  *lift.mutable_map_quarantine()->mutable_lifts() = ToProto(RecordKey{{2, 0xa5, proto::MAP_QUARANTINE}, 1});
+  InsertOne(*store, lift);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM map_quarantine WHERE lifts = '2.00000000000000a5.31.1'"), 1);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM map_quarantine WHERE lifts = ''"), 1);
 }
 
 proto::SaveRolesRequest Saving(const proto::RoleAssignment& roles) {
