@@ -57,7 +57,7 @@ TRIALS_A_LIFE = {"flap": 20, "flap_slow": 20, "flap_at_once": 20, "mid": 12, "wi
 # Types that are shared as `latest`. The trials check only each agent's own rows of these types, but all rows of other
 # types.
 STATES = {"temperature", "power", "awake_status", "mode", "health", "exploration", "distributed_measurements",
-          "optimized_pose", "edge_verdict"}
+          "optimized_pose", "edge_verdict", "map_match"}
 COMMAND_LIMIT = "60s"
 FSYNC_MS = 50
 CLIENTS = 4

@@ -20,6 +20,7 @@ using proto::Record;
 
 constexpr std::size_t kHealthTextBytesMax = 1024;
 constexpr std::size_t kQuarantineReasonBytesMax = 1024;
+constexpr double kMapMatchDistanceMax_m = 1000;  // Matched maps overlap, and a local map is far smaller than this.
 
 // Requires a positive definite covariance of `size` rows.
 void CheckCovariance(const google::protobuf::RepeatedField<double>& upper_triangle, int size, const std::string& field,
@@ -35,10 +36,14 @@ void CheckSource(const std::string& source, const std::string& field, FieldCheck
                 "must be 1 to 32 of a-z, 0-9 and _, from a letter on, and not odometry, range, prior or registration");
 }
 
-void CheckRelativePose(const proto::RelativePose& pose, FieldChecker& check) {
-  check.Pose(pose.from_from_to(), "pose_graph_edge.relative_pose.from_from_to");
-  const auto& covariance = pose.covariance();
-  CheckCovariance(covariance, 6, "pose_graph_edge.relative_pose.covariance", check);
+void CheckRelativePose(const proto::RelativePose& pose, const std::string& field, FieldChecker& check) {
+  check.Pose(pose.from_from_to(), field + ".from_from_to");
+  CheckCovariance(pose.covariance(), 6, field + ".covariance", check);
+}
+
+// Requires the key of a record that agents share.
+void CheckSharedKey(const proto::RecordKey& key, const std::string& field, FieldChecker& check) {
+  check.Require(key.epoch() != 0 && key.seq() >= 1 && key.seq() <= kSeqMax, field, "names no shared record");
 }
 
 void CheckRange(const proto::Range& range, FieldChecker& check) {
@@ -62,7 +67,7 @@ void CheckEdge(const Record& record, FieldChecker& check) {
       } else {
         CheckSource(edge.source(), "pose_graph_edge.source", check);
       }
-      return CheckRelativePose(edge.relative_pose(), check);
+      return CheckRelativePose(edge.relative_pose(), "pose_graph_edge.relative_pose", check);
     case proto::PoseGraphEdge::kRange:
       check.Require(edge.source().empty(), "pose_graph_edge.source", "must be empty for a range");
       check.Require(!is_one_agent, "pose_graph_edge.to.agent_id", "a range joins nodes of two agents");
@@ -104,6 +109,33 @@ void CheckVerdict(const Record& record, FieldChecker& check) {
   check.Term(verdict.term(), "edge_verdict.term");
 }
 
+// Requires the key of a map of the node.
+void CheckMatchedMap(const proto::RecordKey& map, const proto::NodeKey& node, const std::string& field,
+                     FieldChecker& check) {
+  check.Require(map.data_type() == proto::LOCAL_TRAVERSABILITY_MAP, field + ".data_type",
+                "must be that of a local traversability map");
+  check.Require(map.origin_agent() == node.agent_id(), field + ".origin_agent", "must be the agent of the node");
+  CheckSharedKey(map, field, check);
+}
+
+void CheckMatch(const Record& record, FieldChecker& check) {
+  const proto::MapMatch& match = record.map_match();
+  check.Node(match.from(), "map_match.from");
+  check.Node(match.to(), "map_match.to");
+  check.Require(FromProto(match.from()) != FromProto(match.to()), "map_match.to", "is the same node as from");
+  CheckRelativePose(match.relative_pose(), "map_match.relative_pose", check);
+  const proto::Vector3& position_m = match.relative_pose().from_from_to().position_m();
+  const double distance_m = std::hypot(position_m.x(), position_m.y(), position_m.z());
+  check.Require(distance_m <= kMapMatchDistanceMax_m, "map_match.relative_pose.from_from_to.position_m",
+                "must be at most 1000 m long");
+  CheckMatchedMap(match.from_map(), match.from(), "map_match.from_map", check);
+  CheckMatchedMap(match.to_map(), match.to(), "map_match.to_map", check);
+  check.Ratio(match.overlap(), "map_match.overlap");
+  check.Ratio(match.matched(), "map_match.matched");
+  check.Ratio(match.second_best(), "map_match.second_best");
+  check.Term(match.term(), "map_match.term");
+}
+
 void CheckQuarantinedFactor(const proto::QuarantinedFactor& factor, AgentId agent, FieldChecker& check) {
   check.Node(factor.from(), "map_quarantine.factor.from");
   check.Node(factor.to(), "map_quarantine.factor.to");
@@ -122,9 +154,7 @@ void CheckQuarantine(const Record& record, FieldChecker& check) {
     check.Agent(lifted.origin_agent(), "map_quarantine.lifts.origin_agent");
     check.Require(lifted.data_type() == proto::MAP_QUARANTINE, "map_quarantine.lifts.data_type",
                   "must be that of a quarantine");
-    check.Require(lifted.epoch() != 0 && lifted.seq() >= 1 && lifted.seq() <= kSeqMax, "map_quarantine.lifts",
-                  "names no shared record");
-    return;
+    return CheckSharedKey(lifted, "map_quarantine.lifts", check);
   }
   check.Agent(quarantine.agent_id(), "map_quarantine.agent_id");
   check.Require(quarantine.from_ns() <= quarantine.to_ns(), "map_quarantine.to_ns", "lies before from_ns");
@@ -156,8 +186,12 @@ std::string NodeText(const proto::NodeKey& node) {
   return std::to_string(node.agent_id()) + ":" + std::to_string(node.index());
 }
 
+std::string EndsText(const proto::NodeKey& from, const proto::NodeKey& to) {
+  return NodeText(from) + " " + NodeText(to);
+}
+
 std::string EdgeText(const proto::NodeKey& from, const proto::NodeKey& to, bool is_range, const std::string& source) {
-  const std::string ends = NodeText(from) + " " + NodeText(to);
+  const std::string ends = EndsText(from, to);
   if (is_range) return "range " + ends;
   return source.empty() ? "odometry " + ends : "loop closure " + ends + " " + source;
 }
@@ -294,6 +328,20 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .speaker = Speaker::kNamedAgentOrCommander,
      .natural_key =
          [](const Record& record) { return PriorText(record.pose_prior().node(), record.pose_prior().source()); }},
+
+    {.type = proto::MAP_MATCH,
+     .rank = ShareRank::kDerived,
+     .ground = proto::POLICY_NONE,
+     .is_kept_unless_named = true,
+     .check = CheckMatch,
+     .agents =
+         [](const Record& record) { return EndsOf(record.map_match().from(), record.map_match().to(), "map_match"); },
+     .speaker = Speaker::kLeader,
+     .latest_key = [](const Record& record) { return EndsText(record.map_match().from(), record.map_match().to()); },
+     .version =
+         [](const Record& record) {
+           return RecordVersion{OrderOf(record.map_match().term()), record.map_match().run()};
+         }},
 
     {.type = proto::LOCAL_TRAVERSABILITY_MAP,
      .rank = ShareRank::kMaps,

@@ -34,7 +34,7 @@ enum class Speaker {
   kNamedAgent,
   // An agent that the record names, or an agent in command_from of the team file. Used for priors.
   kNamedAgentOrCommander,
-  // The leader of the term in the record. Used for optimised poses and edge verdicts.
+  // The leader of the term in the record. Used for optimised poses, edge verdicts and map matches.
   kLeader,
   // An agent that the record names, an agent in command_from of the team file, or the leader of the term in the record.
   // Used for quarantines of maps.
@@ -47,7 +47,7 @@ struct NamedAgent {
   std::string field;  // Path of the field: "pose_graph_edge.from.agent_id".
 };
 
-// Term and run of the solve that produced a record.
+// Term and run of the solve that produced a record, or the number of the map match in its term.
 using RecordVersion = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;
 
 // Properties of a data type. The default values are the properties of robot states.

@@ -24,6 +24,18 @@ Result<Pose> ReadPose(const proto::Pose& message, const std::string& field) {
   return pose;
 }
 
+// Returns a loop closure with only its pose and covariance.
+Result<LoopClosure> ReadRelativePose(const proto::RelativePose& message, const std::string& field) {
+  const Result<Pose> pose = ReadPose(message.from_from_to(), field + ".from_from_to");
+  if (!pose) return tl::unexpected(pose.error());
+  const Result<Matrix6d> covariance = ReadCovariance(message.covariance(), 6, field + ".covariance");
+  if (!covariance) return tl::unexpected(covariance.error());
+  LoopClosure closure;
+  closure.from_from_to = *pose;
+  closure.covariance = *covariance;
+  return closure;
+}
+
 Eigen::Vector3d VectorOf(const proto::Vector3& vector) { return {vector.x(), vector.y(), vector.z()}; }
 
 proto::Vector3 VectorMessage(const Eigen::Vector3d& vector) {
@@ -51,16 +63,26 @@ Result<void> AddEdge(const proto::Record& record, PoseGraph& graph) {
     return {};
   }
   if (!edge.has_relative_pose()) return Fail(ErrorCode::kInvalid, "is missing", "pose_graph_edge.measurement");
-  const Result<Pose> pose = ReadPose(edge.relative_pose().from_from_to(), "pose_graph_edge.relative_pose.from_from_to");
-  if (!pose) return tl::unexpected(pose.error());
-  const Result<Matrix6d> covariance =
-      ReadCovariance(edge.relative_pose().covariance(), 6, "pose_graph_edge.relative_pose.covariance");
-  if (!covariance) return tl::unexpected(covariance.error());
+  Result<LoopClosure> closure = ReadRelativePose(edge.relative_pose(), "pose_graph_edge.relative_pose");
+  if (!closure) return tl::unexpected(closure.error());
   if (edge.source().empty()) {
-    graph.odometry.push_back({from, to, record.timestamp_ns(), *pose, *covariance});
+    graph.odometry.push_back({from, to, record.timestamp_ns(), closure->from_from_to, closure->covariance});
   } else {
-    graph.closures.push_back({from, to, record.timestamp_ns(), *pose, *covariance, edge.source()});
+    graph.closures.push_back(
+        {from, to, record.timestamp_ns(), closure->from_from_to, closure->covariance, edge.source()});
   }
+  return {};
+}
+
+Result<void> AddMatch(const proto::Record& record, PoseGraph& graph) {
+  const proto::MapMatch& match = record.map_match();
+  Result<LoopClosure> closure = ReadRelativePose(match.relative_pose(), "map_match.relative_pose");
+  if (!closure) return tl::unexpected(closure.error());
+  closure->from = FromProto(match.from());
+  closure->to = FromProto(match.to());
+  closure->timestamp_ns = record.timestamp_ns();
+  closure->source = kRegistrationSource;
+  graph.closures.push_back(*std::move(closure));
   return {};
 }
 
@@ -181,7 +203,7 @@ void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<do
 }
 
 bool IsSource(std::string_view source) {
-  constexpr std::array<std::string_view, 4> kReserved = {"odometry", "range", "prior", "registration"};
+  constexpr std::array<std::string_view, 4> kReserved = {"odometry", "range", "prior", kRegistrationSource};
   const auto is_letter = [](char c) { return c >= 'a' && c <= 'z'; };
   const auto is_allowed = [&](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; };
   return !source.empty() && source.size() <= kSourceBytesMax && is_letter(source.front()) &&
@@ -245,6 +267,7 @@ Result<void> AddRecord(const proto::Record& record, PoseGraph& graph) {
   if (record.has_pose_graph_node()) return AddNode(record, graph);
   if (record.has_pose_graph_edge()) return AddEdge(record, graph);
   if (record.has_pose_prior()) return AddPrior(record, graph);
+  if (record.has_map_match()) return AddMatch(record, graph);
   return {};
 }
 

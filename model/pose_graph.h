@@ -112,11 +112,17 @@ void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<do
 
 inline constexpr std::size_t kSourceBytesMax = 32;
 
-// Returns whether `source` may name the producer of a loop closure or prior (proto/record.proto, PoseGraphEdge).
+// The source of loop closures that a leader measured by matching local maps (proto/record.proto, MapMatch). Clients may
+// not use it.
+inline constexpr std::string_view kRegistrationSource = "registration";
+
+// Returns whether `source` may name the producer of a loop closure or prior that a client inserts (proto/record.proto,
+// PoseGraphEdge).
 bool IsSource(std::string_view source);
 
 // Convert between graph elements and records. AddRecord adds the element in a record to `graph`, and ignores records of
-// other types. Requires for AddRecord: CheckRecord(record) succeeds.
+// other types. It adds a MapMatch as a loop closure of kRegistrationSource. Requires for AddRecord: CheckRecord(record)
+// succeeds. Requires for ToRecord: a loop closure is not of kRegistrationSource.
 proto::Record ToRecord(const GraphNode& node);
 proto::Record ToRecord(const OdometryEdge& edge);
 proto::Record ToRecord(const RangeEdge& edge);

@@ -72,6 +72,17 @@ inline proto::Record SampleRecord(DataType type, AgentId agent) {
     prior.mutable_position_m()->set_x(0.5);
     for (const double number : {1, 0, 0, 1, 0, 1}) prior.add_covariance(number);
   }
+  if (record.has_map_match()) {
+    proto::MapMatch& match = *record.mutable_map_match();
+    match.mutable_to()->set_index(2);
+    match.mutable_from_map()->set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
+    match.mutable_to_map()->set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
+    for (int row = 0; row < 6; ++row) {
+      for (int column = row; column < 6; ++column) {
+        match.mutable_relative_pose()->add_covariance(row == column ? 0.01 : 0);
+      }
+    }
+  }
   if (record.has_local_traversability_map()) {
     const TraversabilityMap map{NodeKey{agent, 1}, Pose(), {MapLayer{Grid(5, 3, Cell::kFree), 50'000, 0, 0}}};
     *record.mutable_local_traversability_map() = ToProto(map);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "model/data_types.h"
 #include "model/prune_rules.h"
 #include "model/record_check.h"
 #include "model/team_id.h"
@@ -130,9 +131,10 @@ Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertReque
       return Fail(ErrorCode::kInvalid, "only agents themselves insert these; `role set` changes roles",
                   at + ".role_assignment");
     }
-    if (insert.records(i).has_optimized_pose() || insert.records(i).has_edge_verdict()) {
-      return Fail(ErrorCode::kInvalid, "the leader derives these from nodes and edges: insert those",
-                  at + (insert.records(i).has_optimized_pose() ? ".optimized_pose" : ".edge_verdict"));
+    const DataTypeRow* row = FindDataType(TypeOf(insert.records(i)));
+    if (row != nullptr && row->speaker == Speaker::kLeader) {
+      return Fail(ErrorCode::kInvalid, "the leader derives these from nodes, edges and maps: insert those",
+                  at + "." + DataTypeName(row->type));
     }
     if (auto checked = CheckAgentsOfRecord(team, insert.records(i), at); !checked) return checked;
     if (auto checked = CheckPhysics(insert.records(i), at); !checked) return checked;

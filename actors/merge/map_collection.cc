@@ -1,11 +1,10 @@
 #include "actors/merge/map_collection.h"
 
 #include <algorithm>
-#include <iterator>
-#include <limits>
 #include <string>
 #include <utility>
 
+#include "model/quarantined_maps.h"
 #include "model/term.h"
 
 namespace moondb {
@@ -102,27 +101,6 @@ std::vector<MapCollection::Quarantine> MapCollection::StandingQuarantines() cons
   return standing;
 }
 
-MapCollection::Spans MapCollection::StandingSpans() const {
-  Spans spans;
-  quarantines_.ForEach([&spans](const RecordKey&, const proto::MapQuarantine& said) {
-    const bool is_of_maps = said.graph_part_case() == proto::MapQuarantine::GRAPH_PART_NOT_SET;
-    if (is_of_maps) spans[said.agent_id()].emplace_back(said.from_ns(), said.to_ns());
-  });
-  for (auto& [agent, of_agent] : spans) {
-    std::sort(of_agent.begin(), of_agent.end());
-    std::vector<std::pair<std::int64_t, std::int64_t>> joined;
-    for (const auto& span : of_agent) {
-      if (joined.empty() || span.first > joined.back().second) {
-        joined.push_back(span);
-      } else {
-        joined.back().second = std::max(joined.back().second, span.second);
-      }
-    }
-    of_agent = std::move(joined);
-  }
-  return spans;
-}
-
 const std::set<NodeKey>& MapCollection::QuarantinedNodes() const {
   if (!quarantined_nodes_) {
     quarantined_nodes_.emplace();
@@ -131,14 +109,6 @@ const std::set<NodeKey>& MapCollection::QuarantinedNodes() const {
     });
   }
   return *quarantined_nodes_;
-}
-
-bool MapCollection::IsLeftOut(const Spans& spans, const HeldMap& map) {
-  const auto of_agent = spans.find(map.local->agent());
-  if (of_agent == spans.end()) return false;
-  const auto behind = std::upper_bound(of_agent->second.begin(), of_agent->second.end(),
-                                       std::pair(map.timestamp.ns, std::numeric_limits<std::int64_t>::max()));
-  return behind != of_agent->second.begin() && map.timestamp.ns <= std::prev(behind)->second;
 }
 
 std::optional<MapCollection::NodePose> MapCollection::PoseOf(const NodeKey& node) const {
@@ -176,7 +146,7 @@ MapCollection::Selected MapCollection::Select(const Selection& selection) const 
   const auto is_selected = [&selection](AgentId agent) {
     return selection.agents.empty() || selection.agents.contains(agent);
   };
-  const Spans left_out = StandingSpans();
+  const QuarantinedMaps quarantined(quarantines_);
   Selected selected;
   selected.far_nodes = FindFarNodes(PositionsOf(selection));
   std::set<NodeKey> far;
@@ -184,7 +154,8 @@ MapCollection::Selected MapCollection::Select(const Selection& selection) const 
   for (const auto& [key, map] : maps_) {
     if (!is_selected(key.stream.origin)) continue;
     const Pose* pose = FindPose(map.local->node, selection.use_raw_poses);
-    const bool is_left_out = IsLeftOut(left_out, map) || QuarantinedNodes().contains(map.local->node);
+    const bool is_left_out =
+        quarantined.Contains(map.local->agent(), map.timestamp.ns) || QuarantinedNodes().contains(map.local->node);
     if (is_left_out) {
       selected.quarantined_maps.push_back(map.local);
     } else if (pose == nullptr) {

@@ -129,11 +129,7 @@ class MapCollection {
 
   const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;
   std::vector<std::pair<NodeKey, Eigen::Vector3d>> PositionsOf(const Selection& selection) const;
-  // Disjoint, sorted timestamp ranges of quarantined maps, by agent.
-  using Spans = std::map<AgentId, std::vector<std::pair<std::int64_t, std::int64_t>>>;
-  Spans StandingSpans() const;
   const std::set<NodeKey>& QuarantinedNodes() const;
-  static bool IsLeftOut(const Spans& spans, const HeldMap& map);
   void RemoveMap(const RecordKey& key);
   void RemoveRawPose(const RecordKey& key, const NodeKey& node);
 

@@ -3,8 +3,6 @@
 namespace moondb {
 
 void GraphQuarantines::Add(const RecordKey& key, const proto::MapQuarantine& quarantine) {
-  const bool is_of_maps = quarantine.graph_part_case() == proto::MapQuarantine::GRAPH_PART_NOT_SET;
-  if (is_of_maps && !quarantine.has_lifts()) return;
   if (quarantines_.Add(key, quarantine)) standing_.reset();
 }
 
@@ -16,11 +14,16 @@ bool GraphQuarantines::HasFactor(const RecordKey& record, const FactorKey& facto
   return standing.sources.contains({producer, factor.source}) || standing.sources.contains({producer, ""});
 }
 
+bool GraphQuarantines::HasMap(const NodeKey& node, std::int64_t timestamp_ns) const {
+  return HasNode(node) || Standing().maps.Contains(node.agent, timestamp_ns);
+}
+
 const GraphQuarantines::Parts& GraphQuarantines::Standing() const {
   if (standing_) return *standing_;
   Parts& parts = standing_.emplace();
+  parts.maps = QuarantinedMaps(quarantines_);
   quarantines_.ForEach([&parts](const RecordKey&, const proto::MapQuarantine& quarantine) {
-    ++parts.count;
+    if (quarantine.graph_part_case() != proto::MapQuarantine::GRAPH_PART_NOT_SET) ++parts.count;
     if (quarantine.has_node()) parts.nodes.insert(FromProto(quarantine.node()));
     if (quarantine.has_factor()) parts.factors.insert(KeyOf(quarantine.factor()));
     if (quarantine.has_producer()) parts.sources.insert({quarantine.agent_id(), quarantine.producer().source()});

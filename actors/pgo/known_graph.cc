@@ -28,6 +28,7 @@ Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) 
     AddVerdict(key, record.edge_verdict());
     return {};
   }
+  if (record.has_map_match()) return AddMatch(key, record);
   if (record.has_map_quarantine()) {
     quarantines_.Add(key, record.map_quarantine());
     return {};
@@ -108,12 +109,18 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
     if (!joined) return selection.graph.ranges.push_back(edge);
     extras[key.stream.origin].push_back({.key = key, .joined = *joined, .range = &edge});
   });
-  ForEachStanding(closures_, [&](const RecordKey& key, const LoopClosure& closure) {
-    if (quarantines_.HasFactor(key, KeyOf(closure))) return;
+  const auto select_closure = [&](const RecordKey& key, const LoopClosure& closure) {
     const auto joined = places(closure);
     if (!joined) return selection.graph.closures.push_back(closure);
     extras[key.stream.origin].push_back({.key = key, .joined = *joined, .closure = &closure});
+  };
+  ForEachStanding(closures_, [&](const RecordKey& key, const LoopClosure& closure) {
+    if (!quarantines_.HasFactor(key, KeyOf(closure))) select_closure(key, closure);
   });
+  for (const auto& [ends, match] : matches_) {
+    const RecordKey& key = match.version.second;
+    if (!IsQuarantined(key, match.value)) select_closure(key, match.value.closure);
+  }
   ForEachStanding(priors_, [&](const RecordKey& key, const NodePrior& prior) {
     if (!quarantines_.HasFactor(key, KeyOf(prior))) selection.graph.priors.push_back(prior);
   });
@@ -140,6 +147,12 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
     }
   }
   return selection;
+}
+
+bool KnownGraph::IsQuarantined(const RecordKey& key, const Match& match) const {
+  const LoopClosure& closure = match.closure;
+  return quarantines_.HasFactor(key, KeyOf(closure)) || quarantines_.HasMap(closure.from, match.from_timestamp_ns) ||
+         quarantines_.HasMap(closure.to, match.to_timestamp_ns);
 }
 
 std::vector<GraphNode> KnownGraph::SelectNodes() const {
@@ -211,6 +224,24 @@ void KnownGraph::AddVerdict(const RecordKey& key, const proto::EdgeVerdict& verd
   const PublishedVerdict published{verdict.is_inlier(), verdict.residual_sigmas()};
   const auto [entry, is_new] = verdicts_.try_emplace(factor, Versioned<PublishedVerdict>{version, published});
   if (!is_new && version > entry->second.version) entry->second = {version, published};
+}
+
+// The run of a match does not count for newest_run_: it numbers matches, not solves.
+Result<void> KnownGraph::AddMatch(const RecordKey& key, const proto::Record& record) {
+  const proto::MapMatch& message = record.map_match();
+  PoseGraph one;
+  if (auto added = AddRecord(record, one); !added) return added;
+  const LoopClosure& closure = one.closures.front();
+  const EdgeName ends{closure.from, closure.to};
+  if (matches_.size() >= limits_.edges_max && !matches_.contains(ends)) {
+    ++left_out_published_[key.stream.origin];
+    return {};
+  }
+  const Version version{Run{OrderOf(message.term()), message.run()}, key};
+  const Match match{closure, message.from_timestamp_ns(), message.to_timestamp_ns()};
+  const auto [entry, is_new] = matches_.try_emplace(ends, Versioned<Match>{version, match});
+  if (!is_new && version > entry->second.version) entry->second = {version, match};
+  return {};
 }
 
 LastSolution KnownGraph::FindLastSolution() const {

@@ -1,9 +1,9 @@
-// KnownGraph: the pose graph in this agent's storage, with all poses and verdicts that leaders have published. A new or
-// restarted leader continues from these poses and verdicts.
+// KnownGraph: the pose graph in this agent's storage, with all poses, verdicts and map matches that leaders have
+// published. A new or restarted leader continues from these poses and verdicts.
 //
 // Nodes and edges have separate limits. Beyond a limit, the agents with the most records keep only their newest records
-// (model/origin_quota.h), so the graph depends only on the set of records. Published poses and verdicts have limits
-// too. Beyond these limits, later arrivals are dropped, which is acceptable because only leaders publish.
+// (model/origin_quota.h), so the graph depends only on the set of records. Published poses, verdicts and map matches
+// have limits too. Beyond these limits, later arrivals are dropped, which is acceptable because only leaders publish.
 // Single-threaded.
 #pragma once
 
@@ -33,7 +33,8 @@ class KnownGraph {
  public:
   struct Limits {
     std::size_t nodes_max = 200'000;  // Maximum number of nodes, and also of published poses.
-    std::size_t edges_max = 600'000;  // Maximum number of edges and priors, and also of published verdicts.
+    // Maximum number of edges and priors, also of published verdicts, and also of map matches.
+    std::size_t edges_max = 600'000;
   };
 
   // The part of the graph that a solve uses.
@@ -45,8 +46,8 @@ class KnownGraph {
   KnownGraph() : KnownGraph(Limits()) {}
   explicit KnownGraph(const Limits& limits);
 
-  // Adds a node, edge, prior, optimized pose, verdict or quarantine; ignores other types. Call it once per record, in
-  // any order. Returns kInvalid for an invalid pose or covariance, without changing anything.
+  // Adds a node, edge, prior, map match, optimized pose, verdict or quarantine; ignores other types. Call it once per
+  // record, in any order. Returns kInvalid for an invalid pose or covariance, without changing anything.
   //
   // Conflicts are resolved independently of the order of arrival, so all agents hold the same graph. Among poses of one
   // node, or verdicts on one factor, the record with the highest (term, run, record key) is kept. Among nodes, edges or
@@ -101,6 +102,12 @@ class KnownGraph {
     bool is_odometry = false;
   };
 
+  struct Match {
+    LoopClosure closure;
+    std::int64_t from_timestamp_ns = 0;  // Timestamps of the maps.
+    std::int64_t to_timestamp_ns = 0;
+  };
+
   template <typename T>
   struct Versioned {
     Version version;
@@ -109,7 +116,9 @@ class KnownGraph {
 
   Result<void> AddPose(const RecordKey& key, const proto::OptimizedPose& pose);
   void AddVerdict(const RecordKey& key, const proto::EdgeVerdict& verdict);
+  Result<void> AddMatch(const RecordKey& key, const proto::Record& record);
   void AddEdge(const RecordKey& key, const EdgeNote& note);
+  bool IsQuarantined(const RecordKey& key, const Match& match) const;
   std::vector<GraphNode> SelectNodes() const;
   std::optional<Pose> ComposePose(const std::vector<GraphNode>& before, const GraphNode& node,
                                   const GraphNode* next) const;
@@ -129,6 +138,7 @@ class KnownGraph {
   };
   std::map<NodeKey, Versioned<PublishedPose>> poses_;
   std::map<FactorKey, Versioned<PublishedVerdict>> verdicts_;
+  std::map<EdgeName, Versioned<Match>> matches_;
   std::map<AgentId, std::uint64_t> left_out_published_;
   GraphQuarantines quarantines_;
   Run newest_run_;

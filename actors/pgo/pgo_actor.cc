@@ -19,8 +19,8 @@ constexpr std::uint32_t kSolved = 3;
 
 RecordReader::Options ReaderOptions(const PgoActor::Options& options) {
   RecordReader::Options reader;
-  reader.data_types = {proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::POSE_PRIOR,     proto::OPTIMIZED_POSE,
-                       proto::EDGE_VERDICT,    proto::MAP_QUARANTINE,  proto::ROLE_ASSIGNMENT};
+  reader.data_types = {proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::POSE_PRIOR,     proto::MAP_MATCH,
+                       proto::OPTIMIZED_POSE,  proto::EDGE_VERDICT,    proto::MAP_QUARANTINE, proto::ROLE_ASSIGNMENT};
   reader.page_records_max = static_cast<std::uint32_t>(options.read_records_max);
   reader.answer_timeout = options.storage_timeout;
   return reader;
@@ -138,7 +138,7 @@ void PgoActor::OnRecordsStored(Context& context, const proto::RecordsStored& sto
   is_outdated_ = is_outdated_ || stored.is_pruned();
   const auto is_news = [](auto type) {
     return type == proto::POSE_GRAPH_NODE || type == proto::POSE_GRAPH_EDGE || type == proto::POSE_PRIOR ||
-           type == proto::MAP_QUARANTINE;
+           type == proto::MAP_MATCH || type == proto::MAP_QUARANTINE;
   };
   if (std::any_of(stored.data_types().begin(), stored.data_types().end(), is_news)) AwaitQuiet(context);
 }

@@ -36,7 +36,8 @@ class PgoActor final : public Actor {
     proto::TeamConfig team;  // Validated configuration: start poses, antennas, the base station's position, names.
     SolverOptions solver;    // Set thread_count to 1 in simulation. The actor overrides stop_requested.
     PublicationOptions publication;
-    // A periodic solve starts once no nodes or edges have been stored for this long, which indicates a completed sync.
+    // A periodic solve starts once no nodes, edges, priors, map matches or quarantines have been stored for this long,
+    // which indicates a completed sync.
     // 0: solve only on request.
     Duration solve_when_quiet{};
     Duration solve_apart = std::chrono::seconds(60);    // Minimum time between periodic solves.

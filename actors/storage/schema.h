@@ -28,7 +28,7 @@ namespace moondb {
 // The SQLite header contains the mark of a store (application_id) and its version (user_version). A change to a table,
 // an index, a view or the meaning of a column must raise the version; docs/COMPATIBILITY.md lists the other steps.
 inline constexpr std::int64_t kStoreApplicationId = 0x6D6F6F6E;  // "moon"
-inline constexpr int kStoreVersion = 4;
+inline constexpr int kStoreVersion = 5;
 
 // Checks that the file is new, or a store of this version with its tables, indexes and views. Additional tables,
 // indexes and views belong to the user and are ignored. Changes nothing. Fails with kRefused for a store of another

@@ -160,6 +160,15 @@ Query& Query::operator<<(std::string_view text) {
   return *this;
 }
 
+Query& Query::BindCopy(std::string_view text) {
+  const char* bytes = text.data() ? text.data() : "";
+  if (prepared_) {
+    RecordResult(
+        sqlite3_bind_text64(prepared_->statement, ++parameter_, bytes, text.size(), SQLITE_TRANSIENT, SQLITE_UTF8));
+  }
+  return *this;
+}
+
 Query& Query::operator<<(Blob blob) {
   const char* bytes = blob.bytes.data() ? blob.bytes.data() : "";
   if (prepared_) {

@@ -58,6 +58,8 @@ class Query {
   Query& operator<<(std::string_view text);
   Query& operator<<(Blob blob);
   Query& operator<<(std::nullptr_t);
+  // Binds a copy of a text that does not stay valid until the last Step.
+  Query& BindCopy(std::string_view text);
 
   // Returns true if there is a row to read, false after the last row.
   Result<bool> Step();

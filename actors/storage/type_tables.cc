@@ -17,9 +17,11 @@ constexpr char kPose[] =
     "x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL,"
     "qx REAL NOT NULL, qy REAL NOT NULL, qz REAL NOT NULL, qw REAL NOT NULL";
 constexpr char kNode[] = "node_agent INTEGER NOT NULL, node_index INTEGER NOT NULL, ";
+constexpr char kVersion[] =
+    "term_number INTEGER NOT NULL, term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL, "
+    "run INTEGER NOT NULL";
 constexpr char kEnds[] =
-    "from_agent INTEGER NOT NULL, from_index INTEGER NOT NULL, to_agent INTEGER NOT NULL, to_index INTEGER NOT NULL,"
-    "is_range INTEGER NOT NULL, ";
+    "from_agent INTEGER NOT NULL, from_index INTEGER NOT NULL, to_agent INTEGER NOT NULL, to_index INTEGER NOT NULL,";
 
 void BindPose(const proto::Pose& pose, Query& query) {
   query << pose.position_m().x() << pose.position_m().y() << pose.position_m().z();
@@ -81,7 +83,8 @@ std::vector<TypeTable> MakeTypeTables() {
            }},
 
       {.type = proto::POSE_GRAPH_EDGE,
-       .columns = std::string(kEnds) + "range_m REAL, variance_m2 REAL, source TEXT NOT NULL",
+       .columns = std::string(kEnds) + "is_range INTEGER NOT NULL, range_m REAL, variance_m2 REAL, "
+                                       "source TEXT NOT NULL",
        .bind =
            [](const Record& record, Query& query) {
              const proto::PoseGraphEdge& edge = record.pose_graph_edge();
@@ -97,10 +100,7 @@ std::vector<TypeTable> MakeTypeTables() {
            }},
 
       {.type = proto::OPTIMIZED_POSE,
-       .columns = std::string(kNode) +
-                  "term_number INTEGER NOT NULL,"
-                  "term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL, run INTEGER NOT NULL, " +
-                  kPose,
+       .columns = std::string(kNode) + kVersion + ", " + kPose,
        .bind =
            [](const Record& record, Query& query) {
              BindNode(record.optimized_pose().node(), query);
@@ -111,9 +111,8 @@ std::vector<TypeTable> MakeTypeTables() {
 
       {.type = proto::EDGE_VERDICT,
        .columns = std::string(kEnds) +
-                  "is_inlier INTEGER NOT NULL, residual_sigmas REAL NOT NULL,"
-                  "term_number INTEGER NOT NULL, term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL,"
-                  "run INTEGER NOT NULL, is_prior INTEGER NOT NULL, source TEXT NOT NULL",
+                  "is_range INTEGER NOT NULL, is_inlier INTEGER NOT NULL, residual_sigmas REAL NOT NULL, " + kVersion +
+                  ", is_prior INTEGER NOT NULL, source TEXT NOT NULL",
        .bind =
            [](const Record& record, Query& query) {
              const proto::EdgeVerdict& verdict = record.edge_verdict();
@@ -144,6 +143,23 @@ std::vector<TypeTable> MakeTypeTables() {
              query << std::string_view(prior.source());
            }},
 
+      {.type = proto::MAP_MATCH,
+       .columns = std::string(kEnds) + kPose +
+                  ", from_map TEXT NOT NULL, to_map TEXT NOT NULL, from_timestamp_ns INTEGER NOT NULL, "
+                  "to_timestamp_ns INTEGER NOT NULL, " +
+                  "overlap REAL NOT NULL, matched REAL NOT NULL, second_best REAL NOT NULL, " + kVersion,
+       .bind =
+           [](const Record& record, Query& query) {
+             const proto::MapMatch& match = record.map_match();
+             BindNode(match.from(), query);
+             BindNode(match.to(), query);
+             BindPose(match.relative_pose().from_from_to(), query);
+             query.BindCopy(ToString(FromProto(match.from_map()))).BindCopy(ToString(FromProto(match.to_map())));
+             query << match.from_timestamp_ns() << match.to_timestamp_ns();
+             query << match.overlap() << match.matched() << match.second_best();
+             BindVersion(match.term(), match.run(), query);
+           }},
+
       {.type = proto::LOCAL_TRAVERSABILITY_MAP,
        .columns = std::string(kNode) +
                   "layer_count INTEGER NOT NULL,"
@@ -166,9 +182,9 @@ std::vector<TypeTable> MakeTypeTables() {
        .bind =
            [](const Record& record, Query& query) {
              const proto::MapQuarantine& quarantine = record.map_quarantine();
-             const std::string lifts = quarantine.has_lifts() ? ToString(FromProto(quarantine.lifts())) : "";
              query << quarantine.agent_id() << quarantine.from_ns() << quarantine.to_ns()
-                   << std::string_view(quarantine.reason()) << std::string_view(lifts);
+                   << std::string_view(quarantine.reason());
+             query.BindCopy(quarantine.has_lifts() ? ToString(FromProto(quarantine.lifts())) : "");
            }},
 
       {.type = proto::AGENT_EVENT,

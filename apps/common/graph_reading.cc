@@ -33,7 +33,7 @@ Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team) {
     if (!added) return Fail(ErrorCode::kCorrupt, added.error().text, added.error().field);
     return {};
   };
-  const auto request = RequestOf({proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::POSE_PRIOR,
+  const auto request = RequestOf({proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::POSE_PRIOR, proto::MAP_MATCH,
                                   proto::OPTIMIZED_POSE, proto::EDGE_VERDICT, proto::MAP_QUARANTINE});
   if (auto read = client.ReadAll(request, add); !read) return tl::unexpected(read.error());
   return graph;

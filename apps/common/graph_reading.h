@@ -1,4 +1,4 @@
-// Reads an agent's pose graph and the results that leaders published: optimized poses, and verdicts on ranges.
+// Reads an agent's pose graph and the results that leaders published: map matches, optimized poses, and verdicts.
 #pragma once
 
 #include "actors/pgo/known_graph.h"

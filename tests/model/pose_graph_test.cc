@@ -69,6 +69,25 @@ TEST(PoseGraphTest, RecordsBringLoopClosuresAndPriorsBack) {
   }
 }
 
+TEST(PoseGraphTest, AMapMatchIsALoopClosureOfTheSourceRegistration) {
+  proto::Record record;
+  record.set_timestamp_ns(12);
+  proto::MapMatch& match = *record.mutable_map_match();
+  *match.mutable_from() = ToProto(NodeKey{2, 7});
+  *match.mutable_to() = ToProto(NodeKey{1, 3});
+  *match.mutable_relative_pose()->mutable_from_from_to() = ToProto(kPose);
+  PoseGraph graph;
+  EXPECT_EQ(AddRecord(record, graph).error().field, "map_match.relative_pose.covariance");
+  AddUpperTriangle(2 * Matrix6d::Identity(), *match.mutable_relative_pose()->mutable_covariance());
+  ASSERT_TRUE(AddRecord(record, graph));
+  ASSERT_EQ(graph.closures.size(), 1u);
+  const LoopClosure& closure = graph.closures.front();
+  EXPECT_EQ(KeyOf(closure), (FactorKey{FactorKind::kLoopClosure, {2, 7}, {1, 3}, "registration"}));
+  EXPECT_EQ(closure.timestamp_ns, 12);
+  EXPECT_EQ(closure.from_from_to.position_m, kPose.position_m);
+  EXPECT_EQ(closure.covariance, 2 * Matrix6d::Identity());
+}
+
 TEST(PoseGraphTest, ASourceIsAShortNameThatIsNotReserved) {
   for (const char* const source : {"apriltag", "slam_toolbox", "gnss2", "a"}) EXPECT_TRUE(IsSource(source)) << source;
   for (const char* const source : {"", "odometry", "range", "prior", "registration", "AprilTag", "2d", "a b", "_a",

@@ -40,6 +40,25 @@ proto::Record VerdictIn(const proto::Term& term) {
   return record;
 }
 
+proto::Record MatchIn(const proto::Term& term) {
+  proto::Record record;
+  *record.mutable_map_match()->mutable_term() = term;
+  return record;
+}
+
+TEST(RecordAuthorityTest, MapMatchesCountIfTheirOriginLedInTheirTerm) {
+  RecordAuthority authority(Options());
+  const proto::Term file = Options().initial.term();
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(1, proto::MAP_MATCH), MatchIn(file)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(2, proto::MAP_MATCH), MatchIn(file)));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(2, proto::MAP_MATCH), MatchIn(Second().term())));
+  proto::Record assignment;
+  *assignment.mutable_role_assignment() = Second();
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(2, proto::ROLE_ASSIGNMENT), assignment));
+  EXPECT_TRUE(authority.Counts(FirstKeyOf(2, proto::MAP_MATCH), MatchIn(Second().term())));
+  EXPECT_FALSE(authority.Counts(FirstKeyOf(1, proto::MAP_MATCH), MatchIn(Second().term())));
+}
+
 TEST(RecordAuthorityTest, PosesAndVerdictsCountIfTheirOriginLedInTheirTerm) {
   RecordAuthority authority(Options());
   const proto::Term file = Options().initial.term();

@@ -6,12 +6,15 @@
 #include <functional>
 #include <limits>
 
+#include "model/data_types.h"
 #include "model/event.h"
 #include "model/geometry.h"
+#include "model/pose_graph.h"
 #include "model/record_key.h"
 #include "model/term.h"
 #include "model/traversability_map.h"
 #include "proto/types.pb.h"
+#include "tests/sample_record.h"
 
 namespace moondb {
 namespace {
@@ -179,6 +182,8 @@ TEST(RecordCheckTest, NamesTheQuarantinedPartThatIsWrong) {
   EXPECT_EQ(CheckRecord(record).error().field, "map_quarantine.factor.to.agent_id");
   *quarantine.mutable_factor()->mutable_to() = ToProto(NodeKey{2, 1});
   EXPECT_TRUE(CheckRecord(record));
+  quarantine.mutable_factor()->set_source(std::string(kRegistrationSource));
+  EXPECT_TRUE(CheckRecord(record)) << "of a map match";
   quarantine.set_agent_id(4);
   EXPECT_EQ(CheckRecord(record).error().field, "map_quarantine.factor");
   quarantine.mutable_producer()->set_source("apriltag");
@@ -230,6 +235,52 @@ TEST(RecordCheckTest, NamesThePriorFieldThatIsWrong) {
                     }),
             "pose_prior.point_m");
   EXPECT_EQ(Refused(sample(), [&](auto& r) { prior(r)->mutable_node()->set_agent_id(0); }), "pose_prior.node.agent_id");
+}
+
+TEST(RecordCheckTest, NamesTheMapMatchFieldThatIsWrong) {
+  const auto refused = [](const std::function<void(proto::MapMatch&)>& spoil) {
+    return Refused(SampleRecord(proto::MAP_MATCH, 1), [&](proto::Record& r) { spoil(*r.mutable_map_match()); });
+  };
+  const auto pose = [](proto::MapMatch& m) { return m.mutable_relative_pose()->mutable_from_from_to(); };
+  EXPECT_EQ(refused([](auto&) {}), "");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_from()->set_agent_id(0); }), "map_match.from.agent_id");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_to()->set_agent_id(kAgentIdMax + 1); }), "map_match.to.agent_id");
+  EXPECT_EQ(refused([](auto& m) { *m.mutable_to() = m.from(); }), "map_match.to");
+  EXPECT_EQ(refused([&](auto& m) { pose(m)->mutable_orientation()->set_w(9); }),
+            "map_match.relative_pose.from_from_to.orientation");
+  EXPECT_EQ(refused([&](auto& m) { pose(m)->mutable_position_m()->set_x(kNan); }),
+            "map_match.relative_pose.from_from_to.position_m");
+  EXPECT_EQ(refused([&](auto& m) { pose(m)->mutable_position_m()->set_x(-999.9); }), "");
+  EXPECT_EQ(refused([&](auto& m) { pose(m)->mutable_position_m()->set_x(-1001); }),
+            "map_match.relative_pose.from_from_to.position_m");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_relative_pose()->set_covariance(0, -1); }),
+            "map_match.relative_pose.covariance");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_relative_pose()->mutable_covariance()->RemoveLast(); }),
+            "map_match.relative_pose.covariance");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_from_map()->set_data_type(proto::POSE_GRAPH_NODE); }),
+            "map_match.from_map.data_type");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_from_map()->set_origin_agent(2); }), "map_match.from_map.origin_agent");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_to_map()->set_origin_agent(2); }), "map_match.to_map.origin_agent");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_to_map()->set_epoch(0); }), "map_match.to_map");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_to_map()->set_seq(0); }), "map_match.to_map");
+  EXPECT_EQ(refused([](auto& m) { m.set_overlap(-0.1); }), "map_match.overlap");
+  EXPECT_EQ(refused([](auto& m) { m.set_matched(kNan); }), "map_match.matched");
+  EXPECT_EQ(refused([](auto& m) { m.set_second_best(1.1); }), "map_match.second_best");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_term()->set_issuer(0); }), "map_match.term.issuer");
+  EXPECT_EQ(refused([](auto& m) { m.mutable_term()->set_number(kTermNumberMax + 1); }), "map_match.term.number");
+}
+
+TEST(RecordCheckTest, AMapMatchWithTheSameEndsSupersedesOlderOnes) {
+  const proto::Record match = SampleRecord(proto::MAP_MATCH, 1);
+  EXPECT_EQ(LatestKey(match), "1:1 1:2");
+  proto::Record reversed = match;
+  reversed.mutable_map_match()->mutable_from()->Swap(reversed.mutable_map_match()->mutable_to());
+  EXPECT_NE(LatestKey(reversed), LatestKey(match));
+  proto::Record newer = match;
+  newer.mutable_map_match()->set_run(2);
+  EXPECT_EQ(LatestKey(newer), LatestKey(match));
+  const DataTypeRow& row = *FindDataType(proto::MAP_MATCH);
+  EXPECT_LT(row.version(match), row.version(newer));
 }
 
 TEST(RecordCheckTest, NodesAndEdgesHaveDistinctNaturalKeys) {

@@ -163,6 +163,8 @@ TEST(RequestCheckTest, RefusesRecordsThatOnlyTheLeaderDerives) {
   EXPECT_EQ(FieldOf(request), "insert.records[0].optimized_pose");
   request.mutable_insert()->mutable_records(0)->mutable_edge_verdict();
   EXPECT_EQ(FieldOf(request), "insert.records[0].edge_verdict");
+  request.mutable_insert()->mutable_records(0)->mutable_map_match();
+  EXPECT_EQ(FieldOf(request), "insert.records[0].map_match");
 }
 
 TEST(RequestCheckTest, RefusesImplausibleMeasurements) {

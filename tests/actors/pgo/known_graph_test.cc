@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <tuple>
+#include <vector>
 
 #include "proto/types.pb.h"
 
@@ -43,6 +45,67 @@ proto::Record VerdictOf(bool is_inlier, std::uint64_t term, std::uint64_t run) {
   *verdict.mutable_term() = TermOf(term);
   verdict.set_run(run);
   return record;
+}
+
+// A match of node 2 of agent 1 with node 2 of agent 2, from maps with the timestamps 100 and 200.
+proto::Record MatchAt(double x, std::uint64_t term, std::uint64_t run) {
+  proto::Record record;
+  proto::MapMatch& match = *record.mutable_map_match();
+  *match.mutable_from() = ToProto(NodeKey{1, 2});
+  *match.mutable_to() = ToProto(NodeKey{2, 2});
+  *match.mutable_relative_pose()->mutable_from_from_to() = ToProto(Pose::FromPlanar(x, 0, 0));
+  AddUpperTriangle(Matrix6d::Identity(), *match.mutable_relative_pose()->mutable_covariance());
+  match.set_from_timestamp_ns(100);
+  match.set_to_timestamp_ns(200);
+  *match.mutable_term() = TermOf(term);
+  match.set_run(run);
+  return record;
+}
+
+TEST(KnownGraphTest, KeepsTheNewestMapMatchInAnyOrderOfArrival) {
+  std::vector<proto::Record> matches = {MatchAt(1, 1, 9), MatchAt(2, 2, 1), MatchAt(3, 2, 2)};
+  std::vector<std::size_t> order = {0, 1, 2};
+  do {
+    KnownGraph known;
+    for (const std::size_t i : order) ASSERT_TRUE(known.Add(NextKey(), matches[i]));
+    const PoseGraph graph = known.graph();
+    ASSERT_EQ(graph.closures.size(), 1u);
+    EXPECT_EQ(graph.closures[0].from_from_to.position_m.x(), 3);
+    EXPECT_EQ(graph.closures[0].source, kRegistrationSource);
+    EXPECT_EQ(known.LastRun(TermOf(2)), 0u) << "the run of a match numbers no solve";
+  } while (std::ranges::next_permutation(order).found);
+}
+
+TEST(KnownGraphTest, UsesTheGreaterKeyOfTwoMapMatchesOfOneRun) {
+  for (const bool is_greater_first : {false, true}) {
+    KnownGraph known;
+    for (const bool is_greater : {is_greater_first, !is_greater_first}) {
+      ASSERT_TRUE(known.Add(KeyOf(1, is_greater ? 4 : 3), MatchAt(is_greater ? 1 : 2, 1, 1)));
+    }
+    EXPECT_EQ(known.graph().closures[0].from_from_to.position_m.x(), 1);
+  }
+}
+
+TEST(KnownGraphTest, AMapMatchStandsBesideLoopClosuresOfOtherSources) {
+  KnownGraph known;
+  ASSERT_TRUE(known.Add(NextKey(), MatchAt(1, 1, 1)));
+  ASSERT_TRUE(known.Add(NextKey(), ToRecord(LoopClosure{{1, 2}, {2, 2}, 0, Pose(), Matrix6d::Identity(), "apriltag"})));
+  EXPECT_EQ(known.graph().closures.size(), 2u);
+}
+
+TEST(KnownGraphTest, LimitsMapMatchesAndCountsThoseLeftOut) {
+  KnownGraph known({.nodes_max = 6, .edges_max = 2});
+  for (std::uint64_t index = 0; index < 5; ++index) {
+    proto::Record match = MatchAt(1, 1, 1);
+    match.mutable_map_match()->mutable_to()->set_index(index);
+    ASSERT_TRUE(known.Add(KeyOf(3, index + 1), match));
+  }
+  EXPECT_EQ(known.graph().closures.size(), 2u);
+  EXPECT_EQ(known.CountLeftOut(), (std::map<AgentId, std::uint64_t>{{3, 3}}));
+  proto::Record newer = MatchAt(7, 2, 1);
+  newer.mutable_map_match()->mutable_to()->set_index(0);
+  ASSERT_TRUE(known.Add(KeyOf(3, 6), newer));
+  EXPECT_EQ(known.graph().closures[0].from_from_to.position_m.x(), 7) << "a match of known ends needs no room";
 }
 
 TEST(KnownGraphTest, KeepsTheNewestPoseInAnyOrderOfArrival) {
@@ -335,6 +398,69 @@ TEST_F(GraphQuarantinesTest, LeaveOutFactorsSourcesAndProducersInAnyOrder) {
     EXPECT_EQ(count(producer, is_first), std::tuple(1u, 0u, 0u)) << "ranges are not a producer's alone";
     EXPECT_EQ(count(another, is_first), std::tuple(1u, 2u, 1u));
   }
+}
+
+// Quarantines that leave out the match of MatchAt, and quarantines beside it.
+TEST_F(GraphQuarantinesTest, LeaveOutMapMatchesUntilTheyAreLifted) {
+  const auto of_maps = [](AgentId agent, std::int64_t from_ns, std::int64_t to_ns) {
+    proto::Record record = Quarantine();
+    record.mutable_map_quarantine()->set_agent_id(agent);
+    record.mutable_map_quarantine()->set_from_ns(from_ns);
+    record.mutable_map_quarantine()->set_to_ns(to_ns);
+    return record;
+  };
+  const auto of_producer = [](AgentId agent, const std::string& source) {
+    proto::Record record = Quarantine();
+    record.mutable_map_quarantine()->set_agent_id(agent);
+    record.mutable_map_quarantine()->mutable_producer()->set_source(source);
+    return record;
+  };
+  proto::Record factor = Quarantine();
+  *factor.mutable_map_quarantine()->mutable_factor()->mutable_from() = ToProto(NodeKey{1, 2});
+  *factor.mutable_map_quarantine()->mutable_factor()->mutable_to() = ToProto(NodeKey{2, 2});
+  factor.mutable_map_quarantine()->mutable_factor()->set_source("registration");
+  proto::Record other_factor = factor;
+  other_factor.mutable_map_quarantine()->mutable_factor()->set_source("apriltag");
+  // Agent 3 led and inserted the match.
+  const std::vector<std::pair<proto::Record, bool>> cases = {
+      {of_maps(1, 90, 100), true},
+      {of_maps(2, 200, 210), true},
+      {of_maps(1, 101, 300), false},
+      {of_maps(2, 100, 199), false},
+      {of_maps(3, 0, 1000), false},
+      {QuarantineOfNode(2), true},
+      {QuarantineOfNode(3), false},
+      {factor, true},
+      {other_factor, false},
+      {of_producer(3, "registration"), true},
+      {of_producer(3, ""), true},
+      {of_producer(3, "apriltag"), false},
+      {of_producer(1, "registration"), false},
+  };
+  for (const auto& [quarantine, is_left_out] : cases) {
+    for (const bool is_first : {false, true}) {
+      KnownGraph known;
+      const RecordKey key = NextKey();
+      if (is_first) {
+        ASSERT_TRUE(known.Add(key, quarantine));
+      }
+      ASSERT_TRUE(known.Add(KeyOf(3, 1), MatchAt(1, 1, 1)));
+      EXPECT_EQ(known.graph().closures.size(), is_first && is_left_out ? 0u : 1u) << quarantine.ShortDebugString();
+      if (!is_first) {
+        ASSERT_TRUE(known.Add(key, quarantine));
+      }
+      EXPECT_EQ(known.graph().closures.size(), is_left_out ? 0u : 1u) << quarantine.ShortDebugString();
+      ASSERT_TRUE(known.Add(NextKey(), LiftOf(key)));
+      EXPECT_EQ(known.graph().closures.size(), 1u) << quarantine.ShortDebugString();
+    }
+  }
+}
+
+TEST_F(GraphQuarantinesTest, CountOnlyPartsOfTheGraph) {
+  ASSERT_TRUE(known_.Add(NextKey(), Quarantine()));
+  EXPECT_EQ(known_.quarantines().size(), 0u);
+  ASSERT_TRUE(known_.Add(NextKey(), QuarantineOfNode(2)));
+  EXPECT_EQ(known_.quarantines().size(), 1u);
 }
 
 }  // namespace

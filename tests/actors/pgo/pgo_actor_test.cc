@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
+#include <random>
 
 #include "actors/storage/storage_actor.h"
 #include "model/record_check.h"
@@ -35,6 +37,7 @@ class PgoActorTest : public testing::Test {
     (*team_config_.mutable_share())["pose_graph_edge"] = proto::POLICY_ALL;
     (*team_config_.mutable_share())["optimized_pose"] = proto::POLICY_LATEST;
     (*team_config_.mutable_share())["edge_verdict"] = proto::POLICY_LATEST;
+    (*team_config_.mutable_share())["map_match"] = proto::POLICY_LATEST;
     team_.AddAgent(1);
     options_.self = 1;
     options_.team = team_config_;
@@ -88,6 +91,25 @@ class PgoActorTest : public testing::Test {
     for (const GraphNode& node : scenario_.graph.nodes) StoreRecord(ToRecord(node), node.key.agent);
     for (const OdometryEdge& edge : scenario_.graph.odometry) StoreRecord(ToRecord(edge), edge.from.agent);
     for (const RangeEdge& edge : scenario_.graph.ranges) StoreRecord(ToRecord(edge), edge.from.agent);
+  }
+
+  // Returns a match of term 1 that measured the true relative pose of two nodes.
+  proto::Record MatchOf(const NodeKey& from, const NodeKey& to) {
+    std::mt19937_64 rng(1);
+    const LoopClosure closure = simulation::LoopClosureOf(scenario_, from, to, std::string(kRegistrationSource), rng);
+    proto::Record record;
+    proto::MapMatch& match = *record.mutable_map_match();
+    *match.mutable_from() = ToProto(from);
+    *match.mutable_to() = ToProto(to);
+    *match.mutable_relative_pose()->mutable_from_from_to() = ToProto(closure.from_from_to);
+    AddUpperTriangle(closure.covariance, *match.mutable_relative_pose()->mutable_covariance());
+    *match.mutable_from_map() = ToProto(RecordKey{{from.agent, 7, proto::LOCAL_TRAVERSABILITY_MAP}, 1});
+    *match.mutable_to_map() = ToProto(RecordKey{{to.agent, 7, proto::LOCAL_TRAVERSABILITY_MAP}, 1});
+    match.set_from_timestamp_ns(100);
+    match.set_to_timestamp_ns(200);
+    *match.mutable_term() = TermOf(1);
+    match.set_run(1);
+    return record;
   }
 
   void StoreRecord(const proto::Record& record, AgentId origin) {
@@ -222,6 +244,29 @@ TEST_F(PgoActorTest, SolvesTheStoredGraphAndPublishesPoses) {
   for (const proto::Record& record : Read(proto::EDGE_VERDICT)) rejected += !record.edge_verdict().is_inlier();
   EXPECT_EQ(rejected, static_cast<std::size_t>(reply.rejected_range_count()));
   EXPECT_GT(rejected, 0u);
+}
+
+TEST_F(PgoActorTest, SolvesWithMapMatchesThatNoQuarantineLeavesOut) {
+  SpawnStorage();
+  SpawnPgo();
+  SetLeader(1);
+  StoreGraph();
+  StoreRecord(MatchOf({2, 12}, {3, 12}), 1);
+  EXPECT_EQ(Optimize().closure_count(), 1);
+  const auto verdicts = [this] {
+    std::vector<bool> inliers;
+    for (const proto::Record& record : Read(proto::EDGE_VERDICT)) {
+      if (record.edge_verdict().source() == kRegistrationSource) inliers.push_back(record.edge_verdict().is_inlier());
+    }
+    return inliers;
+  };
+  EXPECT_EQ(verdicts(), std::vector<bool>{true});
+  proto::Record quarantine;
+  quarantine.mutable_map_quarantine()->set_agent_id(3);
+  quarantine.mutable_map_quarantine()->set_from_ns(200);
+  quarantine.mutable_map_quarantine()->set_to_ns(200);
+  StoreRecord(quarantine, 3);
+  EXPECT_EQ(Optimize().closure_count(), 0);
 }
 
 TEST_F(PgoActorTest, PublishesNothingWhenNothingMoved) {
@@ -457,6 +502,25 @@ TEST_F(PgoActorTest, SolvesPeriodicallyOnceRecordsStopArriving) {
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(Read(proto::OPTIMIZED_POSE).size(), 72u);
   EXPECT_TRUE(Answers().empty());
+}
+
+TEST_F(PgoActorTest, SolvesPeriodicallyAfterAMapMatch) {
+  options_.solve_when_quiet = seconds(3);
+  SpawnStorage();
+  SpawnPgo();
+  SetLeader(1);
+  StoreGraph();
+  team_.AdvanceTime(seconds(100));
+  const auto has_verdict = [this] {
+    const std::vector<proto::Record> verdicts = Read(proto::EDGE_VERDICT);
+    return std::any_of(verdicts.begin(), verdicts.end(), [](const proto::Record& record) {
+      return record.edge_verdict().source() == kRegistrationSource;
+    });
+  };
+  EXPECT_FALSE(has_verdict());
+  StoreRecord(MatchOf({2, 12}, {3, 12}), 1);
+  team_.AdvanceTime(seconds(4));
+  EXPECT_TRUE(has_verdict());
 }
 
 TEST_F(PgoActorTest, PausesBetweenPeriodicSolves) {

@@ -25,6 +25,7 @@ proto::TeamConfig TestTeam(int rover_count) {
   share["pose_graph_edge"] = proto::POLICY_ALL;
   share["optimized_pose"] = proto::POLICY_LATEST;
   share["edge_verdict"] = proto::POLICY_LATEST;
+  share["map_match"] = proto::POLICY_LATEST;
   share["local_traversability_map"] = proto::POLICY_ALL;
   share["map_quarantine"] = proto::POLICY_ALL;
   share["agent_event"] = proto::POLICY_ALL;

@@ -142,6 +142,16 @@ TEST_F(SyncActorTest, SendsRoversTheirPosesAndTheBaseStationTheTypesOfItsPolicy)
   EXPECT_EQ(ground, (std::vector<std::string>{"node", "map"}));
 }
 
+TEST_F(SyncActorTest, SendsMapMatchesToTheLeaderAndNotToRovers) {
+  stores_[kLeader]->Insert(1, proto::MAP_MATCH, "of the leader");
+  stores_[2]->Insert(2, proto::MAP_MATCH, "of a former leader");
+  Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(stores_[kLeader]->records().size(), 2u);
+  EXPECT_EQ(stores_[2]->records().size(), 1u);
+  EXPECT_TRUE(stores_[3]->records().empty());
+}
+
 TEST_F(SyncActorTest, SendsNothingTwice) {
   InsertAll(20);
   Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));

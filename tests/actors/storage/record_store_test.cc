@@ -13,6 +13,7 @@
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
+#include "tests/sample_record.h"
 
 namespace moondb {
 namespace {
@@ -979,6 +980,46 @@ TEST(RecordStoreTest, AcceptsLoopClosuresBySourceAndPriors) {
                    "SELECT count(*) FROM pose_prior WHERE node_index = 1 AND x = 3 AND abs(yaw - 0.5) < 1e-9 "
                    "AND source = 'gnss'"),
             1);
+}
+
+TEST(RecordStoreTest, ShowsWhichQuarantineARecordLifts) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  InsertOne(*store, SampleRecord(proto::MAP_QUARANTINE, 2));
+  proto::Record lift;
+  *lift.mutable_map_quarantine()->mutable_lifts() = ToProto(RecordKey{{2, 0xa5, proto::MAP_QUARANTINE}, 1});
+  InsertOne(*store, lift);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM map_quarantine WHERE lifts = '2.00000000000000a5.31.1'"), 1);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM map_quarantine WHERE lifts = ''"), 1);
+}
+
+TEST(RecordStoreTest, KeepsTheMapMatchOfTheHighestTermAndRun) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const auto match_of = [](std::uint64_t term, std::uint64_t run, double overlap) {
+    proto::Record record = SampleRecord(proto::MAP_MATCH, 2);
+    record.mutable_map_match()->mutable_term()->set_number(term);
+    record.mutable_map_match()->set_run(run);
+    record.mutable_map_match()->set_overlap(overlap);
+    return record;
+  };
+  InsertOne(*store, match_of(2, 1, 0.25));
+  InsertOne(*store, match_of(2, 2, 0.75));
+  InsertOne(*store, match_of(1, 9, 0.5));
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM map_match"), 1);
+  EXPECT_EQ(
+      Number(*store,
+             "SELECT count(*) FROM map_match WHERE from_agent = 2 AND from_index = 1 AND to_index = 2 AND x = 0.5 "
+             "AND overlap = 0.75 AND from_timestamp_ns = 1 AND to_map = '2.0000000000000001.30.1' "
+             "AND term_number = 2 AND run = 2 AND seq = 2"),
+      1);
+  proto::ReadRequest request;
+  request.add_data_types(proto::MAP_MATCH);
+  const Result<proto::ReadReply> read = store->Read(request);
+  ASSERT_TRUE(read);
+  ASSERT_EQ(read->records_size(), 1);
+  proto::Record record;
+  ASSERT_TRUE(record.ParseFromString(read->records(0).content()));
+  record.clear_is_state();
+  EXPECT_EQ(record.SerializeAsString(), match_of(2, 2, 0.75).SerializeAsString());
 }
 
 proto::SaveRolesRequest Saving(const proto::RoleAssignment& roles) {

@@ -14,7 +14,7 @@ constexpr DataType kBeacon = 1001;
 
 bool IsOfLatest(DataType type) {
   return type < proto::POSE_GRAPH_NODE || type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT ||
-         type == kBeacon;
+         type == proto::MAP_MATCH || type == kBeacon;
 }
 
 void SetPose(double x, proto::Pose& pose) {
