@@ -74,13 +74,29 @@ proto::StoredRecord Stored(const RecordKey& key, proto::Record record) {
   return stored;
 }
 
-void SetOdometry(double metres, double variance, proto::PoseGraphEdge& edge) {
-  proto::RelativePose& odometry = *edge.mutable_relative_pose();
-  odometry.mutable_from_from_to()->mutable_position_m()->set_x(metres);
-  odometry.mutable_from_from_to()->mutable_orientation()->set_w(1);
+void SetRelativePose(double metres, double variance, proto::RelativePose& relative_pose) {
+  relative_pose.mutable_from_from_to()->mutable_position_m()->set_x(metres);
+  relative_pose.mutable_from_from_to()->mutable_orientation()->set_w(1);
   for (int row = 0; row < 6; ++row) {
-    for (int column = row; column < 6; ++column) odometry.add_covariance(row == column ? variance : 0);
+    for (int column = row; column < 6; ++column) relative_pose.add_covariance(row == column ? variance : 0);
   }
+}
+
+// Returns a match that moves the node of `pose` by 100 m from the next node.
+proto::MapMatch MatchLike(const proto::OptimizedPose& pose) {
+  proto::MapMatch match;
+  *match.mutable_from() = pose.node();
+  *match.mutable_to() = pose.node();
+  match.mutable_to()->set_index(pose.node().index() + 1);
+  SetRelativePose(100, 1e-6, *match.mutable_relative_pose());
+  const StreamKey maps{pose.node().agent_id(), 1, proto::LOCAL_TRAVERSABILITY_MAP};
+  *match.mutable_from_map() = ToProto(RecordKey{maps, 1});
+  *match.mutable_to_map() = ToProto(RecordKey{maps, 2});
+  match.set_overlap(1);
+  match.set_matched(1);
+  *match.mutable_term() = pose.term();
+  match.set_run(pose.run());
+  return match;
 }
 
 proto::StreamHave StreamOf(const StreamKey& key, std::uint64_t first, std::uint64_t last, bool is_dropped) {
@@ -267,8 +283,12 @@ void ByzantineAgent::ForgePose(AgentId target) {
   high.set_issuer(key.stream.origin);
   high.set_issuer_epoch(rng_());
   *record.mutable_optimized_pose()->mutable_term() = high;
-  if (Draw(4) == 0) {
-    const proto::OptimizedPose pose = record.optimized_pose();
+  const proto::OptimizedPose pose = record.optimized_pose();
+  const bool is_pose = Draw(4) != 0;
+  if (!is_pose && pose.run() % 2 == 0) {
+    *record.mutable_map_match() = MatchLike(pose);
+    key.stream.type = proto::MAP_MATCH;
+  } else if (!is_pose) {
     proto::EdgeVerdict& verdict = *record.mutable_edge_verdict();
     *verdict.mutable_from() = pose.node();
     *verdict.mutable_to() = pose.node();
@@ -276,8 +296,8 @@ void ByzantineAgent::ForgePose(AgentId target) {
     *verdict.mutable_term() = high;
     verdict.set_run(pose.run());
     key.stream.type = proto::EDGE_VERDICT;
-    if (key.stream.origin != world_.byzantine) checker_.OnImpossible(key);
   }
+  if (!is_pose && key.stream.origin != world_.byzantine) checker_.OnImpossible(key);
   SendRecord(target, key, record);
 }
 
@@ -307,7 +327,7 @@ void ByzantineAgent::Slander(AgentId target) {
   edge.mutable_to()->set_agent_id(variant == 0 ? victim : DrawHonestBut(victim));
   edge.mutable_to()->set_index(edge.from().index() + 1 + Draw(200));
   if (variant == 0) {
-    SetOdometry(/*metres=*/5000, /*variance=*/1e-8, edge);
+    SetRelativePose(/*metres=*/5000, /*variance=*/1e-8, *edge.mutable_relative_pose());
   } else {
     edge.mutable_range()->set_range_m(9000);
     edge.mutable_range()->set_variance_m2(1e-8);
@@ -532,7 +552,7 @@ void ByzantineAgent::JoinAll(AgentId target) {
       *edge.mutable_from() = node.pose_graph_node().node();
       edge.mutable_from()->set_index(first_index + j);
       *edge.mutable_to() = node.pose_graph_node().node();
-      SetOdometry(static_cast<double>(i - j), /*variance=*/0.01, edge);
+      SetRelativePose(static_cast<double>(i - j), /*variance=*/0.01, *edge.mutable_relative_pose());
       records.push_back({{{world_.byzantine, epoch, proto::POSE_GRAPH_EDGE}, ++edge_count}, joins});
     }
     records.push_back({{{world_.byzantine, epoch, proto::POSE_GRAPH_NODE}, i + 1}, node});

@@ -11,7 +11,9 @@ std::string ByzantineName(AgentId agent) { return "agent " + std::to_string(agen
 
 // Returns whether a leader derives records of the type from other records. A new leader may lack the derived records of
 // a former leader, and derives them again.
-bool IsDerived(DataType type) { return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT; }
+bool IsDerived(DataType type) {
+  return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT || type == proto::MAP_MATCH;
+}
 
 }  // namespace
 

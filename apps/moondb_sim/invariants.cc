@@ -106,7 +106,7 @@ void Invariants::ObserveRecord(const RecordKey& key, const std::string& stored, 
   proto::Record record;
   if (!record.ParseFromString(content)) return;
   NamePose(key, record);
-  NameVerdict(key, record);
+  NameEnds(key, record);
 }
 
 void Invariants::NamePose(const RecordKey& key, const proto::Record& record) {
@@ -115,11 +115,12 @@ void Invariants::NamePose(const RecordKey& key, const proto::Record& record) {
   pose_names_[key] = {{pose.node().agent_id(), pose.node().index()}, {OrderOf(pose.term()), pose.run()}};
 }
 
-void Invariants::NameVerdict(const RecordKey& key, const proto::Record& record) {
-  if (!record.has_edge_verdict()) return;
-  const proto::EdgeVerdict& verdict = record.edge_verdict();
-  verdict_names_[key] = {{verdict.from().agent_id(), verdict.from().index()},
-                         {verdict.to().agent_id(), verdict.to().index()}};
+void Invariants::NameEnds(const RecordKey& key, const proto::Record& record) {
+  const auto add = [&](const proto::NodeKey& from, const proto::NodeKey& to) {
+    ends_[key] = {{from.agent_id(), from.index()}, {to.agent_id(), to.index()}};
+  };
+  if (record.has_edge_verdict()) add(record.edge_verdict().from(), record.edge_verdict().to());
+  if (record.has_map_match()) add(record.map_match().from(), record.map_match().to());
 }
 
 void Invariants::CheckAsInserted(const RecordKey& key) const {
@@ -166,7 +167,7 @@ void Invariants::ObserveInserted(AgentId agent, const RecordKey& key, const prot
   states_.OnContent(key, *inserted_as_[key].begin());
   states_.OnHeld(agent, key);
   NamePose(key, record);
-  NameVerdict(key, record);
+  NameEnds(key, record);
   const auto name = pose_names_.find(key);
   if (name == pose_names_.end()) return;
   CheckLeads(agent, record.optimized_pose());
@@ -249,10 +250,10 @@ bool Invariants::Replaces(const RecordKey& newer, const RecordKey& older) const 
   if (newer == older) return true;
   if (!IsSameSeries(newer.stream, older.stream) || PlaceInSeries(older) > PlaceInSeries(newer)) return false;
   if (IsState(newer.stream.type) || newer.stream.type == kNote) return true;
-  if (newer.stream.type == proto::EDGE_VERDICT) {
-    const auto verdict = verdict_names_.find(newer);
-    const auto other = verdict_names_.find(older);
-    return verdict != verdict_names_.end() && other != verdict_names_.end() && verdict->second == other->second;
+  if (newer.stream.type == proto::EDGE_VERDICT || newer.stream.type == proto::MAP_MATCH) {
+    const auto ends = ends_.find(newer);
+    const auto other = ends_.find(older);
+    return ends != ends_.end() && other != ends_.end() && ends->second == other->second;
   }
   const auto a = pose_names_.find(newer);
   const auto b = pose_names_.find(older);

@@ -148,7 +148,7 @@ class Invariants {
   HaveSet WithoutLiars(const HaveSet& have) const;
   QuiescentTeam WithoutLate(QuiescentTeam team) const;
   void NamePose(const RecordKey& key, const proto::Record& record);
-  void NameVerdict(const RecordKey& key, const proto::Record& record);
+  void NameEnds(const RecordKey& key, const proto::Record& record);
   void CheckLeads(AgentId agent, const proto::OptimizedPose& pose) const;
   void CheckAsInserted(const RecordKey& key) const;
   void ForgetWhatIsLost();
@@ -183,7 +183,7 @@ class Invariants {
   std::map<AgentId, HaveSet> held_;  // By agent: records that it certainly holds or has dropped.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
   std::map<RecordKey, PoseName> pose_names_;
-  std::map<RecordKey, std::pair<Node, Node>> verdict_names_;  // The two nodes of the range that each verdict judges.
+  std::map<RecordKey, std::pair<Node, Node>> ends_;  // The two nodes that each verdict or map match names.
   struct Poses {
     HaveSet held;  // Optimized poses held at the last check.
     std::map<Node, PoseVersion> newest;

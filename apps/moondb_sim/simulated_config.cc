@@ -51,6 +51,7 @@ void AddAllActors(proto::TeamConfig& team) {
   }
   (*team.mutable_share())["pose_graph_edge"] = proto::POLICY_ALL;
   (*team.mutable_share())["edge_verdict"] = proto::POLICY_LATEST;
+  (*team.mutable_share())["map_match"] = proto::POLICY_LATEST;
   (*team.mutable_share())["agent_event"] = proto::POLICY_ALL;
   (*team.mutable_ground())["agent_event"] = proto::POLICY_ALL;
   AddCustomType(team, kSample, "sample", proto::POLICY_ALL, /*priority=*/6, kSampleBytesMax);

@@ -309,7 +309,9 @@ class Mission {
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
       world_.invariants.ObserveInserted(agent, key, record);
       if (record.has_agent_event() && world_.team.now() > late_from_) world_.invariants.ExcuseLate(key);
-      if (record.has_optimized_pose() || record.has_edge_verdict()) derived_at_ = world_.team.now();
+      if (record.has_optimized_pose() || record.has_edge_verdict() || record.has_map_match()) {
+        derived_at_ = world_.team.now();
+      }
     }
   }
 

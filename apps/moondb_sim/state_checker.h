@@ -32,7 +32,8 @@ inline bool IsState(DataType type) { return type == proto::POWER || type == kBea
 
 // Returns whether an agent may drop records of the type without a prune.
 inline bool MayBeSuperseded(DataType type) {
-  return IsState(type) || type == kNote || type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT;
+  return IsState(type) || type == kNote || type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT ||
+         type == proto::MAP_MATCH;
 }
 
 class StateChecker {

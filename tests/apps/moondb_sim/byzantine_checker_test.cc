@@ -122,6 +122,7 @@ TEST_F(ByzantineCheckerTest, InAnIdleTeamTheLeaderCoversRecordsThatOthersHold) {
   team.records[2][kOfAgent1] = content;
   team.records[2][{{kLiar, 7, proto::POWER}, 1}] = content;
   team.records[2][{{1, 7, proto::OPTIMIZED_POSE}, 1}] = content;
+  team.records[2][{{1, 7, proto::MAP_MATCH}, 1}] = content;
   team.records[kLiar][{{1, 7, proto::POWER}, 9}] = content;
   team.have[1][kOfAgent1.stream].held.Add(kOfAgent1.seq);
   checker_.CheckQuiescent(team);

@@ -135,6 +135,25 @@ TEST_F(RulesTest, InAnIdleTeamEachAgentHoldsItsRequiredRecords) {
   EXPECT_THAT(broken_, ElementsAre("nothing_lost"));
 }
 
+TEST_F(RulesTest, AMapMatchReplacesOlderOnesWithTheSameEnds) {
+  const auto match_to = [](std::uint64_t index) {
+    proto::Record record;
+    record.mutable_map_match()->mutable_from()->set_agent_id(1);
+    record.mutable_map_match()->mutable_to()->set_agent_id(2);
+    record.mutable_map_match()->mutable_to()->set_index(index);
+    return record;
+  };
+  const RecordKey older = Key(1, 5, proto::MAP_MATCH, 1);
+  const RecordKey newer = Key(1, 5, proto::MAP_MATCH, 2);
+  const RecordKey other = Key(1, 5, proto::MAP_MATCH, 3);
+  Insert(1, older, match_to(7));
+  Insert(1, newer, match_to(7));
+  Insert(1, other, match_to(8));
+  EXPECT_TRUE(rules_.IsReplacedIn(Have({newer}), older));
+  EXPECT_FALSE(rules_.IsReplacedIn(Have({older}), newer));
+  EXPECT_FALSE(rules_.IsReplacedIn(Have({other}), older)) << "of other ends";
+}
+
 TEST_F(RulesTest, AnEventShortBeforeTheEndNeedNotReachTheSurvivor) {
   proto::Record event;
   event.mutable_agent_event()->set_kind(proto::EVENT_KIND_REJECTED);
