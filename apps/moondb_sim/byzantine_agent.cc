@@ -283,9 +283,12 @@ void ByzantineAgent::ForgePose(AgentId target) {
   high.set_issuer(key.stream.origin);
   high.set_issuer_epoch(rng_());
   *record.mutable_optimized_pose()->mutable_term() = high;
-  const std::uint64_t variant = Draw(4);
   const proto::OptimizedPose pose = record.optimized_pose();
-  if (variant == 0) {
+  const bool is_pose = Draw(4) != 0;
+  if (!is_pose && pose.run() % 2 == 0) {
+    *record.mutable_map_match() = MatchLike(pose);
+    key.stream.type = proto::MAP_MATCH;
+  } else if (!is_pose) {
     proto::EdgeVerdict& verdict = *record.mutable_edge_verdict();
     *verdict.mutable_from() = pose.node();
     *verdict.mutable_to() = pose.node();
@@ -293,11 +296,8 @@ void ByzantineAgent::ForgePose(AgentId target) {
     *verdict.mutable_term() = high;
     verdict.set_run(pose.run());
     key.stream.type = proto::EDGE_VERDICT;
-  } else if (variant == 1) {
-    *record.mutable_map_match() = MatchLike(pose);
-    key.stream.type = proto::MAP_MATCH;
   }
-  if (variant < 2 && key.stream.origin != world_.byzantine) checker_.OnImpossible(key);
+  if (!is_pose && key.stream.origin != world_.byzantine) checker_.OnImpossible(key);
   SendRecord(target, key, record);
 }
 
