@@ -14,6 +14,7 @@
 #include "bench/pgo_closures.h"
 #include "bench/pgo_graphs.h"
 #include "bench/pgo_redraws.h"
+#include "bench/pgo_registration.h"
 #include "bench/pgo_report.h"
 #include "bench/pgo_team.h"
 
@@ -27,6 +28,7 @@ struct Options {
   int redraws = 0;
   int unknown_starts = 0;
   bool has_closures = false;
+  bool has_registration = false;
   std::string only;  // If not empty, only team cases whose name contains this text run.
   bool is_json = false;
   bool is_ours_only = false;
@@ -53,6 +55,7 @@ int RunBench(const Options& options) {
   std::vector<GraphRun> graphs;
   std::vector<RedrawRun> redraws;
   std::vector<ClosureRun> closures;
+  std::vector<RegistrationRun> registrations;
   SolverOptions solver;
   solver.thread_count = options.threads;
   for (const std::string& folder : options.folders) {
@@ -65,12 +68,17 @@ int RunBench(const Options& options) {
       }
       is_good = is_good && run->ours.has_converged;
       if (!options.plots.empty()) is_good = Plot(*run, options.plots) && is_good;
-      if (run->is_team && (options.redraws > 0 || options.has_closures)) {
+      if (run->is_team && (options.redraws > 0 || options.has_closures || options.has_registration)) {
         // RunGraph has just read the mission, but its files may have been removed since.
         const auto mission = ReadMission(path);
         is_good = is_good && mission;
         if (!mission) continue;
-        if (options.redraws > 0) redraws.push_back(RunRedraws(run->name, *mission, options.redraws, solver));
+        if (options.redraws > 0)
+          redraws.push_back(RunRedraws(run->name, *mission, options.redraws, options.has_registration, solver));
+        if (options.has_registration) {
+          const std::vector<RegistrationRun> of_mission = RunRegistration(run->name, *mission, solver);
+          registrations.insert(registrations.end(), of_mission.begin(), of_mission.end());
+        }
         if (options.has_closures) {
           const std::vector<ClosureRun> of_mission = RunClosures(run->name, *mission, solver);
           closures.insert(closures.end(), of_mission.begin(), of_mission.end());
@@ -84,7 +92,7 @@ int RunBench(const Options& options) {
     }
   }
   if (!options.is_json && !graphs.empty()) fmt::print("{}\n", TableOf(graphs));
-  if (!options.is_json) fmt::print("{}{}", TableOf(redraws), TableOf(closures));
+  if (!options.is_json) fmt::print("{}{}{}", TableOf(redraws), TableOf(closures), TableOf(registrations));
   std::vector<TeamRun> teams;
   for (const TeamCase& team : StandardTeamCases()) {
     if (options.seeds == 0 || team.name.find(options.only) == std::string::npos) continue;
@@ -95,7 +103,7 @@ int RunBench(const Options& options) {
   UnknownStartsRun unknown;
   if (options.unknown_starts > 0) unknown = RunUnknownStarts(options.unknown_starts, solver);
   if (options.unknown_starts > 0 && !options.is_json) fmt::print("{}", TextOf(unknown));
-  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, closures, teams, unknown));
+  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, closures, registrations, teams, unknown));
   return is_good ? 0 : 1;
 }
 
@@ -115,6 +123,7 @@ int main(int argc, char** argv) {
                 "Also so many simulated teams in which two rovers do not know where they began")
       .Within(0, 1000);
   app.AddFlag("--closures", options.has_closures, "Also each mission with drawn loop closures, some of them wrong");
+  app.AddFlag("--registration", options.has_registration, "Also each mission with matches of its maps");
   app.AddOption("--only", options.only, "Run only simulated teams whose name contains this text");
   app.AddFlag("--json", options.is_json, "One JSON object instead of a table");
   app.AddFlag("--ours-only", options.is_ours_only, "Without plain least squares from odometry beside each graph");

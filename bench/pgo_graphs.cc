@@ -117,16 +117,6 @@ Result<MergedMap> MergeAt(const Mission& mission, const std::map<NodeKey, Pose>&
   return MergeMaps(maps, footprints, options);
 }
 
-std::optional<double> HazardIou(const Mission& mission, const std::map<NodeKey, Pose>& poses) {
-  if (mission.maps.empty()) return std::nullopt;
-  const Result<MergedMap> map = MergeAt(mission, poses);
-  const Result<MergedMap> truth = MergeAt(mission, mission.truth);
-  if (!map || !truth) return std::nullopt;
-  const Result<MapAgreement> agreement = CompareMaps(*map, *truth);
-  if (!agreement) return std::nullopt;
-  return agreement->hazard_iou;
-}
-
 Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& options) {
   const Result<Mission> mission = ReadMission(folder);
   if (!mission) return tl::unexpected(mission.error());
@@ -160,6 +150,16 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
 }
 
 }  // namespace
+
+std::optional<double> HazardIou(const Mission& mission, const std::map<NodeKey, Pose>& poses) {
+  if (mission.maps.empty()) return std::nullopt;
+  const Result<MergedMap> map = MergeAt(mission, poses);
+  const Result<MergedMap> truth = MergeAt(mission, mission.truth);
+  if (!map || !truth) return std::nullopt;
+  const Result<MapAgreement> agreement = CompareMaps(*map, *truth);
+  if (!agreement) return std::nullopt;
+  return agreement->hazard_iou;
+}
 
 std::vector<fs::path> FindGraphs(const fs::path& folder) {
   if (IsMission(folder)) return {folder};

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "actors/pgo/pose_graph_solver.h"
 #include "apps/picture/tracks.h"
 #include "model/error.h"
+#include "model/mission.h"
 
 namespace moondb {
 
@@ -50,6 +52,10 @@ struct GraphBenchOptions {
 // Returns the .g2o and .pyfg files in `folder`, sorted by name, and the team missions. A team mission is `folder`
 // itself or a folder in it that contains agents.csv.
 std::vector<std::filesystem::path> FindGraphs(const std::filesystem::path& folder);
+
+// Compares two merged maps of a mission's local maps, one at `poses` and one at the true poses: intersection over union
+// of their hazard cells. Null as in GraphResult.
+std::optional<double> HazardIou(const Mission& mission, const std::map<NodeKey, Pose>& poses);
 
 // Solves one graph file or team mission. Errors are those of the file readers.
 Result<GraphRun> RunGraph(const std::filesystem::path& path, const GraphBenchOptions& options);

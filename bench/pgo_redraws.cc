@@ -4,6 +4,7 @@
 
 #include "actors/pgo/team_facts.h"
 #include "apps/moondb_mission/measurement.h"
+#include "bench/pgo_registration.h"
 #include "model/metrics.h"
 #include "model/team_member.h"
 
@@ -71,12 +72,15 @@ MethodResult SolveWithoutBursts(const Mission& mission, const SolverOptions& opt
 
 }  // namespace
 
-RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws, const SolverOptions& options) {
+RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws, bool has_matches,
+                     const SolverOptions& options) {
   RedrawRun run;
   run.name = name;
   run.draws = draws;
   std::map<Method, std::vector<double>> ates;
   std::map<Method, std::vector<double>> seconds;
+  std::vector<double> ates_with_matches;
+  std::vector<double> seconds_with_matches;
   std::vector<double> ates_without_bursts;
   std::vector<double> seconds_without_bursts;
   for (int draw = 1; draw <= draws; ++draw) {
@@ -86,10 +90,17 @@ RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws,
       ates[method].push_back(CompareTrajectories(result.poses, mission.truth, RoverIds(mission)).rmse_m);
       seconds[method].push_back(result.seconds);
     }
+    if (has_matches) {
+      RegistrationAte ate;
+      seconds_with_matches.push_back(SecondsOf([&] { ate = CompareRegistration(drawn, options); }));
+      ates_with_matches.push_back(ate.with_m);
+      run.worst_match_ratio = std::max(run.worst_match_ratio, ate.with_m / ate.without_m);
+    }
     const MethodResult reported = SolveWithoutBursts(drawn, options);
     ates_without_bursts.push_back(CompareTrajectories(reported.poses, mission.truth, RoverIds(mission)).rmse_m);
     seconds_without_bursts.push_back(reported.seconds);
   }
+  if (has_matches) run.with_matches = ToFigures(ates_with_matches, seconds_with_matches);
   run.without_bursts = ToFigures(ates_without_bursts, seconds_without_bursts);
   for (const Method method : kMethods) run.methods[method] = ToFigures(ates[method], seconds[method]);
   return run;

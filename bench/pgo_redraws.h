@@ -4,6 +4,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 
 #include "bench/pgo_methods.h"
@@ -16,9 +17,14 @@ struct RedrawRun {
   std::string name;
   int draws = 0;
   std::map<Method, MethodFigures> methods;
+  std::optional<MethodFigures> with_matches;  // The solver with matches of the local maps (bench/pgo_registration.h).
+  // Highest error with matches of a draw, divided by the error of the same draw without matches.
+  double worst_match_ratio = 0;
   MethodFigures without_bursts;  // Least squares without the ranges of bursts: about the best possible result.
 };
 
-RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws, const SolverOptions& options);
+// `has_matches`: true to solve with matches too.
+RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws, bool has_matches,
+                     const SolverOptions& options);
 
 }  // namespace moondb

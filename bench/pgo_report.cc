@@ -62,7 +62,27 @@ void Write(const RedrawRun& run, JsonWriter& json) {
   Write(run.methods, json);
   json.Key("others").BeginArray();
   Write("long ranges known", run.without_bursts, json);
-  json.EndArray().EndObject();
+  if (run.with_matches) Write("with matches", *run.with_matches, json);
+  json.EndArray().Key("worst_match_ratio").Number(run.worst_match_ratio).EndObject();
+}
+
+void Write(const RegistrationRun& run, JsonWriter& json) {
+  json.BeginObject().Key("mission").String(run.mission).Key("what").String(run.what);
+  json.Key("has_ranges").Bool(run.has_ranges).Key("pairs").Number(static_cast<double>(run.candidate_count));
+  json.Key("verdicts").BeginObject();
+  for (const auto& [verdict, count] : run.verdicts) json.Key(verdict).Number(static_cast<double>(count));
+  json.EndObject().Key("given").Number(static_cast<double>(run.match_count));
+  json.Key("used").Number(static_cast<double>(run.used_count));
+  json.Key("right").Number(static_cast<double>(run.right_count)).Key("worst_used_m").Number(run.worst_used_m);
+  json.Key("refused_sets").Number(static_cast<double>(run.refused_set_count));
+  json.Key("median_ms").Number(run.median_ms).Key("cpu_seconds").Number(run.seconds);
+  json.Key("ate_m").Number(run.ate_m).Key("hazard_iou");
+  if (run.hazard_iou) {
+    json.Number(*run.hazard_iou);
+  } else {
+    json.Null();
+  }
+  json.EndObject();
 }
 
 void Write(const TeamRun& run, JsonWriter& json) {
@@ -126,7 +146,11 @@ std::string TableOf(const std::vector<RedrawRun>& redraws) {
   for (const RedrawRun& run : redraws) {
     Table table = MethodTable(run.methods);
     Add("long ranges known", run.without_bursts, table);
+    if (run.with_matches) Add("with matches", *run.with_matches, table);
     text += fmt::format("{}, {} redraws of its noise\n{}\n", run.name, run.draws, table.Text());
+    if (run.with_matches) {
+      text += fmt::format("highest error with matches, divided by that without: {:.3f}\n", run.worst_match_ratio);
+    }
   }
   return text;
 }
@@ -142,6 +166,22 @@ std::string TableOf(const std::vector<ClosureRun>& closures) {
   return table.Text();
 }
 
+std::string TableOf(const std::vector<RegistrationRun>& registrations) {
+  if (registrations.empty()) return "";
+  Table table({"MISSION", "MATCHES", "RANGES", "PAIRS", "GIVEN", "USED", "RIGHT", "WORST m", "REFUSED SETS",
+               "MEDIAN ms", "CPU s", "ATE m", "HAZARD IOU"});
+  for (const RegistrationRun& run : registrations) {
+    const double right =
+        run.used_count == 0 ? 1 : static_cast<double>(run.right_count) / static_cast<double>(run.used_count);
+    table.Add({run.mission, run.what, run.has_ranges ? "yes" : "no", std::to_string(run.candidate_count),
+               std::to_string(run.match_count), std::to_string(run.used_count), FormatFixed(right, 3),
+               FormatFixed(run.worst_used_m, 2), std::to_string(run.refused_set_count), FormatFixed(run.median_ms, 2),
+               FormatFixed(run.seconds, 1), FormatFixed(run.ate_m, 3),
+               run.hazard_iou ? FormatFixed(*run.hazard_iou, 3) : "-"});
+  }
+  return table.Text();
+}
+
 std::string TextOf(const UnknownStartsRun& run) {
   return fmt::format(
       "two rovers with unknown starts: {} of {} right; of the others {} reported as ambiguous, of the "
@@ -150,8 +190,8 @@ std::string TextOf(const UnknownStartsRun& run) {
 }
 
 std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<RedrawRun>& redraws,
-                   const std::vector<ClosureRun>& closures, const std::vector<TeamRun>& teams,
-                   const UnknownStartsRun& unknown) {
+                   const std::vector<ClosureRun>& closures, const std::vector<RegistrationRun>& registrations,
+                   const std::vector<TeamRun>& teams, const UnknownStartsRun& unknown) {
   JsonWriter json;
   json.BeginObject().Key("graphs").BeginArray();
   for (const GraphRun& run : graphs) Write(run, json);
@@ -165,6 +205,8 @@ std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<Redraw
     json.Key("refused_sets").Number(static_cast<double>(run.refused_set_count));
     json.Key("ate_m").Number(run.ate_m).Key("seconds").Number(run.seconds).EndObject();
   }
+  json.EndArray().Key("registrations").BeginArray();
+  for (const RegistrationRun& run : registrations) Write(run, json);
   json.EndArray().Key("teams").BeginArray();
   for (const TeamRun& run : teams) Write(run, json);
   json.EndArray().Key("unknown_starts").BeginObject().Key("runs").Number(unknown.runs);

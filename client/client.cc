@@ -300,6 +300,12 @@ Result<proto::GraphStatsReply> Client::GraphStats() {
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_graph_stats()); });
 }
 
+Result<proto::RegistrationReply> Client::Registration(std::chrono::milliseconds wait) {
+  proto::ControlRequest request;
+  request.mutable_registration()->set_wait_s(std::chrono::duration<double>(wait).count());
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_registration()); });
+}
+
 Result<proto::TraceReply> Client::Trace(const proto::TraceRequest& trace) {
   proto::ControlRequest request;
   *request.mutable_trace() = trace;

@@ -35,6 +35,7 @@
 #include "proto/graph.pb.h"
 #include "proto/lease.pb.h"
 #include "proto/record.pb.h"
+#include "proto/registration.pb.h"
 #include "proto/retention.pb.h"
 #include "proto/role.pb.h"
 #include "proto/sharing.pb.h"
@@ -196,6 +197,9 @@ class Client {
   Result<proto::ShareStatus> ShareStatus();
   Result<proto::OptimizeReply> Optimize(const proto::OptimizeRequest& request = {});
   Result<proto::GraphStatsReply> GraphStats();
+  // Returns the state of the matching of local maps. `wait`: if positive, waits at most this long, and at most 600 s,
+  // until no pair of maps is left to match. Fails with kRefused if the agent does not lead.
+  Result<proto::RegistrationReply> Registration(std::chrono::milliseconds wait = {});
   // Returns the latest actions of the agent's actors, and the messages that they failed to handle.
   Result<proto::TraceReply> Trace(const proto::TraceRequest& request);
   Result<Merged> Merge(const proto::MergeRequest& request);

@@ -35,6 +35,8 @@ std::chrono::milliseconds WaitOf(const proto::ControlRequest& request) {
       return BoundedWait(request.share().wait_s(), kOrderWaitMax_s);
     case proto::ControlRequest::kRoleSet:
       return BoundedWait(request.role_set().wait_s(), kOrderWaitMax_s);
+    case proto::ControlRequest::kRegistration:
+      return BoundedWait(request.registration().wait_s(), kRegistrationWaitMax_s);
     default:
       return std::chrono::milliseconds(0);
   }

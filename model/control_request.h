@@ -10,6 +10,7 @@
 namespace moondb {
 
 inline constexpr double kReadWaitMax_s = 60;             // Longest wait_s of ReadRequest and ShareProgressRequest.
+inline constexpr double kRegistrationWaitMax_s = 600;    // Longest wait_s of RegistrationRequest.
 inline constexpr double kOrderWaitMax_s = 24 * 60 * 60;  // Longest wait_s of ShareRequest and RoleSetRequest.
 
 // Size limit of a request over the network (client_address), because an agent must buffer a request before it can check

@@ -139,8 +139,9 @@ class Actor {
 using ActorFactory = std::function<std::unique_ptr<Actor>()>;
 
 enum class Placement {
-  kPool,       // For actors with short handlers.
-  kOwnThread,  // For handlers that run long or must stay on one thread (fsync, EGL, a solver).
+  kPool,        // For actors with short handlers.
+  kOwnThread,   // For handlers that run long or must stay on one thread (fsync, EGL, a solver).
+  kBackground,  // As kOwnThread, but other threads have priority (nice 10). For long work that nobody waits for.
 };
 
 // How a full mailbox treats a new message.

@@ -1,5 +1,7 @@
 #include "runtime/actor_cell.h"
 
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -15,6 +17,17 @@ constexpr int kTurnMessages = 64;
 // at most this many bytes, otherwise with its size in memory.
 constexpr std::size_t kSmallBytes = 4096;
 
+constexpr int kBackgroundNice = 10;
+
+std::unique_ptr<WorkerPool> MakeOwnPool(CellSystem& system, const std::string& name, Placement placement) {
+  if (placement == Placement::kPool) return nullptr;
+  return std::make_unique<WorkerPool>(name, 1, [&system, placement] {
+    system.trace().JoinThread();
+    // On Linux this is the priority of the calling thread. The actor also works if it cannot be lowered.
+    if (placement == Placement::kBackground) (void)setpriority(PRIO_PROCESS, 0, kBackgroundNice);
+  });
+}
+
 double Seconds(Ticks ticks) { return std::chrono::duration<double>(TickClock::ToDuration(ticks)).count(); }
 
 }  // namespace
@@ -24,9 +37,7 @@ ActorCell::ActorCell(CellSystem& system, Address self, SpawnOptions options, Act
     : ActorHost(self, std::move(factory), seed),
       times_(TickClock::FromDuration(options.handler_limit)),
       system_(system),
-      own_pool_(options.placement == Placement::kOwnThread
-                    ? std::make_unique<WorkerPool>(self.actor, 1, [&system] { system.trace().JoinThread(); })
-                    : nullptr),
+      own_pool_(MakeOwnPool(system, self.actor, options.placement)),
       pool_(own_pool_ ? *own_pool_ : pool),
       trace_name_(system.trace().AddName(self.actor)),
       may_senders_wait_(options.overflow == Overflow::kBlock),

@@ -147,7 +147,7 @@ class ActorCell final : public ActorHost, private Runnable {
 
   // Members that senders read. They are on another cache line than the members that are written for each message.
   alignas(64) CellSystem& system_;
-  const std::unique_ptr<WorkerPool> own_pool_;  // A pool of one thread, for kOwnThread; otherwise null.
+  const std::unique_ptr<WorkerPool> own_pool_;  // A pool of one thread; null for kPool.
   WorkerPool& pool_;
   const std::uint16_t trace_name_;
   const bool may_senders_wait_;

@@ -32,6 +32,7 @@ inline constexpr char kStorage[] = "storage";
 inline constexpr char kSync[] = "sync";
 inline constexpr char kReplica[] = "replica";
 inline constexpr char kPgo[] = "pgo";
+inline constexpr char kRegister[] = "register";
 inline constexpr char kMerge[] = "merge";
 inline constexpr char kRole[] = "role";
 inline constexpr char kFailover[] = "failover";

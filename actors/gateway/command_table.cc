@@ -126,6 +126,8 @@ constexpr Command kCommands[] = {
     {.request = Request::kOptimize,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckOptimize(team, request.optimize()); },
      .text = [](const Team&, const Request& request) { return OptimizeText(request.optimize()); }},
+    {.request = Request::kRegistration,
+     .check = [](const Team&, AgentId, const Request& request) { return CheckRegistration(request.registration()); }},
     {.request = Request::kMerge,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckMerge(team, request.merge()); }},
     {.request = Request::kCustom, .ask = AskOwnActor},

@@ -197,6 +197,10 @@ Result<void> CheckShareProgress(const proto::ShareProgressRequest& progress) {
   return CheckWait(progress.wait_s(), kReadWaitMax_s, "share_progress.wait_s");
 }
 
+Result<void> CheckRegistration(const proto::RegistrationRequest& registration) {
+  return CheckWait(registration.wait_s(), kRegistrationWaitMax_s, "registration.wait_s");
+}
+
 Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize) {
   if (optimize.from_scratch() && optimize.window_nodes() > 0) {
     return Fail(ErrorCode::kInvalid, "goes on from the last solution, which from_scratch leaves out",

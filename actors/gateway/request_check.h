@@ -52,6 +52,7 @@ Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetReq
 Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto::ShareRequest& share);
 // Refuses a progress request without a kind or with a wait beyond kReadWaitMax_s.
 Result<void> CheckShareProgress(const proto::ShareProgressRequest& progress);
+Result<void> CheckRegistration(const proto::RegistrationRequest& registration);
 // Refuses a solve with both a window and from_scratch, with too many covariances, or with covariances of agents outside
 // the team.
 Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize);

@@ -14,7 +14,7 @@ MapCollection::MapCollection(Options options)
       map_quota_(options_.maps_max),
       map_bytes_quota_(options_.bytes_max),
       quarantines_(options_.quarantines_max),
-      node_quota_(options_.nodes_max) {}
+      poses_(options_.nodes_max) {}
 
 Result<void> MapCollection::AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map) {
   if (maps_.contains(key)) return {};
@@ -36,45 +36,16 @@ void MapCollection::RemoveMap(const RecordKey& key) {
   maps_.erase(map);
 }
 
-void MapCollection::AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node) {
-  auto& raw = nodes_[node].raw;
-  const auto place =
-      std::lower_bound(raw.begin(), raw.end(), key, [](const auto& a, const RecordKey& b) { return a.first < b; });
-  if (place != raw.end() && place->first == key) return;
-  raw.emplace(place, key, map_from_node);
-  for (const auto& removed : node_quota_.Add(key, 1, node)) RemoveRawPose(removed.key, removed.note);
-}
-
-void MapCollection::RemoveRawPose(const RecordKey& key, const NodeKey& node) {
-  const auto found = nodes_.find(node);
-  std::erase_if(found->second.raw, [&key](const auto& raw) { return raw.first == key; });
-  if (found->second.raw.empty() && !found->second.optimized) nodes_.erase(found);
-}
-
-void MapCollection::AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
-                                     const proto::Term& term, std::uint64_t run, bool ignores_raw_pose) {
-  const auto found = nodes_.find(node);
-  const bool is_first = found == nodes_.end() || !found->second.optimized;
-  if (is_first && optimized_count_ >= options_.nodes_max) {
-    ++left_out_pose_count_[key.stream.origin];
-    return;
-  }
-  optimized_count_ += is_first ? 1 : 0;
-  auto& optimized = nodes_[node].optimized;
-  const Version version = std::tuple_cat(OrderOf(term), std::tuple(run, key));
-  if (!optimized || version > optimized->version) optimized = {version, map_from_node, ignores_raw_pose};
-}
-
 void MapCollection::AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine) {
   if (quarantines_.Add(key, quarantine)) quarantined_nodes_.reset();
 }
 
 std::map<AgentId, std::uint64_t> MapCollection::CountLeftOut() const {
-  std::map<AgentId, std::uint64_t> counts = left_out_pose_count_;
+  std::map<AgentId, std::uint64_t> counts;
   map_quota_.CountLeftOut(counts);
   map_bytes_quota_.CountLeftOut(counts);
   quarantines_.CountLeftOut(counts);
-  node_quota_.CountLeftOut(counts);
+  poses_.CountLeftOut(counts);
   return counts;
 }
 
@@ -112,9 +83,10 @@ const std::set<NodeKey>& MapCollection::QuarantinedNodes() const {
 }
 
 std::optional<MapCollection::NodePose> MapCollection::PoseOf(const NodeKey& node) const {
-  const Pose* pose = FindPose(node, /*use_raw_poses=*/false);
-  if (pose == nullptr) return std::nullopt;
-  return NodePose{*pose, nodes_.at(node).optimized.has_value()};
+  const bool is_quarantined = QuarantinedNodes().contains(node);
+  if (const Pose* pose = poses_.FindOptimized(node, is_quarantined)) return NodePose{*pose, true};
+  if (const Pose* pose = poses_.FindRaw(node, is_quarantined)) return NodePose{*pose, false};
+  return std::nullopt;
 }
 
 MapCollection::Timestamp MapCollection::TimestampOf(const RecordKey& map) const {
@@ -123,22 +95,17 @@ MapCollection::Timestamp MapCollection::TimestampOf(const RecordKey& map) const 
 }
 
 const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) const {
-  const auto found = nodes_.find(node);
-  if (found == nodes_.end()) return nullptr;
-  const auto& [raw, optimized] = found->second;
-  if (QuarantinedNodes().contains(node)) {
-    return !use_raw_poses && optimized && optimized->ignores_raw_pose ? &optimized->map_from_node : nullptr;
-  }
-  if (!use_raw_poses && optimized) return &optimized->map_from_node;
-  return raw.empty() ? nullptr : &raw.front().second;
+  const bool is_quarantined = QuarantinedNodes().contains(node);
+  const Pose* optimized = use_raw_poses ? nullptr : poses_.FindOptimized(node, is_quarantined);
+  return optimized != nullptr ? optimized : poses_.FindRaw(node, is_quarantined);
 }
 
 std::vector<std::pair<NodeKey, Eigen::Vector3d>> MapCollection::PositionsOf(const Selection& selection) const {
   std::vector<std::pair<NodeKey, Eigen::Vector3d>> positions_m;
-  for (const auto& [node, poses] : nodes_) {
-    if (!selection.agents.empty() && !selection.agents.contains(node.agent)) continue;
+  poses_.ForEach([&](const NodeKey& node) {
+    if (!selection.agents.empty() && !selection.agents.contains(node.agent)) return;
     if (const Pose* pose = FindPose(node, selection.use_raw_poses)) positions_m.emplace_back(node, pose->position_m);
-  }
+  });
   return positions_m;
 }
 
@@ -164,10 +131,10 @@ MapCollection::Selected MapCollection::Select(const Selection& selection) const 
       selected.maps.push_back({map.local, *pose});
     }
   }
-  for (const auto& [node, poses] : nodes_) {
-    if (!is_selected(node.agent) || options_.without_footprint.contains(node.agent) || far.contains(node)) continue;
+  poses_.ForEach([&](const NodeKey& node) {
+    if (!is_selected(node.agent) || options_.without_footprint.contains(node.agent) || far.contains(node)) return;
     if (const Pose* pose = FindPose(node, selection.use_raw_poses)) selected.footprints.push_back({node, *pose});
-  }
+  });
   return selected;
 }
 

@@ -13,7 +13,6 @@
 #include <memory>
 #include <optional>
 #include <set>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -21,6 +20,7 @@
 #include "model/error.h"
 #include "model/far_nodes.h"
 #include "model/ids.h"
+#include "model/node_poses.h"
 #include "model/origin_quota.h"
 #include "model/quarantine_set.h"
 #include "model/record_key.h"
@@ -79,14 +79,14 @@ class MapCollection {
   // Adds a map, even if its node is still unknown. Errors are those of MakeLocalMap.
   Result<void> AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map);
 
-  // Adds a node's pose from odometry. If a node has several such records, every actor uses the record with the smallest
-  // key.
-  void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
-
-  // Adds an optimized pose. Among several poses of a node, the pose with the highest (term, run) is used.
-  // `ignores_raw_pose`: the pose is valid even while a quarantine of the node stands.
+  // Add poses of nodes (model/node_poses.h).
+  void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node) {
+    poses_.AddRaw(key, node, map_from_node);
+  }
   void AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
-                        std::uint64_t run, bool ignores_raw_pose = false);
+                        std::uint64_t run, bool ignores_raw_pose = false) {
+    poses_.AddOptimized(key, node, map_from_node, term, run, ignores_raw_pose);
+  }
 
   // Adds a record that quarantines maps or a node, or that lifts a quarantine. Other quarantines are only listed by
   // StandingQuarantines. A record may lift a quarantine that arrives later.
@@ -108,20 +108,6 @@ class MapCollection {
   std::uint64_t map_bytes() const { return bytes_; }
 
  private:
-  // Order of a node's optimized poses: term number, issuer and epoch, then run, then record key. The greatest is used.
-  using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
-
-  struct OptimizedPose {
-    Version version;
-    Pose map_from_node;
-    bool ignores_raw_pose = false;
-  };
-
-  struct Node {
-    std::vector<std::pair<RecordKey, Pose>> raw;  // Poses from odometry, sorted by key; usually one.
-    std::optional<OptimizedPose> optimized;
-  };
-
   struct HeldMap {
     std::shared_ptr<const LocalMap> local;
     Timestamp timestamp;
@@ -131,7 +117,6 @@ class MapCollection {
   std::vector<std::pair<NodeKey, Eigen::Vector3d>> PositionsOf(const Selection& selection) const;
   const std::set<NodeKey>& QuarantinedNodes() const;
   void RemoveMap(const RecordKey& key);
-  void RemoveRawPose(const RecordKey& key, const NodeKey& node);
 
   struct NoNote {};
 
@@ -141,10 +126,7 @@ class MapCollection {
   OriginQuota<NoNote> map_bytes_quota_;
   QuarantineSet quarantines_;
   mutable std::optional<std::set<NodeKey>> quarantined_nodes_;  // Derived from `quarantines_` when needed.
-  std::map<NodeKey, Node> nodes_;
-  OriginQuota<NodeKey> node_quota_;
-  std::size_t optimized_count_ = 0;                       // Number of nodes with an optimized pose.
-  std::map<AgentId, std::uint64_t> left_out_pose_count_;  // Number of dropped optimized poses, by origin.
+  NodePoses poses_;
   std::uint64_t bytes_ = 0;
 };
 

@@ -8,7 +8,6 @@
 namespace moondb {
 namespace {
 
-constexpr std::uint32_t kCoarsest_um = 200'000;
 constexpr double kLikelihoodSigma_m = 0.08;
 
 // Rectangle of field cells.
@@ -16,7 +15,7 @@ struct Span {
   int first_x, last_x, first_y, last_y;
 };
 
-bool IsUsed(const MapLayer& layer) { return layer.resolution_um <= kCoarsest_um; }
+bool IsUsed(const MapLayer& layer) { return layer.resolution_um <= HazardField::kCoarsestLayer_um; }
 
 double ResolutionOf(const MapLayer& layer) { return layer.resolution_um * 1e-6; }
 

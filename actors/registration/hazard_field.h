@@ -43,6 +43,7 @@ struct FieldBox {
 class HazardField {
  public:
   static constexpr double kCell_m = 0.05;
+  static constexpr std::uint32_t kCoarsestLayer_um = 200'000;
   static constexpr double kFieldSideMax_m = 40;
   static constexpr double kDistanceMax_m = 0.6;
   static constexpr std::size_t kPointsMax = 4000;

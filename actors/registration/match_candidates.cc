@@ -1,11 +1,16 @@
 #include "actors/registration/match_candidates.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
+#include <tuple>
 
 namespace moondb {
 namespace {
 
+constexpr double kThinningSide_m = 0.5;
+constexpr double kSharedMapFactor = 2;
+constexpr double kYawSigma_rad = 0.05;
 constexpr double kHeightSigma_m = 1;
 constexpr double kTiltSigma_rad = 0.2;
 
@@ -13,32 +18,62 @@ bool IsNeighbour(const NodeKey& a, const NodeKey& b, std::uint64_t apart_nodes) 
   return a.agent == b.agent && (a.index > b.index ? a.index - b.index : b.index - a.index) < apart_nodes;
 }
 
+bool IsNearer(const MatchCandidate& a, const MatchCandidate& b) {
+  return std::tie(a.distance_m, a.first, a.second) < std::tie(b.distance_m, b.first, b.second);
+}
+
 }  // namespace
 
-std::vector<MatchCandidate> FindCandidates(const std::vector<RegisteredMap>& maps, std::size_t index,
-                                           const CandidateOptions& options) {
-  const RegisteredMap& map = maps[index];
-  std::vector<MatchCandidate> near;
-  for (std::size_t i = 0; i < maps.size(); ++i) {
-    if (i == index || IsNeighbour(map.node, maps[i].node, options.apart_nodes)) continue;
-    const double distance_m = (map.map_from_local.position_m - maps[i].map_from_local.position_m).head<2>().norm();
-    if (distance_m <= options.distance_max_m) near.push_back({std::min(i, index), std::max(i, index), distance_m});
+std::vector<MatchCandidate> FindCandidates(const std::vector<RegisteredMap>& maps, const CandidateOptions& options,
+                                           const std::function<bool(AgentId, AgentId)>& are_joined) {
+  const auto square_of = [](const RegisteredMap& map, double side_m) {
+    return std::pair(static_cast<std::int64_t>(std::floor(map.map_from_local.position_m.x() / side_m)),
+                     static_cast<std::int64_t>(std::floor(map.map_from_local.position_m.y() / side_m)));
+  };
+  std::map<std::tuple<AgentId, std::int64_t, std::int64_t>, std::size_t> counts;
+  std::map<std::pair<std::int64_t, std::int64_t>, std::vector<std::size_t>> squares;
+  for (std::size_t i = maps.size(); i-- > 0;) {
+    const auto [x, y] = square_of(maps[i], kThinningSide_m);
+    if (++counts[{maps[i].node.agent, x, y}] > options.of_square_max) continue;
+    squares[square_of(maps[i], options.distance_max_m)].push_back(i);
   }
-  std::ranges::sort(near, [](const MatchCandidate& a, const MatchCandidate& b) {
-    return std::tie(a.distance_m, a.first, a.second) < std::tie(b.distance_m, b.first, b.second);
-  });
-  std::map<AgentId, std::size_t> counts;
+  std::map<std::pair<std::size_t, std::size_t>, double> pairs;
+  const auto add_pairs_of = [&](std::size_t index, const std::pair<std::int64_t, std::int64_t>& square) {
+    const RegisteredMap& map = maps[index];
+    std::vector<MatchCandidate> near;
+    for (std::int64_t y = square.second - 1; y <= square.second + 1; ++y) {
+      for (std::int64_t x = square.first - 1; x <= square.first + 1; ++x) {
+        const auto others = squares.find({x, y});
+        if (others == squares.end()) continue;
+        for (const std::size_t other : others->second) {
+          if (other == index || IsNeighbour(map.node, maps[other].node, options.apart_nodes)) continue;
+          if (!are_joined(map.node.agent, maps[other].node.agent)) continue;
+          const double distance_m =
+              (map.map_from_local.position_m - maps[other].map_from_local.position_m).head<2>().norm();
+          if (distance_m <= options.distance_max_m) near.push_back({index, other, distance_m});
+        }
+      }
+    }
+    std::ranges::sort(near, IsNearer);
+    std::map<AgentId, std::size_t> of_agent;
+    std::size_t count = 0;
+    for (const MatchCandidate& candidate : near) {
+      if (count == options.of_map_max) break;
+      if (++of_agent[maps[candidate.second].node.agent] > options.of_agent_max) continue;
+      ++count;
+      pairs.emplace(std::minmax(candidate.first, candidate.second), candidate.distance_m);
+    }
+  };
+  for (const auto& [square, indices] : squares) {
+    for (const std::size_t index : indices) add_pairs_of(index, square);
+  }
   std::vector<MatchCandidate> candidates;
-  for (const MatchCandidate& candidate : near) {
-    const RegisteredMap& other = maps[candidate.first == index ? candidate.second : candidate.first];
-    if (candidates.size() == options.of_map_max || ++counts[other.node.agent] > options.of_agent_max) continue;
-    candidates.push_back(candidate);
-  }
+  for (const auto& [pair, distance_m] : pairs) candidates.push_back({pair.first, pair.second, distance_m});
+  std::ranges::sort(candidates, IsNearer);
   return candidates;
 }
 
-LoopClosure ToLoopClosure(const RegisteredMap& first, const Pose& map_from_first_node, const RegisteredMap& second,
-                          const Pose& map_from_second_node, const MatchResult& match) {
+LoopClosure ToLoopClosure(const RegisteredMap& first, const RegisteredMap& second, const MatchResult& match) {
   // Both local frames are levelled: the match holds between their projections to the horizontal plane.
   const Pose first_local = PlanarOffset::From(first.map_from_local).ToPose();
   const Pose second_local = PlanarOffset::From(second.map_from_local).ToPose();
@@ -47,13 +82,13 @@ LoopClosure ToLoopClosure(const RegisteredMap& first, const Pose& map_from_first
   closure.from = first.node;
   closure.to = second.node;
   closure.timestamp_ns = std::max(first.timestamp_ns, second.timestamp_ns);
-  const Pose first_from_map = map_from_first_node.Inverse();
-  closure.from_from_to = first_from_map * correction * map_from_second_node;
-  closure.source = "registration";
+  const Pose first_from_map = first.map_from_node.Inverse();
+  closure.from_from_to = first_from_map * correction * second.map_from_node;
+  closure.source = kRegistrationSource;
 
   // The covariance of the match belongs to the origin of the second local frame. The node lies beside it, so a turn of
   // the local frame also moves the node.
-  const Eigen::Vector3d node_from_local_m = map_from_second_node.position_m - second.map_from_local.position_m;
+  const Eigen::Vector3d node_from_local_m = second.map_from_node.position_m - second.map_from_local.position_m;
   const Eigen::Vector2d arm_m = (match.first_from_second.ToPose() * second_local.Inverse() *
                                  Pose{second_local.position_m + node_from_local_m, {}})
                                     .position_m.head<2>() -
@@ -67,13 +102,15 @@ LoopClosure ToLoopClosure(const RegisteredMap& first, const Pose& map_from_first
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) covariance(at[row], at[column]) = planar(row, column);
   }
+  covariance *= kSharedMapFactor;
+  covariance(5, 5) += kYawSigma_rad * kYawSigma_rad;
   covariance(2, 2) = kHeightSigma_m * kHeightSigma_m;
   covariance(3, 3) = covariance(4, 4) = kTiltSigma_rad * kTiltSigma_rad;
   // Rotate from the first local frame, levelled, to the frames of the nodes: translation along the axes of the first
   // node, rotation about those of the second.
   const Eigen::Matrix3d first_turn = (first_from_map.orientation * first_local.orientation).toRotationMatrix();
   const Eigen::Matrix3d second_turn =
-      (map_from_second_node.orientation.conjugate() * second_local.orientation).toRotationMatrix();
+      (second.map_from_node.orientation.conjugate() * second_local.orientation).toRotationMatrix();
   Matrix6d turn = Matrix6d::Zero();
   turn.topLeftCorner<3, 3>() = first_turn;
   turn.bottomRightCorner<3, 3>() = second_turn;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "actors/registration/map_matching.h"
@@ -15,10 +16,11 @@ struct RegisteredMap {
   RecordKey key;
   NodeKey node;
   std::int64_t timestamp_ns = 0;
-  Pose map_from_local;  // Newest pose of the local map in the frame `map`.
+  Pose map_from_node;   // Newest optimized pose of the node in the frame `map`.
+  Pose map_from_local;  // The same of the local map.
 };
 
-// Numbers of two maps in a list, and the distance of their origins.
+// Numbers of two maps in a list, first < second, and the horizontal distance of their origins.
 struct MatchCandidate {
   std::size_t first = 0;
   std::size_t second = 0;
@@ -30,15 +32,21 @@ struct CandidateOptions {
   std::size_t of_agent_max = 3;  // Nearest maps of each agent.
   std::size_t of_map_max = 16;
   std::uint64_t apart_nodes = 10;  // Two maps of one agent belong to nodes at least this far apart.
+  // If more maps of one agent lie in one square of half a metre, only the last ones of the list are matched.
+  std::size_t of_square_max = 8;
 };
 
-// Returns the candidates of maps[index] among all maps, nearest first. `first` is the smaller number.
-std::vector<MatchCandidate> FindCandidates(const std::vector<RegisteredMap>& maps, std::size_t index,
-                                           const CandidateOptions& options = {});
+// Returns the pairs of maps to match, nearest first: for each map the nearest maps of each agent, itself included.
+// Pairs of agents for which `are_joined` is false are left out, because their relative pose is unknown.
+std::vector<MatchCandidate> FindCandidates(const std::vector<RegisteredMap>& maps, const CandidateOptions& options,
+                                           const std::function<bool(AgentId, AgentId)>& are_joined);
 
 // Returns the match as a loop closure between the nodes of two maps. The match corrects x, y and yaw of the second map.
 // z, roll and pitch stay as they are, with sigmas of 1 m and 0.2 rad.
-LoopClosure ToLoopClosure(const RegisteredMap& first, const Pose& map_from_first_node, const RegisteredMap& second,
-                          const Pose& map_from_second_node, const MatchResult& match);
+//
+// The covariance is twice that of the match, and 0.05 rad are added to the sigma of yaw, because the matches of one map
+// share its errors. Measured on 20 simulated and two recorded missions (docs/decisions/0016): the yaw of a match adds
+// nothing to that of the odometry.
+LoopClosure ToLoopClosure(const RegisteredMap& first, const RegisteredMap& second, const MatchResult& match);
 
 }  // namespace moondb

@@ -65,7 +65,7 @@ SpawnOptions SpawnOptionsOf(const StandardActor& actor) {
   SpawnOptions spawn;
   spawn.placement = actor.placement;
   // Actors with their own thread may take long, for example to solve a large pose graph.
-  if (actor.placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
+  if (actor.placement != Placement::kPool) spawn.handler_limit = std::chrono::minutes(1);
   return spawn;
 }
 

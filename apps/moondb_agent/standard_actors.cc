@@ -42,6 +42,7 @@ std::vector<StandardActor> StandardActors(const proto::TeamConfig& team, AgentId
       {actor_name::kEvent, kPool, Make<EventActor>(team, self, std::move(options.event))},
       {actor_name::kDownlink, kPool, Make<DownlinkActor>(team, self, std::move(options.downlink))},
       {actor_name::kPgo, kOwnThread, Make<PgoActor>(team, self, std::move(options.pgo))},
+      {actor_name::kRegister, Placement::kBackground, Make<RegisterActor>(team, self, std::move(options.registration))},
       {actor_name::kMerge, kOwnThread, Make<MergeActor>(team, self, std::move(options.merge))},
       {actor_name::kGateway, kPool, Make<GatewayActor>(team, self, std::move(options.gateway))},
   };

@@ -12,6 +12,7 @@
 #include "actors/lease/lease_actor.h"
 #include "actors/merge/merge_actor.h"
 #include "actors/pgo/pgo_actor.h"
+#include "actors/registration/register_actor.h"
 #include "actors/retention/retention_actor.h"
 #include "actors/role/failover_actor.h"
 #include "actors/role/role_actor.h"
@@ -42,6 +43,7 @@ struct StandardActorOptions {
   EventActor::Options event;
   DownlinkActor::Options downlink;
   PgoActor::Options pgo;
+  RegisterActor::Options registration;
   MergeActor::Options merge;
   GatewayActor::Options gateway;
 };

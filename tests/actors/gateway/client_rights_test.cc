@@ -10,9 +10,10 @@ namespace {
 
 // The requests that need each right. The lists are written by hand: a new request needs the right `command` until it is
 // added to kView or kShare.
-const std::set<std::string> kView = {"status",  "read",      "role_show", "share_status", "graph_stats",
-                                     "trace",   "have",      "verify",    "fingerprint",  "merge",
-                                     "map_why", "map_stats", "map_tiles", "read_bundle",  "share_progress"};
+const std::set<std::string> kView = {"status",      "read",        "role_show",      "share_status",
+                                     "graph_stats", "trace",       "have",           "verify",
+                                     "fingerprint", "merge",       "map_why",        "map_stats",
+                                     "map_tiles",   "read_bundle", "share_progress", "registration"};
 const std::set<std::string> kShare = {"insert", "share", "lease", "optimize", "custom"};
 const std::set<std::string> kCommand = {"role_set", "stop", "prune", "downlink", "acknowledge"};
 

@@ -20,9 +20,10 @@ using google::protobuf::OneofDescriptor;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-const std::set<std::string> kAnswerers = {
-    actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kEvent,    actor_name::kSync,
-    actor_name::kReplica, actor_name::kPgo,  actor_name::kMerge, actor_name::kDownlink, actor_name::kRetention};
+const std::set<std::string> kAnswerers = {actor_name::kStorage,   actor_name::kRole,    actor_name::kLease,
+                                          actor_name::kEvent,     actor_name::kSync,    actor_name::kReplica,
+                                          actor_name::kPgo,       actor_name::kMerge,   actor_name::kDownlink,
+                                          actor_name::kRetention, actor_name::kRegister};
 // Requests for which proto/control.proto names no actor.
 const std::set<std::string> kOfTheGateway = {"stop", "trace", "custom"};
 

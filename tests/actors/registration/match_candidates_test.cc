@@ -12,34 +12,57 @@ RegisteredMap MapAt(AgentId agent, std::uint64_t index, double x_m, double y_m =
   return map;
 }
 
-TEST(MatchCandidatesTest, AreTheThreeNearestMapsOfEachAgentWithin6Metres) {
-  std::vector<RegisteredMap> maps = {MapAt(1, 0, 0)};
-  for (std::uint64_t i = 0; i < 5; ++i) maps.push_back(MapAt(2, i, 1 + static_cast<double>(i)));
-  maps.push_back(MapAt(3, 0, -5.9));
-  maps.push_back(MapAt(4, 0, 0, 6.1));
-  const std::vector<MatchCandidate> found = FindCandidates(maps, 0);
-  std::vector<std::size_t> others;
-  for (const MatchCandidate& candidate : found) {
-    EXPECT_EQ(candidate.first, 0u);
-    others.push_back(candidate.second);
+std::vector<std::pair<std::size_t, std::size_t>> PairsOf(const std::vector<RegisteredMap>& maps,
+                                                         bool are_joined = true) {
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (const MatchCandidate& candidate :
+       FindCandidates(maps, {}, [&](AgentId a, AgentId b) { return a == b || are_joined; })) {
+    pairs.emplace_back(candidate.first, candidate.second);
   }
-  EXPECT_EQ(others, (std::vector<std::size_t>{1, 2, 3, 6}));
-  EXPECT_NEAR(found.back().distance_m, 5.9, 1e-9);
+  return pairs;
+}
+
+TEST(MatchCandidatesTest, AreTheThreeNearestMapsOfEachAgentWithin6MetresNearestFirst) {
+  std::vector<RegisteredMap> maps = {MapAt(1, 0, 0)};
+  for (std::uint64_t i = 0; i < 5; ++i) maps.push_back(MapAt(2, i, 8 - static_cast<double>(i)));  // 8 to 4 m.
+  maps.push_back(MapAt(3, 0, -5.9));
+  maps.push_back(MapAt(4, 0, 0, -6.1));
+  std::vector<std::pair<std::size_t, std::size_t>> of_first;
+  for (const auto& pair : PairsOf(maps)) {
+    if (pair.first == 0) of_first.push_back(pair);
+  }
+  EXPECT_EQ(of_first, (std::vector<std::pair<std::size_t, std::size_t>>{{0, 5}, {0, 4}, {0, 6}, {0, 3}}));
 }
 
 TEST(MatchCandidatesTest, OfOneAgentAreAtLeastTenNodesApart) {
   std::vector<RegisteredMap> maps;
-  for (std::uint64_t i = 0; i < 12; ++i) maps.push_back(MapAt(1, i, 0));
-  EXPECT_EQ(FindCandidates(maps, 11).size(), 2u);  // Nodes 0 and 1.
-  EXPECT_TRUE(FindCandidates(maps, 5).empty());
+  for (std::uint64_t i = 0; i < 12; ++i) maps.push_back(MapAt(1, i, static_cast<double>(i) * 0.5));
+  EXPECT_EQ(PairsOf(maps), (std::vector<std::pair<std::size_t, std::size_t>>{{0, 10}, {1, 11}, {0, 11}}));
 }
 
 TEST(MatchCandidatesTest, AreAtMost16OfOneMap) {
   std::vector<RegisteredMap> maps = {MapAt(1, 0, 0)};
+  // Each agent's maps have nearer partners than map 0.
   for (AgentId agent = 2; agent < 12; ++agent) {
-    for (std::uint64_t i = 0; i < 3; ++i) maps.push_back(MapAt(agent, i, 1 + 0.01 * agent));
+    for (std::uint64_t i = 0; i < 3; ++i) maps.push_back(MapAt(agent, i, 3 + 0.01 * agent));
   }
-  EXPECT_EQ(FindCandidates(maps, 0).size(), 16u);
+  for (AgentId agent = 20; agent < 40; ++agent) maps.push_back(MapAt(agent, 0, 3, 0.1));
+  std::size_t count = 0;
+  for (const auto& pair : PairsOf(maps)) count += pair.first == 0 ? 1 : 0;
+  EXPECT_EQ(count, 16u);
+}
+
+TEST(MatchCandidatesTest, LeaveOutAgentsWhoseRelativePoseIsUnknown) {
+  std::vector<RegisteredMap> maps = {MapAt(1, 0, 0), MapAt(2, 0, 1), MapAt(1, 10, 1)};
+  EXPECT_EQ(PairsOf(maps).size(), 3u);
+  EXPECT_EQ(PairsOf(maps, false), (std::vector<std::pair<std::size_t, std::size_t>>{{0, 2}}));
+}
+
+TEST(MatchCandidatesTest, OfARobotThatStandsStillUseItsLastEightMaps) {
+  std::vector<RegisteredMap> maps = {MapAt(2, 0, 1)};
+  for (std::uint64_t i = 0; i < 5000; ++i) maps.push_back(MapAt(1, i, 0));
+  for (const auto& [first, second] : PairsOf(maps)) EXPECT_GT(second, 4992u);
+  EXPECT_FALSE(PairsOf(maps).empty());
 }
 
 class MatchToClosureTest : public testing::Test {
@@ -56,12 +79,19 @@ class MatchToClosureTest : public testing::Test {
     second_.node = {2, 7};
     first_.timestamp_ns = 5;
     second_.timestamp_ns = 9;
-    first_.map_from_local = first_node_ * Pose::FromPlanar(0.2, 0, 0);
-    second_.map_from_local = second_node_ * Pose::FromPlanar(0.2, 0, 0);
+    Place(0.2);
     match_.covariance.diagonal() << 0.01, 0.0025, 1e-4;
   }
 
-  LoopClosure Closure() const { return ToLoopClosure(first_, first_node_, second_, second_node_, match_); }
+  // Places both maps at their nodes; the second one lies `ahead_m` ahead of its node.
+  void Place(double ahead_m) {
+    first_.map_from_node = first_node_;
+    second_.map_from_node = second_node_;
+    first_.map_from_local = first_node_ * Pose::FromPlanar(0.2, 0, 0);
+    second_.map_from_local = second_node_ * Pose::FromPlanar(ahead_m, 0, 0);
+  }
+
+  LoopClosure Closure() const { return ToLoopClosure(first_, second_, match_); }
   PlanarOffset Expected() const {
     return PlanarOffset::From(PlanarOffset::From(first_.map_from_local).ToPose().Inverse() *
                               PlanarOffset::From(second_.map_from_local).ToPose());
@@ -92,7 +122,7 @@ TEST_F(MatchToClosureTest, TheClosurePlacesTheSecondMapAtTheMatch) {
   match_.first_from_second.y_m -= 0.1;
   match_.first_from_second.yaw_rad += 0.05;
   second_node_ = first_node_ * Closure().from_from_to;
-  second_.map_from_local = second_node_ * Pose::FromPlanar(0.2, 0, 0);
+  Place(0.2);
   const PlanarOffset placed = Expected();
   EXPECT_NEAR(placed.x_m, match_.first_from_second.x_m, 1e-6);
   EXPECT_NEAR(placed.y_m, match_.first_from_second.y_m, 1e-6);
@@ -104,8 +134,7 @@ TEST_F(MatchToClosureTest, TheClosurePlacesTheSecondMapAtTheMatch) {
 TEST_F(MatchToClosureTest, TheCovarianceIsThatOfTheNodesOffset) {
   first_node_.orientation = Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitZ());
   second_node_.orientation = Eigen::AngleAxisd(-1.2, Eigen::Vector3d::UnitZ());
-  first_.map_from_local = first_node_ * Pose::FromPlanar(0.2, 0, 0);
-  second_.map_from_local = second_node_ * Pose::FromPlanar(2, 0, 0);
+  Place(2);
   const PlanarOffset expected = Expected();
   match_.first_from_second = expected;
   const LoopClosure mean = Closure();
@@ -123,6 +152,8 @@ TEST_F(MatchToClosureTest, TheCovarianceIsThatOfTheNodesOffset) {
       scatter += difference * difference.transpose() / 6;
     }
   }
+  scatter *= 2;
+  scatter(5, 5) += 0.05 * 0.05;
   for (const int row : {0, 1, 5}) {
     for (const int column : {0, 1, 5}) {
       EXPECT_NEAR(mean.covariance(row, column), scatter(row, column), 2e-4) << row << ' ' << column;

@@ -1,0 +1,142 @@
+// RegisterActor: finds the relative poses of rovers by matching their local maps. Works only at the leader.
+//
+// After each solve, the actor reads the maps and poses from StorageActor and matches pairs of nearby maps in passes
+// (match_plan.h, map_matching.h). It stores accepted matches as records of the type map_match, which the next solve
+// uses as loop closures of the source "registration". At most two passes follow new maps, measurements or quarantines,
+// so matches and solves do not trigger each other endlessly.
+//
+// Before each turn the actor asks PgoActor for its state, and continues only if PgoActor is idle: nobody waits for a
+// solve because of a match. Between the turns, the actor handles other messages. Spawn it under actor_name::kRegister
+// with Placement::kBackground.
+//
+// Deterministic: the same sequence of records, solves and terms gives the same matches.
+//
+// Memory: the packed maps (KnownMaps::Options::bytes_max), 64 fields of about 1 MB (5 MB for maps of 40 m) during a
+// pass, and about 150 bytes for each pair matched in this term.
+//
+// Error codes in replies: kRefused if this agent does not lead; kFull if more than requests_max requests wait; kRefused
+// if the team file disables registration; any error of StorageActor.
+#pragma once
+
+#include <cstdint>
+#include <list>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "actors/registration/known_maps.h"
+#include "actors/registration/match_plan.h"
+#include "model/record_authority.h"
+#include "proto/team.pb.h"
+#include "runtime/actor.h"
+#include "runtime/rate_limited_log.h"
+#include "runtime/record_reader.h"
+
+namespace moondb {
+
+class RegisterActor final : public Actor {
+ public:
+  struct Options {
+    AgentId self = 0;
+    // Complete, validated configuration of the team. Used fields: registration, map.footprint_m, and the kinds of
+    // agents.
+    proto::TeamConfig team;
+    // A pass starts once no record that matters has been stored for this long.
+    Duration quiet = std::chrono::seconds(2);
+    Duration retry_delay = std::chrono::milliseconds(500);  // While PgoActor is busy.
+    Duration storage_timeout = std::chrono::seconds(30);
+    std::size_t fields_max = 64;
+    std::size_t turn_pairs_max = 64;       // Pairs of one turn, in addition to the budget of the team file.
+    std::size_t insert_records_max = 128;  // Records of one insert.
+    std::size_t requests_max = 64;         // Waiting requests.
+  };
+
+  explicit RegisterActor(Options options);
+
+  void OnStart(Context& context) override;
+  void OnMessage(Context& context, const proto::Message& message) override;
+
+ private:
+  enum class Phase {
+    kIdle,
+    kReading,  // Reads records from storage.
+    kAsking,   // Asks PgoActor, or waits until it is idle.
+    kWriting,  // Stores matches.
+  };
+
+  struct Waiting {
+    Address sender;
+    std::uint64_t request_id = 0;
+    std::uint64_t timer = 0;  // Value of the timer that ends the wait.
+    bool is_covered = false;  // True if a pass has started since the request arrived.
+  };
+
+  bool Leads() const { return roles_ && roles_->leader() == options_.self; }
+  void OnRoles(Context& context, const proto::RoleAssignment& roles);
+  void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
+  void OnTimer(Context& context, const proto::Timer& timer);
+  void OnRequest(Context& context, const proto::Message& message);
+  void OnRead(Context& context);
+  void OnGraphStats(Context& context, const proto::GraphStatsReply& stats);
+  void OnInsertReply(Context& context, const proto::InsertReply& reply);
+
+  void AwaitQuiet(Context& context);
+  void StartPass(Context& context);
+  void StartReading(Context& context);
+  void AskPgo(Context& context);
+  void AskAgainLater(Context& context);
+  void PlanPass(const proto::GraphStatsReply& stats);
+  void MatchSome(Context& context);
+  void Match(const PlannedMatch& planned, std::int64_t timestamp_ns);
+  std::shared_ptr<const HazardField> FieldOf(const RegisteredMap& map);
+  bool IsNews(const LoopClosure& closure) const;
+  void WriteNextChunk(Context& context);
+  void Finish(Context& context);
+  void Abandon(Context& context, const std::string& reason);
+  void Reset();
+  Result<void> TakeRecord(const proto::StoredRecord& stored);
+  std::optional<Error> WhyNot() const;
+  proto::RegistrationReply State() const;
+  void Answer(Context& context, const Waiting& waiting, proto::RegistrationReply reply);
+  void AnswerAll(Context& context, const std::optional<Error>& error = std::nullopt);
+
+  const Options options_;
+  std::optional<proto::RoleAssignment> roles_;
+  RecordAuthority authority_;
+  KnownMaps known_;
+  MatchPlan plan_;
+  RecordReader reader_;       // Reads records into known_.
+  bool is_outdated_ = false;  // True if known_ may contain pruned records and must be read again.
+
+  Phase phase_ = Phase::kIdle;
+  bool is_quiet_awaited_ = false;
+  MonotonicTime newest_stored_{};
+  bool has_news_ = true;  // True if maps, measurements or quarantines were stored since the last pass.
+  int passes_since_news_ = 0;
+  std::uint64_t request_id_ = 0;  // Id of the request that PgoActor or storage has not answered yet.
+  TimerId timeout_ = 0;
+
+  bool is_planned_ = false;  // True if pairs_ holds the pairs of this pass.
+  std::vector<PlannedMatch> pairs_;
+  std::size_t matched_count_ = 0;       // Number of pairs_ that were matched.
+  std::vector<proto::Record> records_;  // Matches to store.
+  std::size_t written_count_ = 0;
+  std::uint64_t run_ = 0;
+  // Fields of the maps used last, the newest first.
+  std::list<std::pair<RecordKey, std::shared_ptr<const HazardField>>> fields_;
+
+  std::size_t registered_count_ = 0;
+  std::size_t pass_count_ = 0;
+  std::size_t stored_count_ = 0;
+  std::map<MatchVerdict, std::size_t> counts_;
+  Duration spent_{};
+  std::string text_;
+  std::uint64_t wait_count_ = 0;
+  std::vector<Waiting> waiting_;
+  RateLimitedLog trouble_log_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,72 @@
+// NodePoses: the raw and optimized poses of nodes, and which of them is valid.
+//
+// The result depends only on the set of added records, not on their order. If raw poses exceed the limit, the agents
+// with the most records keep only their newest (model/origin_quota.h). Exception: once nodes_max nodes have an
+// optimized pose, optimized poses of further nodes are dropped in order of arrival. Only leaders publish optimized
+// poses. Single-threaded.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "model/geometry.h"
+#include "model/ids.h"
+#include "model/origin_quota.h"
+#include "model/record_key.h"
+#include "proto/term.pb.h"
+
+namespace moondb {
+
+class NodePoses {
+ public:
+  // `nodes_max`: maximum number of node records, and of nodes with an optimized pose.
+  explicit NodePoses(std::size_t nodes_max) : nodes_max_(nodes_max), quota_(nodes_max) {}
+
+  // Adds a node's pose from odometry. If a node has several such records, the record with the smallest key is valid.
+  void AddRaw(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
+
+  // Adds an optimized pose. Among several poses of a node, the pose with the highest (term, run) is valid.
+  // `ignores_raw_pose`: the pose is valid even while a quarantine of the node stands.
+  void AddOptimized(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
+                    std::uint64_t run, bool ignores_raw_pose = false);
+
+  // Return null if there is no such pose. `is_quarantined`: a quarantine of the node stands.
+  const Pose* FindRaw(const NodeKey& node, bool is_quarantined) const;
+  const Pose* FindOptimized(const NodeKey& node, bool is_quarantined) const;
+
+  // Calls `take(node)` for each node, in ascending order.
+  template <typename Take>
+  void ForEach(const Take& take) const {
+    for (const auto& [node, poses] : nodes_) take(node);
+  }
+
+  // Adds the number of records dropped because of the limit, by origin.
+  void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const;
+
+ private:
+  // Order of a node's optimized poses: term number, issuer and epoch, then run, then record key. The greatest is valid.
+  using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
+
+  struct OptimizedPose {
+    Version version;
+    Pose map_from_node;
+    bool ignores_raw_pose = false;
+  };
+
+  struct Poses {
+    std::vector<std::pair<RecordKey, Pose>> raw;  // Poses from odometry, sorted by key; usually one.
+    std::optional<OptimizedPose> optimized;
+  };
+
+  std::size_t nodes_max_;
+  std::map<NodeKey, Poses> nodes_;
+  OriginQuota<NodeKey> quota_;
+  std::size_t optimized_count_ = 0;                       // Number of nodes with an optimized pose.
+  std::map<AgentId, std::uint64_t> left_out_pose_count_;  // Number of dropped optimized poses, by origin.
+};
+
+}  // namespace moondb
