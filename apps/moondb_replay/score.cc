@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "actors/pgo/pose_graph_solver.h"
+#include "actors/pgo/team_facts.h"
 #include "model/team_member.h"
 #include "proto/types.pb.h"
 
@@ -39,6 +41,16 @@ Poses TruePoses(const Mission& mission, const Poses& known) {
     if (found != mission.truth.end()) poses.emplace(node, found->second);
   }
   return poses;
+}
+
+// Returns nullopt if no match is held, or if the graph cannot be solved without matches.
+std::optional<Poses> SolveWithoutMatches(const proto::TeamConfig& team, const Held& held) {
+  PoseGraph graph = held.graph.graph();
+  const auto is_match = [](const LoopClosure& closure) { return closure.source == kRegistrationSource; };
+  if (std::erase_if(graph.closures, is_match) == 0) return std::nullopt;
+  Solution solution = SolvePoseGraph(graph, FactsOf(team), {}, {});
+  if (!solution.is_accepted) return std::nullopt;
+  return std::move(solution.poses);
 }
 
 }  // namespace
@@ -93,25 +105,32 @@ Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, 
   if (truth.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no node of this mission");
   if (held.maps.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no map");
 
-  auto before = MergeAt(team, held, raw);
-  auto after = MergeAt(team, held, newest);
   auto at_truth = MergeAt(team, held, truth);
-  for (const auto* merged : {&before, &after, &at_truth}) {
-    if (!*merged) return tl::unexpected(merged->error());
-  }
-  auto agreement_before = CompareMaps(*before, *at_truth);
-  auto agreement_after = CompareMaps(*after, *at_truth);
-  if (!agreement_before || !agreement_after) return Fail(ErrorCode::kInternal, "the merged maps do not compare");
+  if (!at_truth) return tl::unexpected(at_truth.error());
+  const auto score = [&](const Poses& poses) -> Result<ScoredPoses> {
+    auto map = MergeAt(team, held, poses);
+    if (!map) return tl::unexpected(map.error());
+    const auto agreement = CompareMaps(*map, *at_truth);
+    if (!agreement) return tl::unexpected(agreement.error());
+    return ScoredPoses{poses, CompareTrajectories(poses, truth, RoversOf(team)), *agreement, *std::move(map)};
+  };
+  auto before = score(raw);
+  if (!before) return tl::unexpected(before.error());
+  auto after = score(newest);
+  if (!after) return tl::unexpected(after.error());
 
   Scored scored;
-  scored.score.before = CompareTrajectories(raw, truth, RoversOf(team));
-  scored.score.after = CompareTrajectories(newest, truth, RoversOf(team));
-  scored.score.map_before = *agreement_before;
-  scored.score.map_after = *agreement_after;
-  scored.score.map_count = held.maps.size();
-  scored.score.optimized_count = held.graph.published_count();
-  scored.score.is_agents_map_equal = AreEqual(*after, agents_map);
-  scored.maps = {std::move(*before), std::move(*after), std::move(*at_truth)};
+  if (const std::optional<Poses> solved = SolveWithoutMatches(team, held)) {
+    auto without_matches = score(*solved);
+    if (!without_matches) return tl::unexpected(without_matches.error());
+    scored.without_matches = *std::move(without_matches);
+  }
+  scored.map_count = held.maps.size();
+  scored.optimized_count = held.graph.published_count();
+  scored.is_agents_map_equal = AreEqual(after->map, agents_map);
+  scored.before = *std::move(before);
+  scored.after = *std::move(after);
+  scored.truth = *std::move(at_truth);
   return scored;
 }
 

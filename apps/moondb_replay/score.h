@@ -5,6 +5,7 @@
 // byte-identical to the map merged here at the newest poses.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "actors/merge/merge_maps.h"
@@ -40,26 +41,23 @@ Poses NewestPoses(const Held& held);
 // uses only this rover's maps and nodes.
 Result<MergedMap> MergeAt(const proto::TeamConfig& team, const Held& held, const Poses& poses, AgentId only = 0);
 
-struct Score {
-  TrajectoryError before;
-  TrajectoryError after;
-  MapAgreement map_before;
-  MapAgreement map_after;
-  std::size_t map_count = 0;
-  std::size_t optimized_count = 0;
-  bool is_agents_map_equal = false;  // The agent's own merged map equals `ScoredMaps::after`.
-};
-
-// The merged maps on which a score is based.
-struct ScoredMaps {
-  MergedMap before;
-  MergedMap after;
-  MergedMap truth;
+// The held maps merged at some poses, compared with the truth.
+struct ScoredPoses {
+  Poses poses;
+  TrajectoryError error;
+  MapAgreement agreement;
+  MergedMap map;
 };
 
 struct Scored {
-  Score score;
-  ScoredMaps maps;
+  ScoredPoses before;  // At the poses from odometry.
+  // At the poses of a solve without map matches, which is done here. Absent if the agent holds no match.
+  std::optional<ScoredPoses> without_matches;
+  ScoredPoses after;  // At the newest poses.
+  MergedMap truth;
+  std::size_t map_count = 0;
+  std::size_t optimized_count = 0;
+  bool is_agents_map_equal = false;  // The agent's own merged map equals `after.map`.
 };
 
 // Scores the records that an agent holds. `agents_map` is the map that the agent merged itself. Returns kNotFound if

@@ -25,8 +25,9 @@ struct Setting {
   std::string agent_backend;
 };
 
-std::string Title(const std::string& what, const TrajectoryError& error, const MapAgreement& agreement) {
-  return what + ": ATE " + FormatFixed(error.rmse_m, 2) + " m, hazard IoU " + FormatFixed(agreement.hazard_iou, 2);
+std::string Title(const std::string& what, const ScoredPoses& scored) {
+  return what + ": ATE " + FormatFixed(scored.error.rmse_m, 2) + " m, hazard IoU " +
+         FormatFixed(scored.agreement.hazard_iou, 2);
 }
 
 // Returns the tracks of all agents, in the team's order. The base station's track is one point.
@@ -65,11 +66,12 @@ Result<Raster> ComparisonRaster(const MergedMap& map, const MergedMap& truth) {
 }
 
 Result<void> WriteRovers(const Setting& setting, const std::filesystem::path& out) {
-  const std::vector<Track> tracks = TeamTracks(setting, NewestPoses(setting.held));
+  const Poses& poses = setting.scored.after.poses;
+  const std::vector<Track> tracks = TeamTracks(setting, poses);
   for (int place = 0; place < setting.team.config.agents_size(); ++place) {
     const proto::AgentConfig& agent = setting.team.config.agents(place);
     if (agent.kind() != proto::AGENT_KIND_ROVER) continue;
-    auto merged = MergeAt(setting.team.config, setting.held, NewestPoses(setting.held), agent.id());
+    auto merged = MergeAt(setting.team.config, setting.held, poses, agent.id());
     if (!merged) return tl::unexpected(merged.error());
     const bool has_map = std::any_of(setting.held.maps.begin(), setting.held.maps.end(),
                                      [&agent](const HeldMap& map) { return map.key.stream.origin == agent.id(); });
@@ -84,34 +86,40 @@ Result<void> WriteRovers(const Setting& setting, const std::filesystem::path& ou
 }
 
 Result<void> WritePictures(const Setting& setting, const std::filesystem::path& out) {
-  const ScoredMaps& maps = setting.scored.maps;
-  const Score& score = setting.scored.score;
-  const std::vector<Track> before = TeamTracks(setting, RawPoses(setting.held));
-  const std::vector<Track> after = TeamTracks(setting, NewestPoses(setting.held));
+  const Scored& scored = setting.scored;
+  const std::vector<Track> before = TeamTracks(setting, scored.before.poses);
+  const std::vector<Track> after = TeamTracks(setting, scored.after.poses);
   const std::vector<Track> truth = TeamTracks(setting, setting.mission.truth);
 
   // All pictures show the same part of the frame `map`.
-  const MergedMap* all[] = {&maps.before, &maps.after, &maps.truth};
+  std::vector<const MergedMap*> all = {&scored.before.map, &scored.after.map, &scored.truth};
+  if (scored.without_matches) all.push_back(&scored.without_matches->map);
   const MapFrame frame = FrameOf(all, kPictureMarginCells);
-  const MergedMap map_before = InFrame(maps.before, frame);
-  const MergedMap map_after = InFrame(maps.after, frame);
-  const MergedMap map_truth = InFrame(maps.truth, frame);
-  const Panel panel_before = {Title("Odometry", score.before, score.map_before), RasterOf(map_before), before};
-  const Panel panel_after = {Title("Optimized", score.after, score.map_after), RasterOf(map_after), after};
-  const Panel panel_truth = {"Merged at the true poses", RasterOf(map_truth), truth};
-  auto compared_before = ComparisonRaster(map_before, map_truth);
-  if (!compared_before) return tl::unexpected(compared_before.error());
-  auto compared_after = ComparisonRaster(map_after, map_truth);
-  if (!compared_after) return tl::unexpected(compared_after.error());
+  const MergedMap map_truth = InFrame(scored.truth, frame);
+  const std::string title_before = Title("Odometry", scored.before);
+  const std::string title_after = Title(scored.without_matches ? "With matches" : "Optimized", scored.after);
+  std::vector<Panel> compared;
+  const auto add_compared = [&](const std::string& title, const ScoredPoses& poses) -> Result<void> {
+    auto raster = ComparisonRaster(InFrame(poses.map, frame), map_truth);
+    if (!raster) return tl::unexpected(raster.error());
+    compared.push_back({title, *std::move(raster), {}});
+    return {};
+  };
+  const Panel panel_after = {title_after, RasterOf(InFrame(scored.after.map, frame)), after};
+  if (auto added = add_compared(title_before, scored.before); !added) return added;
+  if (scored.without_matches) {
+    auto added = add_compared(Title("Optimized", *scored.without_matches), *scored.without_matches);
+    if (!added) return added;
+  } else {
+    compared.insert(compared.begin(), {"Merged map at optimized poses", panel_after.raster, panel_after.tracks});
+  }
+  if (auto added = add_compared(title_after, scored.after); !added) return added;
 
-  Panel optimized = panel_after;
-  optimized.title = "Merged map at optimized poses";
   const std::pair<const char*, std::vector<Panel>> pictures[] = {
-      {"merged_before", {panel_before}},
+      {"merged_before", {{title_before, RasterOf(InFrame(scored.before.map, frame)), before}}},
       {"merged_after", {panel_after}},
-      {"merged_truth", {panel_truth}},
-      {"before_after",
-       {optimized, {panel_before.title, *compared_before, {}}, {panel_after.title, *compared_after, {}}}},
+      {"merged_truth", {{"Merged at the true poses", RasterOf(map_truth), truth}}},
+      {"before_after", compared},
       {"trajectories", {{"Tracks", {}, ComparedTracks(truth, before, "odometry", after)}}}};
   for (const auto& [name, panels] : pictures) {
     Picture picture = NewPicture(setting, panels.size() == 1 ? 1200 : 760);
@@ -121,41 +129,44 @@ Result<void> WritePictures(const Setting& setting, const std::filesystem::path& 
   return WriteRovers(setting, out);
 }
 
-void WritePart(JsonWriter& json, const char* name, const TrajectoryError& error, const MapAgreement& agreement) {
+void WritePart(JsonWriter& json, const char* name, const ScoredPoses& scored) {
+  const MapAgreement& agreement = scored.agreement;
   json.Key(name).BeginObject();
-  json.Key("ate_m").Number(error.rmse_m).Key("max_error_m").Number(error.max_m);
+  json.Key("ate_m").Number(scored.error.rmse_m).Key("max_error_m").Number(scored.error.max_m);
   json.Key("hazard_precision").Number(agreement.precision).Key("hazard_recall").Number(agreement.recall);
   json.Key("hazard_iou").Number(agreement.hazard_iou).Key("kappa").Number(agreement.kappa).EndObject();
 }
 
 std::string FiguresAsJson(const Setting& setting, const std::string& agent) {
-  const Score& score = setting.scored.score;
+  const Scored& scored = setting.scored;
   JsonWriter json;
   json.BeginObject().Key("agent").String(agent);
-  json.Key("node_count").Number(static_cast<double>(score.before.node_count));
-  json.Key("map_count").Number(static_cast<double>(score.map_count));
-  json.Key("optimized_pose_count").Number(static_cast<double>(score.optimized_count));
-  WritePart(json, "before", score.before, score.map_before);
-  WritePart(json, "after", score.after, score.map_after);
-  json.Key("is_agents_map_equal").Bool(score.is_agents_map_equal);
+  json.Key("node_count").Number(static_cast<double>(scored.before.error.node_count));
+  json.Key("map_count").Number(static_cast<double>(scored.map_count));
+  json.Key("optimized_pose_count").Number(static_cast<double>(scored.optimized_count));
+  WritePart(json, "before", scored.before);
+  if (scored.without_matches) WritePart(json, "without_matches", *scored.without_matches);
+  WritePart(json, "after", scored.after);
+  json.Key("is_agents_map_equal").Bool(scored.is_agents_map_equal);
   json.Key("agents_merge_s").Number(setting.agent_merge_s);
   json.Key("agents_merge_backend").String(setting.agent_backend).EndObject();
   return json.text() + "\n";
 }
 
 void PrintFigures(const Setting& setting, const std::string& agent) {
-  const Score& score = setting.scored.score;
+  const Scored& scored = setting.scored;
   Table table({"", "ATE M", "MAX M", "HAZARD IOU", "KAPPA"});
-  const auto add = [&table](const char* name, const TrajectoryError& error, const MapAgreement& agreement) {
-    table.Add({name, FormatFixed(error.rmse_m, 3), FormatFixed(error.max_m, 3), FormatFixed(agreement.hazard_iou, 3),
-               FormatFixed(agreement.kappa, 3)});
+  const auto add = [&table](const char* name, const ScoredPoses& poses) {
+    table.Add({name, FormatFixed(poses.error.rmse_m, 3), FormatFixed(poses.error.max_m, 3),
+               FormatFixed(poses.agreement.hazard_iou, 3), FormatFixed(poses.agreement.kappa, 3)});
   };
-  add("before (odometry)", score.before, score.map_before);
-  add("after (optimized)", score.after, score.map_after);
-  std::printf("%s holds %zu nodes (%zu optimized) and %zu maps\n%s", agent.c_str(), score.before.node_count,
-              score.optimized_count, score.map_count, table.Text().c_str());
+  add("before (odometry)", scored.before);
+  if (scored.without_matches) add("optimized without map matches", *scored.without_matches);
+  add(scored.without_matches ? "after (optimized with map matches)" : "after (optimized)", scored.after);
+  std::printf("%s holds %zu nodes (%zu optimized) and %zu maps\n%s", agent.c_str(), scored.before.error.node_count,
+              scored.optimized_count, scored.map_count, table.Text().c_str());
   std::printf("its own merged map (%s, %.3f s) %s the one merged here\n", setting.agent_backend.c_str(),
-              setting.agent_merge_s, score.is_agents_map_equal ? "equals" : "DIFFERS FROM");
+              setting.agent_merge_s, scored.is_agents_map_equal ? "equals" : "DIFFERS FROM");
 }
 
 Result<Setting> Gather(const ScoreArguments& arguments) {
