@@ -134,6 +134,7 @@ void RegisterActor::Reset() {
   phase_ = Phase::kIdle;
   known_ = KnownMaps(KnownOptions(options_.team));
   plan_.Clear();
+  starts_.Clear();
   is_outdated_ = true;
   has_news_ = true;
   passes_since_news_ = 0;
@@ -265,6 +266,8 @@ void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
   }
   pairs_ = plan_.StartPass(
       maps, [&placed](AgentId a, AgentId b) { return a == b || (placed.contains(a) && placed.contains(b)); });
+  start_begin_ = pairs_.size();
+  for (PlannedMatch& planned : starts_.Plan(maps, placed)) pairs_.push_back(std::move(planned));
   pass_count_ += pairs_.empty() ? 0 : 1;
 }
 
@@ -274,7 +277,8 @@ void RegisterActor::MatchSome(Context& context) {
   for (std::size_t i = 0; i < options_.turn_pairs_max && matched_count_ < pairs_.size(); ++i) {
     if (i > 0 && context.now() - begin >= budget) break;
     if (context.stop_requested()) return;
-    Match(pairs_[matched_count_++], context.utc_now_ns());
+    const std::size_t index = matched_count_++;
+    Match(context, pairs_[index], index >= start_begin_);
   }
   spent_ += context.now() - begin;
   if (matched_count_ < pairs_.size()) return AskPgo(context);
@@ -296,18 +300,28 @@ std::shared_ptr<const HazardField> RegisterActor::FieldOf(const RegisteredMap& m
   return fields_.front().second;
 }
 
-void RegisterActor::Match(const PlannedMatch& planned, std::int64_t timestamp_ns) {
+void RegisterActor::Match(Context& context, const PlannedMatch& planned, bool is_start) {
+  const AgentId rover = planned.second.node.agent;
+  if (is_start && !starts_.FindAgreeing(rover).empty()) return;  // The start of the rover is known.
   const std::shared_ptr<const HazardField> first = FieldOf(planned.first);
   const std::shared_ptr<const HazardField> second = FieldOf(planned.second);
   if (!first || !second) return;
   const MatchResult result = MatchMaps(*first, *second, planned.expected, planned.window);
-  plan_.Note(planned, result);
   ++counts_[result.verdict];
-  if (result.verdict != MatchVerdict::kAccepted) return;
+  if (!is_start) {
+    plan_.Note(planned, result);
+    if (result.verdict == MatchVerdict::kAccepted) AddRecord(context, planned, result);
+    return;
+  }
+  starts_.Note(planned, result);
+  for (const auto& [agreeing, its_result] : starts_.FindAgreeing(rover)) AddRecord(context, agreeing, its_result);
+}
+
+void RegisterActor::AddRecord(Context& context, const PlannedMatch& planned, const MatchResult& result) {
   const LoopClosure closure = ToLoopClosure(planned.first, planned.second, result);
   if (!IsNews(closure)) return;
   proto::Record& record = records_.emplace_back();
-  record.set_timestamp_ns(timestamp_ns);
+  record.set_timestamp_ns(context.utc_now_ns());
   proto::MapMatch& match = *record.mutable_map_match();
   *match.mutable_from() = ToProto(closure.from);
   *match.mutable_to() = ToProto(closure.to);
@@ -364,11 +378,12 @@ void RegisterActor::Finish(Context& context) {
   AnswerAll(context);
 }
 
-// Ends the pass without storing its remaining matches. They are found again after the next term or start only.
+// Ends the pass without storing its remaining matches. The next pass finds them again.
 void RegisterActor::Abandon(Context& context, const std::string& reason) {
   trouble_log_.Warn(ToString(context.self()) + ": the matching of maps was given up: " + reason);
   text_ = reason;
   plan_.Clear();
+  starts_.Clear();
   has_news_ = true;
   reader_.Stop(context);
   Finish(context);

@@ -5,6 +5,8 @@
 // uses as loop closures of the source "registration". At most two passes follow new maps, measurements or quarantines,
 // so matches and solves do not trigger each other endlessly.
 //
+// A rover with an unknown start is searched for (start_search.h). Its matches are stored once they agree.
+//
 // Before each turn the actor asks PgoActor for its state, and continues only if PgoActor is idle: nobody waits for a
 // solve because of a match. Between the turns, the actor handles other messages. Spawn it under actor_name::kRegister
 // with Placement::kBackground.
@@ -29,6 +31,7 @@
 
 #include "actors/registration/known_maps.h"
 #include "actors/registration/match_plan.h"
+#include "actors/registration/start_search.h"
 #include "model/record_authority.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
@@ -90,7 +93,8 @@ class RegisterActor final : public Actor {
   void AskAgainLater(Context& context);
   void PlanPass(const proto::GraphStatsReply& stats);
   void MatchSome(Context& context);
-  void Match(const PlannedMatch& planned, std::int64_t timestamp_ns);
+  void Match(Context& context, const PlannedMatch& planned, bool is_start);
+  void AddRecord(Context& context, const PlannedMatch& planned, const MatchResult& result);
   std::shared_ptr<const HazardField> FieldOf(const RegisteredMap& map);
   bool IsNews(const LoopClosure& closure) const;
   void WriteNextChunk(Context& context);
@@ -108,6 +112,7 @@ class RegisterActor final : public Actor {
   RecordAuthority authority_;
   KnownMaps known_;
   MatchPlan plan_;
+  StartSearch starts_;
   RecordReader reader_;       // Reads records into known_.
   bool is_outdated_ = false;  // True if known_ may contain pruned records and must be read again.
 
@@ -122,6 +127,7 @@ class RegisterActor final : public Actor {
   bool is_planned_ = false;  // True if pairs_ holds the pairs of this pass.
   std::vector<PlannedMatch> pairs_;
   std::size_t matched_count_ = 0;       // Number of pairs_ that were matched.
+  std::size_t start_begin_ = 0;         // Index of the first pair of the search for unknown starts, which come last.
   std::vector<proto::Record> records_;  // Matches to store.
   std::size_t written_count_ = 0;
   std::uint64_t run_ = 0;

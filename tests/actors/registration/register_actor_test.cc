@@ -132,8 +132,9 @@ class RegisterActorTest : public testing::Test {
 
   static std::int64_t TimeOf(const NodeKey& node) { return 1'000'000'000 * static_cast<std::int64_t>(1 + node.index); }
 
-  void StoreNode(const NodeKey& node) {
-    proto::Record record = ToRecord(GraphNode{node, TimeOf(node), RawAt(node)});
+  void StoreNode(const NodeKey& node) { StoreNode(node, RawAt(node)); }
+  void StoreNode(const NodeKey& node, const Pose& raw) {
+    proto::Record record = ToRecord(GraphNode{node, TimeOf(node), raw});
     (void)Store(record, node.agent);
     if (node.index == 0) return;
     OdometryEdge edge;
@@ -312,6 +313,43 @@ TEST_F(RegisterActorTest, WithPgoActorTheDriftGoesAndTheMatchingEnds) {
   EXPECT_LT(worst_m, 0.2);  // The drift was 0.7 m.
 }
 
+// Rover 2 has no start pose: its raw poses are in a frame of its own.
+TEST_F(RegisterActorTest, ARoverWithAnUnknownStartIsPlacedByMatchesThatAgree) {
+  config_.mutable_agents(1)->clear_start();
+  SpawnStorage();
+  SpawnPgo();
+  SpawnRegister();
+  SetLeader(1);
+  const Pose own_from_map = Pose::FromPlanar(40, -7, 2.3);
+  for (const AgentId agent : {1, 2}) {
+    for (std::uint64_t i = 0; i < kNodes; ++i) {
+      const NodeKey node{agent, i};
+      StoreNode(node, agent == 1 ? RawAt(node) : own_from_map * RawAt(node));
+      (void)StoreMap(node);
+    }
+  }
+  proto::OptimizeReply reply;
+  for (int i = 0; i < 4; ++i) {
+    proto::Message message;
+    message.mutable_optimize_request();
+    ASSERT_EQ(team_.Post(client_, pgo_, message), SendResult::kAccepted);
+    team_.RunUntilIdle();
+    reply = Answers().at(0).optimize_reply();
+    ASSERT_EQ(reply.rovers_size(), 2);
+    if (i == 0) {
+      EXPECT_EQ(reply.rovers(1).anchoring(), proto::ANCHORING_UNANCHORED);
+    }
+    team_.AdvanceTime(seconds(10));
+  }
+  EXPECT_EQ(reply.rovers(1).anchoring(), proto::ANCHORING_ANCHORED) << reply.ShortDebugString();
+  EXPECT_GT(Matches().size(), 8u);
+  for (const proto::MapMatch& match : Matches()) {
+    const Pose truth = TrueAt(FromProto(match.from())).Inverse() * TrueAt(FromProto(match.to()));
+    const Pose error = truth.Inverse() * *FromProto(match.relative_pose().from_from_to());
+    EXPECT_LT(error.position_m.norm(), 0.1) << match.ShortDebugString();
+  }
+}
+
 // Runs one pass, and returns its matches without the epochs of the maps.
 class OnePass : public RegisterActorTest {
  public:
@@ -385,10 +423,10 @@ TEST_F(RegisterActorTest, TheFirstSolveOfTheLeaderComesFirst) {
   EXPECT_THAT(State().text(), HasSubstr("has not solved"));
 }
 
-TEST_F(RegisterActorTest, MapsOfRoversThatAreNotPlacedAreNotMatchedWithOthers) {
+TEST_F(RegisterActorTest, MapsOfRoversThatAreNotPlacedAreNotMatchedWithEachOther) {
   SpawnAll();
   StoreDrive();
-  stats_.mutable_last_solve()->mutable_rovers(1)->set_anchoring(proto::ANCHORING_UNANCHORED);
+  for (auto& rover : *stats_.mutable_last_solve()->mutable_rovers()) rover.set_anchoring(proto::ANCHORING_UNANCHORED);
   Pass();
   for (const proto::MapMatch& match : Matches()) EXPECT_EQ(match.from().agent_id(), match.to().agent_id());
   EXPECT_TRUE(State().is_done());
