@@ -55,6 +55,7 @@ const std::vector<Case>& Cases() {
       {{"graph", "import", "@/more.pyfg"}, kDone, kDone, kDone, "nodes"},
       {{"graph", "optimize"}, kDone, kDone, kDone, "nodes"},
       {{"graph", "stats"}, kDone, kDone, kDone, "nodes"},
+      {{"graph", "matches"}, kDone, kDone, kDone, "matched"},
       {{"graph", "quarantine", "rover2:4"}, kDone, kDone, kDone, "stands"},
       {{"graph", "export", "@/out%.pyfg"}, kDone, kDone, kDone, "wrote"},
       {{"graph", "solve", "@/mission/graph.pyfg", "--out", "@/solved%.pyfg"}, kDone, kDone, kDone, "wrote"},
