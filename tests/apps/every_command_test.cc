@@ -62,6 +62,7 @@ const std::vector<Case>& Cases() {
       {{"map", "export", "@/map%"}, kDone, kDone, kDone, "map.yaml"},
       {{"map", "why", "0", "0"}, kDone, kDone, kDone, "rover"},
       {{"map", "stats"}, kDone, kDone, kDone, "rover"},
+      {{"map", "overlap", "rover1:0", "rover2:0", "--out", "@/overlap%.png"}, kDone, kDone, kDone, "COMMON"},
       {{"map", "quarantine", "--agent", "rover2", "--from", "2026-11-21T10:00Z"}, kDone, kDone, kDone, "stands"},
       {{"record", "insert", "temperature", "{\"celsius\": -40}", "-a", "rover3"},
        kDone,
