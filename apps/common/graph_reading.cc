@@ -18,7 +18,8 @@ proto::ReadRequest RequestOf(std::initializer_list<DataType> types) {
 
 }  // namespace
 
-Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team) {
+Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team,
+                               const std::function<void(const RecordKey&, const proto::Record&)>& added) {
   RecordAuthority authority(RoleChainOptions(team));
   const auto take = [&authority](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
     (void)authority.Counts(FromProto(stored.key()), record);
@@ -28,9 +29,12 @@ Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team) {
   if (auto read = client.ReadAll(RequestOf({proto::ROLE_ASSIGNMENT}), take); !read) return tl::unexpected(read.error());
   KnownGraph graph;
   const auto add = [&](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
-    if (!authority.Counts(FromProto(stored.key()), record)) return {};
-    auto added = graph.Add(FromProto(stored.key()), record);
-    if (!added) return Fail(ErrorCode::kCorrupt, added.error().text, added.error().field);
+    const RecordKey key = FromProto(stored.key());
+    if (!authority.Counts(key, record)) return {};
+    if (auto done = graph.Add(key, record); !done) {
+      return Fail(ErrorCode::kCorrupt, done.error().text, done.error().field);
+    }
+    if (added) added(key, record);
     return {};
   };
   const auto request = RequestOf({proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::POSE_PRIOR, proto::MAP_MATCH,

@@ -337,6 +337,7 @@ void AddGraphCommands(Command& app, CommandContext& context) {
     context.action = [&context, has_edges] { return ShowGraphStats(context, *has_edges); };
   });
 
+  AddGraphMatches(group, context);
   AddGraphQuarantine(group, context);
   AddGraphSolve(group, context);
 }

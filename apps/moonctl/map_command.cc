@@ -102,6 +102,7 @@ void AddMapCommands(Command& app, CommandContext& context) {
   exported.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportMap(context, *arguments); }; });
   AddMapQuestions(group, context);
+  AddMapOverlap(group, context);
 }
 
 }  // namespace moondb

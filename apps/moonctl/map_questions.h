@@ -9,5 +9,7 @@ namespace moondb {
 class Command;
 
 void AddMapQuestions(Command& group, CommandContext& context);
+// Adds `moonctl map overlap`, which draws two local maps over each other.
+void AddMapOverlap(Command& group, CommandContext& context);
 
 }  // namespace moondb

@@ -1,0 +1,166 @@
+#include "apps/moonctl/match_list.h"
+
+#include <gmock/gmock.h>
+
+#include <numbers>
+
+#include "proto/types.pb.h"
+
+namespace moondb {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+
+RecordKey NextMatchListKey() {
+  static std::uint64_t seq = 0;
+  return RecordKey{{1, 1, proto::MAP_MATCH}, ++seq};
+}
+
+class MatchListTest : public testing::Test {
+ protected:
+  MatchListTest() {
+    for (const std::uint32_t id : {1, 2}) {
+      proto::AgentConfig& agent = *team_.add_agents();
+      agent.set_id(id);
+      agent.set_name("rover" + std::to_string(id));
+    }
+  }
+
+  void Add(const proto::Record& record) {
+    const RecordKey key = NextMatchListKey();
+    ASSERT_TRUE(known_.Add(key, record).has_value());
+    held_.Add(key, record);
+  }
+
+  void AddNode(const NodeKey& node, double x_m) {
+    proto::Record record;
+    *record.mutable_pose_graph_node()->mutable_node() = ToProto(node);
+    *record.mutable_pose_graph_node()->mutable_map_from_node() = ToProto(Pose::FromPlanar(x_m, 0, 0));
+    Add(record);
+  }
+
+  // Adds a match of node `index` of rover1 with the same node of rover2.
+  void AddMatch(std::uint64_t index, double x_m, std::uint64_t term = 1, std::uint64_t run = 1) {
+    proto::Record record;
+    proto::MapMatch& match = *record.mutable_map_match();
+    *match.mutable_from() = ToProto(NodeKey{1, index});
+    *match.mutable_to() = ToProto(NodeKey{2, index});
+    *match.mutable_relative_pose()->mutable_from_from_to() = ToProto(Pose::FromPlanar(x_m, 0, std::numbers::pi / 6));
+    AddUpperTriangle(Matrix6d::Identity(), *match.mutable_relative_pose()->mutable_covariance());
+    match.set_from_timestamp_ns(100);
+    match.set_to_timestamp_ns(200);
+    match.set_overlap(0.54);
+    match.set_matched(0.92);
+    match.set_second_best(0.7);
+    match.mutable_term()->set_number(term);
+    match.set_run(run);
+    Add(record);
+  }
+
+  void AddVerdict(std::uint64_t index, bool is_inlier, double sigmas) {
+    proto::Record record;
+    proto::EdgeVerdict& verdict = *record.mutable_edge_verdict();
+    *verdict.mutable_from() = ToProto(NodeKey{1, index});
+    *verdict.mutable_to() = ToProto(NodeKey{2, index});
+    verdict.set_source(std::string(kRegistrationSource));
+    verdict.set_is_inlier(is_inlier);
+    verdict.set_residual_sigmas(sigmas);
+    verdict.mutable_term()->set_number(1);
+    verdict.set_run(1);
+    Add(record);
+  }
+
+  // Returns the index of the nodes of each listed match, in order.
+  std::vector<std::uint64_t> Indices() const {
+    std::vector<std::uint64_t> indices;
+    for (const ListedMatch& match : held_.List(known_)) indices.push_back(match.from.index);
+    return indices;
+  }
+
+  proto::TeamConfig team_;
+  KnownGraph known_;
+  MatchList held_;
+};
+
+TEST_F(MatchListTest, ListsTheMatchWithTheHighestTermAndRunOfEachPair) {
+  AddMatch(5, 3, 2, 1);
+  AddMatch(5, 2, 1, 9);
+  AddMatch(5, 1, 2, 0);
+  AddMatch(4, 7);
+  const std::vector<ListedMatch> list = held_.List(known_);
+  ASSERT_EQ(list.size(), 2u);
+  EXPECT_EQ(list[0].from.index, 4u);
+  EXPECT_DOUBLE_EQ(list[1].from_from_to.position_m.x(), 3);
+}
+
+TEST_F(MatchListTest, ShowsTheVerdictOfTheLastSolve) {
+  for (const std::uint64_t index : {1, 2, 3, 4}) AddMatch(index, 1);
+  AddVerdict(2, true, 0.5);
+  AddVerdict(3, false, 9.26);
+  AddVerdict(4, false, 20);
+  EXPECT_THAT(Indices(), ElementsAre(4, 3, 1, 2)) << "rejected ones come first";
+  std::vector<std::string> verdicts;
+  for (const ListedMatch& match : held_.List(known_)) verdicts.push_back(VerdictText(match));
+  EXPECT_THAT(verdicts, ElementsAre("rejected (20.0 sigmas)", "rejected (9.3 sigmas)", "not solved yet", "kept"));
+}
+
+TEST_F(MatchListTest, ShowsQuarantinedMatches) {
+  AddMatch(1, 1);
+  AddMatch(2, 1);
+  AddVerdict(1, false, 20);
+  proto::Record record;
+  *record.mutable_map_quarantine()->mutable_node() = ToProto(NodeKey{1, 1});
+  Add(record);
+  const std::vector<ListedMatch> list = held_.List(known_);
+  EXPECT_EQ(VerdictText(list.at(0)), "quarantined");
+  EXPECT_EQ(VerdictText(list.at(1)), "not solved yet");
+}
+
+TEST_F(MatchListTest, ShowsOffsetAndCorrectionOfOdometry) {
+  AddNode({1, 1}, 10);
+  AddNode({2, 1}, 14.5);
+  AddMatch(1, 4);
+  AddMatch(2, 4);  // Its nodes are missing.
+  const std::string text = MatchesText(team_, held_.List(known_), 50);
+  EXPECT_THAT(text, HasSubstr("rover1:1  rover2:1  4.00 m 30.0 deg  0.50 m 30.0 deg     0.92     0.54         0.70  "));
+  EXPECT_THAT(text, HasSubstr("rover1:2  rover2:2  4.00 m 30.0 deg  -  "));
+}
+
+TEST_F(MatchListTest, CountsTheRowsThatItLeavesOut) {
+  EXPECT_EQ(MatchesText(team_, {}, 50), "no map match is held here\n");
+  for (const std::uint64_t index : {1, 2, 3}) AddMatch(index, 1);
+  const std::vector<ListedMatch> list = held_.List(known_);
+  EXPECT_THAT(MatchesText(team_, list, 2), HasSubstr("and 1 more; --all lists them\n"));
+  EXPECT_THAT(MatchesText(team_, list, 2), Not(HasSubstr("rover1:3")));
+  EXPECT_THAT(MatchesText(team_, list, 3), Not(HasSubstr("more")));
+  JsonWriter json;
+  WriteMatches(list, json);
+  EXPECT_THAT(json.text(), HasSubstr("\"verdict\":\"not solved yet\""));
+  EXPECT_THAT(json.text(), HasSubstr("\"correction_m\":null"));
+}
+
+TEST(RegistrationTextTest, CountsResultsAndGivesTheReasonWhyNothingIsMatched) {
+  proto::RegistrationReply state;
+  state.set_map_count(8);
+  state.set_pass_count(2);
+  state.set_stored_count(7);
+  state.set_left_count(3);
+  state.set_seconds(1.25);
+  for (const auto& [verdict, count] : {std::pair("accepted", 9), std::pair("few points", 4)}) {
+    state.add_counts()->set_verdict(verdict);
+    state.mutable_counts()->rbegin()->set_count(count);
+  }
+  EXPECT_EQ(RegistrationText(state),
+            "matched 13 pairs of 8 maps in 2 passes: 9 accepted, 4 few points; 7 stored; 3 left; 1.2 s\n");
+  proto::RegistrationReply none;
+  none.set_other_map_count(2);
+  none.set_text("the leader has not solved the pose graph yet");
+  EXPECT_EQ(RegistrationText(none),
+            "matched 0 pairs of 0 maps in 0 passes; 0 stored; 0 left; 0.0 s; 2 maps are quarantined or have no "
+            "optimized pose; the leader has not solved the pose graph yet\n");
+}
+
+}  // namespace
+}  // namespace moondb
