@@ -21,6 +21,8 @@ import time
 AGENT_COUNT = 4
 STEP_LIMIT_S = 240
 MARK = ".moondb-demo"
+# Stages of score.json, and their names in the table.
+STAGES = {"before": "odometry", "without_matches": "optimised", "after": "optimised, maps matched"}
 COLUMN = 21  # Width of a table column. The longest role has 19 letters.
 TYPES_FILE = pathlib.Path(__file__).resolve().parent.parent / "proto/types.proto"
 TYPE_NAMES = {int(number): name.lower()
@@ -110,6 +112,11 @@ class Story:
             self.team.moonctl("--timeout", f"{STEP_LIMIT_S}s", "sync", "now", "--wait")
         with self.step("optimise: the leader solves the pose graph"):
             self.show(self.team.moonctl("graph", "optimize"))
+        for text in ("match: the leader matches local maps that overlap, and solves with the matches",
+                     "match: again, at the better poses"):
+            with self.step(text):
+                self.show(self.team.moonctl("graph", "matches", "--wait", f"{STEP_LIMIT_S}s").splitlines()[0])
+                self.show(self.team.moonctl("graph", "optimize"))
         with self.step("replicate: all that the leader holds to the designated survivor"):
             self.team.moonctl("--timeout", f"{STEP_LIMIT_S}s", "replicate", "now", "--wait")
 
@@ -188,12 +195,9 @@ def summarise(mission, before_kill, at_end, score, seconds):
         "mission": str(mission),
         "agents": agents,
         "wire_bytes": wire_bytes,
-        "ate_before_m": score["before"]["ate_m"],
-        "ate_after_m": score["after"]["ate_m"],
-        "hazard_iou_before": score["before"]["hazard_iou"],
-        "hazard_iou_after": score["after"]["hazard_iou"],
-        "kappa_before": score["before"]["kappa"],
-        "kappa_after": score["after"]["kappa"],
+        **{f"{figure}_{when}{unit}": score[when][key]
+           for figure, key, unit in (("ate", "ate_m", "_m"), ("hazard_iou", "hazard_iou", ""), ("kappa", "kappa", ""))
+           for when in STAGES if when in score},
         "merged_map_is_reproducible": score["is_agents_map_equal"],
         "survivor_took_over": at_end["rover2"] is None and at_end["rover1"]["role"] == "ROLE_LEADER",
         "seconds": round(seconds, 1),
@@ -207,11 +211,12 @@ def print_table(summary):
     for kind in types:
         print(f"{kind:28}" + "".join(f"{agent['records'].get(kind, 0):{COLUMN}}" for agent in summary["agents"]))
     print(f"{'role at the end':28}" + "".join(f"{agent['role']:>{COLUMN}}" for agent in summary["agents"]))
-    print(f"\n{'':28}{'before':>16}{'after':>16}")
-    for label, key, unit in (("trajectory error (ATE)", "ate", "m"), ("hazard IoU", "hazard_iou", ""),
-                             ("Cohen's kappa", "kappa", "")):
-        values = [summary[f"{key}_{when}_m" if unit else f"{key}_{when}"] for when in ("before", "after")]
-        print(f"{label:28}" + "".join(f"{value:14.3f} {unit:1}" for value in values))
+    print(f"\n{'':28}{'ATE':>16}{'hazard IoU':>16}{'kappa':>16}")
+    for when, label in STAGES.items():
+        if f"ate_{when}_m" not in summary:
+            continue
+        ate, iou, kappa = (summary[key] for key in (f"ate_{when}_m", f"hazard_iou_{when}", f"kappa_{when}"))
+        print(f"{label:28}{ate:14.3f} m{iou:16.3f}{kappa:16.3f}")
     print(f"\n{'bytes between agents':28}{summary['wire_bytes']:16,} (messages as handed to the sockets)")
     print(f"{'survivor took over':28}{'yes' if summary['survivor_took_over'] else 'NO':>16}")
     print(f"{'seconds':28}{summary['seconds']:16}")

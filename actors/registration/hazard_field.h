@@ -64,7 +64,7 @@ class HazardField {
                                  int row) const;
 
   struct Distance {
-    double distance_m = 0;  // Bilinear interpolation of the distances of the cells.
+    double distance_m = kDistanceMax_m;  // Bilinear interpolation of the distances of the cells.
     Eigen::Vector2d gradient = Eigen::Vector2d::Zero();
     bool is_known = false;  // False if the map knows nothing about the place.
   };

@@ -9,8 +9,7 @@ namespace moondb {
 namespace {
 
 constexpr double kThinningSide_m = 0.5;
-constexpr double kSharedMapFactor = 2;
-constexpr double kYawSigma_rad = 0.05;
+constexpr double kYawFactor = 9;  // Factor of the variance of yaw.
 constexpr double kHeightSigma_m = 1;
 constexpr double kTiltSigma_rad = 0.2;
 
@@ -102,8 +101,7 @@ LoopClosure ToLoopClosure(const RegisteredMap& first, const RegisteredMap& secon
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) covariance(at[row], at[column]) = planar(row, column);
   }
-  covariance *= kSharedMapFactor;
-  covariance(5, 5) += kYawSigma_rad * kYawSigma_rad;
+  covariance(5, 5) *= kYawFactor;
   covariance(2, 2) = kHeightSigma_m * kHeightSigma_m;
   covariance(3, 3) = covariance(4, 4) = kTiltSigma_rad * kTiltSigma_rad;
   // Rotate from the first local frame, levelled, to the frames of the nodes: translation along the axes of the first

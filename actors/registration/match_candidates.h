@@ -44,9 +44,8 @@ std::vector<MatchCandidate> FindCandidates(const std::vector<RegisteredMap>& map
 // Returns the match as a loop closure between the nodes of two maps. The match corrects x, y and yaw of the second map.
 // z, roll and pitch stay as they are, with sigmas of 1 m and 0.2 rad.
 //
-// The covariance is twice that of the match, plus a variance of (0.05 rad)^2 in yaw, because the matches of one map
-// share its errors. Measured on 20 generated and two recorded missions (docs/decisions/0016): the yaw of a match adds
-// nothing to that of the odometry.
+// The sigma of yaw is three times that of the match, because the matches of one map share its errors, and the odometry
+// knows the yaw better (docs/decisions/0016).
 LoopClosure ToLoopClosure(const RegisteredMap& first, const RegisteredMap& second, const MatchResult& match);
 
 }  // namespace moondb

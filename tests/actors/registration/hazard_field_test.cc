@@ -58,6 +58,7 @@ TEST(HazardFieldTest, MapsWithoutCellsHaveNoPoints) {
     const HazardField field(map, {});
     EXPECT_TRUE(field.points_m().empty());
     EXPECT_FALSE(field.DistanceAt({1000, 0}).is_known);
+    EXPECT_EQ(field.DistanceAt({1000, 0}).distance_m, HazardField::kDistanceMax_m);
   }
 }
 

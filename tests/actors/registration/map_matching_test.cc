@@ -53,6 +53,19 @@ TEST(MapMatchingTest, SwappedMapsGiveTheInverseOffset) {
   EXPECT_LT(std::abs(cycle.Yaw()), 0.2 * kDegree);
 }
 
+TEST(MapMatchingTest, PointsOutsideTheOtherMapCountNeitherAsSeenNorAsMatched) {
+  const HazardWorld world = HazardWorld::OfRocks(9, 120);
+  const auto small_map_at = [&world](const Pose& pose) {
+    TraversabilityMap map;
+    map.layers = {world.LayerAt(pose, 50'000, 100)};
+    return FieldOf(map);
+  };
+  const Pose second = Pose::FromPlanar(2.5, 0, 0);  // Half of each map lies outside the other one.
+  const MatchResult match = MatchMaps(small_map_at({}), small_map_at(second), {2.5, 0, 0}, {0.6, 0.07});
+  EXPECT_LT(match.overlap, 0.7);
+  EXPECT_GT(match.overlap, 0.3);
+}
+
 TEST(MapMatchingTest, ACorridorIsRefusedBecauseItFitsElsewhere) {
   HazardWorld world;
   world.walls = {{{-30, -1}, {30, -1}}, {{-30, 1}, {30, 1}}};
