@@ -2,9 +2,11 @@
 // all rotations.
 //
 // The search matches up to 16 maps of the rover with up to 128 maps of placed rovers, each pair once per term. A single
-// match may be wrong, because rooms look alike. Matches of a rover are therefore given to the solver only if they
-// agree: at least two that share no map give the same start, within 0.3 m and 5 % of the rover's path between the maps,
-// and 5 degrees; and at most a third as many contradict them. The solver then places the rover by these loop closures.
+// match may be wrong, because rooms look alike. Therefore the solver gets the matches of a rover only if these hold:
+// - At least two of them share no map and give the same start, within 5 degrees and 0.3 m plus 5 % of the distance
+//   between their maps of the rover.
+// - At most a third as many contradict them.
+// The solver then places the rover by these loop closures.
 //
 // Limits: about 60 ms of CPU time per pair. If no rover is placed, there is nothing to match with. Single-threaded.
 #pragma once
