@@ -366,7 +366,8 @@ TEST(SharingFuzzTest, AConversationSurvivesBadMessagesAndThenCompletes) {
     refusals += conversation.Refusals();
     if (testing::Test::HasFailure()) return;
   }
-  EXPECT_GT(refusals, 10 * static_cast<double>(RunCount())) << "most of it was bad";
+  // Six sets of 100 seeds had 10 to 29 refusals per conversation.
+  EXPECT_GT(refusals, 3 * static_cast<double>(RunCount())) << "most messages were bad";
 }
 
 // Returns the bodies in proto/message.proto that agents send to each other.
