@@ -65,6 +65,7 @@ void RegisterActor::OnStart(Context& context) {
   request_id_ = context.rng()() >> 1;
   context.Watch(Topic::kRoles);
   context.Watch(Topic::kStored);
+  context.Monitor({options_.self, actor_name::kPgo});
 }
 
 // Accepts messages only from actors of this agent. Requests of clients arrive through the gateway.
@@ -77,6 +78,10 @@ void RegisterActor::OnMessage(Context& context, const proto::Message& message) {
       return OnRoles(context, message.roles_changed().roles());
     case proto::Message::kRecordsStored:
       if (context.sender().actor == actor_name::kStorage) OnRecordsStored(context, message.records_stored());
+      return;
+    case proto::Message::kDown:
+      // A restarted PgoActor does not know the question.
+      if (phase_ == Phase::kAsking && message.down().actor() == actor_name::kPgo) AskAgainLater(context);
       return;
     case proto::Message::kRegistrationRequest:
       return OnRequest(context, message);

@@ -413,6 +413,29 @@ TEST_F(RegisterActorTest, NothingIsMatchedWhilePgoActorSolves) {
   EXPECT_FALSE(Matches().empty());
 }
 
+TEST_F(RegisterActorTest, AsksAgainWhenPgoActorWasRestarted) {
+  SpawnStorage();
+  // A PgoActor that does not answer.
+  class Silent final : public Actor {
+    void OnMessage(Context&, const proto::Message&) override {}
+  };
+  team_.Spawn(1, actor_name::kPgo, [] { return std::make_unique<Silent>(); });
+  SpawnRegister();
+  SetLeader(1);
+  StoreDrive();
+  team_.RecordSent(register_);
+  const auto count_questions = [this] {
+    std::size_t count = 0;
+    for (const proto::Message& sent : team_.TakeSent(register_)) count += sent.has_graph_stats_request() ? 1 : 0;
+    return count;
+  };
+  team_.AdvanceTime(seconds(20));
+  EXPECT_EQ(count_questions(), 1u);
+  team_.CrashActor(pgo_);
+  team_.AdvanceTime(seconds(20));
+  EXPECT_EQ(count_questions(), 1u);
+}
+
 TEST_F(RegisterActorTest, TheFirstSolveOfTheLeaderComesFirst) {
   SpawnAll();
   StoreDrive();
