@@ -31,6 +31,8 @@ struct MapLayer {
   std::uint32_t resolution_um = 0;
   double center_x_m = 0;
   double center_y_m = 0;
+
+  double resolution_m() const { return resolution_um * 1e-6; }
 };
 
 // Limits of a map from a message or a file.

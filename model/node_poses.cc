@@ -33,6 +33,14 @@ void NodePoses::AddOptimized(const RecordKey& key, const NodeKey& node, const Po
   if (!optimized || version > optimized->version) optimized = {version, map_from_node, ignores_raw_pose};
 }
 
+Result<void> NodePoses::AddOptimized(const RecordKey& key, const proto::OptimizedPose& optimized) {
+  const Result<Pose> pose = FromProto(optimized.map_from_node());
+  if (!pose) return tl::unexpected(pose.error());
+  AddOptimized(key, FromProto(optimized.node()), *pose, optimized.term(), optimized.run(),
+               optimized.ignores_raw_pose());
+  return {};
+}
+
 const Pose* NodePoses::FindRaw(const NodeKey& node, bool is_quarantined) const {
   const auto found = nodes_.find(node);
   const bool has_pose = found != nodes_.end() && !found->second.raw.empty() && !is_quarantined;

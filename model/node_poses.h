@@ -13,10 +13,12 @@
 #include <utility>
 #include <vector>
 
+#include "model/error.h"
 #include "model/geometry.h"
 #include "model/ids.h"
 #include "model/origin_quota.h"
 #include "model/record_key.h"
+#include "proto/record.pb.h"
 #include "proto/term.pb.h"
 
 namespace moondb {
@@ -33,6 +35,8 @@ class NodePoses {
   // `ignores_raw_pose`: the pose is valid even while a quarantine of the node stands.
   void AddOptimized(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
                     std::uint64_t run, bool ignores_raw_pose = false);
+  // Fails with the error of FromProto(proto::Pose), without changing anything.
+  Result<void> AddOptimized(const RecordKey& key, const proto::OptimizedPose& optimized);
 
   // Return null if there is no such pose. `is_quarantined`: a quarantine of the node stands.
   const Pose* FindRaw(const NodeKey& node, bool is_quarantined) const;

@@ -20,4 +20,12 @@ bool QuarantineSet::Add(const RecordKey& key, const proto::MapQuarantine& quaran
   return true;
 }
 
+std::set<NodeKey> QuarantineSet::FindNodes() const {
+  std::set<NodeKey> nodes;
+  ForEach([&nodes](const RecordKey&, const proto::MapQuarantine& quarantine) {
+    if (quarantine.has_node()) nodes.insert(FromProto(quarantine.node()));
+  });
+  return nodes;
+}
+
 }  // namespace moondb

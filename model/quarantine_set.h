@@ -32,6 +32,8 @@ class QuarantineSet {
     }
   }
 
+  std::set<NodeKey> FindNodes() const;  // Returns the nodes that standing quarantines name.
+
   // Adds the number of records dropped because of the limit, by origin.
   void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const { quota_.CountLeftOut(counts); }
 

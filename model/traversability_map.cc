@@ -30,6 +30,11 @@ Result<MapLayer> FromProto(const proto::MapLayer& layer, const std::string& fiel
 
 }  // namespace
 
+Eigen::Vector2d CornerOf(const MapLayer& layer) {
+  return {layer.center_x_m - layer.resolution_m() * layer.grid.width / 2,
+          layer.center_y_m - layer.resolution_m() * layer.grid.height / 2};
+}
+
 proto::LocalTraversabilityMap ToProto(const TraversabilityMap& map) {
   proto::LocalTraversabilityMap result;
   *result.mutable_node() = ToProto(map.node);

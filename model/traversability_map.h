@@ -17,6 +17,9 @@ struct TraversabilityMap {
   std::vector<MapLayer> layers;  // Sorted by resolution, finest first.
 };
 
+// Returns the lower left corner of the layer's cell (0, 0) in the frame of the map, in metres.
+Eigen::Vector2d CornerOf(const MapLayer& layer);
+
 proto::LocalTraversabilityMap ToProto(const TraversabilityMap& map);
 
 // Validates and converts a map from a message. Fails with kInvalid and the field ("layers[1].cells") for an invalid

@@ -73,12 +73,7 @@ std::vector<MapCollection::Quarantine> MapCollection::StandingQuarantines() cons
 }
 
 const std::set<NodeKey>& MapCollection::QuarantinedNodes() const {
-  if (!quarantined_nodes_) {
-    quarantined_nodes_.emplace();
-    quarantines_.ForEach([this](const RecordKey&, const proto::MapQuarantine& said) {
-      if (said.has_node()) quarantined_nodes_->insert(FromProto(said.node()));
-    });
-  }
+  if (!quarantined_nodes_) quarantined_nodes_ = quarantines_.FindNodes();
   return *quarantined_nodes_;
 }
 

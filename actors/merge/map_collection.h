@@ -87,6 +87,9 @@ class MapCollection {
                         std::uint64_t run, bool ignores_raw_pose = false) {
     poses_.AddOptimized(key, node, map_from_node, term, run, ignores_raw_pose);
   }
+  Result<void> AddOptimizedPose(const RecordKey& key, const proto::OptimizedPose& optimized) {
+    return poses_.AddOptimized(key, optimized);
+  }
 
   // Adds a record that quarantines maps or a node, or that lifts a quarantine. Other quarantines are only listed by
   // StandingQuarantines. A record may lift a quarantine that arrives later.

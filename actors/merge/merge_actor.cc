@@ -237,14 +237,8 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
       collection_.AddRawPose(key, FromProto(node.node()), *pose);
       return {};
     }
-    case proto::Record::kOptimizedPose: {
-      const proto::OptimizedPose& optimized = record.optimized_pose();
-      const Result<Pose> pose = FromProto(optimized.map_from_node());
-      if (!pose) return tl::unexpected(pose.error());
-      collection_.AddOptimizedPose(key, FromProto(optimized.node()), *pose, optimized.term(), optimized.run(),
-                                   optimized.ignores_raw_pose());
-      return {};
-    }
+    case proto::Record::kOptimizedPose:
+      return collection_.AddOptimizedPose(key, record.optimized_pose());
     case proto::Record::kLocalTraversabilityMap: {
       Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
       if (!map) return tl::unexpected(map.error());

@@ -22,9 +22,9 @@ const GraphQuarantines::Parts& GraphQuarantines::Standing() const {
   if (standing_) return *standing_;
   Parts& parts = standing_.emplace();
   parts.maps = QuarantinedMaps(quarantines_);
+  parts.nodes = quarantines_.FindNodes();
   quarantines_.ForEach([&parts](const RecordKey&, const proto::MapQuarantine& quarantine) {
     if (quarantine.graph_part_case() != proto::MapQuarantine::GRAPH_PART_NOT_SET) ++parts.count;
-    if (quarantine.has_node()) parts.nodes.insert(FromProto(quarantine.node()));
     if (quarantine.has_factor()) parts.factors.insert(KeyOf(quarantine.factor()));
     if (quarantine.has_producer()) parts.sources.insert({quarantine.agent_id(), quarantine.producer().source()});
   });

@@ -17,21 +17,12 @@ struct Span {
 
 bool IsUsed(const MapLayer& layer) { return layer.resolution_um <= HazardField::kCoarsestLayer_um; }
 
-double ResolutionOf(const MapLayer& layer) { return layer.resolution_um * 1e-6; }
-
-// Returns the lower left corner of a layer.
-Eigen::Vector2d CornerOf(const MapLayer& layer) {
-  const double resolution_m = ResolutionOf(layer);
-  return {layer.center_x_m - resolution_m * layer.grid.width / 2,
-          layer.center_y_m - resolution_m * layer.grid.height / 2};
-}
-
 double ReachOf(const TraversabilityMap& map) {
   double reach_m = 0;
   for (const MapLayer& layer : map.layers) {
     if (!IsUsed(layer)) continue;
     const Eigen::Vector2d low = CornerOf(layer);
-    const Eigen::Vector2d high = low + ResolutionOf(layer) * Eigen::Vector2d(layer.grid.width, layer.grid.height);
+    const Eigen::Vector2d high = low + layer.resolution_m() * Eigen::Vector2d(layer.grid.width, layer.grid.height);
     reach_m = std::max({reach_m, -low.minCoeff(), high.maxCoeff()});
   }
   return std::min(reach_m, HazardField::kFieldSideMax_m / 2);
@@ -65,7 +56,7 @@ void HazardField::Draw(const TraversabilityMap& map, std::span<const MaskedDisc>
   std::vector<std::uint8_t> owners(cells.size());  // 1 + index of the layer that a cell was taken from.
   // Calls `take(column, row, center_m, value)` for each known cell of a layer that overlaps the field.
   const auto for_each_cell = [&](const MapLayer& layer, const auto& take) {
-    const double resolution_m = ResolutionOf(layer);
+    const double resolution_m = layer.resolution_m();
     const Eigen::Vector2d corner_m = CornerOf(layer);
     const double reach_m = side_ / 2 * kCell_m;
     const auto first = [&](double corner, int size) {
@@ -87,10 +78,10 @@ void HazardField::Draw(const TraversabilityMap& map, std::span<const MaskedDisc>
   for (std::size_t i = map.layers.size(); i-- > 0;) {
     const MapLayer& layer = map.layers[i];
     if (!IsUsed(layer)) continue;
-    const double half_m = std::max(ResolutionOf(layer), kCell_m) / 2 * (1 - 1e-6);
+    const double half_m = std::max(layer.resolution_m(), kCell_m) / 2 * (1 - 1e-6);
     const std::uint8_t owner = static_cast<std::uint8_t>(i + 1);
     for_each_cell(layer, [&](const Eigen::Vector2d& center_m, Cell value) {
-      const bool is_fine = ResolutionOf(layer) < kCell_m;
+      const bool is_fine = layer.resolution_m() < kCell_m;
       const double reach_m = is_fine ? 0 : half_m;
       const Span span = {
           std::max(ToCell(center_m.x() - reach_m), 0), std::min(ToCell(center_m.x() + reach_m), side_ - 1),
@@ -128,7 +119,7 @@ void HazardField::Draw(const TraversabilityMap& map, std::span<const MaskedDisc>
       const std::size_t at = IndexOf(x, y);
       if (owners[at] != i + 1 || cells[at] != static_cast<std::uint8_t>(Cell::kHazard)) return;
       points_m_.push_back(center_m);
-      if (ResolutionOf(layer) < kCell_m) owners[at] = 0;  // One point per field cell is enough.
+      if (layer.resolution_m() < kCell_m) owners[at] = 0;  // One point per field cell is enough.
     });
   }
   points_m_ = SamplePoints(points_m_, kPointsMax);

@@ -29,14 +29,8 @@ Result<void> KnownMaps::Add(const RecordKey& key, const proto::Record& record) {
       if (node_times_[node.agent].try_emplace(record.timestamp_ns(), node).second) ++node_time_count_;
       return {};
     }
-    case proto::Record::kOptimizedPose: {
-      const proto::OptimizedPose& optimized = record.optimized_pose();
-      const Result<Pose> pose = FromProto(optimized.map_from_node());
-      if (!pose) return tl::unexpected(pose.error());
-      poses_.AddOptimized(key, FromProto(optimized.node()), *pose, optimized.term(), optimized.run(),
-                          optimized.ignores_raw_pose());
-      return {};
-    }
+    case proto::Record::kOptimizedPose:
+      return poses_.AddOptimized(key, record.optimized_pose());
     case proto::Record::kLocalTraversabilityMap:
       return AddMap(key, record);
     case proto::Record::kMapMatch:
@@ -89,17 +83,9 @@ Result<void> KnownMaps::AddMatch(const RecordKey& key, const proto::Record& reco
   return {};
 }
 
-std::set<NodeKey> KnownMaps::QuarantinedNodes() const {
-  std::set<NodeKey> nodes;
-  quarantines_.ForEach([&nodes](const RecordKey&, const proto::MapQuarantine& said) {
-    if (said.has_node()) nodes.insert(FromProto(said.node()));
-  });
-  return nodes;
-}
-
 std::vector<RegisteredMap> KnownMaps::FindRegistered() const {
   const QuarantinedMaps quarantined_maps(quarantines_);
-  const std::set<NodeKey> quarantined_nodes = QuarantinedNodes();
+  const std::set<NodeKey> quarantined_nodes = quarantines_.FindNodes();
   std::vector<RegisteredMap> registered;
   for (const auto& [key, map] : maps_) {
     if (quarantined_nodes.contains(map.node) || quarantined_maps.Contains(key.stream.origin, map.timestamp_ns))

@@ -63,7 +63,6 @@ class KnownMaps {
   std::uint64_t LastRun(const proto::Term& term) const;
 
   std::size_t map_count() const { return maps_.size(); }
-  std::size_t match_count() const { return matches_.size(); }
   // Number of records dropped because a limit was reached, by origin.
   std::map<AgentId, std::uint64_t> CountLeftOut() const;
 
@@ -81,7 +80,6 @@ class KnownMaps {
   Result<void> AddMap(const RecordKey& key, const proto::Record& record);
   Result<void> AddMatch(const RecordKey& key, const proto::Record& record);
   void RemoveMap(const RecordKey& key) { maps_.erase(key); }
-  std::set<NodeKey> QuarantinedNodes() const;
 
   struct NoNote {};
 

@@ -23,7 +23,6 @@ constexpr double kSamePlace_rad = 5 * std::numbers::pi / 180;
 constexpr double kSecondWindowMin_m = 1.5;  // The second place is searched for at least this far.
 constexpr int kIterations = 20;
 constexpr double kLoss_m = 0.12;
-constexpr double kNear_m = 0.10;
 constexpr double kPointSigma_m = 0.05;
 constexpr double kVarianceFactor = 40;
 constexpr double kSigmaMin_m = 0.04;
@@ -53,13 +52,12 @@ class PlaceSearch {
     point_count_ = points_m.size();
     rotated_.reserve(static_cast<std::size_t>(2 * yaws_ + 1) * point_count_);
     for (int yaw = -yaws_; yaw <= yaws_; ++yaw) {
-      const PlanarOffset offset = OffsetOf({0, yaw, 0, 0, 0});
-      const double cos_yaw = std::cos(offset.yaw_rad);
-      const double sin_yaw = std::sin(offset.yaw_rad);
+      const Eigen::Isometry2d transform = OffsetOf({0, yaw, 0, 0, 0}).ToTransform();
       FieldBox box = {{INT_MAX, INT_MAX}, {INT_MIN, INT_MIN}};
       for (const Eigen::Vector2d& point_m : points_m) {
-        const int column = field.ToCell(offset.x_m + cos_yaw * point_m.x() - sin_yaw * point_m.y());
-        const int row = field.ToCell(offset.y_m + sin_yaw * point_m.x() + cos_yaw * point_m.y());
+        const Eigen::Vector2d moved_m = transform * point_m;
+        const int column = field.ToCell(moved_m.x());
+        const int row = field.ToCell(moved_m.y());
         rotated_.push_back({column, row});
         box.first = {std::min(box.first.column, column), std::min(box.first.row, row)};
         box.last = {std::max(box.last.column, column), std::max(box.last.row, row)};
@@ -170,21 +168,17 @@ class Refinement {
   }
 
   void Judge(const PlanarOffset& offset, MatchResult& result) const {
-    const double cos_yaw = std::cos(offset.yaw_rad);
-    const double sin_yaw = std::sin(offset.yaw_rad);
+    const Eigen::Isometry2d first_from_second = offset.ToTransform();
+    const Eigen::Isometry2d second_from_first = first_from_second.inverse();
     int seen[2] = {0, 0};
     int near[2] = {0, 0};
     const auto count = [&](int side, const HazardField::Distance& distance) {
-      if (!distance.is_known && distance.distance_m > kNear_m) return;
+      if (!distance.is_known && distance.distance_m > kMatchedDistance_m) return;
       ++seen[side];
-      if (distance.distance_m <= kNear_m) ++near[side];
+      if (distance.distance_m <= kMatchedDistance_m) ++near[side];
     };
-    for (const Eigen::Vector2d& point_m : second_.points_m()) count(0, first_.DistanceAt(offset * point_m));
-    for (const Eigen::Vector2d& point_m : first_.points_m()) {
-      const Eigen::Vector2d moved = point_m - Eigen::Vector2d(offset.x_m, offset.y_m);
-      count(1, second_.DistanceAt(
-                   {cos_yaw * moved.x() + sin_yaw * moved.y(), -sin_yaw * moved.x() + cos_yaw * moved.y()}));
-    }
+    for (const Eigen::Vector2d& point_m : second_.points_m()) count(0, first_.DistanceAt(first_from_second * point_m));
+    for (const Eigen::Vector2d& point_m : first_.points_m()) count(1, second_.DistanceAt(second_from_first * point_m));
     const auto ratio = [](int part, std::size_t whole) { return whole == 0 ? 0.0 : part / static_cast<double>(whole); };
     result.points = std::min(seen[0], seen[1]);
     result.overlap = std::min(ratio(seen[0], second_.points_m().size()), ratio(seen[1], first_.points_m().size()));
@@ -202,8 +196,8 @@ class Refinement {
  private:
   // Adds weight * J^T J and weight * J^T r over the points of both maps.
   void Accumulate(const PlanarOffset& offset, Eigen::Matrix3d& hessian, Eigen::Vector3d& gradient) const {
-    const double cos_yaw = std::cos(offset.yaw_rad);
-    const double sin_yaw = std::sin(offset.yaw_rad);
+    const Eigen::Isometry2d first_from_second = offset.ToTransform();
+    const Eigen::Isometry2d second_from_first = first_from_second.inverse();
     const auto add = [&](const HazardField::Distance& distance, const Eigen::Vector3d& jacobian) {
       if (!distance.is_known && distance.distance_m > kLoss_m) return;
       const double ratio = distance.distance_m / kLoss_m;
@@ -211,20 +205,19 @@ class Refinement {
       hessian += weight * jacobian * jacobian.transpose();
       gradient += weight * distance.distance_m * jacobian;
     };
-    for (const Eigen::Vector2d& p : second_points_) {
-      const Eigen::Vector2d turned(cos_yaw * p.x() - sin_yaw * p.y(), sin_yaw * p.x() + cos_yaw * p.y());
-      const HazardField::Distance distance = first_.DistanceAt(turned + Eigen::Vector2d(offset.x_m, offset.y_m));
+    for (const Eigen::Vector2d& point_m : second_points_) {
+      const Eigen::Vector2d turned = first_from_second.linear() * point_m;
+      const HazardField::Distance distance = first_.DistanceAt(turned + first_from_second.translation());
       const Eigen::Vector2d& g = distance.gradient;
-      add(distance, {g.x(), g.y(), -g.x() * turned.y() + g.y() * turned.x()});
+      add(distance, {g.x(), g.y(), g.y() * turned.x() - g.x() * turned.y()});
     }
-    for (const Eigen::Vector2d& p : first_points_) {
-      const Eigen::Vector2d moved = p - Eigen::Vector2d(offset.x_m, offset.y_m);
-      const Eigen::Vector2d q(cos_yaw * moved.x() + sin_yaw * moved.y(), -sin_yaw * moved.x() + cos_yaw * moved.y());
-      const HazardField::Distance distance = second_.DistanceAt(q);
+    for (const Eigen::Vector2d& point_m : first_points_) {
+      const Eigen::Vector2d moved = second_from_first * point_m;
+      const HazardField::Distance distance = second_.DistanceAt(moved);
       const Eigen::Vector2d& g = distance.gradient;
-      // d q / d (x, y) = -R^T, and d q / d yaw = (q.y, -q.x).
-      add(distance,
-          {-(g.x() * cos_yaw - g.y() * sin_yaw), -(g.x() * sin_yaw + g.y() * cos_yaw), g.x() * q.y() - g.y() * q.x()});
+      // The derivative of `moved` is -R^T for x and y, and (moved.y, -moved.x) for yaw.
+      const Eigen::Vector2d along = -(first_from_second.linear() * g);
+      add(distance, {along.x(), along.y(), g.x() * moved.y() - g.y() * moved.x()});
     }
   }
 
@@ -241,13 +234,15 @@ double WorstSigma(const Eigen::Matrix3d& covariance) {
 
 }  // namespace
 
-Eigen::Vector2d PlanarOffset::operator*(const Eigen::Vector2d& point_m) const {
-  const double cos_yaw = std::cos(yaw_rad);
-  const double sin_yaw = std::sin(yaw_rad);
-  return {x_m + cos_yaw * point_m.x() - sin_yaw * point_m.y(), y_m + sin_yaw * point_m.x() + cos_yaw * point_m.y()};
+Eigen::Isometry2d PlanarOffset::ToTransform() const {
+  return Eigen::Translation2d(x_m, y_m) * Eigen::Rotation2Dd(yaw_rad);
 }
 
 PlanarOffset PlanarOffset::From(const Pose& pose) { return {pose.position_m.x(), pose.position_m.y(), pose.Yaw()}; }
+
+PlanarOffset PlanarOffset::Between(const Pose& map_from_first, const Pose& map_from_second) {
+  return From(From(map_from_first).ToPose().Inverse() * From(map_from_second).ToPose());
+}
 
 std::string ToString(MatchVerdict verdict) {
   switch (verdict) {

@@ -14,6 +14,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <string>
 
 #include "actors/registration/hazard_field.h"
@@ -27,11 +28,16 @@ struct PlanarOffset {
   double y_m = 0;
   double yaw_rad = 0;
 
-  Eigen::Vector2d operator*(const Eigen::Vector2d& point_m) const;
+  Eigen::Vector2d operator*(const Eigen::Vector2d& point_m) const { return ToTransform() * point_m; }
   // Projects a pose to the horizontal plane.
   static PlanarOffset From(const Pose& pose);
+  // Returns first_from_second of two poses in the frame `map`, both projected to the horizontal plane.
+  static PlanarOffset Between(const Pose& map_from_first, const Pose& map_from_second);
+  Eigen::Isometry2d ToTransform() const;
   Pose ToPose() const { return Pose::FromPlanar(x_m, y_m, yaw_rad); }
 };
+
+inline constexpr double kMatchedDistance_m = 0.10;  // A point is matched if a hazard lies within this distance.
 
 // How far an offset may lie from the expected one.
 struct MatchWindow {
@@ -73,7 +79,8 @@ struct MatchResult {
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
   int points = 0;      // Points in the other map's known area; the smaller number of the two maps.
   double overlap = 0;  // Their part of all points; the smaller of the two maps.
-  double matched = 0;  // Part of them with a hazard of the other map within 10 cm; the smaller of the two maps.
+  double matched =
+      0;  // Part of them with a hazard of the other map within kMatchedDistance_m; the smaller of the two maps.
   // Score of the best offset at another place, divided by the score of the match. An upper bound if it is below the
   // limit, and 1 if the search gave up.
   double second_best = 1;

@@ -73,7 +73,7 @@ std::vector<MatchCandidate> FindCandidates(const std::vector<RegisteredMap>& map
 }
 
 LoopClosure ToLoopClosure(const RegisteredMap& first, const RegisteredMap& second, const MatchResult& match) {
-  // Both local frames are levelled: the match holds between their projections to the horizontal plane.
+  // The match holds between the projections of both local frames to the horizontal plane.
   const Pose first_local = PlanarOffset::From(first.map_from_local).ToPose();
   const Pose second_local = PlanarOffset::From(second.map_from_local).ToPose();
   const Pose correction = first_local * match.first_from_second.ToPose() * second_local.Inverse();

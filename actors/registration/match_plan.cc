@@ -27,8 +27,7 @@ std::vector<PlannedMatch> MatchPlan::StartPass(const std::vector<RegisteredMap>&
     if (planned.size() >= options_.pairs_max) break;
     const RegisteredMap& first = maps[candidate.first];
     const RegisteredMap& second = maps[candidate.second];
-    const PlanarOffset expected = PlanarOffset::From(PlanarOffset::From(first.map_from_local).ToPose().Inverse() *
-                                                     PlanarOffset::From(second.map_from_local).ToPose());
+    const PlanarOffset expected = PlanarOffset::Between(first.map_from_local, second.map_from_local);
     const auto attempts = attempts_.find({first.key, second.key});
     if (attempts != attempts_.end() && !IsDue(attempts->second, expected)) continue;
     if (first.node == second.node || !nodes.emplace(first.node, second.node).second) continue;

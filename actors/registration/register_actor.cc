@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/control_request.h"
 #include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 
@@ -16,7 +17,6 @@ namespace {
 enum TimerKind : std::uint32_t { kQuiet = 1, kTimeout = 2, kAskPgo = 3, kWaitEnd = 4 };
 
 constexpr double kMaskMargin_m = 0.3;  // Added to a rover's body, because its pose is uncertain.
-constexpr double kWaitMax_s = 600;
 constexpr int kPassesMax = 2;
 constexpr double kSameSigmas = 1.0 / 3;
 
@@ -109,7 +109,6 @@ void RegisterActor::OnTimer(Context& context, const proto::Timer& timer) {
     }
     case kTimeout:
       if (timer.value() == request_id_ && phase_ == Phase::kWriting) Abandon(context, "storage does not answer");
-      // PgoActor answers late while it solves.
       return;
     case kAskPgo:
       if (timer.value() == request_id_ && phase_ == Phase::kAsking) AskPgo(context);
@@ -401,14 +400,13 @@ void RegisterActor::OnRequest(Context& context, const proto::Message& message) {
     *refusal.mutable_error() = ToProto(*error);
     return Answer(context, waiting, refusal);
   }
-  const double wait_s = std::min(message.registration_request().wait_s(), kWaitMax_s);
-  if (!(wait_s > 0)) return Answer(context, waiting, State());
+  const Duration wait = BoundedWait(message.registration_request().wait_s(), kRegistrationWaitMax_s);
+  if (wait <= Duration::zero()) return Answer(context, waiting, State());
   if (waiting_.size() >= options_.requests_max) {
     *refusal.mutable_error() = ToProto(Error{ErrorCode::kFull, "too many wait for matches; try again later", {}});
     return Answer(context, waiting, refusal);
   }
-  (void)context.AfterTimer(std::chrono::duration_cast<Duration>(std::chrono::duration<double>(wait_s)), kWaitEnd,
-                           waiting.timer);
+  (void)context.AfterTimer(wait, kWaitEnd, waiting.timer);
   waiting_.push_back(std::move(waiting));
   if (phase_ == Phase::kIdle) StartPass(context);
 }

@@ -5,13 +5,13 @@
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/graph_commands.h"
 #include "apps/moonctl/match_list.h"
+#include "model/control_request.h"
 #include "model/duration.h"
 
 namespace moondb {
 namespace {
 
 constexpr std::size_t kRowsMax = 50;  // Fits on a few screens.
-constexpr std::chrono::milliseconds kWaitMax = std::chrono::seconds(600);
 
 struct MatchesArguments {
   std::string wait;
@@ -22,7 +22,9 @@ struct MatchesArguments {
 Result<std::chrono::milliseconds> WaitOf(const MatchesArguments& arguments) {
   if (arguments.wait.empty()) return std::chrono::milliseconds(0);
   const auto wait = ParseDuration(arguments.wait);
-  if (wait && *wait > std::chrono::milliseconds(0) && *wait <= kWaitMax) return *wait;
+  if (wait && *wait > std::chrono::milliseconds(0) &&
+      *wait <= BoundedWait(kRegistrationWaitMax_s, kRegistrationWaitMax_s))
+    return *wait;
   return Fail(ErrorCode::kInvalid, "expected a duration of at most 10m such as 90s, got \"" + arguments.wait + "\"",
               "--wait");
 }

@@ -13,7 +13,6 @@ constexpr std::uint32_t kCell_um = 50'000;
 constexpr double kCell_m = kCell_um * 1e-6;
 constexpr double kReach_m = 30;  // Bounds the raster to 1200 x 1200 cells.
 constexpr double kMargin_m = 0.5;
-constexpr double kNear_m = 0.10;  // As in MatchResult::matched.
 
 enum CellClass : std::uint8_t { kUnknownCell, kFreeCell, kFirstHazard, kSecondHazard, kBothHazards };
 
@@ -28,17 +27,11 @@ struct Box {
   }
 };
 
-Eigen::Vector2d CornerOf(const MapLayer& layer) {
-  const double resolution_m = layer.resolution_um * 1e-6;
-  return {layer.center_x_m - resolution_m * layer.grid.width / 2,
-          layer.center_y_m - resolution_m * layer.grid.height / 2};
-}
-
 // Returns the area of all known cells in the frame of the map. A map without known cells has a single point.
 Box BoxOf(const TraversabilityMap& map) {
   Box box;
   for (const MapLayer& layer : map.layers) {
-    const double resolution_m = layer.resolution_um * 1e-6;
+    const double resolution_m = layer.resolution_m();
     for (std::int32_t row = 0; row < layer.grid.height; ++row) {
       for (std::int32_t column = 0; column < layer.grid.width; ++column) {
         if (layer.grid.At(column, row) == Cell::kUnknown) continue;
@@ -53,7 +46,7 @@ Box BoxOf(const TraversabilityMap& map) {
 
 Cell CellAt(const TraversabilityMap& map, const Eigen::Vector2d& point_m) {
   for (const MapLayer& layer : map.layers) {
-    const Eigen::Vector2d at = (point_m - CornerOf(layer)) / (layer.resolution_um * 1e-6);
+    const Eigen::Vector2d at = (point_m - CornerOf(layer)) / (layer.resolution_m());
     if (at.x() < 0 || at.y() < 0 || at.x() >= layer.grid.width || at.y() >= layer.grid.height) continue;
     const Cell cell = layer.grid.At(static_cast<std::int32_t>(at.x()), static_cast<std::int32_t>(at.y()));
     if (cell != Cell::kUnknown) return cell;
@@ -83,10 +76,8 @@ std::optional<double> OverlapShare::ratio() const {
 }
 
 PlanarOffset OffsetOf(const OverlaidMaps& maps, const MapPlacement& placement) {
-  const auto levelled = [](const Pose& pose) { return PlanarOffset::From(pose).ToPose(); };
-  const Pose first = levelled(placement.map_from_first_node * maps.first.node_from_map);
-  const Pose second = levelled(placement.map_from_second_node * maps.second.node_from_map);
-  return PlanarOffset::From(first.Inverse() * second);
+  return PlanarOffset::Between(placement.map_from_first_node * maps.first.node_from_map,
+                               placement.map_from_second_node * maps.second.node_from_map);
 }
 
 OverlapShare MeasureOverlap(const OverlaidMaps& maps, const PlanarOffset& first_from_second) {
@@ -97,7 +88,7 @@ OverlapShare MeasureOverlap(const OverlaidMaps& maps, const PlanarOffset& first_
     const HazardField::Distance distance = second.DistanceAt(second_from_first * point_m);
     if (!distance.is_known) continue;
     ++share.common_count;
-    share.matched_count += distance.distance_m <= kNear_m ? 1 : 0;
+    share.matched_count += distance.distance_m <= kMatchedDistance_m ? 1 : 0;
   }
   return share;
 }

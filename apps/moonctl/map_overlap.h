@@ -27,7 +27,7 @@ struct MapPlacement {
 // The hazards of the first map that lie in the known area of the second map.
 struct OverlapShare {
   std::size_t common_count = 0;
-  std::size_t matched_count = 0;  // Those with a hazard of the second map within 10 cm.
+  std::size_t matched_count = 0;  // Number of these hazards with a hazard of the second map within 10 cm.
 
   // Returns nullopt if the maps have no common hazard.
   std::optional<double> ratio() const;

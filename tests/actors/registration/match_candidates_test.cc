@@ -92,10 +92,7 @@ class MatchToClosureTest : public testing::Test {
   }
 
   LoopClosure Closure() const { return ToLoopClosure(first_, second_, match_); }
-  PlanarOffset Expected() const {
-    return PlanarOffset::From(PlanarOffset::From(first_.map_from_local).ToPose().Inverse() *
-                              PlanarOffset::From(second_.map_from_local).ToPose());
-  }
+  PlanarOffset Expected() const { return PlanarOffset::Between(first_.map_from_local, second_.map_from_local); }
 
   Pose first_node_;
   Pose second_node_;

@@ -37,7 +37,7 @@ std::uint8_t ValueAt(const Raster& raster, double x_m, double y_m) {
 }
 
 TEST(MapOverlapTest, DrawsBothMapsInTheFrameOfTheFirst) {
-  // Both maps have a hazard 0.5 m ahead; the second one lies 1 m to the left and is turned to the left.
+  // Each map has a hazard 0.5 m ahead. The second map lies 1 m to the left and is turned to the left.
   const auto maps = MapsOf({LayerWith(40, 50'000, {{30, 20}})}, {LayerWith(40, 50'000, {{30, 20}})});
   const Raster raster = OverlapRaster(maps, {0, 1, std::numbers::pi / 2});
   EXPECT_EQ(ValueAt(raster, 0.525, 0.025), kOfFirst);
