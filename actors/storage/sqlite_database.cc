@@ -402,7 +402,14 @@ Result<void> Database::QuickCheck() {
 
 void Database::LeaveAsItIs() { (void)sqlite3_db_config(connection_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr); }
 
-std::uint64_t Database::WalBytes() const { return FileBytes("-wal"); }
+std::uint64_t Database::WalBytes() const {
+  if (is_on_system_) return FileBytes("-wal");
+  sqlite3_file* log = nullptr;
+  sqlite3_int64 bytes = 0;
+  const bool is_read = sqlite3_file_control(connection_, "main", SQLITE_FCNTL_JOURNAL_POINTER, &log) == SQLITE_OK &&
+                       log != nullptr && log->pMethods != nullptr && log->pMethods->xFileSize(log, &bytes) == SQLITE_OK;
+  return is_read ? static_cast<std::uint64_t>(bytes) : 0;
+}
 
 std::uint64_t Database::FileBytes(const char* ending) const {
   if (path_ == kInMemory) return 0;

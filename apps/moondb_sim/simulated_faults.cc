@@ -229,6 +229,8 @@ void SimulatedFaults::FillDisk(AgentId agent, Duration length) {
   const std::string prefix = SimulatedWorld::Prefix(agent);
   world_.disk_trouble_until[agent] = std::max(world_.disk_trouble_until[agent], world_.team.now() + length);
   world_.disk.SetRoom(prefix, 0);
+  // Another program may take the room that a prune has freed.
+  world_.freed_on_full_disk.erase(agent);
   world_.In(length, [this, prefix] { world_.disk.SetRoom(prefix, std::nullopt); });
 }
 

@@ -195,6 +195,19 @@ TEST_F(FullDiskTest, TakesInsertsAfterAPrune) {
   }
 }
 
+TEST_F(FullDiskTest, TakesInsertsAfterAPruneThoughTheDiskFillsAgain) {
+  for (int i = 0; i < 400; ++i) ASSERT_FALSE(IsError(Insert(Map(kSelf)).error()));
+  disk_.SetRoom(kFolder, 0);
+  for (proto::PruneReply pruned = Prune(); !pruned.is_complete(); pruned = Prune()) {
+    ASSERT_FALSE(IsError(pruned.error())) << pruned.error().text();
+  }
+  disk_.SetRoom(kFolder, 0);
+  // The file has free pages, and the log can be overwritten.
+  EXPECT_GT(Status().wal_bytes(), 128 * 1024);
+  const proto::InsertReply inserted = Insert(Node(kSelf, 1));
+  EXPECT_FALSE(IsError(inserted.error())) << inserted.error().text();
+}
+
 TEST_F(FullDiskTest, UsesTheReserveForRolesAndRebuildsItWhenThereIsRoom) {
   disk_.SetRoom(kFolder, 0);
   for (std::uint64_t term = 1; Status().reserve_bytes() > 0; ++term) {

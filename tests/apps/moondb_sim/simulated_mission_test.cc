@@ -104,7 +104,7 @@ TEST(SimulatedMissionTest, KeepsAllRulesInSeedsThatBrokeOne) {
   };
   for (const auto& [number, actors, hours] :
        {Seed{1779860680, SimulatedActors::kAll, 1}, Seed{2094544, SimulatedActors::kAll, 1},
-        Seed{1582404, SimulatedActors::kSharing, 2}}) {
+        Seed{1582404, SimulatedActors::kSharing, 2}, Seed{498, SimulatedActors::kSharing, 2}}) {
     SimOptions options;
     options.seed = number;
     options.actors = actors;
