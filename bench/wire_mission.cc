@@ -9,6 +9,7 @@
 #include "bench/rolling_maps.h"
 #include "model/data_types.h"
 #include "model/record_check.h"
+#include "model/record_hash.h"
 #include "model/record_key.h"
 
 namespace moondb {

@@ -37,7 +37,7 @@ std::string UserAtMachine() {
 void SetCovariance(const std::vector<double>& numbers, std::size_t size,
                    google::protobuf::RepeatedField<double>& triangle) {
   if (numbers.size() != size) {
-    triangle.Assign(numbers.begin(), numbers.end());
+    triangle = {numbers.begin(), numbers.end()};
     return;
   }
   triangle.Clear();
@@ -120,7 +120,7 @@ Result<proto::AgentStatus> Client::Status() {
 Result<std::vector<RecordKey>> Client::Insert(const std::vector<proto::Record>& records, bool is_local) {
   proto::ControlRequest request;
   request.mutable_insert()->set_is_local(is_local);
-  request.mutable_insert()->mutable_records()->Add(records.begin(), records.end());
+  *request.mutable_insert()->mutable_records() = {records.begin(), records.end()};
   return Call(request).map([](const proto::ControlReply& reply) {
     std::vector<RecordKey> keys;
     keys.reserve(static_cast<std::size_t>(reply.insert().keys_size()));

@@ -140,7 +140,7 @@ Result<proto::ShareProgress> Client::ShareFromHere(proto::SharingKind kind, cons
   proto::ShareRequest request;
   request.set_kind(kind);
   request.set_destination(options.destination);
-  request.mutable_from_agents()->Assign(options.from.begin(), options.from.end());
+  *request.mutable_from_agents() = {options.from.begin(), options.from.end()};
   request.set_bytes_max(options.bytes_max);
   bool was_leading = false;
   const ConnectToShare connect = [this, &was_leading](proto::ShareRequest& given) -> Result<Client*> {

@@ -11,17 +11,21 @@ set(MOONDB_INCLUDE_DIR ${CMAKE_INSTALL_INCLUDEDIR}/moondb)
 set(MOONDB_SHARE_DIR ${CMAKE_INSTALL_DATADIR}/moondb)
 set(MOONDB_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/moondb)
 
-# moondb_install_library(TARGET [NAME name] [HEADERS public headers of this folder...]): installs the library `TARGET`
-# as moondb::NAME. Without NAME, the name is that of the target without "moondb_". If a public header includes another
-# header, that header must be public too.
+# moondb_install_library(TARGET [NAME name] [EXPORT set] [HEADERS public headers of this folder...]): installs the
+# library `TARGET` as moondb::NAME. Without NAME, the name is that of the target without "moondb_". The set is
+# moondbClient for the client and what it links, otherwise moondb. If a public header includes another header, that
+# header must be public too.
 function(moondb_install_library target)
-  cmake_parse_arguments(ARG "" "NAME" "HEADERS" ${ARGN})
+  cmake_parse_arguments(ARG "" "NAME;EXPORT" "HEADERS" ${ARGN})
   if(NOT ARG_NAME)
     string(REGEX REPLACE "^moondb_" "" ARG_NAME ${target})
   endif()
+  if(NOT ARG_EXPORT)
+    set(ARG_EXPORT moondb)
+  endif()
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${ARG_NAME})
   add_library(moondb::${ARG_NAME} ALIAS ${target})
-  install(TARGETS ${target} EXPORT moondb ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+  install(TARGETS ${target} EXPORT ${ARG_EXPORT} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
   file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
   install(FILES ${ARG_HEADERS} DESTINATION ${MOONDB_INCLUDE_DIR}/${folder} COMPONENT development)
 endfunction()
@@ -33,8 +37,10 @@ endfunction()
 
 # moondb_install_package(): installs the package. Call it once, after all libraries are declared.
 function(moondb_install_package)
-  install(EXPORT moondb NAMESPACE moondb:: FILE moondbTargets.cmake DESTINATION ${MOONDB_PACKAGE_DIR}
-          COMPONENT development)
+  foreach(set IN ITEMS moondb moondbClient)
+    install(EXPORT ${set} NAMESPACE moondb:: FILE ${set}Targets.cmake DESTINATION ${MOONDB_PACKAGE_DIR}
+            COMPONENT development)
+  endforeach()
   configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/moondbConfig.cmake.in
     ${PROJECT_BINARY_DIR}/moondbConfig.cmake INSTALL_DESTINATION ${MOONDB_PACKAGE_DIR}
     PATH_VARS MOONDB_INCLUDE_DIR MOONDB_SHARE_DIR)

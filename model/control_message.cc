@@ -40,11 +40,13 @@ proto::Message ErrorMessage(const Error& error) {
 }
 
 Result<proto::ControlRequest> ControlRequestOf(const proto::Message& message) {
-  return Parse<proto::ControlRequest>(message.has_control_request(), message.control_request(), "request");
+  return Parse<proto::ControlRequest>(message.body_case() == proto::Message::kControlRequest, message.control_request(),
+                                      "request");
 }
 
 Result<proto::ControlReply> ControlReplyOf(const proto::Message& message) {
-  return Parse<proto::ControlReply>(message.has_control_reply(), message.control_reply(), "reply");
+  return Parse<proto::ControlReply>(message.body_case() == proto::Message::kControlReply, message.control_reply(),
+                                    "reply");
 }
 
 Result<void> CheckControlReply(const proto::Message& message) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cctype>
 
-#include "model/data_types.h"
 #include "proto/types.pb.h"
 
 namespace moondb {
@@ -42,7 +41,11 @@ std::optional<DataType> DataTypeFromName(std::string_view name) {
 const std::vector<DataType>& BuiltInDataTypes() {
   static const std::vector<DataType> kTypes = [] {
     std::vector<DataType> types;
-    for (const DataTypeRow& row : DataTypeRows()) types.push_back(row.type);
+    const auto& numbers = *proto::DataType_descriptor();
+    for (int i = 0; i < numbers.value_count(); ++i) {
+      if (const int number = numbers.value(i)->number(); number != 0) types.push_back(static_cast<DataType>(number));
+    }
+    std::sort(types.begin(), types.end());
     return types;
   }();
   return kTypes;

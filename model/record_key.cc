@@ -1,23 +1,14 @@
 #include "model/record_key.h"
 
-#include <xxhash.h>
-
-#include <array>
 #include <charconv>
 #include <cinttypes>
 #include <cstdio>
-#include <memory>
 
 #include "proto/ids.pb.h"
 
 namespace moondb {
 
 namespace {
-
-// Appends the `byte_count` lowest bytes of `value` in little-endian order, regardless of this machine's byte order.
-void AppendLittleEndian(std::uint64_t value, int byte_count, std::array<char, 24>& buffer, std::size_t& size) {
-  for (int i = 0; i < byte_count; ++i) buffer[size++] = static_cast<char>(value >> (8 * i));
-}
 
 // Parses the number at the front of `text`, which must end before `end_mark`, or at the end of `text` if `end_mark` is
 // 0. Removes the number and the mark from `text`. Returns false and leaves `text` unchanged if there is no such number.
@@ -61,20 +52,6 @@ Result<RecordKey> ParseRecordKey(std::string_view text) {
     return Fail(ErrorCode::kInvalid, "'" + std::string(text) + "' is no record key (AGENT.EPOCH.TYPE.SEQ)");
   }
   return key;
-}
-
-std::uint64_t HashRecord(const RecordKey& key, std::string_view content) {
-  std::array<char, 24> head;
-  std::size_t head_size = 0;
-  AppendLittleEndian(key.stream.origin, 4, head, head_size);
-  AppendLittleEndian(key.stream.epoch, 8, head, head_size);
-  AppendLittleEndian(key.stream.type, 4, head, head_size);
-  AppendLittleEndian(key.seq, 8, head, head_size);
-  const std::unique_ptr<XXH64_state_t, decltype(&XXH64_freeState)> state(XXH64_createState(), &XXH64_freeState);
-  XXH64_reset(state.get(), 0);
-  XXH64_update(state.get(), head.data(), head_size);
-  XXH64_update(state.get(), content.data(), content.size());
-  return XXH64_digest(state.get());
 }
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// RecordKey: the permanent identifier of one shared record. HashRecord detects different contents under the same key.
+// RecordKey: the permanent identifier of one shared record.
 #pragma once
 
 #include <compare>
@@ -41,9 +41,5 @@ std::string ToString(const RecordKey& key);
 
 // Parses the text form of ToString. Fails with kInvalid for other text.
 Result<RecordKey> ParseRecordKey(std::string_view text);
-
-// Returns the XXH64 (seed 0) of origin (u32), epoch (u64), type (u32) and seq (u64), all little-endian, followed by the
-// content.
-std::uint64_t HashRecord(const RecordKey& key, std::string_view content);
 
 }  // namespace moondb

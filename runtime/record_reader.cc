@@ -108,7 +108,7 @@ void RecordReader::Ask(Context& context) {
   message.set_request_id(++question_id_);
   proto::ReadRequest& request = *message.mutable_read_request();
   request.set_after_row_id(last_row_id_);
-  request.mutable_data_types()->Assign(options_.data_types.begin(), options_.data_types.end());
+  *request.mutable_data_types() = {options_.data_types.begin(), options_.data_types.end()};
   request.set_records_max(options_.page_records_max);
   request.set_content_bytes_max(options_.page_bytes_max);
   const SendResult sent = context.Send(StorageOf(context), std::move(message));

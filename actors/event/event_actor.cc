@@ -207,7 +207,7 @@ void EventActor::OnFindings(Context& context, const proto::AgentStatus& status) 
 void EventActor::AnswerRequester(Context& context, const Requester& requester) {
   if (requester.acknowledges_until_ns) return Acknowledge(context, requester);
   proto::ControlReply reply;
-  reply.mutable_status()->mutable_findings()->Add(findings_.begin(), findings_.end());
+  *reply.mutable_status()->mutable_findings() = {findings_.begin(), findings_.end()};
   Reply(context, requester.from, requester.request_id, reply);
 }
 

@@ -244,7 +244,7 @@ std::vector<Question> QuestionsOf(Request request, bool is_relayed) {
 }
 
 bool TakeAnswer(Request::RequestCase request, const proto::Message& answer, proto::ControlReply& reply) {
-  if (answer.has_control_reply()) return TakeControlReply(request, answer, reply);
+  if (answer.body_case() == proto::Message::kControlReply) return TakeControlReply(request, answer, reply);
   const FieldDescriptor* body = proto::Message::descriptor()->FindFieldByNumber(answer.body_case());
   const FieldDescriptor* field = ReplyFieldOf(request);
   if (body == nullptr || field == nullptr || body->message_type() != field->message_type()) return false;

@@ -312,7 +312,9 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
   if (found == pending_.end()) return;  // The answer is late, or answers no request of this actor.
   Pending& pending = found->second;
   if (pending.relayed_to != 0) {
-    if (context.sender() != Address{pending.relayed_to, actor_name::kGateway} || !message.has_control_reply()) return;
+    if (context.sender() != Address{pending.relayed_to, actor_name::kGateway} ||
+        message.body_case() != proto::Message::kControlReply)
+      return;
     Result<proto::ControlReply> reply = ControlReplyOf(message);
     pending.reply = reply ? *std::move(reply) : ErrorReply(reply.error());
     return Finish(context, found->first);

@@ -1,5 +1,7 @@
 #include "actors/pgo/ceres_options.h"
 
+#include "actors/pgo/manifold.h"
+
 namespace moondb {
 
 ceres::CallbackReturnType StopCallback::operator()(const ceres::IterationSummary&) {
@@ -10,7 +12,7 @@ ceres::Problem::Options BorrowingProblemOptions() {
   ceres::Problem::Options options;
   options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ManifoldOwnership(options) = ceres::DO_NOT_TAKE_OWNERSHIP;
   return options;
 }
 

@@ -13,7 +13,6 @@
 #pragma once
 
 #include <ceres/cost_function.h>
-#include <ceres/manifold.h>
 
 #include <Eigen/Core>
 #include <array>
@@ -21,6 +20,7 @@
 #include <utility>
 #include <vector>
 
+#include "actors/pgo/manifold.h"
 #include "model/geometry.h"
 #include "model/pose_graph.h"
 
@@ -34,7 +34,7 @@ using PoseBlock = std::array<double, kPoseSize>;
 PoseBlock ToBlock(const Pose& pose);
 Pose FromBlock(const PoseBlock& block);  // Normalises the quaternion.
 
-class PoseManifold final : public ceres::Manifold {
+class PoseManifold final : public Manifold {
  public:
   int AmbientSize() const override { return kPoseSize; }
   int TangentSize() const override { return kPoseTangentSize; }
@@ -54,7 +54,7 @@ std::vector<int> AxesOf(BodyFreedom freedom, bool is_point);
 // Manifold of a pose that may change only along some axes. `axes` are indices 0 to 5 of PoseManifold's tangent, in
 // ascending order: {0, 1, 5} is a pose in the plane, {0, 1, 2} a point. Factors supply the same Jacobians as for
 // PoseManifold.
-class AxesManifold final : public ceres::Manifold {
+class AxesManifold final : public Manifold {
  public:
   explicit AxesManifold(std::vector<int> axes) : axes_(std::move(axes)) {}
 

@@ -58,11 +58,11 @@ void RetentionActor::OnMessage(Context& context, const proto::Message& message) 
   const AgentId from = context.sender().agent;
   if (from == options_.self) return OnLocal(context, message);
   if (FindAgent(options_.team, from) == nullptr || context.sender().actor != actor_name::kRetention) return;
-  if (message.has_control_request()) {
+  if (message.body_case() == proto::Message::kControlRequest) {
     const Result<proto::ControlRequest> request = ControlRequestOf(message);
     if (request && request->has_have()) OnPeersQuestion(context, from, message.request_id());
   }
-  if (message.has_control_reply()) {
+  if (message.body_case() == proto::Message::kControlReply) {
     const Result<proto::ControlReply> reply = ControlReplyOf(message);
     if (reply && reply->has_have() && IsAnswer(message, Stage::kPeers)) OnPeersHave(context, from, reply->have());
   }

@@ -376,7 +376,7 @@ proto::RoleShowReply RoleLogic::Show(bool with_history) const {
   if (!unstored_) {
     for (const AgentId agent : confirmed_) reply.add_confirmed_by(agent);
   }
-  if (with_history) reply.mutable_history()->Assign(history_.begin(), history_.end());
+  if (with_history) *reply.mutable_history() = {history_.begin(), history_.end()};
   return reply;
 }
 

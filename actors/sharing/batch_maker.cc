@@ -126,7 +126,7 @@ void BatchMaker::MakeWhole(CodedBatch coded, const proto::MissingReply& reply, s
   // Dropped intervals are sent only after the records that superseded them.
   if (remaining == 0) {
     made.contents.dropped = FirstDropped(reply, bytes_max - std::min(bytes_max, coded.bytes.size()));
-    batch.mutable_dropped()->Assign(made.contents.dropped.begin(), made.contents.dropped.end());
+    *batch.mutable_dropped() = {made.contents.dropped.begin(), made.contents.dropped.end()};
   }
   if (coded.codec == proto::CODEC_PAPER_SQL) {
     made.message.set_sql(std::move(coded.bytes));

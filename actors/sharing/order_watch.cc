@@ -99,7 +99,7 @@ bool OrderWatch::IsWaitedFor(std::uint64_t number) const {
 void OrderWatch::Update(Watched& watched, const RowsOf& rows_of) {
   Rows rows = rows_of(watched.order);
   proto::ShareProgress progress = watched.progress;
-  progress.mutable_pairs()->Assign(rows.pairs.begin(), rows.pairs.end());
+  *progress.mutable_pairs() = {rows.pairs.begin(), rows.pairs.end()};
   const auto is_complete = [](const proto::PairProgress& pair) { return pair.is_complete(); };
   const auto is_over = [](const proto::PairProgress& pair) { return pair.is_complete() || pair.is_stopped(); };
   progress.set_is_complete(!rows.is_open_ended && std::all_of(rows.pairs.begin(), rows.pairs.end(), is_complete));

@@ -66,7 +66,7 @@ void PeerNotes::NoteAll(const HaveSet& have, SharingActions& actions) {
   proto::PeerHave& note = NumberedNoteIn(actions);
   number_of_all_ = number_;
   *note.mutable_acknowledged() = ToProto(have);
-  note.mutable_origin_agents()->Assign(origins_.begin(), origins_.end());
+  *note.mutable_origin_agents() = {origins_.begin(), origins_.end()};
 }
 
 proto::PeerHave& PeerNotes::NoteIn(SharingActions& actions) const {

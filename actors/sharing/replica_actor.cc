@@ -123,7 +123,7 @@ void ReplicaActor::NotifySyncActor(Context& context) {
   proto::Gathering& gathering = *message.mutable_gathering();
   *gathering.mutable_term() = roles().term();
   const std::vector<AgentId> from = *YetToGather();
-  gathering.mutable_from()->Assign(from.begin(), from.end());
+  *gathering.mutable_from() = {from.begin(), from.end()};
   is_sync_notified_ = context.Send({self(), actor_name::kSync}, std::move(message)) != SendResult::kFull;
 }
 

@@ -456,7 +456,7 @@ void SharingActor::OnControlRequest(Context& context, const proto::Message& mess
   status.set_damaged_messages(receiver_->counts().damaged_messages);
   status.set_dropped_messages(receiver_->counts().dropped_messages);
   status.set_refused_hellos(receiver_->counts().refused_hellos);
-  status.mutable_other_config_agents()->Assign(receiver_->other_configs().begin(), receiver_->other_configs().end());
+  *status.mutable_other_config_agents() = {receiver_->other_configs().begin(), receiver_->other_configs().end()};
   (void)context.Reply(MessageOf(reply));
 }
 

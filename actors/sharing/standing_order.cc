@@ -88,7 +88,7 @@ void StandingOrder::StartOver() {
 void StandingOrder::FillRequest(proto::Hello& hello) {
   asked_origins_ = OriginsMeant();
   asked_types_ = {filter_.everyones_types().begin(), filter_.everyones_types().end()};
-  hello.mutable_origin_agents()->Assign(asked_origins_.begin(), asked_origins_.end());
+  *hello.mutable_origin_agents() = {asked_origins_.begin(), asked_origins_.end()};
   *hello.mutable_everyones_types() = filter_.everyones_types();
 }
 
@@ -114,7 +114,7 @@ std::set<AgentId> StandingOrder::OriginsMeant() const {
 
 proto::RecordFilter StandingOrder::Meant() const {
   proto::RecordFilter meant = is_for_states() ? StatesMeant() : filter_;
-  meant.mutable_not_data_types()->Assign(other_schema_types_.begin(), other_schema_types_.end());
+  *meant.mutable_not_data_types() = {other_schema_types_.begin(), other_schema_types_.end()};
   return meant;
 }
 
@@ -135,7 +135,7 @@ void StandingOrder::SpendBytes(std::size_t coded_bytes) {
 }
 
 void StandingOrder::AddTo(proto::ShareSession& status) const {
-  status.mutable_other_schema_types()->Assign(other_schema_types_.begin(), other_schema_types_.end());
+  *status.mutable_other_schema_types() = {other_schema_types_.begin(), other_schema_types_.end()};
   for (const auto& [agent, known] : orders_) *status.add_orders() = known.order;
 }
 

@@ -4,6 +4,8 @@
 #include <iterator>
 #include <string>
 
+#include "model/record_hash.h"
+
 namespace moondb {
 
 namespace {

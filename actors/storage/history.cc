@@ -9,6 +9,7 @@
 
 #include "actors/storage/prune.h"
 #include "actors/storage/record_pages.h"
+#include "model/record_hash.h"
 #include "proto/retention.pb.h"
 
 namespace moondb {

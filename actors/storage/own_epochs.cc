@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 
+#include "model/record_hash.h"
 #include "model/record_key.h"
 
 namespace moondb {

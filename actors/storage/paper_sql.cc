@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "model/grid.h"
+#include "model/record_hash.h"
 #include "proto/types.pb.h"
 
 namespace moondb {

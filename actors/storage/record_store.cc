@@ -24,6 +24,7 @@
 #include "model/have_page.h"
 #include "model/record_authority.h"
 #include "model/record_check.h"
+#include "model/record_hash.h"
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
 
@@ -499,7 +500,7 @@ proto::EpochReport RecordStore::ReportEpochs(AgentId origin) const {
     if (epochs.size() > kEpochReportMax) epochs.erase(epochs.begin());
   }
   proto::EpochReport report;
-  report.mutable_epochs()->Add(epochs.begin(), epochs.end());
+  *report.mutable_epochs() = {epochs.begin(), epochs.end()};
   return report;
 }
 
@@ -1063,7 +1064,7 @@ Result<proto::LoadRolesReply> RecordStore::LoadRoles() {
   if (!reply) return reply;
   const Result<std::vector<proto::RoleAssignment>> known = LoadRoleRecords(*database_);
   if (!known) return tl::unexpected(known.error());
-  reply->mutable_known()->Assign(known->begin(), known->end());
+  *reply->mutable_known() = {known->begin(), known->end()};
   return reply;
 }
 

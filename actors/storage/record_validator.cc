@@ -9,6 +9,7 @@
 #include "actors/storage/record_tables.h"
 #include "model/bounded_parse.h"
 #include "model/record_check.h"
+#include "model/record_hash.h"
 
 namespace moondb {
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/record_hash.h"
 #include "model/record_key.h"
 
 namespace moondb {

@@ -436,7 +436,7 @@ void StorageActor::OnFindings(Context& context) {
   if (!findings) Note(context, "findings", findings.error());
   proto::ControlReply reply;
   proto::AgentStatus& status = *reply.mutable_status();
-  if (findings) status.mutable_findings()->Add(findings->begin(), findings->end());
+  if (findings) *status.mutable_findings() = {findings->begin(), findings->end()};
   Answer(context, MessageOf(reply));
 }
 

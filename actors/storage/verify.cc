@@ -5,6 +5,7 @@
 #include "actors/storage/record_tables.h"
 #include "actors/storage/record_validator.h"
 #include "actors/storage/schema.h"
+#include "model/record_hash.h"
 
 namespace moondb {
 

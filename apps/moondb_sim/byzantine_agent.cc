@@ -8,6 +8,7 @@
 #include "apps/moondb_sim/simulated_config.h"
 #include "model/control_message.h"
 #include "model/data_types.h"
+#include "model/record_hash.h"
 #include "model/team_id.h"
 #include "model/term.h"
 #include "model/wire_version.h"

@@ -38,7 +38,8 @@ std::string NameOf(const proto::ControlRequest& request) {
 }
 
 std::optional<HaveSet> HaveInAnswer(const proto::Message& message) {
-  if (!message.has_control_reply() || message.source_actor() != actor_name::kRetention) return std::nullopt;
+  if (message.body_case() != proto::Message::kControlReply || message.source_actor() != actor_name::kRetention)
+    return std::nullopt;
   const Result<proto::ControlReply> reply = ControlReplyOf(message);
   if (!reply || !reply->has_have()) return std::nullopt;
   const Result<HaveSet> have = FromProto(reply->have().have());

@@ -5,6 +5,7 @@
 #include "apps/moondb_sim/client_message.h"
 #include "apps/moondb_sim/simulated_config.h"
 #include "model/control_message.h"
+#include "model/record_hash.h"
 #include "model/term.h"
 #include "proto/control.pb.h"
 #include "runtime/team/team_config.h"

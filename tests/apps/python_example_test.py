@@ -21,6 +21,9 @@ stored 3 records, the first as (2\.[\da-f]{16}\.1\.1)
 read \1 -40\.5
 merged map of 1: 80 x 80 cells of 0\.05 m, lower left corner at \(3\.00, 0\.00\), 5760 free, 640 hazard
 """)
+SAID_IN_CPP = r"""stored 3 records, the first as 3\.[\da-f]{16}\.1\.1
+merged map: 80 x 80 cells
+"""
 
 
 # Expected output of the sync examples while rover2 drives and rover3 is off.
@@ -60,6 +63,10 @@ def survey(python, programs, source, folder):
         again = run([python, survey_program, "team/team.yaml", "rover2", "2"], environment, folder)
         if "stored 3 records" not in again:
             raise RuntimeError(f"a second run printed:\n{again}")
+        endpoint = next(pathlib.Path(folder, "run").glob("moon-*/rover3.sock"))
+        in_cpp = run(["survey_example", f"ipc://{endpoint}", "rover3", "3"], environment, folder)
+        if not re.fullmatch(SAID_IN_CPP, in_cpp):
+            raise RuntimeError(f"the C++ client printed:\n{in_cpp}")
         maps = run(["moonctl", "-a", "rover2", "record", "list", "local_traversability_map"], environment, folder)
         check_factors(source, folder, environment, python)
         return out, maps, sync_while_not_all_can(python, source, folder, environment)
@@ -103,7 +110,7 @@ def sync_while_not_all_can(python, source, folder, environment):
 
 def shows_examples(source):
     shown = (source / "docs/SHARING.md").read_text()
-    return all((source / file).read_text() in shown for file in ("examples/python/sync.py", "examples/sync/sync.cc"))
+    return all((source / file).read_text() in shown for file in ("examples/python/sync.py", "examples/client/sync.cc"))
 
 
 def main():
@@ -128,7 +135,7 @@ def main():
             print(f"failed: a program that syncs printed\n{text}")
             return 1
     if not shows_examples(pathlib.Path(sys.argv[2])):
-        print("failed: docs/SHARING.md does not show examples/python/sync.py and examples/sync/sync.cc as they are")
+        print("failed: docs/SHARING.md does not show examples/python/sync.py and examples/client/sync.cc as they are")
         return 1
     return 0
 

@@ -11,6 +11,7 @@
 #include "model/check.h"
 #include "model/control_message.h"
 #include "model/record_check.h"
+#include "model/record_hash.h"
 #include "model/term.h"
 #include "proto/control.pb.h"
 #include "proto/message.pb.h"

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "model/record_hash.h"
 #include "proto/types.pb.h"
 
 namespace moondb {

@@ -11,6 +11,7 @@
 #include "actors/sharing/coding/row_codec.h"
 #include "actors/sharing/coding/zstd_frame.h"
 #include "model/check.h"
+#include "model/record_hash.h"
 #include "proto/types.pb.h"
 
 namespace moondb {

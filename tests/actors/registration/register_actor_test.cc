@@ -6,6 +6,7 @@
 #include "actors/pgo/pgo_actor.h"
 #include "actors/storage/storage_actor.h"
 #include "model/record_check.h"
+#include "model/record_hash.h"
 #include "model/record_key.h"
 #include "proto/types.pb.h"
 #include "runtime/simulation/simulated_team.h"

@@ -219,7 +219,7 @@ class RetentionActorTest : public testing::Test {
     ASSERT_TRUE(asked);
     proto::Message answer;
     answer.set_request_id(asked->request_id());
-    answer.mutable_occluded_maps_reply()->mutable_records()->Assign(occluded.begin(), occluded.end());
+    *answer.mutable_occluded_maps_reply()->mutable_records() = {occluded.begin(), occluded.end()};
     (void)team_.Post({agent, actor_name::kMerge}, {agent, actor_name::kRetention}, std::move(answer));
   }
 
@@ -626,7 +626,9 @@ TEST_F(RetentionActorTest, ContinuesAfterARestartDuringAPrune) {
   Insert(kRover, ReportOf(1));
   Transfer(kRover, kLeader);
   Transfer(kRover, kSurvivor);
-  team_.SetFilter([](AgentId, AgentId, const proto::Message& message) { return !message.has_control_reply(); });
+  team_.SetFilter([](AgentId, AgentId, const proto::Message& message) {
+    return message.body_case() != proto::Message::kControlReply;
+  });
   Order(kRover, {});
   team_.AdvanceTime(seconds(5));  // The rover asks leader and survivor, but the radio loses their answers.
   team_.CrashActor({kRover, actor_name::kRetention});

@@ -245,7 +245,7 @@ TEST_F(RoleWaitTest, IsRefusedIfAnotherChangeHappensFirst) {
   std::vector<Error> errors;
   for (const proto::Message& message : team_.TakeMessages({1, actor_name::kGateway})) {
     const Result<void> answered = CheckControlReply(message);
-    if (message.has_control_reply() && !answered) errors.push_back(answered.error());
+    if (message.body_case() == proto::Message::kControlReply && !answered) errors.push_back(answered.error());
   }
   ASSERT_EQ(errors.size(), 1u);
   EXPECT_EQ(errors[0].code, ErrorCode::kRefused);

@@ -32,7 +32,7 @@ class FakeStorageActor final : public Actor {
     if (disk_->is_silent) return;
     proto::Message reply;
     if (message.has_load_roles_request()) {
-      reply.mutable_load_roles_reply()->mutable_history()->Assign(disk_->roles.begin(), disk_->roles.end());
+      *reply.mutable_load_roles_reply()->mutable_history() = {disk_->roles.begin(), disk_->roles.end()};
     } else if (message.has_save_roles_request()) {
       reply.mutable_save_roles_reply();
       if (disk_->is_failing) {

@@ -4,6 +4,7 @@
 
 #include "actors/sharing/codec.h"
 #include "model/have_page.h"
+#include "model/record_hash.h"
 #include "model/wire_version.h"
 #include "proto/share_status.pb.h"
 #include "proto/types.pb.h"

@@ -6,6 +6,8 @@
 #include <random>
 #include <vector>
 
+#include "model/record_hash.h"
+
 namespace moondb {
 namespace {
 

@@ -9,6 +9,7 @@
 
 #include "model/have_page.h"
 #include "model/have_set.h"
+#include "model/record_hash.h"
 #include "model/record_key.h"
 #include "proto/storage.pb.h"
 #include "runtime/actor.h"

@@ -12,6 +12,7 @@
 #include "actors/sharing/peer_notes.h"
 #include "actors/storage/peer_log.h"
 #include "actors/storage/storage_actor.h"
+#include "model/record_hash.h"
 #include "proto/share_status.pb.h"
 #include "proto/types.pb.h"
 #include "tests/actors/sharing/sharing_team.h"

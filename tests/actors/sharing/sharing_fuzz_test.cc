@@ -18,6 +18,7 @@
 #include "actors/storage/record_store.h"
 #include "actors/storage/record_validator.h"
 #include "actors/storage/storage_actor.h"
+#include "model/record_hash.h"
 #include "model/wire_version.h"
 #include "proto/share_status.pb.h"
 #include "proto/types.pb.h"

@@ -8,6 +8,7 @@
 
 #include "actors/storage/own_epochs.h"
 #include "actors/storage/store_file.h"
+#include "model/record_hash.h"
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"

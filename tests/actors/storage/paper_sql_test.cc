@@ -7,6 +7,7 @@
 #include <random>
 
 #include "model/record_check.h"
+#include "model/record_hash.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 

@@ -9,6 +9,7 @@
 #include "actors/storage/record_store.h"
 #include "actors/storage/record_validator.h"
 #include "model/have_set.h"
+#include "model/record_hash.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 #include "tests/temporary_folder.h"

@@ -10,6 +10,7 @@
 #include "actors/storage/role_history.h"
 #include "model/have_page.h"
 #include "model/pose_graph.h"
+#include "model/record_hash.h"
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"

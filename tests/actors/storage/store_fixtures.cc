@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "actors/storage/record_validator.h"
+#include "model/record_hash.h"
 #include "proto/types.pb.h"
 
 namespace moondb {

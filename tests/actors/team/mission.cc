@@ -51,7 +51,7 @@ std::filesystem::path FolderOfFolders() {
 class NoFindings final : public Actor {
  public:
   void OnMessage(Context& context, const proto::Message& message) override {
-    if (!message.has_control_request()) return;
+    if (message.body_case() != proto::Message::kControlRequest) return;
     proto::ControlReply reply;
     reply.mutable_status();
     (void)context.Reply(MessageOf(reply));

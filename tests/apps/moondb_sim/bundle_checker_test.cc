@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "actors/sharing/bundle_file.h"
+#include "model/record_hash.h"
 #include "model/record_key.h"
 #include "proto/types.pb.h"
 

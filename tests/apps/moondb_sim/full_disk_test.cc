@@ -10,6 +10,7 @@
 #include "model/control_message.h"
 #include "model/have_set.h"
 #include "model/record_check.h"
+#include "model/record_hash.h"
 #include "proto/control.pb.h"
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"

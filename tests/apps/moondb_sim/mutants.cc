@@ -16,6 +16,7 @@
 #include "model/have_set.h"
 #include "model/record_authority.h"
 #include "model/record_check.h"
+#include "model/record_hash.h"
 #include "model/record_key.h"
 #include "model/term.h"
 #include "proto/trace.pb.h"
@@ -504,7 +505,7 @@ class ReissuesWhateverWasKnown final : public OtherActor {
       epochs.insert({epoch, EpochOf({PartsOf(epoch).counter, kEpochTagMax, 0, 0}, epoch)});
     }
     while (epochs.size() > 64) epochs.erase(epochs.begin());
-    changed.mutable_epoch_report()->mutable_epochs()->Assign(epochs.begin(), epochs.end());
+    *changed.mutable_epoch_report()->mutable_epochs() = {epochs.begin(), epochs.end()};
     OtherActor::OnMessage(context, changed);
   }
 };
@@ -852,7 +853,7 @@ class RelaysForTheBase final : public OtherActor {
  public:
   RelaysForTheBase(std::unique_ptr<Actor> actor, AgentId base) : OtherActor(std::move(actor)), base_(base) {}
   void OnMessage(Context& context, const proto::Message& message) override {
-    if (!message.has_control_request() || !IsPeer(context.sender().agent)) {
+    if (message.body_case() != proto::Message::kControlRequest || !IsPeer(context.sender().agent)) {
       return OtherActor::OnMessage(context, message);
     }
     class FromTheBase final : public OtherContext {

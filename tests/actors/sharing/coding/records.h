@@ -6,6 +6,7 @@
 #include <random>
 #include <string>
 
+#include "model/record_hash.h"
 #include "model/record_key.h"
 #include "model/traversability_map.h"
 #include "proto/record.pb.h"
