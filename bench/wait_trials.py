@@ -157,16 +157,16 @@ class SlowProxy:
 
 def insert_without_pause(team_file, built):
     """Inserts maps of noise at the rover, through several clients, until this process is killed."""
-    sys.path[:0] = [str(built), str(SOURCE / "examples/python")]
-    from moondb_client import MoondbClient, endpoint_of, team_of  # pylint: disable=import-outside-toplevel
+    sys.path[:0] = [str(built / "python"), str(SOURCE / "examples/python")]
+    from moondb import Client, endpoint_of, team_of  # pylint: disable=import-outside-toplevel
     from survey import map_at, node_at  # pylint: disable=import-outside-toplevel
     endpoint, team_id = endpoint_of(team_file, NAMES[ROVER]), team_of(team_file)[1]
     # Use node indexes that the mission does not use.
-    index = 1_000_000 + MoondbClient(endpoint, team_id).next_node_index()
-    MoondbClient(endpoint, team_id).insert([node_at(ROVER + 1, index, 1.0, 1.0)])
+    index = 1_000_000 + Client(endpoint, team_id).next_node_index()
+    Client(endpoint, team_id).insert([node_at(ROVER + 1, index, 1.0, 1.0)])
 
     def insert(number):
-        client, rng = MoondbClient(endpoint, team_id, timeout_s=30), random.Random(number)
+        client, rng = Client(endpoint, team_id, timeout_s=30), random.Random(number)
         while True:
             client.insert([map_at(ROVER + 1, index, [rng.randrange(3) for _ in range(1600)], 40, 0.1)])
 
@@ -418,8 +418,7 @@ def oversee(options):
         built = folder / "built"
         built.mkdir()
         if options.scenario == "chase":
-            subprocess.run(["protoc", f"--python_out={built}", "-I", SOURCE / "proto",
-                            *sorted((SOURCE / "proto").glob("*.proto"))], check=True)
+            shutil.copytree(options.programs.parent / "python/moondb", built / "python/moondb")
             subprocess.run(["c++", "-shared", "-fPIC", "-o", built / "slow_fsync.so", SOURCE / "bench/slow_fsync.cc", "-ldl"],
                            check=True)
         return oversee_teams(options, folder / "mission", built)

@@ -49,6 +49,9 @@ function(moondb_install_package)
           DESTINATION ${MOONDB_PACKAGE_DIR} COMPONENT development)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples DESTINATION ${MOONDB_SHARE_DIR} COMPONENT development)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs DESTINATION ${MOONDB_SHARE_DIR} COMPONENT programs)
+  install(FILES ${PROJECT_SOURCE_DIR}/packaging/moondb-agent@.service DESTINATION lib/systemd/system COMPONENT programs)
+  install(FILES ${PROJECT_SOURCE_DIR}/packaging/moondb.sysusers DESTINATION lib/sysusers.d RENAME moondb.conf
+          COMPONENT programs)
   install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT programs)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT development
           FILES_MATCHING PATTERN "*.md")

@@ -358,6 +358,7 @@ void ActorSystem::Impl::CheckHealth() {
     }
     cell->Ping();
   }
+  if (options_.on_healthy && !is_fatal_) options_.on_healthy();
   ScheduleHealthCheck();
 }
 

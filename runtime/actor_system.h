@@ -37,6 +37,9 @@ class ActorSystem {
     // Called once if an actor fails permanently or is stuck, on one of the system's threads. Must not call Stop. If
     // null, the process aborts.
     std::function<void(Error)> on_fatal;
+    // Called every health_period while no actor is stuck or has failed permanently, on one of the system's threads. May
+    // be null.
+    std::function<void()> on_healthy;
     // Called on the actor's thread after a handler that called Context::RequestStop. Must not call Stop. May be null.
     std::function<void()> on_stop_requested;
   };

@@ -136,6 +136,7 @@ class Agent::Impl {
       if (!options_.on_fatal) std::abort();
       options_.on_fatal(error);
     };
+    system.on_healthy = options_.on_healthy;
     system.on_stop_requested = options_.on_stop_requested;
     system_ = std::make_unique<ActorSystem>(std::move(system));
 

@@ -41,6 +41,8 @@ struct AgentOptions {
   std::function<void()> on_stop_requested;
   // Called on any thread when an actor has failed permanently.
   std::function<void(Error)> on_fatal;
+  // Called every 10 s on any thread while no actor is stuck or has failed permanently. May be null.
+  std::function<void()> on_healthy;
 };
 
 inline constexpr std::size_t kOwnActorsMax = 64;

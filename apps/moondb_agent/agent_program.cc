@@ -19,6 +19,7 @@
 #include "apps/common/arguments.h"
 #include "apps/common/data_folder.h"
 #include "apps/common/team_clients.h"
+#include "apps/moondb_agent/service_notify.h"
 #include "runtime/log.h"
 
 namespace moondb {
@@ -130,6 +131,7 @@ AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program
     spdlog::critical("{}", ToString(error));
     waiter.Wake(kBeyondHelp);
   };
+  options.on_healthy = [] { NotifyService("WATCHDOG=1"); };
   return options;
 }
 
@@ -208,8 +210,10 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
     std::printf("ready: %s\n", ready.c_str());
     std::fflush(stdout);
   }
+  NotifyService("READY=1");
   if (waiter.Wait() == kBeyondHelp) (*agent)->WriteTrace();
   spdlog::info("stopping");
+  NotifyService("STOPPING=1");
   ::alarm(kStopSecondsMax);
   if (program.on_stopping) program.on_stopping();
   agent->reset();

@@ -6,14 +6,12 @@ Usage: survey.py TEAM_FILE AGENT AGENT_ID    The agent runs on this machine, as 
 import sys
 import time
 
-import record_pb2
-import types_pb2
-from moondb_client import MoondbClient, endpoint_of, key_text, occupancy, team_of
+from moondb import Client, endpoint_of, key_text, messages, occupancy, pack_cells, team_of
 
 
 def node_at(agent_id, index, x, y):
     """Returns a pose-graph node: odometry's pose of the body in the frame `map`, in metres, quaternion x y z w."""
-    record = record_pb2.Record(timestamp_ns=time.time_ns())
+    record = messages.Record(timestamp_ns=time.time_ns())
     node = record.pose_graph_node
     node.node.agent_id, node.node.index = agent_id, index
     node.map_from_node.position_m.x, node.map_from_node.position_m.y = x, y
@@ -21,29 +19,21 @@ def node_at(agent_id, index, x, y):
     return record
 
 
-def packed(cells):
-    """Packs four cells per byte, the first one in the lowest bits (proto/record.proto)."""
-    packed_cells = bytearray((len(cells) + 3) // 4)
-    for i, cell in enumerate(cells):
-        packed_cells[i // 4] |= cell << 2 * (i % 4)
-    return bytes(packed_cells)
-
-
 def map_at(agent_id, index, cells, side, resolution_m):
     """Returns a traversability map around a node. Its origin is the middle of the grid; rows are in order of y."""
-    record = record_pb2.Record(timestamp_ns=time.time_ns())
+    record = messages.Record(timestamp_ns=time.time_ns())
     local_map = record.local_traversability_map
     local_map.node.agent_id, local_map.node.index = agent_id, index
     local_map.node_from_map.position_m.x = 0.0
     local_map.node_from_map.orientation.w = 1.0
     local_map.layers.add(width_cells=side, height_cells=side, resolution_um=round(resolution_m * 1e6),
-                         cells=packed(cells))
+                         cells=pack_cells(cells))
     return record
 
 
 def main():
     team_file, agent, agent_id = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    client = MoondbClient(endpoint_of(team_file, agent), team_of(team_file)[1])
+    client = Client(endpoint_of(team_file, agent), team_of(team_file)[1])
     status = client.status()
     print(f"{status.name} of team {status.team}, moondb {status.version}")
 
@@ -51,14 +41,14 @@ def main():
     side = 40
     hazard_ahead = [2 if column > 35 else 1 for row in range(side) for column in range(side)]
     keys = client.insert([
-        record_pb2.Record(timestamp_ns=time.time_ns(), temperature={"celsius": -40.5}),
+        messages.Record(timestamp_ns=time.time_ns(), temperature={"celsius": -40.5}),
         node_at(agent_id, index, x=5.0 + index, y=2.0),
         map_at(agent_id, index, hazard_ahead, side, resolution_m=0.1),
     ])
     print("stored", len(keys), "records, the first as", key_text(keys[0]))
 
-    for key, content in client.follow([types_pb2.TEMPERATURE], wait_s=0.2):
-        print("read", key_text(key), record_pb2.Record.FromString(content).temperature.celsius)
+    for key, content in client.follow([messages.TEMPERATURE], wait_s=0.2):
+        print("read", key_text(key), messages.Record.FromString(content).temperature.celsius)
 
     merged, cells = client.merged_map()
     grid = occupancy(cells)

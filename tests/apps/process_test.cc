@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <google/protobuf/util/json_util.h>
 #include <signal.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
@@ -401,6 +404,35 @@ TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
   EXPECT_EQ(outcome.exit_code, 0) << outcome.error;
   // The documented limit is one second. Three seconds allow for a loaded machine.
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
+}
+
+TEST_F(ProcessTest, TellsTheServiceManagerThatItIsReadyHealthyAndStopping) {
+  const std::string path = (folder_ / "notify.sock").string();
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  ASSERT_LT(path.size(), sizeof(address.sun_path));
+  path.copy(address.sun_path, path.size());
+  const int manager = ::socket(AF_UNIX, SOCK_DGRAM, 0);
+  ASSERT_EQ(::bind(manager, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+  const timeval patience{.tv_sec = 60, .tv_usec = 0};
+  ASSERT_EQ(::setsockopt(manager, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience)), 0);
+  const auto next = [manager] {
+    char text[64] = {};
+    const ssize_t size = ::recv(manager, text, sizeof(text), 0);
+    return std::string(text, static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
+  };
+  ::setenv("NOTIFY_SOCKET", path.c_str(), 1);
+  const auto agent = StartAgent("rover1");
+  ::unsetenv("NOTIFY_SOCKET");
+  EXPECT_EQ(next(), "READY=1");
+  EXPECT_THAT(agent->Out(), testing::StartsWith("ready: rover1"));
+  EXPECT_EQ(next(), "WATCHDOG=1");
+  agent->Signal(SIGTERM);
+  std::string last = next();
+  while (last == "WATCHDOG=1") last = next();
+  EXPECT_EQ(last, "STOPPING=1");
+  EXPECT_EQ(agent->Wait().exit_code, 0);
+  ::close(manager);
 }
 
 TEST_F(ProcessTest, AgentsLogJsonIfConfigured) {

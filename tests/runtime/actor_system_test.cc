@@ -753,14 +753,21 @@ TEST_F(ActorSystemTest, WatchdogEndsTheProcessForAnActorThatGetsNoTurn) {
   options.health_period = milliseconds(1);
   options.stuck_after = milliseconds(20);
   options.on_fatal = [this](const Error& error) { heard_.Add(error.text); };
+  std::atomic<int> healthy_count = 0;
+  Heard<int> healthy;
+  options.on_healthy = [&] { healthy.Add(++healthy_count); };
   Gate gate;
   ActorSystem system(options);
   SpawnOptions spawn;
   spawn.handler_limit = milliseconds(1);
   system.Spawn("stuck", spawn, OnEachMessage([&](Context&, const proto::Message&) { gate.Pass(); }));
   system.Start(nullptr);
+  EXPECT_EQ(healthy.Next(), 1);
   ASSERT_EQ(system.Post("stuck", {}), SendResult::kAccepted);
   EXPECT_THAT(heard_.Next(), HasSubstr("1/stuck has failed permanently: it got no turn for too long"));
+  const int count_at_the_failure = healthy_count;
+  std::this_thread::sleep_for(20 * options.health_period);
+  EXPECT_EQ(healthy_count, count_at_the_failure);
   gate.Open();
   system.Stop();
 }

@@ -1,0 +1,367 @@
+"""A client of a moondb agent: the control protocol (proto/control.proto) over ZeroMQ.
+
+Needs pyzmq and protobuf, and zstandard for merged maps (Debian: python3-zmq python3-protobuf python3-zstandard). Use one
+Client per thread. An error of the agent raises AgentError, an agent that does not answer TimeoutError.
+"""
+import dataclasses
+import getpass
+import math
+import os
+import pathlib
+import re
+import socket
+import time
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Tuple, Union
+
+import zmq
+
+from moondb import messages
+
+PathLike = Union[str, "os.PathLike[str]"]
+Node = Tuple[int, int]  # Agent id, index.
+
+REQUEST_BYTES_MAX = 32 * 1024 * 1024
+BEYOND_WAIT_S = 30.0  # Time that a call waits for its answer, in addition to wait_s.
+FEED_PAUSE_S = 2.0  # Pause before a feed asks an agent again that did not answer.
+PAUSES_S = (0.1, 0.3, 1.0, 2.0, 3.0)  # Pauses before a sync or replication request is repeated.
+
+
+class AgentError(Exception):
+    """Error reported by the agent: `code` is an ErrorCode of error.proto, `field` names the part of the request."""
+
+    def __init__(self, error: Any) -> None:
+        super().__init__(f"{error.field}: {error.text}" if error.field else error.text)
+        self.code, self.field = error.code, error.field
+
+
+class TeamError(Exception):
+    """The agent belongs to another team, or the leader changed during the call."""
+
+
+@dataclasses.dataclass
+class MergedTiles:
+    """Changed tiles of the merged map. The lower left corner of tile (x, y) lies at (x, y) * tile_cells * resolution."""
+    is_everything: bool  # True: discard all tiles received earlier.
+    tile_cells: int
+    resolution_m: float
+    tiles: Dict[Tuple[int, int], bytes]  # One byte a cell, row by row: 0 unknown, 1 free, 2 hazard. Empty: all unknown.
+
+
+def team_of(team_file: PathLike) -> Tuple[str, str]:
+    """Returns the team's name and id from a team file as written by `moonctl config init`."""
+    fields = dict(re.findall(r"^(team|team_id):\s*\"?([\w-]+)", pathlib.Path(team_file).read_text(), re.MULTILINE))
+    return fields["team"], fields["team_id"]
+
+
+def endpoint_of(team_file: PathLike, agent: str) -> str:
+    """Returns the endpoint on which an agent of this machine accepts clients that run as the agent's user."""
+    folder = os.environ.get("MOONDB_RUN_DIR")
+    if not folder and os.environ.get("XDG_RUNTIME_DIR"):
+        folder = os.path.join(os.environ["XDG_RUNTIME_DIR"], "moondb")
+    folder = pathlib.Path(folder or f"/tmp/moondb-{os.geteuid()}").absolute()
+    name, team_id = team_of(team_file)
+    return f"ipc://{folder}/{name}-{team_id[:8]}/{agent}.sock"
+
+
+class Client:
+    def __init__(self, endpoint: str, team_id: str, timeout_s: float = 3.0, server_key: str = "",
+                 secret_key: str = "") -> None:
+        """`team_id` is that of the team file. An agent of another team refuses requests. `server_key` (the agent's public
+        key) and `secret_key` (this client's), in Z85, are for an agent's client_address; clients.yaml must list the
+        public key of this client."""
+        self._endpoint, self._timeout_s, self._request_id = endpoint, timeout_s, 0
+        self._keys = (server_key.encode(), secret_key.encode())
+        self._team_id = bytes.fromhex(team_id)
+        self._by = f"{getpass.getuser()}@{socket.gethostname()}"
+        self._tiles: Dict[str, Any] = {}
+        self._connect()
+
+    def _connect(self) -> None:
+        self._dealer = zmq.Context.instance().socket(zmq.DEALER)
+        self._dealer.linger = 0
+        server_key, secret_key = self._keys
+        if server_key:
+            self._dealer.curve_serverkey, self._dealer.curve_secretkey = server_key, secret_key
+            self._dealer.curve_publickey = zmq.curve_public(secret_key)
+        self._dealer.connect(self._endpoint)
+
+    def close(self) -> None:
+        self._dealer.close()
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def call(self, request: Any, timeout_s: Optional[float] = None) -> Any:
+        """Sends a ControlRequest and returns the ControlReply. After a TimeoutError, the next call connects anew."""
+        self._request_id += 1
+        request.by, request.team_id = self._by, self._team_id
+        frame = messages.ClientMessage(request_id=self._request_id, control_request=request).SerializeToString()
+        if len(frame) > REQUEST_BYTES_MAX:
+            raise ValueError(f"the request has {len(frame)} bytes, and {REQUEST_BYTES_MAX} are the most that an agent takes")
+        limit_s = self._timeout_s if timeout_s is None else timeout_s
+        end = time.monotonic() + limit_s
+        self._dealer.send(frame)
+        while self._dealer.poll(1000 * max(0.0, end - time.monotonic())):
+            answer = messages.ClientMessage.FromString(self._dealer.recv())
+            if answer.request_id != self._request_id:
+                continue  # A late reply to an earlier call.
+            if answer.control_reply.team_id != self._team_id:
+                raise TeamError(f"{self._endpoint} is of another team")
+            if answer.control_reply.error.code:
+                raise AgentError(answer.control_reply.error)
+            return answer.control_reply
+        # Requests that are still queued in the socket must not reach an agent that starts later.
+        self._dealer.close()
+        self._connect()
+        raise TimeoutError(f"{self._endpoint} does not answer within {limit_s:g} s: the agent is not running, or it does "
+                           "not know this client's key")
+
+    def status(self) -> Any:
+        """Returns the AgentStatus (proto/status.proto)."""
+        return self.call(messages.ControlRequest(status={})).status
+
+    def insert(self, records: Sequence[Any]) -> List[Any]:
+        """Stores records as records of this agent, all or none. They are durable on return. Returns their keys."""
+        return list(self.call(messages.ControlRequest(insert={"records": records})).insert.keys)
+
+    def insert_loop_closure(self, from_node: Node, to_node: Node, position_m: Sequence[float],
+                            covariance: Sequence[float], source: str, orientation: Sequence[float] = (0, 0, 0, 1),
+                            timestamp_ns: Optional[int] = None) -> Any:
+        """Stores a relative pose of `to_node` in the frame of `from_node` that is not odometry. A node is a pair
+        (agent id, index); one of the two belongs to this agent's robot. `orientation` is x y z w. `covariance` holds the
+        standard deviations x y z (m), roll pitch yaw (rad), or the 21 numbers of RelativePose. `source` names the producer,
+        such as "apriltag". Returns the record's key."""
+        record = messages.Record(timestamp_ns=timestamp_ns or time.time_ns())
+        edge = record.pose_graph_edge
+        edge.source = source
+        for key, (agent_id, index) in ((getattr(edge, "from"), from_node), (edge.to, to_node)):
+            key.agent_id, key.index = agent_id, index
+        pose = edge.relative_pose.from_from_to
+        pose.position_m.x, pose.position_m.y, pose.position_m.z = position_m
+        pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w = orientation
+        edge.relative_pose.covariance.extend(triangle_of(covariance, 6))
+        return self.insert([record])[0]
+
+    def insert_prior(self, node: Node, position_m: Sequence[float], covariance: Sequence[float], source: str,
+                     yaw_rad: Optional[float] = None, orientation: Optional[Sequence[float]] = None,
+                     point_m: Optional[Sequence[float]] = None, timestamp_ns: Optional[int] = None) -> Any:
+        """Stores an absolute measurement of a node in the frame `map`: a position, with yaw_rad a position and a yaw, with
+        orientation (x y z w) a pose. `covariance` holds standard deviations (3, 4 or 6: m, then rad), or the upper triangle
+        of the covariance. `point_m` is the measured point in the body's frame, such as a GNSS antenna. Returns the
+        record's key."""
+        record = messages.Record(timestamp_ns=timestamp_ns or time.time_ns())
+        prior = record.pose_prior
+        prior.node.agent_id, prior.node.index = node
+        prior.source = source
+        if orientation is not None:
+            position, size, turn = prior.pose.position_m, 6, prior.pose.orientation
+            turn.x, turn.y, turn.z, turn.w = orientation
+        elif yaw_rad is not None:
+            position, size = prior.position_yaw.position_m, 4
+            prior.position_yaw.yaw_rad = yaw_rad
+        else:
+            position, size = prior.position_m, 3
+        position.x, position.y, position.z = position_m
+        position.SetInParent()
+        if point_m is not None:
+            prior.point_m.x, prior.point_m.y, prior.point_m.z = point_m
+        prior.covariance.extend(triangle_of(covariance, size))
+        return self.insert([record])[0]
+
+    def follow(self, data_types: Iterable[int], wait_s: float = 10.0) -> Iterator[Tuple[Any, bytes]]:
+        """Yields (key, bytes) of each stored record and then of each new record. Ends after wait_s without a new
+        record."""
+        for _, key, content in self._records(list(data_types), 0, wait_s):
+            yield key, content
+
+    def feed(self, data_types: Iterable[int] = (), after_row_id: int = 0,
+             on_error: Optional[Callable[[Exception], None]] = None) -> Iterator[Tuple[int, Any, Any]]:
+        """Yields (row id, key, Record) of each record after `after_row_id`, and then of each new record, for ever. While
+        the agent is away, calls `on_error` and asks again every few seconds. To go on later, keep the last row id. Row
+        ids start at 1 again after a restart of the agent with an empty disk."""
+        types = list(data_types)
+        while True:
+            try:
+                for after_row_id, key, content in self._records(types, after_row_id, wait_s=20.0):
+                    yield after_row_id, key, messages.Record.FromString(content)
+            except (TimeoutError, AgentError) as error:
+                may_pass = (messages.ERROR_CODE_UNAVAILABLE, messages.ERROR_CODE_TIMED_OUT, messages.ERROR_CODE_FULL)
+                if isinstance(error, AgentError) and error.code not in may_pass:
+                    raise
+                if on_error is not None:
+                    on_error(error)
+                time.sleep(FEED_PAUSE_S)
+
+    def _records(self, data_types: List[int], after_row_id: int, wait_s: float) -> Iterator[Tuple[int, Any, bytes]]:
+        while True:
+            read = {"data_types": data_types, "wait_s": wait_s, "records_max": 100, "after_row_id": after_row_id}
+            page = self.call(messages.ControlRequest(read=read), timeout_s=wait_s + self._timeout_s).read
+            for row_id, stored in zip(page.row_ids, page.records):
+                yield row_id, stored.key, stored.content
+            if not page.row_ids:
+                return
+            after_row_id = page.row_ids[-1]
+
+    def sync(self, limit_s: float = 600.0, on_progress: Optional[Callable[[Any], None]] = None, **order: Any) -> Any:
+        """Shares with each agent if this is the leader, else sends this agent's own records to the leader.
+        Returns a ShareProgress (proto/sharing.proto) when all records are acknowledged (is_complete), when no more progress
+        is possible (is_over), or after limit_s. `on_progress` is called with each ShareProgress until then. `order` has
+        fields of ShareRequest. If the agent's process ends, this is noticed after 90 s, and the order is sent again."""
+        return self._share(messages.SHARING_KIND_SYNC, limit_s, on_progress, order)
+
+    def replicate(self, limit_s: float = 600.0, on_progress: Optional[Callable[[Any], None]] = None, **order: Any) -> Any:
+        """Replicates all records of the leader to the designated survivor. Requires: the leader."""
+        return self._share(messages.SHARING_KIND_REPLICATION, limit_s, on_progress, order)
+
+    def set_lease(self, kind: int, seconds: float) -> List[Any]:
+        """Announces that for `seconds` from now this robot drives (messages.LEASE_KIND_DRIVING), sleeps or is paused: its
+        agent shares no bulk data meanwhile. At most 86,400; 0 ends the lease. Returns the leases of all agents."""
+        return list(self.call(messages.ControlRequest(lease={"kind": kind, "seconds": seconds})).lease.leases)
+
+    def roles(self) -> Any:
+        """Returns the RoleAssignment that this agent knows: leader, survivor, term."""
+        return self.call(messages.ControlRequest(role_show={})).roles.roles
+
+    def swap_roles(self, limit_s: float = 10.0) -> Any:
+        """Swaps leader and survivor. Returns a RoleShowReply; not_confirmed_by names agents that do not act on it yet.
+        After a TimeoutError ask for the roles: they may have changed."""
+        return self.set_roles(limit_s, is_swap=True)
+
+    def set_roles(self, limit_s: float = 10.0, **change: Any) -> Any:
+        """Changes the current roles. `change` has fields of RoleSetRequest."""
+        standing = self.roles()
+        expected = {"term": standing.term, "leader": standing.leader, "survivor": standing.survivor}
+        request = {"expected": expected, "wait_s": limit_s, **change}
+        return self.call(messages.ControlRequest(role_set=request), limit_s + BEYOND_WAIT_S).roles
+
+    def _share(self, kind: int, limit_s: float, on_progress: Optional[Callable[[Any], None]], order: Dict[str, Any]) -> Any:
+        end, was_leading = time.monotonic() + limit_s, False
+        for pause_s in (*PAUSES_S, None):
+            try:
+                status = self.status()
+                is_leading = status.roles.leader == status.agent_id
+                if was_leading and not is_leading:
+                    raise TeamError(f"{self._endpoint} leads no longer: ask the leader of now")
+                was_leading = is_leading
+                request = {"kind": kind, **order}
+                if not order.get("destination"):
+                    request["expected_term"] = status.roles.term
+                return self._share_once(request, end, on_progress)
+            except (AgentError, TimeoutError) as error:
+                is_worth_another = (isinstance(error, TimeoutError) or error.field == "expected_term" or
+                                    error.code in (messages.ERROR_CODE_UNAVAILABLE, messages.ERROR_CODE_NOT_FOUND))
+                if not is_worth_another or pause_s is None or time.monotonic() >= end:
+                    raise
+                time.sleep(pause_s)
+
+    def _share_once(self, request: Dict[str, Any], end: float, on_progress: Optional[Callable[[Any], None]]) -> Any:
+        order = self.call(messages.ControlRequest(share=request)).share.order
+        news = {"kind": request["kind"], "order": order}
+        while True:
+            news["wait_s"] = min(max(end - time.monotonic(), 0.0), 60.0)
+            reply = self.call(messages.ControlRequest(share_progress=news), news["wait_s"] + BEYOND_WAIT_S)
+            if on_progress is not None:
+                on_progress(reply.share_progress)
+            if reply.share_progress.is_over or time.monotonic() >= end:
+                return reply.share_progress
+            news["after_version"] = reply.share_progress.version
+
+    def next_node_index(self) -> int:
+        """One above the highest index of a node of the agent's robot in its store; 0 if there is none. After a lost disk its
+        nodes come back with the next sync: ask after it."""
+        read = {"data_types": [messages.POSE_GRAPH_NODE], "origin_agents": [self.status().agent_id]}
+        index = 0
+        while True:
+            page = self.call(messages.ControlRequest(read=read), timeout_s=600).read
+            for stored in page.records:
+                index = max(index, 1 + messages.Record.FromString(stored.content).pose_graph_node.node.index)
+            if page.is_complete or not page.row_ids:
+                return index
+            read["after_row_id"] = page.row_ids[-1]
+
+    def merged_map(self) -> Tuple[Any, bytes]:
+        """Returns a MergeReply and the map's cells, row by row from the smallest y: 0 unknown, 1 free, 2 hazard."""
+        reply = self.call(messages.ControlRequest(merge={}), timeout_s=600).merge
+        size = reply.width_cells * reply.height_cells
+        if size == 0:
+            return reply, b""
+        return reply, _decompress(reply.zstd_cells, size)
+
+    def map_tiles(self, wait_s: float = 0.0, region: Optional[Sequence[float]] = None) -> MergedTiles:
+        """Returns the tiles of the merged map that changed since the last call; the first call returns all. Waits up to
+        wait_s (at most 60 s) for a change. `region` is x_min, y_min, x_max, y_max (m) and stays the same in all calls."""
+        request = messages.MapTilesRequest(wait_s=wait_s, **self._tiles)
+        if region is not None:
+            request.region.x_min_m, request.region.y_min_m, request.region.x_max_m, request.region.y_max_m = region
+        merger_id, first, tiles = request.merger_id, None, {}
+        while True:
+            reply = self.call(messages.ControlRequest(map_tiles=request), wait_s + BEYOND_WAIT_S).map_tiles
+            if first is not None and reply.merger_id != first.merger_id:
+                raise TimeoutError(f"{self._endpoint} began to merge anew during the call: call again")
+            first = first or reply
+            size = reply.tile_cells ** 2
+            tiles.update({(tile.x, tile.y): _decompress(tile.zstd_cells, size) if tile.zstd_cells else b""
+                          for tile in reply.tiles})
+            if reply.is_complete:
+                break
+            if not reply.tiles:
+                raise ValueError(f"{self._endpoint} sent an incomplete answer without tiles")
+            request.after.x, request.after.y = reply.tiles[-1].x, reply.tiles[-1].y
+        self._tiles = {"merger_id": first.merger_id, "since_version": first.version}
+        return MergedTiles(first.merger_id != merger_id, first.tile_cells, first.resolution_um * 1e-6, tiles)
+
+
+def _decompress(frame: bytes, size: int) -> bytes:
+    import zstandard  # pylint: disable=import-outside-toplevel
+    return zstandard.ZstdDecompressor().decompress(frame, max_output_size=size)
+
+
+def map_position(site: Dict[str, float], lat_deg: float, lon_deg: float, alt_m: float) -> Tuple[float, float, float]:
+    """Returns x y z (m) in the frame `map` of a position in WGS 84, such as a GNSS fix. `site` is the entry `site` of the
+    team file as a dictionary: lat_deg, lon_deg, north_yaw_rad, alt_m. The frame is the local tangent plane."""
+    flattening = 1 / 298.257223563
+    square = flattening * (2 - flattening)
+
+    def to_earth(lat: float, lon: float, alt: float) -> Tuple[float, float, float]:
+        lat, lon = math.radians(lat), math.radians(lon)
+        normal = 6378137 / math.sqrt(1 - square * math.sin(lat) ** 2)
+        radius = (normal + alt) * math.cos(lat)
+        return radius * math.cos(lon), radius * math.sin(lon), ((1 - square) * normal + alt) * math.sin(lat)
+
+    origin = to_earth(site["lat_deg"], site["lon_deg"], site.get("alt_m", 0))
+    x, y, z = (a - b for a, b in zip(to_earth(lat_deg, lon_deg, alt_m), origin))
+    lat, lon = math.radians(site["lat_deg"]), math.radians(site["lon_deg"])
+    east = -math.sin(lon) * x + math.cos(lon) * y
+    outwards = math.cos(lon) * x + math.sin(lon) * y
+    north = -math.sin(lat) * outwards + math.cos(lat) * z
+    cosine, sine = math.cos(site.get("north_yaw_rad", 0)), math.sin(site.get("north_yaw_rad", 0))
+    return (east * sine + north * cosine, north * sine - east * cosine,
+            math.cos(lat) * outwards + math.sin(lat) * z)
+
+
+def triangle_of(covariance: Sequence[float], size: int) -> Sequence[float]:
+    """Returns the upper triangle of a covariance matrix, row by row, from `size` standard deviations. Returns other lists
+    unchanged."""
+    if len(covariance) != size:
+        return covariance
+    return [covariance[row] ** 2 if row == column else 0.0 for row in range(size) for column in range(row, size)]
+
+
+def key_text(key: Any) -> str:
+    return f"{key.origin_agent}.{key.epoch:016x}.{key.data_type}.{key.seq}"
+
+
+def occupancy(cells: bytes) -> List[int]:
+    """Returns the cells as in nav_msgs/OccupancyGrid: -1 unknown, 0 free, 100 occupied, in the same order."""
+    return [(-1, 0, 100)[cell] for cell in cells]
+
+
+def pack_cells(cells: Sequence[int]) -> bytes:
+    """Packs cells (0 unknown, 1 free, 2 hazard) for MapLayer.cells: four per byte, the first one in the lowest bits."""
+    packed = bytearray((len(cells) + 3) // 4)
+    for i, cell in enumerate(cells):
+        packed[i // 4] |= cell << 2 * (i % 4)
+    return bytes(packed)
