@@ -17,7 +17,7 @@ set(CPACK_DEBIAN_PROGRAMS_DESCRIPTION "Stores, shares and merges what a team of 
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_RECOMMENDS "fonts-dejavu-core")
 set(CPACK_DEBIAN_PROGRAMS_PACKAGE_CONTROL_EXTRA
-  ${PROJECT_SOURCE_DIR}/packaging/postinst ${PROJECT_SOURCE_DIR}/packaging/prerm)
+  ${PROJECT_SOURCE_DIR}/packaging/programs/postinst ${PROJECT_SOURCE_DIR}/packaging/programs/prerm)
 
 # Clients need the first line only (cmake/moondbConfig.cmake.in).
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libmoondb-dev)
@@ -33,4 +33,5 @@ set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-moondb)
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION "Client of moondb agents, for Python")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3:any, python3-zmq, python3-protobuf, python3-zstandard")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/packaging/python/prerm)
 include(CPack)

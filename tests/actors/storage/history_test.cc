@@ -404,10 +404,11 @@ TEST(HistoryTest, ShowsReadableColumnsToSql) {
   InsertOne(*store, TemperatureRecord(-41));
   InsertOne(*store, CustomRecordOf(1001, "0.31", "hole 3"));
   InsertOne(*store, CustomRecordOf(1001, "0.32", "hole 3"));
-  const auto answer = QueryStore(folder.path() / "a.db",
-                                 "SELECT type, timestamp_ns, fields ->> 'celsius', CAST(latest_key AS TEXT), "
-                                 "CAST(payload AS TEXT), record_id IS NOT NULL FROM v_history ORDER BY row_id",
-                                 10);
+  const auto answer =
+      QueryStore(folder.path() / "a.db",
+                 "SELECT type, timestamp_ns, json_extract(fields, '$.celsius'), CAST(latest_key AS TEXT), "
+                 "CAST(payload AS TEXT), record_id IS NOT NULL FROM v_history ORDER BY row_id",
+                 10);
   ASSERT_TRUE(answer) << ToString(answer.error());
   ASSERT_THAT(answer->rows, SizeIs(2));
   const auto texts = [&](int row) {

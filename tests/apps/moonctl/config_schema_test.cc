@@ -47,7 +47,7 @@ class Validator {
 
   bool HasType(const Struct& schema, const YAML::Node& node) {
     const auto& types = schema.fields().at("type");
-    if (types.has_string_value()) return IsOfType(types.string_value(), node);
+    if (types.kind_case() == google::protobuf::Value::kStringValue) return IsOfType(types.string_value(), node);
     for (const auto& type : types.list_value().values()) {
       if (IsOfType(type.string_value(), node)) return true;
     }

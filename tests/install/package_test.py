@@ -1,0 +1,231 @@
+#!/usr/bin/env python3
+"""Installs the packages of tools/package in clean systems, runs a team there, and removes them again.
+
+Usage: package_test.py SOURCE WORK [TARBALL...]
+    SOURCE    the source tree, with a complete build in build/dev
+    WORK      folder for the clean systems; kept, so that the next run is faster
+    TARBALL   a tarball that `tools/package tarball` made elsewhere: test only this one, on a root with libc6 of its glibc
+
+The systems are a Debian 12 made by debootstrap, and a root that holds nothing but glibc and a shell.
+Exit codes: 0 passed, 1 failed, 77 skipped (not root, no debootstrap, no network; it says which).
+"""
+import contextlib
+import os
+import pathlib
+import re
+import shutil
+import stat
+import subprocess
+import sys
+import urllib.request
+
+SKIPPED = 77
+MIRROR = "http://deb.debian.org/debian"
+UBUNTU = "http://archive.ubuntu.com/ubuntu/pool/main/g/glibc/"
+LIMIT_S = 900
+
+# Runs a team of four with nothing but the programs and a shell.
+TEAM = """
+set -e
+rm -rf /root/moon /tmp/moondb-0
+cd /root
+moonctl config init --agents 4 moon/team.yaml
+export MOONDB_TEAM=/root/moon/team.yaml
+moonctl up
+moonctl -a rover2 record insert temperature '{"celsius": 20}'
+moonctl sync now --wait
+moonctl -a rover1 record list temperature
+moonctl health
+EXTRA
+moonctl down
+"""
+SAYS = [r"rover1 +good", "sync at rover1: everything is acknowledged", r"2\.[0-9a-f]{16}\.1\.1 +temperature +rover2"]
+
+
+class Failure(Exception):
+    """An error described in one line."""
+
+
+class Skip(Exception):
+    """The reason why this machine cannot run the test."""
+
+
+def run(*command, **options):
+    done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                          timeout=LIMIT_S, check=False, **options)
+    if done.returncode != 0:
+        raise Failure(f"{' '.join(str(part) for part in command)[:300]} ended with {done.returncode}:\n{done.stdout[-4000:]}")
+    return done.stdout
+
+
+def inside(root, script, path="/usr/sbin:/usr/bin:/sbin:/bin", network=False):
+    """Runs a shell script in a root, with /proc, and in a network of its own unless `network` is set."""
+    prepare = "" if network else "ip link set lo up && "
+    command = f'{prepare}mount -t proc proc "$0/proc" && exec chroot "$0" /bin/sh -c "$1"'
+    spaces = ["--mount"] if network else ["--mount", "--net"]
+    environment = {"PATH": path, "HOME": "/root", "DEBIAN_FRONTEND": "noninteractive", "LC_ALL": "C"}
+    return run("unshare", *spaces, "/bin/sh", "-c", command, root, script,
+               env=dict(environment, PATH=f"{path}:{os.environ['PATH']}"))
+
+
+def files_in(root):
+    """Returns all files outside of the folders of data, temporary files and package managers."""
+    left_out = ("proc", "sys", "dev", "run", "tmp", "root", "var/lib/apt", "var/lib/dpkg", "var/cache", "var/log")
+    found = set()
+    for folder, _, names in os.walk(root):
+        relative = os.path.relpath(folder, root)
+        if any(relative == part or relative.startswith(part + "/") for part in left_out):
+            continue
+        found.update(os.path.join(relative, name) for name in names)
+    return found
+
+
+def check_team(said, where):
+    for text in SAYS:
+        if not re.search(text, said):
+            raise Failure(f"on {where}, the team did not print '{text}':\n{said}")
+
+
+def debian(work):
+    root = work / "bookworm"
+    if not (root / "made").exists():
+        shutil.rmtree(root, ignore_errors=True)
+        run("debootstrap", "--variant=minbase", "bookworm", root, MIRROR)
+        (root / "made").touch()
+    return root
+
+
+def bare(work, name, libc):
+    """Makes a root of glibc and a static shell. `libc`: the .deb of libc6."""
+    root = work / name
+    shutil.rmtree(root, ignore_errors=True)
+    for folder in ("proc", "tmp", "root", "opt", "bin"):
+        (root / folder).mkdir(parents=True)
+    (root / "dev").mkdir()
+    os.mknod(root / "dev/null", 0o666 | stat.S_IFCHR, os.makedev(1, 3))
+    os.mknod(root / "dev/urandom", 0o666 | stat.S_IFCHR, os.makedev(1, 9))
+    packages = work / "packages"
+    run("apt-get", "download", "busybox-static", cwd=packages)
+    for deb in (libc, next(packages.glob("busybox-static_*.deb"))):
+        run("dpkg", "-x", deb, root)
+    busybox = next(path for path in (root / "bin/busybox", root / "usr/bin/busybox") if path.exists())
+    (root / "bin/sh").symlink_to("/" + str(busybox.relative_to(root)))
+    return root
+
+
+def libc_of(work, glibc):
+    """Downloads the libc6 package: of Debian 12 for 2.36, of Ubuntu 22.04 for 2.35."""
+    packages = work / "packages"
+    packages.mkdir(parents=True, exist_ok=True)
+    if glibc == "2.36":
+        run("apt-get", "download", "libc6", cwd=packages)
+        return next(packages.glob("libc6_2.36*.deb"))
+    with urllib.request.urlopen(UBUNTU, timeout=60) as listing:
+        names = re.findall(r'href="(libc6_2\.35-\w+\.?\w*_amd64\.deb)"', listing.read().decode())
+    file = packages / sorted(names)[-1]
+    with urllib.request.urlopen(UBUNTU + file.name, timeout=60) as download:
+        file.write_bytes(download.read())
+    return file
+
+
+def check_tarball(root, tarball):
+    """Unpacks the tarball in /opt, runs a team, and removes the folder again."""
+    before = files_in(root)
+    run("tar", "-xzf", tarball, "-C", root / "opt")
+    folder = next((root / "opt").glob("moondb-*"))
+    said = inside(root, TEAM.replace("EXTRA", ""), path=f"/opt/{folder.name}/bin:/usr/bin:/bin")
+    check_team(said, root.name)
+    shutil.rmtree(folder)
+    shutil.rmtree(root / "root/moon")
+    left = files_in(root) - before
+    if left:
+        raise Failure(f"on {root.name}, the tarball left {sorted(left)[:5]}")
+
+
+def check_debs(root, packages):
+    """Installs the .deb packages, runs a team and the clients in Python and C++, and purges the packages."""
+    for deb in packages.glob("*.deb"):
+        shutil.copy(deb, root / "root")
+    inside(root, "apt-get update -qq && apt-get install -y -qq --no-install-recommends g++ cmake make systemd", network=True)
+    before = files_in(root)
+    inside(root, "apt-get install -y -qq --no-install-recommends /root/*.deb", network=True)
+    inside(root, "cmake -S /usr/share/moondb/examples/client -B /tmp/client && cmake --build /tmp/client")
+    extra = """
+/tmp/client/survey "$(cat moon/moondb-data/rover3/agent.endpoint)" rover3 3
+python3 /usr/share/moondb/examples/python/survey.py $MOONDB_TEAM rover2 2
+"""
+    said = inside(root, TEAM.replace("EXTRA", extra))
+    check_team(said, "Debian 12 with the packages")
+    if said.count("stored 3 records") != 2:
+        raise Failure(f"the clients did not store their records:\n{said}")
+    check_unit(root)
+    inside(root, "apt-get purge -y -qq moondb libmoondb-dev python3-moondb && apt-get autoremove --purge -y -qq",
+           network=True)
+    left = {name for name in files_in(root) - before if "moondb" in name}
+    if left:
+        raise Failure(f"the packages left {sorted(left)[:5]}")
+    shutil.rmtree(root / "root/moon")
+
+
+def check_unit(root):
+    """Verifies the unit, its user, and its exposure."""
+    inside(root, "getent passwd moondb && cp /lib/systemd/system/moondb-agent@.service /tmp/moondb-agent@rover1.service && "
+           "systemd-analyze verify /tmp/moondb-agent@rover1.service")
+    said = inside(root, "systemd-analyze security --offline=true /tmp/moondb-agent@rover1.service | tail -1")
+    exposure = float(re.search(r": (\d+\.\d+)", said).group(1))
+    if exposure >= 3.0:
+        raise Failure(f"the unit's exposure is {exposure}")
+
+
+def check_machine(tarballs):
+    if os.geteuid() != 0:
+        raise Skip("needs root")
+    for tool, package in (("debootstrap", "debootstrap"), ("unshare", "util-linux"), ("ip", "iproute2"),
+                          ("patchelf", "patchelf"), ("dpkg-shlibdeps", "dpkg-dev")):
+        if not shutil.which(tool):
+            raise Skip(f"{tool} is missing (package {package})")
+    if subprocess.run(["unshare", "--mount", "--net", "ip", "link", "set", "lo", "up"], capture_output=True,
+                      check=False).returncode != 0:
+        raise Skip("this machine makes no namespaces")
+    if not tarballs:
+        with open("/etc/os-release", encoding="utf-8") as release:
+            if "VERSION_CODENAME=bookworm" not in release.read():
+                raise Skip("the packages are for Debian 12, and this is another system")
+    try:
+        urllib.request.urlopen(MIRROR + "/dists/bookworm/Release", timeout=20).close()
+    except OSError as error:
+        raise Skip(f"{MIRROR} does not answer: {error}") from error
+
+
+def main():
+    if len(sys.argv) < 3:
+        print(__doc__.strip(), file=sys.stderr)
+        return 2
+    source, work = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve()
+    tarballs = [pathlib.Path(name).resolve() for name in sys.argv[3:]]
+    try:
+        check_machine(tarballs)
+        work.mkdir(parents=True, exist_ok=True)
+        for tarball in tarballs:
+            check_tarball(bare(work, "bare-2.35", libc_of(work, "2.35")), tarball)
+        if not tarballs:
+            packages = source / "build/packages"
+            with contextlib.suppress(FileNotFoundError):
+                shutil.rmtree(packages)
+            run(source / "tools/package", "tarball")
+            run(source / "tools/package", "debs")
+            tarball = next(packages.glob("*.tar.gz"))
+            check_tarball(bare(work, "bare-2.36", libc_of(work, "2.36")), tarball)
+            check_tarball(debian(work), tarball)
+            check_debs(debian(work), packages)
+    except Skip as reason:
+        print(f"skipped: {reason}")
+        return SKIPPED
+    except (Failure, subprocess.TimeoutExpired) as failure:
+        print(f"failed: {failure}")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
