@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include "proto/ids.pb.h"
+#include "proto/role.pb.h"
 #include "proto/types.pb.h"
 
 namespace moondb {

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Installs the packages of tools/package in clean systems, runs a team there, and removes them again.
 
-Usage: package_test.py SOURCE WORK [TARBALL...]
+Usage: package_test.py SOURCE WORK [TARBALL]
     SOURCE    the source tree, with a complete build in build/dev
     WORK      folder for the clean systems; kept, so that the next run is faster
-    TARBALL   a tarball that `tools/package tarball` made elsewhere: test only this one, on a root with libc6 of its glibc
+    TARBALL   the one of `tools/package tarball --on jammy`: test it alone, on a root with libc6 of Ubuntu 22.04
 
 The systems are a Debian 12 made by debootstrap, and a root that holds nothing but glibc and a shell.
 Exit codes: 0 passed, 1 failed, 77 skipped (not root, no debootstrap, no network; it says which).
@@ -21,7 +21,6 @@ import urllib.request
 
 SKIPPED = 77
 MIRROR = "http://deb.debian.org/debian"
-UBUNTU = "http://archive.ubuntu.com/ubuntu/pool/main/g/glibc/"
 LIMIT_S = 900
 
 # Runs a team of four with nothing but the programs and a shell.
@@ -113,19 +112,15 @@ def bare(work, name, libc):
     return root
 
 
-def libc_of(work, glibc):
-    """Downloads the libc6 package: of Debian 12 for 2.36, of Ubuntu 22.04 for 2.35."""
+def libc_of(work, ubuntu=None):
+    """Downloads the libc6 package of this Debian 12 (2.36), or of the root of an Ubuntu."""
     packages = work / "packages"
     packages.mkdir(parents=True, exist_ok=True)
-    if glibc == "2.36":
+    if ubuntu is None:
         run("apt-get", "download", "libc6", cwd=packages)
         return next(packages.glob("libc6_2.36*.deb"))
-    with urllib.request.urlopen(UBUNTU, timeout=60) as listing:
-        names = re.findall(r'href="(libc6_2\.35-\w+\.?\w*_amd64\.deb)"', listing.read().decode())
-    file = packages / sorted(names)[-1]
-    with urllib.request.urlopen(UBUNTU + file.name, timeout=60) as download:
-        file.write_bytes(download.read())
-    return file
+    inside(ubuntu, "cd /root && apt-get download libc6", network=True)
+    return next((ubuntu / "root").glob("libc6_*.deb"))
 
 
 def check_tarball(root, tarball):
@@ -150,6 +145,10 @@ def check_debs(root, packages):
     before = files_in(root)
     inside(root, "apt-get install -y -qq --no-install-recommends /root/*.deb", network=True)
     inside(root, "cmake -S /usr/share/moondb/examples/client -B /tmp/client && cmake --build /tmp/client")
+    # The tarball's client is compiled from its sources.
+    run("tar", "-xzf", next(packages.glob("*.tar.gz")), "-C", root / "opt")
+    inside(root, "cd /opt/moondb-* && cmake -S share/moondb/examples/client -B /tmp/client2 -DCMAKE_PREFIX_PATH=$PWD && "
+           "cmake --build /tmp/client2 -j2 && grep -q '^moondb_DIR.*=/opt' /tmp/client2/CMakeCache.txt && rm -rf /opt/moondb-*")
     extra = """
 /tmp/client/survey "$(cat moon/moondb-data/rover3/agent.endpoint)" rover3 3
 python3 /usr/share/moondb/examples/python/survey.py $MOONDB_TEAM rover2 2
@@ -207,7 +206,7 @@ def main():
         check_machine(tarballs)
         work.mkdir(parents=True, exist_ok=True)
         for tarball in tarballs:
-            check_tarball(bare(work, "bare-2.35", libc_of(work, "2.35")), tarball)
+            check_tarball(bare(work, "bare-2.35", libc_of(work, source / "build/jammy")), tarball)
         if not tarballs:
             packages = source / "build/packages"
             with contextlib.suppress(FileNotFoundError):
@@ -215,7 +214,7 @@ def main():
             run(source / "tools/package", "tarball")
             run(source / "tools/package", "debs")
             tarball = next(packages.glob("*.tar.gz"))
-            check_tarball(bare(work, "bare-2.36", libc_of(work, "2.36")), tarball)
+            check_tarball(bare(work, "bare-2.36", libc_of(work)), tarball)
             check_tarball(debian(work), tarball)
             check_debs(debian(work), packages)
     except Skip as reason:
