@@ -1,6 +1,6 @@
 # The package of the tarball: find_package(moondb REQUIRED COMPONENTS client) gives moondb::client, for a robot's
 # software. The client is compiled here from its sources, because protobuf's headers and library must be those of this
-# machine. It needs protobuf (3.12 or newer) with protoc, libzmq with zmq.hpp, tl-expected, libzstd and pkg-config.
+# machine. It needs protobuf (3.12 or newer) with protoc, libzmq, zmq.hpp (cppzmq-dev), tl-expected, libzstd and pkg-config.
 cmake_minimum_required(VERSION 3.22)
 get_filename_component(moondb_sources ${CMAKE_CURRENT_LIST_DIR}/../../../share/moondb/client ABSOLUTE)
 set(MOONDB_PROTO_DIR ${moondb_sources}/proto)
@@ -11,6 +11,12 @@ find_dependency(tl-expected)
 find_dependency(PkgConfig)
 pkg_check_modules(moondb_zmq REQUIRED QUIET IMPORTED_TARGET libzmq)
 pkg_check_modules(moondb_zstd REQUIRED QUIET IMPORTED_TARGET libzstd)
+find_path(MOONDB_ZMQ_HPP zmq.hpp)
+if(NOT MOONDB_ZMQ_HPP)
+  set(moondb_FOUND FALSE)
+  set(moondb_NOT_FOUND_MESSAGE "zmq.hpp is missing (package cppzmq-dev of Debian)")
+  return()
+endif()
 
 foreach(component IN LISTS moondb_FIND_COMPONENTS)
   if(component STREQUAL "client")

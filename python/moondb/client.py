@@ -95,7 +95,7 @@ class Client:
         self.close()
 
     def call(self, request: Any, timeout_s: Optional[float] = None) -> Any:
-        """Sends a ControlRequest and returns the ControlReply. After a TimeoutError, the next call connects anew."""
+        """Sends a ControlRequest and returns the ControlReply. After a TimeoutError, the next call connects again."""
         self._request_id += 1
         request.by, request.team_id = self._by, self._team_id
         frame = messages.ClientMessage(request_id=self._request_id, control_request=request).SerializeToString()
@@ -179,7 +179,7 @@ class Client:
 
     def feed(self, data_types: Iterable[int] = (), after_row_id: int = 0,
              on_error: Optional[Callable[[Exception], None]] = None) -> Iterator[Tuple[int, Any, Any]]:
-        """Yields (row id, key, Record) of each record after `after_row_id`, and then of each new record, for ever. While
+        """Yields (row id, key, Record) of each record after `after_row_id`, and then of each new record, without end. While
         the agent is away, calls `on_error` and asks again every few seconds. To go on later, keep the last row id. Row
         ids start at 1 again after a restart of the agent with an empty disk."""
         types = list(data_types)
@@ -300,7 +300,7 @@ class Client:
         while True:
             reply = self.call(messages.ControlRequest(map_tiles=request), wait_s + BEYOND_WAIT_S).map_tiles
             if first is not None and reply.merger_id != first.merger_id:
-                raise TimeoutError(f"{self._endpoint} began to merge anew during the call: call again")
+                raise TimeoutError(f"{self._endpoint} restarted its merging during the call: call again")
             first = first or reply
             size = reply.tile_cells ** 2
             tiles.update({(tile.x, tile.y): _decompress(tile.zstd_cells, size) if tile.zstd_cells else b""

@@ -406,7 +406,7 @@ TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
 }
 
-TEST_F(ProcessTest, TellsTheServiceManagerThatItIsReadyHealthyAndStopping) {
+TEST_F(ProcessTest, NotifiesTheServiceManagerThatItIsReadyHealthyAndStopping) {
   const std::string path = (folder_ / "notify.sock").string();
   sockaddr_un address{};
   address.sun_family = AF_UNIX;

@@ -147,6 +147,7 @@ def check_debs(root, packages):
     inside(root, "cmake -S /usr/share/moondb/examples/client -B /tmp/client && cmake --build /tmp/client")
     # The tarball's client is compiled from its sources.
     run("tar", "-xzf", next(packages.glob("*.tar.gz")), "-C", root / "opt")
+    inside(root, "apt-get install -y -qq --no-install-recommends cppzmq-dev", network=True)
     inside(root, "cd /opt/moondb-* && cmake -S share/moondb/examples/client -B /tmp/client2 -DCMAKE_PREFIX_PATH=$PWD && "
            "cmake --build /tmp/client2 -j2 && grep -q '^moondb_DIR.*=/opt' /tmp/client2/CMakeCache.txt && rm -rf /opt/moondb-*")
     extra = """
