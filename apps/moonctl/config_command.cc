@@ -186,6 +186,7 @@ void AddConfigCommands(Command& app, CommandContext& context) {
   init.AddOption("--first-port", arguments->first_port, "First loopback port (7400)").Within(1, 65000);
   init.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return InitConfig(context, *arguments); }; });
+  AddPackCommands(group, context);
 }
 
 }  // namespace moondb

@@ -350,6 +350,50 @@ Result<SigningKeysAdded> AddSigningKeys(const std::string& yaml, const std::file
   return added;
 }
 
+Result<std::string> AddAgent(const std::string& yaml, const std::filesystem::path& file, proto::AgentConfig& agent,
+                             NewFiles* files) {
+  if (const auto read = ParseTeamFile(yaml, file.string()); !read) return tl::unexpected(read.error());
+  proto::TeamConfig wanted;
+  const Places places = ReadLeniently(yaml, &wanted);
+  std::uint32_t highest = 0;
+  for (const proto::AgentConfig& other : wanted.agents()) highest = std::max(highest, other.id());
+  if (agent.id() == 0) agent.set_id(highest + 1);
+  const SigningKey signing = SigningKey::Make();
+  if (!wanted.insecure()) {
+    agent.set_key(agent.name() + ".pub");
+    agent.set_signing_key(signing.public_key());
+  }
+  // The new agent follows the last line that holds a value of the last agent, at the indentation of that agent.
+  const std::string last = "agents[" + std::to_string(wanted.agents_size() - 1) + "]";
+  Place end;
+  std::size_t indent = 0;
+  for (const auto& [field, place] : places) {
+    if (!field.starts_with(last)) continue;
+    if (place.line > end.line) end = place;
+    const std::size_t line = BeginOfLine(yaml, place.line);
+    const std::size_t text = yaml.find_first_not_of(' ', line);
+    if (text != std::string::npos && yaml[text] == '-') indent = text - line;
+  }
+  *wanted.add_agents() = agent;
+  std::string added = AgentText(agent).substr(2);
+  added.pop_back();
+  for (std::size_t at = added.find('\n'); at != std::string::npos; at = added.find('\n', at + 1)) {
+    added.replace(at + 1, 2, std::string(indent, ' '));
+  }
+  const std::string longer = WithLineBelow(yaml, end, indent, added);
+  proto::TeamConfig found;
+  (void)ReadLeniently(longer, &found);
+  if (SerializeTeam(found) != SerializeTeam(wanted)) {
+    return Fail(ErrorCode::kInvalid, file.string() + ": no place for another agent is found; add it by hand");
+  }
+  if (const auto read = ParseTeamFile(longer, file.string()); !read) return tl::unexpected(read.error());
+  if (!wanted.insecure()) {
+    const auto kept = AddAgentKeys(file.parent_path() / agent.key(), signing, files);
+    if (!kept) return tl::unexpected(kept.error());
+  }
+  return longer;
+}
+
 Result<void> AddAgentKeys(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files) {
   const Result<CurveKeys> keys = MakeCurveKeys();
   if (!keys) return tl::unexpected(keys.error());

@@ -43,6 +43,13 @@ struct SigningKeysAdded {
 // keys.
 Result<SigningKeysAdded> AddSigningKeys(const std::string& yaml, const std::filesystem::path& file, NewFiles* files);
 
+// Returns `yaml` with `agent` below its last agent, and adds the agent's new key files to `files`. Sets the agent's id
+// if it is 0 (one more than the highest), and its key and signing key unless the team is `insecure`. Returns kInvalid,
+// with all errors, if the result would not be a valid team file, or if the place for the agent is not found. Returns
+// kRefused if a key file already exists. `file` is the path of the team file; the key files lie beside it.
+Result<std::string> AddAgent(const std::string& yaml, const std::filesystem::path& file, proto::AgentConfig& agent,
+                             NewFiles* files);
+
 // Adds the key files of an agent to `files`: a new public CURVE key at `public_path`, and the secrets NAME.sec and
 // NAME.sign beside it. Returns the errors of NewFiles::Add and MakeCurveKeys.
 Result<void> AddAgentKeys(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files);

@@ -19,6 +19,7 @@
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/signing_key.h"
 #include "runtime/team/team_init.h"
+#include "runtime/team/team_keys.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {
@@ -572,6 +573,50 @@ TEST(SigningKeyLinesTest, AreAddedForAgentsWhoseKeyIsFound) {
   EXPECT_FALSE(WithSigningKeys("team: [\n", {{"one", key}}));
   const std::string windows = "agents:\r\n- name: one\r\n  key: one.pub";
   EXPECT_EQ(WithSigningKeys(windows, {{"one", key}}).value(), windows + "\n  signing_key: \"" + key + "\"\n");
+}
+
+TEST_F(TeamFileTest, AddsAnAgentBelowTheLastOneAndKeepsTheRest) {
+  ASSERT_TRUE(WriteInitialTeam(folder_ / "team.yaml", 3, 7400));
+  const std::string yaml = *ReadTextFile(folder_ / "team.yaml");
+  proto::AgentConfig agent;
+  agent.set_name("rover9");
+  agent.set_address("tcp://10.0.0.9:7400");
+  NewFiles files;
+  const auto longer = AddAgent(yaml, folder_ / "team.yaml", agent, &files);
+  ASSERT_TRUE(longer) << longer.error().text;
+  EXPECT_EQ(agent.id(), 4u);
+  const std::string added =
+      "  - id: 4\n    name: rover9\n    address: \"tcp://10.0.0.9:7400\"\n    key: \"rover9.pub\"\n" +
+      ("    signing_key: \"" + agent.signing_key() + "\"\n");
+  EXPECT_EQ(*longer, Replaced(yaml, "\n# Initial leader", added + "\n# Initial leader"));
+  ASSERT_TRUE(files.Publish());
+  const auto team = ParseTeamFile(*longer, "team.yaml");
+  ASSERT_TRUE(team) << team.error().text;
+  EXPECT_TRUE(ReadTeamKeys(team->config, folder_, 4, ""));
+  EXPECT_TRUE(ReadSigningKey(team->config, folder_, 4, ""));
+}
+
+TEST_F(TeamFileTest, AddsAnAgentToFilesWrittenByHand) {
+  const std::string head = "team: test\nteam_id: \"00000000000000000000000000000001\"\ninsecure: true\n";
+  const std::string one = "{id: 7, name: one, address: \"tcp://h:1\"}";
+  const std::string two = "id: 8\n  name: two\n  address: \"tcp://h:2\"\n";
+  const auto add = [&](const std::string& yaml) {
+    proto::AgentConfig agent;
+    agent.set_name("two");
+    agent.set_address("tcp://h:2");
+    NewFiles files;
+    return AddAgent(yaml, folder_ / "team.yaml", agent, &files);
+  };
+  const std::string braces = head + "agents:\n- " + one + "   # In braces.\nroles: {leader: one}\n";
+  const auto in_braces = add(braces);
+  ASSERT_TRUE(in_braces) << in_braces.error().text;
+  EXPECT_EQ(*in_braces, Replaced(braces, "roles:", "- " + two + "roles:"));
+  const std::string without_end = head + "roles: {leader: one}\nagents:\n- " + one;
+  EXPECT_EQ(add(without_end).value(), without_end + "\n- " + two);
+  EXPECT_THAT(add(head + "roles: {leader: one}\nagents: [" + one + "]\n").error().text, HasSubstr("add it by hand"));
+  EXPECT_THAT(add(head + "agents:\n- {id: 7, name: two, address: \"tcp://h:1\"}\n").error().text,
+              HasSubstr("two is already that of agents[0]"));
+  EXPECT_FALSE(add("team: [\n"));
 }
 
 TEST_F(TeamFileTest, OverwritesNothing) {
