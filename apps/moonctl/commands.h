@@ -23,6 +23,7 @@ void AddDbCommands(Command& app, CommandContext& context);
 void AddDownlinkCommands(Command& app, CommandContext& context);
 void AddLogCommand(Command& app, CommandContext& context);
 void AddTraceCommand(Command& app, CommandContext& context);
+void AddDoctorCommand(Command& app, CommandContext& context);
 void AddConfigCommands(Command& app, CommandContext& context);
 // Adds config pack, config unpack and config add-agent to the group config.
 void AddPackCommands(Command& group, CommandContext& context);

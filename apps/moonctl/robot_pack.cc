@@ -75,7 +75,7 @@ struct Owner {
   uid_t user;
   gid_t group;
 };
-std::optional<Owner> OwnerOf(const std::filesystem::path& folder) {
+std::optional<Owner> OwnerOfFilesIn(const std::filesystem::path& folder) {
   struct stat status {};
   if (::geteuid() != 0 || ::stat(folder.c_str(), &status) != 0) return std::nullopt;
   return Owner{status.st_uid, status.st_gid};
@@ -197,7 +197,7 @@ Result<std::vector<std::string>> UnpackRobot(const proto::RobotPack& pack, const
     }
     changed.push_back(&file);
   }
-  const std::optional<Owner> owner = OwnerOf(folder);
+  const std::optional<Owner> owner = OwnerOfFilesIn(folder);
   const auto aside_of = [&](const proto::PackedFile& file) { return folder / (file.name() + ".new"); };
   Result<void> written;
   for (const proto::PackedFile* file : changed) {
