@@ -27,7 +27,7 @@ RobotCheck Unknown(std::string what, std::string text, std::string remedy) {
 
 RobotCheck KeysCheck(const proto::TeamConfig& team, const proto::AgentConfig& agent, const RobotFacts& facts) {
   if (team.insecure()) {
-    return Advice("keys", "the team is `insecure: true`: whoever reaches the ports speaks as any agent",
+    return Advice("keys", "the team is `insecure: true`: every program that reaches the ports can speak as any agent",
                   "make a team with keys: moonctl config init");
   }
   if (facts.keys_error.empty()) return Good("keys", "match the team file, and nobody else reads the secrets");

@@ -19,7 +19,7 @@ inline constexpr std::int64_t kYearMin = 2026;         // A clock that shows an 
 inline constexpr std::uint64_t kOpenFilesMin = 8'192;  // See apps/moondb_agent/agent_program.cc.
 inline constexpr std::uint64_t kMemoryMin_bytes = 256ull << 20;
 
-// What a computer knows of one other agent.
+// Facts about another agent, as seen from this computer.
 struct PeerFacts {
   std::string name;
   std::string address;           // TeamConfig: tcp://HOST:PORT.
@@ -32,15 +32,15 @@ struct PeerFacts {
   std::string version;                   // Version of the peer's agent; empty: not known.
 };
 
-// What a computer knows of itself and of its agent.
+// Facts about this computer and its agent.
 struct RobotFacts {
   std::string keys_error;  // Why the keys cannot be used; empty: they can.
   std::string data_folder;
   std::string data_folder_error;  // Why the data folder cannot be used; empty: it can.
   std::optional<std::uint64_t> disk_free_bytes;
   bool is_memory_disk = false;                // True: the data folder is lost at a restart.
-  std::int64_t year = 0;                      // Of the clock, UTC.
-  std::optional<bool> is_clock_synchronised;  // What the kernel says. Null: not known.
+  std::int64_t year = 0;                      // The clock shows this year (UTC).
+  std::optional<bool> is_clock_synchronised;  // The kernel's own state. Null: not known.
   bool is_running = false;                    // The agent answers.
   std::string agent_error;   // Why a running process does not answer; empty: it does, or there is none.
   std::string listen_error;  // Why the agent could not listen at its address; empty: it could, or it does.
@@ -56,8 +56,8 @@ struct RobotCheck {
   enum class Kind { kGood, kAdvice, kFault, kUnknown };
   std::string what;  // "keys", "clock".
   Kind kind = Kind::kGood;
-  std::string text;    // What was found.
-  std::string remedy;  // What to do; empty: nothing.
+  std::string text;    // The fact that was found.
+  std::string remedy;  // Advice to the user; empty: none.
 };
 
 // Returns all checks, the good ones too, in a fixed order.
