@@ -30,7 +30,7 @@ struct Case {
   std::string says;  // Part of the text output if all agents run.
 };
 
-constexpr int kDone = 0, kFailed = 1, kUnreachable = 3;
+constexpr int kDone = 0, kFailed = 1, kUsage = 2, kUnreachable = 3;
 
 const std::vector<Case>& Cases() {
   static const std::vector<Case> cases = {
@@ -94,6 +94,15 @@ const std::vector<Case>& Cases() {
       {{"config", "schema"}, kDone, kDone, kDone, "definitions"},
       {{"config", "init", "@/other%/team.yaml"}, kDone, kDone, kDone, "wrote"},
       {{"clients", "add", "anna%", "--rights", "view"}, kDone, kDone, kDone, "anna1"},
+      {{"config", "add-agent", "robot%", "--address", "tcp://127.0.0.1:950%", "-t", "@/other%/team.yaml"},
+       kDone,
+       kDone,
+       kDone,
+       "added robot1 (id 5)"},
+      {{"config", "pack", "rover1", "@/rover1.%.pack"}, kDone, kDone, kDone, "files of rover1"},
+      {{"config", "unpack", "@/rover1.%.pack", "@/robot%"}, kDone, kDone, kDone, "team.yaml"},
+      // What doctor finds depends on the machine (tests/apps/doctor_test.py).
+      {{"doctor", "-a", "rover9"}, kUsage, kUsage, kUsage, ""},
       {{"clients", "list"}, kDone, kDone, kDone, "anna1"},
       {{"clients", "revoke", "anna%"}, kDone, kDone, kDone, "anna1"},
       {{"keys", "new", "robot%"}, kDone, kDone, kDone, "robot1.sign"},
