@@ -16,6 +16,10 @@ const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::st
   return nullptr;
 }
 
+const std::string& ListenAddressOf(const proto::AgentConfig& agent) {
+  return agent.listen().empty() ? agent.address() : agent.listen();
+}
+
 bool HasLeft(const proto::TeamConfig& team, AgentId agent) {
   const proto::AgentConfig* config = FindAgent(team, agent);
   return config != nullptr && config->left();

@@ -12,6 +12,9 @@ namespace moondb {
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id);
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name);
 
+// Returns the endpoint that the agent listens on: `listen`, or `address` if that is not set.
+const std::string& ListenAddressOf(const proto::AgentConfig& agent);
+
 // Returns whether the team file marks the agent with `left`. The records and decisions of such an agent stay valid.
 bool HasLeft(const proto::TeamConfig& team, AgentId agent);
 

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "apps/common/table.h"
+#include "model/team_member.h"
 
 namespace moondb {
 namespace {
@@ -76,7 +77,7 @@ RobotCheck ClockCheck(const RobotFacts& facts) {
 
 RobotCheck PortCheck(const proto::AgentConfig& agent, const RobotFacts& facts) {
   if (facts.listen_error.empty()) {
-    return Good("address", agent.address() + (facts.is_running ? " is in use by the agent" : " is free"));
+    return Good("address", ListenAddressOf(agent) + (facts.is_running ? " is in use by the agent" : " is free"));
   }
   return Fault("address", facts.listen_error,
                "correct `address` of " + agent.name() + " in the team file, or stop the other program");

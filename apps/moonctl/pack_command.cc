@@ -26,6 +26,7 @@ struct PackArguments {
   std::string options;
   std::string address;
   std::string client_address;
+  std::string listen;
   std::string start;
   int id = 0;
 };
@@ -65,6 +66,7 @@ ExitCode AddToTeam(CommandContext& context, const PackArguments& arguments) {
   agent.set_name(arguments.agent);
   agent.set_address(arguments.address);
   agent.set_client_address(arguments.client_address);
+  agent.set_listen(arguments.listen);
   if (!arguments.start.empty()) {
     const auto start = ParseStart(arguments.start);
     if (!start) return context.Report(start.error());
@@ -178,6 +180,9 @@ void AddPackCommands(Command& group, CommandContext& context) {
   added.AddOption("--address", arguments->address, "Address at which the others reach it: tcp://HOST:PORT")
       .TypeName("ADDRESS")
       .Required();
+  added
+      .AddOption("--listen", arguments->listen, "Address at which it listens, if it is another one: tcp://0.0.0.0:PORT")
+      .TypeName("ADDRESS");
   added.AddOption("--client-address", arguments->client_address, "Address for clients with a key: tcp://HOST:PORT")
       .TypeName("ADDRESS");
   added.AddOption("--start", arguments->start, "Start pose x,y,yaw or x,y,z,yaw (m, rad); without it unknown")

@@ -23,6 +23,7 @@
 #include <utility>
 
 #include "apps/common/data_folder.h"
+#include "model/team_member.h"
 #include "model/text.h"
 #include "runtime/team/team_keys.h"
 
@@ -217,15 +218,16 @@ void AddDataFolder(const TeamFile& team, const proto::AgentConfig& agent, const 
 }
 
 std::string ListenError(const proto::AgentConfig& agent) {
-  if (!agent.address().starts_with("tcp://")) return "";
-  const auto address = Resolve(agent.address());
-  if (!address) return agent.address() + ": " + address.error().text;
+  const std::string& endpoint = ListenAddressOf(agent);
+  if (!endpoint.starts_with("tcp://")) return "";
+  const auto address = Resolve(endpoint);
+  if (!address) return endpoint + ": " + address.error().text;
   const Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const int yes = 1;
   ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
   if (::bind(socket.get(), Plain(*address), sizeof(*address)) == 0 && ::listen(socket.get(), 1) == 0) return "";
-  if (errno == EADDRNOTAVAIL) return agent.address() + ": this computer has no such address";
-  return agent.address() + ": " + TextOf(errno);
+  if (errno == EADDRNOTAVAIL) return endpoint + ": this computer has no such address";
+  return endpoint + ": " + TextOf(errno);
 }
 
 void AddClock(RobotFacts& facts) {

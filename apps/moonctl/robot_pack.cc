@@ -14,6 +14,7 @@
 
 #include "apps/moonctl/written_files.h"
 #include "model/bounded_parse.h"
+#include "model/team_member.h"
 #include "model/text.h"
 #include "runtime/team/client_list.h"
 #include "runtime/team/curve_keys.h"
@@ -45,13 +46,6 @@ std::vector<Content> ContentsOf(const proto::TeamConfig& team, const std::string
     contents.push_back({SigningSecretPath(secret).string(), true});
   }
   return contents;
-}
-
-const proto::AgentConfig* FindMember(const proto::TeamConfig& team, const std::string& name) {
-  for (const proto::AgentConfig& agent : team.agents()) {
-    if (agent.name() == name) return &agent;
-  }
-  return nullptr;
 }
 
 // Returns kInvalid unless all key files lie beside the team file.
@@ -117,7 +111,7 @@ Result<void> WriteAside(const std::filesystem::path& path, const proto::PackedFi
 
 Result<proto::RobotPack> PackRobot(const TeamFile& team, const std::filesystem::path& team_file,
                                    const std::string& agent, const std::string& options) {
-  const proto::AgentConfig& self = *FindMember(team.config, agent);
+  const proto::AgentConfig& self = *FindAgent(team.config, agent);
   if (!team.config.insecure()) {
     const auto keys = ReadTeamKeys(team.config, team.folder, self.id(), "");
     if (!keys) return tl::unexpected(keys.error());
@@ -159,7 +153,7 @@ Result<proto::RobotPack> ParseRobotPack(const std::string& bytes) {
   }
   const auto team = ParseTeamFile(ContentOf(pack, kPackedTeamFile), kPackedTeamFile);
   if (!team) return tl::unexpected(team.error());
-  if (FindMember(team->config, pack.agent()) == nullptr) {
+  if (FindAgent(team->config, pack.agent()) == nullptr) {
     return Fail(ErrorCode::kInvalid, "its team file has no agent " + OneLine(pack.agent()));
   }
   const std::vector<Content> contents = ContentsOf(team->config, pack.agent());

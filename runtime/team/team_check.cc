@@ -45,6 +45,7 @@ bool IsHost(const std::string& host) {
 
 // Returns why `address` is invalid for listening and connecting, or "" if `address` is valid. The text calls the
 // connecting side `who`.
+// `who` connects to the address; empty: nobody, so that it may name all addresses of the computer.
 std::string WhyNoAddress(const std::string& address, const std::string& who) {
   if (address.rfind("ipc://", 0) == 0) {
     const std::string path = address.substr(6);
@@ -57,10 +58,11 @@ std::string WhyNoAddress(const std::string& address, const std::string& who) {
     return "expected tcp://HOST:PORT or ipc:///PATH, got " + Quoted(address);
   }
   const std::string host = address.substr(6, colon - 6);
-  if (host == "0.0.0.0" || host == "[::]" || host == "*") {
+  const bool is_any = host == "0.0.0.0" || host == "[::]" || host == "*";
+  if (is_any && !who.empty()) {
     return who + " connect to this address, so it cannot be " + Quoted(host);
   }
-  if (!IsHost(host)) return "expected a host's name or number, got " + Quoted(host);
+  if (!is_any && !IsHost(host)) return "expected a host's name or number, got " + Quoted(host);
   int port = 0;
   const char* end = address.data() + address.size();
   const auto [stop, error] = std::from_chars(address.data() + colon + 1, end, port);
@@ -157,6 +159,7 @@ class TeamChecker {
       const std::string why = WhyNoAddress(agent.address(), "other agents");
       if (!why.empty()) Add(path + ".address", why);
     }
+    CheckListen(agent, path + ".listen");
     CheckClientAddress(agent, path + ".client_address");
     if (!team_.insecure() && !IsGiven(path + ".key")) {
       Add(path + ".key", "missing: the file of the agent's public key (or `insecure: true` for the team)");
@@ -180,6 +183,14 @@ class TeamChecker {
         Add(path, "needs keys, which `insecure: true` does without");
       }
     }
+  }
+
+  void CheckListen(const proto::AgentConfig& agent, const std::string& field) {
+    if (!IsRead(field)) return;
+    if (!agent.listen().starts_with("tcp://") || !agent.address().starts_with("tcp://")) {
+      return Add(field, "expected tcp://HOST:PORT, beside an address of this kind, got " + Quoted(agent.listen()));
+    }
+    if (const std::string why = WhyNoAddress(agent.listen(), ""); !why.empty()) Add(field, why);
   }
 
   void CheckClientAddress(const proto::AgentConfig& agent, const std::string& field) {

@@ -93,6 +93,7 @@ std::string AgentText(const proto::AgentConfig& agent) {
   };
   add("name", agent.name());
   add("address", "\"" + agent.address() + "\"");
+  if (!agent.listen().empty()) add("listen", "\"" + agent.listen() + "\"");
   if (is_base) add("kind", "base_station");
   if (!agent.key().empty()) add("key", "\"" + agent.key() + "\"");
   if (!agent.signing_key().empty()) add("signing_key", "\"" + agent.signing_key() + "\"");

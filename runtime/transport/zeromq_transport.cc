@@ -182,7 +182,7 @@ class ZeroMqTransport::Impl {
       listener->Set(ZMQ_ROUTER_HANDOVER, 1);
     }
     if (const auto watched = WatchAccepted(*listener); !watched) return watched;
-    const std::string& address = FindAgent(team_, options_.self)->address();
+    const std::string& address = ListenAddressOf(*FindAgent(team_, options_.self));
     if (address.find('[') != std::string::npos) listener->Set(ZMQ_IPV6, 1);
     if (const auto claimed = ClaimIpcPath(address); !claimed) return claimed;
     const Result<std::string> endpoint = NumericEndpoint(address);
@@ -263,19 +263,20 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Sets the connection limits of each port. For an agent whose address is a host name, raises the common limit
-  // of all addresses that have no own limit (ConnectionRules::Listener::others_max).
+  // Sets the connection limits of each port. For an agent whose address is a host name or not its own, raises the
+  // common limit of all addresses that have no own limit (ConnectionRules::Listener::others_max).
   Result<void> OpenGuard() {
     std::map<std::uint16_t, ConnectionRules::Listener> listeners;
     const proto::AgentConfig& self = *FindAgent(team_, options_.self);
-    if (const std::optional<std::uint16_t> port = TcpPortOf(self.address())) {
+    if (const std::optional<std::uint16_t> port = TcpPortOf(ListenAddressOf(self))) {
       ConnectionRules::Listener& listener = listeners[*port];
       listener.others_max = kStrangersMax;
       listener.key_max = kConnectionsPerAgent;
       listener.shared_bytes = kAgentsSharedBytes;
       for (const proto::AgentConfig& agent : team_.agents()) {
         if (agent.left()) continue;
-        const std::string address = NumericAddressOf(agent.address());
+        // Connections of an agent behind NAT may come from any address.
+        const std::string address = agent.listen().empty() ? NumericAddressOf(agent.address()) : "";
         (address.empty() ? listener.others_max : listener.places[address]) += kConnectionsPerAgent;
       }
     }

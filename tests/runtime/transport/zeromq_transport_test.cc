@@ -482,6 +482,20 @@ TEST_F(ZeroMqTransportTest, SendsFromManyThreads) {
   for (int i = 0; i < kThreads * kMessages; ++i) ASSERT_NE(ears_[2].Take(), nullptr);
 }
 
+// The agent's address is not one of this computer, as behind NAT: others reach it through the forwarded port.
+TEST_F(ZeroMqTransportTest, ListensAtAnAddressOfItsOwn) {
+  const std::string port = std::to_string(FreePort());
+  proto::AgentConfig& agent = *team_.config.mutable_agents(1);
+  agent.set_address("tcp://192.0.2.1:7400");
+  agent.set_listen("tcp://0.0.0.0:" + port);
+  Start(2);
+  agent.set_address("tcp://127.0.0.1:" + port);
+  Start(1);
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kAccepted);
+  ASSERT_NE(ears_[2].Take(), nullptr);
+}
+
 TEST(ListenAddressTest, ResolvesNamesToNumericAddresses) {
   if (gethostbyname("localhost") == nullptr) GTEST_SKIP() << "this machine does not know the name localhost";
   EXPECT_EQ(NumericEndpoint("tcp://localhost:7400").value(), "tcp://127.0.0.1:7400");
