@@ -101,7 +101,7 @@ const std::vector<Case>& Cases() {
        "added robot1 (id 5)"},
       {{"config", "pack", "rover1", "@/rover1.%.pack"}, kDone, kDone, kDone, "files of rover1"},
       {{"config", "unpack", "@/rover1.%.pack", "@/robot%"}, kDone, kDone, kDone, "team.yaml"},
-      // What doctor finds depends on the machine (tests/apps/doctor_test.py).
+      // The findings of doctor depend on the machine (tests/apps/doctor_test.py).
       {{"doctor", "-a", "rover9"}, kUsage, kUsage, kUsage, ""},
       {{"clients", "list"}, kDone, kDone, kDone, "anna1"},
       {{"clients", "revoke", "anna%"}, kDone, kDone, kDone, "anna1"},
