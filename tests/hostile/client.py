@@ -1,29 +1,19 @@
 """A client from elsewhere, with a key of the team's list: what moonctl --key is, and whatever an attacker sends instead."""
-import zmq
 from messages import control
-from team import CLIENT_PORT, STEP_LIMIT_S, AgentError, Failure, MoondbClient
+from team import CLIENT_PORT, STEP_LIMIT_S, AgentError, Failure, Client
 
 
-class KeyedClient(MoondbClient):
+class KeyedClient(Client):
     """A client with its own key at rover1's client_address, over one connection. `call(request)` sends a request
     and waits for the ControlReply. With `from_address`, the connection comes from that address, as from another
     computer."""
 
     def __init__(self, team, key_name, timeout_s=STEP_LIMIT_S, from_address="127.0.0.1"):
-        public, secret = team.client_keys(key_name)
-        self._dealer = zmq.Context.instance().socket(zmq.DEALER)
-        self._dealer.linger = 0
-        self._dealer.curve_publickey, self._dealer.curve_secretkey = public, secret
-        self._dealer.curve_serverkey, _ = team.z85_keys("rover1")
-        self._endpoint = f"tcp://{from_address}:0;127.0.0.1:{CLIENT_PORT}"
-        self._dealer.connect(self._endpoint)
-        self._timeout_s, self._request_id, self._team_id, self._by = timeout_s, 0, team.team_id, "carl@hill"
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.close()
+        _, secret = team.client_keys(key_name)
+        server_key, _ = team.z85_keys("rover1")
+        super().__init__(f"tcp://{from_address}:0;127.0.0.1:{CLIENT_PORT}", team.team_id.hex(), timeout_s,
+                         server_key.decode(), secret.decode())
+        self._by = "carl@hill"
 
     def ask(self, timeout_s=None, **request):
         """Returns the ControlReply. Raises Failure for an error or if no reply arrives."""

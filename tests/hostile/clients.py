@@ -5,7 +5,7 @@ import time
 
 import messages
 from client import KeyedClient
-from messages import control, errors, message, types
+from messages import control, errors, message, rights_of, types
 from team import HONEST, Failure
 
 VIEW = 1
@@ -48,7 +48,7 @@ def above_its_right(team, scale):
     granted = []
     with KeyedClient(team, "watcher") as watcher:
         for field in control.ControlRequest.DESCRIPTOR.oneofs_by_name["request"].fields:
-            if field.GetOptions().Extensions[control.command].rights <= VIEW:
+            if rights_of(field) <= VIEW:
                 continue
             for for_agent in range(5):
                 request = control.ControlRequest(for_agent=for_agent, team_id=team.team_id, **{field.name: {}})

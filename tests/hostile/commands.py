@@ -5,7 +5,7 @@ import time
 
 import messages
 from member import Member, frame_of
-from messages import control, errors, message, types
+from messages import control, errors, message, rights_of, types
 from team import HONEST, NAMES, TAKEN, Failure
 
 TAKES_ROVER3 = True
@@ -16,10 +16,6 @@ WAIT_S = 60
 WAITING_READS = 600  # More than pending_max of actors/gateway/gateway_actor.h.
 ACTORS = ["storage", "sync", "replica", "pgo", "merge", "role", "failover", "lease", "gateway", "clock", "event", "downlink",
           "retention", "", "nobody", "@leader"]
-
-
-def rights_of(field):
-    return field.GetOptions().Extensions[control.command].rights
 
 
 def erases_what_the_team_holds(team, scale):

@@ -8,7 +8,7 @@ agent runs, took at most 64 MB more at any time (or RSS_MB_MAX_OF its module), l
 honest agent lost a record that it had, and what rover2 inserts then comes to the leader. With a smaller scale attackers send
 less, and those that show nothing then are left out. Attackers against which there is no check yet (NOT_YET of their module)
 run with --not-yet alone, and fail nothing.
-Exit codes: 0 all held, 1 not, 77 skipped (protoc or a package of Python is missing, or ports are taken; it says which).
+Exit codes: 0 all held, 1 not, 77 skipped (a package of Python is missing, or ports are taken; it says which).
 """
 import argparse
 import contextlib
@@ -17,7 +17,6 @@ import json
 import os
 import pathlib
 import random
-import shutil
 import sys
 import threading
 import time
@@ -206,6 +205,7 @@ def main():
     if taken_port() is not None:
         print(f"skipped: port {taken_port()} is taken")
         return SKIPPED
+    sys.path.insert(0, str(options.programs.resolve().parent / "python"))  # The package moondb.
     print(f"seed {options.seed}")
     random.seed(options.seed)
     return run(options)
@@ -213,9 +213,6 @@ def main():
 
 def with_modules():
     """Runs this program again with an interpreter that has the packages, if this one lacks them."""
-    if shutil.which("protoc") is None:
-        print("skipped: protoc is missing")
-        sys.exit(SKIPPED)
     python = python_with(PACKAGES)
     if python is None:
         print(f"skipped: Python lacks one of {', '.join(PACKAGES)}")

@@ -1,4 +1,4 @@
-"""Python modules of proto/, which protoc makes when this one is imported, and what goes into records.
+"""The messages of proto/, and what goes into records.
 
     from messages import message, record
     message.Message(...)
@@ -6,34 +6,29 @@
 import ctypes
 import pathlib
 import struct
-import subprocess
-import sys
-import tempfile
 import time
 
+import moondb.messages
+from google.protobuf import message_factory
+
+# Names of the files of proto/ in which the messages are. The package has all of them in one module.
+control = errors = have = ids = message = poses = record = term = types = moondb.messages
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
-FOLDER = tempfile.TemporaryDirectory(prefix="moondb-proto-")
-
-subprocess.run(["protoc", f"--python_out={FOLDER.name}", "-I", str(ROOT / "proto"),
-                *sorted(str(path) for path in (ROOT / "proto").glob("*.proto"))], check=True)
-sys.path.insert(0, FOLDER.name)
-
-import control_pb2 as control  # noqa: E402, F401
-import error_pb2 as errors  # noqa: E402, F401
-import have_pb2 as have  # noqa: E402
-import ids_pb2 as ids  # noqa: E402
-import message_pb2 as message  # noqa: E402, F401
-import pose_pb2 as poses  # noqa: E402
-import record_pb2 as record  # noqa: E402
-import term_pb2 as term  # noqa: E402, F401
-import types_pb2 as types  # noqa: E402
-
 SEQ_MAX = (1 << 63) - 1
 WIRE_VERSION = 1
 FREE_CELLS = b"\x55"  # One byte that codes four free cells.
 
 xxhash = ctypes.CDLL("libxxhash.so.0")
 xxhash.XXH64.restype = ctypes.c_uint64
+
+
+def rights_of(field):
+    """Returns the rights that a request needs: the option `command` of its field in ControlRequest."""
+    pool = field.file.pool
+    options = message_factory.MessageFactory(pool).GetPrototype(pool.FindMessageTypeByName("google.protobuf.FieldOptions"))
+    command = pool.FindExtensionByName("moondb.proto.command")
+    return options.FromString(field.GetOptions().SerializeToString()).Extensions[command].rights
 
 
 def xxh64(data):

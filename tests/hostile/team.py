@@ -25,9 +25,8 @@ import messages
 import nacl.signing
 import zmq
 import zmtp
+from moondb import AgentError, Client  # noqa: F401
 
-sys.path.insert(0, str(messages.ROOT / "examples" / "python"))
-from moondb_client import AgentError, MoondbClient  # noqa: E402
 
 NAMES = ["rover1", "rover2", "rover3", "base"]
 HONEST = ["rover1", "rover2", "base"]
@@ -128,7 +127,7 @@ class Team:
     def call(self, agent, **request):
         """Sends a request as the agent's own user, who has all rights. Returns the ControlReply."""
         endpoint = (self.data_folder(agent) / "agent.endpoint").read_text().strip()
-        client = MoondbClient(endpoint, self.team_id.hex(), timeout_s=STEP_LIMIT_S)
+        client = Client(endpoint, self.team_id.hex(), timeout_s=STEP_LIMIT_S)
         try:
             return client.call(messages.control.ControlRequest(**request))
         except (AgentError, TimeoutError) as error:
