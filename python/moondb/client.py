@@ -30,7 +30,8 @@ class AgentError(Exception):
     """Error reported by the agent: `code` is an ErrorCode of error.proto, `field` names the part of the request."""
 
     def __init__(self, error: Any) -> None:
-        super().__init__(f"{error.field}: {error.text}" if error.field else error.text)
+        text = error.text.decode("utf-8", "replace") if isinstance(error.text, bytes) else error.text
+        super().__init__(f"{error.field}: {text}" if error.field else text)
         self.code, self.field = error.code, error.field
 
 
@@ -311,7 +312,7 @@ class Client:
                 raise ValueError(f"{self._endpoint} sent an incomplete answer without tiles")
             request.after.x, request.after.y = reply.tiles[-1].x, reply.tiles[-1].y
         self._tiles = {"merger_id": first.merger_id, "since_version": first.version}
-        return MergedTiles(first.merger_id != merger_id, first.tile_cells, first.resolution_um * 1e-6, tiles)
+        return MergedTiles(first.merger_id != merger_id, first.tile_cells, first.resolution_um / 1e6, tiles)
 
 
 def _decompress(frame: bytes, size: int) -> bytes:

@@ -57,6 +57,7 @@ def survey(python, programs, source, folder):
         run(["moonctl", "up"], environment, folder)
         survey_program = str(source / "examples/python/survey.py")
         out = run([python, survey_program, "team/team.yaml", "rover2", "2"], environment, folder)
+        check_calls(folder, environment, python)
         again = run([python, survey_program, "team/team.yaml", "rover2", "2"], environment, folder)
         if "stored 3 records" not in again:
             raise RuntimeError(f"a second run printed:\n{again}")
@@ -69,6 +70,37 @@ def survey(python, programs, source, folder):
         return out, maps, sync_while_not_all_can(python, source, folder, environment)
     finally:
         subprocess.run(["moonctl", "down"], env=environment, capture_output=True, timeout=60)
+
+
+def check_calls(folder, environment, python):
+    """Checks the calls of the Python client for tiles, leases, roles, feeds and errors."""
+    program = """
+import time
+from moondb import AgentError, Client, TeamError, endpoint_of, messages, team_of
+endpoint, team_id = endpoint_of("team/team.yaml", "rover2"), team_of("team/team.yaml")[1]
+with Client(endpoint, team_id) as client:
+    tiles = client.map_tiles(wait_s=10)
+    assert tiles.is_everything and tiles.resolution_m == 0.05, tiles
+    assert sum(cells.count(2) for cells in tiles.tiles.values()) == 640, tiles
+    assert client.map_tiles().tiles == {} and not client.map_tiles().is_everything
+    leases = client.set_lease(messages.LEASE_KIND_DRIVING, 30)
+    assert [lease.agent_id for lease in leases] == [2] and client.set_lease(messages.LEASE_KIND_DRIVING, 0) == []
+    assert client.roles().leader == 1
+    row_id, key, record = next(client.feed([messages.TEMPERATURE]))
+    assert row_id > 0 and key.origin_agent == 2 and record.temperature.celsius == -40.5
+    try:
+        client.insert([messages.Record()])
+        raise SystemExit("an empty record was stored")
+    except AgentError as error:
+        assert str(error) == "records[0].body: is missing or of an unknown type", error
+for other, expected in ((Client(endpoint, "00" * 16), TeamError), (Client("ipc:///nobody", team_id, 0.1), TimeoutError)):
+    try:
+        other.status()
+        raise SystemExit(f"no {expected.__name__}")
+    except expected:
+        pass
+"""
+    run([python, "-c", program], environment, folder)
 
 
 def check_factors(folder, environment, python):
