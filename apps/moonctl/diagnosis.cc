@@ -2,7 +2,9 @@
 
 #include <cmath>
 
+#include "apps/common/process_limits.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/health.h"
 #include "model/team_member.h"
 
 namespace moondb {
@@ -62,7 +64,7 @@ RobotCheck ClockCheck(const RobotFacts& facts) {
     return Fault("clock", "it shows the year " + std::to_string(facts.year), "set it, for example with chrony");
   }
   for (const PeerFacts& peer : facts.peers) {
-    if (!peer.clock_offset_s || std::abs(*peer.clock_offset_s) <= kClockDifferenceMax_s) continue;
+    if (!peer.clock_offset_s || std::abs(*peer.clock_offset_s) <= kClockOffsetMax_s) continue;
     return Fault("clock",
                  "it differs by " + FormatSeconds(std::abs(*peer.clock_offset_s)) + " from that of " + peer.name,
                  "synchronise both, for example with chrony");
@@ -99,9 +101,9 @@ RobotCheck AgentCheck(const proto::AgentConfig& agent, const RobotFacts& facts) 
 }
 
 RobotCheck LimitsCheck(const RobotFacts& facts) {
-  if (facts.open_files_max < kOpenFilesMin) {
+  if (facts.open_files_max < kOpenFilesLeast) {
     return Fault("limits", "a process may open " + std::to_string(facts.open_files_max) + " files",
-                 "allow " + std::to_string(kOpenFilesMin) + ": LimitNOFILE in the unit, or ulimit -Hn");
+                 "allow " + std::to_string(kOpenFilesLeast) + ": LimitNOFILE in the unit, or ulimit -Hn");
   }
   if (facts.memory_available_bytes && *facts.memory_available_bytes < kMemoryMin_bytes) {
     return Fault("limits", FormatBytes(static_cast<double>(*facts.memory_available_bytes)) + " of memory are free",

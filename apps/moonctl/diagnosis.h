@@ -7,20 +7,21 @@
 #include <string>
 #include <vector>
 
+#include "model/ids.h"
 #include "proto/team.pb.h"
 
 namespace moondb {
 
-// Limits beyond which a fact is a finding.
-inline constexpr double kLossMax = 0.2;                // Fraction of echo requests without an answer.
-inline constexpr int kMtuMin_bytes = 1280;             // Smallest packet size of IPv6; smaller ones split each batch.
-inline constexpr double kClockDifferenceMax_s = 10;    // As in `moonctl health`.
-inline constexpr std::int64_t kYearMin = 2026;         // A clock that shows an earlier year was never set.
-inline constexpr std::uint64_t kOpenFilesMin = 8'192;  // See apps/moondb_agent/agent_program.cc.
+// Limits beyond which a fact is a finding, besides kOpenFilesLeast (apps/common/process_limits.h) and
+// kClockOffsetMax_s (health.h).
+inline constexpr double kLossMax = 0.2;         // Fraction of echo requests without an answer.
+inline constexpr int kMtuMin_bytes = 1280;      // Smallest packet size of IPv6; smaller ones split each batch.
+inline constexpr std::int64_t kYearMin = 2026;  // A clock that shows an earlier year was never set.
 inline constexpr std::uint64_t kMemoryMin_bytes = 256ull << 20;
 
 // Facts about another agent, as seen from this computer.
 struct PeerFacts {
+  AgentId agent = 0;
   std::string name;
   std::string address;           // TeamConfig: tcp://HOST:PORT.
   std::string lookup_error;      // Why the host name has no address; empty: it has one, or the address is ipc://.

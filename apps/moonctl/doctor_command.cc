@@ -1,3 +1,4 @@
+#include <map>
 #include <memory>
 
 #include "apps/common/json_writer.h"
@@ -39,26 +40,24 @@ Result<void> AddReports(CommandContext& context, const TeamFile& team, const pro
   context.agent.clear();
   const auto statuses = context.AskEach([](Client& client) { return client.Status(); });
   if (!statuses) return tl::unexpected(statuses.error());
+  std::map<AgentId, PeerFacts*> peers;
+  for (PeerFacts& peer : facts.peers) peers[peer.agent] = &peer;
   for (const auto& [asked, status] : *statuses) {
-    if (asked->id() == agent.id()) {
-      if (!status) {
-        facts.agent_error = ToString(status.error());
-        continue;
-      }
-      facts.agent_version = status->version();
-      for (const proto::PeerClockOffset& clock : status->storage().peer_clocks()) {
-        for (PeerFacts& peer : facts.peers) {
-          const auto member = MemberNamed(team.config, peer.name);
-          if (member && (*member)->id() == clock.agent_id()) peer.clock_offset_s = clock.offset_s();
-        }
-      }
-      continue;
-    }
-    for (PeerFacts& peer : facts.peers) {
-      if (peer.name != asked->name() || !status) continue;
+    const bool is_own = asked->id() == agent.id();
+    if (is_own && !status) facts.agent_error = ToString(status.error());
+    if (!status) continue;
+    if (!is_own) {
+      PeerFacts& peer = *peers.at(asked->id());
       peer.version = status->version();
       const std::uint64_t hash = context.ConfigHashOf(asked->id());
       if (hash != 0 && hash != team.hash) peer.other_team_file = OtherConfigText(hash, team.hash);
+      continue;
+    }
+    facts.agent_version = status->version();
+    for (const proto::PeerClockOffset& clock : status->storage().peer_clocks()) {
+      if (const auto peer = peers.find(clock.agent_id()); peer != peers.end()) {
+        peer->second->clock_offset_s = clock.offset_s();
+      }
     }
   }
   return {};

@@ -155,6 +155,7 @@ std::optional<double> LossTo(const sockaddr_in& address) {
 
 PeerFacts FactsOfPeer(const proto::AgentConfig& peer) {
   PeerFacts facts;
+  facts.agent = peer.id();
   facts.name = peer.name();
   facts.address = peer.address();
   if (!peer.address().starts_with("tcp://")) return facts;
@@ -177,13 +178,16 @@ std::string KeysError(const TeamFile& team, const proto::AgentConfig& agent) {
   return signing ? "" : ToString(signing.error());
 }
 
-// Creates and removes a file in the folder, or in the nearest existing folder above it.
-std::string WriteError(const std::filesystem::path& folder) {
+// Returns the folder itself, or the nearest folder above it that exists.
+std::filesystem::path ExistingPartOf(const std::filesystem::path& folder) {
   std::error_code failure;
-  std::filesystem::path there = folder;
-  while (!std::filesystem::exists(there, failure) && there.has_parent_path() && there != there.parent_path()) {
-    there = there.parent_path();
-  }
+  std::filesystem::path there = std::filesystem::absolute(folder, failure);
+  while (!std::filesystem::exists(there, failure) && there != there.parent_path()) there = there.parent_path();
+  return there;
+}
+
+// Creates and removes a file in a folder.
+std::string WriteError(const std::filesystem::path& there) {
   const std::string probe = (there / ".moonctl-doctor").string();
   const Descriptor file(::open(probe.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (file.get() < 0) return there.string() + ": " + TextOf(errno);
@@ -207,10 +211,8 @@ void AddDataFolder(const TeamFile& team, const proto::AgentConfig& agent, const 
     return;
   }
   facts.is_running = OwnerOf(*folder) != 0;
-  facts.data_folder_error = WriteError(*folder);
-  std::error_code failure;
-  std::filesystem::path there = *folder;
-  while (!std::filesystem::exists(there, failure) && there.has_parent_path()) there = there.parent_path();
+  const std::filesystem::path there = ExistingPartOf(*folder);
+  facts.data_folder_error = WriteError(there);
   struct statfs disk {};
   if (::statfs(there.c_str(), &disk) != 0) return;
   facts.disk_free_bytes = static_cast<std::uint64_t>(disk.f_bavail) * static_cast<std::uint64_t>(disk.f_bsize);

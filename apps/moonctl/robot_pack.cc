@@ -1,23 +1,20 @@
 #include "apps/moonctl/robot_pack.h"
 
-#include <fcntl.h>
 #include <pwd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
+#include <optional>
 #include <set>
 #include <string_view>
 #include <utility>
 
-#include "apps/moonctl/written_files.h"
-#include "model/bounded_parse.h"
 #include "model/team_member.h"
 #include "model/text.h"
 #include "runtime/team/client_list.h"
 #include "runtime/team/curve_keys.h"
+#include "runtime/team/new_files.h"
 #include "runtime/team/signing_key.h"
 #include "runtime/team/team_keys.h"
 
@@ -65,14 +62,10 @@ std::string ContentOf(const proto::RobotPack& pack, std::string_view name) {
 }
 
 // Returns the owner of new files in `folder`, if this process may set it.
-struct Owner {
-  uid_t user;
-  gid_t group;
-};
-std::optional<Owner> OwnerOfFilesIn(const std::filesystem::path& folder) {
+std::optional<FileOwner> OwnerOfFilesIn(const std::filesystem::path& folder) {
   struct stat status {};
   if (::geteuid() != 0 || ::stat(folder.c_str(), &status) != 0) return std::nullopt;
-  return Owner{status.st_uid, status.st_gid};
+  return FileOwner{status.st_uid, status.st_gid};
 }
 
 Result<void> MakeFolder(const std::filesystem::path& folder) {
@@ -84,27 +77,6 @@ Result<void> MakeFolder(const std::filesystem::path& folder) {
   const passwd* user = ::geteuid() == 0 ? ::getpwnam("moondb") : nullptr;
   if (user != nullptr) (void)!::chown(folder.c_str(), user->pw_uid, user->pw_gid);
   return {};
-}
-
-// Writes and syncs one file under a temporary name.
-Result<void> WriteAside(const std::filesystem::path& path, const proto::PackedFile& file,
-                        const std::optional<Owner>& owner) {
-  const auto failed = [&path] { return Fail(ErrorCode::kInternal, std::string(std::strerror(errno)), path.string()); };
-  const int descriptor =
-      ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, file.is_secret() ? 0600 : 0644);
-  if (descriptor < 0) return failed();
-  std::string_view rest = file.content();
-  bool is_good = ::fchmod(descriptor, file.is_secret() ? 0600 : 0644) == 0;
-  while (is_good && !rest.empty()) {
-    const ssize_t written = ::write(descriptor, rest.data(), rest.size());
-    is_good = written > 0;
-    if (is_good) rest.remove_prefix(static_cast<std::size_t>(written));
-  }
-  if (is_good && owner) is_good = ::fchown(descriptor, owner->user, owner->group) == 0;
-  is_good = is_good && ::fsync(descriptor) == 0;
-  const Result<void> result = is_good ? Result<void>() : failed();
-  ::close(descriptor);
-  return result;
 }
 
 }  // namespace
@@ -191,13 +163,14 @@ Result<std::vector<std::string>> UnpackRobot(const proto::RobotPack& pack, const
     }
     changed.push_back(&file);
   }
-  const std::optional<Owner> owner = OwnerOfFilesIn(folder);
+  const std::optional<FileOwner> owner = OwnerOfFilesIn(folder);
   const auto aside_of = [&](const proto::PackedFile& file) { return folder / (file.name() + ".new"); };
+  std::error_code failure;
   Result<void> written;
   for (const proto::PackedFile* file : changed) {
-    if (written) written = WriteAside(aside_of(*file), *file, owner);
+    std::filesystem::remove(aside_of(*file), failure);  // An unpacking that was killed may have left it.
+    if (written) written = WriteNewFile(aside_of(*file), file->content(), file->is_secret() ? 0600 : 0644, owner);
   }
-  std::error_code failure;
   if (!written) {
     for (const proto::PackedFile* file : changed) std::filesystem::remove(aside_of(*file), failure);
     return tl::unexpected(written.error());

@@ -18,6 +18,7 @@
 
 #include "apps/common/arguments.h"
 #include "apps/common/data_folder.h"
+#include "apps/common/process_limits.h"
 #include "apps/common/team_clients.h"
 #include "apps/moondb_agent/service_notify.h"
 #include "runtime/log.h"
@@ -30,9 +31,6 @@ enum ExitCode : int { kStopped = 0, kFailed = 1, kUsage = 2, kBeyondHelp = 70 };
 // Time limit for stopping. After this time, SIGALRM ends the process, which loses no acknowledged record.
 constexpr unsigned kStopSecondsMax = 5;
 
-// libzmq aborts the process if it cannot open another file for a connection. This limit is far above 16 times the
-// connections that ConnectionLimiter admits for an agent of the largest team, including connections in their handshake.
-constexpr rlim_t kOpenFilesLeast = 8'192;
 constexpr int kLargeBufferBytes = 4 * 1024 * 1024;
 constexpr rlim_t kOpenFilesWanted = 65'536;
 

@@ -27,6 +27,20 @@ bool WriteAll(int file, const std::string& content) {
 
 }  // namespace
 
+Result<void> WriteNewFile(const std::filesystem::path& path, const std::string& content, mode_t mode,
+                          const std::optional<FileOwner>& owner) {
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
+  if (file < 0) return SystemFailure(path);
+  const bool is_owned = !owner || fchown(file, owner->user, owner->group) == 0;
+  // Set the mode explicitly: the umask must not decide who can read the file.
+  const bool is_written = is_owned && fchmod(file, mode) == 0 && WriteAll(file, content) && fsync(file) == 0;
+  const int error = errno;
+  const bool is_closed = close(file) == 0;
+  if (is_written && is_closed) return {};
+  if (!is_written) errno = error;
+  return SystemFailure(path);
+}
+
 NewFiles::~NewFiles() {
   for (const File& file : files_) (void)unlink(file.aside.c_str());
 }
@@ -45,16 +59,9 @@ Result<void> NewFiles::Add(const std::filesystem::path& path, const std::string&
   if (no_folder)
     return Fail(ErrorCode::kInternal, folder.string() + ": the folder cannot be made: " + no_folder.message());
   const std::filesystem::path aside = path.string() + ".new-" + std::to_string(getpid());
-  const int file = open(aside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
-  if (file < 0) return SystemFailure(aside);
-  files_.push_back({aside, path});
-  // Set the mode explicitly: the umask must not decide who can read the file.
-  const bool is_written = fchmod(file, mode) == 0 && WriteAll(file, content) && fsync(file) == 0;
-  const int error = errno;
-  const bool is_closed = close(file) == 0;
-  if (is_written && is_closed) return {};
-  if (!is_written) errno = error;
-  return SystemFailure(aside);
+  const Result<void> written = WriteNewFile(aside, content, mode);
+  if (written || written.error().code != ErrorCode::kRefused) files_.push_back({aside, path});
+  return written;
 }
 
 void NewFiles::TakeBack() {

@@ -761,12 +761,20 @@ TEST_F(ActorSystemTest, WatchdogEndsTheProcessForAnActorThatGetsNoTurn) {
   SpawnOptions spawn;
   spawn.handler_limit = milliseconds(1);
   system.Spawn("stuck", spawn, OnEachMessage([&](Context&, const proto::Message&) { gate.Pass(); }));
+  // Its timers share the queue of the health checks, so 20 of them show that checks have passed.
+  Heard<bool> ticked;
+  int ticks = 0;
+  system.Spawn("ticker", {}, OnEachMessage([&](Context& context, const proto::Message&) {
+                 if (++ticks == 20) return ticked.Add(true);
+                 context.AfterTimer(options.health_period, /*kind=*/1);
+               }));
   system.Start(nullptr);
   EXPECT_EQ(healthy.Next(), 1);
   ASSERT_EQ(system.Post("stuck", {}), SendResult::kAccepted);
   EXPECT_THAT(heard_.Next(), HasSubstr("1/stuck has failed permanently: it got no turn for too long"));
   const int count_at_the_failure = healthy_count;
-  std::this_thread::sleep_for(20 * options.health_period);
+  ASSERT_EQ(system.Post("ticker", {}), SendResult::kAccepted);
+  EXPECT_TRUE(ticked.Next());
   EXPECT_EQ(healthy_count, count_at_the_failure);
   gate.Open();
   system.Stop();

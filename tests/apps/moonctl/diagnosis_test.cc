@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include "apps/common/process_limits.h"
+#include "apps/moonctl/health.h"
+
 namespace moondb {
 namespace {
 
@@ -18,7 +21,7 @@ class DiagnosisTest : public testing::Test {
     facts_.year = kYearMin;
     facts_.is_clock_synchronised = true;
     facts_.is_running = true;
-    facts_.open_files_max = kOpenFilesMin;
+    facts_.open_files_max = kOpenFilesLeast;
     facts_.memory_available_bytes = kMemoryMin_bytes;
     facts_.version = facts_.agent_version = "0.1.0";
     PeerFacts& peer = facts_.peers.emplace_back();
@@ -26,7 +29,7 @@ class DiagnosisTest : public testing::Test {
     peer.address = "tcp://10.0.0.12:7400";
     peer.mtu_bytes = kMtuMin_bytes;
     peer.loss = kLossMax;
-    peer.clock_offset_s = kClockDifferenceMax_s;
+    peer.clock_offset_s = kClockOffsetMax_s;
     peer.version = "0.1.0";
   }
 
@@ -112,7 +115,7 @@ TEST_F(DiagnosisTest, AdvisesToSynchroniseTheClock) {
 TEST_F(DiagnosisTest, FindsLimitsOfTheProcess) {
   facts_.open_files_max = 1024;
   ExpectFault("limits", "1024 files");
-  facts_.open_files_max = kOpenFilesMin;
+  facts_.open_files_max = kOpenFilesLeast;
   facts_.memory_available_bytes = kMemoryMin_bytes - 1;
   ExpectFault("limits", "memory");
 }
