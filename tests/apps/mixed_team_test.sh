@@ -19,8 +19,9 @@ for name in $names; do
   [ $((number % 2)) -eq 1 ] || program=(qemu-aarch64-static -L "$sysroot" "$arm64/moondb_agent")
   "${program[@]}" --merge-backend cpu -t "$MOONDB_TEAM" -a "$name" > "$folder/$name.log" 2>&1 &
 done
-for _ in $(seq 600); do
-  [ "$(grep -l ready: "$folder"/*.log | wc -l)" -eq "$number" ] && break
+for attempt in $(seq 600); do
+  [ "$(grep -l ready: "$folder"/*.log | wc -l)" -ne "$number" ] || break
+  [ "$attempt" -lt 600 ] || { echo "mixed team: an agent did not start"; tail -n 2 "$folder"/*.log; exit 1; }
   sleep 0.1
 done
 moondb_replay feed -t "$MOONDB_TEAM" --mission "$mission" > /dev/null 2>&1

@@ -17,6 +17,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import time
 import urllib.request
 
 SKIPPED = 77
@@ -159,6 +160,7 @@ python3 /usr/share/moondb/examples/python/survey.py $MOONDB_TEAM rover2 2
     if said.count("stored 3 records") != 2:
         raise Failure(f"the clients did not store their records:\n{said}")
     check_unit(root)
+    check_service(root)
     inside(root, "apt-get purge -y -qq moondb libmoondb-dev python3-moondb && apt-get autoremove --purge -y -qq",
            network=True)
     left = {name for name in files_in(root) - before if "moondb" in name}
@@ -175,6 +177,71 @@ def check_unit(root):
     exposure = float(re.search(r": (\d+\.\d+)", said).group(1))
     if exposure >= 3.0:
         raise Failure(f"the unit's exposure is {exposure}")
+
+
+@contextlib.contextmanager
+def booted(root):
+    """Boots systemd in a root. Gives a function that runs a shell script there."""
+    boot = subprocess.Popen(["systemd-nspawn", "--quiet", "--register=no", "--keep-unit", "--private-network", "--directory",
+                             root, "/lib/systemd/systemd", "--unit=basic.target"],
+                            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT)
+    try:
+        def there(script):
+            children = run("pgrep", "--parent", boot.pid).split()
+            return run("nsenter", "--all", "--target", children[0], "/bin/sh", "-ec", script)
+        wait_until(there, "systemctl is-active basic.target")
+        yield there
+    finally:
+        boot.terminate()
+        boot.wait(timeout=60)
+
+
+def wait_until(there, script):
+    """Runs a script again and again until it ends with 0."""
+    end = time.monotonic() + 60
+    while True:
+        try:
+            return there(script)
+        except (Failure, IndexError):
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.5)
+
+
+def check_service(root):
+    """Runs a team as services of a systemd: a start, a kill, an agent that hangs, and a stop."""
+    if not shutil.which("systemd-nspawn"):
+        print("not tested: the service under systemd (package systemd-container)")
+        return
+    with booted(root) as there:
+        there("""
+cd /root
+rm -rf moon *.pack /var/lib/moondb
+moonctl config init --agents 3 moon/team.yaml
+for agent in rover1 rover2 base; do
+  moonctl config pack $agent $agent.pack -t moon/team.yaml
+  moonctl config unpack $agent.pack
+done
+mkdir -p /run/systemd/system/moondb-agent@.service.d
+printf '[Service]\nWatchdogSec=15\nRestartSec=1\n' > /run/systemd/system/moondb-agent@.service.d/test.conf
+systemctl daemon-reload
+systemctl start moondb-agent@rover1 moondb-agent@rover2 moondb-agent@base
+setpriv --reuid moondb --regid moondb --clear-groups env MOONDB_RUN_DIR=/run/moondb \
+  moonctl -t /var/lib/moondb/team.yaml -a rover1 health
+""")
+        for signal, cause in (("KILL", "signal"), ("STOP", "watchdog")):
+            restarts = there("systemctl show --property NRestarts --value moondb-agent@rover1").strip()
+            there(f"systemctl kill --signal {signal} --kill-who main moondb-agent@rover1")
+            wait_until(there, f"""
+[ "$(systemctl show --property NRestarts --value moondb-agent@rover1)" -gt {restarts} ]
+systemctl is-active moondb-agent@rover1
+journalctl --unit moondb-agent@rover1 | grep "Failed with result '{cause}'"
+""")
+        there("""
+systemctl stop moondb-agent@rover1 moondb-agent@rover2 moondb-agent@base
+[ "$(systemctl show --property Result --value moondb-agent@rover1)" = success ]
+rm -rf /var/lib/moondb /root/moon /root/*.pack
+""")
 
 
 def check_machine(tarballs):
