@@ -13,12 +13,15 @@ if(MOONDB_FILES_AT_A_TIME GREATER 1)
   endif()
 endif()
 
-# moondb_precompiled(NAME LIBRARIES...): precompiles cmake/precompiled/NAME.h for targets that link these libraries.
+# moondb_precompiled(NAME LIBRARIES... [OPTIONS options...]): precompiles cmake/precompiled/NAME.h for targets that link these
+# libraries and are compiled with these options. GCC 13 and newer refuse it for another -O.
 function(moondb_precompiled name)
+  cmake_parse_arguments(ARG "" "" OPTIONS ${ARGN})
   if(MOONDB_PRECOMPILE)
     file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/precompiled_${name}.cc "")
     add_library(moondb_precompiled_${name} OBJECT ${CMAKE_CURRENT_BINARY_DIR}/precompiled_${name}.cc)
-    target_link_libraries(moondb_precompiled_${name} PRIVATE ${ARGN})
+    target_link_libraries(moondb_precompiled_${name} PRIVATE ${ARG_UNPARSED_ARGUMENTS})
+    target_compile_options(moondb_precompiled_${name} PRIVATE ${ARG_OPTIONS})
     target_precompile_headers(moondb_precompiled_${name} PRIVATE ${PROJECT_SOURCE_DIR}/cmake/precompiled/${name}.h)
   endif()
 endfunction()

@@ -1,6 +1,7 @@
 #include "runtime/transport/client_listener.h"
 
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -38,9 +39,12 @@ constexpr char kIpc[] = "ipc://";
 constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
 constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of clients over tcp://.
 
+std::filesystem::path SocketFile(const std::string& endpoint) {
+  return endpoint.substr(std::string_view(kIpc).size());
+}
+
 Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
-  const std::filesystem::path path = endpoint.substr(std::string_view(kIpc).size());
-  if (const auto made = MakePrivateFolder(path.parent_path()); !made) return made;
+  if (const auto made = MakePrivateFolder(SocketFile(endpoint).parent_path()); !made) return made;
   if (const auto claimed = ClaimIpcPath(endpoint); !claimed) return claimed;
   return router.Bind(endpoint);
 }
@@ -131,6 +135,10 @@ ClientListener::ClientListener(ZmqSocket router, std::uint32_t first_id, WakeUp&
       wake_up_(wake_up),
       table_(kClientsMax, is_keyed() ? kConnectionsOfKeyMax : kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
 
+ClientListener::~ClientListener() {
+  if (!is_keyed() && is_listening_) (void)::unlink(SocketFile(options_.endpoint).c_str());
+}
+
 SendResult ClientListener::Send(const std::string& name, const proto::Message& message) {
   const std::optional<std::string> routing_id = table_.RoutingIdOf(name);
   if (!routing_id) return SendResult::kUnreachable;
@@ -171,9 +179,9 @@ void ClientListener::KeepPlace(std::chrono::steady_clock::time_point now) {
     return;
   }
   struct stat status {};
-  const std::string path = options_.endpoint.substr(std::string_view(kIpc).size());
+  const std::filesystem::path path = SocketFile(options_.endpoint);
   if (::lstat(path.c_str(), &status) == 0 || errno != ENOENT) return;
-  log_.Warn("transport: the socket for clients was removed: " + path);
+  log_.Warn("transport: the socket for clients was removed: " + path.string());
   // Listen again later: libzmq deletes the file asynchronously while it closes the old socket, and would delete a new
   // file too.
   router_.Unbind(options_.endpoint);

@@ -64,6 +64,9 @@ class ClientListener {
   // missing folder is created.
   static Result<std::unique_ptr<ClientListener>> Open(const ZmqContext& context, WakeUp& wake_up, Options options);
 
+  // Removes the file of the ipc socket.
+  ~ClientListener();
+
   // Sends a reply to the client `name` (ClientTable). Returns kUnreachable if the client is unknown, kFull if too many
   // replies wait or the message is too large. Instead of a message that is too large, the client receives an error with
   // the same request_id.

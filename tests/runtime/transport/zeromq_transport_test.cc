@@ -433,6 +433,15 @@ TEST_F(ZeroMqTransportTest, ReplacesASocketThatWasLeftBehind) {
   EXPECT_TRUE(Create(1, options));
 }
 
+TEST_F(ZeroMqTransportTest, RemovesTheSocketOfClientsWhenItEnds) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  Start(1, options);
+  ASSERT_TRUE(std::filesystem::exists(options.client_endpoint.substr(6)));
+  transports_.clear();
+  EXPECT_FALSE(std::filesystem::exists(options.client_endpoint.substr(6)));
+}
+
 TEST_F(ZeroMqTransportTest, RefusesAFolderOfClientsThatOthersCanReach) {
   std::filesystem::create_directory(folder_ / "run");
   std::filesystem::permissions(folder_ / "run", std::filesystem::perms(0755));
