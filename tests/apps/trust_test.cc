@@ -90,7 +90,7 @@ TEST_F(TrustTest, ShowsSentAndAcknowledgedRecordsPerPair) {
   ASSERT_EQ(sessions.size(), 1u);
   EXPECT_EQ(Text(sessions[0], "to"), "rover1");
   EXPECT_EQ(Field(sessions[0], "eta_s").kind_case(), Value::kNullValue);
-  const Struct& session = Field(sessions[0], "session").struct_value();
+  const Struct session = Field(sessions[0], "session").struct_value();
   EXPECT_EQ(Number(session, "acknowledged_records"), kNodes + 1);
   EXPECT_EQ(Number(session, "remaining"), 0);
   EXPECT_TRUE(Field(session, "is_remaining_known").bool_value());
@@ -221,7 +221,7 @@ TEST_F(TrustTest, ShowsSizes) {
               AllOf(HasSubstr("OF IT WAL"), testing::ContainsRegex("pose_graph_node +0 +0 +2500")));
   const auto agents = List(MoonctlJson(0, {"db", "info", "-a", "rover3"}), "agents");
   ASSERT_EQ(agents.size(), 1u);
-  const Struct& storage = Field(agents[0], "storage").struct_value();
+  const Struct storage = Field(agents[0], "storage").struct_value();
   EXPECT_GT(Number(storage, "wal_bytes"), 0);
   EXPECT_GT(Number(storage, "database_bytes"), Number(storage, "wal_bytes"));
   EXPECT_GE(Number(List(storage, "written").back(), "bytes"), Number(storage, "wal_bytes"));
