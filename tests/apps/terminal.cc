@@ -1,12 +1,15 @@
 #include "tests/apps/terminal.h"
 
+#include <gtest/gtest.h>
 #include <poll.h>
 #include <pty.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 
 namespace moondb {
 namespace {
@@ -28,6 +31,7 @@ Terminal::Terminal(std::vector<std::string> command, const std::map<std::string,
   for (std::string& word : command) pointers.push_back(word.data());
   pointers.push_back(nullptr);
   pid_ = ::forkpty(&master_, nullptr, nullptr, nullptr);
+  if (pid_ < 0) ADD_FAILURE() << "no pseudo-terminal: " << std::strerror(errno);
   if (pid_ != 0) return;
   for (const auto& [name, value] : environment) ::setenv(name.c_str(), value.c_str(), 1);
   ::execv(pointers[0], pointers.data());
@@ -64,6 +68,7 @@ void Terminal::Type(const std::string& keys) const {
 }
 
 int Terminal::Wait() {
+  if (pid_ < 0) return -1;  // kill(-1, ...) would end every process.
   const auto deadline = Deadline();
   while (Read(deadline)) {
   }
