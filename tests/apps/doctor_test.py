@@ -124,8 +124,9 @@ def plant_all(team):
     yield "the data folder cannot be made", "data", "FAULT", team.doctor("--data-dir", robot / "file/data")
     yield ("the data folder is another agent's", "data", "FAULT",
            team.doctor("--data-dir", team.folder / "base/moondb-data/base"))
-    with tempfile.TemporaryDirectory(dir="/dev/shm") as memory:
-        yield "the data folder is in memory", "data", "FAULT", team.doctor("--data-dir", memory)
+    if os.path.ismount("/dev/shm"):
+        with tempfile.TemporaryDirectory(dir="/dev/shm") as memory:
+            yield "the data folder is in memory", "data", "FAULT", team.doctor("--data-dir", memory)
     with changed(team, "rover1", "map: {", "retention: {disk_free_mb_min: 1e9}\nmap: {"):
         yield "the disk is too full", "disk", "FAULT", team.doctor()
     yield ("the agent may open too few files", "limits", "FAULT",
