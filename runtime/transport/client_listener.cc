@@ -39,9 +39,7 @@ constexpr char kIpc[] = "ipc://";
 constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
 constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of clients over tcp://.
 
-std::filesystem::path SocketFile(const std::string& endpoint) {
-  return endpoint.substr(std::string_view(kIpc).size());
-}
+std::filesystem::path SocketFile(const std::string& endpoint) { return endpoint.substr(std::string_view(kIpc).size()); }
 
 Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
   if (const auto made = MakePrivateFolder(SocketFile(endpoint).parent_path()); !made) return made;
