@@ -133,7 +133,7 @@ def check_tarball(root, tarball):
     check_team(said, root.name)
     shutil.rmtree(folder)
     shutil.rmtree(root / "root/moon")
-    left = files_in(root) - before | set(root.glob("tmp/moondb-*/**/*.sock"))
+    left = files_in(root) - before | {str(file) for file in root.glob("tmp/moondb-*/**/*.sock")}
     if left:
         raise Failure(f"on {root.name}, the tarball left {sorted(left)[:5]}")
 
@@ -223,7 +223,7 @@ for agent in rover1 rover2 base; do
   moonctl config unpack $agent.pack
 done
 mkdir -p /run/systemd/system/moondb-agent@.service.d
-printf '[Service]\nWatchdogSec=15\nRestartSec=1\n' > /run/systemd/system/moondb-agent@.service.d/test.conf
+printf '[Service]\nWatchdogSec=25\nRestartSec=1\n' > /run/systemd/system/moondb-agent@.service.d/test.conf
 systemctl daemon-reload
 systemctl start moondb-agent@rover1 moondb-agent@rover2 moondb-agent@base
 setpriv --reuid moondb --regid moondb --clear-groups env MOONDB_RUN_DIR=/run/moondb \
