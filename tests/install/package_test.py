@@ -181,7 +181,7 @@ def check_unit(root):
 
 @contextlib.contextmanager
 def booted(root):
-    """Boots systemd in a root. Gives a function that runs a shell script there."""
+    """Boots systemd in a root. Gives a function that runs a shell script there, or None if this machine boots none."""
     boot = subprocess.Popen(["systemd-nspawn", "--quiet", "--register=no", "--keep-unit", "--private-network", "--directory",
                              root, "/lib/systemd/systemd", "--unit=basic.target"],
                             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT)
@@ -189,7 +189,10 @@ def booted(root):
         def there(script):
             children = run("pgrep", "--parent", boot.pid).split()
             return run("nsenter", "--all", "--target", children[0], "/bin/sh", "-ec", script)
-        wait_until(there, "systemctl is-active basic.target")
+        try:
+            wait_until(there, "systemctl is-active basic.target")
+        except (Failure, IndexError):
+            there = None
         yield there
     finally:
         boot.terminate()
@@ -214,6 +217,9 @@ def check_service(root):
         print("not tested: the service under systemd (package systemd-container)")
         return
     with booted(root) as there:
+        if there is None:
+            print("not tested: the service under systemd, because systemd-nspawn boots none here")
+            return
         there("""
 cd /root
 rm -rf moon *.pack /var/lib/moondb
