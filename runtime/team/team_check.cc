@@ -44,8 +44,7 @@ bool IsHost(const std::string& host) {
 }
 
 // Returns why `address` is invalid for listening and connecting, or "" if `address` is valid. The text calls the
-// connecting side `who`.
-// `who` connects to the address; empty: nobody, so that it may name all addresses of the computer.
+// connecting side `who`. If `who` is empty, nobody connects, so `address` may stand for all addresses of the computer.
 std::string WhyNoAddress(const std::string& address, const std::string& who) {
   if (address.rfind("ipc://", 0) == 0) {
     const std::string path = address.substr(6);

@@ -180,8 +180,8 @@ void ClientListener::KeepPlace(std::chrono::steady_clock::time_point now) {
   const std::filesystem::path path = SocketFile(options_.endpoint);
   if (::lstat(path.c_str(), &status) == 0 || errno != ENOENT) return;
   log_.Warn("transport: the socket for clients was removed: " + path.string());
-  // Listen again later: libzmq deletes the file asynchronously while it closes the old socket, and would delete a new
-  // file too.
+  // Listen again later: libzmq closes the old socket asynchronously. Some versions then delete the file, and would
+  // delete a new one too.
   router_.Unbind(options_.endpoint);
   is_listening_ = false;
 }

@@ -64,7 +64,7 @@ class ClientListener {
   // missing folder is created.
   static Result<std::unique_ptr<ClientListener>> Open(const ZmqContext& context, WakeUp& wake_up, Options options);
 
-  // Removes the file of the ipc socket.
+  // Removes the file of the ipc socket, which libzmq 4.3.4 leaves.
   ~ClientListener();
 
   // Sends a reply to the client `name` (ClientTable). Returns kUnreachable if the client is unknown, kFull if too many

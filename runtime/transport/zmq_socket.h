@@ -79,8 +79,8 @@ class ZmqSocket {
 
   // Returns kUnavailable for errors such as "Address already in use".
   Result<void> Bind(const std::string& endpoint);
-  // Stops listening; existing connections stay open. libzmq stops asynchronously, and deletes the file of an ipc
-  // socket.
+  // Stops listening; existing connections stay open. libzmq stops asynchronously. Some versions then delete the file of
+  // an ipc socket; 4.3.4 does not.
   void Unbind(const std::string& endpoint);
   Result<void> Connect(const std::string& endpoint);
 

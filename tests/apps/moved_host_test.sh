@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # Gives a running robot another IP address, as a DHCP server does, and checks that the others look up its host name again and
-# connect to the new one. Runs in name spaces of its own, with /etc/hosts as the name server.
+# connect to the new one. Runs in namespaces of its own, with /etc/hosts as the name server.
 #   moved_host_test.sh PROGRAMS    the folder of moonctl and moondb_agent
-# Exit codes: 0 passed, 1 failed, 77 skipped (this machine makes no name spaces).
+# Exit codes: 0 passed, 1 failed, 77 skipped (this machine makes no namespaces).
 set -euo pipefail
-if [ -z "${MOONDB_OWN_NETWORK:-}" ]; then
+if [ -z "${MOONDB_OWN_HOSTS:-}" ]; then
   unshare --mount --net ip link set lo up 2> /dev/null || { echo "skipped: needs root, unshare and iproute2"; exit 77; }
-  MOONDB_OWN_NETWORK=1 exec unshare --mount --net "$0" "$@"
+  MOONDB_OWN_HOSTS=1 exec unshare --mount --net "$0" "$@"
 fi
 programs=$(realpath "$1")
 folder=$(mktemp -d /tmp/moondb-moved-XXXX)

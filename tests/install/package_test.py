@@ -191,7 +191,7 @@ def booted(root):
             return run("nsenter", "--all", "--target", children[0], "/bin/sh", "-ec", script)
         try:
             wait_until(there, "systemctl is-active basic.target")
-        except (Failure, IndexError):
+        except Failure:
             there = None
         yield there
     finally:
@@ -205,7 +205,7 @@ def wait_until(there, script):
     while True:
         try:
             return there(script)
-        except (Failure, IndexError):
+        except Failure:
             if time.monotonic() > end:
                 raise
             time.sleep(0.5)
