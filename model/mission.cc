@@ -7,6 +7,7 @@
 #include <system_error>
 #include <utility>
 
+#include "model/file_writing.h"
 #include "model/png.h"
 #include "model/pyfg.h"
 #include "model/text.h"
@@ -450,9 +451,9 @@ Result<TraversabilityMap> ReadMissionMap(const Mission& mission, const MissionMa
 }
 
 Result<void> WriteMission(const Mission& mission, const std::filesystem::path& folder) {
-  std::error_code failure;
-  std::filesystem::create_directories(folder, failure);
-  if (failure) return Fail(ErrorCode::kInternal, "cannot be made: " + failure.message(), folder.string());
+  if (const std::error_code failure = MakeFolders(folder)) {
+    return Fail(ErrorCode::kInternal, "cannot be made: " + failure.message(), folder.string());
+  }
   const Result<Pyfg> pyfg = PyfgOf(mission);
   if (!pyfg) return tl::unexpected(pyfg.error());
   Result<void> done = WriteTextFile(folder / "agents.csv", AgentsCsv(mission));

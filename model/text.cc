@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <fstream>
 #include <limits>
 #include <system_error>
+
+#include "model/file_writing.h"
 
 namespace moondb {
 
@@ -74,22 +75,7 @@ Result<std::string> ReadTextFile(const std::filesystem::path& file, std::size_t 
 }
 
 Result<void> WriteTextFile(const std::filesystem::path& file, std::string_view text) {
-  std::filesystem::path beside = file;
-  beside += ".part";
-  errno = 0;
-  std::ofstream stream(beside, std::ios::binary | std::ios::trunc);
-  stream.write(text.data(), static_cast<std::streamsize>(text.size()));
-  stream.close();
-  std::error_code failure;
-  if (stream) {
-    std::filesystem::rename(beside, file, failure);
-  } else {
-    failure = std::error_code(errno != 0 ? errno : EIO, std::generic_category());
-  }
-  if (!failure) return {};
-  std::error_code ignored;
-  std::filesystem::remove(beside, ignored);
-  return Fail(ErrorCode::kInternal, "cannot be written: " + failure.message(), file.string());
+  return WriteWholeFile(file, text, {});
 }
 
 std::string_view TakeLine(std::string_view& text) {

@@ -162,7 +162,10 @@ std::uint64_t TraceBook::Microseconds(Ticks ticks) const {
 }
 
 void TraceBook::WriteFile(const char* path, const char* headline) const {
-  const int file = ::open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600);
+  // A signal handler may call this, so it uses system calls only. It removes an old file, because that one may be a
+  // link or have another mode.
+  ::unlink(path);
+  const int file = ::open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) return;
   (Line() << headline).Write(file);
   const Ticks now = TickClock::Now();

@@ -325,9 +325,9 @@ Database::~Database() {
 Result<void> Database::Lock() {
   if (path_ == kInMemory) return {};
   const std::string lock_path = path_ + ".lock";
-  lock_file_ = open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  lock_file_ = open(lock_path.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600);
   if (lock_file_ < 0 && errno == EROFS) {
-    lock_file_ = open(lock_path.c_str(), O_RDONLY | O_CLOEXEC);
+    lock_file_ = open(lock_path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC);
     // On a read-only file system no process can write to the database, so no lock is needed.
     if (lock_file_ < 0) return {};
   }

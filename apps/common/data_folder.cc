@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/file_writing.h"
 #include "model/team_id.h"
 #include "model/text.h"
 #include "runtime/team/team_check.h"
@@ -27,6 +28,8 @@ constexpr char kEndpointFile[] = "agent.endpoint";
 constexpr std::string_view kTeamIdKey = "team_id: ";
 constexpr std::string_view kAgentIdKey = "agent_id: ";
 constexpr std::size_t kSmallFileBytesMax = 4096;
+constexpr mode_t kPrivateFile = 0600;
+constexpr mode_t kPrivateFolder = 0700;
 
 // Returns a lock of the whole file for fcntl. `type` is F_RDLCK or F_WRLCK. Unlike a flock, a lock of fcntl can be
 // queried without being taken. A query that takes the lock could make a starting agent fail.
@@ -143,8 +146,15 @@ Result<void> MarkDataFolder(const std::filesystem::path& folder, const DataOwner
   const auto known = ReadDataOwner(folder);
   if (known == owner) return {};
   if (known) return tl::unexpected(AnothersData(folder, *known, owner));
-  return WriteTextFile(folder / kIdentityFile, std::string(kTeamIdKey) + owner.team_id + "\n" +
-                                                   std::string(kAgentIdKey) + std::to_string(owner.agent) + "\n");
+  const std::string text =
+      std::string(kTeamIdKey) + owner.team_id + "\n" + std::string(kAgentIdKey) + std::to_string(owner.agent) + "\n";
+  return WriteWholeFile(folder / kIdentityFile, text, {.mode = kPrivateFile});
+}
+
+Result<void> MakeDataFolder(const std::filesystem::path& folder) {
+  const std::error_code failure = MakeFolders(folder, kPrivateFolder);
+  if (!failure) return {};
+  return Fail(ErrorCode::kInternal, "cannot make the folder: " + failure.message(), folder.string());
 }
 
 std::string ReadEndpoint(const std::filesystem::path& folder) {
@@ -156,7 +166,7 @@ std::string ReadEndpoint(const std::filesystem::path& folder) {
 
 Result<void> WriteEndpoint(const std::filesystem::path& folder, const std::string& endpoint) {
   if (ReadEndpoint(folder) == endpoint) return {};
-  return WriteTextFile(folder / kEndpointFile, endpoint + "\n");
+  return WriteWholeFile(folder / kEndpointFile, endpoint + "\n", {.mode = kPrivateFile});
 }
 
 pid_t OwnerOf(const std::filesystem::path& folder) {
@@ -170,10 +180,7 @@ pid_t OwnerOf(const std::filesystem::path& folder) {
 }
 
 Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder) {
-  std::error_code error;
-  const bool is_new = std::filesystem::create_directories(folder, error);
-  if (error) return Fail(ErrorCode::kInternal, "cannot make the folder: " + error.message(), folder.string());
-  if (is_new) ::chmod(folder.c_str(), 0700);
+  if (const Result<void> made = MakeDataFolder(folder); !made) return tl::unexpected(made.error());
   if (const Result<void> trusted = CheckTrusted(folder); !trusted) return tl::unexpected(trusted.error());
   const auto refuse = [&folder] {
     return Fail(ErrorCode::kRefused,

@@ -48,6 +48,10 @@ Result<std::filesystem::path> FindDataFolder(const std::filesystem::path& root, 
 // kInternal if the file cannot be written.
 Result<void> MarkDataFolder(const std::filesystem::path& folder, const DataOwner& owner);
 
+// Makes the folder and its missing parents with mode 0700. An existing folder is left as it is. Returns kInternal if a
+// folder cannot be made.
+Result<void> MakeDataFolder(const std::filesystem::path& folder);
+
 // Returns the client endpoint from `agent.endpoint` in `folder`. Empty: the file is missing or empty.
 std::string ReadEndpoint(const std::filesystem::path& folder);
 // Writes the endpoint to `agent.endpoint` unless the file already holds it. Returns kInternal if writing fails.

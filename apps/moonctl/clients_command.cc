@@ -11,7 +11,9 @@
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/user_folder.h"
+#include "apps/moonctl/written_files.h"
 #include "model/did_you_mean.h"
+#include "model/file_writing.h"
 #include "model/rights_name.h"
 #include "model/text.h"
 #include "runtime/team/client_list.h"
@@ -163,6 +165,13 @@ Result<std::filesystem::path> SecretFile(const ClientsArguments& arguments) {
   return *folder / (arguments.name + ".sec");
 }
 
+// Agents may run as another user and have to read the list, which holds no secret.
+Result<void> WriteList(const std::filesystem::path& file, const std::string& text) {
+  std::error_code failure;
+  if (std::filesystem::exists(file, failure)) return ReplaceFile(file, text);
+  return WriteWholeFile(file, text, {.mode = 0644, .is_synced = true});
+}
+
 ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
   auto edit = BeginEdit(context, arguments);
   if (!edit) return context.Report(edit.error());
@@ -191,7 +200,7 @@ ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
   const bool is_made = arguments.public_key_file.empty();
   // Publish the secret key before the list, so that the list never names a client whose secret key was lost.
   if (auto published = files.Publish(); !published) return context.Report(published.error());
-  if (auto written = WriteTextFile(edit->file, *text); !written) {
+  if (auto written = WriteList(edit->file, *text); !written) {
     std::error_code ignored;
     if (is_made) std::filesystem::remove(*secret_file, ignored);
     return context.Report(written.error());
@@ -238,7 +247,7 @@ ExitCode RevokeClient(CommandContext& context, const ClientsArguments& arguments
   edit->list.mutable_clients()->DeleteSubrange(index, 1);
   const auto text = TextOf(*edit);
   if (!text) return context.Report(text.error());
-  if (auto written = WriteTextFile(edit->file, *text); !written) return context.Report(written.error());
+  if (auto written = WriteList(edit->file, *text); !written) return context.Report(written.error());
   JsonWriter json;
   json.BeginObject().Key("revoked").String(arguments.name).EndObject();
   return context.Done(json.text(), arguments.name + " is revoked at all agents that have " + edit->file.string());

@@ -9,6 +9,7 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/robot_pack.h"
 #include "apps/moonctl/written_files.h"
+#include "model/file_writing.h"
 #include "model/text.h"
 #include "runtime/team/new_files.h"
 #include "runtime/team/team_init.h"
@@ -129,7 +130,8 @@ Result<std::string> WriteUnit(const std::filesystem::path& program_folder) {
   const std::size_t at = unit->find(start) + start.size();
   unit->replace(at, unit->find(' ', at) - at, (program_folder / "moondb_agent").string());
   const std::string path = std::string("/etc/systemd/system/") + kUnit;
-  if (const auto written = WriteTextFile(path, *unit); !written) return tl::unexpected(written.error());
+  if (const auto written = WriteWholeFile(path, *unit, {.mode = 0644, .is_synced = true}); !written)
+    return tl::unexpected(written.error());
   return path;
 }
 

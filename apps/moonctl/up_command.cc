@@ -1,5 +1,6 @@
 #include <signal.h>
 #include <stdlib.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +16,7 @@
 #include "apps/moonctl/agent_process.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
+#include "model/file_writing.h"
 #include "model/term.h"
 #include "model/text.h"
 #include "proto/status.pb.h"
@@ -147,10 +149,10 @@ bool IsAgreed(CommandContext& context, std::vector<LocalAgent>& agents) {
 }
 
 Result<void> Start(const CommandContext& context, const UpArguments& arguments, LocalAgent& agent) {
-  std::error_code error;
-  std::filesystem::create_directories(agent.folder, error);
-  if (error) return Fail(ErrorCode::kInternal, "cannot make the folder: " + error.message(), agent.folder.string());
-  std::filesystem::permissions(agent.folder, std::filesystem::perms::owner_all, error);
+  if (const auto made = MakeDataFolder(agent.folder); !made) return made;
+  // An agent refuses a folder that others may write. A folder of another user's cannot be changed, so it is not
+  // reported.
+  (void)SetFolderMode(agent.folder, S_IRWXU);
   std::vector<std::string> command{(context.program_folder() / "moondb_agent").string(),
                                    "--team",
                                    std::filesystem::absolute(context.TeamPath()).string(),

@@ -1,15 +1,23 @@
 #include "apps/moonctl/written_files.h"
 
 #include <fcntl.h>
+#include <limits.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
+#include <system_error>
 
-#include "model/text.h"
+#include "model/file_writing.h"
 
 namespace moondb {
 namespace {
+
+constexpr int kLinksMax = 8;
+// Bits of a replaced file's mode that the new file keeps. Other users never get the right to write.
+constexpr mode_t kKeptMode = 0775;
 
 // Blocks SIGINT, SIGTERM and SIGHUP while this object exists.
 class HeldSignals {
@@ -30,26 +38,58 @@ class HeldSignals {
 
 std::filesystem::path AsideOf(const FileBytes& file) { return file.file.string() + ".new"; }
 
+Result<void> CannotWrite(const std::filesystem::path& file, const std::error_code& failure) {
+  return Fail(ErrorCode::kInternal, "cannot be written: " + failure.message(), file.string());
+}
+
 Result<void> WriteThenRename(const std::vector<FileBytes>& files) {
   for (const FileBytes& file : files) {
-    if (auto done = WriteTextFile(AsideOf(file), file.bytes); !done) {
-      return Fail(done.error().code, done.error().text, file.file.string());
+    if (const std::error_code failure = WriteTemporary(AsideOf(file), file.bytes, {})) {
+      return CannotWrite(file.file, failure);
     }
   }
   for (const FileBytes& file : files) {
     std::error_code failure;
     std::filesystem::rename(AsideOf(file), file.file, failure);
-    if (failure) return Fail(ErrorCode::kInternal, "cannot be written: " + failure.message(), file.file.string());
+    if (failure) return CannotWrite(file.file, failure);
   }
   return {};
+}
+
+// An existing file that is to be replaced.
+struct Target {
+  std::filesystem::path path;  // The file behind all links.
+  struct stat status;
+};
+
+// Follows links of this user and of root only. Another user could direct a link to a file of this user's.
+Result<Target> TargetOf(const std::filesystem::path& file) {
+  std::filesystem::path path = file;
+  for (int links = 0; links < kLinksMax; ++links) {
+    const int entry = ::open(path.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC);
+    Target target{path, {}};
+    std::array<char, PATH_MAX> to{};
+    const bool is_read = entry >= 0 && ::fstat(entry, &target.status) == 0;
+    const bool is_link = is_read && S_ISLNK(target.status.st_mode);
+    const ssize_t size = is_link ? ::readlinkat(entry, "", to.data(), to.size()) : 0;
+    const std::error_code failure(errno, std::generic_category());
+    if (entry >= 0) ::close(entry);
+    if (!is_read || size < 0) return tl::unexpected(CannotWrite(file, failure).error());
+    if (!is_link) return target;
+    if (target.status.st_uid != ::geteuid() && target.status.st_uid != 0) {
+      return Fail(ErrorCode::kRefused, "is a link that another user made; remove the link, or name the file behind it",
+                  path.string());
+    }
+    path = path.parent_path() / std::string(to.data(), static_cast<std::size_t>(size));
+  }
+  return tl::unexpected(CannotWrite(file, std::make_error_code(std::errc::too_many_symbolic_link_levels)).error());
 }
 
 }  // namespace
 
 Result<void> WriteTogether(const std::filesystem::path& folder, const std::vector<FileBytes>& files) {
   const HeldSignals held;
-  std::error_code failure;
-  if (!folder.empty()) std::filesystem::create_directories(folder, failure);
+  std::error_code failure = MakeFolders(folder);
   if (failure) {
     return Fail(ErrorCode::kInternal, "the folder cannot be made: " + failure.message() + "; choose another one",
                 folder.string());
@@ -63,25 +103,19 @@ Result<void> WriteTogether(const std::filesystem::path& folder, const std::vecto
 
 Result<void> ReplaceFile(const std::filesystem::path& file, const std::string& bytes) {
   const HeldSignals held;
-  const auto failed = [&file](const std::error_code& failure) {
-    return Fail(ErrorCode::kInternal, "cannot be written: " + failure.message(), file.string());
-  };
-  std::error_code failure;
-  const std::filesystem::path target = std::filesystem::canonical(file, failure);
-  if (failure) return failed(failure);
-  const auto mode = std::filesystem::status(target, failure).permissions();
-  if (failure) return failed(failure);
-  const std::filesystem::path aside = AsideOf({target, ""});
-  if (auto done = WriteTextFile(aside, bytes); !done) return Fail(done.error().code, done.error().text, file.string());
-  std::filesystem::permissions(aside, mode, failure);
-  const int descriptor = failure ? -1 : ::open(aside.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor >= 0 && ::fsync(descriptor) != 0) failure = std::error_code(errno, std::generic_category());
-  if (descriptor >= 0) ::close(descriptor);
-  if (!failure) std::filesystem::rename(aside, target, failure);
+  const Result<Target> target = TargetOf(file);
+  if (!target) return tl::unexpected(target.error());
+  WriteOptions options{.mode = target->status.st_mode & kKeptMode, .is_synced = true};
+  const bool is_own = target->status.st_uid == ::geteuid() && target->status.st_gid == ::getegid();
+  if (::geteuid() == 0 && !is_own) options.owner = FileOwner{target->status.st_uid, target->status.st_gid};
+  const std::filesystem::path aside = AsideOf({target->path, ""});
+  std::error_code failure = WriteTemporary(aside, bytes, options);
+  if (failure) return CannotWrite(file, failure);
+  std::filesystem::rename(aside, target->path, failure);
   if (!failure) return {};
   std::error_code ignored;
   std::filesystem::remove(aside, ignored);
-  return failed(failure);
+  return CannotWrite(file, failure);
 }
 
 }  // namespace moondb

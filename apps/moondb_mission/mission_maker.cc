@@ -6,6 +6,8 @@
 #include <numbers>
 #include <system_error>
 
+#include "model/file_writing.h"
+
 namespace moondb {
 
 namespace {
@@ -180,7 +182,7 @@ Result<void> WriteMadeMission(const MadeMission& made, const std::filesystem::pa
   }
   Result<void> done = WriteMission(made.mission, folder);
   if (!done) return done;
-  std::filesystem::create_directories(folder / "maps", failure);
+  failure = MakeFolders(folder / "maps");
   if (failure) return Fail(ErrorCode::kInternal, "cannot be made: " + failure.message(), (folder / "maps").string());
   for (std::size_t i = 0; i < made.maps.size() && done; ++i) {
     done = WriteMissionMap(folder / made.mission.maps[i].file, made.maps[i]);

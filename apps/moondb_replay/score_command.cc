@@ -9,6 +9,7 @@
 #include "apps/moondb_replay/map_frame.h"
 #include "apps/moondb_replay/score.h"
 #include "apps/picture/picture.h"
+#include "model/file_writing.h"
 #include "model/text.h"
 
 namespace moondb {
@@ -198,9 +199,9 @@ Result<Setting> Gather(const ScoreArguments& arguments) {
 }  // namespace
 
 Result<void> ScoreAgent(const ScoreArguments& arguments) {
-  std::error_code error;
-  std::filesystem::create_directories(arguments.out, error);
-  if (error) return Fail(ErrorCode::kInternal, "cannot make the folder: " + error.message(), arguments.out);
+  if (const std::error_code error = MakeFolders(arguments.out)) {
+    return Fail(ErrorCode::kInternal, "cannot make the folder: " + error.message(), arguments.out);
+  }
   auto setting = Gather(arguments);
   if (!setting) return tl::unexpected(setting.error());
   if (auto written = WritePictures(*setting, arguments.out); !written) return written;

@@ -1,25 +1,19 @@
 // NewFiles: creates several files together and never overwrites an existing file.
 #pragma once
 
-#include <sys/types.h>
-
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "model/error.h"
+#include "model/file_writing.h"
 
 namespace moondb {
 
-struct FileOwner {
-  uid_t user;
-  gid_t group;
-};
-
 // Writes `content` to the new file `path` with exactly this mode, whatever the umask, and syncs it to disk. With an
-// owner, gives the file to that user. Returns kRefused if `path` exists, kInternal if a system call fails; then a part
-// of the file may be there.
+// owner, gives the file to that user. Follows no link. Returns kRefused if `path` exists, kInternal if a system call
+// fails.
 Result<void> WriteNewFile(const std::filesystem::path& path, const std::string& content, mode_t mode,
                           const std::optional<FileOwner>& owner = {});
 

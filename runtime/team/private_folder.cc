@@ -6,6 +6,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "model/file_writing.h"
+
 namespace moondb {
 namespace {
 
@@ -41,13 +43,9 @@ Result<void> CheckPrivateFolder(const std::filesystem::path& folder) {
 }
 
 Result<void> MakePrivateFolder(const std::filesystem::path& folder) {
-  std::filesystem::path missing;
-  for (const std::filesystem::path& part : folder) {
-    missing /= part;
-    // Create each level with mode 0700, so that no other user can replace it.
-    if (mkdir(missing.c_str(), kOwnerOnly) != 0 && errno != EEXIST) {
-      return Fail(ErrorCode::kInvalid, missing.string() + ": " + std::strerror(errno));
-    }
+  // Make each level with mode 0700, so that no other user can replace it.
+  if (const std::error_code failure = MakeFolders(folder, kOwnerOnly)) {
+    return Fail(ErrorCode::kInvalid, folder.string() + ": " + failure.message());
   }
   return CheckPrivateFolder(folder);
 }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "model/custom_types.h"
+#include "model/file_writing.h"
 #include "model/team_id.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/field_rules.h"
@@ -257,9 +258,9 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
   }
 
   const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) return Fail(ErrorCode::kInternal, folder.string() + ": " + error.message());
+  if (const std::error_code error = MakeFolders(folder, 0755)) {
+    return Fail(ErrorCode::kInternal, folder.string() + ": " + error.message());
+  }
   NewFiles files;
   if (!team.insecure()) {
     for (int i = 0; i < team.agents_size(); ++i) {

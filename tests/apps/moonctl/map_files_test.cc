@@ -104,7 +104,7 @@ TEST_F(MapFilesTest, SaysWhatToDoWhereNothingCanBeWritten) {
 TEST_F(MapFilesTest, LeavesTheFilesOfAnEarlierTimeWhereOneCannotBeWritten) {
   ASSERT_TRUE(WriteMapFiles(Export("nav2")));
   const std::string before = *ReadTextFile(File("map.pgm"));
-  std::filesystem::create_directories(File("map.yaml.new.part"));  // The second file cannot be written.
+  std::filesystem::create_directories(File("map.yaml.new"));  // The second file cannot be written.
   MapExport other = Export("nav2");
   other.map.grid.At(10, 10) = Cell::kHazard;
   ASSERT_FALSE(WriteMapFiles(other));

@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "runtime/team/team_config.h"
+#include "tests/scoped_umask.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {
@@ -50,6 +51,20 @@ TEST_F(TeamKeysTest, AreAllPublicKeysAndTheAgentsOwnSecrets) {
   ASSERT_TRUE(signing) << ToString(signing.error());
   ASSERT_TRUE(signing->has_value());
   EXPECT_EQ((*signing)->public_key(), team_.agents(1).signing_key());
+}
+
+TEST_F(TeamKeysTest, AreWrittenWithTheSameModesUnderEachUmask) {
+  for (const mode_t mask : {0000, 0022, 0077}) {
+    const ScopedUmask umask(mask);
+    const std::filesystem::path top = folder_ / ("team" + std::to_string(mask));
+    ASSERT_TRUE(WriteInitialTeam(top / "mars" / "team.yaml", 3, 7400));
+    EXPECT_EQ(ModeOf(top), 0755u) << mask;
+    EXPECT_EQ(ModeOf(top / "mars"), 0755u) << mask;
+    EXPECT_EQ(ModeOf(top / "mars" / "team.yaml"), 0644u) << mask;
+    EXPECT_EQ(ModeOf(top / "mars" / "rover1.pub"), 0644u) << mask;
+    EXPECT_EQ(ModeOf(top / "mars" / "rover1.sec"), 0600u) << mask;
+    EXPECT_EQ(ModeOf(top / "mars" / "rover1.sign"), 0600u) << mask;
+  }
 }
 
 TEST_F(TeamKeysTest, SecretsAreReadFromTheGivenPath) {
