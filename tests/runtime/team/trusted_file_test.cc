@@ -46,6 +46,44 @@ TEST_F(TrustedFileTest, MayNotBeWritableByAnotherGroup) {
   EXPECT_FALSE(CheckTrusted(path));
 }
 
+// Another user who may write to the folder could replace the file in it.
+TEST_F(TrustedFileTest, MayNotLieInAFolderThatOthersMayWrite) {
+  const std::string path = Make("a", 0644);
+  for (const mode_t mode : {0777, 0757, 0702}) {
+    ASSERT_EQ(::chmod(folder_.path().c_str(), mode), 0);
+    const auto refused = CheckTrusted(path);
+    ASSERT_FALSE(refused) << mode;
+    EXPECT_THAT(ToString(refused.error()), HasSubstr("could replace it"));
+    EXPECT_THAT(ToString(refused.error()), HasSubstr("chmod go-w " + folder_.path().string()));
+  }
+  ASSERT_EQ(::chmod(folder_.path().c_str(), 0777), 0);
+  for (const auto& error : {ReadTeamFile(path).error(), ReadClientList(path).error(), ReadPublicKey(path).error()}) {
+    EXPECT_THAT(ToString(error), HasSubstr("could replace it"));
+  }
+}
+
+TEST_F(TrustedFileTest, MayLieInAFolderOfItsUserOrInAStickyOne) {
+  const std::string path = Make("a", 0644);
+  for (const mode_t mode : {0700, 0755, 0775, 01777, 01757}) {
+    ASSERT_EQ(::chmod(folder_.path().c_str(), mode), 0);
+    EXPECT_TRUE(CheckTrusted(path)) << mode;
+  }
+  if (::geteuid() != 0) GTEST_SKIP() << "only root gives folders away";
+  ASSERT_EQ(::chown(folder_.path().c_str(), ::geteuid(), ::getegid() + 1), 0);
+  ASSERT_EQ(::chmod(folder_.path().c_str(), 0775), 0);
+  EXPECT_FALSE(CheckTrusted(path)) << "another group may write";
+}
+
+TEST_F(TrustedFileTest, MayNotLieBehindALinkInAFolderThatOthersMayWrite) {
+  const std::filesystem::path shared = folder_.path() / "shared";
+  std::filesystem::create_directory(shared);
+  std::ofstream(shared / "a") << "text";
+  std::filesystem::create_symlink("shared/a", folder_.path() / "link");
+  EXPECT_TRUE(CheckTrusted(folder_.path() / "link"));
+  ASSERT_EQ(::chmod(shared.c_str(), 0777), 0);
+  EXPECT_FALSE(CheckTrusted(folder_.path() / "link"));
+}
+
 TEST_F(TrustedFileTest, MayLieInASharedFolderOnlyIfItIsSticky) {
   EXPECT_EQ(::chmod(folder_.path().c_str(), 0777), 0);
   EXPECT_FALSE(CheckTrusted(folder_.path()));
