@@ -3,6 +3,7 @@
 #include <pwd.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <xxhash.h>
 
 #include <algorithm>
 #include <optional>
@@ -10,55 +11,44 @@
 #include <string_view>
 #include <utility>
 
+#include "apps/moonctl/packed_files.h"
+#include "model/file_writing.h"
 #include "model/team_member.h"
 #include "model/text.h"
-#include "runtime/team/client_list.h"
-#include "runtime/team/curve_keys.h"
 #include "runtime/team/new_files.h"
-#include "runtime/team/signing_key.h"
 #include "runtime/team/team_keys.h"
 
 namespace moondb {
 namespace {
 
-// First bytes of a pack.
-constexpr std::string_view kMagic = "moondb robot pack 1\n";
-constexpr std::uint32_t kFormat = 1;
+// First bytes of a pack. The version follows, then the hash of the rest (8 bytes, lowest first), then the message.
+constexpr std::string_view kMagic = "moondb robot pack ";
+constexpr std::string_view kVersion = "2\n";
+constexpr std::uint32_t kFormat = 2;
+constexpr std::size_t kHashBytes = 8;
 
-// A file that a pack holds.
-struct Content {
-  std::string name;
-  bool is_secret = false;
-  bool is_optional = false;
-};
-
-// Returns the files of an agent, with their names beside the team file.
-std::vector<Content> ContentsOf(const proto::TeamConfig& team, const std::string& agent) {
-  std::vector<Content> contents{{kPackedTeamFile}, {kClientsFile, false, true}, {agent + ".env", false, true}};
-  for (const proto::AgentConfig& member : team.agents()) {
-    if (!member.key().empty()) contents.push_back({member.key()});
-    if (member.name() != agent || member.key().empty()) continue;
-    const std::filesystem::path secret = SecretKeyPath(member.key());
-    contents.push_back({secret.string(), true});
-    contents.push_back({SigningSecretPath(secret).string(), true});
-  }
-  return contents;
+std::string HashOf(std::string_view message) {
+  const std::uint64_t hash = XXH64(message.data(), message.size(), 0);
+  std::string bytes;
+  for (std::size_t i = 0; i < kHashBytes; ++i) bytes += static_cast<char>(hash >> (8 * i));
+  return bytes;
 }
 
-// Returns kInvalid unless all key files lie beside the team file.
-Result<void> CheckNames(const std::vector<Content>& contents) {
-  for (const Content& content : contents) {
-    if (std::filesystem::path(content.name).filename() == content.name && content.name != "..") continue;
-    return Fail(ErrorCode::kInvalid, content.name + ": a pack holds only key files that lie beside the team file");
+// Parses the bytes of a pack up to its files. Does not check the files.
+Result<proto::RobotPack> ParseMessage(std::string_view bytes) {
+  const auto damaged = [] { return Fail(ErrorCode::kCorrupt, "it is no pack of `moonctl config pack`, or damaged"); };
+  if (!bytes.starts_with(kMagic)) return damaged();
+  bytes.remove_prefix(kMagic.size());
+  if (!bytes.starts_with(kVersion)) {
+    return Fail(ErrorCode::kInvalid,
+                "it was made by another version of moondb; make it again with `moonctl config pack` of this version");
   }
-  return {};
-}
-
-std::string ContentOf(const proto::RobotPack& pack, std::string_view name) {
-  for (const proto::PackedFile& file : pack.files()) {
-    if (file.name() == name) return file.content();
-  }
-  return "";
+  bytes.remove_prefix(kVersion.size());
+  if (bytes.size() < kHashBytes || HashOf(bytes.substr(kHashBytes)) != bytes.substr(0, kHashBytes)) return damaged();
+  bytes.remove_prefix(kHashBytes);
+  proto::RobotPack pack;
+  if (!pack.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())) || pack.format() != kFormat) return damaged();
+  return pack;
 }
 
 // Returns the owner of new files in `folder`, if this process may set it.
@@ -71,11 +61,11 @@ std::optional<FileOwner> OwnerOfFilesIn(const std::filesystem::path& folder) {
 Result<void> MakeFolder(const std::filesystem::path& folder) {
   std::error_code failure;
   if (std::filesystem::is_directory(folder, failure)) return {};
-  std::filesystem::create_directories(folder, failure);
+  failure = folder.has_parent_path() ? MakeFolders(folder.parent_path(), 0755) : std::error_code();
+  if (!failure) failure = MakeFolders(folder, 0750);
   if (failure) return Fail(ErrorCode::kInternal, "the folder cannot be made: " + failure.message(), folder.string());
-  std::filesystem::permissions(folder, std::filesystem::perms(0750), failure);
   const passwd* user = ::geteuid() == 0 ? ::getpwnam("moondb") : nullptr;
-  if (user != nullptr) (void)!::chown(folder.c_str(), user->pw_uid, user->pw_gid);
+  if (user != nullptr) (void)!::lchown(folder.c_str(), user->pw_uid, user->pw_gid);
   return {};
 }
 
@@ -90,17 +80,19 @@ Result<proto::RobotPack> PackRobot(const TeamFile& team, const std::filesystem::
     const auto signing = ReadSigningKey(team.config, team.folder, self.id(), "");
     if (!signing) return tl::unexpected(signing.error());
   }
-  const std::vector<Content> contents = ContentsOf(team.config, agent);
-  if (const auto checked = CheckNames(contents); !checked) return tl::unexpected(checked.error());
+  const auto names = PackedNames(team.config, agent);
+  if (!names) return tl::unexpected(names.error());
   proto::RobotPack pack;
   pack.set_format(kFormat);
   pack.set_agent(agent);
-  for (const Content& content : contents) {
+  for (const PackedName& content : *names) {
     const std::filesystem::path path = content.name == kPackedTeamFile ? team_file : team.folder / content.name;
     std::string text;
     if (content.name == agent + ".env") {
       if (options.empty()) continue;
-      text = "AGENT_OPTIONS=" + options + "\n";
+      auto line = OptionsFile(options);
+      if (!line) return tl::unexpected(line.error());
+      text = *std::move(line);
     } else {
       std::error_code failure;
       if (content.is_optional && !std::filesystem::exists(path, failure)) continue;
@@ -113,37 +105,40 @@ Result<proto::RobotPack> PackRobot(const TeamFile& team, const std::filesystem::
     file.set_content(std::move(text));
     file.set_is_secret(content.is_secret);
   }
+  if (const auto checked = CheckPackedContents(pack, team.config); !checked) return tl::unexpected(checked.error());
   return pack;
 }
 
-std::string SerializeRobotPack(const proto::RobotPack& pack) { return std::string(kMagic) + pack.SerializeAsString(); }
+std::string SerializeRobotPack(const proto::RobotPack& pack) {
+  const std::string message = pack.SerializeAsString();
+  return std::string(kMagic) + std::string(kVersion) + HashOf(message) + message;
+}
 
 Result<proto::RobotPack> ParseRobotPack(const std::string& bytes) {
-  proto::RobotPack pack;
-  if (!bytes.starts_with(kMagic) || !pack.ParseFromString(bytes.substr(kMagic.size())) || pack.format() != kFormat) {
-    return Fail(ErrorCode::kCorrupt, "it is no pack of `moonctl config pack`, or damaged");
-  }
-  const auto team = ParseTeamFile(ContentOf(pack, kPackedTeamFile), kPackedTeamFile);
+  auto pack = ParseMessage(bytes);
+  if (!pack) return pack;
+  const auto team = ParseTeamFile(ContentOf(*pack, kPackedTeamFile), kPackedTeamFile);
   if (!team) return tl::unexpected(team.error());
-  if (FindAgent(team->config, pack.agent()) == nullptr) {
-    return Fail(ErrorCode::kInvalid, "its team file has no agent " + OneLine(pack.agent()));
+  if (FindAgent(team->config, pack->agent()) == nullptr) {
+    return Fail(ErrorCode::kInvalid, "its team file has no agent " + OneLine(pack->agent()));
   }
-  const std::vector<Content> contents = ContentsOf(team->config, pack.agent());
-  if (const auto checked = CheckNames(contents); !checked) return tl::unexpected(checked.error());
+  const auto names = PackedNames(team->config, pack->agent());
+  if (!names) return tl::unexpected(names.error());
   std::set<std::string> seen;
-  for (const proto::PackedFile& file : pack.files()) {
-    const auto known = std::find_if(contents.begin(), contents.end(), [&](const Content& content) {
+  for (const proto::PackedFile& file : pack->files()) {
+    const auto known = std::find_if(names->begin(), names->end(), [&](const PackedName& content) {
       return content.name == file.name() && content.is_secret == file.is_secret();
     });
-    if (known == contents.end() || !seen.insert(file.name()).second) {
+    if (known == names->end() || !seen.insert(file.name()).second) {
       return Fail(ErrorCode::kInvalid, "the file " + OneLine(file.name()) + " does not belong into this pack");
     }
   }
-  for (const Content& content : contents) {
+  for (const PackedName& content : *names) {
     if (!content.is_optional && !seen.contains(content.name)) {
       return Fail(ErrorCode::kInvalid, "it lacks the file " + content.name);
     }
   }
+  if (const auto checked = CheckPackedContents(*pack, team->config); !checked) return tl::unexpected(checked.error());
   return pack;
 }
 

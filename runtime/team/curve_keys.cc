@@ -5,6 +5,7 @@
 
 #include <array>
 #include <fstream>
+#include <utility>
 
 #include "model/curve_key.h"
 #include "runtime/team/trusted_file.h"
@@ -29,11 +30,7 @@ Result<std::string> ReadKey(const std::filesystem::path& path) {
   std::string text(kKeyFileBytesMax + 1, '\0');
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(file.gcount()));
-  while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.pop_back();
-  if (!IsCurveKey(text)) {
-    return Fail(ErrorCode::kInvalid, path.string() + ": not a key (one line of 40 characters in Z85)");
-  }
-  return text;
+  return ParseKeyFile(std::move(text), path.string());
 }
 
 }  // namespace
@@ -46,11 +43,19 @@ std::string ToZ85(const KeyBytes& bytes) {
 
 std::optional<KeyBytes> FromZ85(const std::string& text) {
   KeyBytes bytes{};
-  const bool is_read = text.size() == kCurveKeyLength && zmq_z85_decode(bytes.data(), text.c_str()) != nullptr;
+  // The decoder stops at a zero byte, and would accept a shorter key.
+  const bool is_whole = text.size() == kCurveKeyLength && text.find('\0') == std::string::npos;
+  const bool is_read = is_whole && zmq_z85_decode(bytes.data(), text.c_str()) != nullptr;
   return is_read ? std::optional(bytes) : std::nullopt;
 }
 
 bool IsCurveKey(const std::string& text) { return FromZ85(text).has_value(); }
+
+Result<std::string> ParseKeyFile(std::string text, const std::string& name) {
+  while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.pop_back();
+  if (!IsCurveKey(text)) return Fail(ErrorCode::kInvalid, name + ": not a key (one line of 40 characters in Z85)");
+  return text;
+}
 
 Result<CurveKeys> MakeCurveKeys() {
   std::array<char, kCurveKeyLength + 1> public_key{};

@@ -28,6 +28,10 @@ using KeyBytes = std::array<std::uint8_t, 32>;
 std::string ToZ85(const KeyBytes& bytes);
 std::optional<KeyBytes> FromZ85(const std::string& text);
 
+// Returns the key in the contents of a key file: one line of 40 characters in Z85, with or without a line break.
+// Returns kInvalid for other contents. `name` names the file in the error.
+Result<std::string> ParseKeyFile(std::string text, const std::string& name);
+
 // Read a key file. Return kInvalid if the file is missing or does not hold exactly one key. ReadSecretKey also returns
 // kInvalid if anyone but the owner may read the file.
 Result<std::string> ReadPublicKey(const std::filesystem::path& path);
