@@ -48,6 +48,24 @@ void SetCovariance(const std::vector<double>& numbers, std::size_t size,
   }
 }
 
+// A smaller tile counts as this many cells. Otherwise many tiny tiles could take much memory within the limit.
+constexpr std::uint64_t kSmallTileCells = 64 * 64;
+
+// Returns the number of cells of the tiles, for the limit kAllTilesCellsMax.
+std::uint64_t CountedCells(const proto::MapTilesReply& part) {
+  const std::uint64_t cells = std::uint64_t{part.tile_cells()} * part.tile_cells();
+  return std::max(cells, kSmallTileCells) * static_cast<std::uint64_t>(part.tiles_size());
+}
+
+// Returns true if all rows of the page lie above request.after_row_id and the last one is the highest. Then each page
+// is a step to the end.
+bool Advances(const proto::ReadReply& page, const proto::ReadRequest& request) {
+  if (request.is_newest_first()) return true;
+  return std::all_of(page.row_ids().begin(), page.row_ids().end(), [&](std::uint64_t row) {
+    return row > request.after_row_id() && row <= *page.row_ids().rbegin();
+  });
+}
+
 }  // namespace
 
 Client::Client(std::unique_ptr<Connection> connection, std::string agent_name, Options options)
@@ -191,6 +209,9 @@ Result<void> Client::ReadAll(proto::ReadRequest request, const Visit& visit) {
     if (page->row_ids_size() != page->records_size()) {
       return Fail(ErrorCode::kCorrupt, "the agent's page has not one row id for each record");
     }
+    if (!Advances(*page, request)) {
+      return Fail(ErrorCode::kCorrupt, "the agent sends rows out of order, so reading might not end");
+    }
     for (const proto::StoredRecord& stored : page->records()) {
       proto::Record record;
       if (!record.ParseFromString(stored.content())) {
@@ -331,6 +352,7 @@ Result<MergedTiles> Client::NextMapTiles(proto::MapTilesRequest& request) {
   asked = request;
   asked.clear_after();
   MergedTiles all;
+  std::uint64_t all_cells = 0;
   std::optional<proto::MapTilesReply> first;
   while (true) {
     auto reply = Call(control);
@@ -341,6 +363,10 @@ Result<MergedTiles> Client::NextMapTiles(proto::MapTilesRequest& request) {
     if (first && part.merger_id() != first->merger_id()) {
       request.clear_merger_id();
       return Fail(ErrorCode::kUnavailable, "the agent restarted its merging; ask again");
+    }
+    all_cells += CountedCells(part);
+    if (all_cells > kAllTilesCellsMax) {
+      return Fail(ErrorCode::kCorrupt, "the agent sends more tiles of the merged map than a map may have");
     }
     all.tiles.insert(all.tiles.end(), std::make_move_iterator(tiles->begin()), std::make_move_iterator(tiles->end()));
     if (!first) first = part;

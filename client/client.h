@@ -154,7 +154,8 @@ class Client {
 
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
   // Read returns one page of records. ReadAll reads all records after request.after_row_id, page by page, in the order
-  // in which the agent stored them. The limits in the request apply to each page.
+  // in which the agent stored them. The limits in the request apply to each page. Fails with kCorrupt if a page does
+  // not continue after the page before it.
   Result<void> ReadAll(proto::ReadRequest request, const Visit& visit);
 
   // Returns one more than the highest index of this robot's nodes in the agent's store; 0 if the store has none. Reads
@@ -210,7 +211,7 @@ class Client {
   // version in `request`. The first call, and the first call after the agent's MergeActor restarted, return all tiles
   // with known cells. If request.wait_s is set, the call waits for a change, and returns no tiles if nothing changed.
   // To limit the tiles to a region, set request.region before the first call. Fails with kUnavailable if MergeActor
-  // restarts between two parts of a reply.
+  // restarts between two parts of a reply, and with kCorrupt if the tiles have more than kAllTilesCellsMax cells.
   Result<MergedTiles> NextMapTiles(proto::MapTilesRequest& request);
   // Makes the next bundle for the ground station or acknowledges a bundle, as set in `request`. If no field is set,
   // lists the unacknowledged bundles.

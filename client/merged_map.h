@@ -29,6 +29,9 @@ struct MergedTiles {
 };
 
 inline constexpr std::uint32_t kTileSideCellsMax = 4096;
+// Cells of all tiles that Client::NextMapTiles returns at once: 16,384 pages of 256 x 256, the most that an agent
+// merges.
+inline constexpr std::uint64_t kAllTilesCellsMax = 1ull << 30;
 // Decodes tiles of the merged map. Fails with kCorrupt like DecodeMergedMap, and for tiles with a side of more than
 // kTileSideCellsMax cells.
 Result<std::vector<MergedTile>> DecodeMapTiles(const proto::MapTilesReply& reply);
