@@ -1,7 +1,9 @@
 """A client of a moondb agent: the control protocol (proto/control.proto) over ZeroMQ.
 
 Needs pyzmq and protobuf, and zstandard for merged maps (Debian: python3-zmq python3-protobuf python3-zstandard). Use one
-Client per thread. An error of the agent raises AgentError, an agent that does not answer TimeoutError.
+Client per thread. An error of the agent raises AgentError, an agent that does not answer TimeoutError, and an answer that
+is invalid or exceeds a limit AnswerError. The limits are those of the client in C++: an agent that somebody took over can
+neither fill this process's memory nor keep a call from ending.
 """
 import dataclasses
 import getpass
@@ -10,10 +12,13 @@ import os
 import pathlib
 import re
 import socket
+import struct
 import time
 from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Tuple, Union
 
 import zmq
+from google.protobuf.message import DecodeError
+from zmq.utils.monitor import recv_monitor_message
 
 from moondb import messages
 
@@ -21,6 +26,15 @@ PathLike = Union[str, "os.PathLike[str]"]
 Node = Tuple[int, int]  # Agent id, index.
 
 REQUEST_BYTES_MAX = 32 * 1024 * 1024
+ANSWER_BYTES_MAX = 32 * 1024 * 1024
+RECEIVED_BYTES_MAX = 2 * ANSWER_BYTES_MAX  # Bytes of one call over TCP: an answer, and a late one to an earlier call.
+MERGED_CELLS_MAX = 256 * 1024 * 1024  # Cells of a merged map, and of the tiles in one answer.
+TILE_SIDE_CELLS_MAX = 4096
+ALL_TILES_CELLS_MAX = 1 << 30  # Cells of all tiles of one call: 16,384 pages of 256 x 256, the most that an agent merges.
+SMALL_TILE_CELLS = 64 * 64  # A smaller tile counts as this many cells.
+NODES_LIMIT_S = 600.0  # Time limit of next_node_index.
+TCP_INFO_BYTES, TCP_INFO_RECEIVED = 256, 128  # Size of Linux's tcp_info, and the place of tcpi_bytes_received.
+LOOK_S = 0.1  # How often a waiting call checks what it has received.
 BEYOND_WAIT_S = 30.0  # Time that a call waits for its answer, in addition to wait_s.
 FEED_PAUSE_S = 2.0  # Pause before a feed asks an agent again that did not answer.
 PAUSES_S = (0.1, 0.3, 1.0, 2.0, 3.0)  # Pauses before a sync or replication request is repeated.
@@ -33,6 +47,10 @@ class AgentError(Exception):
         text = error.text.decode("utf-8", "replace") if isinstance(error.text, bytes) else error.text
         super().__init__(f"{error.field}: {text}" if error.field else text)
         self.code, self.field = error.code, error.field
+
+
+class AnswerError(ValueError):
+    """An answer of the agent is invalid, or exceeds a limit of this client."""
 
 
 class TeamError(Exception):
@@ -80,6 +98,10 @@ class Client:
     def _connect(self) -> None:
         self._dealer = zmq.Context.instance().socket(zmq.DEALER)
         self._dealer.linger = 0
+        self._dealer.maxmsgsize = ANSWER_BYTES_MAX
+        self._events = self._dealer.get_monitor_socket(zmq.EVENT_CONNECTED | zmq.EVENT_DISCONNECTED)
+        self._is_broken = False  # True: the connection broke during the present call.
+        self._file = -1  # Descriptor of the connection, which libzmq owns. -1: not connected.
         server_key, secret_key = self._keys
         if server_key:
             self._dealer.curve_serverkey, self._dealer.curve_secretkey = server_key, secret_key
@@ -87,7 +109,30 @@ class Client:
         self._dealer.connect(self._endpoint)
 
     def close(self) -> None:
+        self._dealer.disable_monitor()
+        self._events.close()
         self._dealer.close()
+
+    def _has_disconnected(self) -> bool:
+        """Reads the events of the connection. Returns True if it broke since the last call of this function."""
+        is_broken = False
+        while self._events.poll(0):
+            event = recv_monitor_message(self._events)
+            self._file = event["value"] if event["event"] == zmq.EVENT_CONNECTED else -1
+            is_broken = is_broken or event["event"] == zmq.EVENT_DISCONNECTED
+        return is_broken
+
+    def _received_bytes(self) -> int:
+        """Returns the bytes received over this TCP connection; 0 for other transports. libzmq keeps the parts of a message
+        that never ends, and reports none of them."""
+        if self._file < 0 or not self._endpoint.startswith("tcp:"):
+            return 0
+        try:
+            with socket.socket(fileno=os.dup(self._file)) as connection:
+                info = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, TCP_INFO_BYTES)
+            return struct.unpack_from("Q", info, TCP_INFO_RECEIVED)[0]
+        except (OSError, struct.error):  # The connection is gone, or the system does not count.
+            return 0
 
     def __enter__(self) -> "Client":
         return self
@@ -104,9 +149,13 @@ class Client:
             raise ValueError(f"the request has {len(frame)} bytes, and {REQUEST_BYTES_MAX} are the most that an agent takes")
         limit_s = self._timeout_s if timeout_s is None else timeout_s
         end = time.monotonic() + limit_s
+        self._has_disconnected()
+        self._is_broken = False
         self._dealer.send(frame)
-        while self._dealer.poll(1000 * max(0.0, end - time.monotonic())):
-            answer = messages.ClientMessage.FromString(self._dealer.recv())
+        while True:
+            answer = self._receive(end)
+            if answer is None:
+                break
             if answer.request_id != self._request_id:
                 continue  # A late reply to an earlier call.
             if answer.control_reply.team_id != self._team_id:
@@ -114,11 +163,41 @@ class Client:
             if answer.control_reply.error.code:
                 raise AgentError(answer.control_reply.error)
             return answer.control_reply
-        # Requests that are still queued in the socket must not reach an agent that starts later.
-        self._dealer.close()
-        self._connect()
+        is_broken = self._is_broken
+        self._reconnect()
+        if is_broken:
+            raise TimeoutError(f"{self._endpoint} closed the connection during the call: the agent stopped, or its answer "
+                               f"has more than {ANSWER_BYTES_MAX} bytes")
         raise TimeoutError(f"{self._endpoint} does not answer within {limit_s:g} s: the agent is not running, or it does "
                            "not know this client's key")
+
+    def _reconnect(self) -> None:
+        # Requests that are still queued in the socket must not reach an agent that starts later.
+        self.close()
+        self._connect()
+
+    def _receive(self, end: float) -> Any:
+        """Returns the next ClientMessage of the agent. None: there is none before `end`."""
+        before = None
+        while True:
+            left_s = max(0.0, end - time.monotonic())
+            if self._dealer.poll(1000 * min(left_s, LOOK_S)):
+                frames = self._dealer.recv_multipart()
+                if len(frames) != 1:
+                    continue  # An answer is a single frame.
+                try:
+                    return messages.ClientMessage.FromString(frames[0])
+                except DecodeError:
+                    raise AnswerError(f"{self._endpoint} sent an answer that does not decode") from None
+            if left_s == 0:
+                return None
+            if self._has_disconnected():
+                before, self._is_broken = None, True
+            before = self._received_bytes() if before is None else before
+            if self._received_bytes() > before + RECEIVED_BYTES_MAX:
+                self._reconnect()
+                raise AnswerError(f"{self._endpoint} sends a message of more than {RECEIVED_BYTES_MAX} bytes that does not "
+                                  "end")
 
     def status(self) -> Any:
         """Returns the AgentStatus (proto/status.proto)."""
@@ -200,11 +279,21 @@ class Client:
         while True:
             read = {"data_types": data_types, "wait_s": wait_s, "records_max": 100, "after_row_id": after_row_id}
             page = self.call(messages.ControlRequest(read=read), timeout_s=wait_s + self._timeout_s).read
+            self._check_page(page, after_row_id)
             for row_id, stored in zip(page.row_ids, page.records):
                 yield row_id, stored.key, stored.content
             if not page.row_ids:
                 return
             after_row_id = page.row_ids[-1]
+
+    def _check_page(self, page: Any, after_row_id: int) -> None:
+        """Raises AnswerError unless each record has a row id, all lie above `after_row_id`, and the last one is the highest:
+        then each page is a step to the end."""
+        if len(page.row_ids) != len(page.records):
+            raise AnswerError(f"{self._endpoint} sent a page of {len(page.records)} records with {len(page.row_ids)} row ids")
+        for row_id in page.row_ids:
+            if not after_row_id < row_id <= page.row_ids[-1]:
+                raise AnswerError(f"{self._endpoint} sent row {row_id} in the page after row {after_row_id}: rows must ascend")
 
     def sync(self, limit_s: float = 600.0, on_progress: Optional[Callable[[Any], None]] = None, **order: Any) -> Any:
         """Shares with each agent if this is the leader, else sends this agent's own records to the leader.
@@ -272,13 +361,21 @@ class Client:
 
     def next_node_index(self) -> int:
         """One above the highest index of a node of the agent's robot in its store; 0 if there is none. After a lost disk its
-        nodes come back with the next sync: ask after it."""
+        nodes come back with the next sync: ask after it. Raises TimeoutError if reading them takes more than 600 s."""
         read = {"data_types": [messages.POSE_GRAPH_NODE], "origin_agents": [self.status().agent_id]}
-        index = 0
+        index, end = 0, time.monotonic() + NODES_LIMIT_S
         while True:
-            page = self.call(messages.ControlRequest(read=read), timeout_s=600).read
+            left_s = end - time.monotonic()
+            if left_s <= 0:
+                raise TimeoutError(f"{self._endpoint} did not send all nodes within {NODES_LIMIT_S:g} s")
+            page = self.call(messages.ControlRequest(read=read), timeout_s=left_s).read
+            self._check_page(page, read.get("after_row_id", 0))
             for stored in page.records:
-                index = max(index, 1 + messages.Record.FromString(stored.content).pose_graph_node.node.index)
+                try:
+                    record = messages.Record.FromString(stored.content)
+                except DecodeError:
+                    raise AnswerError(f"{self._endpoint}: record {key_text(stored.key)} does not decode") from None
+                index = max(index, 1 + record.pose_graph_node.node.index)
             if page.is_complete or not page.row_ids:
                 return index
             read["after_row_id"] = page.row_ids[-1]
@@ -289,6 +386,9 @@ class Client:
         size = reply.width_cells * reply.height_cells
         if size == 0:
             return reply, b""
+        if size > MERGED_CELLS_MAX:
+            raise AnswerError(f"{self._endpoint}: the merged map has {size} cells, and {MERGED_CELLS_MAX} are the most that a "
+                              "map may have")
         return reply, _decompress(reply.zstd_cells, size)
 
     def map_tiles(self, wait_s: float = 0.0, region: Optional[Sequence[float]] = None) -> MergedTiles:
@@ -297,27 +397,43 @@ class Client:
         request = messages.MapTilesRequest(wait_s=wait_s, **self._tiles)
         if region is not None:
             request.region.x_min_m, request.region.y_min_m, request.region.x_max_m, request.region.y_max_m = region
-        merger_id, first, tiles = request.merger_id, None, {}
+        merger_id, first, tiles, count = request.merger_id, None, {}, 0
         while True:
             reply = self.call(messages.ControlRequest(map_tiles=request), wait_s + BEYOND_WAIT_S).map_tiles
             if first is not None and reply.merger_id != first.merger_id:
                 raise TimeoutError(f"{self._endpoint} restarted its merging during the call: call again")
             first = first or reply
-            size = reply.tile_cells ** 2
+            size, count = reply.tile_cells ** 2, count + len(reply.tiles)
+            if (reply.tile_cells > TILE_SIDE_CELLS_MAX or size * len(reply.tiles) > MERGED_CELLS_MAX or
+                    max(size, SMALL_TILE_CELLS) * count > ALL_TILES_CELLS_MAX):
+                raise AnswerError(f"{self._endpoint}: the {count} tiles of the merged map, of {size} cells each, are more "
+                                  "than a map may have")
             tiles.update({(tile.x, tile.y): _decompress(tile.zstd_cells, size) if tile.zstd_cells else b""
                           for tile in reply.tiles})
             if reply.is_complete:
                 break
             if not reply.tiles:
-                raise ValueError(f"{self._endpoint} sent an incomplete answer without tiles")
+                raise AnswerError(f"{self._endpoint} sent an incomplete answer without tiles")
+            request.wait_s = 0  # Wait for a change only before the first part.
             request.after.x, request.after.y = reply.tiles[-1].x, reply.tiles[-1].y
         self._tiles = {"merger_id": first.merger_id, "since_version": first.version}
         return MergedTiles(first.merger_id != merger_id, first.tile_cells, first.resolution_um / 1e6, tiles)
 
 
 def _decompress(frame: bytes, size: int) -> bytes:
+    """Returns the cells in a zstd frame. Raises AnswerError unless the frame announces and holds `size` cells of value 0, 1
+    or 2. The size is checked first, because the frame's own size decides how much memory decompressing takes."""
     import zstandard  # pylint: disable=import-outside-toplevel
-    return zstandard.ZstdDecompressor().decompress(frame, max_output_size=size)
+    try:
+        announced = zstandard.frame_content_size(frame)
+        if announced != size:
+            raise AnswerError(f"the merged map's cells do not fit its size: expected {size}, and the frame has {announced}")
+        cells = zstandard.ZstdDecompressor().decompress(frame)
+    except zstandard.ZstdError as error:
+        raise AnswerError(f"the merged map's cells do not decode: {error}") from None
+    if len(cells) != size or cells.translate(None, b"\x00\x01\x02"):
+        raise AnswerError("the merged map's cells do not decode: a cell is neither unknown, free nor hazard")
+    return cells
 
 
 def map_position(site: Dict[str, float], lat_deg: float, lon_deg: float, alt_m: float) -> Tuple[float, float, float]:
