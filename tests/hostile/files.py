@@ -2,6 +2,7 @@
 import contextlib
 import os
 import pathlib
+import random
 import shutil
 import signal
 import sqlite3
@@ -9,6 +10,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import zlib
 
@@ -49,9 +51,9 @@ def refuses_to_start(team, agent, why):
 
 
 def files_that_others_may_write(team, scale):
-    """Another user of the machine may write the team file, the clients' list, a public key or the data folder."""
+    """Another user of the machine may write the team file, its folder, the clients' list, a public key or the data folder."""
     with stopped(team) as data:
-        for path in (team.folder / "team.yaml", team.folder / "rover3.pub", team.folder / "rover1.sec",
+        for path in (team.folder, team.folder / "team.yaml", team.folder / "rover3.pub", team.folder / "rover1.sec",
                      team.folder / "rover1.sign"):
             mode = path.stat().st_mode
             path.chmod(mode | 0o022)
@@ -296,8 +298,130 @@ def huge_files(team, scale):
             mission.write(file, before)
 
 
+@contextlib.contextmanager
+def copied_team(team):
+    """Yields a folder with a copy of the team file and its keys, in which no agent runs."""
+    with tempfile.TemporaryDirectory(prefix="moondb-hostile-") as name:
+        folder = pathlib.Path(name) / "copy"
+        folder.mkdir(mode=0o755)
+        for path in team.folder.iterdir():
+            if path.suffix in (".yaml", ".pub", ".sec", ".sign"):
+                shutil.copy(path, folder)
+        yield folder
+
+
+def planted_links(team, scale):
+    """Another user plants links at the names of moonctl's temporary files. The umask is 000."""
+    umask = os.umask(0)
+    try:
+        with copied_team(team) as folder:
+            victim, robot = folder.parent / "victim", folder.parent / "robot" / "moondb"
+            victim.write_text(VICTIM_TEXT)
+            victim.chmod(0o600)
+            for name in ("clients.yaml", "team.yaml", "rover5.pub", "rover5.sec", "rover5.sign", "anna.sec"):
+                for end in (".part", ".new", ".new.part", ".tmp"):
+                    (folder / (name + end)).symlink_to(victim)
+            before = set(folder.iterdir())
+            file, pack = ("-t", str(folder / "team.yaml")), str(folder / "rover1.pack")
+            team.moonctl(*file, "clients", "add", "anna", "--rights", "view", "--out", str(folder / "anna.sec"))
+            team.moonctl(*file, "clients", "revoke", "watcher")
+            team.moonctl(*file, "config", "add-agent", "rover5", "--address", "tcp://127.0.0.1:7499")
+            team.moonctl(*file, "config", "pack", "rover1", pack)
+            team.moonctl("config", "unpack", pack, str(robot))
+            if victim.read_text() != VICTIM_TEXT or victim.stat().st_mode & 0o777 != 0o600:
+                raise Failure("moonctl wrote through a planted link")
+            written = [path for path in {*folder.iterdir()} - before if not path.is_symlink()]
+            for path in [*written, folder / "team.yaml", folder / "clients.yaml", robot.parent, *robot.parent.rglob("*")]:
+                if path.stat().st_mode & 0o022:
+                    raise Failure(f"moonctl lets other users write {path.name} if the umask is 000")
+    finally:
+        os.umask(umask)
+
+
+def damaged_packs(team, scale):
+    """A pack arrives with one flipped bit, or without its end."""
+    with copied_team(team) as folder:
+        pack, robot = folder / "rover1.pack", folder.parent / "robot"
+        team.moonctl("-t", str(folder / "team.yaml"), "config", "pack", "rover1", str(pack))
+        good = pack.read_bytes()
+        for i in range(int(100 * scale)):
+            at, bit = random.randrange(len(good)), random.randrange(8)
+            pack.write_bytes(good[:at] + bytes([good[at] ^ 1 << bit]) + good[at + 1:] if i % 4 else good[:at])
+            expect_refused(team, f"bit {bit} of byte {at}", "moonctl", "config", "unpack", pack, robot)
+        if robot.exists():
+            raise Failure("moonctl wrote files of a damaged pack")
+
+
+# Makes a call of the Python client. Ends with exit code 3 if the client refuses the agent's answer.
+PYTHON_CALL = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from moondb import client
+try:
+    getattr(client.Client(sys.argv[2], "00" * 16, timeout_s=5), sys.argv[3])()
+except (client.AnswerError, TimeoutError):
+    sys.exit(3)
+"""
+
+
+def python_client_bombs(team, scale):
+    """An agent that was taken over answers the Python client with zstd bombs, tiles, rows and bytes without end."""
+    import zmq
+    import zstandard
+    from moondb import messages as types
+    compressor = zstandard.ZstdCompressor()
+    bomb = compressor.compress(bytes(1 << 30)) if scale >= 1 else compressor.compress(bytes(1 << 29))
+    node = types.Record(pose_graph_node={"node": {"agent_id": 1, "index": 1}}).SerializeToString()
+    many = [{"x": x} for x in range(10_000)]
+    attacks = [
+        ("a map that decompresses to 1 GB", "merged_map", {"merge": {"width_cells": 8, "height_cells": 8,
+                                                                     "zstd_cells": bomb}}),
+        ("a tile that decompresses to 1 GB", "map_tiles", {"map_tiles": {"tile_cells": 64, "is_complete": True,
+                                                                         "tiles": [{"zstd_cells": bomb}]}}),
+        ("tiles without end", "map_tiles", {"map_tiles": {"tile_cells": 64, "tiles": many}}),
+        ("the same row without end", "next_node_index", {"status": {"agent_id": 1}, "read": {
+            "row_ids": [1], "records": [{"content": node}]}}),
+        ("an answer of 300 MB", "status", {"merge": {"zstd_cells": bytes(300 << 20)}}),
+    ]
+    with tempfile.TemporaryDirectory(prefix="moondb-hostile-") as name, zmq.Context.instance().socket(zmq.ROUTER) as router:
+        router.linger = 0
+        endpoint = f"ipc://{name}/agent"
+        router.bind(endpoint)
+        for what, call, reply in attacks:
+            with answering(router, types, reply):
+                expect_refused(team, f"the Python client is sent {what}", sys.executable, "-c", PYTHON_CALL,
+                               team.programs.parent / "python", endpoint, call)
+
+
+@contextlib.contextmanager
+def answering(router, types, reply):
+    """Answers each request with this reply until the end of the block. A reply has one field, as control.proto has it.
+    If there are several, a request gets the field of its own name, or else the last one."""
+    is_over = threading.Event()
+
+    def run():
+        while not is_over.is_set():
+            if not router.poll(10):
+                continue
+            to, frame = router.recv_multipart()
+            request = types.ClientMessage.FromString(frame)
+            field = request.control_request.WhichOneof("request")
+            field = field if field in reply else [*reply][-1]
+            answer = types.ControlReply(team_id=bytes(16), **{field: reply[field]})
+            router.send_multipart([to, types.ClientMessage(request_id=request.request_id,
+                                                           control_reply=answer).SerializeToString()])
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        thread.join()
+
+
 ATTACKERS = [files_that_others_may_write, links_in_the_data_folder, hostile_stores, hostile_missions, hostile_yaml,
-             hostile_bundles, huge_files]
+             hostile_bundles, huge_files, planted_links, damaged_packs, python_client_bombs]
 
 # These attackers run only in a long test, because each starts hundreds of programs in sequence.
 ONLY_AT_LENGTH = [hostile_missions, hostile_bundles]
