@@ -7,6 +7,7 @@
 #include "model/text.h"
 #include "tests/apps/process_team.h"
 #include "tests/free_port.h"
+#include "tests/scoped_umask.h"
 
 namespace moondb {
 namespace {
@@ -81,6 +82,22 @@ TEST_F(ClientKeysProcessTest, AKeyGrantsItsRightsUntilItIsRevoked) {
   MoonctlExpecting(0, With(folder_ / "new.sec", {"down"}));
 }
 
+TEST_F(ClientKeysProcessTest, TheListIsWrittenThroughNoLinkAndForOthersToReadOnly) {
+  const ScopedUmask umask(0);
+  const std::filesystem::path list = folder_ / "clients.yaml";
+  ASSERT_TRUE(WriteTextFile(folder_ / "victim", "another's text"));
+  for (const char* end : {".part", ".new"}) std::filesystem::create_symlink("victim", list.string() + end);
+  MoonctlExpecting(0, {"clients", "add", "anna", "--rights", "view"});
+  EXPECT_EQ(ModeOf(list), 0644u);
+  MoonctlExpecting(0, {"clients", "add", "bob", "--rights", "view"});
+  MoonctlExpecting(0, {"clients", "revoke", "anna"});
+  EXPECT_EQ(ModeOf(list), 0644u);
+  EXPECT_FALSE(std::filesystem::is_symlink(list));
+  EXPECT_EQ(*ReadTextFile(folder_ / "victim"), "another's text");
+  EXPECT_EQ(ModeOf(KeyOf("bob")), 0600u);
+  EXPECT_EQ(ModeOf(KeyOf("bob").parent_path()), 0700u);
+}
+
 TEST_F(ClientKeysProcessTest, ListsClientsAndReportsErrors) {
   MoonctlExpecting(0, {"clients", "list"});
   ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", "# our own words\nclients: []\n").has_value());
@@ -113,10 +130,10 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndReportsErrors) {
   environment_.erase("MOONDB_CLIENT_KEY");
   // If the client list cannot be written, `clients add` must not leave a secret key behind or lose a listed client.
   const std::string list = *ReadTextFile(folder_ / "clients.yaml");
-  std::filesystem::create_directory(folder_ / "clients.yaml.part");
+  std::filesystem::create_directory(folder_ / "clients.yaml.new");
   EXPECT_THAT(error(1, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("cannot be written"));
   EXPECT_FALSE(std::filesystem::exists(KeyOf("bob")));
-  std::filesystem::remove(folder_ / "clients.yaml.part");
+  std::filesystem::remove(folder_ / "clients.yaml.new");
   ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", list + "  # until May\n").has_value());
   EXPECT_THAT(error(4, {"clients", "revoke", "anna"}), HasSubstr("this comment would be lost"));
   EXPECT_EQ(*ReadTextFile(folder_ / "clients.yaml"), list + "  # until May\n");
