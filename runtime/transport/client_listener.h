@@ -3,8 +3,8 @@
 // of its key at the time of each request.
 //
 // libzmq aborts the process if a client connects while no more files can be opened, and libzmq cannot limit the number
-// of clients. ConnectionLimiter limits it, for clients over ipc by LocalConnections. The limit on open files must be well
-// above the number of clients, including those in their handshake. A client_address belongs on a private network.
+// of clients. ConnectionLimiter limits it, for clients over ipc by LocalConnections. The limit on open files must be
+// well above the number of clients, including those in their handshake. A client_address belongs on a private network.
 //
 // libzmq also aborts the process if a TCP client has claimed the routing id that the ROUTER assigns next. These ids are
 // consecutive numbers from a random start, which no client knows. ClientListener reads the start, and reports each

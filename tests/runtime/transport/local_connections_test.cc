@@ -1,8 +1,13 @@
 #include "runtime/transport/local_connections.h"
 
 #include <gmock/gmock.h>
+#include <unistd.h>
 
 #include <set>
+#include <thread>
+
+#include "runtime/transport/zmq_socket.h"
+#include "tests/temporary_folder.h"
 
 namespace moondb {
 namespace {
@@ -129,6 +134,41 @@ TEST_F(LocalConnectionsTest, IgnoresConnectionsOfOtherSockets) {
     connections_.OnRequest(file, "route", now_);
   }
   EXPECT_THAT(CutExcess(), IsEmpty());
+}
+
+TEST(LocalConnectionsSystemTest, FindsTheProcessOfAMessageAndShutsItsConnectionDown) {
+  const TemporaryFolder folder;
+  const std::string path = (folder.path() / "clients.sock").string();
+  const ZmqContext context = MakeZmqContext(/*io_threads=*/1);
+  ZmqSocket router = *ZmqSocket::Make(context, ZMQ_ROUTER);
+  ZmqSocket monitor = *router.MakeMonitor(context, "inproc://local-connections", ZMQ_EVENT_DISCONNECTED);
+  ASSERT_TRUE(router.Bind("ipc://" + path));
+  ZmqSocket dealer = *ZmqSocket::Make(context, ZMQ_DEALER);
+  ASSERT_TRUE(dealer.Connect("ipc://" + path));
+  ZmqFrame frame("request");
+  ASSERT_EQ(dealer.Send(&frame), ZmqSend::kSent);
+  ZmqReceived received;
+  while (!router.Receive(&received)) std::this_thread::yield();
+  const LocalConnections::System system = LocalConnections::SystemFor(path);
+  const std::optional<LocalConnections::Peer> peer = system.peer_of(received.file);
+  ASSERT_TRUE(peer);
+  EXPECT_EQ(peer->process, ::getpid());
+  EXPECT_EQ(peer->socket, system.socket_of(received.file));
+  EXPECT_FALSE(LocalConnections::SystemFor(path + "2").peer_of(received.file));
+  EXPECT_FALSE(system.peer_of(-1));
+  EXPECT_EQ(system.socket_of(-1), 0u);
+  system.shut_down(received.file);
+  while (!monitor.ReceiveEvent()) {
+    router.Process();
+    std::this_thread::yield();
+  }
+  // libzmq in the client connects again by itself.
+  while (!router.Receive(&received)) {
+    ZmqFrame next("next");
+    (void)dealer.Send(&next);
+    std::this_thread::yield();
+  }
+  EXPECT_EQ(received.frame.text(), "next");
 }
 
 TEST(LocalConnectionsLimitTest, IsAQuarterOfTheFilesOfTheProcess) {
