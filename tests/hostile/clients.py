@@ -104,6 +104,8 @@ def leaks_local_connections(team, scale):
     """A local program opens 2,300 connections and closes none, at an agent that may open 1,024 files."""
     team.restart("rover1", files_max=1024)
     try:
+        team.answers("rover1")
+        rss_mb = team.rss_mb("rover1")
         endpoint = (team.data_folder("rover1") / "agent.endpoint").read_text().strip()
         asked = control.ClientMessage(request_id=1, control_request=control.ControlRequest(
             team_id=team.team_id, status={})).SerializeToString()
@@ -118,11 +120,12 @@ def leaks_local_connections(team, scale):
                         raise Failure("the agent ended")
                 for _ in range(5):
                     slowest_s = max(slowest_s, team.answers("rover1"))
+                more_mb = team.rss_mb("rover1", peak=True) - rss_mb
             finally:
                 leak.stdin.close()
-        print(f"    status {slowest_s:.2f} s", flush=True)
-        if slowest_s > STATUS_S_MAX:
-            raise Failure(f"the operator waited {slowest_s:.2f} s for status")
+        print(f"    status {slowest_s:.2f} s, {more_mb:.0f} MB", flush=True)
+        if slowest_s > STATUS_S_MAX or more_mb > PAGES_MB_MAX:
+            raise Failure(f"the operator waited {slowest_s:.2f} s for status, and the agent took {more_mb:.0f} MB")
     finally:
         team.restart("rover1")
         team.settle()
@@ -219,3 +222,4 @@ def questions_for_others(team, scale):
 ATTACKERS = [feeds_kept_open, never_reads, pages_never_read, leaks_local_connections, above_its_right, bodies_of_agents,
              absurd_requests, names_with_escapes, questions_for_others]
 RSS_MB_MAX_OF = {pages_never_read: 90}  # Inserting and sharing the maps takes some 30 MB of it.
+RESTARTS = [leaks_local_connections]  # Restarts the attacked agent, which loses requests of others.
