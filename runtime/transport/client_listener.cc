@@ -297,7 +297,9 @@ bool ClientListener::Hand(Reply& reply) {
   if (sent == ZmqSend::kSent && is_keyed()) unread_.Count(routing_id, reply.bytes);
   if (sent == ZmqSend::kSent && options_.on_local_reply) options_.on_local_reply(routing_id);
   if (sent == ZmqSend::kNoRoute) table_.Forget(routing_id);
-  if (sent == ZmqSend::kWouldBlock) log_.Warn(kDropsReply);
+  if (sent != ZmqSend::kWouldBlock) return true;
+  if (is_keyed()) return false;  // The route is unchanged, so the reply can be tried again.
+  log_.Warn(kDropsReply);
   return true;
 }
 
