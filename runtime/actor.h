@@ -159,9 +159,9 @@ enum class Overflow {
 struct SpawnOptions {
   Placement placement = Placement::kPool;
   std::size_t messages_max = 4096;  // Limit of messages waiting on the data lane. At least 1.
-  // Limit of serialised bytes waiting on the data lane. Messages of more than 4096 bytes from other agents and clients
-  // count with their size in memory. A message from another agent or a client is refused if all waiting bytes would
-  // then exceed a quarter of the limit. A message of any size is accepted if no other message waits.
+  // Limit of serialised bytes waiting on the data lane. Messages above 4096 bytes from other agents and clients count
+  // with their size in memory. Messages from other agents and clients with keys are refused if a quarter of the bytes,
+  // or three quarters of messages_max, would be exceeded. A message of any size is accepted if no other message waits.
   std::size_t bytes_max = 64 * 1024 * 1024;
   Overflow overflow = Overflow::kReject;
   // Returns a message's key for kLatestByKey. A message with an empty key replaces no other. Called on the sender's

@@ -64,7 +64,7 @@ SendResult ActorCell::PushFromOutside(OwnedMessage message, const Address* sende
   item.message = std::move(message);
   item.sender = sender;
   item.sender_name = TraceRecord::kNobody;
-  item.is_from_outside = true;
+  item.is_from_outside = !IsFromLocalClient(*item.message);
   return Settle(mailbox_.Push(std::move(item)));
 }
 

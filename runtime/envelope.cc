@@ -14,6 +14,11 @@ void WriteLocalEnvelope(AgentId from, AgentId to, proto::Message& message) {
   if (message.agent_id() == 0) message.set_agent_id(from);
 }
 
+bool IsFromLocalClient(const proto::Message& message) {
+  return message.hop_sender() == kClients && message.client_name().empty() &&
+         message.client_rights() == proto::CLIENT_RIGHTS_COMMAND;
+}
+
 Address SenderOf(const proto::Message& message) { return {message.hop_sender(), message.source_actor()}; }
 
 }  // namespace moondb

@@ -13,6 +13,10 @@ void WriteEnvelope(const Address& from, const Address& to, proto::Message& messa
 // Writes the envelope like WriteEnvelope, without source_actor and destination_actor. For messages within one agent.
 void WriteLocalEnvelope(AgentId from, AgentId to, proto::Message& message);
 
+// Returns true if a client over ipc sent the message. Such a client belongs to the agent's own user. Clients with keys
+// have a client_name; clients with unlisted keys have no rights.
+bool IsFromLocalClient(const proto::Message& message);
+
 // Returns the sender of the last hop: hop_sender and source_actor.
 Address SenderOf(const proto::Message& message);
 

@@ -143,8 +143,9 @@ SendResult Mailbox::PushData(Item& item) {
 
 bool Mailbox::HasRoom(const Item& item) {
   const std::uint64_t bytes_max = item.is_from_outside ? limits_.bytes / 4 : limits_.bytes;
+  const std::uint64_t messages_max = item.is_from_outside ? limits_.messages - limits_.messages / 4 : limits_.messages;
   const auto fits = [&] {
-    return pushed_.messages - seen_.messages < limits_.messages && FitsInBytes(item.bytes, bytes_max);
+    return pushed_.messages - seen_.messages < messages_max && FitsInBytes(item.bytes, bytes_max);
   };
   if (fits()) return true;
   RefreshTaken();
@@ -158,7 +159,7 @@ bool Mailbox::HasRoomInBytes(std::size_t bytes) {
 
 bool Mailbox::FitsInBytes(std::size_t bytes, std::uint64_t bytes_max) const {
   // `waiting` may exceed bytes_max: an empty lane accepts a message of any size, and bytes_max is lower for messages
-  // from other agents and clients.
+  // from other agents and from clients with keys.
   const std::uint64_t waiting = pushed_.bytes - seen_.bytes;
   return waiting == 0 || (waiting < bytes_max && bytes <= bytes_max - waiting);
 }

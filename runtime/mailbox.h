@@ -31,8 +31,8 @@ class Mailbox {
     std::uint32_t incarnation = 0;       // For a timer: the actor's incarnation that set it.
     std::uint16_t sender_name = 0xFFFF;  // Sender's name in traces; 0xFFFF: not an actor of this agent.
     bool is_timer = false;
-    // True if another agent or a client sent the message. Such a message is refused if all waiting bytes would then
-    // exceed a quarter of the byte limit.
+    // True if another agent or a client with a key sent the message. Such a message is refused if all waiting bytes
+    // would then exceed a quarter of the byte limit, or all waiting messages three quarters of their limit.
     bool is_from_outside = false;
     // Set by Push. True for a timer and for RecordsStored, which do not count towards the limits.
     bool is_past_bounds = false;

@@ -37,4 +37,13 @@ Result<void> CheckRelayRights(const proto::TeamConfig& team, AgentId self, const
               "command_from");
 }
 
+void AddRefusedCommands(const std::map<AgentId, double>& refused, proto::AgentStatus& status) {
+  for (const auto& [agent, count] : refused) {
+    proto::RefusedFrom& entry = *status.add_refused();
+    entry.set_agent_id(agent);
+    entry.set_cause(proto::REFUSAL_CAUSE_COMMAND);
+    entry.set_count(count);
+  }
+}
+
 }  // namespace moondb

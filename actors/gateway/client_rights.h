@@ -2,6 +2,8 @@
 // Thread-safe.
 #pragma once
 
+#include <map>
+
 #include "model/error.h"
 #include "model/ids.h"
 #include "proto/control.pb.h"
@@ -23,5 +25,8 @@ Result<void> CheckClientRights(const proto::Message& message, proto::ControlRequ
 // may relay all requests. The leader and the survivor of `roles` may also relay requests to share.
 Result<void> CheckRelayRights(const proto::TeamConfig& team, AgentId self, const proto::RoleAssignment& roles,
                               AgentId from, const proto::ControlRequest& request);
+
+// Adds one entry to the status for each agent whose relayed commands were refused. `refused`: their number by agent.
+void AddRefusedCommands(const std::map<AgentId, double>& refused, proto::AgentStatus& status);
 
 }  // namespace moondb

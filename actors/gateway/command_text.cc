@@ -62,4 +62,10 @@ std::string PruneText(const proto::PruneOrder& prune) {
   return text;
 }
 
+std::string NamesText(const std::set<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : " and ") + name;
+  return text;
+}
+
 }  // namespace moondb

@@ -3,6 +3,7 @@
 // actors/gateway/command_table.h maps requests to these functions.
 #pragma once
 
+#include <set>
 #include <string>
 
 #include "proto/control.pb.h"
@@ -16,5 +17,8 @@ std::string OptimizeText(const proto::OptimizeRequest& optimize);
 std::string DownlinkText(const proto::DownlinkRequest& downlink);
 std::string LeaseText(const proto::LeaseRequest& lease);
 std::string PruneText(const proto::PruneOrder& prune);
+
+// Returns "a", or "a and b".
+std::string NamesText(const std::set<std::string>& names);
 
 }  // namespace moondb

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "actors/gateway/client_rights.h"
-#include "actors/gateway/command_table.h"
+#include "actors/gateway/command_text.h"
 #include "actors/gateway/request_check.h"
 #include "model/agent_name.h"
 #include "model/control_message.h"
@@ -33,12 +33,6 @@ proto::ControlReply ErrorReply(const Error& error) {
   return reply;
 }
 
-std::string Names(const std::set<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : " and ") + name;
-  return text;
-}
-
 // Gives the message a lower priority than all shared data.
 void LetOthersGoFirst(proto::Message& message) {
   message.set_ms_type(proto::DATA);
@@ -59,7 +53,8 @@ void GatewayActor::OnStart(Context& context) {
   context.WatchPeers();
   context.Watch(Topic::kStored);
   context.Watch(Topic::kRoles);
-  for (const char* actor : {actor_name::kSync, actor_name::kReplica, actor_name::kRole}) {
+  for (const char* actor :
+       {actor_name::kSync, actor_name::kReplica, actor_name::kRole, actor_name::kStorage, actor_name::kMerge}) {
     context.Monitor({options_.self, actor});
   }
 }
@@ -141,6 +136,7 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   pending.client_request_id = message.request_id();
   if (!is_for_self) pending.relayed_to = static_cast<AgentId>(request.for_agent());
   pending.is_wait = is_for_self && WaitOf(request) > std::chrono::milliseconds(0);
+  SetBudget(request, pending);
   if (auto room = CheckRoom(pending); !room) {
     return Answer(context, client, message.request_id(), ErrorReply(room.error()));
   }
@@ -175,43 +171,37 @@ void GatewayActor::RefuseRelayed(Context& context, const proto::Message& message
   Answer(context, context.sender(), message.request_id(), ErrorReply(error));
 }
 
-// Returns true if both requests are from the same client: the same key, or, without a key, the same other agent or the
-// same connection.
-bool GatewayActor::IsSameClient(const Pending& a, const Pending& b) const {
-  if (a.client_name != b.client_name) return false;
-  if (!a.client_name.empty()) return true;
-  return IsPeer(a.client.agent) ? a.client.agent == b.client.agent : a.client == b.client;
+void GatewayActor::SetBudget(proto::ControlRequest& request, Pending& pending) const {
+  const bool is_peer = IsPeer(pending.client.agent);
+  if (!pending.client_name.empty()) BoundKeyedPage(request);
+  pending.owner = OwnerOf(pending.client_name, is_peer ? pending.client.agent : 0, pending.client.actor);
+  pending.answer_bytes = AnswerBytesOf(request, pending.relayed_to != 0 || is_peer);
+  pending.takes_turns = pending.relayed_to == 0 && TakesTurns(request) && (is_peer || !pending.client_name.empty());
+}
+
+ClientLoad GatewayActor::LoadFor(const Pending& pending) const {
+  ClientLoad load{.pending = pending_.size()};
+  for (const auto& [id, other] : pending_) {
+    load.waits += other.is_wait ? 1 : 0;
+    if (&other == &pending || other.owner != pending.owner) continue;
+    ++load.own;
+    load.own_waits += other.is_wait ? 1 : 0;
+    load.own_relays += pending.relayed_to != 0 && other.relayed_to == pending.relayed_to ? 1 : 0;
+    // A feed between two reads, and a request that waits for its turn, bring no answer yet.
+    const bool is_being_answered = other.relayed_to != 0 || (!other.waiting_for.empty() && !other.question);
+    load.own_bytes += is_being_answered ? other.answer_bytes : 0;
+  }
+  if (!pending.client_name.empty() && options_.unread_bytes) {
+    load.unread_bytes = options_.unread_bytes(pending.client.actor);
+  }
+  return load;
 }
 
 Result<void> GatewayActor::CheckRoom(const Pending& pending) const {
-  std::size_t waits = 0;
-  std::size_t own = 0;
-  std::size_t own_waits = 0;
-  std::size_t own_relays = 0;
-  for (const auto& [id, other] : pending_) {
-    const bool is_own = IsSameClient(other, pending);
-    waits += other.is_wait ? 1 : 0;
-    own += is_own ? 1 : 0;
-    own_waits += is_own && other.is_wait ? 1 : 0;
-    own_relays += is_own && pending.relayed_to != 0 && other.relayed_to == pending.relayed_to ? 1 : 0;
-  }
-  if (pending_.size() >= options_.pending_max) {
-    return Fail(ErrorCode::kFull, "too many requests wait for an answer at this agent; try again later");
-  }
-  if (own >= options_.pending_of_client_max) {
-    return Fail(ErrorCode::kFull, "too many requests of this client wait for an answer; try again later");
-  }
-  if (own_relays >= options_.relays_of_client_max) {
-    return Fail(ErrorCode::kFull, "too many requests of this client wait for an answer of " +
-                                      AgentName(options_.team, pending.relayed_to) + "; try again later");
-  }
-  if (pending.is_wait && waits >= options_.waits_max) {
-    return Fail(ErrorCode::kFull, "too many requests wait for something to happen; try again later");
-  }
-  if (pending.is_wait && own_waits >= options_.waits_of_client_max) {
-    return Fail(ErrorCode::kFull, "too many requests of this client wait for something to happen; try again later");
-  }
-  return {};
+  const ClientLoad load = LoadFor(pending);
+  const std::string relayed_to = pending.relayed_to == 0 ? "" : AgentName(options_.team, pending.relayed_to);
+  if (auto room = CheckRequestCount(options_, load, pending.is_wait, relayed_to); !room) return room;
+  return pending.client_name.empty() ? Result<void>() : CheckAnswerBytes(load, pending.answer_bytes);
 }
 
 std::string GatewayActor::WriteDown(Context& context, const proto::ControlRequest& request) {
@@ -264,10 +254,37 @@ Result<void> GatewayActor::Forward(Context& context, proto::ControlRequest reque
     return Fail(ErrorCode::kNotFound, "this agent has no actor of its own named \"" + own_actor + "\"", "custom.actor");
   }
   for (Question& question : QuestionsOf(std::move(request), IsPeer(pending.client.agent))) {
-    auto asked = Ask(context, question.actor, std::move(question.message), id, pending);
+    auto asked = AskInTurn(context, std::move(question), id, pending);
     if (!asked) return asked;
   }
   return {};
+}
+
+Result<void> GatewayActor::AskInTurn(Context& context, Question question, std::uint64_t id, Pending& pending) {
+  if (!pending.takes_turns) return Ask(context, question.actor, std::move(question.message), id, pending);
+  pending.queue = pending.owner + " " + question.actor;
+  if (turns_.Add(pending.queue, id)) return Ask(context, question.actor, std::move(question.message), id, pending);
+  pending.waiting_for.insert(question.actor);
+  pending.question = std::move(question);
+  return {};
+}
+
+void GatewayActor::EndTurn(Context& context, std::uint64_t id, Pending& pending) {
+  if (pending.queue.empty()) return;
+  pending.question.reset();
+  const std::string queue = std::exchange(pending.queue, {});
+  for (auto next = turns_.Remove(queue, id); next; next = turns_.Remove(queue, *next)) {
+    Pending& waiting = pending_.at(*next);
+    Question question = *std::exchange(waiting.question, std::nullopt);
+    waiting.waiting_for.erase(question.actor);
+    Result<void> asked;
+    if (!waiting.client_name.empty()) asked = CheckAnswerBytes(LoadFor(waiting), waiting.answer_bytes);
+    if (asked) asked = Ask(context, question.actor, std::move(question.message), *next, waiting);
+    if (asked) return;
+    waiting.queue.clear();
+    *waiting.reply.mutable_error() = ToProto(asked.error());
+    Finish(context, *next);
+  }
 }
 
 Result<void> GatewayActor::Relay(Context& context, proto::ControlRequest request, std::uint64_t id, Pending& pending) {
@@ -331,6 +348,7 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
 bool GatewayActor::KeepsWaiting(Context& context, std::uint64_t id, Pending& pending) {
   const bool is_empty = pending.reply.read().records().empty() && !pending.reply.has_error();
   if (!pending.feed || !is_empty) return false;
+  EndTurn(context, id, pending);
   pending.feed->OnEmptyPage(pending.reply.read().is_complete());
   if (pending.feed->is_stale()) AskFeed(context, id, pending);
   return !pending.reply.has_error();
@@ -339,7 +357,7 @@ bool GatewayActor::KeepsWaiting(Context& context, std::uint64_t id, Pending& pen
 void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending) {
   proto::Message message;
   *message.mutable_read_request() = pending.feed->Ask(last_row_id_);
-  const auto asked = Ask(context, actor_name::kStorage, std::move(message), id, pending);
+  const auto asked = AskInTurn(context, {actor_name::kStorage, std::move(message)}, id, pending);
   if (!asked) *pending.reply.mutable_error() = ToProto(asked.error());
 }
 
@@ -379,7 +397,7 @@ void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
     return;
   }
   const std::string who =
-      pending.relayed_to != 0 ? AgentName(options_.team, pending.relayed_to) : Names(pending.waiting_for);
+      pending.relayed_to != 0 ? AgentName(options_.team, pending.relayed_to) : NamesText(pending.waiting_for);
   *found->second.reply.mutable_error() = ToProto(Error{ErrorCode::kTimedOut, who + " did not answer in time", {}});
   Finish(context, found->first);
 }
@@ -392,7 +410,8 @@ void GatewayActor::OnPeerLost(Context& context, AgentId peer) {
 
 void GatewayActor::OnActorLost(Context& context, const std::string& actor) {
   const auto waits_there = [&actor](const Pending& pending) {
-    return pending.is_wait && !pending.feed && pending.waiting_for.contains(actor);
+    const bool has_turn = !pending.queue.empty() && !pending.question;
+    return pending.waiting_for.contains(actor) && ((pending.is_wait && !pending.feed) || has_turn);
   };
   FailAll(context, waits_there, actor + " restarted before it answered; ask again");
 }
@@ -404,6 +423,7 @@ void GatewayActor::FailAll(Context& context, const std::function<bool(const Pend
     if (is_meant(pending)) lost.push_back(id);
   }
   for (const std::uint64_t id : lost) {
+    if (!pending_.contains(id)) continue;  // The end of another request's turn has ended this request.
     *pending_.at(id).reply.mutable_error() = ToProto(Error{ErrorCode::kUnavailable, text, {}});
     Finish(context, id);
   }
@@ -419,14 +439,7 @@ void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) 
   status.set_pid(options_.pid);
   if (options_.listener) *status.mutable_listener() = options_.listener();
   status.set_refused_clients(refused_requests_ + status.listener().unknown_client_keys());
-
-  for (const auto& [agent, count] : refused_commands_) {
-    proto::RefusedFrom& refused = *status.add_refused();
-    refused.set_agent_id(agent);
-    refused.set_cause(proto::REFUSAL_CAUSE_COMMAND);
-    refused.set_count(count);
-  }
-
+  AddRefusedCommands(refused_commands_, status);
   const SystemStatus system = context.GetSystemStatus();
   status.set_uptime_s(std::chrono::duration<double>(system.uptime).count());
   for (const proto::PeerStatus& peer : system.peers) {
@@ -439,6 +452,7 @@ void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) 
 
 void GatewayActor::Finish(Context& context, std::uint64_t id) {
   auto node = pending_.extract(id);
+  if (node.empty()) return;  // The end of another request's turn has ended this request.
   Pending& pending = node.mapped();
   context.Cancel(pending.timer);
   if (pending.relayed_to == 0 && pending.reply.has_status()) CompleteStatus(context, *pending.reply.mutable_status());
@@ -447,6 +461,7 @@ void GatewayActor::Finish(Context& context, std::uint64_t id) {
   if (is_acknowledged) refused_commands_.clear();
   if (!pending.command.empty() && IsError(pending.reply.error())) WriteDownFailure(context, pending);
   Answer(context, pending.client, pending.client_request_id, std::move(pending.reply));
+  EndTurn(context, id, pending);  // After the answer, so that its bytes count when the next turn begins.
 }
 
 proto::Message GatewayActor::AnswerOf(std::uint64_t request_id, proto::ControlReply reply) const {

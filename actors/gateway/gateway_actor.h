@@ -12,14 +12,18 @@
 //
 // A read with wait_s waits in the gateway (actors/gateway/feed.h). Other requests with wait_s wait at their actor; if
 // that actor fails, the reply is kUnavailable. Each request has a timeout. The number of waiting requests is limited,
-// in total and per client. A restart of this actor loses all waiting requests; clients need timeouts of their own.
+// in total and per client, and the bytes of answers on their way to one key (actors/gateway/client_budget.h). Requests
+// of one key, or of another agent, for pages take turns (actors/gateway/page_turns.h). A restart of this actor loses
+// all waiting requests; clients need timeouts of their own.
 //
 // The gateway itself returns these errors:
 // - kCorrupt: the request does not decode;
 // - kInvalid: the request violates a rule (actors/gateway/request_check.h);
 // - kRefused: the client's key lacks the rights, the sending agent may not relay the request, or the request is for
 //   another team or agent;
-// - kFull: too many requests wait at the gateway or at the actor, or the request or reply is too long for the radio;
+// - kFull: too many requests wait at the gateway or at the actor, the clients of the key have not read their answers,
+// or
+//   the request or reply is too long for the radio;
 // - kUnavailable: the actor does not exist or failed, or the target agent cannot be reached or was lost;
 // - kNotFound: the target of a custom request is not an actor of the user;
 // - kTimedOut: the actor or the target agent did not answer.
@@ -31,8 +35,11 @@
 #include <set>
 #include <string>
 
+#include "actors/gateway/client_budget.h"
 #include "actors/gateway/command_log.h"
+#include "actors/gateway/command_table.h"
 #include "actors/gateway/feed.h"
+#include "actors/gateway/page_turns.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/transport.h"
@@ -41,7 +48,7 @@ namespace moondb {
 
 class GatewayActor final : public Actor {
  public:
-  struct Options {
+  struct Options : ClientLimits {
     AgentId self = 0;
     proto::TeamConfig team;         // Requires: complete and validated.
     std::uint64_t config_hash = 0;  // TeamFile::hash, included in each reply.
@@ -53,15 +60,9 @@ class GatewayActor final : public Actor {
     std::function<proto::ListenerStatus()> listener;
     // Names of the user's actors, to which clients may send custom requests.
     std::set<std::string> own_actors;
-    std::size_t pending_max = 256;
-    // Maximum number of pending requests per client: per key, connection or other agent.
-    std::size_t pending_of_client_max = 64;
-    // Maximum number of pending requests of one client that are relayed to the same agent. Replies cross the radio, and
-    // must leave room for the replies to other clients.
-    std::size_t relays_of_client_max = 8;
-    std::size_t waits_max = 32;  // Maximum total number of pending requests with wait_s.
-    // Maximum number of pending requests with wait_s per client.
-    std::size_t waits_of_client_max = 8;
+    // Returns the bytes of answers that the clients of this connection's key have not acknowledged; 0 for a client over
+    // ipc. Must be thread-safe. Called at most twice per request of a client with a key.
+    std::function<std::uint64_t(const std::string& connection)> unread_bytes;
     // Maximum size of a relayed request or reply, in bytes. A message between agents also needs room for its envelope.
     std::size_t relay_bytes_max = kPeerMessageBytesMax - 1024;
     CommandLog::Options log = {};
@@ -83,14 +84,19 @@ class GatewayActor final : public Actor {
   struct Pending {
     Address client;
     std::string client_name;  // Name of the client's key; empty if the client has no key.
+    std::string owner;        // The client to which the request counts (OwnerOf).
     std::uint64_t client_request_id = 0;
     proto::ControlRequest::RequestCase request = proto::ControlRequest::REQUEST_NOT_SET;
     AgentId relayed_to = 0;             // Agent whose gateway must answer; 0 if actors of this agent must answer.
     std::set<std::string> waiting_for;  // Names of the actors that have not answered yet.
     proto::ControlReply reply;          // Answers merged so far.
     TimerId timer = 0;
-    bool is_wait = false;      // True if the request has wait_s.
-    std::optional<Feed> feed;  // Set while a read with wait_s waits or is repeated.
+    bool is_wait = false;          // True if the request has wait_s.
+    std::optional<Feed> feed;      // Set while a read with wait_s waits or is repeated.
+    std::size_t answer_bytes = 0;  // Bytes with which the request counts while it is being answered.
+    bool takes_turns = false;      // True if the request is sent to its actor only in its client's turn (PageTurns).
+    std::string queue;             // Queue in turns_ that contains the request; empty if none does.
+    std::optional<Question> question;  // The question to send when the turn begins; set while the request waits for it.
     // Text of the command in this agent's event log; empty if the request is not a command for this agent.
     std::string command;
     std::string by;  // Name of the client or agent that gave the command.
@@ -98,8 +104,11 @@ class GatewayActor final : public Actor {
 
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnCheckedRequest(Context& context, const proto::Message& message, proto::ControlRequest request);
-  bool IsSameClient(const Pending& a, const Pending& b) const;
-  // Returns kFull if the request would exceed a limit of waiting requests (Options).
+  // Sets the members of `pending` that concern the client's budget, and bounds the page of a read.
+  void SetBudget(proto::ControlRequest& request, Pending& pending) const;
+  // Returns the load of all requests but `pending`, as seen by the client of `pending`.
+  ClientLoad LoadFor(const Pending& pending) const;
+  // Returns kFull if the request would exceed a limit of waiting requests (Options) or of bytes (CheckAnswerBytes).
   Result<void> CheckRoom(const Pending& pending) const;
   void OnStop(Context& context, const proto::Message& message);
   void OnAnswer(Context& context, const proto::Message& message);
@@ -132,6 +141,10 @@ class GatewayActor final : public Actor {
   Result<void> Relay(Context& context, proto::ControlRequest request, std::uint64_t id, Pending& pending);
   Result<void> Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
                    Pending& pending);
+  // Sends a question, or lets it wait until its client's earlier page request to the same actor is answered.
+  Result<void> AskInTurn(Context& context, Question question, std::uint64_t id, Pending& pending);
+  // Ends the turn of a request, or its wait for one, and sends the client's next question.
+  void EndTurn(Context& context, std::uint64_t id, Pending& pending);
   void CompleteStatus(Context& context, proto::AgentStatus& status) const;
   void Finish(Context& context, std::uint64_t id);
   void Answer(Context& context, const Address& client, std::uint64_t request_id, proto::ControlReply reply);
@@ -141,6 +154,7 @@ class GatewayActor final : public Actor {
 
   Options options_;
   std::map<std::uint64_t, Pending> pending_;  // Keyed by this actor's own request id.
+  PageTurns turns_;                           // Contains the requests in pending_ that have a queue.
   std::uint64_t next_id_ = 1;
   CommandLog log_;
   CommandLog refused_log_;

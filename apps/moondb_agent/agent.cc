@@ -171,6 +171,9 @@ class Agent::Impl {
     options.gateway.version = options_.version;
     options.gateway.pid = static_cast<std::uint32_t>(::getpid());
     options.gateway.merge_backend = [this] { return ToString(merge_backend_); };
+    options.gateway.unread_bytes = [this](const std::string& connection) {
+      return transport_->UnreadReplyBytes(connection);
+    };
     options.gateway.listener = [this] { return transport_->Listener(); };  // The transport outlives the actors.
     for (const OwnActor& actor : options_.own_actors) options.gateway.own_actors.insert(actor.name);
     return options;

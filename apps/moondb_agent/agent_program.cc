@@ -146,7 +146,7 @@ void RaiseOpenFiles() {
     (void)::setrlimit(RLIMIT_NOFILE, &files);
   }
   if (files.rlim_cur >= kOpenFilesLeast) return;
-  spdlog::warn("may open {} files, {} would be safe: strangers on the network can end this agent (ulimit -Hn)",
+  spdlog::warn("may open {} files, {} would be safe: many connections at once can end this agent (ulimit -Hn)",
                files.rlim_cur, kOpenFilesLeast);
 }
 

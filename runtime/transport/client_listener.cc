@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -30,7 +31,8 @@ constexpr int kKeyedRepliesWaiting = 1;
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;
 constexpr int kClientBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
-constexpr std::size_t kClientsMax = 256;  // Limit of clients whose routing ids are kept for replies.
+constexpr std::size_t kHeldOfKeyMax = 256;  // Limit of held replies of one key.
+constexpr std::size_t kClientsMax = 256;    // Limit of clients whose routing ids are kept for replies.
 constexpr int kClientKeepAlive_s = 60;
 constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr std::chrono::milliseconds kHeldPeriod(20);  // Interval between retries of a held reply.
@@ -39,9 +41,14 @@ constexpr char kIpc[] = "ipc://";
 constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
 constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of clients over tcp://.
 
-std::filesystem::path SocketFile(const std::string& endpoint) { return endpoint.substr(std::string_view(kIpc).size()); }
+std::filesystem::path SocketFile(const std::string& endpoint) { return SocketFileOf(endpoint); }
+
+// Connections that wait for libzmq to accept them. A client that finds no place tries again after 100 ms. While clients
+// of a program that holds too many connections connect again and again, others would find no place for seconds.
+constexpr int kLocalBacklog = 4096;
 
 Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
+  router.Set(ZMQ_BACKLOG, kLocalBacklog);
   if (const auto made = MakePrivateFolder(SocketFile(endpoint).parent_path()); !made) return made;
   if (const auto claimed = ClaimIpcPath(endpoint); !claimed) return claimed;
   return router.Bind(endpoint);
@@ -117,6 +124,8 @@ Result<std::unique_ptr<ClientListener>> ClientListener::Open(const ZmqContext& c
   if (!is_ipc) {
     first_id = FirstNumberOf(context, *router);
     if (!first_id) return tl::unexpected(first_id.error());
+  }
+  if (options.before_listening) {
     if (const auto ready = options.before_listening(*router); !ready) return tl::unexpected(ready.error());
   }
   const auto bound =
@@ -143,23 +152,30 @@ SendResult ClientListener::Send(const std::string& name, const proto::Message& m
   const std::size_t bytes = message.ByteSizeLong();
   SendResult result = SendResult::kFull;
   if (bytes <= options_.message_bytes_max) {
-    result = Push(*routing_id, message, bytes);
+    result = Push(name, *routing_id, message, bytes);
   } else {
     const proto::Message error = TooLarge(message, bytes, options_.message_bytes_max);
-    (void)Push(*routing_id, error, error.ByteSizeLong());
+    (void)Push(name, *routing_id, error, error.ByteSizeLong());
   }
   wake_up_.RingFor();
   return result;
 }
 
-SendResult ClientListener::Push(const std::string& routing_id, const proto::Message& message, std::size_t bytes) {
-  Reply reply{ZmqFrame(routing_id), ToClientFrame(message, bytes)};
+SendResult ClientListener::Push(const std::string& name, const std::string& routing_id, const proto::Message& message,
+                                std::size_t bytes) {
+  Reply reply{ZmqFrame(routing_id), ToClientFrame(message, bytes), is_keyed() ? table_.OwnerOf(name) : "", bytes};
   const std::lock_guard lock(mutex_);
   const bool is_full = replies_.size() >= kRepliesMax || reply_bytes_ + bytes > options_.message_bytes_max;
   if (is_full && !replies_.empty()) return SendResult::kFull;
   reply_bytes_ += bytes;
+  if (is_keyed()) unread_.AddWaiting(reply.key, bytes);
   replies_.push_back(std::move(reply));
   return SendResult::kAccepted;
+}
+
+std::uint64_t ClientListener::UnreadBytes(const std::string& name) {
+  const std::string key = is_keyed() ? table_.OwnerOf(name) : "";
+  return key.empty() ? 0 : unread_.OfKey(key);
 }
 
 bool ClientListener::has_replies() const {
@@ -227,6 +243,7 @@ void ClientListener::OnFrame(const ZmqReceived& received, const Transport::Deliv
   }
   Result<OwnedMessage> message = ParseClientFrame(received.frame.text(), name, client, options_.self);
   if (!message) return log_.Warn("transport: a client " + message.error().text);
+  if (options_.on_local_request) options_.on_local_request(received.file, route);
   deliver(std::move(*message));
 }
 
@@ -238,47 +255,71 @@ void ClientListener::Flush() {
     reply_bytes_ = 0;
   }
   const auto now = std::chrono::steady_clock::now();
-  if (!held_.empty() && now >= tries_held_at_) {
-    tries_held_at_ = now + kHeldPeriod;
-    for (Reply& reply : std::exchange(held_, {})) {
-      if (now - reply.held_since > kHeldMax) {
-        log_.Warn(kDropsReply);
-      } else if (!Hand(reply)) {
-        held_.push_back(std::move(reply));
-      }
+  if (!held_.empty() && now >= tries_held_at_) RetryHeld(now);
+  for (Reply& reply : replies) {
+    if (Hand(reply)) {
+      Settle(reply);
+    } else {
+      Hold(std::move(reply));
     }
   }
-  for (Reply& reply : replies) {
-    if (!Hand(reply)) Hold(std::move(reply));
+}
+
+void ClientListener::RetryHeld(std::chrono::steady_clock::time_point now) {
+  tries_held_at_ = now + kHeldPeriod;
+  // By key: the size of the smallest reply that had no room. Larger ones are not tried, because each try reads the
+  // state of all connections.
+  std::map<std::string, std::size_t> too_large;
+  for (Reply& reply : std::exchange(held_, {})) {
+    const auto known = too_large.find(reply.key);
+    const bool has_no_room = known != too_large.end() && reply.bytes >= known->second;
+    if (now - reply.held_since > kHeldMax) {
+      log_.Warn(kDropsReply);
+      Settle(reply);
+    } else if (!has_no_room && Hand(reply)) {
+      Settle(reply);
+    } else {
+      if (!has_no_room) too_large[reply.key] = reply.bytes;
+      held_.push_back(std::move(reply));
+    }
   }
+}
+
+void ClientListener::Settle(const Reply& reply) {
+  if (is_keyed()) unread_.RemoveWaiting(reply.key, reply.bytes);
 }
 
 bool ClientListener::Hand(Reply& reply) {
   const std::string routing_id(reply.route.text());
-  const std::size_t bytes = reply.frame.size();
-  if (is_keyed() && !unread_.HasRoom(routing_id, bytes)) return false;
+  if (is_keyed() && !unread_.HasRoom(routing_id, reply.bytes)) return false;
   ZmqSend sent = router_.Send(&reply.route, /*has_more=*/true);
   if (sent == ZmqSend::kSent) sent = router_.Send(&reply.frame);
-  if (sent == ZmqSend::kSent && is_keyed()) unread_.Count(routing_id, bytes);
+  if (sent == ZmqSend::kSent && is_keyed()) unread_.Count(routing_id, reply.bytes);
+  if (sent == ZmqSend::kSent && options_.on_local_reply) options_.on_local_reply(routing_id);
   if (sent == ZmqSend::kNoRoute) table_.Forget(routing_id);
-  if (sent == ZmqSend::kWouldBlock) log_.Warn(kDropsReply);
+  if (sent != ZmqSend::kWouldBlock) return true;
+  if (is_keyed()) return false;  // The route is unchanged, so the reply can be tried again.
+  log_.Warn(kDropsReply);
   return true;
 }
 
-// Keeps a reply until its client has read earlier replies. Drops the reply if too many bytes are held, per key or in
-// total; the limits are those of UnreadReplies.
+// The limits of bytes are those of UnreadReplies.
 void ClientListener::Hold(Reply reply) {
-  const std::string key = unread_.KeyOf(std::string(reply.route.text()));
   std::size_t of_key = 0;
   std::size_t of_all = 0;
+  std::size_t count_of_key = 0;
   for (const Reply& held : held_) {
-    of_all += held.frame.size();
-    if (unread_.KeyOf(std::string(held.route.text())) == key) of_key += held.frame.size();
+    of_all += held.bytes;
+    if (held.key != reply.key) continue;
+    of_key += held.bytes;
+    ++count_of_key;
   }
-  const std::size_t bytes = reply.frame.size();
-  const bool has_room = (of_key == 0 || of_key + bytes <= UnreadReplies::kOfKeyMax) &&
-                        (of_all == 0 || of_all + bytes <= UnreadReplies::kOfAllMax);
-  if (!has_room || held_.size() >= kRepliesMax) return log_.Warn(kDropsReply);
+  const bool has_room = (of_key == 0 || of_key + reply.bytes <= UnreadReplies::kOfKeyMax) &&
+                        (of_all == 0 || of_all + reply.bytes <= UnreadReplies::kOfAllMax);
+  if (!has_room || count_of_key >= kHeldOfKeyMax || held_.size() >= kRepliesMax) {
+    Settle(reply);
+    return log_.Warn(kDropsReply);
+  }
   reply.held_since = std::chrono::steady_clock::now();
   if (held_.empty()) tries_held_at_ = reply.held_since + kHeldPeriod;
   held_.push_back(std::move(reply));

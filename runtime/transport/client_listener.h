@@ -3,14 +3,14 @@
 // of its key at the time of each request.
 //
 // libzmq aborts the process if a client connects while no more files can be opened, and libzmq cannot limit the number
-// of clients. The limit on open files must be well above the number of clients, including those in their handshake. A
-// client_address belongs on a private network.
+// of clients. ConnectionLimiter limits it, for clients over ipc by LocalConnections. The limit on open files must be
+// well above the number of clients, including those in their handshake. A client_address belongs on a private network.
 //
 // libzmq also aborts the process if a TCP client has claimed the routing id that the ROUTER assigns next. These ids are
 // consecutive numbers from a random start, which no client knows. ClientListener reads the start, and reports each
 // message with an id that the ROUTER has not assigned as a claimed id (docs/SECURITY.md).
 //
-// Send is thread-safe. All other functions must be called on the transport's thread.
+// Send and UnreadBytes are thread-safe. All other functions must be called on the transport's thread.
 #pragma once
 
 #include <chrono>
@@ -52,10 +52,14 @@ class ClientListener {
     // Over tcp:// only: called when a complete message has arrived over the connection with descriptor `file`, from a
     // client with `key`. `has_claimed_id`: the client chose its routing id itself.
     std::function<void(int file, std::string_view key, bool has_claimed_id)> on_message;
+    // Over ipc:// only: called when a request arrived with the routing id `route` over the connection with descriptor
+    // `file`, and when a reply was sent to `route`.
+    std::function<void(int file, const std::string& route)> on_local_request;
+    std::function<void(const std::string& route)> on_local_reply;
     // Over tcp:// only: returns the number of handshakes admitted so far. The ROUTER has assigned at most this many
     // routing ids.
     std::function<std::uint32_t()> admitted_handshakes;
-    // Over tcp:// only: called with the socket before it starts to listen.
+    // Called with the socket before it starts to listen.
     std::function<Result<void>(ZmqSocket& listener)> before_listening;
   };
 
@@ -71,6 +75,10 @@ class ClientListener {
   // replies wait or the message is too large. Instead of a message that is too large, the client receives an error with
   // the same request_id.
   SendResult Send(const std::string& name, const proto::Message& message);
+
+  // Returns the bytes of replies that the clients with the key of client `name` have not acknowledged; 0 for a client
+  // over ipc, and for an unknown client. Thread-safe.
+  std::uint64_t UnreadBytes(const std::string& name);
 
   // Sends waiting replies and delivers a limited number of requests. Returns true if further replies or requests wait.
   bool Work(const Transport::Deliver& deliver);
@@ -88,19 +96,27 @@ class ClientListener {
   struct Reply {
     ZmqFrame route;
     ZmqFrame frame;
+    std::string key;        // Key of the client; empty over ipc.
+    std::size_t bytes = 0;  // Size of `frame`, which is empty once libzmq has accepted it.
     std::chrono::steady_clock::time_point held_since{};
   };
 
   ClientListener(ZmqSocket router, std::uint32_t first_id, WakeUp& wake_up, Options options);
 
-  SendResult Push(const std::string& routing_id, const proto::Message& message, std::size_t bytes);
+  SendResult Push(const std::string& name, const std::string& routing_id, const proto::Message& message,
+                  std::size_t bytes);
   bool Receive(const Transport::Deliver& deliver);
   void OnFrame(const ZmqReceived& received, const Transport::Deliver& deliver);
   void Flush();
   // Passes a reply to libzmq. Returns true if libzmq accepted the reply or the reply was dropped, false if its client
   // must read earlier replies first.
   bool Hand(Reply& reply);
+  // Keeps a reply until its client has read earlier replies. Drops the reply if too many are held.
   void Hold(Reply reply);
+  // Passes the held replies to libzmq whose clients have read earlier replies.
+  void RetryHeld(std::chrono::steady_clock::time_point now);
+  // Stops counting a reply that was passed to libzmq or dropped.
+  void Settle(const Reply& reply);
   bool is_keyed() const { return options_.identity_of != nullptr; }
   bool HasAssigned(std::string_view routing_id) const;
 
@@ -114,9 +130,9 @@ class ClientListener {
   // Time at which KeepPlace next checks whether the socket's file exists, or tries to listen again.
   std::chrono::steady_clock::time_point looks_at_{};
 
-  // Over tcp:// only. `unread_` counts the replies that clients have not read yet. `held_` holds the replies, oldest
-  // first, whose clients must read earlier replies first. Transport's thread only.
+  // Over tcp:// only. `unread_` counts the replies that clients have not read yet, those in replies_ and held_ too.
   UnreadReplies unread_;
+  // The replies, oldest first, whose clients must read earlier replies first. Transport's thread only.
   std::deque<Reply> held_;
   std::chrono::steady_clock::time_point tries_held_at_{};
 

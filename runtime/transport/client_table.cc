@@ -46,6 +46,12 @@ std::optional<std::string> ClientTable::RoutingIdOf(const std::string& name) con
   return client == by_name_.end() ? std::nullopt : std::optional(client->second->routing_id);
 }
 
+std::string ClientTable::OwnerOf(const std::string& name) const {
+  const std::lock_guard lock(mutex_);
+  const auto client = by_name_.find(name);
+  return client == by_name_.end() ? std::string() : client->second->owner;
+}
+
 void ClientTable::Forget(const std::string& routing_id) {
   const std::lock_guard lock(mutex_);
   const auto client = by_routing_id_.find(routing_id);

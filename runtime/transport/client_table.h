@@ -26,6 +26,9 @@ class ClientTable {
 
   std::optional<std::string> RoutingIdOf(const std::string& name) const;
 
+  // Returns the owner of the connection with this name, or "" if the name is unknown.
+  std::string OwnerOf(const std::string& name) const;
+
   // Removes the connection with this routing id, if there is one.
   void Forget(const std::string& routing_id);
 

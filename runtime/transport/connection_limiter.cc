@@ -1,5 +1,7 @@
 #include "runtime/transport/connection_limiter.h"
 
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <optional>
 #include <set>
@@ -15,22 +17,42 @@ std::set<std::uint16_t> PortsOf(const std::map<std::uint16_t, ConnectionRules::L
   return ports;
 }
 
+// Returns the number of files that this process may open.
+std::uint64_t FilesMax() {
+  rlimit files{};
+  return ::getrlimit(RLIMIT_NOFILE, &files) == 0 ? files.rlim_cur : 0;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<ConnectionLimiter>> ConnectionLimiter::Make(
-    std::map<std::uint16_t, ConnectionRules::Listener> listeners) {
+    std::map<std::uint16_t, ConnectionRules::Listener> listeners, const std::string& local_socket) {
   Result<std::unique_ptr<TcpConnections>> connections = TcpConnections::Make(PortsOf(listeners));
   if (!connections) return tl::unexpected(connections.error());
-  return std::unique_ptr<ConnectionLimiter>(new ConnectionLimiter(std::move(*connections), std::move(listeners)));
+  return std::unique_ptr<ConnectionLimiter>(
+      new ConnectionLimiter(std::move(*connections), std::move(listeners), local_socket));
 }
 
 ConnectionLimiter::ConnectionLimiter(std::unique_ptr<TcpConnections> connections,
-                                     std::map<std::uint16_t, ConnectionRules::Listener> listeners)
-    : connections_(std::move(connections)), rules_(std::move(listeners)) {}
+                                     std::map<std::uint16_t, ConnectionRules::Listener> listeners,
+                                     const std::string& local_socket)
+    : connections_(std::move(connections)),
+      rules_(std::move(listeners)),
+      local_(LocalConnections::LimitFor(FilesMax()), LocalConnections::SystemFor(local_socket)) {}
 
 void ConnectionLimiter::OnAccepted(int file, MonotonicTime now) {
   connections_->OnAccepted(file);
+  local_.OnAccepted(file, now);
   LookSoon(now);
+}
+
+void ConnectionLimiter::CutLocal(MonotonicTime now) {
+  const std::size_t cut = local_.CutExcess(now);
+  if (cut == 0) return;
+  cut_for_number_ += cut;
+  local_log_.Warn("transport: cut connections of a client on this machine: programs here hold more than " +
+                  std::to_string(local_.connections_max()) +
+                  "; they must close connections or use one for all requests");
 }
 
 void ConnectionLimiter::OnLinkConnected(AgentId peer, int file, MonotonicTime now) {

@@ -1,6 +1,9 @@
 // ConnectionLimiter: cuts incoming TCP connections that exceed their limits (connection_rules.h), because libzmq does
 // not limit them. After a cut, which is a TCP shutdown, libzmq closes the connection and frees the partial message.
 //
+// Also cuts connections of clients over ipc beyond their limit (local_connections.h), as soon as libzmq has accepted
+// too many.
+//
 // Also watches the links: the connections that this agent opened to its peers. Over a link, a peer may send only its
 // part of the handshake. TakeFloodedLinks reports a peer that sends more than kLinkBytesMax.
 //
@@ -25,6 +28,7 @@
 #include "runtime/rate_limited_log.h"
 #include "runtime/transport.h"
 #include "runtime/transport/connection_rules.h"
+#include "runtime/transport/local_connections.h"
 #include "runtime/transport/tcp_connections.h"
 
 namespace moondb {
@@ -35,7 +39,9 @@ class ConnectionLimiter {
   static constexpr Duration kLookAfterMax = std::chrono::milliseconds(800);
 
   // `listeners` holds the limits of each listening port. Returns kUnavailable if no more files can be opened.
-  static Result<std::unique_ptr<ConnectionLimiter>> Make(std::map<std::uint16_t, ConnectionRules::Listener> listeners);
+  // `local_socket`: the file of the socket for clients over ipc; empty if there is none.
+  static Result<std::unique_ptr<ConnectionLimiter>> Make(std::map<std::uint16_t, ConnectionRules::Listener> listeners,
+                                                         const std::string& local_socket = {});
 
   // Maximum bytes that a peer may send over a link while it is connected. A peer sends only its part of the handshake
   // there, which takes less than 1 KiB.
@@ -43,6 +49,10 @@ class ConnectionLimiter {
 
   // Call when libzmq accepted a connection with this file descriptor.
   void OnAccepted(int file, MonotonicTime now);
+  // Cuts connections of clients over ipc beyond their limit. Call after OnAccepted.
+  void CutLocal(MonotonicTime now);
+  // The connections of clients over ipc.
+  LocalConnections& local() { return local_; }
   // Call when libzmq opened the link's connection to `peer` with this file descriptor.
   void OnLinkConnected(AgentId peer, int file, MonotonicTime now);
   // Returns the agents that sent more than kLinkBytesMax over a link since its connection opened. Each connection is
@@ -71,7 +81,7 @@ class ConnectionLimiter {
 
  private:
   ConnectionLimiter(std::unique_ptr<TcpConnections> connections,
-                    std::map<std::uint16_t, ConnectionRules::Listener> listeners);
+                    std::map<std::uint16_t, ConnectionRules::Listener> listeners, const std::string& local_socket);
 
   void LookSoon(MonotonicTime now);
   void Inspect(MonotonicTime now);
@@ -80,12 +90,14 @@ class ConnectionLimiter {
 
   const std::unique_ptr<TcpConnections> connections_;
   ConnectionRules rules_;
+  LocalConnections local_;
   std::map<AgentId, TcpConnection> links_;  // Links that have not exceeded kLinkBytesMax.
   std::vector<AgentId> flooded_links_;
   MonotonicTime looks_at_{};
   MonotonicTime looked_at_{};
   Duration next_look_after_ = kLookAfter;
   RateLimitedLog number_log_;
+  RateLimitedLog local_log_;
   RateLimitedLog bytes_log_;
   RateLimitedLog claimed_id_log_;
   std::atomic<std::uint64_t> cut_for_number_ = 0;

@@ -87,4 +87,9 @@ std::string NumericAddressOf(const std::string& endpoint) {
   return "";
 }
 
+std::string SocketFileOf(const std::string& endpoint) {
+  constexpr std::string_view kIpc = "ipc://";
+  return endpoint.starts_with(kIpc) ? endpoint.substr(kIpc.size()) : std::string();
+}
+
 }  // namespace moondb

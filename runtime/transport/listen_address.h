@@ -26,4 +26,7 @@ std::optional<std::uint16_t> TcpPortOf(const std::string& endpoint);
 // localhost. Returns "" for other host names, because it does no lookup, and for other endpoints.
 std::string NumericAddressOf(const std::string& endpoint);
 
+// Returns the file of an ipc:// endpoint. Returns "" for other endpoints.
+std::string SocketFileOf(const std::string& endpoint);
+
 }  // namespace moondb

@@ -2,12 +2,13 @@
 //
 // A reply counts from the time when it is passed to libzmq until the client's kernel has acknowledged its bytes
 // (TCP_INFO). There is a limit per client key and one for all keys together. A reply larger than the limit is allowed
-// if no other reply waits. Not thread-safe.
+// if no other reply waits. OfKey also counts the replies that were not passed to libzmq yet. Thread-safe.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -35,8 +36,11 @@ class UnreadReplies {
   // Counts a reply that was passed to libzmq.
   void Count(const std::string& route, std::uint64_t bytes);
 
-  // Returns the key of the last request with this routing id, or "" if there was none.
-  std::string KeyOf(const std::string& route) const;
+  // Adds a reply that is not passed to libzmq yet, or removes it after Count, or if it is dropped.
+  void AddWaiting(const std::string& key, std::uint64_t bytes);
+  void RemoveWaiting(const std::string& key, std::uint64_t bytes);
+  // Returns the bytes of all replies to clients with this key that are not acknowledged.
+  std::uint64_t OfKey(const std::string& key);
 
  private:
   struct Connection {
@@ -49,8 +53,17 @@ class UnreadReplies {
   // Returns the bytes that the client has not acknowledged, or nothing if the connection is closed.
   std::optional<std::uint64_t> WaitingOf(const Connection& connection) const;
 
-  AckedBytes acked_bytes_;
+  struct Sums {
+    std::uint64_t of_key = 0;
+    std::uint64_t of_all = 0;
+  };
+  // Adds up the bytes passed to libzmq and not acknowledged. Removes closed connections. Requires: mutex_ is held.
+  Sums SumUp(const std::string& key);
+
+  const AckedBytes acked_bytes_;
+  std::mutex mutex_;                               // Guards all members below.
   std::map<std::string, Connection> connections_;  // Connections by routing id.
+  std::map<std::string, std::uint64_t> waiting_;   // By key: bytes of the replies that AddWaiting added.
 };
 
 }  // namespace moondb

@@ -27,6 +27,7 @@
 #include "runtime/transport/inbound.h"
 #include "runtime/transport/link_order.h"
 #include "runtime/transport/listen_address.h"
+#include "runtime/transport/listener_limits.h"
 #include "runtime/transport/peer_link.h"
 #include "runtime/transport/wake_up.h"
 #include "runtime/transport/zap_handler.h"
@@ -37,19 +38,12 @@ namespace {
 
 constexpr int kPeerQueueMessages = 16;  // Limit of received frames of one connection that wait for delivery.
 constexpr int kKeepAlive_s = 60;
-// Limit of connections per agent: the current connection, its replacement, and two more for a reconnect.
-constexpr std::size_t kConnectionsPerAgent = 4;
-constexpr std::size_t kStrangersMax = 32;     // Limit of connections to the agent's peer address from outside the team.
-constexpr std::size_t kKeyedClientsMax = 64;  // Limit of connections to client_address.
 // Limits of messages and time per call of ReceiveFromPeers. Some frames take 14 ms to parse.
 constexpr std::size_t kBatchMessages = 256;
 constexpr Duration kTurnTime = std::chrono::milliseconds(5);
 // Upper limit of the bytes that CURVE adds to a frame. libzmq applies ZMQ_MAXMSGSIZE to the encrypted frame, and closes
 // the connection if it is exceeded.
 constexpr std::size_t kCurveBytes = 64;
-// Value of ConnectionRules::Listener::shared_bytes for the connections of agents. Covers the largest credit of a link
-// that this agent reads slowly.
-constexpr std::uint64_t kAgentsSharedBytes = 1024 * 1024;
 static_assert(kPeerFrameBytesMax + kCurveBytes < ConnectionRules::kFreeBytes, "each frame can be delivered");
 static_assert(LinkCredit::Options().bytes_max <= kAgentsSharedBytes);
 // After receiving from peers, the thread stays awake this long in case an answer follows. Putting a processor to sleep
@@ -61,7 +55,7 @@ constexpr std::size_t kPeerListenerFile = 1;
 constexpr std::size_t kGuardFile = 2;
 constexpr std::size_t kClientListenersMax = 2;
 constexpr std::size_t kAcceptedFiles = 4 + kClientListenersMax;
-constexpr std::size_t kListenersMax = 2;  // Limit of listening sockets whose accepted connections are watched.
+constexpr std::size_t kListenersMax = 3;  // Limit of listening sockets whose accepted connections are watched.
 constexpr std::size_t kOtherFiles = kAcceptedFiles + kListenersMax;  // Number of descriptors before those of peers.
 
 // Returns the time left until `time`, at most one hour, as a timeout for ppoll.
@@ -128,6 +122,12 @@ class ZeroMqTransport::Impl {
     }
     const auto peer = peers_.find(to.agent);
     return peer == peers_.end() ? SendResult::kNoPeer : peer->second->Send(message);
+  }
+
+  std::uint64_t UnreadReplyBytes(const std::string& connection) const {
+    std::uint64_t bytes = 0;
+    for (const auto& listener : listeners_) bytes += listener->UnreadBytes(connection);
+    return bytes;
   }
 
   std::vector<proto::PeerStatus> Peers() const {
@@ -206,6 +206,11 @@ class ZeroMqTransport::Impl {
     ClientListener::Options options;
     options.self = options_.self;
     options.endpoint = options_.client_endpoint;
+    options.before_listening = [this](ZmqSocket& listener) { return WatchAccepted(listener); };
+    options.on_local_request = [this](int file, const std::string& route) {
+      guard_->local().OnRequest(file, route, std::chrono::steady_clock::now());
+    };
+    options.on_local_reply = [this](const std::string& route) { guard_->local().OnReply(route); };
     return OpenListener(std::move(options));
   }
 
@@ -263,30 +268,9 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Sets the connection limits of each port. For an agent whose address is a host name or not its own, raises the
-  // common limit of all addresses that have no own limit (ConnectionRules::Listener::others_max).
   Result<void> OpenGuard() {
-    std::map<std::uint16_t, ConnectionRules::Listener> listeners;
-    const proto::AgentConfig& self = *FindAgent(team_, options_.self);
-    if (const std::optional<std::uint16_t> port = TcpPortOf(ListenAddressOf(self))) {
-      ConnectionRules::Listener& listener = listeners[*port];
-      listener.others_max = kStrangersMax;
-      listener.key_max = kConnectionsPerAgent;
-      listener.shared_bytes = kAgentsSharedBytes;
-      for (const proto::AgentConfig& agent : team_.agents()) {
-        if (agent.left()) continue;
-        // Connections of an agent behind NAT may come from any address.
-        const std::string address = agent.listen().empty() ? NumericAddressOf(agent.address()) : "";
-        (address.empty() ? listener.others_max : listener.places[address]) += kConnectionsPerAgent;
-      }
-    }
-    if (const std::optional<std::uint16_t> port = TcpPortOf(self.client_address())) {
-      listeners[*port] = {.places = {},
-                          .others_max = kKeyedClientsMax,
-                          .key_max = ClientListener::kConnectionsOfKeyMax,
-                          .shared_bytes = kKeyedRequestBytesMax};
-    }
-    Result<std::unique_ptr<ConnectionLimiter>> guard = ConnectionLimiter::Make(std::move(listeners));
+    Result<std::unique_ptr<ConnectionLimiter>> guard = ConnectionLimiter::Make(
+        ListenerLimits(team_, *FindAgent(team_, options_.self)), SocketFileOf(options_.client_endpoint));
     if (!guard) return tl::unexpected(guard.error());
     guard_ = std::move(*guard);
     return {};
@@ -296,6 +280,7 @@ class ZeroMqTransport::Impl {
     for (ZmqSocket& monitor : accepted_) {
       while (const std::optional<ZmqEvent> event = monitor.ReceiveEvent()) guard_->OnAccepted(event->value, now);
     }
+    guard_->CutLocal(now);
   }
 
   void OnMonitorReadable(AgentId id, PeerLink& peer) {
@@ -523,6 +508,10 @@ ZeroMqTransport::ZeroMqTransport(std::unique_ptr<Impl> impl) : impl_(std::move(i
 ZeroMqTransport::~ZeroMqTransport() = default;
 
 SendResult ZeroMqTransport::Send(const Address& to, const proto::Message& message) { return impl_->Send(to, message); }
+
+std::uint64_t ZeroMqTransport::UnreadReplyBytes(const std::string& connection) const {
+  return impl_->UnreadReplyBytes(connection);
+}
 
 std::vector<proto::PeerStatus> ZeroMqTransport::Peers() const { return impl_->Peers(); }
 

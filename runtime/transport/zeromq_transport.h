@@ -58,6 +58,9 @@ class ZeroMqTransport final : public Transport {
   // Sends a message. Fails a Check for a link_report, which only transports send.
   [[nodiscard]] SendResult Send(const Address& to, const proto::Message& message) override;
   std::vector<proto::PeerStatus> Peers() const override;
+  // Returns the bytes of replies that the clients with the key of this connection have not acknowledged
+  // (ClientListener::UnreadBytes). Thread-safe.
+  std::uint64_t UnreadReplyBytes(const std::string& connection) const;
   // Counters of refused handshakes and cut connections. Thread-safe.
   proto::ListenerStatus Listener() const;
 

@@ -1,6 +1,11 @@
 """Attackers with an accepted client key that request too much, or more than their rights allow."""
 import contextlib
+import pathlib
 import random
+import select
+import subprocess
+import sys
+import threading
 import time
 
 import messages
@@ -11,6 +16,11 @@ from team import HONEST, Failure
 VIEW = 1
 FEEDS = 500
 READERS, QUESTIONS = 15, 550
+# The page that is read: maps of MAP_CELLS x MAP_CELLS cells, 8.3 MB in all.
+MAP_CELLS, MAPS = 2000, 9
+PAGE_READERS, PAGE_ROUNDS, ROUND_PAUSE_S = 14, 40, 0.1
+STATUS_S_MAX, SYNC_S_MAX, PAGES_MB_MAX = 1, 10, 60
+LEAKED, LEAKED_AT_ONCE = 2000, 300
 ESCAPES = "\x1b[2J\x1b]0;owned\x07\nbase: role swap (anna (key))"
 
 
@@ -41,6 +51,84 @@ def never_reads(team, scale):
         team.answers("rover1")
         sharer = stack.enter_context(KeyedClient(team, "sharer"))
         sharer.ask(status={})
+
+
+def pages_never_read(team, scale):
+    """A client that may view asks over 14 connections for pages of maps of 8.3 MB, and reads no answer."""
+    if team.records_of("rover1", "local_traversability_map") < MAPS:
+        for index in range(2, MAPS + 2):
+            team.insert("rover1", [messages.map_at(1, index, cells=MAP_CELLS)])
+        team.settle()
+        team.moonctl("sync", "now", "--wait", "--timeout", "30s")
+        team.moonctl("replicate", "now", "--wait", "--timeout", "30s")
+    page = {"records_max": 1000, "content_bytes_max": 8 << 20, "data_types": [types.LOCAL_TRAVERSABILITY_MAP]}
+    team.call("rover1", read=page)  # The memory that one honest read leaves in caches is not the attack's.
+    rss_mb = team.rss_mb("rover1")
+    team.forget_peak("rover1")
+    with contextlib.ExitStack() as stack:
+        readers = [stack.enter_context(KeyedClient(team, "watcher")) for _ in range(PAGE_READERS)]
+        slowest_s, failures, is_over = 0, [], threading.Event()
+
+        def operator():
+            nonlocal slowest_s
+            while not is_over.is_set() and not failures:
+                try:
+                    slowest_s = max(slowest_s, team.answers("rover1"))
+                except Failure as failure:
+                    failures.append(failure)
+
+        watch = threading.Thread(target=operator)
+        watch.start()
+        try:
+            for i in range(max(20, int(PAGE_ROUNDS * scale))):
+                for reader in readers:
+                    reader.send(i + 1, read=page)
+                time.sleep(ROUND_PAUSE_S)
+        finally:
+            is_over.set()
+            watch.join()
+        if failures:
+            raise failures[0]
+        sharer = stack.enter_context(KeyedClient(team, "sharer"))
+        sharer.ask(status={})
+        begin = time.monotonic()
+        team.moonctl("sync", "now", "--wait", "--timeout", f"{SYNC_S_MAX}s")
+        sync_s = time.monotonic() - begin
+        more_mb = team.rss_mb("rover1", peak=True) - rss_mb
+    print(f"    status {slowest_s:.2f} s, sync {sync_s:.2f} s, {more_mb:.0f} MB", flush=True)
+    if slowest_s > STATUS_S_MAX or more_mb > PAGES_MB_MAX:
+        raise Failure(f"the operator waited {slowest_s:.2f} s for status, and the agent took {more_mb:.0f} MB")
+
+
+def leaks_local_connections(team, scale):
+    """A local program opens 2,300 connections and closes none, at an agent that may open 1,024 files."""
+    team.restart("rover1", files_max=1024)
+    try:
+        team.answers("rover1")
+        rss_mb = team.rss_mb("rover1")
+        endpoint = (team.data_folder("rover1") / "agent.endpoint").read_text().strip()
+        asked = control.ClientMessage(request_id=1, control_request=control.ControlRequest(
+            team_id=team.team_id, status={})).SerializeToString()
+        program = pathlib.Path(__file__).resolve().parent / "leaking_program.py"
+        with subprocess.Popen([sys.executable, program, endpoint, asked.hex(), str(LEAKED_AT_ONCE),
+                               str(max(1000, int(LEAKED * scale)))], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as leak:
+            try:
+                slowest_s = 0
+                while not select.select([leak.stdout], [], [], 0)[0]:
+                    slowest_s = max(slowest_s, team.answers("rover1"))
+                    if not team.is_alive("rover1"):
+                        raise Failure("the agent ended")
+                for _ in range(5):
+                    slowest_s = max(slowest_s, team.answers("rover1"))
+                more_mb = team.rss_mb("rover1", peak=True) - rss_mb
+            finally:
+                leak.stdin.close()
+        print(f"    status {slowest_s:.2f} s, {more_mb:.0f} MB", flush=True)
+        if slowest_s > STATUS_S_MAX or more_mb > PAGES_MB_MAX:
+            raise Failure(f"the operator waited {slowest_s:.2f} s for status, and the agent took {more_mb:.0f} MB")
+    finally:
+        team.restart("rover1")
+        team.settle()
 
 
 def above_its_right(team, scale):
@@ -131,5 +219,7 @@ def questions_for_others(team, scale):
         team.answers("rover1")
 
 
-ATTACKERS = [feeds_kept_open, never_reads, above_its_right, bodies_of_agents, absurd_requests, names_with_escapes,
-             questions_for_others]
+ATTACKERS = [feeds_kept_open, never_reads, pages_never_read, leaks_local_connections, above_its_right, bodies_of_agents,
+             absurd_requests, names_with_escapes, questions_for_others]
+RSS_MB_MAX_OF = {pages_never_read: 90}  # Inserting and sharing the maps takes some 30 MB of it.
+RESTARTS = [leaks_local_connections]  # Restarts the attacked agent, which loses requests of others.

@@ -179,7 +179,8 @@ def run(options):
             print(f"{module.__name__}.{attacker.__name__}: {attacker.__doc__.splitlines()[0]}", flush=True)
             team.take_over() if getattr(module, "TAKES_ROVER3", False) else team.give_back()
             prunes = attacker in getattr(module, "PRUNING", [])
-            is_idle = getattr(module, "AT_REST", False) or attacker in getattr(module, "LEADS", [])
+            idle = [*getattr(module, "LEADS", []), *getattr(module, "RESTARTS", [])]
+            is_idle = getattr(module, "AT_REST", False) or attacker in idle
             rss_mb_max = getattr(module, "RSS_MB_MAX_OF", {}).get(attacker, RSS_MB_MAX)
             result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes, is_idle, rss_mb_max)
             if report(module, attacker, result):

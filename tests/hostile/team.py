@@ -42,10 +42,10 @@ class Failure(Exception):
     """An error described in one line."""
 
 
-def with_usual_limits():
+def with_usual_limits(files_max=None):
     """Sets the limit on open files that most systems have, for programs about to start. An attacker has a higher
-    limit."""
-    resource.setrlimit(resource.RLIMIT_NOFILE, (1024, HARD_FILES))
+    limit. With `files_max`, the programs cannot raise the limit beyond it."""
+    resource.setrlimit(resource.RLIMIT_NOFILE, (1024, files_max or HARD_FILES))
 
 
 HARD_FILES = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
@@ -60,10 +60,10 @@ class Team:
         self.environment = {**os.environ, "MOONDB_TEAM": str(folder / "team.yaml"),
                             "MOONDB_RUN_DIR": str(folder / "run")}
 
-    def moonctl(self, *words, check=True):
+    def moonctl(self, *words, check=True, files_max=None):
         done = subprocess.run([self.programs / "moonctl", *words], env=self.environment, cwd=self.folder,
                               capture_output=True, text=True, timeout=STEP_LIMIT_S, check=False,
-                              preexec_fn=with_usual_limits)
+                              preexec_fn=lambda: with_usual_limits(files_max))
         if check and done.returncode != 0:
             raise Failure(f"moonctl {' '.join(words)}: exit {done.returncode}: {done.stderr.strip()[-300:]}")
         return done
@@ -106,10 +106,11 @@ class Team:
             with contextlib.suppress(OSError, ValueError, Failure):
                 os.kill(self.pid(agent), signal.SIGKILL)
 
-    def restart(self, agent):
-        """Restarts the agent, so that an attacker's effect on its process does not count for the next attacker."""
+    def restart(self, agent, files_max=None):
+        """Restarts the agent, so that an attacker's effect on its process does not count for the next attacker. With
+        `files_max`, the agent may open that many files."""
         self.moonctl("-a", agent, "down", check=False)
-        self.moonctl("-a", agent, "up", "--merge-backend", "cpu")
+        self.moonctl("-a", agent, "up", "--merge-backend", "cpu", files_max=files_max)
 
     def take_over(self):
         """Stops rover3, so an attacker can take its place."""
@@ -197,6 +198,12 @@ class Team:
                 rows = store.execute(f"SELECT origin, epoch, seq, hash FROM {table} WHERE seq IS NOT NULL")
                 held.update({(table, origin, epoch & (1 << 64) - 1, seq): digest for origin, epoch, seq, digest in rows})
         return held
+
+    def records_of(self, agent, table):
+        """Returns the number of records of that agent's own in a table of its file."""
+        with self.store(agent) as store:
+            return store.execute(f"SELECT count(*) FROM {table} WHERE origin = ?",
+                                 (NAMES.index(agent) + 1,)).fetchone()[0]
 
     def node_hash(self, agent, key):
         """Returns the record of a pose-graph node; None if the agent does not hold it."""

@@ -146,6 +146,20 @@ TEST(MailboxTest, MessagesFromOutsideMayUseAQuarterOfTheBytes) {
   EXPECT_EQ(Push(mailbox, Data(5, 40)), SendResult::kAccepted);
 }
 
+TEST(MailboxTest, MessagesFromOutsideLeaveAQuarterOfThePlacesToOthers) {
+  Mailbox mailbox({.messages_max = 8});
+  const auto push_from_outside = [&mailbox](std::uint64_t id) {
+    Mailbox::Item item = Data(id, 1);
+    item.is_from_outside = true;
+    return mailbox.Push(std::move(item)).result;
+  };
+  for (std::uint64_t id = 1; id <= 6; ++id) EXPECT_EQ(push_from_outside(id), SendResult::kAccepted) << id;
+  EXPECT_EQ(push_from_outside(7), SendResult::kFull);
+  EXPECT_EQ(Push(mailbox, Data(8, 1)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(9, 1)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(10, 1)), SendResult::kFull);
+}
+
 TEST(MailboxTest, TimersAreNotLimitedAndUseNoRoom) {
   Mailbox mailbox({.messages_max = 1, .bytes_max = 1});
   for (int i = 0; i < 10; ++i) EXPECT_EQ(Push(mailbox, Timer(i)), SendResult::kAccepted);

@@ -71,8 +71,27 @@ TEST_F(UnreadRepliesTest, ForgetsAConnectionWhoseFileIsReused) {
   acked_[1] = 0;
   replies_.OnRequest("gone", "anna", 1);
   replies_.OnRequest("next", "bert", 1);
-  EXPECT_EQ(replies_.KeyOf("gone"), "");
-  EXPECT_EQ(replies_.KeyOf("next"), "bert");
+  EXPECT_TRUE(Give("next", kMiB));
+  EXPECT_EQ(replies_.OfKey("anna"), 0u);
+  EXPECT_EQ(replies_.OfKey("bert"), kMiB);
+}
+
+TEST_F(UnreadRepliesTest, CountsAReplyOfAKeyFromItsCreationUntilItIsAcknowledged) {
+  acked_[1] = 1000;
+  replies_.OnRequest("route", "anna", 1);
+  replies_.AddWaiting("anna", 5 * kMiB);
+  replies_.AddWaiting("anna", kMiB);
+  replies_.AddWaiting("bert", kMiB);
+  EXPECT_EQ(replies_.OfKey("anna"), 6 * kMiB);
+  EXPECT_TRUE(Give("route", 5 * kMiB));
+  replies_.RemoveWaiting("anna", 5 * kMiB);
+  EXPECT_EQ(replies_.OfKey("anna"), 6 * kMiB);
+  acked_[1] += 2 * kMiB;
+  EXPECT_EQ(replies_.OfKey("anna"), 4 * kMiB);
+  replies_.RemoveWaiting("anna", kMiB);  // The reply was dropped.
+  acked_[1] += 3 * kMiB;
+  EXPECT_EQ(replies_.OfKey("anna"), 0u);
+  EXPECT_EQ(replies_.OfKey("bert"), kMiB);
 }
 
 TEST_F(UnreadRepliesTest, AnUnknownRoutingIdHasRoom) { EXPECT_TRUE(Give("unknown", 100 * kMiB)); }
