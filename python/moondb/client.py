@@ -109,6 +109,9 @@ class Client:
         self._dealer.connect(self._endpoint)
 
     def close(self) -> None:
+        """Closes the connection. A second call has no effect."""
+        if self._dealer.closed:
+            return
         self._dealer.disable_monitor()
         self._events.close()
         self._dealer.close()

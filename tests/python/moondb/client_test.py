@@ -220,6 +220,12 @@ class ClientLimitsTest(unittest.TestCase):
             with self.assertRaisesRegex(TimeoutError, "more than 33554432 bytes"):
                 asked.status()
 
+    def test_a_client_may_be_closed_twice(self):
+        with FakeAgent(lambda _: messages.ControlReply(status={})) as agent:
+            with client.Client(agent.endpoint, TEAM_ID) as asked:
+                asked.status()
+                asked.close()
+
     def test_an_answer_that_does_not_decode_is_an_error(self):
         self.refuses(lambda _: [b"\xff\xff"], lambda c: c.status(), "does not decode")
 
