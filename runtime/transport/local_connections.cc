@@ -78,7 +78,9 @@ LocalConnections::Connection* LocalConnections::Refresh(int file, Time now) {
 }
 
 void LocalConnections::Erase(std::map<int, Connection>::iterator entry) {
-  file_of_route_.erase(entry->second.route);
+  const auto route = file_of_route_.find(entry->second.route);
+  // A client that chooses its routing id has the same one over its next connection.
+  if (route != file_of_route_.end() && route->second == entry->first) file_of_route_.erase(route);
   connections_.erase(entry);
 }
 

@@ -114,6 +114,19 @@ TEST_F(LocalConnectionsTest, ClosedConnectionsAndReusedDescriptorsDoNotCount) {
   EXPECT_THAT(CutExcess(), ElementsAre(1));
 }
 
+TEST_F(LocalConnectionsTest, ARoutingIdMayMoveToAnotherConnection) {
+  Open(1, 7);
+  connections_.OnRequest(1, "chosen", now_);
+  open_.erase(1);
+  Open(2, 7);
+  connections_.OnRequest(2, "chosen", now_);
+  Open(1, 7);  // Replaces the entry of the closed connection.
+  connections_.OnReply("chosen");
+  Open(3, 7);
+  Open(4, 7);
+  EXPECT_THAT(CutExcess(), ElementsAre(2)) << "no request over it is unanswered";
+}
+
 TEST_F(LocalConnectionsTest, CutsSeveralAtATime) {
   LocalConnections connections(16, {.peer_of =
                                         [](int file) {
