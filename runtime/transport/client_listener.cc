@@ -41,15 +41,14 @@ constexpr char kIpc[] = "ipc://";
 constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
 constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of clients over tcp://.
 
-std::filesystem::path SocketFile(const std::string& endpoint) { return SocketFileOf(endpoint); }
-
 // Connections that wait for libzmq to accept them. A client that finds no place tries again after 100 ms. While clients
 // of a program that holds too many connections connect again and again, others would find no place for seconds.
 constexpr int kLocalBacklog = 4096;
 
 Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
   router.Set(ZMQ_BACKLOG, kLocalBacklog);
-  if (const auto made = MakePrivateFolder(SocketFile(endpoint).parent_path()); !made) return made;
+  if (const auto made = MakePrivateFolder(std::filesystem::path(SocketFileOf(endpoint)).parent_path()); !made)
+    return made;
   if (const auto claimed = ClaimIpcPath(endpoint); !claimed) return claimed;
   return router.Bind(endpoint);
 }
@@ -143,7 +142,7 @@ ClientListener::ClientListener(ZmqSocket router, std::uint32_t first_id, WakeUp&
       table_(kClientsMax, is_keyed() ? kConnectionsOfKeyMax : kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
 
 ClientListener::~ClientListener() {
-  if (!is_keyed() && is_listening_) (void)::unlink(SocketFile(options_.endpoint).c_str());
+  if (!is_keyed() && is_listening_) (void)::unlink(SocketFileOf(options_.endpoint).c_str());
 }
 
 SendResult ClientListener::Send(const std::string& name, const proto::Message& message) {
@@ -193,7 +192,7 @@ void ClientListener::KeepPlace(std::chrono::steady_clock::time_point now) {
     return;
   }
   struct stat status {};
-  const std::filesystem::path path = SocketFile(options_.endpoint);
+  const std::filesystem::path path = SocketFileOf(options_.endpoint);
   if (::lstat(path.c_str(), &status) == 0 || errno != ENOENT) return;
   log_.Warn("transport: the socket for clients was removed: " + path.string());
   // Listen again later: libzmq closes the old socket asynchronously. Some versions then delete the file, and would

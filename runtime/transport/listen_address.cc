@@ -24,8 +24,8 @@ constexpr std::string_view kTcp = "tcp://";
 }  // namespace
 
 Result<void> ClaimIpcPath(const std::string& endpoint) {
-  if (!endpoint.starts_with("ipc://")) return {};
-  const std::string path = endpoint.substr(6);
+  const std::string path = SocketFileOf(endpoint);
+  if (path.empty()) return {};
   struct stat status {};
   if (lstat(path.c_str(), &status) != 0) {
     if (errno == ENOENT) return {};
