@@ -1,5 +1,6 @@
 #include "actors/gateway/gateway_actor.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "actors/gateway/client_rights.h"
@@ -176,6 +177,7 @@ void GatewayActor::SetBudget(proto::ControlRequest& request, Pending& pending) c
   if (!pending.client_name.empty()) BoundKeyedPage(request);
   pending.owner = OwnerOf(pending.client_name, is_peer ? pending.client.agent : 0, pending.client.actor);
   pending.answer_bytes = AnswerBytesOf(request, pending.relayed_to != 0 || is_peer);
+  if (pending.relayed_to != 0) pending.answer_bytes = std::min(pending.answer_bytes, options_.relay_bytes_max);
   pending.takes_turns = pending.relayed_to == 0 && TakesTurns(request) && (is_peer || !pending.client_name.empty());
 }
 

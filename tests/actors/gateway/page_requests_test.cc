@@ -181,6 +181,14 @@ TEST_F(PageRequestsTest, AKeyThatDoesNotReadIsRefusedAtOnce) {
   EXPECT_EQ(Asked().size(), 1u) << "clients over ipc have no limit of bytes";
 }
 
+TEST_F(PageRequestsTest, ARelayedRequestCountsWithTheLargestAnswerOverTheRadio) {
+  proto::ControlRequest request;
+  request.mutable_merge();
+  request.set_for_agent(2);
+  for (std::uint64_t id = 1; id <= 8; ++id) Ask("k1", "anna", id, request);
+  EXPECT_TRUE(Answers("k1").empty());
+}
+
 TEST_F(PageRequestsTest, TheBytesAreCheckedAgainWhenTheTurnBegins) {
   for (std::uint64_t id = 1; id <= 4; ++id) Ask("k1", "anna", id);
   unread_bytes_["k1"] = 14 * kMiB;
