@@ -132,6 +132,24 @@ TEST_F(PageRequestsTest, ATimeoutEndsATurn) {
   EXPECT_EQ(Answers("k1"), (std::map<std::uint64_t, std::string>{{2, ""}}));
 }
 
+TEST_F(PageRequestsTest, ARestartOfStorageEndsTheTurnAndBeginsTheNext) {
+  class SilentActor final : public Actor {
+    void OnMessage(Context&, const proto::Message&) override {}
+  };
+  team_.Spawn(1, actor_name::kStorage, [] { return std::make_unique<SilentActor>(); });
+  team_.RunUntilIdle();
+  Ask("k1", "anna", 1);
+  Ask("k2", "anna", 2);
+  Ask("1", "", 3);
+  team_.CrashActor({1, actor_name::kStorage});
+  team_.RunUntilIdle();
+  EXPECT_EQ(Answers("k1")[1], "storage restarted before it answered; ask again");
+  EXPECT_TRUE(Answers("k2").empty()) << "the request was sent to storage after the restart";
+  team_.CrashActor({1, actor_name::kStorage});
+  team_.RunUntilIdle();
+  EXPECT_EQ(Answers("k2")[2], "storage restarted before it answered; ask again");
+}
+
 TEST_F(PageRequestsTest, ARequestThatWaitsForItsTurnTimesOut) {
   Ask("k1", "anna", 1);
   const std::vector<proto::Message> first = Asked();
