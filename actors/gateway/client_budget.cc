@@ -78,10 +78,11 @@ std::size_t AnswerBytesOf(const Request& request, bool is_relayed) {
 Result<void> CheckAnswerBytes(const ClientLoad& load, std::size_t bytes) {
   const std::uint64_t on_their_way = load.unread_bytes + load.own_bytes;
   if (on_their_way == 0 || on_their_way + bytes <= kAnswerBytesOfKeyMax) return {};
-  return Fail(ErrorCode::kFull, std::to_string(on_their_way / 1024) +
-                                    " KiB of answers are on their way to the clients of this key, and " +
-                                    std::to_string(kAnswerBytesOfKeyMax / 1024) +
-                                    " may be; read those answers, then ask again");
+  return Fail(ErrorCode::kFull,
+              std::to_string(on_their_way / 1024) +
+                  " KiB of answers are on their way to the clients of this key; this answer may have " +
+                  std::to_string(bytes / 1024) + " KiB, and the limit for all is " +
+                  std::to_string(kAnswerBytesOfKeyMax / 1024) + " KiB; read those answers, then ask again");
 }
 
 }  // namespace moondb
