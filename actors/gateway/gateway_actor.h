@@ -22,8 +22,7 @@
 // - kRefused: the client's key lacks the rights, the sending agent may not relay the request, or the request is for
 //   another team or agent;
 // - kFull: too many requests wait at the gateway or at the actor, the clients of the key have not read their answers,
-// or
-//   the request or reply is too long for the radio;
+//   or the request or reply is too long for the radio;
 // - kUnavailable: the actor does not exist or failed, or the target agent cannot be reached or was lost;
 // - kNotFound: the target of a custom request is not an actor of the user;
 // - kTimedOut: the actor or the target agent did not answer.
