@@ -65,6 +65,7 @@ MergeWorld MakeMergeWorld(std::size_t map_count, std::int64_t side_cells, std::u
   static const Polar polar = MakePolar();
   MergeWorld world;
   world.grid.resolution_um = kFinest_um;
+  world.grid.pages_max = 16'384;  // Measure maps larger than those that an agent merges.
   const double side_m = static_cast<double>(side_cells) * kFinest_um / 1e6;
   const double reach_m = (kSide / 2.0) * (kFinest_um << (kLayers - 1)) / 1e6;
   for (std::size_t i = 0; i < map_count; ++i) {

@@ -14,6 +14,31 @@ double MedianOf(std::vector<double> values) {
   return *middle;
 }
 
+using Positions = std::vector<std::pair<NodeKey, Eigen::Vector3d>>;
+
+double MedianOfAxis(Positions::const_iterator begin, Positions::const_iterator end, int axis) {
+  std::vector<double> coordinates;
+  for (auto position = begin; position != end; ++position) coordinates.push_back(position->second[axis]);
+  return MedianOf(std::move(coordinates));
+}
+
+// Requires: `positions_m` is sorted by node, and not empty.
+Eigen::Vector3d MedianPosition(const Positions& positions_m) {
+  Positions agents_m;  // Median position of each agent.
+  for (auto begin = positions_m.begin(); begin != positions_m.end();) {
+    const auto end = std::find_if(begin, positions_m.end(),
+                                  [&](const auto& position) { return position.first.agent != begin->first.agent; });
+    agents_m.emplace_back(begin->first, Eigen::Vector3d());
+    for (int axis = 0; axis < 3; ++axis) agents_m.back().second[axis] = MedianOfAxis(begin, end, axis);
+    begin = end;
+  }
+  constexpr std::size_t kMajorityAgents = 3;  // With two agents, nothing says which one is right.
+  const Positions& all_m = agents_m.size() < kMajorityAgents ? positions_m : agents_m;
+  Eigen::Vector3d median_m;
+  for (int axis = 0; axis < 3; ++axis) median_m[axis] = MedianOfAxis(all_m.begin(), all_m.end(), axis);
+  return median_m;
+}
+
 double LongestTrajectory(const std::vector<std::pair<NodeKey, Eigen::Vector3d>>& positions_m) {
   double longest_m = 0;
   std::vector<double> steps_m;
@@ -33,12 +58,7 @@ double LongestTrajectory(const std::vector<std::pair<NodeKey, Eigen::Vector3d>>&
 
 std::vector<FarNode> FindFarNodes(const std::vector<std::pair<NodeKey, Eigen::Vector3d>>& positions_m) {
   if (positions_m.empty()) return {};
-  Eigen::Vector3d median_m;
-  for (int axis = 0; axis < 3; ++axis) {
-    std::vector<double> coordinates;
-    for (const auto& [node, position_m] : positions_m) coordinates.push_back(position_m[axis]);
-    median_m[axis] = MedianOf(std::move(coordinates));
-  }
+  const Eigen::Vector3d median_m = MedianPosition(positions_m);
   const double limit_m = std::max(kFar_m, kFarTrajectories * LongestTrajectory(positions_m));
   std::vector<FarNode> far;
   for (const auto& [node, position_m] : positions_m) {

@@ -2,9 +2,10 @@
 // example because a record has a wrong unit.
 //
 // A node is far if its distance from the team's median position exceeds 10 km and also 10 times the longest trajectory
-// of a rover. The length of a trajectory is the median distance between successive nodes times their number, so single
-// wrong poses do not change it. If half of the nodes or more would be far, none is, because nothing says which half is
-// right.
+// of a rover. The median position of a team of three agents or more is the median of its agents' median positions, so
+// one agent with many nodes does not move it. With fewer agents it is the median of all nodes. The length of a
+// trajectory is the median distance between successive nodes times their number, so single wrong poses do not change
+// it. If half of the nodes or more would be far, none is, because nothing says which half is right.
 #pragma once
 
 #include <Eigen/Core>

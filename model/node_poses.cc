@@ -6,31 +6,54 @@
 
 namespace moondb {
 
-void NodePoses::AddRaw(const RecordKey& key, const NodeKey& node, const Pose& map_from_node) {
+void NodePoses::AddRaw(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
+                       std::int64_t timestamp_ns) {
   auto& raw = nodes_[node].raw;
   const auto place =
-      std::lower_bound(raw.begin(), raw.end(), key, [](const auto& a, const RecordKey& b) { return a.first < b; });
-  if (place != raw.end() && place->first == key) return;
-  raw.emplace(place, key, map_from_node);
+      std::lower_bound(raw.begin(), raw.end(), key, [](const auto& a, const RecordKey& b) { return a.key < b; });
+  if (place != raw.end() && place->key == key) return;
+  raw.insert(place, {key, map_from_node, timestamp_ns});
   for (const auto& removed : quota_.Add(key, 1, node)) {
     const auto found = nodes_.find(removed.note);
-    std::erase_if(found->second.raw, [&removed](const auto& pose) { return pose.first == removed.key; });
+    std::erase_if(found->second.raw, [&removed](const auto& pose) { return pose.key == removed.key; });
     if (found->second.raw.empty() && !found->second.optimized) nodes_.erase(found);
   }
 }
 
 void NodePoses::AddOptimized(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
                              const proto::Term& term, std::uint64_t run, bool ignores_raw_pose) {
-  const auto found = nodes_.find(node);
-  const bool is_first = found == nodes_.end() || !found->second.optimized;
-  if (is_first && optimized_count_ >= nodes_max_) {
-    ++left_out_pose_count_[key.stream.origin];
+  OptimizedShare& share = optimized_shares_[node.agent];
+  if (node.index < share.first_index) {
+    ++share.left_out_count;
     return;
   }
-  optimized_count_ += is_first ? 1 : 0;
   auto& optimized = nodes_[node].optimized;
+  const bool is_first = !optimized;
   const Version version = std::tuple_cat(OrderOf(term), std::tuple(run, key));
-  if (!optimized || version > optimized->version) optimized = {version, map_from_node, ignores_raw_pose};
+  if (is_first || version > optimized->version) optimized = {version, map_from_node, ignores_raw_pose};
+  if (!is_first) return;
+  ++share.count;
+  if (++optimized_count_ > nodes_max_) DropOptimized();
+}
+
+// Drops the optimized pose with the lowest index of the agent with the most of them. If two agents have the most, the
+// one with the higher id drops a pose. The kept poses depend only on the set of nodes, because an agent's number of
+// kept poses at a full limit never grows.
+void NodePoses::DropOptimized() {
+  const auto has_fewer = [](const auto& a, const auto& b) { return a.second.count <= b.second.count; };
+  auto most = optimized_shares_.begin();
+  for (auto share = optimized_shares_.begin(); share != optimized_shares_.end(); ++share) {
+    if (has_fewer(*most, *share)) most = share;
+  }
+  auto& [agent, share] = *most;
+  auto node = nodes_.lower_bound({agent, share.first_index});
+  while (!node->second.optimized) ++node;
+  share.first_index = node->first.index + 1;
+  ++share.left_out_count;
+  --share.count;
+  --optimized_count_;
+  node->second.optimized.reset();
+  if (node->second.raw.empty()) nodes_.erase(node);
 }
 
 Result<void> NodePoses::AddOptimized(const RecordKey& key, const proto::OptimizedPose& optimized) {
@@ -44,7 +67,12 @@ Result<void> NodePoses::AddOptimized(const RecordKey& key, const proto::Optimize
 const Pose* NodePoses::FindRaw(const NodeKey& node, bool is_quarantined) const {
   const auto found = nodes_.find(node);
   const bool has_pose = found != nodes_.end() && !found->second.raw.empty() && !is_quarantined;
-  return has_pose ? &found->second.raw.front().second : nullptr;
+  return has_pose ? &found->second.raw.front().map_from_node : nullptr;
+}
+
+const NodePoses::RawPose* NodePoses::FindRawRecord(const NodeKey& node) const {
+  const auto found = nodes_.find(node);
+  return found == nodes_.end() || found->second.raw.empty() ? nullptr : &found->second.raw.front();
 }
 
 const Pose* NodePoses::FindOptimized(const NodeKey& node, bool is_quarantined) const {
@@ -55,7 +83,9 @@ const Pose* NodePoses::FindOptimized(const NodeKey& node, bool is_quarantined) c
 }
 
 void NodePoses::CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const {
-  for (const auto& [agent, count] : left_out_pose_count_) counts[agent] += count;
+  for (const auto& [agent, share] : optimized_shares_) {
+    if (share.left_out_count > 0) counts[agent] += share.left_out_count;
+  }
   quota_.CountLeftOut(counts);
 }
 

@@ -1,9 +1,8 @@
 // NodePoses: the raw and optimized poses of nodes, and which of them is valid.
 //
 // The result depends only on the set of added records, not on their order. If raw poses exceed the limit, the agents
-// with the most records keep only their newest (model/origin_quota.h). Exception: once nodes_max nodes have an
-// optimized pose, optimized poses of further nodes are dropped in order of arrival. Only leaders publish optimized
-// poses. Single-threaded.
+// with the most records keep only their newest (model/origin_quota.h). If optimized poses exceed the limit, the agents
+// with the most nodes keep only the poses of their nodes with the highest indices. Single-threaded.
 #pragma once
 
 #include <cstdint>
@@ -28,8 +27,15 @@ class NodePoses {
   // `nodes_max`: maximum number of node records, and of nodes with an optimized pose.
   explicit NodePoses(std::size_t nodes_max) : nodes_max_(nodes_max), quota_(nodes_max) {}
 
+  // A record of a node's pose from odometry.
+  struct RawPose {
+    RecordKey key;
+    Pose map_from_node;
+    std::int64_t timestamp_ns = 0;
+  };
+
   // Adds a node's pose from odometry. If a node has several such records, the record with the smallest key is valid.
-  void AddRaw(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
+  void AddRaw(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, std::int64_t timestamp_ns = 0);
 
   // Adds an optimized pose. Among several poses of a node, the pose with the highest (term, run) is valid.
   // `ignores_raw_pose`: the pose is valid even while a quarantine of the node stands.
@@ -41,6 +47,8 @@ class NodePoses {
   // Return null if there is no such pose. `is_quarantined`: a quarantine of the node stands.
   const Pose* FindRaw(const NodeKey& node, bool is_quarantined) const;
   const Pose* FindOptimized(const NodeKey& node, bool is_quarantined) const;
+  // Returns the valid record of the node's raw pose, even if a quarantine stands; null if there is none.
+  const RawPose* FindRawRecord(const NodeKey& node) const;
 
   // Calls `take(node)` for each node, in ascending order.
   template <typename Take>
@@ -48,7 +56,7 @@ class NodePoses {
     for (const auto& [node, poses] : nodes_) take(node);
   }
 
-  // Adds the number of records dropped because of the limit, by origin.
+  // Adds the number of records dropped because of the limit: raw poses by origin, optimized poses by the node's agent.
   void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const;
 
  private:
@@ -62,15 +70,24 @@ class NodePoses {
   };
 
   struct Poses {
-    std::vector<std::pair<RecordKey, Pose>> raw;  // Poses from odometry, sorted by key; usually one.
+    std::vector<RawPose> raw;  // Poses from odometry, sorted by key; usually one.
     std::optional<OptimizedPose> optimized;
   };
+
+  // Optimized poses of the nodes of one agent.
+  struct OptimizedShare {
+    std::size_t count = 0;          // Number of nodes with an optimized pose.
+    std::uint64_t first_index = 0;  // Optimized poses of nodes with a lower index have no room.
+    std::uint64_t left_out_count = 0;
+  };
+
+  void DropOptimized();
 
   std::size_t nodes_max_;
   std::map<NodeKey, Poses> nodes_;
   OriginQuota<NodeKey> quota_;
-  std::size_t optimized_count_ = 0;                       // Number of nodes with an optimized pose.
-  std::map<AgentId, std::uint64_t> left_out_pose_count_;  // Number of dropped optimized poses, by origin.
+  std::size_t optimized_count_ = 0;  // Number of nodes with an optimized pose: the sum of `count` in optimized_shares_.
+  std::map<AgentId, OptimizedShare> optimized_shares_;
 };
 
 }  // namespace moondb

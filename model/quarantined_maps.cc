@@ -25,6 +25,12 @@ QuarantinedMaps::QuarantinedMaps(const QuarantineSet& quarantines) {
   }
 }
 
+bool QuarantinedMaps::ContainsAll(AgentId agent) const {
+  const auto of_agent = spans_.find(agent);
+  constexpr std::pair kAllTimes(std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max());
+  return of_agent != spans_.end() && of_agent->second.front() == kAllTimes;
+}
+
 bool QuarantinedMaps::Contains(AgentId agent, std::int64_t timestamp_ns) const {
   const auto of_agent = spans_.find(agent);
   if (of_agent == spans_.end()) return false;

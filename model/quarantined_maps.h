@@ -19,6 +19,8 @@ class QuarantinedMaps {
 
   // Returns whether a quarantine covers maps of `agent` with this timestamp. Ignores quarantines of a graph part.
   bool Contains(AgentId agent, std::int64_t timestamp_ns) const;
+  // Returns whether quarantines cover all maps of `agent`, whatever their timestamps.
+  bool ContainsAll(AgentId agent) const;
 
  private:
   std::map<AgentId, std::vector<std::pair<std::int64_t, std::int64_t>>> spans_;  // Disjoint and sorted.

@@ -1,6 +1,7 @@
 #include "actors/merge/map_answers.h"
 
 #include <zstd.h>
+#include <zstd_errors.h>
 
 #include <algorithm>
 #include <cmath>
@@ -209,7 +210,7 @@ Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t si
     tile.set_y(RowOf(key));
     bytes += kTileHeadBytes;
     if (is_unknown) continue;
-    Result<std::string> coded = CompressCells(cells->grid);
+    Result<std::string> coded = CompressCells(cells->grid, ZSTD_compressBound(kCellsInTile));
     if (!coded) return tl::unexpected(coded.error());
     bytes += coded->size();
     tile.set_zstd_cells(*std::move(coded));
@@ -217,10 +218,29 @@ Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t si
   return reply;
 }
 
-Result<std::string> CompressCells(const Grid& grid) {
-  std::string compressed(ZSTD_compressBound(grid.cells.size()), '\0');
+void AddLeftOut(const Merger& merger, const Crop& crop, proto::MergeReply& reply) {
+  std::map<AgentId, proto::LeftOutItems> agents;
+  for (const auto& [agent, left_out] : crop.left_out) {
+    agents[agent].set_far_count(static_cast<double>(left_out.count));
+    agents[agent].set_distance_m(static_cast<double>(left_out.distance_cells) * merger.grid().resolution_um * 1e-6);
+  }
+  for (const auto& [agent, count] : merger.CountWithoutRoom()) {
+    agents[agent].set_without_room_count(static_cast<double>(count));
+  }
+  for (auto& [agent, items] : agents) {
+    items.set_agent_id(agent);
+    *reply.add_left_out() = items;
+  }
+}
+
+Result<std::string> CompressCells(const Grid& grid, std::size_t bytes_max) {
+  std::string compressed(std::min(ZSTD_compressBound(grid.cells.size()), bytes_max), '\0');
   const std::size_t size =
       ZSTD_compress(compressed.data(), compressed.size(), grid.cells.data(), grid.cells.size(), kZstdLevel);
+  if (ZSTD_getErrorCode(size) == ZSTD_error_dstSize_tooSmall) {
+    return Fail(ErrorCode::kFull, "the merged map takes more than " + std::to_string(bytes_max) +
+                                      " bytes, the most that a reply holds: merge fewer agents");
+  }
   if (ZSTD_isError(size) != 0) return Fail(ErrorCode::kInternal, std::string("zstd: ") + ZSTD_getErrorName(size));
   compressed.resize(size);
   return compressed;

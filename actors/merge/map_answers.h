@@ -35,7 +35,11 @@ proto::OccludedMapsReply OccludedMapsOf(const Merger& merger, std::uint32_t reco
 Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t since_version,
                                           const proto::MapTilesRequest& request, std::size_t bytes_max);
 
-// Returns the cells, one byte each, as one compressed zstd frame. Returns kInternal if zstd fails.
-Result<std::string> CompressCells(const Grid& grid);
+// Adds the maps and footprints that a merged map leaves out, by agent.
+void AddLeftOut(const Merger& merger, const Crop& crop, proto::MergeReply& reply);
+
+// Returns the cells, one byte each, as one compressed zstd frame. Returns kFull if the frame has more than `bytes_max`
+// bytes, and kInternal if zstd fails. Takes at most `bytes_max` bytes of memory for the frame.
+Result<std::string> CompressCells(const Grid& grid, std::size_t bytes_max);
 
 }  // namespace moondb

@@ -128,7 +128,11 @@ MapCollection::Selected MapCollection::Select(const Selection& selection) const 
   }
   poses_.ForEach([&](const NodeKey& node) {
     if (!is_selected(node.agent) || options_.without_footprint.contains(node.agent) || far.contains(node)) return;
-    if (const Pose* pose = FindPose(node, selection.use_raw_poses)) selected.footprints.push_back({node, *pose});
+    const NodePoses::RawPose* raw = poses_.FindRawRecord(node);
+    const bool is_quarantined =
+        raw == nullptr ? quarantined.ContainsAll(node.agent) : quarantined.Contains(node.agent, raw->timestamp_ns);
+    const Pose* pose = is_quarantined ? nullptr : FindPose(node, selection.use_raw_poses);
+    if (pose != nullptr) selected.footprints.push_back({node, *pose, raw == nullptr ? RecordKey() : raw->key});
   });
   return selected;
 }

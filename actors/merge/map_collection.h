@@ -3,9 +3,15 @@
 //
 // Select() depends only on the set of added records, not on their order. Each record must be added once. If records of
 // a kind exceed their limit, the agents with the most records keep only their newest records (model/origin_quota.h),
-// and CountLeftOut counts the dropped records. Exception: once nodes_max nodes have an optimized pose, optimized poses
-// of further nodes are dropped in order of arrival. Only leaders publish optimized poses. Requires: poses are within
-// the bounds of model/geometry.h. Used by one thread at a time.
+// and CountLeftOut counts the dropped records. Requires: poses are within the bounds of model/geometry.h. Used by one
+// thread at a time.
+//
+// A quarantine of an agent's maps leaves out the footprints of the agent's nodes too: those whose raw pose has a
+// timestamp in its time range. A node without a raw pose has no known timestamp; only a quarantine without times leaves
+// out its footprint.
+//
+// Memory: the default limits keep this class and the Merger's placed footprints at about 160 MB: 96 MiB for maps, and
+// 1.5 kB for each node with its footprint. The Merger's pages take at most 160 MB more (kPagesMax).
 #pragma once
 
 #include <cstdint>
@@ -35,9 +41,9 @@ class MapCollection {
     MergeGrid grid;
     std::set<AgentId> without_footprint;  // Agents without a footprint: base stations, which do not move.
     std::size_t maps_max = 65535;
-    std::uint64_t bytes_max = 8ull << 30;  // Maximum total size of all maps.
-    std::size_t nodes_max = 4'000'000;     // Maximum number of node records, and of nodes with an optimized pose.
-    std::size_t quarantines_max = 65535;   // Maximum number of records that quarantine maps or lift a quarantine.
+    std::uint64_t bytes_max = 96ull << 20;  // Maximum total size of all maps.
+    std::size_t nodes_max = 40'000;         // Maximum number of node records, and of nodes with an optimized pose.
+    std::size_t quarantines_max = 65535;    // Maximum number of records that quarantine maps or lift a quarantine.
   };
 
   // Selects the input of one merge.
@@ -80,8 +86,8 @@ class MapCollection {
   Result<void> AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map);
 
   // Add poses of nodes (model/node_poses.h).
-  void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node) {
-    poses_.AddRaw(key, node, map_from_node);
+  void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, std::int64_t timestamp_ns = 0) {
+    poses_.AddRaw(key, node, map_from_node, timestamp_ns);
   }
   void AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
                         std::uint64_t run, bool ignores_raw_pose = false) {

@@ -162,12 +162,21 @@ void MergeActor::OnRead(Context& context) {
     is_outdated_ = true;
     return StartReading(context);
   }
-  if (std::optional<proto::Message> report = authority_.TakeReport(collection_.CountLeftOut())) {
+  ReportLeftOut(context);
+  AnswerCovered(context);
+  if (!waiting_.empty()) StartReading(context);
+}
+
+// Reports the records that the collection dropped, and those without room in the last merge of all records.
+void MergeActor::ReportLeftOut(Context& context) {
+  std::map<AgentId, std::uint64_t> counts = collection_.CountLeftOut();
+  if (merger_ != nullptr) {
+    for (const auto& [agent, count] : merger_->CountWithoutRoom()) counts[agent] += count;
+  }
+  if (std::optional<proto::Message> report = authority_.TakeReport(std::move(counts))) {
     // The report is only informative. Ignore a failed send.
     (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));
   }
-  AnswerCovered(context);
-  if (!waiting_.empty()) StartReading(context);
 }
 
 void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
@@ -234,7 +243,7 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
       const proto::PoseGraphNode& node = record.pose_graph_node();
       const Result<Pose> pose = FromProto(node.map_from_node());
       if (!pose) return tl::unexpected(pose.error());
-      collection_.AddRawPose(key, FromProto(node.node()), *pose);
+      collection_.AddRawPose(key, FromProto(node.node()), *pose, record.timestamp_ns());
       return {};
     }
     case proto::Record::kOptimizedPose:
@@ -314,6 +323,7 @@ Result<void> MergeActor::Update(Context& context, const MapCollection::Selected&
   is_current_ = merged.has_value();
   if (merger_->forgotten() != forgotten)
     merger_id_ = context.rng()() | 1;  // A new id makes clients with older tiles fetch every tile again.
+  ReportLeftOut(context);
   return merged;
 }
 
@@ -322,24 +332,16 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   const MonotonicTime start = context.now();
   const MapCollection::Selection selection = SelectionOf(request);
   const MapCollection::Selected selected = collection_.Select(selection);
-  Result<MergedMap> merged;
-  if (selection.is_everything()) {
-    const Result<void> updated = Update(context, selected);
-    if (!updated) return tl::unexpected(updated.error());
-    merged = merger_->ReadCells(merger_->extent());
-  } else {
-    Merger merger(merger_->grid(), backend_);
-    const Result<void> done = RunMerger(context, selected, merger);
-    if (!done) return tl::unexpected(done.error());
-    merged = merger.ReadCells(merger.extent());
-  }
+  std::optional<Merger> own_merger;  // For a selection.
+  if (!selection.is_everything()) own_merger.emplace(merger_->grid(), backend_);
+  Merger& merger = own_merger ? *own_merger : *merger_;
+  const Result<void> updated = own_merger ? RunMerger(context, selected, merger) : Update(context, selected);
+  if (!updated) return tl::unexpected(updated.error());
+  const Crop crop = merger.CropTo(options_.export_cells_max);
+  const Result<MergedMap> merged = merger.ReadCells(crop.box);
   if (!merged) return tl::unexpected(merged.error());
-  Result<std::string> cells = CompressCells(merged->grid);
+  Result<std::string> cells = CompressCells(merged->grid, options_.reply_bytes_max);
   if (!cells) return tl::unexpected(cells.error());
-  if (cells->size() > options_.reply_bytes_max) {
-    return Fail(ErrorCode::kFull, "the merged map takes " + std::to_string(cells->size()) + " bytes, a reply at most " +
-                                      std::to_string(options_.reply_bytes_max) + ": merge fewer agents");
-  }
 
   proto::MergeReply reply;
   reply.set_resolution_um(merged->resolution_um);
@@ -348,9 +350,10 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   reply.set_width_cells(static_cast<std::uint32_t>(merged->grid.width));
   reply.set_height_cells(static_cast<std::uint32_t>(merged->grid.height));
   reply.set_zstd_cells(*std::move(cells));
-  reply.set_map_count(static_cast<double>(selected.maps.size()));
+  reply.set_map_count(static_cast<double>(merger.map_count()));
   reply.set_waiting_map_count(static_cast<double>(selected.waiting_maps.size()));
-  reply.set_node_count(static_cast<double>(selected.footprints.size()));
+  reply.set_node_count(static_cast<double>(merger.footprint_count()));
+  AddLeftOut(merger, crop, reply);
   AddFarNodes(selected.far_nodes, *reply.mutable_far_nodes());
   reply.set_far_node_count(static_cast<double>(selected.far_nodes.size()));
   reply.set_backend(backend_->name());

@@ -56,6 +56,8 @@ class MergeActor final : public Actor {
     std::uint32_t page_content_bytes_max = 4 * 1024 * 1024;
     // Maximum size of the compressed cells in a reply; below the transport's limit for a message.
     std::size_t reply_bytes_max = 24 * 1024 * 1024;
+    // Maximum area of an export, which takes one byte a cell of memory. Equals the area of all pages, twice.
+    std::int64_t export_cells_max = 128ll << 20;
   };
 
   explicit MergeActor(Options options);
@@ -94,6 +96,7 @@ class MergeActor final : public Actor {
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
   Result<void> StartMerger();
   void ReportBackend(Context& context);
+  void ReportLeftOut(Context& context);
   Result<void> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
   // Returns the reply; nullopt if the request is a subscription that continues to wait.
   std::optional<proto::Message> AnswerTo(Context& context, const Waiting& waiting);

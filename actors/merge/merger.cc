@@ -1,157 +1,24 @@
 #include "actors/merge/merger.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
-#include <cstring>
 #include <iterator>
 #include <string>
 #include <tuple>
 #include <utility>
 
 #include "actors/merge/cpu_gather.h"
+#include "actors/merge/page_shares.h"
 #include "model/check.h"
 
 namespace moondb {
 namespace {
-
-// Returns a table that expands eight bits to eight bytes of 0 or 1.
-constexpr std::array<std::uint64_t, 256> MakeBytesOfBits() {
-  std::array<std::uint64_t, 256> bytes{};
-  for (std::size_t bits = 0; bits < bytes.size(); ++bits) {
-    for (std::size_t i = 0; i < 8; ++i) bytes[bits] |= static_cast<std::uint64_t>(bits >> i & 1) << (8 * i);
-  }
-  return bytes;
-}
-constexpr std::array<std::uint64_t, 256> kBytesOfBits = MakeBytesOfBits();
-
-CellBox Common(const CellBox& a, const CellBox& b) {
-  return {std::max(a.first_x, b.first_x), std::max(a.first_y, b.first_y), std::min(a.last_x, b.last_x),
-          std::min(a.last_y, b.last_y)};
-}
-
-// Position of a cell within its tile.
-struct TileCell {
-  TileCell(std::int64_t x, std::int64_t y)
-      : square(static_cast<std::size_t>((y >> kSquareSideBits & 7) * 8 + (x >> kSquareSideBits & 7))),
-        cell(static_cast<std::size_t>((y & 7) * 8 + (x & 7))) {}
-  std::size_t square;
-  std::size_t cell;
-};
-
-// Calls visit(page key, index of the tile in the page, box of the tile) for each tile that touches `box`, even if the
-// tile's page does not exist.
-template <typename Visit>
-void ForEachTile(const CellBox& box, Visit visit) {
-  if (box.is_empty()) return;
-  for (std::int64_t y = box.first_y >> kTileSideBits; y <= box.last_y >> kTileSideBits; ++y) {
-    for (std::int64_t x = box.first_x >> kTileSideBits; x <= box.last_x >> kTileSideBits; ++x) {
-      const PageKey key = PageAt(x * kTileSideCells, y * kTileSideCells);
-      const auto tile = static_cast<std::size_t>((y & 3) * 4 + (x & 3));
-      visit(key, tile, BoxOf(key, tile));
-    }
-  }
-}
-
-MergedMap MakeUnknown(const CellBox& box, const MergeGrid& grid) {
-  MergedMap merged;
-  merged.grid = Grid(static_cast<std::int32_t>(box.width()), static_cast<std::int32_t>(box.height()));
-  merged.resolution_um = grid.resolution_um;
-  if (!box.is_empty()) {
-    merged.origin_cell_x = box.first_x;
-    merged.origin_cell_y = box.first_y;
-  }
-  return merged;
-}
-
-Result<void> CheckBox(const CellBox& box, const MergeGrid& grid) {
-  if (box.width() <= grid.side_cells_max && box.height() <= grid.side_cells_max) return {};
-  return Fail(ErrorCode::kFull, "the maps span " + std::to_string(box.width()) + " x " + std::to_string(box.height()) +
-                                    " cells of " + std::to_string(grid.resolution_um) +
-                                    " um; a merged map holds at most " + std::to_string(grid.side_cells_max) +
-                                    " a side: merge fewer agents, or quarantine maps that lie far away");
-}
-
-// Copies the tile's cells in row `y`, from part.first_x to part.last_x, to `row`.
-void CopyRow(const Tile& tile, const CellBox& part, std::int64_t y, Cell* row) {
-  for (std::int64_t x = part.first_x; x <= part.last_x;) {
-    const TileCell at(x, y);
-    const int shift = static_cast<int>(at.cell & 56);
-    const std::uint64_t cells =
-        kBytesOfBits[tile.known[at.square] >> shift & 255] + kBytesOfBits[tile.hazard[at.square] >> shift & 255];
-    const std::int64_t end = std::min((x | 7), part.last_x) + 1;
-    const std::uint64_t from_x = cells >> (8 * (x & 7));
-    std::memcpy(row, &from_x, static_cast<std::size_t>(end - x));
-    row += end - x;
-    x = end;
-  }
-}
-
-std::vector<PlacedMap> WinnersOf(const std::vector<const Tile*>& tiles) {
-  std::vector<const PlacedThing*> owners;
-  for (const Tile* tile : tiles) {
-    for (const PlacedBlock* block : tile->blocks) {
-      if (!block->is_footprint()) owners.push_back(block->owner);
-    }
-  }
-  std::sort(owners.begin(), owners.end());
-  owners.erase(std::unique(owners.begin(), owners.end()), owners.end());
-  std::vector<PlacedMap> maps;
-  for (const PlacedThing* owner : owners) maps.push_back(owner->placed);
-  std::sort(maps.begin(), maps.end(), [](const auto& a, const auto& b) { return a.map->key < b.map->key; });
-  return maps;
-}
-
-// For each block in Tile::blocks: the index of its map in the list of maps (kNoSlot for a footprint), and the level of
-// the block.
-using Winners = std::vector<std::pair<std::uint32_t, std::uint8_t>>;
-
-Winners SlotsOf(const Tile& tile, const std::vector<PlacedMap>& maps) {
-  Winners winners;
-  for (const PlacedBlock* block : tile.blocks) {
-    if (block->is_footprint()) {
-      winners.emplace_back(kNoSlot, kFootprintLevel);
-      continue;
-    }
-    const RecordKey& key = block->owner->placed.map->key;
-    const auto found = std::lower_bound(maps.begin(), maps.end(), key,
-                                        [](const PlacedMap& map, const RecordKey& k) { return map.map->key < k; });
-    winners.emplace_back(static_cast<std::uint32_t>(found - maps.begin()), block->cells->block().level);
-  }
-  return winners;
-}
-
-// Removes the maps that win no cell in the box of `result`. Such maps occur because tiles extend beyond the box.
-void DropLosers(MergeResult& result) {
-  std::vector<bool> has_won(result.maps.size());
-  for (const std::uint32_t slot : result.slots) {
-    if (slot != kNoSlot) has_won[slot] = true;
-  }
-  std::vector<std::uint32_t> new_slots(result.maps.size());
-  std::vector<PlacedMap> maps;
-  for (std::size_t slot = 0; slot < has_won.size(); ++slot) {
-    new_slots[slot] = static_cast<std::uint32_t>(maps.size());
-    if (has_won[slot]) maps.push_back(std::move(result.maps[slot]));
-  }
-  for (std::uint32_t& slot : result.slots) {
-    if (slot != kNoSlot) slot = new_slots[slot];
-  }
-  result.maps = std::move(maps);
-}
 
 bool HasTile(const Page& page) {
   return std::any_of(page.tiles.begin(), page.tiles.end(), [](const auto& tile) { return tile != nullptr; });
 }
 
 }  // namespace
-
-bool MergeResult::operator==(const MergeResult& other) const {
-  const auto is_same_map = [](const PlacedMap& a, const PlacedMap& b) { return a.map->key == b.map->key; };
-  return merged.grid == other.merged.grid && merged.resolution_um == other.merged.resolution_um &&
-         merged.origin_cell_x == other.merged.origin_cell_x && merged.origin_cell_y == other.merged.origin_cell_y &&
-         slots == other.slots && levels == other.levels &&
-         std::equal(maps.begin(), maps.end(), other.maps.begin(), other.maps.end(), is_same_map);
-}
 
 Merger::Merger(const MergeGrid& grid, std::shared_ptr<GatherBackend> backend)
     : grid_(grid), backend_(std::move(backend)) {
@@ -195,10 +62,12 @@ bool Merger::Withdraw(const RecordKey& key) {
 Result<void> Merger::PutFootprint(const Footprint& footprint) {
   const auto found = footprints_.find(footprint.node);
   if (found != footprints_.end() && AreSamePose(found->second->placed.map_from_node, footprint.map_from_node)) {
+    found->second->age = AgeOf(footprint.record);
     return {};
   }
   Result<Thing> thing = PlaceFootprint(footprint, grid_);
   if (!thing) return tl::unexpected(thing.error());
+  (*thing)->age = AgeOf(footprint.record);
   WithdrawFootprint(footprint.node);
   added_.insert(thing->get());
   footprints_.emplace(footprint.node, std::move(*thing));
@@ -244,7 +113,32 @@ std::vector<Error> Merger::Assign(std::span<const PlacedMap> maps, std::span<con
     WithdrawFootprint(node);
     refused.push_back({put.error().code, "footprint: " + put.error().text, put.error().field});
   }
+  WithdrawItemsWithoutRoom();
   return refused;
+}
+
+void Merger::WithdrawItemsWithoutRoom() {
+  std::vector<SharedItem> items;
+  items.reserve(maps_.size() + footprints_.size());
+  for (const auto& [key, thing] : maps_) items.push_back({key.stream.origin, thing->age, 0, thing->extent});
+  for (const auto& [node, thing] : footprints_) items.push_back({node.agent, thing->age, node.index, thing->extent});
+  without_room_.clear();
+  auto map = maps_.begin();
+  auto footprint = footprints_.begin();
+  std::size_t at = 0;  // Index of `map`, or of `footprint` once all maps are passed.
+  const std::size_t map_count = maps_.size();
+  for (const std::size_t index : FindItemsWithoutRoom(items, grid_.pages_max)) {
+    ++without_room_[items[index].origin];
+    for (; at < index; ++at) at < map_count ? (void)++map : (void)++footprint;
+    ++at;
+    if (index < map_count) {
+      Retire(std::move(map->second));
+      map = maps_.erase(map);
+    } else {
+      Retire(std::move(footprint->second));
+      footprint = footprints_.erase(footprint);
+    }
+  }
 }
 
 Result<MergeSummary> Merger::Merge(const StopPredicate& stop) {
@@ -324,8 +218,8 @@ void Merger::UpdateOrder() {
 void Merger::MarkDirty() {
   for (const Thing& thing : retired_) MarkWins(*thing);
   for (const PlacedThing* thing : added_) {
-    // With more than kPagesMax dirty pages, MakeWorks fails. Stop early.
-    if (dirty_.size() > kPagesMax) return;
+    // With more than pages_max dirty pages, MakeWorks marks all tiles. Stop early.
+    if (dirty_.size() > grid_.pages_max) return;
     MarkGains(*thing);
   }
 }
@@ -378,8 +272,8 @@ void Merger::MarkEverything() {
     if (HasTile(*page)) dirty_[key] = UINT16_MAX;
   }
   for (const OrderedBlock& ordered : order_) {
-    // With more than kPagesMax dirty pages, MakeWorks fails. Stop early.
-    if (dirty_.size() > kPagesMax) return;
+    // With more than pages_max dirty pages, MakeWorks fails. Stop early.
+    if (dirty_.size() > grid_.pages_max) return;
     const CellBox& box = ordered.box;
     const PageKey first = PageAt(box.first_x, box.first_y);
     const PageKey last = PageAt(box.last_x, box.last_y);
@@ -389,6 +283,20 @@ void Merger::MarkEverything() {
       }
     }
   }
+}
+
+// Drops all pages and marks all tiles. Old and new pages together would exceed the limit if, for example, all maps have
+// moved. Returns false, and changes nothing but dirty_, if the present maps and footprints alone exceed the limit.
+bool Merger::StartOver() {
+  auto old_pages = std::exchange(pages_, {});
+  dirty_.clear();
+  MarkEverything();
+  if (dirty_.size() > grid_.pages_max) {
+    pages_ = std::move(old_pages);
+    return false;
+  }
+  ++forgotten_;
+  return true;
 }
 
 Page* Merger::FindPage(const PageKey& key) const {
@@ -403,9 +311,9 @@ Result<std::vector<GatherWork>> Merger::MakeWorks() {
   const auto count_pages = [&] {
     return pages_.size() + static_cast<std::size_t>(std::count_if(dirty_.begin(), dirty_.end(), is_new));
   };
-  if (count_pages() > kPagesMax) ForgetEmptyPages();
-  if (count_pages() > kPagesMax) {
-    return Fail(ErrorCode::kFull, "the maps cover more than " + std::to_string(kPagesMax) +
+  if (count_pages() > grid_.pages_max) ForgetEmptyPages();
+  if (count_pages() > grid_.pages_max && !StartOver()) {
+    return Fail(ErrorCode::kFull, "the maps cover more than " + std::to_string(grid_.pages_max) +
                                       " pages of 256 x 256 cells: merge fewer agents or coarser");
   }
   std::vector<GatherWork> works;
@@ -432,133 +340,6 @@ void Merger::NoteChanges(std::span<const GatherWork> works, MergeSummary& summar
     const auto is_nothing = [](std::uint64_t version) { return version == 0; };
     if (std::all_of(work.page->versions.begin(), work.page->versions.end(), is_nothing)) pages_.erase(work.key);
   }
-}
-
-// Calls visit(tile, part of `box` in the tile) for each existing tile that touches `box`.
-template <typename Visit>
-void Merger::VisitTiles(const CellBox& box, Visit visit) const {
-  ForEachTile(box, [&](const PageKey& key, std::size_t index, const CellBox& tile_box) {
-    const Page* page = FindPage(key);
-    if (page != nullptr && page->tiles[index] != nullptr) visit(*page->tiles[index], Common(tile_box, box));
-  });
-}
-
-Result<MergedMap> Merger::ReadCells(const CellBox& box) const {
-  if (Result<void> checked = CheckBox(box, grid_); !checked) return tl::unexpected(checked.error());
-  MergedMap merged = MakeUnknown(box, grid_);
-  VisitTiles(box, [&](const Tile& tile, const CellBox& part) {
-    for (std::int64_t y = part.first_y; y <= part.last_y; ++y) {
-      CopyRow(tile, part, y,
-              &merged.grid.At(static_cast<std::int32_t>(part.first_x - box.first_x),
-                              static_cast<std::int32_t>(y - box.first_y)));
-    }
-  });
-  return merged;
-}
-
-Result<MergeResult> Merger::Read(const CellBox& box) const {
-  Result<MergedMap> merged = ReadCells(box);
-  if (!merged) return tl::unexpected(merged.error());
-  MergeResult result;
-  result.merged = std::move(*merged);
-  result.slots.assign(result.merged.grid.cells.size(), kNoSlot);
-  result.levels.assign(result.merged.grid.cells.size(), 0);
-  std::vector<const Tile*> tiles;
-  VisitTiles(box, [&](const Tile& tile, const CellBox&) { tiles.push_back(&tile); });
-  std::vector<PlacedMap> maps = WinnersOf(tiles);
-  VisitTiles(box, [&](const Tile& tile, const CellBox& part) {
-    const Winners winners = SlotsOf(tile, maps);
-    for (std::int64_t y = part.first_y; y <= part.last_y; ++y) {
-      auto to = static_cast<std::size_t>((y - box.first_y) * box.width() + part.first_x - box.first_x);
-      for (std::int64_t x = part.first_x; x <= part.last_x; ++x, ++to) {
-        const TileCell at(x, y);
-        if ((tile.known[at.square] >> at.cell & 1) == 0) continue;
-        std::tie(result.slots[to], result.levels[to]) = winners[tile.winners[at.square * 64 + at.cell]];
-      }
-    }
-  });
-  result.maps = std::move(maps);
-  DropLosers(result);
-  return result;
-}
-
-std::vector<TileKey> Merger::ChangedSince(std::uint64_t version) const {
-  std::vector<TileKey> changed;
-  for (const auto& [key, page] : pages_) {
-    for (std::size_t tile = 0; tile < kTilesInPage; ++tile) {
-      if (page->versions[tile] > version) changed.push_back({key, static_cast<std::uint8_t>(tile)});
-    }
-  }
-  std::sort(changed.begin(), changed.end());
-  return changed;
-}
-
-std::vector<Observation> Merger::Observe(std::int64_t x, std::int64_t y) const {
-  std::vector<Observation> seen;
-  for (const OrderedBlock& ordered : order_) {
-    const Cell cell = CellUnder(*ordered.block, x, y);
-    if (cell == Cell::kUnknown) continue;
-    const PlacedThing& owner = *ordered.block->owner;
-    Observation observation;
-    observation.placed = owner.placed;
-    observation.node = ordered.block->is_footprint() ? owner.node : owner.placed.map->node;
-    if (!ordered.block->is_footprint()) observation.level = ordered.block->cells->block().level;
-    observation.resolution_um = ordered.block->resolution_um;
-    observation.cell = cell;
-    seen.push_back(std::move(observation));
-  }
-  return seen;
-}
-
-std::unordered_map<const PlacedThing*, std::uint64_t> Merger::CountCells() const {
-  std::unordered_map<const PlacedThing*, std::uint64_t> cells;
-  for (const auto& [key, page] : pages_) {
-    for (const std::unique_ptr<Tile>& tile : page->tiles) {
-      if (tile == nullptr) continue;
-      std::vector<std::uint64_t> wins(tile->blocks.size());
-      for (std::size_t i = 0; i < kCellsInTile; ++i) {
-        if ((tile->known[i / 64] >> (i % 64) & 1) != 0) ++wins[tile->winners[i]];
-      }
-      for (std::size_t i = 0; i < wins.size(); ++i) cells[tile->blocks[i]->owner] += wins[i];
-    }
-  }
-  return cells;
-}
-
-std::vector<MapWins> Merger::CountWins() const {
-  const std::unordered_map<const PlacedThing*, std::uint64_t> cells = CountCells();
-  std::vector<MapWins> result;
-  for (const auto& [key, thing] : maps_) {
-    const auto found = cells.find(thing.get());
-    result.push_back({thing->placed, found == cells.end() ? 0 : found->second});
-  }
-  return result;
-}
-
-std::map<AgentId, std::uint64_t> Merger::CountFootprintCells() const {
-  std::map<AgentId, std::uint64_t> result;
-  for (const auto& [thing, cells] : CountCells()) {
-    if (thing->placed.map == nullptr) result[thing->node.agent] += cells;
-  }
-  return result;
-}
-
-std::size_t Merger::page_bytes() const {
-  std::size_t bytes = pages_.size() * (sizeof(Page) + 64);
-  for (const auto& [key, page] : pages_) {
-    for (const std::unique_ptr<Tile>& tile : page->tiles) {
-      if (tile != nullptr) bytes += sizeof(Tile) + tile->blocks.capacity() * sizeof(const PlacedBlock*);
-    }
-  }
-  return bytes;
-}
-
-std::size_t Merger::bytes() const {
-  std::size_t bytes = page_bytes() + order_.capacity() * sizeof(OrderedBlock);
-  for (const auto& [key, thing] : maps_) {
-    bytes += sizeof(PlacedThing) + 64 + thing->blocks.capacity() * sizeof(PlacedBlock);
-  }
-  return bytes + footprints_.size() * (sizeof(PlacedThing) + sizeof(PlacedBlock) + 64);
 }
 
 }  // namespace moondb

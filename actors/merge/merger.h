@@ -3,7 +3,8 @@
 //
 // Maps and footprints may be put, moved and withdrawn in any order. Merge() then updates the affected tiles. The values
 // and sources depend only on the current maps and footprints, byte for byte: not on their order, on earlier merges, or
-// on the backend. The map is unbounded; only pages that once had a known cell take memory. Several mergers may share
+// on the backend. The map is unbounded; only pages that once had a known cell take memory. Assign() divides the pages
+// fairly among the origins and leaves out the items that have no room (page_shares.h). Several mergers may share
 // LocalMaps.
 //
 //   Merger merger(grid, *CreateGatherBackend(MergeBackend::kAuto));
@@ -26,6 +27,7 @@
 #include <unordered_set>
 #include <vector>
 
+#include "actors/merge/crop.h"
 #include "actors/merge/gather_backend.h"
 #include "actors/merge/placement.h"
 #include "actors/merge/tile.h"
@@ -40,9 +42,6 @@ inline constexpr std::uint8_t kFootprintLevel = 255;
 
 // Slot of a cell whose value does not come from a map.
 inline constexpr std::uint32_t kNoSlot = UINT32_MAX;
-
-// Maximum number of pages: about 10^9 cells, which take 2.5 GB of memory.
-inline constexpr std::size_t kPagesMax = 16384;
 
 // A region of the merged map with its provenance.
 struct MergeResult {
@@ -104,21 +103,28 @@ class Merger {
   bool WithdrawFootprint(const NodeKey& node);
 
   // Replaces all maps and footprints. If several maps have the same key, or several footprints the same node, the first
-  // is used. Returns one error for each map or footprint that cannot be placed and is left out.
+  // is used. Returns one error for each map or footprint that cannot be placed and is left out. Items beyond their
+  // origin's share of grid.pages_max pages are left out too; CountWithoutRoom() counts them. The next Merge() never
+  // returns kFull, unless Put or PutFootprint adds more.
   std::vector<Error> Assign(std::span<const PlacedMap> maps, std::span<const Footprint> footprints);
 
   // Updates the affected tiles. After an error some tiles are still old; the next Merge() updates them. Errors are
-  // those of GatherBackend::Gather, and kFull for more than kPagesMax pages.
+  // those of GatherBackend::Gather, and kFull if the maps and footprints take more than grid.pages_max pages.
   Result<MergeSummary> Merge(const StopPredicate& stop);
 
   // Bounding box of all cells of all maps, including unknown cells, and of all footprints.
   const CellBox& extent() const { return extent_; }
-  // Number of times that empty pages were dropped to stay within kPagesMax. ChangedSince does not report the earlier
+  // Number of times that pages were dropped to stay within grid.pages_max. ChangedSince does not report the earlier
   // changes in dropped pages.
   std::uint64_t forgotten() const { return forgotten_; }
   // Counts the merges that gathered at least one tile.
   std::uint64_t version() const { return version_; }
   std::size_t map_count() const { return maps_.size(); }
+  std::size_t footprint_count() const { return footprints_.size(); }
+  // Number of maps and footprints that the last Assign left out because their origin had no room for more, by origin.
+  const std::map<AgentId, std::uint64_t>& CountWithoutRoom() const { return without_room_; }
+  // Returns the part of the map that one export can hold (crop.h).
+  Crop CropTo(std::int64_t area_cells_max) const;
   const MergeGrid& grid() const { return grid_; }
   const GatherBackend& backend() const { return *backend_; }
 
@@ -155,6 +161,8 @@ class Merger {
   void MarkEverything();
   void FreeBuried();
   void ForgetEmptyPages();
+  bool StartOver();
+  void WithdrawItemsWithoutRoom();
   Page* FindPage(const PageKey& key) const;
   bool IsMostlyNew() const;
   Result<std::vector<GatherWork>> MakeWorks();
@@ -178,9 +186,10 @@ class Merger {
   std::vector<OrderedBlock> order_;  // All blocks as of the last Merge, sorted by descending key.
   std::unordered_map<PageKey, std::unique_ptr<Page>, PageKeyHash> pages_;
   std::unordered_map<PageKey, std::uint16_t, PageKeyHash> dirty_;  // Tiles to gather, one bit each, by page.
-  // True after a merge that exceeded kPagesMax. The next merge then gathers all tiles.
+  // True after a merge that exceeded grid_.pages_max. The next merge then gathers all tiles.
   bool is_everything_due_ = false;
   CellBox extent_;
+  std::map<AgentId, std::uint64_t> without_room_;
   std::uint64_t version_ = 0;
   std::uint64_t forgotten_ = 0;
 };

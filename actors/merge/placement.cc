@@ -61,6 +61,7 @@ Result<std::unique_ptr<PlacedThing>> PlaceMap(const PlacedMap& placed, const Mer
   if (!IsFinite(placed.map_from_node)) return TooFar();
   auto thing = std::make_unique<PlacedThing>();
   thing->placed = placed;
+  thing->age = AgeOf(placed.map->key);
   const LocalMap& map = *placed.map;
   const PlanarPose pose = ToPlanar(placed.map_from_node, map.node_from_map);
   if (!IsNear(pose, grid)) return TooFar();

@@ -18,6 +18,7 @@
 #include "model/error.h"
 #include "model/geometry.h"
 #include "model/ids.h"
+#include "model/origin_quota.h"
 
 namespace moondb {
 
@@ -31,6 +32,7 @@ struct PlacedMap {
 struct Footprint {
   NodeKey node;
   Pose map_from_node;
+  RecordKey record = {};  // Record of the node's raw pose; all zeros if there is none. Only its age is used.
 };
 
 struct PlacedThing;
@@ -52,6 +54,7 @@ struct PlacedBlock {
 struct PlacedThing {
   PlacedMap placed;  // placed.map is null if this is a footprint.
   NodeKey node;      // Node of the footprint; not set for a map.
+  RecordAge age;     // Age of the map's record, or of Footprint::record.
   std::vector<PlacedBlock> blocks;
   CellBox extent;           // Bounding box of all cells, including unknown cells.
   bool is_retired = false;  // Set by Merger when the map or footprint is withdrawn.

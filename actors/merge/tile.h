@@ -87,4 +87,18 @@ inline PageKey PageAt(std::int64_t x, std::int64_t y) {
   return {static_cast<std::int32_t>(x >> kPageSideBits), static_cast<std::int32_t>(y >> kPageSideBits)};
 }
 
+// Calls visit(page key, index of the tile in the page, box of the tile) for each tile that touches `box`, even if the
+// tile's page does not exist.
+template <typename Visit>
+void ForEachTile(const CellBox& box, Visit visit) {
+  if (box.is_empty()) return;
+  for (std::int64_t y = box.first_y >> kTileSideBits; y <= box.last_y >> kTileSideBits; ++y) {
+    for (std::int64_t x = box.first_x >> kTileSideBits; x <= box.last_x >> kTileSideBits; ++x) {
+      const PageKey key = PageAt(x * kTileSideCells, y * kTileSideCells);
+      const auto tile = static_cast<std::size_t>((y & 3) * 4 + (x & 3));
+      visit(key, tile, BoxOf(key, tile));
+    }
+  }
+}
+
 }  // namespace moondb

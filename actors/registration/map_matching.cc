@@ -96,6 +96,8 @@ class PlaceSearch {
     return Found{best ? OffsetOf(*best) : expected_, 0};
   }
 
+  std::size_t work() const { return work_; }  // Number of nodes that were bounded.
+
  private:
   struct Node {
     std::uint32_t bound = 0;
@@ -118,6 +120,7 @@ class PlaceSearch {
   void Push(Node node) {
     const auto yaw = static_cast<std::size_t>(node.yaw + yaws_);
     const std::span<const FieldCell> points(&rotated_[yaw * point_count_], point_count_);
+    ++work_;
     node.bound = field_.SumOfLikelihoods(node.level, points, boxes_[yaw], node.x, node.y);
     queue_.push(node);
   }
@@ -132,6 +135,7 @@ class PlaceSearch {
   }
 
   const HazardField& field_;
+  std::size_t work_ = 0;
   const PlanarOffset expected_;
   int cells_ = 0;
   int yaws_ = 0;
@@ -274,6 +278,7 @@ MatchResult MatchMaps(const HazardField& first, const HazardField& second, const
   const double second_best_max = is_sparse_pair ? options.sparse_second_best_max : options.second_best_max;
   PlaceSearch search(first, SamplePoints(second.points_m(), kSearchPointsMax), expected, window);
   const std::optional<Found> found = search.Run(second_best_max);
+  result.work = search.work();
   if (!found) {
     result.verdict = MatchVerdict::kSecondPlace;
     return result;

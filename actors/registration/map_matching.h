@@ -84,6 +84,7 @@ struct MatchResult {
   // Score of the best offset at another place, divided by the score of the match. An upper bound if it is below the
   // limit, and 1 if the search gave up.
   double second_best = 1;
+  std::size_t work = 0;  // Number of squares of offsets that the search bounded; 1,000 take about 0.45 ms.
 };
 
 MatchResult MatchMaps(const HazardField& first, const HazardField& second, const PlanarOffset& expected,

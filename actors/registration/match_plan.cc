@@ -9,6 +9,21 @@ namespace {
 
 constexpr int kAttemptsMax = 2;
 
+MatchPlan::AgentPair AgentsOf(const PlannedMatch& planned) {
+  return std::minmax(AgentId{planned.first.node.agent}, AgentId{planned.second.node.agent});
+}
+
+// Returns the highest level at which counts that are cut to the level have a sum of at most `limit`.
+std::size_t LevelOf(std::vector<std::size_t> counts, std::size_t limit) {
+  std::ranges::sort(counts);
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    const std::size_t level = limit / (counts.size() - i);
+    if (counts[i] > level) return level;
+    limit -= counts[i];
+  }
+  return counts.empty() ? limit : counts.back();
+}
+
 }  // namespace
 
 bool MatchPlan::IsDue(const Attempts& attempts, const PlanarOffset& expected) const {
@@ -20,18 +35,28 @@ bool MatchPlan::IsDue(const Attempts& attempts, const PlanarOffset& expected) co
 }
 
 std::vector<PlannedMatch> MatchPlan::StartPass(const std::vector<RegisteredMap>& maps,
-                                               const std::function<bool(AgentId, AgentId)>& are_joined) const {
-  std::vector<PlannedMatch> planned;
+                                               const std::function<bool(AgentId, AgentId)>& are_joined) {
+  std::map<AgentPair, std::vector<PlannedMatch>> of_agents;
   std::set<std::pair<NodeKey, NodeKey>> nodes;
   for (const MatchCandidate& candidate : FindCandidates(maps, options_.candidates, are_joined)) {
-    if (planned.size() >= options_.pairs_max) break;
     const RegisteredMap& first = maps[candidate.first];
     const RegisteredMap& second = maps[candidate.second];
     const PlanarOffset expected = PlanarOffset::Between(first.map_from_local, second.map_from_local);
     const auto attempts = attempts_.find({first.key, second.key});
     if (attempts != attempts_.end() && !IsDue(attempts->second, expected)) continue;
     if (first.node == second.node || !nodes.emplace(first.node, second.node).second) continue;
-    planned.push_back({first, second, expected, attempts == attempts_.end() ? options_.wide : options_.narrow});
+    const PlannedMatch match{first, second, expected, attempts == attempts_.end() ? options_.wide : options_.narrow};
+    of_agents[AgentsOf(match)].push_back(match);
+  }
+  std::vector<std::size_t> counts;
+  for (const auto& [agents, matches] : of_agents) counts.push_back(matches.size());
+  const std::size_t level = LevelOf(std::move(counts), options_.pairs_max);
+  shares_.clear();
+  std::vector<PlannedMatch> planned;
+  for (const auto& [agents, matches] : of_agents) {
+    const std::size_t count = std::min(matches.size(), level);
+    planned.insert(planned.end(), matches.begin(), matches.begin() + static_cast<std::ptrdiff_t>(count));
+    shares_[agents] = {count * options_.pair_work_max, matches.size() - count};
   }
   std::ranges::sort(planned, [](const PlannedMatch& a, const PlannedMatch& b) {
     return std::tie(a.first.key, a.second.key) < std::tie(b.first.key, b.second.key);
@@ -39,7 +64,29 @@ std::vector<PlannedMatch> MatchPlan::StartPass(const std::vector<RegisteredMap>&
   return planned;
 }
 
+bool MatchPlan::HasWorkFor(const PlannedMatch& planned) {
+  Share& share = shares_[AgentsOf(planned)];
+  if (share.work_left > 0) return true;
+  ++share.left_out_count;
+  return false;
+}
+
+std::map<MatchPlan::AgentPair, std::size_t> MatchPlan::CountLeftOut() const {
+  std::map<AgentPair, std::size_t> counts;
+  for (const auto& [agents, share] : shares_) {
+    if (share.left_out_count > 0) counts[agents] = share.left_out_count;
+  }
+  return counts;
+}
+
+void MatchPlan::Clear() {
+  attempts_.clear();
+  shares_.clear();
+}
+
 void MatchPlan::Note(const PlannedMatch& planned, const MatchResult& result) {
+  Share& share = shares_[AgentsOf(planned)];
+  share.work_left -= std::min(share.work_left, result.work);
   Attempts& attempts = attempts_[{planned.first.key, planned.second.key}];
   ++attempts.count;
   attempts.is_accepted = result.verdict == MatchVerdict::kAccepted;

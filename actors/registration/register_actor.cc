@@ -307,6 +307,7 @@ std::shared_ptr<const HazardField> RegisterActor::FieldOf(const RegisteredMap& m
 void RegisterActor::Match(Context& context, const PlannedMatch& planned, bool is_start) {
   const AgentId rover = planned.second.node.agent;
   if (is_start && !starts_.FindAgreeing(rover).empty()) return;  // The start of the rover is known.
+  if (!is_start && !plan_.HasWorkFor(planned)) return;
   const std::shared_ptr<const HazardField> first = FieldOf(planned.first);
   const std::shared_ptr<const HazardField> second = FieldOf(planned.second);
   if (!first || !second) return;
@@ -426,6 +427,12 @@ proto::RegistrationReply RegisterActor::State() const {
   }
   reply.set_seconds(std::chrono::duration<double>(spent_).count());
   reply.set_text(text_);
+  for (const auto& [agents, count] : plan_.CountLeftOut()) {
+    proto::LeftOutPairs& out = *reply.add_left_out();
+    out.set_agent_id(agents.first);
+    out.set_other_agent_id(agents.second);
+    out.set_count(static_cast<double>(count));
+  }
   return reply;
 }
 

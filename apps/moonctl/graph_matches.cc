@@ -63,7 +63,7 @@ ExitCode ShowMatches(CommandContext& context, const MatchesArguments& arguments)
   json.Key("refusal").String(state ? "" : state.error().text).Key("matches");
   WriteMatches(matches, json);
   json.EndObject();
-  const std::string heading = state ? RegistrationText(*state) : state.error().text + "\n";
+  const std::string heading = state ? RegistrationText(team, *state) : state.error().text + "\n";
   return context.Done(json.text(), heading + MatchesText(team, matches, arguments.is_all ? matches.size() : kRowsMax));
 }
 

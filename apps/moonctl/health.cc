@@ -171,7 +171,7 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom&
              " did not lead in their term and is not in command_from";
     case proto::REFUSAL_CAUSE_NO_ROOM:
       return "leaves the oldest " + records + " of " + sender + " out of the map or the pose graph, because " + sender +
-             " exceeds its share of them";
+             " exceeds its share of them; if they are wrong: moonctl map quarantine --agent " + sender;
     case proto::REFUSAL_CAUSE_DISK_ROOM:
       return "refused " + records + " of " + sender +
              ": they exceed its share of this disk; once 'moonctl db prune' has made room, they are sent again";

@@ -43,15 +43,34 @@ FileNotes NotesOn(const MapArguments& arguments, const proto::MergeReply& reply)
           {"poses", arguments.use_raw_poses ? "raw" : "optimized, raw where there are none"}};
 }
 
-std::string ExportText(const MapExport& exported, const std::vector<std::filesystem::path>& files,
-                       const proto::MergeReply& reply) {
+// Returns one line for each agent with maps or footprints that the export leaves out.
+std::string LeftOutText(const proto::TeamConfig& team, const proto::MergeReply& reply) {
+  std::string text;
+  for (const proto::LeftOutItems& items : reply.left_out()) {
+    const std::string name = AgentName(team, items.agent_id());
+    const std::string repair = "; if they are wrong: moonctl map quarantine --agent " + name + "\n";
+    if (items.far_count() > 0) {
+      text += "left out " + FormatCount(items.far_count()) + " maps and footprints of " + name + " that lie " +
+              FormatFixed(items.distance_m(), 0) + " m or more from the team's middle: the map would be too large" +
+              repair;
+    }
+    if (items.without_room_count() > 0) {
+      text += "left out the oldest " + FormatCount(items.without_room_count()) + " maps and footprints of " + name +
+              ", because they exceed its share of the merged map" + repair;
+    }
+  }
+  return text;
+}
+
+std::string ExportText(const proto::TeamConfig& team, const MapExport& exported,
+                       const std::vector<std::filesystem::path>& files, const proto::MergeReply& reply) {
   const Grid grid = WrittenMap(exported).grid;
   std::string text = "wrote";
   for (const std::filesystem::path& file : files) text += " " + file.string();
   text += ": " + std::to_string(grid.width) + " x " + std::to_string(grid.height) + " cells of " +
           FormatDouble(exported.map.resolution_um / 1e6) + " m, merged by " + reply.backend() + " in " +
           FormatFixed(reply.seconds(), 3) + " s\n";
-  return text + NotesText(exported.notes);
+  return text + NotesText(exported.notes) + LeftOutText(team, reply);
 }
 
 std::string ExportJson(const MapExport& exported, const std::vector<std::filesystem::path>& files,
@@ -80,7 +99,7 @@ ExitCode ExportMap(CommandContext& context, const MapArguments& arguments) {
   exported.notes = NotesOf(OriginOf(config, *target), NotesOn(arguments, merged->reply));
   const auto files = WriteMapFiles(exported);
   if (!files) return context.Report(files.error());
-  return context.Done(ExportJson(exported, *files, merged->reply), ExportText(exported, *files, merged->reply));
+  return context.Done(ExportJson(exported, *files, merged->reply), ExportText(config, exported, *files, merged->reply));
 }
 
 }  // namespace

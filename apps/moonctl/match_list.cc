@@ -71,7 +71,7 @@ std::vector<ListedMatch> MatchList::List(const KnownGraph& known) const {
   return list;
 }
 
-std::string RegistrationText(const proto::RegistrationReply& state) {
+std::string RegistrationText(const proto::TeamConfig& team, const proto::RegistrationReply& state) {
   double count = 0;
   std::string counts;
   for (const proto::RegistrationCount& one : state.counts()) {
@@ -84,7 +84,14 @@ std::string RegistrationText(const proto::RegistrationReply& state) {
   if (state.other_map_count() > 0) {
     text += "; " + FormatCount(state.other_map_count()) + " maps are quarantined or have no optimized pose";
   }
-  return text + (state.text().empty() ? "" : "; " + state.text()) + "\n";
+  text += (state.text().empty() ? "" : "; " + state.text()) + "\n";
+  for (const proto::LeftOutPairs& pairs : state.left_out()) {
+    const bool is_one_agent = pairs.agent_id() == pairs.other_agent_id();
+    text += "left out " + FormatCount(pairs.count()) + " pairs of maps of " + AgentName(team, pairs.agent_id()) +
+            (is_one_agent ? "" : " and " + AgentName(team, pairs.other_agent_id())) +
+            " in the last pass, because they exceed their share of it\n";
+  }
+  return text;
 }
 
 std::string VerdictText(const ListedMatch& match) {

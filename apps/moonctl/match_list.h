@@ -46,8 +46,9 @@ class MatchList {
   std::map<std::pair<NodeKey, NodeKey>, std::pair<Version, proto::MapMatch>> matches_;
 };
 
-// Describes the state of registration in one line: "matched 12 pairs of 8 maps in 1 passes: 9 accepted, ...".
-std::string RegistrationText(const proto::RegistrationReply& state);
+// Describes the state of registration in one line: "matched 12 pairs of 8 maps in 1 passes: 9 accepted, ...", and adds
+// one line for each pair of agents with pairs of maps that the last pass left out.
+std::string RegistrationText(const proto::TeamConfig& team, const proto::RegistrationReply& state);
 
 // Returns "kept", "rejected (9.3 sigmas)", "not solved yet" or "quarantined".
 std::string VerdictText(const ListedMatch& match);

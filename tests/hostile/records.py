@@ -230,6 +230,29 @@ def many_maps(team, scale):
     named_in_health(team, "out of the map or the pose graph")
 
 
+def far_apart_nodes(team, scale):
+    """rover3 inserts nodes that lie 13 m apart, so that their footprints take more pages than a merged map has."""
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch, count = own_epoch(session), 2_000 + int(15_000 * scale)
+        for first in range(0, count, 500):
+            session.bring([messages.stored(ROVER3, epoch, 1 + i, messages.node(ROVER3, 200_000 + i, x=100 + 13 * i))
+                           for i in range(first, first + 500)])
+    for agent in ("rover1", "rover2"):
+        if agent == "rover2":
+            team.moonctl("replicate", "now", "--wait", "--timeout", "50s", check=False)  # rover3 does not answer.
+        team.moonctl("-a", agent, "map", "stats")
+        team.moonctl("-a", agent, "map", "why", "3", "0")
+        team.moonctl("-a", agent, "map", "export", str(team.folder / "far"))
+    named_in_health(team, "moonctl map quarantine --agent rover3")
+    given = team.moonctl("map", "quarantine", "--agent", "rover3", "--reason", "far apart").stdout
+    exported = team.moonctl("map", "export", str(team.folder / "far")).stdout
+    findings = team.moonctl("-a", "rover1", "health", check=False).stdout
+    team.moonctl("map", "quarantine", "--lift", given.split()[1])
+    if "left out" in exported or "share of them" in findings:
+        raise Failure(f"after a quarantine of rover3 something is left out: {exported[-300:]} {findings[-300:]}")
+
+
 def absurd_bodies():
     """Yields absurd records: values that are not numbers, sizes beyond all limits, unknown agents."""
     nan, huge = float("nan"), 1e300
@@ -296,8 +319,9 @@ def undeclared_types(team, scale):
 
 ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_used_up, climbing_epochs, streams_of_another,
              streams_of_its_own, quarantine_in_anothers_name, quarantines_of_others, lifts_of_others, edges_of_others, dense_graph,
-             many_maps, absurd_records, undeclared_types]
+             many_maps, far_apart_nodes, absurd_records, undeclared_types]
 ONLY_AT_LENGTH = [streams_of_its_own, many_maps]
-RSS_MB_MAX_OF = {many_maps: 160}  # The merged map keeps its 65,535 input maps in memory, about 1.5 kB each.
+# The merged map keeps its 65,535 input maps in memory, about 1.5 kB each; a solve takes 5 kB for each far node.
+RSS_MB_MAX_OF = {many_maps: 160, far_apart_nodes: 200}
 # These attackers leave many of rover3's records on every disk. The team is rebuilt, because have-sets would stay large.
-LEAVES_MUCH = [streams_of_its_own, dense_graph, many_maps]
+LEAVES_MUCH = [streams_of_its_own, dense_graph, many_maps, far_apart_nodes]

@@ -33,6 +33,13 @@ TEST(FarNodesTest, NamesASingleWrongPose) {
   EXPECT_EQ(far[1].node, (NodeKey{1, 10}));
 }
 
+// One agent may insert more nodes than all others, at one place far away.
+TEST(FarNodesTest, ManyNodesOfOneAgentDoNotMakeOthersFar) {
+  const Positions honest = Join(Drives(1, 20, 1, {0, 0, 0}), Drives(2, 20, 1, {0, 50, 0}));
+  EXPECT_TRUE(FindFarNodes(Join(honest, Drives(3, 17'000, 0, {20'000, 0, 0}))).empty());
+  EXPECT_EQ(FindFarNodes(Join(honest, Drives(3, 30, 0, {20'000, 0, 0}))).size(), 30u);
+}
+
 TEST(FarNodesTest, AllowsTeamsThatAreFarApartOrDriveFar) {
   EXPECT_TRUE(FindFarNodes(Join(Drives(1, 5, 1, {0, 0, 0}), Drives(2, 5, 1, {9'000, 0, 0}))).empty());
   EXPECT_TRUE(FindFarNodes(Join(Drives(1, 2000, 2, {0, 0, 0}), Drives(2, 5, 1, {35'000, 0, 0}))).empty());

@@ -205,7 +205,52 @@ TEST_F(MapCollectionTest, LimitsNodesOptimizedPosesAndQuarantines) {
   EXPECT_FALSE(collection.PoseOf({3, 1}).has_value());
   EXPECT_TRUE(collection.PoseOf({3, 3}).has_value());
   EXPECT_EQ(collection.StandingQuarantines().size(), 2u);
-  EXPECT_EQ(collection.CountLeftOut(), (std::map<AgentId, std::uint64_t>{{2, 1}, {3, 1}, {4, 1}}));
+  EXPECT_EQ(collection.CountLeftOut(), (std::map<AgentId, std::uint64_t>{{3, 1}, {4, 1}, {5, 1}}));
+}
+
+// Agent 3 has more nodes than all poses that are kept. Agent 1's nodes come last.
+TEST_F(MapCollectionTest, AnAgentWithManyNodesTakesNoOptimizedPosesFromOthers) {
+  const std::uint64_t seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 rng(seed);
+  std::vector<NodeKey> nodes;
+  for (std::uint64_t index = 0; index < 50; ++index) nodes.push_back({3, index});
+  for (std::uint64_t index = 0; index < 3; ++index) nodes.push_back({1, index});
+  for (int round = 0; round < 10; ++round) {
+    MapCollection collection({.grid = {}, .without_footprint = {}, .nodes_max = 10});
+    for (const NodeKey& node : nodes) {
+      collection.AddOptimizedPose(PoseKey(2, 100 * node.agent + node.index), node, Pose{}, MakeTerm(1), 1);
+    }
+    for (const NodeKey& node : nodes) {
+      EXPECT_EQ(collection.PoseOf(node).has_value(), node.agent == 1 || node.index >= 43) << node.index;
+    }
+    std::shuffle(nodes.begin(), nodes.end(), rng);
+  }
+}
+
+TEST_F(MapCollectionTest, AQuarantineLeavesOutTheFootprintsOfItsTimesToo) {
+  for (std::uint64_t index = 1; index <= 9; ++index) {
+    collection_.AddRawPose(PoseKey(1, index), {1, index}, Pose{}, static_cast<std::int64_t>(index));
+  }
+  collection_.AddRawPose(PoseKey(2, 1), {2, 1}, Pose{}, 3);
+  collection_.AddOptimizedPose(PoseKey(2, 2), {1, 20}, Pose{}, MakeTerm(1), 1);  // Its timestamp is unknown.
+  const auto quarantine = [this](std::uint64_t seq, std::int64_t from_ns, std::int64_t to_ns) {
+    proto::MapQuarantine said;
+    said.set_agent_id(1);
+    said.set_from_ns(from_ns);
+    said.set_to_ns(to_ns);
+    collection_.AddQuarantine({{2, 7, proto::MAP_QUARANTINE}, seq}, said);
+  };
+  EXPECT_EQ(collection_.Select({}).footprints.size(), 11u);
+  quarantine(1, 3, 5);
+  EXPECT_EQ(collection_.Select({}).footprints.size(), 8u);
+  quarantine(2, 0, INT64_MAX);
+  EXPECT_EQ(collection_.Select({}).footprints.size(), 2u);
+  quarantine(3, INT64_MIN, INT64_MAX);
+  const auto footprints = collection_.Select({}).footprints;
+  ASSERT_EQ(footprints.size(), 1u);
+  EXPECT_EQ(footprints[0].node, (NodeKey{2, 1}));
+  EXPECT_EQ(footprints[0].record, PoseKey(2, 1));
 }
 
 // The limits evict some records. If a node's record is evicted, another record of the same node gives the pose. If the

@@ -27,6 +27,7 @@ constexpr std::uint32_t kCell_um = 100'000;
 struct FakeStore {
   std::vector<proto::StoredRecord> records;  // Record i has row id i + 1.
   std::vector<proto::ReadRequest> reads;
+  std::map<AgentId, double> without_room;  // Those of the last report.
   int page_records_max = 2;
   bool is_silent = false;
   Error error{};
@@ -38,6 +39,10 @@ class FakeStorageActor final : public Actor {
   explicit FakeStorageActor(std::shared_ptr<FakeStore> store) : store_(std::move(store)) {}
 
   void OnMessage(Context& context, const proto::Message& message) override {
+    if (message.has_left_out_report()) {
+      const auto& counts = message.left_out_report().without_room();
+      store_->without_room = {counts.begin(), counts.end()};
+    }
     if (!message.has_read_request()) return;
     store_->reads.push_back(message.read_request());
     if (store_->is_silent) return;
@@ -96,9 +101,9 @@ class MergeActorTest : public testing::Test {
     store_->records.push_back(stored);
   }
 
-  void StoreNode(AgentId agent, double x_m, double y_m = 0) {
+  void StoreNode(AgentId agent, double x_m, double y_m = 0, std::uint64_t index = 1) {
     proto::Record record;
-    *record.mutable_pose_graph_node()->mutable_node() = ToProto(NodeKey{agent, 1});
+    *record.mutable_pose_graph_node()->mutable_node() = ToProto(NodeKey{agent, index});
     *record.mutable_pose_graph_node()->mutable_map_from_node() = ToProto(Pose::FromPlanar(x_m, y_m, 0));
     Store(agent, proto::POSE_GRAPH_NODE, record);
   }
@@ -330,17 +335,50 @@ TEST_F(MergeActorTest, AMapThatDoesNotFitTheGridIsLeftOut) {
   EXPECT_EQ(Stats().refused_map_count(), 1);
 }
 
-TEST_F(MergeActorTest, MapsTooFarApartAreAnError) {
+TEST_F(MergeActorTest, AnExportLeavesOutAMapThatLiesFarFromTheOthersAndNamesItsAgent) {
   StoreNode(1, 0);
-  StoreNode(2, 1e6);
   StoreMap(1, {"#"});
-  StoreMap(2, {"#"});
   Start();
+  const proto::MergeReply alone = Merge();
+  StoreNode(2, 5000);
+  StoreMap(2, {"#"});
   const proto::MergeReply reply = Merge();
-  EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_FULL);
+  EXPECT_FALSE(IsError(reply.error())) << reply.error().text();
+  EXPECT_EQ(reply.zstd_cells(), alone.zstd_cells());
+  EXPECT_EQ(reply.origin_cell_x(), alone.origin_cell_x());
+  ASSERT_EQ(reply.left_out_size(), 1);
+  EXPECT_EQ(reply.left_out(0).agent_id(), 2u);
+  EXPECT_EQ(reply.left_out(0).far_count(), 2) << "the map and the footprint";
+  EXPECT_NEAR(reply.left_out(0).distance_m(), 5000, 1);
+  EXPECT_EQ(alone.left_out_size(), 0);
+  EXPECT_EQ(Stats().hazard_cell_count(), 0) << "the footprints cover both maps";
+  EXPECT_EQ(Why(5000, 0).observations_size(), 2) << "other requests do not crop";
   proto::MergeRequest request;
   request.add_agents(2);
-  EXPECT_EQ(Merge(request).origin_cell_x(), 9'999'999) << "1,000 km away, alone";
+  EXPECT_EQ(Merge(request).origin_cell_x(), 49'999) << "alone";
+}
+
+TEST_F(MergeActorTest, NodesFarApartAreLeftOutAndReportedToStorageUntilAQuarantine) {
+  StoreNode(1, 0);
+  StoreMap(1, {"#"});
+  store_->page_records_max = 4096;
+  Start();
+  const std::string cells = Merge().zstd_cells();
+  EXPECT_EQ(store_->without_room, (std::map<AgentId, double>{}));
+  for (std::uint64_t i = 0; i < 17'000; ++i) StoreNode(2, 60 + 26 * static_cast<double>(i), 0, i);
+  EXPECT_FALSE(IsError(Stats().error())) << Stats().error().text();
+  EXPECT_EQ(Stats().agents(0).map_count(), 1);
+  ASSERT_EQ(store_->without_room.count(2), 1u);
+  EXPECT_GT(store_->without_room.at(2), 15'000);
+  const proto::MergeReply reply = Merge();
+  EXPECT_FALSE(IsError(reply.error())) << reply.error().text();
+  ASSERT_EQ(reply.left_out_size(), 1);
+  EXPECT_EQ(reply.left_out(0).agent_id(), 2u);
+  EXPECT_EQ(reply.left_out(0).without_room_count(), store_->without_room.at(2));
+  StoreQuarantine(Quarantine(2, INT64_MIN, INT64_MAX));
+  EXPECT_EQ(Merge().zstd_cells(), cells);
+  EXPECT_EQ(Merge().left_out_size(), 0);
+  EXPECT_EQ(store_->without_room.count(2), 0u) << "health names rover 2 no longer";
 }
 
 TEST_F(MergeActorTest, AnInvalidFootprintIsAnError) {

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "actors/merge/cpu_gather.h"
+#include "proto/types.pb.h"
 #include "tests/actors/merge/merge_worlds.h"
 
 namespace moondb {
@@ -199,7 +200,7 @@ std::shared_ptr<const LocalMap> SparseMap(const RecordKey& key) {
 }
 
 TEST(MergerTest, PagesWithoutKnownCellsDoNotCountTowardsTheLimit) {
-  Merger merger({}, MakeCpu());
+  Merger merger({.pages_max = 16'384}, MakeCpu());
   const auto map = SparseMap(MapKey(1, 1));
   for (int i = 0; i < 6; ++i) {
     ASSERT_TRUE(merger.Put({map, Pose::FromPlanar(2000.0 * i, 0, 0)}));
@@ -211,7 +212,7 @@ TEST(MergerTest, PagesWithoutKnownCellsDoNotCountTowardsTheLimit) {
 }
 
 TEST(MergerTest, TooManyPagesAreAnErrorAndWithdrawnMapsAreFreed) {
-  Merger merger({}, MakeCpu());
+  Merger merger({.pages_max = 16'384}, MakeCpu());
   for (std::uint64_t i = 0; i < 6; ++i) {
     ASSERT_TRUE(merger.Put({SparseMap(MapKey(1, i + 1)), Pose::FromPlanar(2000.0 * static_cast<double>(i), 0, 0)}));
   }
@@ -277,7 +278,7 @@ TEST(MergerTest, TheWidthOfAWorldIsNotLimited) {
 }
 
 TEST(MergerTest, PagesAreBounded) {
-  Merger merger({}, MakeCpu());
+  Merger merger({.pages_max = 16'384}, MakeCpu());
   TraversabilityMap map;
   map.layers.push_back({Grid(8, 8, Cell::kFree), 100'000'000, 0, 0});
   for (std::uint64_t i = 1; i <= 5; ++i) {
@@ -289,6 +290,89 @@ TEST(MergerTest, PagesAreBounded) {
   ASSERT_TRUE(merger.Put(PlaceDrawing({"#"}, MapKey(2, 1))));
   ASSERT_TRUE(merger.Merge({}).has_value());
   EXPECT_EQ(merger.ReadCells({0, 0, 0, 0})->grid.At(0, 0), Cell::kHazard);
+}
+
+// Honest maps of rovers 1 and 2, and nodes of rover 3 that lie 13 m apart, in other pages each.
+World FootprintsFarApart(std::uint64_t node_count, std::uint64_t first_node = 0) {
+  World world;
+  for (std::uint64_t i = 0; i < 30; ++i) {
+    const auto agent = static_cast<AgentId>(1 + i % 2);
+    const Pose pose = Pose::FromPlanar(static_cast<double>(i), agent, 0.1 * static_cast<double>(i));
+    world.maps.push_back(
+        PlaceDrawing({"#..#", ".##.", "#  #"}, MapKey(agent, i + 1), pose, static_cast<std::int64_t>(i)));
+    world.footprints.push_back({{agent, i}, pose, {{agent, 1, proto::POSE_GRAPH_NODE}, i + 1}});
+  }
+  for (std::uint64_t i = first_node; i < node_count; ++i) {
+    const Pose pose = Pose::FromPlanar(100 + 13 * static_cast<double>(i), 0, 0);
+    world.footprints.push_back({{3, i}, pose, {{3, 1, proto::POSE_GRAPH_NODE}, i + 1}});
+  }
+  return world;
+}
+
+TEST(MergerTest, FootprintsThatLieFarApartTakeNoPagesFromOtherAgents) {
+  const World world = FootprintsFarApart(17'000);
+  Merger merger(world.grid, MakeCpu());
+  EXPECT_TRUE(merger.Assign(world.maps, world.footprints).empty());
+  ASSERT_TRUE(merger.Merge({}).has_value());
+  ASSERT_EQ(merger.CountWithoutRoom().size(), 1u);
+  const std::uint64_t left_out = merger.CountWithoutRoom().at(3);
+  EXPECT_GT(left_out, 15'900u);
+  EXPECT_LT(left_out, 16'500u) << "a footprint touches one page or two";
+  EXPECT_LE(merger.page_bytes(), kPagesMax * 160'000);
+
+  World honest = FootprintsFarApart(0);
+  const MergeResult expected = MergeBy(MakeCpu(), honest);
+  const CellBox box{expected.merged.origin_cell_x, expected.merged.origin_cell_y,
+                    expected.merged.origin_cell_x + expected.merged.grid.width - 1,
+                    expected.merged.origin_cell_y + expected.merged.grid.height - 1};
+  EXPECT_EQ(CountDifferences(*merger.Read(box), expected), 0u);
+}
+
+// The kept items give the same bytes as a merge of them alone, whatever was merged before and in whatever order.
+TEST(MergerTest, ItemsWithoutRoomDependOnTheSetOfItemsAlone) {
+  World world = FootprintsFarApart(3'000);
+  Merger merger(world.grid, MakeCpu());
+  merger.Assign(world.maps, world.footprints);
+  ASSERT_TRUE(merger.Merge({}).has_value());
+  const std::uint64_t left_out = merger.CountWithoutRoom().at(3);
+  const World kept = FootprintsFarApart(3'000, left_out);
+  const Crop crop = merger.CropTo(1 << 26);
+  const MergeResult merged = *merger.Read(crop.box);
+  std::mt19937_64 rng(26);
+  for (int round = 0; round < 4; ++round) {
+    Merger other(world.grid, MakeCpu());
+    const World before = FootprintsFarApart(500 + 400 * static_cast<std::uint64_t>(round), 200);
+    if (round > 0) {
+      other.Assign(before.maps, before.footprints);
+      ASSERT_TRUE(other.Merge({}).has_value());
+    }
+    std::shuffle(world.footprints.begin(), world.footprints.end(), rng);
+    std::shuffle(world.maps.begin(), world.maps.end(), rng);
+    const World& now = round == 3 ? kept : world;
+    other.Assign(now.maps, now.footprints);
+    ASSERT_TRUE(other.Merge({}).has_value());
+    EXPECT_EQ(other.extent(), merger.extent());
+    EXPECT_EQ(other.CropTo(1 << 26).box, crop.box);
+    EXPECT_EQ(CountDifferences(*other.Read(crop.box), merged), 0u) << round;
+  }
+}
+
+// Old and new pages together exceed the limit.
+TEST(MergerTest, AllMapsMayMoveAtOnce) {
+  Merger merger({.pages_max = 40}, MakeCpu());
+  for (int round = 0; round < 5; ++round) {
+    std::vector<PlacedMap> maps;
+    for (std::uint64_t i = 1; i <= 30; ++i) {
+      const double x_m = 12.8 * (static_cast<double>(i) + 40 * (round % 2)) + 1;
+      maps.push_back(PlaceDrawing({"#"}, MapKey(1, i), Pose::FromPlanar(x_m, 1, 0)));
+    }
+    ASSERT_TRUE(merger.Assign(maps, {}).empty());
+    const auto merged = merger.Merge({});
+    ASSERT_TRUE(merged.has_value()) << ToString(merged.error());
+    EXPECT_EQ(ReadAll(merger).maps.size(), 30u);
+    EXPECT_EQ(merger.ChangedSince(0).size(), 30u);
+  }
+  EXPECT_GE(merger.forgotten(), 4u);
 }
 
 TEST(MergerTest, ALayerOfTenThousandCellsMerges) {

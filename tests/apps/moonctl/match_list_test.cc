@@ -152,14 +152,32 @@ TEST(RegistrationTextTest, CountsResultsAndGivesTheReasonWhyNothingIsMatched) {
     state.add_counts()->set_verdict(verdict);
     state.mutable_counts()->rbegin()->set_count(count);
   }
-  EXPECT_EQ(RegistrationText(state),
+  EXPECT_EQ(RegistrationText({}, state),
             "matched 13 pairs of 8 maps in 2 passes: 9 accepted, 4 few points; 7 stored; 3 left; 1.2 s\n");
   proto::RegistrationReply none;
   none.set_other_map_count(2);
   none.set_text("the leader has not solved the pose graph yet");
-  EXPECT_EQ(RegistrationText(none),
+  EXPECT_EQ(RegistrationText({}, none),
             "matched 0 pairs of 0 maps in 0 passes; 0 stored; 0 left; 0.0 s; 2 maps are quarantined or have no "
             "optimized pose; the leader has not solved the pose graph yet\n");
+}
+
+TEST(RegistrationTextTest, NamesTheAgentsWhosePairsWereLeftOut) {
+  proto::TeamConfig team;
+  for (const AgentId id : {1u, 3u}) {
+    team.add_agents()->set_id(id);
+    team.mutable_agents()->rbegin()->set_name("rover" + std::to_string(id));
+  }
+  proto::RegistrationReply state;
+  for (const auto& [first, second] : {std::pair(1u, 3u), std::pair(3u, 3u)}) {
+    proto::LeftOutPairs& pairs = *state.add_left_out();
+    pairs.set_agent_id(first);
+    pairs.set_other_agent_id(second);
+    pairs.set_count(900);
+  }
+  EXPECT_THAT(RegistrationText(team, state),
+              HasSubstr("left out 900 pairs of maps of rover1 and rover3 in the last pass, because they exceed their "
+                        "share of it\nleft out 900 pairs of maps of rover3 in the last pass"));
 }
 
 }  // namespace
