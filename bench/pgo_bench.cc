@@ -13,6 +13,7 @@
 #include "apps/picture/picture.h"
 #include "bench/pgo_closures.h"
 #include "bench/pgo_graphs.h"
+#include "bench/pgo_lies.h"
 #include "bench/pgo_redraws.h"
 #include "bench/pgo_registration.h"
 #include "bench/pgo_report.h"
@@ -29,7 +30,8 @@ struct Options {
   int unknown_starts = 0;
   bool has_closures = false;
   bool has_registration = false;
-  std::string only;  // If not empty, only team cases whose name contains this text run.
+  bool has_lies = false;
+  std::string only;  // If not empty, only team cases and lies whose name contains this text run.
   bool is_json = false;
   bool is_ours_only = false;
   std::string plots;
@@ -56,6 +58,7 @@ int RunBench(const Options& options) {
   std::vector<RedrawRun> redraws;
   std::vector<ClosureRun> closures;
   std::vector<RegistrationRun> registrations;
+  std::vector<LieRun> lies;
   SolverOptions solver;
   solver.thread_count = options.threads;
   for (const std::string& folder : options.folders) {
@@ -68,7 +71,8 @@ int RunBench(const Options& options) {
       }
       is_good = is_good && run->ours.has_converged;
       if (!options.plots.empty()) is_good = Plot(*run, options.plots) && is_good;
-      if (run->is_team && (options.redraws > 0 || options.has_closures || options.has_registration)) {
+      if (run->is_team &&
+          (options.redraws > 0 || options.has_closures || options.has_registration || options.has_lies)) {
         // RunGraph has just read the mission, but its files may have been removed since.
         const auto mission = ReadMission(path);
         is_good = is_good && mission;
@@ -78,6 +82,10 @@ int RunBench(const Options& options) {
         if (options.has_registration) {
           const std::vector<RegistrationRun> of_mission = RunRegistration(run->name, *mission, solver);
           registrations.insert(registrations.end(), of_mission.begin(), of_mission.end());
+        }
+        if (options.has_lies) {
+          const std::vector<LieRun> of_mission = RunLies(run->name, *mission, solver, options.only);
+          lies.insert(lies.end(), of_mission.begin(), of_mission.end());
         }
         if (options.has_closures) {
           const std::vector<ClosureRun> of_mission = RunClosures(run->name, *mission, solver);
@@ -92,7 +100,8 @@ int RunBench(const Options& options) {
     }
   }
   if (!options.is_json && !graphs.empty()) fmt::print("{}\n", TableOf(graphs));
-  if (!options.is_json) fmt::print("{}{}{}", TableOf(redraws), TableOf(closures), TableOf(registrations));
+  if (!options.is_json)
+    fmt::print("{}{}{}{}", TableOf(redraws), TableOf(closures), TableOf(registrations), TableOf(lies));
   std::vector<TeamRun> teams;
   for (const TeamCase& team : StandardTeamCases()) {
     if (options.seeds == 0 || team.name.find(options.only) == std::string::npos) continue;
@@ -103,7 +112,7 @@ int RunBench(const Options& options) {
   UnknownStartsRun unknown;
   if (options.unknown_starts > 0) unknown = RunUnknownStarts(options.unknown_starts, solver);
   if (options.unknown_starts > 0 && !options.is_json) fmt::print("{}", TextOf(unknown));
-  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, closures, registrations, teams, unknown));
+  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, closures, registrations, lies, teams, unknown));
   return is_good ? 0 : 1;
 }
 
@@ -124,7 +133,8 @@ int main(int argc, char** argv) {
       .Within(0, 1000);
   app.AddFlag("--closures", options.has_closures, "Also each mission with drawn loop closures, some of them wrong");
   app.AddFlag("--registration", options.has_registration, "Also each mission with matches of its maps");
-  app.AddOption("--only", options.only, "Run only simulated teams whose name contains this text");
+  app.AddFlag("--lies", options.has_lies, "Also each mission with one rover that inserts false records");
+  app.AddOption("--only", options.only, "Run only simulated teams, and lies, whose name contains this text");
   app.AddFlag("--json", options.is_json, "One JSON object instead of a table");
   app.AddFlag("--ours-only", options.is_ours_only, "Without plain least squares from odometry beside each graph");
   app.AddOption("--plots", options.plots, "Writes a PNG picture of each graph's trajectories into this folder")

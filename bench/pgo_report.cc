@@ -189,9 +189,23 @@ std::string TextOf(const UnknownStartsRun& run) {
       run.right, run.runs, run.wrong_ambiguous, run.right_ambiguous, run.median_seconds);
 }
 
+std::string TableOf(const std::vector<LieRun>& lies) {
+  if (lies.empty()) return {};
+  Table table(
+      {"MISSION", "LIE", "LIAR", "START", "MEDIAN MOVE M", "LARGEST M", "REJECTED", "NAMED", "OTHERS", "SECONDS"});
+  for (const LieRun& run : lies) {
+    table.Add({run.mission, run.lie, fmt::format("{}", run.liar), run.is_warm ? "warm" : "cold",
+               FormatFixed(run.median_move_m, 3), FormatFixed(run.largest_move_m, 3),
+               fmt::format("{}", run.rejected_count), run.is_named ? "yes" : "no", fmt::format("{}", run.named_others),
+               FormatFixed(run.seconds, 3)});
+  }
+  return table.Text();
+}
+
 std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<RedrawRun>& redraws,
                    const std::vector<ClosureRun>& closures, const std::vector<RegistrationRun>& registrations,
-                   const std::vector<TeamRun>& teams, const UnknownStartsRun& unknown) {
+                   const std::vector<LieRun>& lies, const std::vector<TeamRun>& teams,
+                   const UnknownStartsRun& unknown) {
   JsonWriter json;
   json.BeginObject().Key("graphs").BeginArray();
   for (const GraphRun& run : graphs) Write(run, json);
@@ -207,6 +221,15 @@ std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<Redraw
   }
   json.EndArray().Key("registrations").BeginArray();
   for (const RegistrationRun& run : registrations) Write(run, json);
+  json.EndArray().Key("lies").BeginArray();
+  for (const LieRun& run : lies) {
+    json.BeginObject().Key("mission").String(run.mission).Key("lie").String(run.lie).Key("liar").Number(run.liar);
+    json.Key("is_warm").Bool(run.is_warm).Key("median_move_m").Number(run.median_move_m);
+    json.Key("largest_move_m").Number(run.largest_move_m);
+    json.Key("rejected").Number(static_cast<double>(run.rejected_count)).Key("is_named").Bool(run.is_named);
+    json.Key("named_others").Number(static_cast<double>(run.named_others));
+    json.Key("seconds").Number(run.seconds).EndObject();
+  }
   json.EndArray().Key("teams").BeginArray();
   for (const TeamRun& run : teams) Write(run, json);
   json.EndArray().Key("unknown_starts").BeginObject().Key("runs").Number(unknown.runs);

@@ -34,9 +34,11 @@ class OriginQuota {
     Note note;
   };
 
-  // `limit`: maximum total weight of the records that have room. Requires: `limit` is below 2^48, and fewer than 2^15
+  // `limit`: maximum total weight of the records that have room. `of_origin_max`: maximum weight of one origin, even if
+  // the others leave room. Requires: `limit` is below 2^48, and fewer than 2^15
   // records with a weight above `limit` are added; otherwise sums overflow.
-  explicit OriginQuota(std::uint64_t limit) : limit_(limit) {}
+  explicit OriginQuota(std::uint64_t limit, std::uint64_t of_origin_max = UINT64_MAX)
+      : limit_(limit), level_(of_origin_max), of_origin_max_(of_origin_max) {}
 
   // Adds a record. Returns the records that lose their room because of the new record, which may itself be among them.
   // Requires: the record was not added before.
@@ -57,6 +59,8 @@ class OriginQuota {
     if (weight_ > limit_) {
       UpdateLevel();
       for (auto& [agent, of_agent] : origins_) Cut(agent, of_agent, removed);
+    } else {
+      Cut(key.stream.origin, origin, removed);
     }
     return removed;
   }
@@ -88,7 +92,7 @@ class OriginQuota {
     std::sort(weights.begin(), weights.end());
     std::uint64_t left = limit_;
     for (std::size_t i = 0; i < weights.size(); ++i) {
-      level_ = left / (weights.size() - i);
+      level_ = std::min(left / (weights.size() - i), of_origin_max_);
       if (weights[i] > level_) return;
       left -= weights[i];
     }
@@ -108,7 +112,8 @@ class OriginQuota {
 
   std::uint64_t limit_;
   std::uint64_t weight_ = 0;  // Total weight of the records added for all origins.
-  std::uint64_t level_ = 0;   // Maximum weight per origin; only valid once weight_ exceeds limit_.
+  std::uint64_t level_;       // Maximum weight per origin. of_origin_max_ until weight_ exceeds limit_.
+  std::uint64_t of_origin_max_;
   std::map<AgentId, Origin> origins_;
 };
 

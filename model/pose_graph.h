@@ -41,6 +41,7 @@ struct RangeEdge {
   std::int64_t timestamp_ns = 0;
   double range_m = 0;
   double variance_m2 = 1;
+  AgentId producer = 0;  // Agent that inserted the record; 0 if unknown, for example in a graph from a file.
 };
 
 // A relative pose between any two nodes that is not odometry: a loop closure of one rover, or one rover's measurement
@@ -51,7 +52,8 @@ struct LoopClosure {
   std::int64_t timestamp_ns = 0;
   Pose from_from_to;
   Matrix6d covariance = Matrix6d::Identity();  // As in OdometryEdge.
-  std::string source;                          // Name of the producer.
+  std::string source;                          // Name of the software or sensor that measured it.
+  AgentId producer = 0;                        // As in RangeEdge.
 };
 
 // How much of a node's pose a prior measures. The value is the size of the covariance.
@@ -68,7 +70,8 @@ struct NodePrior {
   // then of the yaw or of the rotation about the axes of `map` (rad). The other diagonal entries are 1.
   Matrix6d covariance = Matrix6d::Identity();
   Eigen::Vector3d point_m = Eigen::Vector3d::Zero();  // The measured point in the node's body frame.
-  std::string source;                                 // Name of the producer.
+  std::string source;                                 // As in LoopClosure.
+  AgentId producer = 0;                               // As in RangeEdge.
 };
 
 // Returns a prior of a position and a yaw as a prior of a pose whose roll and pitch are 0 with a sigma of 1 rad, for

@@ -219,36 +219,62 @@ void CostTerms::Build(const std::vector<bool>& is_used, const std::vector<bool>&
   HoldStanding(state, problem);
 }
 
-std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& is_used, const std::vector<std::size_t>& nodes,
-                                             State state) const {
+LinearTerms CostTerms::Linearise(const std::vector<bool>& is_used, State state) const {
   PoseManifold manifold;
   ceres::Problem problem(BorrowingProblemOptions());
   Build(is_used, {}, nullptr, manifold, state, problem);
   ceres::Problem::EvaluateOptions evaluation;
   evaluation.num_threads = options_.thread_count;
-  std::map<std::size_t, int> columns;
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
-    if (!is_free_[node]) continue;
-    columns[node] = static_cast<int>(evaluation.parameter_blocks.size()) * kPoseTangentSize;
-    evaluation.parameter_blocks.push_back(state.poses[node].data());
+    if (is_free_[node]) evaluation.parameter_blocks.push_back(state.poses[node].data());
   }
   for (std::size_t i = 0; i < state.numbers.size(); ++i) {
-    double* const number = &state.numbers[i];
-    const bool is_held = is_window_ || held_numbers_.contains(i);
-    if (!is_held && problem.HasParameterBlock(number)) evaluation.parameter_blocks.push_back(number);
+    if (HasColumn(i) && problem.HasParameterBlock(&state.numbers[i])) {
+      evaluation.parameter_blocks.push_back(&state.numbers[i]);
+    }
   }
+  LinearTerms result;
+  std::vector<double> residuals;
   ceres::CRSMatrix rows;
-  if (!problem.Evaluate(evaluation, nullptr, nullptr, nullptr, &rows)) return {};
-  const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> jacobian(
+  if (!problem.Evaluate(evaluation, nullptr, &residuals, nullptr, &rows)) return result;
+  result.jacobian = Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>>(
       rows.num_rows, rows.num_cols, static_cast<Eigen::Index>(rows.values.size()), rows.rows.data(), rows.cols.data(),
       rows.values.data());
-  const Eigen::SparseMatrix<double> information = jacobian.transpose() * jacobian;
+  result.residuals = Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size()));
+  for (const Term& term : terms_) {
+    if (!IsUsed(term, is_used)) continue;
+    result.tested_of_row.insert(result.tested_of_row.end(), static_cast<std::size_t>(term.factor->num_residuals()),
+                                term.tested);
+  }
+  return result;
+}
+
+State CostTerms::Move(const State& state, const Eigen::VectorXd& move) const {
+  State moved = state;
+  const PoseManifold manifold;
+  Eigen::Index column = 0;
+  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
+    if (!is_free_[node]) continue;
+    manifold.Plus(state.poses[node].data(), move.data() + column, moved.poses[node].data());
+    column += kPoseTangentSize;
+  }
+  for (std::size_t i = 0; i < state.numbers.size() && column < move.size(); ++i) {
+    if (HasColumn(i)) moved.numbers[i] += move(column++);
+  }
+  return moved;
+}
+
+std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& is_used, const std::vector<std::size_t>& nodes,
+                                             const State& state) const {
+  const LinearTerms terms = Linearise(is_used, state);
+  const Eigen::SparseMatrix<double> information = terms.jacobian.transpose() * terms.jacobian;
   const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> factorised(information);
-  if (factorised.info() != Eigen::Success) return {};
+  if (information.rows() == 0 || factorised.info() != Eigen::Success) return {};
   std::vector<Matrix6d> covariances;
   for (const std::size_t node : nodes) {
-    const int column = columns.at(node);
-    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(rows.num_cols, kPoseTangentSize);
+    const auto column =
+        kPoseTangentSize * std::count(is_free_.begin(), is_free_.begin() + static_cast<std::ptrdiff_t>(node), true);
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(information.rows(), kPoseTangentSize);
     unit.middleRows(column, kPoseTangentSize).setIdentity();
     covariances.emplace_back(factorised.solve(unit).middleRows(column, kPoseTangentSize));
     if (!covariances.back().allFinite()) return {};
@@ -294,6 +320,23 @@ double CostTerms::RobustCost(const std::vector<bool>& is_allowed, const State& s
     if (is_allowed[i]) cost += scale / 2 * std::log1p(residuals[i] * residuals[i] / scale);
   }
   return cost;
+}
+
+std::map<AgentId, double> CostTerms::RobustCosts(const std::vector<bool>& is_counted, const State& state) const {
+  State copy = state;
+  std::map<AgentId, double> costs;
+  const double scale = options_.cauchy_sigmas * options_.cauchy_sigmas;
+  for (const Term& term : terms_) {
+    if (term.pose_a == kNone || !IsUsed(term, is_counted)) continue;
+    Eigen::Matrix<double, 6, 1> whitened = Eigen::Matrix<double, 6, 1>::Zero();
+    term.factor->Evaluate(BlocksOf(term, copy).data(), whitened.data(), nullptr);
+    const double square = whitened.squaredNorm();
+    const bool is_tested = term.tested != kNone;
+    const AgentId agent = is_tested ? graph_.ProducerOfTested(static_cast<std::size_t>(term.tested))
+                                    : graph_.nodes[static_cast<std::size_t>(term.pose_a)].key.agent;
+    costs[agent] += is_tested ? scale / 2 * std::log1p(square / scale) : square / 2;
+  }
+  return costs;
 }
 
 std::vector<double> CostTerms::TestedResiduals(const State& state) const {

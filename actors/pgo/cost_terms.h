@@ -8,6 +8,7 @@
 #include <ceres/cost_function.h>
 #include <ceres/problem.h>
 
+#include <map>
 #include <memory>
 #include <set>
 #include <string>
@@ -16,6 +17,7 @@
 #include "actors/pgo/factors.h"
 #include "actors/pgo/graph_check.h"
 #include "actors/pgo/initial_values.h"
+#include "actors/pgo/linearization.h"
 #include "actors/pgo/pose_graph_solver.h"
 
 namespace moondb {
@@ -68,11 +70,21 @@ class CostTerms {
   // the node's own frame (the tangent of PoseManifold). Returns an empty list if the graph does not determine the
   // covariances. Requires: `nodes` are free, and `state` is a minimum over the tested factors in `is_used`.
   std::vector<Matrix6d> Covariances(const std::vector<bool>& is_used, const std::vector<std::size_t>& nodes,
-                                    State state) const;
+                                    const State& state) const;
+
+  // Returns the terms linearised at `state`, without a loss. The columns are six for each free node (PoseManifold), in
+  // the order of CheckedGraph::nodes, then one for each number that is not held.
+  LinearTerms Linearise(const std::vector<bool>& is_used, State state) const;
+  // Returns `state` after a move of the columns of Linearise.
+  State Move(const State& state, const Eigen::VectorXd& move) const;
 
   // Returns F over all terms, with the Cauchy loss on tested factors. Omits the tested factors whose flag in
   // `is_allowed` is false. Used to compare solutions that accept different factors.
   double RobustCost(const std::vector<bool>& is_allowed, const State& state) const;
+
+  // Returns RobustCost by agent: tested factors by their producer, other terms by the agent of their node. Omits scales
+  // and biases.
+  std::map<AgentId, double> RobustCosts(const std::vector<bool>& is_counted, const State& state) const;
 
   // Returns the residual of each tested factor in sigmas: signed for a range, the Mahalanobis distance for a loop
   // closure or prior, 0 for factors that are not part of this solve.
@@ -98,6 +110,7 @@ class CostTerms {
   void AddTested(Term term, bool is_moving);
   void AddStartsAndGravity(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts);
   void AddNumber(double value, double sigma);
+  bool HasColumn(std::size_t number) const { return !is_window_ && !held_numbers_.contains(number); }
   bool IsMoving(std::size_t a, std::size_t b) const { return is_free_[a] || is_free_[b]; }
   bool IsUsed(const Term& term, const std::vector<bool>& is_used) const;
   // Adds all blocks and terms to `problem`. `state`, `manifold` and `loss` must outlive `problem`.

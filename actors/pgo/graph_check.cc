@@ -271,6 +271,12 @@ FactorKey CheckedGraph::KeyOfTested(std::size_t factor) const {
   return KeyOf(*priors[factor - first_prior()].prior);
 }
 
+AgentId CheckedGraph::ProducerOfTested(std::size_t factor) const {
+  if (factor < first_closure()) return ranges[factor].edge->producer;
+  if (factor < first_prior()) return closures[factor - first_closure()].edge->producer;
+  return priors[factor - first_prior()].prior->producer;
+}
+
 std::pair<std::size_t, std::size_t> CheckedGraph::EndsOfTested(std::size_t factor) const {
   if (factor < first_closure()) return {ranges[factor].from, ranges[factor].to};
   if (factor < first_prior()) {

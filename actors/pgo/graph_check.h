@@ -38,6 +38,7 @@ struct AgentFacts {
   double start_sigma_rad = 0.01;  // Standard deviation of each angle of a rover's start. 0 or less: use the default.
   Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // Position of the UWB antenna in the body's frame.
   bool has_fixed_scale = false;                         // True if the odometry scale is 1 and not estimated.
+  std::uint64_t start_index = 0;                        // Number of the node at which the rover is at `start`.
 };
 
 using AgentFactsMap = std::map<AgentId, AgentFacts>;
@@ -100,6 +101,8 @@ struct CheckedGraph {
   std::size_t first_prior() const { return ranges.size() + closures.size(); }
   // Returns the key of a tested factor.
   FactorKey KeyOfTested(std::size_t factor) const;
+  // Returns the agent that inserted a tested factor; 0 if unknown.
+  AgentId ProducerOfTested(std::size_t factor) const;
   // Returns the indices in `nodes` of a tested factor's ends. Both are equal for a prior.
   std::pair<std::size_t, std::size_t> EndsOfTested(std::size_t factor) const;
 };

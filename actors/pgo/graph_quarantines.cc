@@ -10,7 +10,7 @@ bool GraphQuarantines::HasFactor(const RecordKey& record, const FactorKey& facto
   const Parts& standing = Standing();
   const AgentId producer = record.stream.origin;
   if (standing.factors.contains(factor)) return true;
-  if (factor.kind == FactorKind::kRange) return false;
+  if (factor.kind == FactorKind::kRange) return standing.sources.contains({producer, ""});
   return standing.sources.contains({producer, factor.source}) || standing.sources.contains({producer, ""});
 }
 

@@ -15,11 +15,11 @@ constexpr double kScaleErrorMax = 0.1;  // Five times SolverOptions::scale_sigma
 constexpr double kWarmShare = 0.8;
 constexpr double kWarmLengthMin_m = 5;  // Odometry over a shorter distance does not determine the scale.
 
-// Returns true if `first` is at the configured start: `first` is node 0, or its raw pose is close to the start. Raw
-// poses begin at the start. If nodes before `first` have not arrived yet, the raw pose of `first` is therefore usually
-// far from the start.
+// Returns true if `first` is at the configured start: `first` is the node of the start, or its raw pose is close to the
+// start. Raw poses begin at the start. If nodes before `first` have not arrived yet, the raw pose of `first` is
+// therefore usually far from the start.
 bool IsAtStart(const CheckedNode& first, const AgentFacts& facts) {
-  if (first.key.index == 0) return true;
+  if (first.key.index == facts.start_index) return true;
   const double near_m = std::max(5 * facts.start_sigma_m, 0.5);
   return (first.raw.position_m - facts.start->position_m).norm() < near_m &&
          std::abs(std::remainder(first.raw.Yaw() - facts.start->Yaw(), 2 * M_PI)) < 0.2;

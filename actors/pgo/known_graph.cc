@@ -1,12 +1,32 @@
 #include "actors/pgo/known_graph.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <functional>
 #include <iterator>
 #include <optional>
 
 namespace moondb {
 
 namespace {
+
+// No sensor of a rover measures its distance or pose from another rover better, and a smaller sigma would let one
+// measurement outweigh all others.
+constexpr double kRangeSigmaMin_m = 0.05;
+constexpr double kClosureSigmaMin_m = 0.02;
+constexpr double kClosureSigmaMin_rad = 0.002;
+
+// Raises the variances of the translation and of the rotation so that none, in any direction, is below its minimum.
+void RaiseVariances(Matrix6d& covariance, double sigma_min_m, double sigma_min_rad) {
+  const auto raise = [](auto block, double sigma_min) {
+    const double smallest =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(block, Eigen::EigenvaluesOnly).eigenvalues()(0);
+    const double missing = sigma_min * sigma_min - smallest;
+    if (missing > 0) block.diagonal().array() += missing;
+  };
+  raise(covariance.topLeftCorner<3, 3>(), sigma_min_m);
+  raise(covariance.bottomRightCorner<3, 3>(), sigma_min_rad);
+}
 
 // Calls take(record key, node or edge) for the first record of each node or edge. Only the first record is valid.
 template <typename Records, typename Take>
@@ -20,7 +40,9 @@ void ForEachStanding(const Records& records, const Take& take) {
 }  // namespace
 
 KnownGraph::KnownGraph(const Limits& limits)
-    : limits_(limits), node_quota_(limits.nodes_max), edge_quota_(limits.edges_max) {}
+    : limits_(limits),
+      node_quota_(limits.nodes_max, limits.nodes_max / limits.agent_count),
+      edge_quota_(limits.edges_max, limits.edges_max / limits.agent_count) {}
 
 Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) {
   if (record.has_optimized_pose()) return AddPose(key, record.optimized_pose());
@@ -44,13 +66,16 @@ Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) 
     if (!odometry_.emplace(std::pair(name, key), edge).second) continue;
     AddEdge(key, {{FactorKind::kRange, edge.from, edge.to, {}}, /*is_odometry=*/true});
   }
-  for (const RangeEdge& edge : one.ranges) {
+  for (RangeEdge& edge : one.ranges) {
+    edge.producer = key.stream.origin;
     if (ranges_.emplace(std::pair(EdgeName{edge.from, edge.to}, key), edge).second) AddEdge(key, {KeyOf(edge)});
   }
-  for (const LoopClosure& closure : one.closures) {
+  for (LoopClosure& closure : one.closures) {
+    closure.producer = key.stream.origin;
     if (closures_.emplace(std::pair(KeyOf(closure), key), closure).second) AddEdge(key, {KeyOf(closure)});
   }
-  for (const NodePrior& prior : one.priors) {
+  for (NodePrior& prior : one.priors) {
+    prior.producer = key.stream.origin;
     if (priors_.emplace(std::pair(KeyOf(prior), key), prior).second) AddEdge(key, {KeyOf(prior)});
   }
   return {};
@@ -76,6 +101,17 @@ SolveSize KnownGraph::SolveSizeMax(std::size_t node_count) {
 }
 
 KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
+  Selection selection = Select(size, /*has_all_nodes=*/false);
+  for (RangeEdge& edge : selection.graph.ranges) {
+    edge.variance_m2 = std::max(edge.variance_m2, kRangeSigmaMin_m * kRangeSigmaMin_m);
+  }
+  for (LoopClosure& closure : selection.graph.closures) {
+    RaiseVariances(closure.covariance, kClosureSigmaMin_m, kClosureSigmaMin_rad);
+  }
+  return selection;
+}
+
+KnownGraph::Selection KnownGraph::Select(const SolveSize& size, bool has_all_nodes) const {
   struct Extra {
     RecordKey key;
     std::pair<int, int> joined;
@@ -85,7 +121,7 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
   };
   Selection selection;
   std::map<NodeKey, int> place_of;
-  selection.graph.nodes = SelectNodes();
+  selection.graph.nodes = SelectNodes(has_all_nodes ? nullptr : &selection.left_out);
   for (const GraphNode& node : selection.graph.nodes) place_of.emplace(node.key, static_cast<int>(place_of.size()));
   std::vector<std::pair<int, int>> chain;
   std::map<AgentId, std::vector<Extra>> extras;
@@ -139,7 +175,7 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
   };
   while (level > 0 && !is_within_size()) level /= 2;
   for (const auto& [origin, of_origin] : extras) {
-    if (of_origin.size() > level) selection.left_out[origin] = of_origin.size() - level;
+    if (of_origin.size() > level) selection.left_out[origin] += of_origin.size() - level;
     for (std::size_t i = 0; i < std::min(level, of_origin.size()); ++i) {
       if (of_origin[i].odometry != nullptr) selection.graph.odometry.push_back(*of_origin[i].odometry);
       if (of_origin[i].range != nullptr) selection.graph.ranges.push_back(*of_origin[i].range);
@@ -155,19 +191,63 @@ bool KnownGraph::IsQuarantined(const RecordKey& key, const Match& match) const {
          quarantines_.HasMap(closure.to, match.to_timestamp_ns);
 }
 
-std::vector<GraphNode> KnownGraph::SelectNodes() const {
-  std::vector<GraphNode> all;
-  ForEachStanding(nodes_, [&all](const RecordKey&, const GraphNode& node) { all.push_back(node); });
+// Leaves out untied nodes and counts them in `left_out`, unless it is null.
+std::vector<GraphNode> KnownGraph::SelectNodes(std::map<AgentId, std::uint64_t>* left_out) const {
+  std::vector<std::pair<RecordKey, GraphNode>> all;
+  ForEachStanding(nodes_, [&all](const RecordKey& key, const GraphNode& node) { all.emplace_back(key, node); });
+  if (left_out != nullptr) LeaveOutUntied(all, *left_out);
   std::vector<GraphNode> selected;
   for (std::size_t i = 0; i < all.size(); ++i) {
-    if (quarantines_.HasNode(all[i].key)) {
-      const std::optional<Pose> pose = ComposePose(selected, all[i], i + 1 < all.size() ? &all[i + 1] : nullptr);
+    GraphNode node = all[i].second;
+    if (quarantines_.HasNode(node.key)) {
+      const std::optional<Pose> pose = ComposePose(selected, node, i + 1 < all.size() ? &all[i + 1].second : nullptr);
       if (!pose) continue;
-      all[i].map_from_node = *pose;
+      node.map_from_node = *pose;
     }
-    selected.push_back(all[i]);
+    selected.push_back(node);
   }
   return selected;
+}
+
+std::set<NodeKey> KnownGraph::FindTiedNodes() const {
+  std::set<NodeKey> tied;
+  for (const auto& [name, edge] : odometry_) tied.insert({edge.from, edge.to});
+  for (const auto& [name, edge] : ranges_) tied.insert({edge.from, edge.to});
+  for (const auto& [name, closure] : closures_) tied.insert({closure.from, closure.to});
+  for (const auto& [name, prior] : priors_) tied.insert(prior.node);
+  for (const auto& [ends, match] : matches_) tied.insert({ends.first, ends.second});
+  return tied;
+}
+
+// Removes the oldest nodes of each agent that no edge or prior names, beyond kUntiedNodesMax.
+void KnownGraph::LeaveOutUntied(std::vector<std::pair<RecordKey, GraphNode>>& nodes,
+                                std::map<AgentId, std::uint64_t>& left_out) const {
+  std::map<AgentId, std::vector<RecordAge>> ages;
+  if (nodes.size() <= kUntiedNodesMax) return;
+  const std::set<NodeKey> tied = FindTiedNodes();
+  for (const auto& [key, node] : nodes) {
+    if (!tied.contains(node.key)) ages[key.stream.origin].push_back(AgeOf(key));
+  }
+  for (auto& [origin, of_origin] : ages) std::sort(of_origin.begin(), of_origin.end(), std::greater<>());
+  std::erase_if(nodes, [&](const auto& node) {
+    const std::vector<RecordAge>& of_origin = ages[node.first.stream.origin];
+    const bool is_left_out = of_origin.size() > kUntiedNodesMax && !tied.contains(node.second.key) &&
+                             AgeOf(node.first) <= of_origin[kUntiedNodesMax];
+    if (is_left_out) ++left_out[node.first.stream.origin];
+    return is_left_out;
+  });
+}
+
+std::map<NodeKey, Pose> KnownGraph::FindContinuations() const {
+  std::map<AgentId, std::uint64_t> cut;
+  node_quota_.CountLeftOut(cut);
+  std::map<NodeKey, Pose> continuations;
+  for (const auto& [agent, count] : cut) {
+    const auto first = nodes_.lower_bound({NodeKey{agent, 0}, RecordKey()});
+    if (first == nodes_.end() || first->first.first.agent != agent) continue;
+    if (const Pose* const pose = FindPublished(first->first.first)) continuations[first->first.first] = *pose;
+  }
+  return continuations;
 }
 
 // Returns the pose of a quarantined node: that of the node before or after it, composed with odometry. `before`: the

@@ -1,7 +1,7 @@
 // KnownGraph: the pose graph in this agent's storage, with all poses, verdicts and map matches that leaders have
 // published. A new or restarted leader continues from these poses and verdicts.
 //
-// Nodes and edges have separate limits. Beyond a limit, the agents with the most records keep only their newest records
+// Nodes and edges have separate limits. Beyond a limit, or its equal part of it, an agent keeps only its newest records
 // (model/origin_quota.h), so the graph depends only on the set of records. Published poses, verdicts and map matches
 // have limits too. Beyond these limits, later arrivals are dropped, which is acceptable because only leaders publish.
 // Single-threaded.
@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -31,16 +32,23 @@ struct PublishedVerdict {
 
 class KnownGraph {
  public:
+  // Measured: a solve takes about 9 kB for each node with its odometry and ranges, and 2.5 kB for each further edge
+  // (docs/SIZING.md). One agent therefore makes a solve take 200 MB at most, and all agents 700 MB, which the memory
+  // limits of packaging/ allow.
   struct Limits {
-    std::size_t nodes_max = 200'000;  // Maximum number of nodes, and also of published poses.
+    std::size_t nodes_max = 60'000;  // Maximum number of nodes, and also of published poses.
     // Maximum number of edges and priors, also of published verdicts, and also of map matches.
-    std::size_t edges_max = 600'000;
+    std::size_t edges_max = 180'000;
+    // Number of agents of the team. No agent has more than its equal part of nodes and of edges.
+    std::size_t agent_count = 1;
   };
+  // Nodes of one agent without any edge or prior that a solve uses. Such a node keeps its raw pose.
+  static constexpr std::size_t kUntiedNodesMax = 1000;
 
   // The part of the graph that a solve uses.
   struct Selection {
     PoseGraph graph;
-    std::map<AgentId, std::uint64_t> left_out;  // Number of edges left out, by the origin of their records.
+    std::map<AgentId, std::uint64_t> left_out;  // Number of nodes and edges left out, by the origin of their records.
   };
 
   KnownGraph() : KnownGraph(Limits()) {}
@@ -55,16 +63,21 @@ class KnownGraph {
   // kept.
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
-  PoseGraph graph() const { return SelectForSolve({UINT64_MAX, UINT64_MAX}).graph; }
-  // Returns a graph without quarantined factors, whose solve stays within `size`. A quarantined node gets the pose of
-  // its neighbour composed with odometry instead of its raw pose. Without such odometry it is left out. The graph
-  // contains all nodes and priors, the odometry from each node to the next, and the newest other edges of each origin,
-  // up to a limit per origin. The limit starts at the largest number of such edges of any origin, and is halved until
-  // the solve fits or the limit is zero.
+  // Returns the whole graph as it was added, without quarantined factors.
+  PoseGraph graph() const { return Select({UINT64_MAX, UINT64_MAX}, /*has_all_nodes=*/true).graph; }
+  // Returns a graph without quarantined factors, whose solve stays within `size`. Ranges have a sigma of at least 5 cm,
+  // loop closures of at least 2 cm and 2 mrad. A quarantined node gets the pose of its neighbour composed with odometry
+  // instead of its raw pose. Without such odometry it is left out. The graph contains all nodes except the untied ones
+  // beyond kUntiedNodesMax, all priors, the odometry from each node to the next, and the newest other edges of each
+  // origin, up to a limit per origin. The limit starts at the largest number of such edges of any origin, and is halved
+  // until the solve fits or the limit is zero.
   Selection SelectForSolve(const SolveSize& size) const;
   // Returns the maximum size of a solve with this many nodes. Public benchmark graphs need several times less.
   static SolveSize SolveSizeMax(std::size_t node_count);
   std::size_t node_count() const { return nodes_.size(); }
+  // Returns the first node of each agent whose earlier nodes were dropped, with its published pose. A solve continues
+  // from this pose. Agents whose first node has no published pose are absent.
+  std::map<NodeKey, Pose> FindContinuations() const;
   // Returns the number of records dropped because a limit was reached, by origin. Origins without dropped records are
   // absent.
   std::map<AgentId, std::uint64_t> CountLeftOut() const;
@@ -119,7 +132,11 @@ class KnownGraph {
   Result<void> AddMatch(const RecordKey& key, const proto::Record& record);
   void AddEdge(const RecordKey& key, const EdgeNote& note);
   bool IsQuarantined(const RecordKey& key, const Match& match) const;
-  std::vector<GraphNode> SelectNodes() const;
+  Selection Select(const SolveSize& size, bool has_all_nodes) const;
+  std::vector<GraphNode> SelectNodes(std::map<AgentId, std::uint64_t>* left_out) const;
+  std::set<NodeKey> FindTiedNodes() const;
+  void LeaveOutUntied(std::vector<std::pair<RecordKey, GraphNode>>& nodes,
+                      std::map<AgentId, std::uint64_t>& left_out) const;
   std::optional<Pose> ComposePose(const std::vector<GraphNode>& before, const GraphNode& node,
                                   const GraphNode* next) const;
   const OdometryEdge* FindOdometry(const NodeKey& from, const NodeKey& to) const;

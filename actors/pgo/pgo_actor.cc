@@ -26,11 +26,18 @@ RecordReader::Options ReaderOptions(const PgoActor::Options& options) {
   return reader;
 }
 
+KnownGraph::Limits LimitsOf(const proto::TeamConfig& team) {
+  KnownGraph::Limits limits;
+  limits.agent_count = static_cast<std::size_t>(std::max(team.agents_size(), 1));
+  return limits;
+}
+
 }  // namespace
 
 PgoActor::PgoActor(Options options)
     : options_(std::move(options)),
       agents_(FactsOf(options_.team)),
+      known_(LimitsOf(options_.team)),
       authority_(RoleChainOptions(options_.team)),
       reader_(ReaderOptions(options_),
               [this](Context&, const proto::StoredRecord& stored) { return TakeRecord(stored); }) {}
@@ -125,7 +132,7 @@ void PgoActor::Begin(Context& context, proto::OptimizeRequest request) {
 
 void PgoActor::StartReading(Context& context) {
   if (std::exchange(is_outdated_, false)) {
-    known_ = KnownGraph();
+    known_ = KnownGraph(LimitsOf(options_.team));
     authority_.Restart();
     reader_.ReadAgain(context);
   } else {
@@ -227,7 +234,14 @@ void PgoActor::SolveNow(Context& context) {
   const LastSolution last = request_.from_scratch() ? LastSolution{} : known_.FindLastSolution();
   const KnownGraph::Selection selection = known_.SelectForSolve(KnownGraph::SolveSizeMax(known_.node_count()));
   ReportLeftOut(context, selection.left_out);
-  Solution solution = SolvePoseGraph(selection.graph, agents_, last, solver);
+  AgentFactsMap agents = agents_;
+  for (const auto& [node, pose] : known_.FindContinuations()) {
+    AgentFacts& facts = agents[node.agent];
+    if (facts.is_base_station) continue;
+    facts.start = pose;
+    facts.start_index = node.index;
+  }
+  Solution solution = SolvePoseGraph(selection.graph, agents, last, solver);
   if (is_late && !solution.is_accepted) {
     solution.text = "took longer than " +
                     FormatDuration(std::chrono::duration_cast<std::chrono::milliseconds>(options_.solve_time_max)) +

@@ -94,6 +94,7 @@ struct LastSolution {
 // Loop closures of one source between two rovers, or priors of one source on one rover (set_test.h).
 struct FactorSet {
   FactorKind kind = FactorKind::kLoopClosure;  // kLoopClosure or kPrior.
+  AgentId producer = 0;                        // Agent that inserted the factors; 0 if unknown.
   std::pair<AgentId, AgentId> agents;          // The smaller id first. Both are equal within one rover.
   std::string source;
   std::vector<std::size_t> factors;  // Numbers of tested factors (graph_check.h).

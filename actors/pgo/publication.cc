@@ -1,5 +1,7 @@
 #include "actors/pgo/publication.h"
 
+#include <tuple>
+
 #include "model/far_nodes.h"
 
 namespace moondb {
@@ -45,6 +47,32 @@ proto::Anchoring ToProto(Anchoring anchoring) {
       return proto::ANCHORING_UNANCHORED;
   }
   return proto::ANCHORING_UNSPECIFIED;
+}
+
+// Adds the refused sets. Sets that differ in the source alone become one if there are more than kSourcesMax, because a
+// rover may invent any number of sources.
+void AddRefused(const std::vector<FactorSet>& refused, proto::OptimizeReply& reply) {
+  constexpr std::size_t kSourcesMax = 4;
+  std::map<std::tuple<AgentId, FactorKind, std::pair<AgentId, AgentId>>, std::map<std::string, std::size_t>> counts;
+  for (const FactorSet& set : refused) counts[{set.producer, set.kind, set.agents}][set.source] += set.factors.size();
+  for (auto& [name, of_source] : counts) {
+    const auto& [producer, kind, agents] = name;
+    if (of_source.size() > kSourcesMax) {
+      std::size_t all = 0;
+      for (const auto& [source, count] : of_source) all += count;
+      of_source = {{"", all}};
+    }
+    for (const auto& [source, count] : of_source) {
+      proto::RefusedSet& out = *reply.add_refused_sets();
+      out.add_agent_ids(agents.first);
+      if (agents.second != agents.first) out.add_agent_ids(agents.second);
+      out.set_source(source);
+      out.set_is_prior(kind == FactorKind::kPrior);
+      out.set_is_range(kind == FactorKind::kRange);
+      out.set_count(static_cast<double>(count));
+      out.set_producer(producer);
+    }
+  }
 }
 
 }  // namespace
@@ -99,14 +127,7 @@ proto::OptimizeReply ToReply(const Solution& solution) {
   reply.set_rejected_closure_count(static_cast<double>(solution.CountOf(FactorKind::kLoopClosure).rejected));
   reply.set_prior_count(static_cast<double>(solution.CountOf(FactorKind::kPrior).usable));
   reply.set_rejected_prior_count(static_cast<double>(solution.CountOf(FactorKind::kPrior).rejected));
-  for (const FactorSet& set : solution.refused) {
-    proto::RefusedSet& out = *reply.add_refused_sets();
-    out.add_agent_ids(set.agents.first);
-    if (set.agents.second != set.agents.first) out.add_agent_ids(set.agents.second);
-    out.set_source(set.source);
-    out.set_is_prior(set.kind == FactorKind::kPrior);
-    out.set_count(static_cast<double>(set.factors.size()));
-  }
+  AddRefused(solution.refused, reply);
   reply.set_initial_cost(solution.initial_cost);
   reply.set_final_cost(solution.final_cost);
   reply.set_iterations(solution.iterations);

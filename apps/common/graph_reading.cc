@@ -9,6 +9,9 @@
 namespace moondb {
 namespace {
 
+// An export may hold more than a solve of the leader uses.
+constexpr KnownGraph::Limits kReadLimits{.nodes_max = 200'000, .edges_max = 600'000};
+
 proto::ReadRequest RequestOf(std::initializer_list<DataType> types) {
   proto::ReadRequest request;
   for (const DataType type : types) request.add_data_types(type);
@@ -27,7 +30,7 @@ Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team,
   };
   // Read all role assignments first: they decide which poses are valid.
   if (auto read = client.ReadAll(RequestOf({proto::ROLE_ASSIGNMENT}), take); !read) return tl::unexpected(read.error());
-  KnownGraph graph;
+  KnownGraph graph(kReadLimits);
   const auto add = [&](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
     const RecordKey key = FromProto(stored.key());
     if (!authority.Counts(key, record)) return {};

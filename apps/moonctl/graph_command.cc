@@ -14,6 +14,7 @@
 #include "apps/moonctl/graph_import.h"
 #include "apps/moonctl/node_name.h"
 #include "apps/moonctl/quarantine.h"
+#include "apps/moonctl/refused_sets.h"
 #include "apps/moonctl/team_letters.h"
 #include "model/text.h"
 
@@ -114,8 +115,8 @@ std::string CountText(double count, double rejected, const std::string& what) {
 }
 
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedSet& set) {
-  std::string text = "refused all " + FormatCount(set.count()) + (set.is_prior() ? " priors" : " loop closures") +
-                     " of " + set.source();
+  std::string text = "refused " + RefusedCount(set);
+  if (set.producer() != 0) text += " that " + AgentName(team, set.producer()) + " inserted";
   if (set.agent_ids_size() == 2) {
     text += " between " + AgentName(team, set.agent_ids(0)) + " and " + AgentName(team, set.agent_ids(1));
   } else if (set.agent_ids_size() == 1) {

@@ -9,6 +9,7 @@
 #include "apps/common/table.h"
 #include "apps/common/team_clients.h"
 #include "apps/moonctl/node_name.h"
+#include "apps/moonctl/refused_sets.h"
 #include "model/event.h"
 #include "model/odometry_scale.h"
 #include "model/team_member.h"
@@ -205,7 +206,32 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
   }
 }
 
-// Adds a finding to each rover with an implausible odometry scale or a far node, not to the leader that solved.
+// Adds a finding to each agent of which the last solve refused measurements. Matches of maps have no producer; the
+// agents of both maps get the finding.
+void JudgeRefusedSets(const proto::TeamConfig& team, const proto::OptimizeReply& solve, std::uint32_t solver,
+                      const std::map<std::uint32_t, AgentReport>& reports, std::map<std::uint32_t, Findings>& all) {
+  std::map<std::uint32_t, std::string> refused;
+  for (const proto::RefusedSet& set : solve.refused_sets()) {
+    std::vector<std::uint32_t> named(set.agent_ids().begin(), set.agent_ids().end());
+    if (set.producer() != 0) named = {set.producer()};
+    for (const std::uint32_t agent : named) {
+      std::string& text = refused[agent];
+      text += (text.empty() ? "" : ", ") + RefusedCount(set);
+      for (const std::uint32_t other : set.agent_ids()) {
+        if (other != agent) text += " with " + AgentName(team, other);
+      }
+    }
+  }
+  for (const auto& [agent, text] : refused) {
+    all[reports.contains(agent) ? agent : solver].push_back(
+        "the last solve refused " + text + ", which contradict the measurements of the others: check " +
+        AgentName(team, agent) + "'s sensors, or leave out what it inserted by 'moonctl graph quarantine --agent " +
+        AgentName(team, agent) + "'");
+  }
+}
+
+// Adds a finding to each rover with an implausible odometry scale or a far node, not to the
+// leader that solved.
 void JudgeSolve(const proto::TeamConfig& team, const proto::OptimizeReply& solve,
                 std::map<std::uint32_t, Findings>& all) {
   for (const proto::RoverSolution& rover : solve.rovers()) {
@@ -257,7 +283,9 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
     if (!findings.empty()) all[agent] = std::move(findings);
   }
   for (const auto& [agent, report] : reports) {
-    if (report.last_solve) JudgeSolve(team, *report.last_solve, all);
+    if (!report.last_solve) continue;
+    JudgeRefusedSets(team, *report.last_solve, agent, reports, all);
+    JudgeSolve(team, *report.last_solve, all);
   }
   return all;
 }

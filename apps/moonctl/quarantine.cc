@@ -53,8 +53,10 @@ Result<void> SetMaps(const proto::TeamConfig& team, const QuarantineArguments& a
 Result<void> SetProducer(const proto::TeamConfig& team, const QuarantineArguments& arguments,
                          proto::MapQuarantine& quarantine) {
   if (!arguments.nodes.empty() || arguments.is_range) {
-    return Fail(ErrorCode::kInvalid,
-                "stands for all loop closures and priors of an agent, or of its --source: name no node", "--agent");
+    return Fail(
+        ErrorCode::kInvalid,
+        "selects all ranges, loop closures and priors of an agent, or those of its --source; leave the node out",
+        "--agent");
   }
   const auto agent = AgentNamed(team, arguments.agent);
   if (!agent) return tl::unexpected(agent.error());
@@ -185,7 +187,7 @@ void AddGraphQuarantine(Command& group, CommandContext& context) {
   command.AddOption("node", arguments->nodes, "A node, or the two nodes of a range or loop closure").TypeName("NODE");
   command.AddFlag("--range", arguments->is_range, "The range between the two nodes");
   command.AddOption("--source", arguments->source, "The loop closure or prior of this source").TypeName("NAME");
-  command.AddOption("--agent", arguments->agent, "All loop closures and priors that this agent inserted")
+  command.AddOption("--agent", arguments->agent, "All ranges, loop closures and priors that this agent inserted")
       .TypeName("AGENT");
   AddCommonOptions(command, *arguments);
   command.Callback([&context, arguments] {
@@ -204,8 +206,8 @@ std::string QuarantinedText(const proto::TeamConfig& team, const proto::MapQuara
       return factor.source.empty() ? text : text + " " + factor.source;
     }
     case proto::MapQuarantine::kProducer:
-      return "loop closures and priors" +
-             (quarantine.producer().source().empty() ? "" : " of " + quarantine.producer().source());
+      if (quarantine.producer().source().empty()) return "ranges, loop closures and priors";
+      return "loop closures and priors of " + quarantine.producer().source();
     case proto::MapQuarantine::GRAPH_PART_NOT_SET:
       return "maps";
   }

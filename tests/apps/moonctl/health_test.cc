@@ -157,6 +157,36 @@ TEST_F(HealthTest, NamesANodeThatLiesFarAwayAtItsRover) {
   EXPECT_THAT(Of(2), ElementsAre("node rover2:500 lies 30 km off in the last solve"));
 }
 
+TEST_F(HealthTest, NamesARoverWhoseMeasurementsTheLastSolveRefused) {
+  proto::OptimizeReply& solve = reports_[1].last_solve.emplace();
+  const auto add = [&solve](AgentId producer, std::vector<std::uint32_t> agents, double count) -> proto::RefusedSet& {
+    proto::RefusedSet& set = *solve.add_refused_sets();
+    set.set_producer(producer);
+    set.mutable_agent_ids()->Add(agents.begin(), agents.end());
+    set.set_count(count);
+    return set;
+  };
+  add(2, {1, 2}, 1520);
+  add(2, {2, 3}, 1).set_is_range(true);
+  EXPECT_THAT(Of(1), IsEmpty());
+  EXPECT_THAT(Of(3), IsEmpty());
+  EXPECT_THAT(Of(2), ElementsAre("the last solve refused 1520 loop closures with rover1, 1 range with agent 3, which "
+                                 "contradict the measurements of the others: check rover2's sensors, or leave out what "
+                                 "it inserted by 'moonctl graph quarantine --agent rover2'"));
+
+  // Rover2 was not asked, so the leader's report names it.
+  const AgentReport of_rover2 = reports_.at(2);
+  reports_.erase(2);
+  EXPECT_THAT(Of(1), ElementsAre(HasSubstr("check rover2's sensors")));
+  reports_[2] = of_rover2;
+
+  // Matches of maps have no producer: either map may be wrong.
+  solve.clear_refused_sets();
+  add(0, {1, 2}, 7).set_source("registration");
+  EXPECT_THAT(Of(1), ElementsAre(HasSubstr("refused 7 loop closures of registration with rover2")));
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("refused 7 loop closures of registration with rover1")));
+}
+
 TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {
   proto::ShareSession& session = *reports_[2].shares->add_sessions();
   session.set_destination(1);
