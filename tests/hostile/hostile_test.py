@@ -26,7 +26,7 @@ from python_example_test import python_with  # noqa: E402
 from snippets_test import SKIPPED, in_own_network, taken_port  # noqa: E402
 
 PACKAGES = ["nacl", "zmq", "google.protobuf", "zstandard"]
-MODULES = ["listener", "records", "havesets", "sessions", "roles", "commands", "costs", "clients", "files", "fuzz"]
+MODULES = ["listener", "records", "graph", "havesets", "sessions", "roles", "commands", "costs", "clients", "files", "fuzz"]
 RSS_MB_MAX = 64
 # Growth of the agent's memory in MB after which the agent is restarted before the next attack.
 RSS_MB_LEFT_MAX = 4
