@@ -15,7 +15,8 @@ struct LieRun {
   std::string lie;  // "none" for the mission as it is.
   AgentId liar = 0;
   bool is_warm = false;  // True if the solve continued from the solution without the lie.
-  // Of the other rover that moved most, in comparison with the solution without the lie.
+  // Move of the other rover that moved most, compared with the solution without the lie: median and largest over its
+  // nodes.
   double median_move_m = 0;
   double largest_move_m = 0;
   std::size_t rejected_count = 0;  // True factors that the solution without the lie accepts and this one rejects.

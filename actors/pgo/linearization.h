@@ -10,8 +10,8 @@
 //
 //   n = trace(J_S H^-1 J_S^T),
 //
-// the expected rise of the other terms' chi-square if S is correct: residuals that the other terms determine as well as
-// S does, or that repeat each other, count only in part. n is estimated with random probes of fixed seeds.
+// the expected rise of the other terms' chi-square if S is correct. Residuals that the other terms determine as well as
+// S does, or that repeat each other, count only in part. n is estimated with random probes of a fixed seed.
 //
 // Single-threaded.
 #pragma once

@@ -47,8 +47,8 @@ class SetComparison {
   ChosenSets Choose(const std::vector<TestedSet>& sets, const std::function<bool(const FactorSet&)>& is_chosen,
                     const StagedResult& with) const;
 
-  // Returns the larger of two ratios: the ranges lost because of the sets, to `share` of all (at least 3), and the rise
-  // of the other terms' chi-square, to `rise_max`. 1 or more contradicts the sets.
+  // Returns the larger of two ratios. The first is the number of ranges lost because of the sets, divided by LostMax.
+  // The second is the rise of the other terms' chi-square, divided by `rise_max`. The sets are to be refused at 1.
   double Excess(const StagedResult& with, const StagedResult& without, const std::vector<bool>& is_other, double share,
                 double rise_max) const;
   // Returns how much larger 2 F is at `with` than at `without`, over the terms of ComparedTerms.

@@ -21,7 +21,8 @@ constexpr std::size_t kSetSizeMin = 3;  // Fewer rejected factors are not report
 constexpr double kReturnShare = 0.02;
 constexpr std::size_t kPartsMax = 8;     // Parts of an agent's measurements that are refused by themselves.
 constexpr std::size_t kIsolatedMax = 8;  // In larger teams, no agent is isolated.
-constexpr int kRoundsMax = 64;           // Refusals of measurements of agents in one solve.
+constexpr double kRejectedMargin = 3;
+constexpr int kRoundsMax = 64;  // Refusals of measurements of agents in one solve.
 // An agent whose excess falls below this without the terms of one other agent is accused by that one alone.
 constexpr double kWithoutAccuserMin = 0.5;
 
@@ -151,24 +152,43 @@ class SetTester {
     return excess;
   }
 
-  // Only one of the two agents contradicts the other, and either may be wrong. Refuses the measurements between them.
-  // If contradictions then remain, and isolating one agent ends them, refuses all measurements that tie that agent to
-  // others instead: its odometry is wrong.
+  // Only one of the two agents contradicts the other, and either may be wrong. Refuses the measurements between them,
+  // or all measurements that tie one agent to others, because its odometry or its own place is wrong: whatever ends the
+  // contradictions and leaves the fewest factors rejected.
   void RefuseBetween(AgentId a, AgentId b) {
     const std::vector<TestedSet> before = sets_;
     const auto is_between = [a, b](const FactorSet& set) { return IsBetween(set, a, b); };
-    if (Refuse(is_between) && FindContradictions(comparison_, sets_, Solve(std::nullopt)).empty()) return;
+    std::vector<TestedSet> best;
+    double fewest = std::numeric_limits<double>::infinity();
+    const auto try_without = [&](const std::function<bool(const FactorSet&)>& is_refused) {
+      sets_ = before;
+      if (IsStopped() || !Refuse(is_refused)) return;
+      const StagedResult without = Solve(std::nullopt);
+      if (!without.is_accepted || !FindContradictions(comparison_, sets_, without).empty()) return;
+      const double rejected = CountRejected(without);
+      if (rejected >= fewest) return;
+      // An agent is isolated only if this explains clearly more than a quarrel of two agents.
+      fewest = best.empty() ? std::max(0.0, rejected - kRejectedMargin) : rejected;
+      best = sets_;
+    };
+    try_without(is_between);
     std::set<AgentId> agents;
-    for (const TestedSet& set : sets_) agents.insert({set.set.agents.first, set.set.agents.second});
+    for (const TestedSet& set : before) agents.insert({set.set.agents.first, set.set.agents.second});
     std::erase_if(agents, [this](AgentId agent) { return IsFixed(graph_, agent); });
     for (const AgentId agent : agents) {
-      if (agents.size() > kIsolatedMax || IsStopped()) break;
-      sets_ = before;
-      if (!Refuse([agent](const FactorSet& set) { return Ties(set, agent); })) continue;
-      if (FindContradictions(comparison_, sets_, Solve(std::nullopt)).empty()) return;
+      if (agents.size() > kIsolatedMax) break;
+      try_without([agent](const FactorSet& set) { return Ties(set, agent); });
     }
-    sets_ = before;
-    if (!Refuse(is_between)) (void)Refuse([a](const FactorSet& set) { return RestsOn(set, a); });
+    sets_ = best.empty() ? before : best;
+    if (best.empty() && !Refuse(is_between)) (void)Refuse([a](const FactorSet& set) { return RestsOn(set, a); });
+  }
+
+  // Returns the number of rejected factors that belong to no refused set.
+  double CountRejected(const StagedResult& staged) const {
+    const std::vector<bool> is_allowed = comparison_.Allowed(sets_);
+    double count = 0;
+    for (std::size_t i = 0; i < is_allowed.size(); ++i) count += is_allowed[i] && !staged.is_inlier[i];
+    return count;
   }
 
   // Refuses the sets for which `is_refused` is true. Returns false if all of them were refused before.
