@@ -6,8 +6,8 @@
 //
 // They contradict the others if they raise the chi-square of the other terms by more than n + 3 sqrt(2 n). They also do
 // if more than 3 % of the other ranges, and at least 3, are accepted only without them. n is the effective number of
-// residuals (linearization.h). Correct measurements raise the chi-square by n on average, and by 0.4 n to 1.5 n in two recorded
-// missions and a public graph with 7,789 real ranges.
+// residuals (linearization.h). Correct measurements raise the chi-square by n on average, and by 0.4 n to 1.5 n in two
+// recorded missions and a public graph with 7,789 real ranges.
 //
 // The linearised problem predicts the solution without the measurements. The graph is solved again only if the
 // prediction comes near the limit, or if many ranges are rejected, which a prediction cannot undo.
