@@ -26,6 +26,18 @@ namespace moondb {
 using RecordAge = std::tuple<std::uint64_t, std::uint64_t, DataType>;
 inline RecordAge AgeOf(const RecordKey& key) { return {key.stream.epoch, key.seq, key.stream.type}; }
 
+// Returns the highest level at which weights that are cut to the level have a sum of at most `limit`: the largest
+// weight if all of them fit (max-min fairness). `limit` if there is no weight.
+inline std::uint64_t FairLevel(std::vector<std::uint64_t> weights, std::uint64_t limit) {
+  std::sort(weights.begin(), weights.end());
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    const std::uint64_t level = limit / (weights.size() - i);
+    if (weights[i] > level) return level;
+    limit -= weights[i];
+  }
+  return weights.empty() ? limit : weights.back();
+}
+
 template <typename Note>
 class OriginQuota {
  public:
@@ -35,8 +47,8 @@ class OriginQuota {
   };
 
   // `limit`: maximum total weight of the records that have room. `of_origin_max`: maximum weight of one origin, even if
-  // the others leave room. Requires: `limit` is below 2^48, and fewer than 2^15
-  // records with a weight above `limit` are added; otherwise sums overflow.
+  // the others leave room. Requires: `limit` is below 2^48, and fewer than 2^15 records with a weight above `limit` are
+  // added; otherwise sums overflow.
   explicit OriginQuota(std::uint64_t limit, std::uint64_t of_origin_max = UINT64_MAX)
       : limit_(limit), level_(of_origin_max), of_origin_max_(of_origin_max) {}
 
@@ -89,13 +101,7 @@ class OriginQuota {
   void UpdateLevel() {
     std::vector<std::uint64_t> weights;
     for (const auto& [agent, origin] : origins_) weights.push_back(origin.weight);
-    std::sort(weights.begin(), weights.end());
-    std::uint64_t left = limit_;
-    for (std::size_t i = 0; i < weights.size(); ++i) {
-      level_ = std::min(left / (weights.size() - i), of_origin_max_);
-      if (weights[i] > level_) return;
-      left -= weights[i];
-    }
+    level_ = std::min(FairLevel(std::move(weights), limit_), of_origin_max_);
   }
 
   void Cut(AgentId agent, Origin& origin, std::vector<Removed>& removed) {

@@ -28,7 +28,7 @@ StagedResult Predict(const SetComparison& comparison, const ChosenSets& chosen, 
   StagedResult predicted;
   predicted.state = terms.Move(with.state, linear.MoveWithout(chosen.is_chosen));
   predicted.is_inlier = FindInliers(comparison.graph(), terms, terms.TestedResiduals(predicted.state), with.is_inlier,
-                                    chosen.is_allowed_without, comparison.options());
+                                    chosen.is_other, comparison.options());
   return predicted;
 }
 
@@ -67,10 +67,9 @@ Contradiction ContradictionOf(const SetComparison& comparison, const ChosenSets&
   StagedResult without = Predict(comparison, chosen, with, linear);
   const double predicted = comparison.Excess(with, without, chosen.is_other, SetComparison::kRefuseShare, rise_max);
   if (predicted < kSolveExcess && !has_many_rejected) return {};
-  without =
-      has_many_rejected
-          ? SolveInStages(comparison.terms(), graph, std::nullopt, chosen.is_allowed_without, comparison.options())
-          : ContinueInStages(comparison.terms(), graph, with, chosen.is_allowed_without, comparison.options());
+  without = has_many_rejected
+                ? SolveInStages(comparison.terms(), graph, std::nullopt, chosen.is_other, comparison.options())
+                : ContinueInStages(comparison.terms(), graph, with, chosen.is_other, comparison.options());
   if (!without.is_accepted) return {};
 
   Contradiction result;

@@ -4,7 +4,6 @@
 #include <ceres/loss_function.h>
 #include <ceres/solver.h>
 
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -266,17 +265,17 @@ State CostTerms::Move(const State& state, const Eigen::VectorXd& move) const {
 
 std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& is_used, const std::vector<std::size_t>& nodes,
                                              const State& state) const {
-  const LinearTerms terms = Linearise(is_used, state);
-  const Eigen::SparseMatrix<double> information = terms.jacobian.transpose() * terms.jacobian;
-  const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> factorised(information);
-  if (information.rows() == 0 || factorised.info() != Eigen::Success) return {};
+  LinearTerms terms = Linearise(is_used, state);
+  const Eigen::Index columns = terms.jacobian.cols();
+  const auto linear = Linearization::Make(std::move(terms));
+  if (linear == nullptr) return {};
   std::vector<Matrix6d> covariances;
   for (const std::size_t node : nodes) {
     const auto column =
         kPoseTangentSize * std::count(is_free_.begin(), is_free_.begin() + static_cast<std::ptrdiff_t>(node), true);
-    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(information.rows(), kPoseTangentSize);
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(columns, kPoseTangentSize);
     unit.middleRows(column, kPoseTangentSize).setIdentity();
-    covariances.emplace_back(factorised.solve(unit).middleRows(column, kPoseTangentSize));
+    covariances.emplace_back(linear->Solve(unit).middleRows(column, kPoseTangentSize));
     if (!covariances.back().allFinite()) return {};
   }
   return covariances;

@@ -16,6 +16,7 @@ constexpr double kTolerance = 0.02;
 }  // namespace
 
 std::unique_ptr<const Linearization> Linearization::Make(LinearTerms terms) {
+  if (terms.jacobian.cols() == 0) return nullptr;
   std::unique_ptr<Linearization> result(new Linearization());
   result->terms_ = std::move(terms);
   result->information_ = result->terms_.jacobian.transpose() * result->terms_.jacobian;

@@ -37,6 +37,9 @@ class Linearization {
   // Returns null if the graph does not determine all variables.
   static std::unique_ptr<const Linearization> Make(LinearTerms terms);
 
+  // Returns H^-1 `right`.
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& right) const { return factorised_.solve(right); }
+
   // `is_left_out`: one flag per tested factor.
   Eigen::VectorXd MoveWithout(const std::vector<bool>& is_left_out) const;
   double EffectiveResiduals(const std::vector<bool>& is_left_out) const;

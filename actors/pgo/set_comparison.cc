@@ -34,7 +34,6 @@ ChosenSets SetComparison::Choose(const std::vector<TestedSet>& sets,
       chosen.has_accepted = chosen.has_accepted || with.is_inlier[factor];
     }
   }
-  chosen.is_allowed_without = chosen.is_other;
   return chosen;
 }
 

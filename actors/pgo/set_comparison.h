@@ -23,9 +23,8 @@ struct TestedSet {
 struct ChosenSets {
   std::vector<const TestedSet*> sets;
   std::vector<bool> is_chosen;
-  std::vector<bool> is_other;  // Factors that belong neither to a chosen nor to a refused set.
-  std::vector<bool> is_allowed_without;
-  bool has_accepted = false;  // True if `with` accepts a chosen factor.
+  std::vector<bool> is_other;  // Allowed factors that belong neither to a chosen nor to a refused set.
+  bool has_accepted = false;   // True if `with` accepts a chosen factor.
 };
 
 class SetComparison {

@@ -215,7 +215,7 @@ class SetTester {
     }
     if (accepted_factors == 0) return 0;
     const bool is_doubtful = set.was_refused || 2 * accepted_factors < set.set.factors.size();
-    const StagedResult without = ContinueInStages(terms_, graph_, with, chosen.is_allowed_without, options_);
+    const StagedResult without = ContinueInStages(terms_, graph_, with, chosen.is_other, options_);
     if (!without.is_accepted) return 0;
     return comparison_.Excess(with, without, chosen.is_other, is_doubtful ? kReturnShare : SetComparison::kRefuseShare,
                               is_doubtful ? residual_count : SetComparison::RiseMax(residual_count));

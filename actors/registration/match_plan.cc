@@ -4,6 +4,8 @@
 #include <cmath>
 #include <set>
 
+#include "model/origin_quota.h"
+
 namespace moondb {
 namespace {
 
@@ -11,17 +13,6 @@ constexpr int kAttemptsMax = 2;
 
 MatchPlan::AgentPair AgentsOf(const PlannedMatch& planned) {
   return std::minmax(AgentId{planned.first.node.agent}, AgentId{planned.second.node.agent});
-}
-
-// Returns the highest level at which counts that are cut to the level have a sum of at most `limit`.
-std::size_t LevelOf(std::vector<std::size_t> counts, std::size_t limit) {
-  std::ranges::sort(counts);
-  for (std::size_t i = 0; i < counts.size(); ++i) {
-    const std::size_t level = limit / (counts.size() - i);
-    if (counts[i] > level) return level;
-    limit -= counts[i];
-  }
-  return counts.empty() ? limit : counts.back();
 }
 
 }  // namespace
@@ -48,9 +39,9 @@ std::vector<PlannedMatch> MatchPlan::StartPass(const std::vector<RegisteredMap>&
     const PlannedMatch match{first, second, expected, attempts == attempts_.end() ? options_.wide : options_.narrow};
     of_agents[AgentsOf(match)].push_back(match);
   }
-  std::vector<std::size_t> counts;
+  std::vector<std::uint64_t> counts;
   for (const auto& [agents, matches] : of_agents) counts.push_back(matches.size());
-  const std::size_t level = LevelOf(std::move(counts), options_.pairs_max);
+  const std::size_t level = FairLevel(std::move(counts), options_.pairs_max);
   shares_.clear();
   std::vector<PlannedMatch> planned;
   for (const auto& [agents, matches] : of_agents) {

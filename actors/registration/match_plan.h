@@ -72,7 +72,7 @@ class MatchPlan {
 
   const Options options_;
   std::map<std::pair<RecordKey, RecordKey>, Attempts> attempts_;
-  std::map<AgentPair, Share> shares_;  // Those of the present pass.
+  std::map<AgentPair, Share> shares_;  // Shares of the present pass.
 };
 
 }  // namespace moondb

@@ -206,8 +206,8 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
   }
 }
 
-// Adds a finding to each agent of which the last solve refused measurements. Matches of maps have no producer; the
-// agents of both maps get the finding.
+// Adds a finding to each agent of which the last solve refused measurements, or to the agent that solved (`solver`) if
+// `reports` lacks the agent. Matches of maps have no producer; the agents of both maps get the finding.
 void JudgeRefusedSets(const proto::TeamConfig& team, const proto::OptimizeReply& solve, std::uint32_t solver,
                       const std::map<std::uint32_t, AgentReport>& reports, std::map<std::uint32_t, Findings>& all) {
   std::map<std::uint32_t, std::string> refused;
@@ -230,8 +230,7 @@ void JudgeRefusedSets(const proto::TeamConfig& team, const proto::OptimizeReply&
   }
 }
 
-// Adds a finding to each rover with an implausible odometry scale or a far node, not to the
-// leader that solved.
+// Adds a finding to each rover with an implausible odometry scale or a far node, not to the leader that solved.
 void JudgeSolve(const proto::TeamConfig& team, const proto::OptimizeReply& solve,
                 std::map<std::uint32_t, Findings>& all) {
   for (const proto::RoverSolution& rover : solve.rovers()) {

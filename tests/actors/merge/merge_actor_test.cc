@@ -27,7 +27,7 @@ constexpr std::uint32_t kCell_um = 100'000;
 struct FakeStore {
   std::vector<proto::StoredRecord> records;  // Record i has row id i + 1.
   std::vector<proto::ReadRequest> reads;
-  std::map<AgentId, double> without_room;  // Those of the last report.
+  std::map<AgentId, double> without_room;  // Counts of the last report.
   int page_records_max = 2;
   bool is_silent = false;
   Error error{};

@@ -333,7 +333,7 @@ TEST(KnownGraphTest, ContinuesFromThePublishedPoseOfTheFirstNodeThatIsLeft) {
   for (std::uint64_t i = 1; i <= 2; ++i) {
     ASSERT_TRUE(known.Add(KeyOf(1, i), ToRecord(GraphNode{{1, i}, 0, Pose{}})));
   }
-  ASSERT_TRUE(known.Add(NextKey(), PoseAt(5, 1, 1)));  // It is the pose of node 2 of agent 1.
+  ASSERT_TRUE(known.Add(NextKey(), PoseAt(5, 1, 1)));  // Moves node 2 of agent 1.
   EXPECT_TRUE(known.FindContinuations().empty()) << "nothing was dropped";
   ASSERT_TRUE(known.Add(KeyOf(1, 3), ToRecord(GraphNode{{1, 3}, 0, Pose{}})));
   const std::map<NodeKey, Pose> continuations = known.FindContinuations();
