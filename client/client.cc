@@ -340,9 +340,9 @@ Result<proto::MapWhyReply> Client::MapWhy(double x_m, double y_m) {
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_map_why()); });
 }
 
-Result<proto::MapStatsReply> Client::MapStats() {
+Result<proto::MapStatsReply> Client::MapStats(bool with_cleared) {
   proto::ControlRequest request;
-  request.mutable_map_stats();
+  request.mutable_map_stats()->set_with_cleared(with_cleared);
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_map_stats()); });
 }
 

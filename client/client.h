@@ -206,7 +206,8 @@ class Client {
   Result<Merged> Merge(const proto::MergeRequest& request);
   // Returns the value of the cell at a position in the frame `map` in each local map, in the maps' order of precedence.
   Result<proto::MapWhyReply> MapWhy(double x_m, double y_m);
-  Result<proto::MapStatsReply> MapStats();
+  // `with_cleared`: also finds maps that make many hazard cells of the other agents free, which takes longer.
+  Result<proto::MapStatsReply> MapStats(bool with_cleared = false);
   // Returns the tiles of the merged map that changed since the last call with this `request`, and stores the map's
   // version in `request`. The first call, and the first call after the agent's MergeActor restarted, return all tiles
   // with known cells. If request.wait_s is set, the call waits for a change, and returns no tiles if nothing changed.

@@ -8,6 +8,7 @@
 #include "model/event.h"
 #include "model/pose_graph.h"
 #include "model/record_key.h"
+#include "model/text.h"
 #include "model/traversability_map.h"
 #include "proto/policy.pb.h"
 #include "proto/types.pb.h"
@@ -28,7 +29,14 @@ void CheckCovariance(const google::protobuf::RepeatedField<double>& upper_triang
   const Result<Matrix6d> covariance = FromUpperTriangle(upper_triangle, size);
   const bool is_valid =
       covariance && covariance->allFinite() && Eigen::LLT<Matrix6d>(*covariance).info() == Eigen::Success;
-  check.Require(is_valid, field, "must be " + std::to_string(size * (size + 1) / 2) + " numbers, positive definite");
+  std::string text = "must be " + std::to_string(size * (size + 1) / 2) + " numbers, positive definite";
+  for (int i = size - 1; covariance && i >= 0; --i) {
+    const double variance = (*covariance)(i, i);
+    if (variance > 0 && std::isfinite(variance)) continue;
+    text = "the variance of " + AxisName(i, size) + " is " + FormatDouble(variance) +
+           "; if the driver states none, state what fits the sensor (docs/SENSORS.md)";
+  }
+  check.Require(is_valid, field, text);
 }
 
 void CheckSource(const std::string& source, const std::string& field, FieldChecker& check) {
@@ -208,7 +216,9 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
     {.type = proto::POWER,
      .check =
          [](const Record& record, FieldChecker& check) {
-           check.Ratio(record.power().battery_ratio(), "power.battery_ratio");
+           const double ratio = record.power().battery_ratio();
+           check.Require(ratio >= 0 && ratio <= 1, "power.battery_ratio",
+                         "must lie between 0 and 1; leave it out if the charge is unknown");
            check.Finite(record.power().draw_w(), "power.draw_w");
          }},
 

@@ -20,8 +20,8 @@ void NodePoses::AddRaw(const RecordKey& key, const NodeKey& node, const Pose& ma
   }
 }
 
-void NodePoses::AddOptimized(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
-                             const proto::Term& term, std::uint64_t run, bool ignores_raw_pose) {
+void NodePoses::AddOptimized(const RecordKey& key, const NodeKey& node, const OptimizedPose& pose,
+                             const proto::Term& term, std::uint64_t run) {
   OptimizedShare& share = optimized_shares_[node.agent];
   if (node.index < share.first_index) {
     ++share.left_out_count;
@@ -30,7 +30,10 @@ void NodePoses::AddOptimized(const RecordKey& key, const NodeKey& node, const Po
   auto& optimized = nodes_[node].optimized;
   const bool is_first = !optimized;
   const Version version = std::tuple_cat(OrderOf(term), std::tuple(run, key));
-  if (is_first || version > optimized->version) optimized = {version, map_from_node, ignores_raw_pose};
+  if (!is_first && version <= optimized->version) return;
+  if (!is_first) share.placed_count -= optimized->pose.is_unplaced ? 0 : 1;
+  share.placed_count += pose.is_unplaced ? 0 : 1;
+  optimized = {version, pose};
   if (!is_first) return;
   ++share.count;
   if (++optimized_count_ > nodes_max_) DropOptimized();
@@ -51,6 +54,7 @@ void NodePoses::DropOptimized() {
   share.first_index = node->first.index + 1;
   ++share.left_out_count;
   --share.count;
+  share.placed_count -= node->second.optimized->pose.is_unplaced ? 0 : 1;
   --optimized_count_;
   node->second.optimized.reset();
   if (node->second.raw.empty()) nodes_.erase(node);
@@ -59,8 +63,8 @@ void NodePoses::DropOptimized() {
 Result<void> NodePoses::AddOptimized(const RecordKey& key, const proto::OptimizedPose& optimized) {
   const Result<Pose> pose = FromProto(optimized.map_from_node());
   if (!pose) return tl::unexpected(pose.error());
-  AddOptimized(key, FromProto(optimized.node()), *pose, optimized.term(), optimized.run(),
-               optimized.ignores_raw_pose());
+  AddOptimized(key, FromProto(optimized.node()), {*pose, optimized.ignores_raw_pose(), optimized.is_unplaced()},
+               optimized.term(), optimized.run());
   return {};
 }
 
@@ -75,11 +79,22 @@ const NodePoses::RawPose* NodePoses::FindRawRecord(const NodeKey& node) const {
   return found == nodes_.end() || found->second.raw.empty() ? nullptr : &found->second.raw.front();
 }
 
-const Pose* NodePoses::FindOptimized(const NodeKey& node, bool is_quarantined) const {
+const NodePoses::OptimizedPose* NodePoses::FindOptimized(const NodeKey& node, bool is_quarantined) const {
   const auto found = nodes_.find(node);
   if (found == nodes_.end() || !found->second.optimized) return nullptr;
-  const OptimizedPose& pose = *found->second.optimized;
-  return is_quarantined && !pose.ignores_raw_pose ? nullptr : &pose.map_from_node;
+  const OptimizedPose& pose = found->second.optimized->pose;
+  return is_quarantined && !pose.ignores_raw_pose ? nullptr : &pose;
+}
+
+std::optional<bool> NodePoses::IsPlaced(AgentId agent) const {
+  const auto share = optimized_shares_.find(agent);
+  if (share == optimized_shares_.end() || share->second.count == 0) return std::nullopt;
+  return share->second.placed_count > 0;
+}
+
+bool NodePoses::HasNode(AgentId agent) const {
+  const auto node = nodes_.lower_bound({agent, 0});
+  return node != nodes_.end() && node->first.agent == agent;
 }
 
 void NodePoses::CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const {

@@ -37,16 +37,25 @@ class NodePoses {
   // Adds a node's pose from odometry. If a node has several such records, the record with the smallest key is valid.
   void AddRaw(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, std::int64_t timestamp_ns = 0);
 
+  struct OptimizedPose {
+    Pose map_from_node;
+    bool ignores_raw_pose = false;  // True: valid even while a quarantine of the node stands.
+    // True: the solve could not place the rover in the frame `map`; the pose lies in a frame of the rover's own.
+    bool is_unplaced = false;
+  };
+
   // Adds an optimized pose. Among several poses of a node, the pose with the highest (term, run) is valid.
-  // `ignores_raw_pose`: the pose is valid even while a quarantine of the node stands.
-  void AddOptimized(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
-                    std::uint64_t run, bool ignores_raw_pose = false);
+  void AddOptimized(const RecordKey& key, const NodeKey& node, const OptimizedPose& pose, const proto::Term& term,
+                    std::uint64_t run);
   // Fails with the error of FromProto(proto::Pose), without changing anything.
   Result<void> AddOptimized(const RecordKey& key, const proto::OptimizedPose& optimized);
 
   // Return null if there is no such pose. `is_quarantined`: a quarantine of the node stands.
   const Pose* FindRaw(const NodeKey& node, bool is_quarantined) const;
-  const Pose* FindOptimized(const NodeKey& node, bool is_quarantined) const;
+  const OptimizedPose* FindOptimized(const NodeKey& node, bool is_quarantined) const;
+  // Returns whether any optimized pose of the agent lies in the frame `map`; nullopt if it has no optimized pose.
+  std::optional<bool> IsPlaced(AgentId agent) const;
+  bool HasNode(AgentId agent) const;
   // Returns the valid record of the node's raw pose, even if a quarantine stands; null if there is none.
   const RawPose* FindRawRecord(const NodeKey& node) const;
 
@@ -63,20 +72,20 @@ class NodePoses {
   // Order of a node's optimized poses: term number, issuer and epoch, then run, then record key. The greatest is valid.
   using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
 
-  struct OptimizedPose {
+  struct Versioned {
     Version version;
-    Pose map_from_node;
-    bool ignores_raw_pose = false;
+    OptimizedPose pose;
   };
 
   struct Poses {
     std::vector<RawPose> raw;  // Poses from odometry, sorted by key; usually one.
-    std::optional<OptimizedPose> optimized;
+    std::optional<Versioned> optimized;
   };
 
   // Optimized poses of the nodes of one agent.
   struct OptimizedShare {
     std::size_t count = 0;          // Number of nodes with an optimized pose.
+    std::size_t placed_count = 0;   // Number of those that are not unplaced.
     std::uint64_t first_index = 0;  // Optimized poses of nodes with a lower index have no room.
     std::uint64_t left_out_count = 0;
   };

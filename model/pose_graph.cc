@@ -1,7 +1,9 @@
 #include "model/pose_graph.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 
 namespace moondb {
@@ -145,6 +147,24 @@ void SetRelativePose(const Pose& from_from_to, const Matrix6d& covariance, proto
 }
 
 }  // namespace
+
+std::string AxisName(int i, int size) {
+  if (i < 3) return std::string(1, "xyz"[i]);
+  constexpr const char* kRotations[] = {"roll", "pitch", "yaw"};
+  return size == static_cast<int>(PriorExtent::kPositionYaw) ? "yaw" : kRotations[i - 3];
+}
+
+void LimitVariances(Matrix6d& covariance) {
+  for (int i = 0; i < 6; ++i) {
+    const double variance = covariance(i, i);
+    if (!(variance > kUnmeasuredVariance)) continue;
+    const double scale = std::sqrt(kUnmeasuredVariance / variance);
+    covariance.row(i) *= scale;
+    covariance.col(i) *= scale;
+  }
+  const double smallest = Eigen::LLT<Matrix6d>(covariance).matrixLLT().diagonal().cwiseAbs2().minCoeff();
+  if (smallest < kVarianceMin) covariance.diagonal().array() += 2 * kVarianceMin;
+}
 
 NodePrior WithTilt(NodePrior prior) {
   if (prior.extent != PriorExtent::kPositionYaw) return prior;

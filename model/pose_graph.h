@@ -17,6 +17,19 @@ namespace moondb {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
+// Variances outside these bounds (m^2, rad^2) are no sensor's, and would spoil the numerical precision of a whole
+// solve.
+inline constexpr double kVarianceMin = 1e-12;
+inline constexpr double kVarianceMax = 1e8;
+
+// Returns the name of axis `i` of a covariance with `size` rows (PriorExtent): "x", "y", "z", "roll", "pitch", "yaw".
+std::string AxisName(int i, int size);
+
+// Scales each axis with a variance above kUnmeasuredVariance to this variance, so that a solve can use a measurement
+// whose other axes are good, and raises variances below kVarianceMin.
+void LimitVariances(Matrix6d& covariance);
+inline constexpr double kUnmeasuredVariance = 1e6;
+
 struct GraphNode {
   NodeKey key;
   std::int64_t timestamp_ns = 0;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <string>
 
 #include "model/geometry.h"
@@ -126,14 +127,54 @@ proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, 
   return reply;
 }
 
-proto::OccludedMapsReply OccludedMapsOf(const Merger& merger, std::uint32_t records_max) {
+proto::OccludedMapsReply OccludedMapsOf(const MapCollection& collection, const Merger& merger,
+                                        std::uint32_t records_max) {
   const int count_max = static_cast<int>(std::min(records_max, kOccludedMapsMax));
+  const std::vector<MapWins> all = merger.CountWins();
+  const auto is_raw = [&collection](const MapWins& wins) {
+    const std::optional<MapCollection::NodePose> pose = collection.PoseOf(wins.placed.map->node);
+    return !pose || !pose->is_optimized;
+  };
+  std::set<TileKey> raw_tiles;
+  for (const MapWins& wins : all) {
+    if (!is_raw(wins)) continue;
+    ForEachTile(wins.extent, [&](const PageKey& page, std::size_t tile, const CellBox&) {
+      raw_tiles.insert({page, static_cast<std::uint8_t>(tile)});
+    });
+  }
   proto::OccludedMapsReply reply;
-  for (const MapWins& wins : merger.CountWins()) {
+  for (const MapWins& wins : all) {
     if (reply.records_size() >= count_max) break;
-    if (wins.cells == 0 && wins.placed.map->key.seq != 0) *reply.add_records() = ToProto(wins.placed.map->key);
+    if (wins.cells != 0 || wins.placed.map->key.seq == 0 || is_raw(wins)) continue;
+    bool may_reappear = false;
+    ForEachTile(wins.extent, [&](const PageKey& page, std::size_t tile, const CellBox&) {
+      may_reappear |= raw_tiles.contains({page, static_cast<std::uint8_t>(tile)});
+    });
+    if (!may_reappear) *reply.add_records() = ToProto(wins.placed.map->key);
   }
   return reply;
+}
+
+void AddCleared(const std::vector<ClearedHazards>& cleared, const MergeGrid& grid, proto::MapStatsReply& reply) {
+  for (const ClearedHazards& found : cleared) {
+    proto::ClearedHazards& added = *reply.add_cleared();
+    added.set_agent_id(found.agent);
+    added.set_cell_count(static_cast<double>(found.cell_count));
+    added.set_hazard_count(static_cast<double>(found.hazard_count));
+    added.set_from_ns(found.from_ns);
+    added.set_to_ns(found.to_ns);
+    added.set_x_m(CentreOf(found.cell_x, grid.resolution_um));
+    added.set_y_m(CentreOf(found.cell_y, grid.resolution_um));
+  }
+}
+
+void AddUnplaced(const MapCollection::Selected& selected,
+                 google::protobuf::RepeatedPtrField<proto::UnplacedRover>& unplaced) {
+  for (const auto& [agent, map_count] : selected.unplaced) {
+    proto::UnplacedRover& rover = *unplaced.Add();
+    rover.set_agent_id(agent);
+    rover.set_map_count(static_cast<double>(map_count));
+  }
 }
 
 proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merger) {
@@ -159,6 +200,8 @@ proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merg
   proto::MapStatsReply reply;
   AddFarNodes(selected.far_nodes, *reply.mutable_far_nodes());
   reply.set_far_node_count(static_cast<double>(selected.far_nodes.size()));
+  reply.set_frame_of(selected.frame_of);
+  AddUnplaced(selected, *reply.mutable_unplaced());
   for (auto& [agent, stats] : agents) {
     stats.set_agent_id(agent);
     *reply.add_agents() = stats;

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
+#include "actors/merge/cleared_hazards.h"
 #include "actors/merge/map_collection.h"
 #include "actors/merge/merger.h"
 #include "proto/map.pb.h"
@@ -24,16 +26,23 @@ proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merg
 
 inline constexpr std::uint32_t kOccludedMapsMax = 4096;
 
-// Returns the fully occluded maps: shared, placed maps that win no cell, sorted by record key. Returns at most
-// `records_max` of them, and at most kOccludedMapsMax. Removing these maps does not change the merged map unless a pose
-// moves.
-proto::OccludedMapsReply OccludedMapsOf(const Merger& merger, std::uint32_t records_max);
+// Returns the fully occluded maps: shared maps that win no cell, sorted by record key. Returns at most `records_max` of
+// them, and at most kOccludedMapsMax. Removing these maps does not change the merged map unless a pose moves. A map at
+// a raw pose will move with the next solve. Such a map does not count, nor does a map in whose tiles one lies.
+proto::OccludedMapsReply OccludedMapsOf(const MapCollection& collection, const Merger& merger,
+                                        std::uint32_t records_max);
 
 // Returns the tiles that touch the region and changed since `since_version`, starting after `request.after`. If
 // `since_version` is 0, returns all such tiles with a known cell. Stops after kMapTilesMax tiles or about `bytes_max`
 // compressed bytes. Returns kInternal if zstd fails. The caller sets `merger_id`.
 Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t since_version,
                                           const proto::MapTilesRequest& request, std::size_t bytes_max);
+
+void AddCleared(const std::vector<ClearedHazards>& cleared, const MergeGrid& grid, proto::MapStatsReply& reply);
+
+// Adds the rovers that are not placed.
+void AddUnplaced(const MapCollection::Selected& selected,
+                 google::protobuf::RepeatedPtrField<proto::UnplacedRover>& unplaced);
 
 // Adds the maps and footprints that a merged map leaves out, by agent.
 void AddLeftOut(const Merger& merger, const Crop& crop, proto::MergeReply& reply);

@@ -79,7 +79,7 @@ const std::set<NodeKey>& MapCollection::QuarantinedNodes() const {
 
 std::optional<MapCollection::NodePose> MapCollection::PoseOf(const NodeKey& node) const {
   const bool is_quarantined = QuarantinedNodes().contains(node);
-  if (const Pose* pose = poses_.FindOptimized(node, is_quarantined)) return NodePose{*pose, true};
+  if (const auto* pose = poses_.FindOptimized(node, is_quarantined)) return NodePose{pose->map_from_node, true};
   if (const Pose* pose = poses_.FindRaw(node, is_quarantined)) return NodePose{*pose, false};
   return std::nullopt;
 }
@@ -91,38 +91,71 @@ MapCollection::Timestamp MapCollection::TimestampOf(const RecordKey& map) const 
 
 const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) const {
   const bool is_quarantined = QuarantinedNodes().contains(node);
-  const Pose* optimized = use_raw_poses ? nullptr : poses_.FindOptimized(node, is_quarantined);
-  return optimized != nullptr ? optimized : poses_.FindRaw(node, is_quarantined);
+  const auto* optimized = use_raw_poses ? nullptr : poses_.FindOptimized(node, is_quarantined);
+  return optimized != nullptr ? &optimized->map_from_node : poses_.FindRaw(node, is_quarantined);
 }
 
-std::vector<std::pair<NodeKey, Eigen::Vector3d>> MapCollection::PositionsOf(const Selection& selection) const {
-  std::vector<std::pair<NodeKey, Eigen::Vector3d>> positions_m;
-  poses_.ForEach([&](const NodeKey& node) {
-    if (!selection.agents.empty() && !selection.agents.contains(node.agent)) return;
-    if (const Pose* pose = FindPose(node, selection.use_raw_poses)) positions_m.emplace_back(node, pose->position_m);
-  });
-  return positions_m;
+bool MapCollection::HasStart(AgentId agent) const {
+  return !options_.with_start || options_.with_start->contains(agent) || options_.without_footprint.contains(agent);
+}
+
+bool MapCollection::IsPlaced(AgentId agent, bool use_raw_poses) const {
+  return use_raw_poses ? HasStart(agent) : poses_.IsPlaced(agent).value_or(HasStart(agent));
+}
+
+bool MapCollection::IsPlaced(const NodeKey& node, bool use_raw_poses) const {
+  const auto* optimized = use_raw_poses ? nullptr : poses_.FindOptimized(node, QuarantinedNodes().contains(node));
+  if (optimized != nullptr) return !optimized->is_unplaced;
+  return HasStart(node.agent) && IsPlaced(node.agent, use_raw_poses);
+}
+
+AgentId MapCollection::FrameOf(const Selection& selection) const {
+  const bool is_of_self = selection.agents.empty();
+  if (!is_of_self && selection.agents.size() != 1) return 0;
+  const AgentId agent = is_of_self ? options_.self : *selection.agents.begin();
+  const bool is_rover = poses_.HasNode(agent) && !options_.without_footprint.contains(agent);
+  return is_rover && !IsPlaced(agent, selection.use_raw_poses) ? agent : 0;
 }
 
 MapCollection::Selected MapCollection::Select(const Selection& selection) const {
-  const auto is_selected = [&selection](AgentId agent) {
+  Selected selected;
+  selected.frame_of = FrameOf(selection);
+  const auto is_selected = [&selection, &selected](AgentId agent) {
+    if (selected.frame_of != 0) return agent == selected.frame_of;
     return selection.agents.empty() || selection.agents.contains(agent);
   };
-  const QuarantinedMaps quarantined(quarantines_);
-  Selected selected;
-  selected.far_nodes = FindFarNodes(PositionsOf(selection));
+  const auto is_placed = [&](const NodeKey& node) {
+    return selected.frame_of != 0 || IsPlaced(node, selection.use_raw_poses);
+  };
+  std::vector<std::pair<NodeKey, Eigen::Vector3d>> positions_m;
+  poses_.ForEach([&](const NodeKey& node) {
+    if (!is_selected(node.agent)) return;
+    const Pose* pose = FindPose(node, selection.use_raw_poses);
+    if (pose == nullptr) return;
+    if (is_placed(node)) {
+      positions_m.emplace_back(node, pose->position_m);
+    } else if (!options_.without_footprint.contains(node.agent)) {
+      selected.unplaced[node.agent];
+    }
+  });
+  selected.far_nodes = FindFarNodes(positions_m);
   std::set<NodeKey> far;
   for (const FarNode& node : selected.far_nodes) far.insert(node.node);
+  const QuarantinedMaps quarantined(quarantines_);
   for (const auto& [key, map] : maps_) {
     if (!is_selected(key.stream.origin)) continue;
-    const Pose* pose = FindPose(map.local->node, selection.use_raw_poses);
+    const NodeKey& node = map.local->node;
+    const Pose* pose = FindPose(node, selection.use_raw_poses);
     const bool is_left_out =
-        quarantined.Contains(map.local->agent(), map.timestamp.ns) || QuarantinedNodes().contains(map.local->node);
+        quarantined.Contains(map.local->agent(), map.timestamp.ns) || QuarantinedNodes().contains(node);
     if (is_left_out) {
       selected.quarantined_maps.push_back(map.local);
     } else if (pose == nullptr) {
       selected.waiting_maps.push_back(map.local);
-    } else if (!far.contains(map.local->node)) {
+    } else if (!is_placed(node)) {
+      selected.waiting_maps.push_back(map.local);
+      ++selected.unplaced[node.agent];
+    } else if (!far.contains(node)) {
       selected.maps.push_back({map.local, *pose});
     }
   }
@@ -131,7 +164,7 @@ MapCollection::Selected MapCollection::Select(const Selection& selection) const 
     const NodePoses::RawPose* raw = poses_.FindRawRecord(node);
     const bool is_quarantined =
         raw == nullptr ? quarantined.ContainsAll(node.agent) : quarantined.Contains(node.agent, raw->timestamp_ns);
-    const Pose* pose = is_quarantined ? nullptr : FindPose(node, selection.use_raw_poses);
+    const Pose* pose = is_quarantined || !is_placed(node) ? nullptr : FindPose(node, selection.use_raw_poses);
     if (pose != nullptr) selected.footprints.push_back({node, *pose, raw == nullptr ? RecordKey() : raw->key});
   });
   return selected;

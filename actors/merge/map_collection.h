@@ -6,6 +6,11 @@
 // and CountLeftOut counts the dropped records. Requires: poses are within the bounds of model/geometry.h. Used by one
 // thread at a time.
 //
+// Rovers that are not placed. A rover whose pose in the frame `map` is unknown has its maps and footprints left out;
+// its maps wait. These are the maps at optimized poses that are unplaced, and those at raw poses of a rover that has no
+// configured start or that the last solve did not place. Two exceptions show such a rover's maps in its own frame,
+// without other maps: a selection of the rover alone, and a selection without agents at the rover's own agent.
+//
 // A quarantine of an agent's maps leaves out the footprints of the agent's nodes too: those whose raw pose has a
 // timestamp in its time range. A node without a raw pose has no known timestamp; only a quarantine without times leaves
 // out its footprint.
@@ -40,6 +45,10 @@ class MapCollection {
   struct Options {
     MergeGrid grid;
     std::set<AgentId> without_footprint;  // Agents without a footprint: base stations, which do not move.
+    AgentId self = 0;                     // The agent that merges.
+    // Rovers whose raw poses lie in the frame `map`, because their start is configured. Null: all. The place of a base
+    // station is always known.
+    std::optional<std::set<AgentId>> with_start = {};
     std::size_t maps_max = 65535;
     std::uint64_t bytes_max = 96ull << 20;  // Maximum total size of all maps.
     std::size_t nodes_max = 40'000;         // Maximum number of node records, and of nodes with an optimized pose.
@@ -55,12 +64,18 @@ class MapCollection {
   };
 
   struct Selected {
-    std::vector<PlacedMap> maps;                                    // Sorted by record key.
-    std::vector<Footprint> footprints;                              // Sorted by node.
-    std::vector<std::shared_ptr<const LocalMap>> waiting_maps;      // Selected maps whose node is unknown.
+    std::vector<PlacedMap> maps;        // Sorted by record key.
+    std::vector<Footprint> footprints;  // Sorted by node.
+    // Selected maps whose node is unknown, or whose rover is not placed.
+    std::vector<std::shared_ptr<const LocalMap>> waiting_maps;
     std::vector<std::shared_ptr<const LocalMap>> quarantined_maps;  // Selected maps that a quarantine leaves out.
     // Nodes that lie absurdly far from the others, the farthest first. Their maps and footprints are left out.
     std::vector<FarNode> far_nodes;
+    // 0: all lies in the frame `map`. Otherwise all is of this rover, which is not placed, and lies in its own frame.
+    AgentId frame_of = 0;
+    // Selected rovers that have nodes and are not placed, with the number of their waiting maps. At frame_of's own
+    // agent it is empty.
+    std::map<AgentId, std::size_t> unplaced;
   };
 
   struct NodePose {
@@ -89,9 +104,9 @@ class MapCollection {
   void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, std::int64_t timestamp_ns = 0) {
     poses_.AddRaw(key, node, map_from_node, timestamp_ns);
   }
-  void AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
-                        std::uint64_t run, bool ignores_raw_pose = false) {
-    poses_.AddOptimized(key, node, map_from_node, term, run, ignores_raw_pose);
+  void AddOptimizedPose(const RecordKey& key, const NodeKey& node, const NodePoses::OptimizedPose& pose,
+                        const proto::Term& term, std::uint64_t run) {
+    poses_.AddOptimized(key, node, pose, term, run);
   }
   Result<void> AddOptimizedPose(const RecordKey& key, const proto::OptimizedPose& optimized) {
     return poses_.AddOptimized(key, optimized);
@@ -123,7 +138,13 @@ class MapCollection {
   };
 
   const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;
-  std::vector<std::pair<NodeKey, Eigen::Vector3d>> PositionsOf(const Selection& selection) const;
+  bool HasStart(AgentId agent) const;
+  // Returns whether the agent has a pose in the frame `map`, or will have one with its next node.
+  bool IsPlaced(AgentId agent, bool use_raw_poses) const;
+  // Returns whether the node's pose (FindPose) lies in the frame `map`.
+  bool IsPlaced(const NodeKey& node, bool use_raw_poses) const;
+  // Returns the unplaced rover whose maps alone the selection shows; 0 if there is none.
+  AgentId FrameOf(const Selection& selection) const;
   const std::set<NodeKey>& QuarantinedNodes() const;
   void RemoveMap(const RecordKey& key);
 

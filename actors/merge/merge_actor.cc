@@ -6,11 +6,13 @@
 #include <cmath>
 #include <utility>
 
+#include "actors/merge/cleared_hazards.h"
 #include "actors/merge/map_answers.h"
 #include "model/control_message.h"
 #include "model/geometry.h"
 #include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
+#include "runtime/team/start_poses.h"
 
 namespace moondb {
 namespace {
@@ -39,6 +41,8 @@ MapCollection::Options CollectionOptions(const MergeActor::Options& of_actor) {
   for (const proto::AgentConfig& agent : team.agents()) {
     if (agent.kind() == proto::AGENT_KIND_BASE_STATION) options.without_footprint.insert(agent.id());
   }
+  options.self = of_actor.self;
+  options.with_start = KnownStarts(team);
   return options;
 }
 
@@ -293,14 +297,26 @@ std::optional<proto::Message> MergeActor::AnswerTo(Context& context, const Waiti
   if (question.has_map_why_request()) {
     *answer.mutable_map_why_reply() = WhyOf(collection_, *merger_, question.map_why_request());
   } else if (question.has_occluded_maps_request()) {
-    *answer.mutable_occluded_maps_reply() = OccludedMapsOf(*merger_, question.occluded_maps_request().records_max());
+    *answer.mutable_occluded_maps_reply() =
+        OccludedMapsOf(collection_, *merger_, question.occluded_maps_request().records_max());
   } else {
-    *answer.mutable_map_stats_reply() = StatsOf(collection_, *merger_);
-    answer.mutable_map_stats_reply()->set_backend(backend_->description());
-    answer.mutable_map_stats_reply()->set_refused_map_count(
-        static_cast<double>(unusable_map_count_ + unplaced_map_count_));
+    Result<proto::MapStatsReply> stats = Stats(context, question.map_stats_request());
+    if (!stats) return ErrorReply(question, stats.error());
+    *answer.mutable_map_stats_reply() = *std::move(stats);
   }
   return answer;
+}
+
+Result<proto::MapStatsReply> MergeActor::Stats(Context& context, const proto::MapStatsRequest& request) {
+  proto::MapStatsReply stats = StatsOf(collection_, *merger_);
+  stats.set_backend(backend_->description());
+  stats.set_refused_map_count(static_cast<double>(unusable_map_count_ + refused_count_));
+  if (!request.with_cleared()) return stats;
+  const auto cleared =
+      FindClearedHazards(collection_.Select({}), *merger_, backend_, [&context] { return context.stop_requested(); });
+  if (!cleared) return tl::unexpected(cleared.error());
+  AddCleared(*cleared, merger_->grid(), stats);
+  return stats;
 }
 
 std::optional<proto::Message> MergeActor::AnswerTiles(Context& context, const Waiting& waiting) {
@@ -310,6 +326,7 @@ std::optional<proto::Message> MergeActor::AnswerTiles(Context& context, const Wa
   if (!tiles) return ErrorReply(waiting.question, tiles.error());
   if (tiles->tiles().empty() && context.now() < waiting.answer_by) return std::nullopt;
   tiles->set_merger_id(merger_id_);
+  tiles->set_frame_of(frame_of_);
   proto::Message answer;
   *answer.mutable_map_tiles_reply() = *std::move(tiles);
   return answer;
@@ -321,8 +338,9 @@ Result<void> MergeActor::Update(Context& context, const MapCollection::Selected&
   const std::uint64_t forgotten = merger_->forgotten();
   Result<void> merged = RunMerger(context, everything, *merger_);
   is_current_ = merged.has_value();
-  if (merger_->forgotten() != forgotten)
-    merger_id_ = context.rng()() | 1;  // A new id makes clients with older tiles fetch every tile again.
+  const bool has_moved = std::exchange(frame_of_, everything.frame_of) != everything.frame_of;
+  // A new id makes clients with older tiles fetch every tile again.
+  if (merger_->forgotten() != forgotten || has_moved) merger_id_ = context.rng()() | 1;
   ReportLeftOut(context);
   return merged;
 }
@@ -351,6 +369,9 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   reply.set_height_cells(static_cast<std::uint32_t>(merged->grid.height));
   reply.set_zstd_cells(*std::move(cells));
   reply.set_map_count(static_cast<double>(merger.map_count()));
+  for (const AgentId agent : merger.FindMapOrigins()) reply.add_maps_of(agent);
+  reply.set_frame_of(selected.frame_of);
+  AddUnplaced(selected, *reply.mutable_unplaced());
   reply.set_waiting_map_count(static_cast<double>(selected.waiting_maps.size()));
   reply.set_node_count(static_cast<double>(merger.footprint_count()));
   AddLeftOut(merger, crop, reply);
@@ -372,7 +393,7 @@ void MergeActor::ReportBackend(Context& context) {
 
 Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger) {
   const std::vector<Error> refusals = merger.Assign(selected.maps, selected.footprints);
-  if (&merger == merger_.get()) unplaced_map_count_ = refusals.size();
+  if (&merger == merger_.get()) refused_count_ = refusals.size();
   for (const Error& refused : refusals) {
     refused_log_.Warn(ToString(context.self()) + ": leaves out " + ToString(refused));
   }

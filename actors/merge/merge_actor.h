@@ -39,8 +39,8 @@ class MergeActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    // Complete, validated configuration of the team. Used fields: map.resolution_m, map.footprint_m and the kinds of
-    // agents.
+    // Complete, validated configuration of the team. Used fields: map.resolution_m, map.footprint_m, the kinds of
+    // agents and their starts.
     proto::TeamConfig team;
     MergeBackend backend = MergeBackend::kAuto;
     int merge_threads = 1;  // Number of CPU threads that merge.
@@ -100,6 +100,7 @@ class MergeActor final : public Actor {
   Result<void> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
   // Returns the reply; nullopt if the request is a subscription that continues to wait.
   std::optional<proto::Message> AnswerTo(Context& context, const Waiting& waiting);
+  Result<proto::MapStatsReply> Stats(Context& context, const proto::MapStatsRequest& request);
   std::optional<proto::Message> AnswerTiles(Context& context, const Waiting& waiting);
   void Answer(Context& context, const Waiting& waiting, proto::Message reply);
 
@@ -112,12 +113,13 @@ class MergeActor final : public Actor {
   Error start_error_;                   // Reason why backend_ is null.
   std::string backend_description_;     // Description of the backend that was reported last.
   std::unique_ptr<Merger> merger_;      // Merged map of all records. Null if backend_ is null.
+  AgentId frame_of_ = 0;                // MapCollection::Selected::frame_of of merger_.
   bool is_current_ = false;             // True if merger_ includes all of collection_.
   bool is_outdated_ = false;            // True if collection_ may contain pruned records and must be read again.
   std::size_t unusable_map_count_ = 0;  // Number of map records whose cells are too fine for the grid.
-  std::size_t unplaced_map_count_ = 0;  // Number of maps and footprints that merger_ rejected in the last update.
+  std::size_t refused_count_ = 0;       // Number of maps and footprints that merger_ rejected in the last update.
   // Random id of merger_. Clients may compare two version numbers of the merged map only if the ids are equal. A new id
-  // is chosen at each start, and when merger_ drops empty pages.
+  // is chosen at each start, when merger_ drops empty pages, and when its frame changes.
   std::uint64_t merger_id_ = 0;
   RateLimitedLog refused_log_;
   RateLimitedLog dropped_log_;

@@ -21,6 +21,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <unordered_map>
@@ -69,6 +70,7 @@ struct Observation {
 struct MapWins {
   PlacedMap placed;
   std::uint64_t cells = 0;
+  CellBox extent;  // Bounding box of all cells of the map, including unknown cells.
 };
 
 struct TileKey {
@@ -142,6 +144,8 @@ class Merger {
 
   // Returns each map with the number of cells that it wins, sorted by record key.
   std::vector<MapWins> CountWins() const;
+  // Returns the origins of the maps.
+  std::set<AgentId> FindMapOrigins() const;
   // Returns the number of cells that are free because of footprints, by agent.
   std::map<AgentId, std::uint64_t> CountFootprintCells() const;
 

@@ -234,9 +234,15 @@ std::vector<MapWins> Merger::CountWins() const {
   std::vector<MapWins> result;
   for (const auto& [key, thing] : maps_) {
     const auto found = cells.find(thing.get());
-    result.push_back({thing->placed, found == cells.end() ? 0 : found->second});
+    result.push_back({thing->placed, found == cells.end() ? 0 : found->second, thing->extent});
   }
   return result;
+}
+
+std::set<AgentId> Merger::FindMapOrigins() const {
+  std::set<AgentId> origins;
+  for (const auto& [key, thing] : maps_) origins.insert(key.stream.origin);
+  return origins;
 }
 
 std::map<AgentId, std::uint64_t> Merger::CountFootprintCells() const {

@@ -14,10 +14,6 @@ namespace moondb {
 
 namespace {
 
-// No real sensor has a variance outside these bounds. A term with such a variance would also reduce the numerical
-// precision of the whole solve.
-constexpr double kVarianceMin = 1e-12;
-constexpr double kVarianceMax = 1e8;
 constexpr const char* kVarianceText = "within 1e-12 and 1e8";
 constexpr const char* kDoubled = "is there more than once";
 

@@ -61,21 +61,26 @@ Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) 
     if (!nodes_.emplace(std::pair(node.key, key), node).second) continue;
     for (const auto& removed : node_quota_.Add(key, 1, node.key)) nodes_.erase({removed.note, removed.key});
   }
-  for (const OdometryEdge& edge : one.odometry) {
+  // Older stores hold variances that a client may not insert any more (model/insert_check.h). They are used.
+  for (OdometryEdge& edge : one.odometry) {
     const EdgeName name{edge.from, edge.to};
+    LimitVariances(edge.covariance);
     if (!odometry_.emplace(std::pair(name, key), edge).second) continue;
     AddEdge(key, {{FactorKind::kRange, edge.from, edge.to, {}}, /*is_odometry=*/true});
   }
   for (RangeEdge& edge : one.ranges) {
     edge.producer = key.stream.origin;
+    edge.variance_m2 = std::clamp(edge.variance_m2, kVarianceMin, kVarianceMax);
     if (ranges_.emplace(std::pair(EdgeName{edge.from, edge.to}, key), edge).second) AddEdge(key, {KeyOf(edge)});
   }
   for (LoopClosure& closure : one.closures) {
     closure.producer = key.stream.origin;
+    LimitVariances(closure.covariance);
     if (closures_.emplace(std::pair(KeyOf(closure), key), closure).second) AddEdge(key, {KeyOf(closure)});
   }
   for (NodePrior& prior : one.priors) {
     prior.producer = key.stream.origin;
+    LimitVariances(prior.covariance);
     if (priors_.emplace(std::pair(KeyOf(prior), key), prior).second) AddEdge(key, {KeyOf(prior)});
   }
   return {};
@@ -245,7 +250,9 @@ std::map<NodeKey, Pose> KnownGraph::FindContinuations() const {
   for (const auto& [agent, count] : cut) {
     const auto first = nodes_.lower_bound({NodeKey{agent, 0}, RecordKey()});
     if (first == nodes_.end() || first->first.first.agent != agent) continue;
-    if (const Pose* const pose = FindPublished(first->first.first)) continuations[first->first.first] = *pose;
+    const NodeKey& node = first->first.first;
+    const Pose* const pose = FindPublished(node);
+    if (pose != nullptr && !IsPublishedUnplaced(node)) continuations[node] = *pose;
   }
   return continuations;
 }
@@ -287,7 +294,7 @@ Result<void> KnownGraph::AddPose(const RecordKey& key, const proto::OptimizedPos
     ++left_out_published_[key.stream.origin];
     return {};
   }
-  const PublishedPose published{*map_from_node, pose.ignores_raw_pose()};
+  const PublishedPose published{*map_from_node, pose.ignores_raw_pose(), pose.is_unplaced()};
   const auto [entry, is_new] = poses_.try_emplace(node, Versioned<PublishedPose>{version, published});
   if (!is_new && version > entry->second.version) entry->second = {version, published};
   return {};
@@ -333,6 +340,11 @@ LastSolution KnownGraph::FindLastSolution() const {
   }
   for (const auto& [factor, verdict] : verdicts_) solution.AddVerdict(factor, verdict.value.is_inlier);
   return solution;
+}
+
+bool KnownGraph::IsPublishedUnplaced(const NodeKey& node) const {
+  const auto found = poses_.find(node);
+  return found != poses_.end() && found->second.value.is_unplaced;
 }
 
 const Pose* KnownGraph::FindPublished(const NodeKey& node) const {

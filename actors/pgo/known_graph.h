@@ -76,7 +76,7 @@ class KnownGraph {
   static SolveSize SolveSizeMax(std::size_t node_count);
   std::size_t node_count() const { return nodes_.size(); }
   // Returns the first node of each agent whose earlier nodes were dropped, with its published pose. A solve continues
-  // from this pose. Agents whose first node has no published pose are absent.
+  // from this pose. Agents whose first node has no published pose, or an unplaced one, are absent.
   std::map<NodeKey, Pose> FindContinuations() const;
   // Returns the number of records dropped because a limit was reached, by origin. Origins without dropped records are
   // absent.
@@ -87,6 +87,8 @@ class KnownGraph {
   // Returns the node's published pose. Null if none is published, or if the node is quarantined and the pose used its
   // raw pose.
   const Pose* FindPublished(const NodeKey& node) const;
+  // Returns whether the node's published pose is one of an unplaced rover (OptimizedPose.is_unplaced).
+  bool IsPublishedUnplaced(const NodeKey& node) const;
   const GraphQuarantines& quarantines() const { return quarantines_; }
   std::size_t published_count() const { return poses_.size(); }  // Number of nodes with a published pose.
   // Returns the published pose; the raw pose if none is published.
@@ -152,6 +154,7 @@ class KnownGraph {
   struct PublishedPose {
     Pose map_from_node;
     bool ignores_raw_pose = false;
+    bool is_unplaced = false;
   };
   std::map<NodeKey, Versioned<PublishedPose>> poses_;
   std::map<FactorKey, Versioned<PublishedVerdict>> verdicts_;

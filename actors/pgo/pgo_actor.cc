@@ -241,7 +241,11 @@ void PgoActor::SolveNow(Context& context) {
     facts.start = pose;
     facts.start_index = node.index;
   }
+  const std::optional<AgentId> frame_of = ChooseMapFrame(selection.graph, known_, agents);
   Solution solution = SolvePoseGraph(selection.graph, agents, last, solver);
+  if (frame_of && solution.is_accepted) {
+    solution.text = "no rover has a start: the frame of the map is that of " + AgentName(options_.team, *frame_of);
+  }
   if (is_late && !solution.is_accepted) {
     solution.text = "took longer than " +
                     FormatDuration(std::chrono::duration_cast<std::chrono::milliseconds>(options_.solve_time_max)) +

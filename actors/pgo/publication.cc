@@ -1,7 +1,9 @@
 #include "actors/pgo/publication.h"
 
+#include <set>
 #include <tuple>
 
+#include "actors/pgo/rover_status.h"
 #include "model/far_nodes.h"
 
 namespace moondb {
@@ -87,12 +89,17 @@ Publication MakePublication(const Solution& solution, const KnownGraph& known, c
     record.set_timestamp_ns(timestamp_ns);
     return record;
   };
+  const std::set<AgentId> unplaced = FindUnplaced(solution.rovers);
   for (const auto& [node, pose] : solution.poses) {
-    if (!IsRover(agents, node.agent) || !HasMoved(pose, known.FindPublished(node), options)) continue;
+    const bool is_unplaced = unplaced.contains(node.agent);
+    const bool is_news =
+        HasMoved(pose, known.FindPublished(node), options) || known.IsPublishedUnplaced(node) != is_unplaced;
+    if (!IsRover(agents, node.agent) || !is_news) continue;
     proto::OptimizedPose& body = *add().mutable_optimized_pose();
     *body.mutable_node() = ToProto(node);
     *body.mutable_map_from_node() = ToProto(pose);
     body.set_ignores_raw_pose(known.quarantines().HasNode(node));
+    body.set_is_unplaced(is_unplaced);
     SetVersion(term, run, body);
     ++publication.pose_count;
   }
@@ -143,6 +150,7 @@ proto::OptimizeReply ToReply(const Solution& solution) {
     *out.mutable_node() = ToProto(node);
     AddUpperTriangle(covariance, *out.mutable_covariance());
   }
+  const std::set<AgentId> unplaced = FindUnplaced(solution.rovers);
   for (const RoverResult& rover : solution.rovers) {
     proto::RoverSolution& out = *reply.add_rovers();
     out.set_agent_id(rover.agent);
@@ -150,6 +158,7 @@ proto::OptimizeReply ToReply(const Solution& solution) {
     out.set_odometry_scale(rover.odometry_scale);
     out.set_node_count(static_cast<double>(rover.node_count));
     out.set_text(rover.text);
+    out.set_is_unplaced(unplaced.contains(rover.agent));
   }
   return reply;
 }

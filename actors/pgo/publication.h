@@ -22,8 +22,9 @@ struct Publication {
   std::size_t pose_count = 0;
 };
 
-// Returns the poses of rovers' nodes that were never published or moved beyond a threshold, and the verdicts that
-// changed. Returns no records if the solution was not accepted.
+// Returns the poses of rovers' nodes that were never published, moved beyond a threshold, or belong to a rover that is
+// placed now and was not before, or the reverse. Also returns the verdicts that changed. Returns no records if the
+// solution was not accepted.
 Publication MakePublication(const Solution& solution, const KnownGraph& known, const AgentFactsMap& agents,
                             const PublicationOptions& options, const proto::Term& term, std::uint64_t run,
                             std::int64_t timestamp_ns);

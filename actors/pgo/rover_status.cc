@@ -1,5 +1,6 @@
 #include "actors/pgo/rover_status.h"
 
+#include <algorithm>
 #include <functional>
 #include <map>
 #include <string>
@@ -58,6 +59,7 @@ struct FactorCounts {
   FactorCount ranges;
   FactorCount closures;
   FactorCount priors;
+  std::size_t closures_to_others = 0;  // Accepted loop closures to other rovers.
 
   FactorCount& Of(FactorKind kind) {
     if (kind == FactorKind::kRange) return ranges;
@@ -72,6 +74,9 @@ std::map<AgentId, FactorCounts> CountFactors(const std::vector<FactorVerdict>& v
       FactorCount& of_kind = counts[agent].Of(verdict.factor.kind);
       ++of_kind.usable;
       of_kind.rejected += !verdict.is_inlier;
+      const bool is_to_other =
+          verdict.factor.kind == FactorKind::kLoopClosure && verdict.factor.from.agent != verdict.factor.to.agent;
+      counts[agent].closures_to_others += is_to_other && verdict.is_inlier;
     }
   }
   return counts;
@@ -79,7 +84,7 @@ std::map<AgentId, FactorCounts> CountFactors(const std::vector<FactorVerdict>& v
 
 // Describes where the rover's place comes from if no start is configured.
 std::string WhereElse(const RoverResult& rover, const FactorCounts& counts) {
-  const bool has_poses = counts.closures.accepted() + counts.priors.accepted() > 0;
+  const bool has_poses = counts.closures_to_others + counts.priors.accepted() > 0;
   const std::string what = rover.range_count == 0 ? "measurements" : has_poses ? "ranges and measurements" : "ranges";
   if (rover.anchoring != Anchoring::kUnanchored) return ": its " + what + " say where it is";
   if (rover.range_count == 0 && !has_poses) return ": begins at its raw pose";
@@ -104,9 +109,16 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
     const std::string which = rover.range_count > 0 ? "no accepted range to a rover in the map" : "no accepted range";
     say(which + ": start pose and odometry alone");
   }
-  if (rover.anchoring == Anchoring::kUnanchored) say("nothing ties it to the map");
-  if (rover.anchoring == Anchoring::kYawFree) say("nothing says how it is turned about the base station");
-  if (rover.anchoring == Anchoring::kAmbiguous) say("ambiguous: it would stand nearly as well elsewhere");
+  if (rover.anchoring == Anchoring::kUnanchored) {
+    say("nothing ties it to the map: give it a start in the team file, or two GNSS priors a few metres apart");
+  }
+  if (rover.anchoring == Anchoring::kYawFree) {
+    say("nothing says how it is turned about the base station: give one rover a start in the team file, or two GNSS "
+        "priors a few metres apart");
+  }
+  if (rover.anchoring == Anchoring::kAmbiguous) {
+    say("ambiguous: it would stand nearly as well elsewhere: give it a start in the team file, or two GNSS priors");
+  }
   SayIfContradicted(counts.ranges, "ranges", ": is its start right, or another rover's, are the radios?", say);
   SayIfContradicted(counts.closures, "loop closures", "", say);
   SayIfContradicted(counts.priors, "priors", ": are they in the frame map?", say);
@@ -183,6 +195,18 @@ std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vecto
     results.push_back(std::move(result));
   }
   return results;
+}
+
+std::set<AgentId> FindUnplaced(const std::vector<RoverResult>& rovers) {
+  const bool has_placed = std::any_of(rovers.begin(), rovers.end(), [](const RoverResult& rover) {
+    return rover.anchoring == Anchoring::kAnchored || rover.anchoring == Anchoring::kNoRanges;
+  });
+  std::set<AgentId> unplaced;
+  for (const RoverResult& rover : rovers) {
+    const bool is_alone = rover.anchoring == Anchoring::kUnanchored || rover.anchoring == Anchoring::kAmbiguous;
+    if (is_alone || (rover.anchoring == Anchoring::kYawFree && has_placed)) unplaced.insert(rover.agent);
+  }
+  return unplaced;
 }
 
 }  // namespace moondb

@@ -20,4 +20,9 @@ std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vecto
                                      const std::vector<double>& scales, const std::set<AgentId>& ambiguous,
                                      const std::map<AgentId, std::string>& not_placed);
 
+// Returns the rovers that have no pose in the frame `map`: those that are unanchored or ambiguous, and those whose yaw
+// is free while another rover is placed. If the yaw of all rovers is free, they share one frame, about the base
+// station.
+std::set<AgentId> FindUnplaced(const std::vector<RoverResult>& rovers);
+
 }  // namespace moondb

@@ -1,5 +1,9 @@
 #include "actors/pgo/team_facts.h"
 
+#include <set>
+
+#include "runtime/team/start_poses.h"
+
 namespace moondb {
 
 namespace {
@@ -9,7 +13,7 @@ std::optional<Eigen::Vector3d> ToVector(const google::protobuf::RepeatedField<do
   return Eigen::Vector3d(numbers[0], numbers[1], numbers[2]);
 }
 
-AgentFacts FactsOf(const proto::AgentConfig& agent) {
+AgentFacts FactsOf(const proto::AgentConfig& agent, bool is_start_known) {
   AgentFacts facts;
   facts.agent = agent.id();
   facts.is_base_station = agent.kind() == proto::AGENT_KIND_BASE_STATION;
@@ -18,7 +22,7 @@ AgentFacts FactsOf(const proto::AgentConfig& agent) {
   if (facts.is_base_station) {
     const std::optional<Eigen::Vector3d> position_m = ToVector(agent.position_m());
     if (position_m) facts.start = Pose{*position_m, Eigen::Quaterniond::Identity()};
-  } else if (agent.has_start()) {
+  } else if (is_start_known) {
     const proto::StartPose& start = agent.start();
     facts.start = Pose::FromPlanar(start.x(), start.y(), start.yaw());
     facts.start->position_m.z() = start.z();
@@ -32,7 +36,10 @@ AgentFacts FactsOf(const proto::AgentConfig& agent) {
 
 AgentFactsMap FactsOf(const proto::TeamConfig& team) {
   AgentFactsMap facts;
-  for (const proto::AgentConfig& agent : team.agents()) facts[agent.id()] = FactsOf(agent);
+  const std::set<AgentId> known_starts = KnownStarts(team);
+  for (const proto::AgentConfig& agent : team.agents()) {
+    facts[agent.id()] = FactsOf(agent, known_starts.contains(agent.id()));
+  }
   return facts;
 }
 

@@ -7,7 +7,8 @@
 
 namespace moondb {
 
-// Returns the facts of each agent. A rover without `start`, or a base station without `position_m`, gets no start pose.
+// Returns the facts of each agent. A rover without a `start` that counts (KnownStarts), or a base station without
+// `position_m`, gets no start pose.
 // Requires: `team` is validated.
 AgentFactsMap FactsOf(const proto::TeamConfig& team);
 

@@ -90,9 +90,10 @@ std::vector<RegisteredMap> KnownMaps::FindRegistered() const {
   for (const auto& [key, map] : maps_) {
     if (quarantined_nodes.contains(map.node) || quarantined_maps.Contains(key.stream.origin, map.timestamp_ns))
       continue;
-    const Pose* pose = poses_.FindOptimized(map.node, /*is_quarantined=*/false);
+    const NodePoses::OptimizedPose* pose = poses_.FindOptimized(map.node, /*is_quarantined=*/false);
     if (pose == nullptr) continue;
-    registered.push_back({key, map.node, map.timestamp_ns, *pose, *pose * map.node_from_map});
+    const Pose& map_from_node = pose->map_from_node;
+    registered.push_back({key, map.node, map.timestamp_ns, map_from_node, map_from_node * map.node_from_map});
   }
   return registered;
 }
@@ -116,9 +117,9 @@ std::vector<MaskedDisc> KnownMaps::FindRovers(const RegisteredMap& map) const {
       --nearest;
     }
     if (std::abs(nearest->first - map.timestamp_ns) > kNear_ns) continue;
-    const Pose* pose = poses_.FindOptimized(nearest->second, /*is_quarantined=*/false);
+    const NodePoses::OptimizedPose* pose = poses_.FindOptimized(nearest->second, /*is_quarantined=*/false);
     if (pose == nullptr) continue;
-    discs.push_back({(local_from_map * pose->position_m).head<2>(), options_.body_radius_m});
+    discs.push_back({(local_from_map * pose->map_from_node.position_m).head<2>(), options_.body_radius_m});
   }
   return discs;
 }

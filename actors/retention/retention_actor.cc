@@ -9,8 +9,10 @@
 #include "model/agent_name.h"
 #include "model/control_message.h"
 #include "model/custom_types.h"
+#include "model/event.h"
 #include "model/have_set.h"
 #include "model/team_member.h"
+#include "model/text.h"
 #include "proto/control.pb.h"
 #include "proto/types.pb.h"
 #include "runtime/team/team_config.h"
@@ -331,6 +333,10 @@ void RetentionActor::OnPruned(Context& context, const proto::PruneReply& reply) 
   }
   const PruneStep& step = job_.plan[job_.step];
   AddPruned(reply);
+  const bool is_by_age = step.request.older_than_s() > 0 && !step.request.is_dry_run();
+  for (const proto::PrunedType& pruned : reply.pruned()) {
+    if (is_by_age) job_.aged[pruned.data_type()] += pruned.record_count();
+  }
   // Do not repeat a step that removed nothing: it would repeat forever.
   const bool goes_on = !reply.is_complete() && !step.request.is_dry_run() && !reply.pruned().empty();
   if (!goes_on) {
@@ -384,8 +390,28 @@ void RetentionActor::GiveUp(Context& context, const Error& error) {
   Finish(context);
 }
 
+void RetentionActor::LogAged(Context& context) {
+  double count = 0;
+  std::string types;
+  for (const auto& [type, of_type] : job_.aged) {
+    count += of_type;
+    types += (types.empty() ? "" : ", ") + DataTypeName(type) + " " + FormatDouble(of_type);
+  }
+  if (count == 0) return;
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_insert_request()->add_records() =
+      MakeEvent(proto::EVENT_KIND_PRUNED,
+                "removed " + FormatDouble(count) + (IsOfHistory() ? " superseded" : "") +
+                    " records because of their age: " + types,
+                "", context.utc_now_ns());
+  // The event only informs people: a full mailbox costs no more than the event.
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
+}
+
 void RetentionActor::Finish(Context& context) {
   context.Cancel(stage_timer_);
+  LogAged(context);
   stage_ = Stage::kIdle;
   const Job job = std::exchange(job_, {});
   if (job.requester) {

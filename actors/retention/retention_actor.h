@@ -15,6 +15,8 @@
 // The actor also answers other agents' requests for this agent's have-set. While this agent prunes, the answer is an
 // empty have-set.
 //
+// A prune that removed records because of their age is logged as an event, with the number of records of each type.
+//
 // One prune runs at a time. Each request to storage is atomic, so a restart leaves no step half done.
 //
 // Errors in replies:
@@ -75,7 +77,8 @@ class RetentionActor final : public Actor {
     MonotonicTime asked_at;                  // When the have-sets of the peers were requested.
     std::map<AgentId, std::string> awaited;  // Peers that have not answered, with their names and roles for messages.
     double removed_bytes = 0;
-    proto::PruneReply reply;  // Reply for the steps that have been executed.
+    std::map<DataType, double> aged;  // Number of records removed because of their age, by type.
+    proto::PruneReply reply;          // Reply for the steps that have been executed.
   };
 
   // A request of a peer for this agent's have-set.
@@ -114,6 +117,8 @@ class RetentionActor final : public Actor {
   void Begin(Context& context, Job job);
   void DoStep(Context& context);
   void AddPruned(const proto::PruneReply& reply);
+  // Logs an event that names what the job removed because of its age.
+  void LogAged(Context& context);
   // Ends the job without an error. `text`: the reason why nothing can be removed.
   void Refuse(Context& context, const std::string& text);
   void GiveUp(Context& context, const Error& error);

@@ -22,18 +22,22 @@ void SessionCounts::NoteAcknowledged(std::size_t records, std::size_t coded_byte
   bytes_since_answer_ += static_cast<double>(coded_bytes);
 }
 
-void SessionCounts::NoteEnd(Ending ending) {
-  if (ending == Ending::kCompleted) ++completed_;
+void SessionCounts::NoteEnd(Ending ending, Time last_progress) {
+  if (ending == Ending::kCompleted) {
+    ++completed_;
+    last_end_ = last_progress;
+  }
   if (ending == Ending::kClosed) ++closed_;
   if (ending == Ending::kLimited) ++limited_;
 }
 
-void SessionCounts::AddTo(proto::ShareSession& status) const {
+void SessionCounts::AddTo(proto::ShareSession& status, Time now) const {
   status.set_sent_records(sent_records_);
   status.set_acknowledged_records(acknowledged_records_);
   status.set_coded_bytes(coded_bytes_);
   status.set_codec(codec_);
   status.set_completed_sessions(completed_);
+  if (completed_ > 0) status.set_seconds_since_end(std::chrono::duration<double>(now - last_end_).count());
   status.set_closed_sessions(closed_);
   status.set_limited_sessions(limited_);
   status.set_resends(resends_);

@@ -26,9 +26,9 @@ class SessionCounts {
   void NoteAcknowledged(std::size_t records, std::size_t coded_bytes);
   void NoteResends(std::size_t batches) { resends_ += static_cast<double>(batches); }
   void NoteRefusedHave() { ++refused_haves_; }
-  void NoteEnd(Ending ending);
+  void NoteEnd(Ending ending, Time last_progress);
 
-  void AddTo(proto::ShareSession& status) const;
+  void AddTo(proto::ShareSession& status, Time now) const;
   // Adds the counters since the destination's last answer. Requires: the destination has answered the session's last
   // Hello.
   void AddSinceAnswerTo(proto::ShareSession& status, Time now) const;
@@ -39,6 +39,7 @@ class SessionCounts {
   double coded_bytes_ = 0;
   proto::Codec codec_ = proto::CODEC_UNSPECIFIED;  // Codec of the last batch.
   double completed_ = 0;
+  Time last_end_{};  // Last progress of the last completed session.
   double closed_ = 0;
   double limited_ = 0;
   double resends_ = 0;

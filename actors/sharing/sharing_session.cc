@@ -85,7 +85,7 @@ SharingActions SharingSession::Close() {
 }
 
 void SharingSession::End(Ending ending, SharingActions& actions) {
-  if (!order_.is_periodic()) counts_.NoteEnd(ending);
+  if (!order_.is_periodic()) counts_.NoteEnd(ending, last_progress_);
   order_.End(ending);
   phase_ = Phase::kClosed;
   pages_.Clear();
@@ -261,7 +261,7 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_bytes_per_second_max(pacer_.rate());
   order_.AddTo(status);
   maker_.AddTo(status);
-  counts_.AddTo(status);
+  counts_.AddTo(status, now);
   if (is_answered()) counts_.AddSinceAnswerTo(status, now);
   return status;
 }
@@ -311,7 +311,7 @@ void SharingSession::Complete(SharingActions& actions) {
   if (order_.is_for_states() && !order_.is_periodic()) return order_.HoldBackTheRest();
   phase_ = Phase::kClosed;
   if (!order_.is_periodic()) {
-    counts_.NoteEnd(Ending::kCompleted);
+    counts_.NoteEnd(Ending::kCompleted, last_progress_);
     const std::uint64_t refused = in_flight_.RefusedCount();
     // If records were refused, report the order as closed, so its client does not assume that all records are
     // acknowledged.

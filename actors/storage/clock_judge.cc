@@ -21,6 +21,12 @@ bool Agree(std::int64_t offset_a_ns, std::int64_t offset_b_ns) {
 
 }  // namespace
 
+TimestampVerdict JudgeTimestamp(std::int64_t timestamp_ns, std::int64_t utc_ns) {
+  if (timestamp_ns < kTimestampMin_ns) return TimestampVerdict::kBeforeMin;
+  const bool is_ahead = timestamp_ns - std::chrono::nanoseconds(kTimestampAheadMax).count() > utc_ns;
+  return is_ahead ? TimestampVerdict::kAhead : TimestampVerdict::kTrusted;
+}
+
 void ClockJudge::NotePeer(AgentId peer, std::int64_t utc_ns, Time now) {
   if (IsPlausible(utc_ns)) {
     peers_[peer] = {utc_ns - now.time_since_epoch().count(), now};

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "actors/storage/clock_judge.h"
 #include "actors/storage/prune.h"
 #include "actors/storage/record_pages.h"
 #include "model/record_hash.h"
@@ -36,9 +37,11 @@ std::string ReadSql(AgentId self, DataType type) {
          ", epoch, seq, hash, content, data_type FROM history WHERE data_type = " + std::to_string(type);
 }
 
+// Returns whether the record's age is unknown. Older stores have unmarked records from before 2020.
 bool IsOfSuspectClock(std::string_view content) {
   proto::Record record;
-  return !record.ParseFromArray(content.data(), static_cast<int>(content.size())) || record.is_clock_suspect();
+  return !record.ParseFromArray(content.data(), static_cast<int>(content.size())) || record.is_clock_suspect() ||
+         record.timestamp_ns() < kTimestampMin_ns;
 }
 
 struct Candidate {

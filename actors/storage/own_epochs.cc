@@ -168,7 +168,7 @@ bool OwnEpochs::IsPossible(std::uint64_t epoch) const {
 
 void OwnEpochs::Learn(std::uint64_t epoch) {
   if (begun_.contains(epoch)) return;
-  foreign_.insert(epoch);
+  has_learned_ |= foreign_.insert(epoch).second;
   if (foreign_.size() > kForeignEpochsMax) foreign_.erase(foreign_.begin());
 }
 

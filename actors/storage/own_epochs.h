@@ -64,7 +64,12 @@ class OwnEpochs {
   std::uint64_t highest() const;  // The highest known epoch; 0 if none is known.
   // Call once, when all own epochs in this agent's database file are known. From then on, IsPossible compares epochs
   // that peers claim with the highest epoch known at this call.
-  void NoteStart() { highest_at_start_ = highest(); }
+  void NoteStart() {
+    highest_at_start_ = highest();
+    has_learned_ = false;
+  }
+  // Returns true if a foreign epoch was added since the start or the last call: the disk was replaced or restored.
+  bool TakeLearned() { return std::exchange(has_learned_, false); }
   // Returns whether an epoch that a peer claims can exist: it is not 0, and at most kOwnEpochJumpMax above the highest
   // epoch at the start of the process. Later claims do not raise this limit.
   bool IsPossible(std::uint64_t epoch) const;
@@ -99,6 +104,7 @@ class OwnEpochs {
   std::set<std::uint64_t> begun_;
   std::set<std::uint64_t> foreign_;
   std::uint64_t highest_at_start_ = 0;
+  bool has_learned_ = false;
 };
 
 // SQL that removes the incarnation from a copy of a store. An agent that opens the copy as its store then starts a new

@@ -1,10 +1,10 @@
 // PeerLog: the log of which records each peer is known to have, and which records open sessions have sent to the peer.
 // The view replication_log shows the log.
 //
-// The log is used for display, and for the uncertain cases of OwnEpochs::Danger. A power cut may remove entries; the
-// next session restores them. A session first reports all records that its peer has (a full report), then numbered
-// differences (proto::PeerHave). If a difference does not have the number after the last report's number, the
-// difference is not applied, and the session must send a full report.
+// The log is used for display (also of records with one copy, copy_watch.h), and for the uncertain cases of
+// OwnEpochs::Danger. A power cut may remove entries; the next session restores them. A session first reports all
+// records that its peer has (a full report), then numbered differences (proto::PeerHave). If a difference does not have
+// the number after the last report's number, the difference is not applied, and the session must send a full report.
 #pragma once
 
 #include <cstdint>
@@ -30,11 +30,12 @@ class PeerLog {
   // Returns whether any peer is known to cover the record (to hold or have dropped it).
   bool IsCoveredByAny(const RecordKey& key) const;
 
- private:
   using Covered = std::map<StreamKey, IntervalSet>;
-
-  Result<bool> ReadAll(Database& database);
+  // Returns the records that the peer is known to cover. Valid until the next call of Store or Load.
   const Covered& KnownOf(AgentId peer) const;
+
+ private:
+  Result<bool> ReadAll(Database& database);
   bool Follows(const proto::PeerHave& note) const;
   // Returns the new state of each stream that `note` changes for its peer. An empty set means that the peer no longer
   // covers any seq of the stream.

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "actors/storage/bundle_shelf.h"
+#include "actors/storage/clock_judge.h"
 #include "model/prune_rules.h"
 #include "proto/downlink.pb.h"
 #include "proto/retention.pb.h"
@@ -91,7 +92,9 @@ class Chooser {
         row.row.row_id = query.Unsigned(0);
         row.row.key = {stream, query.Unsigned(1)};
         row.row.content_bytes = query.Unsigned(3);
-        const bool is_old = !timestamp_before_ns_ || row.timestamp_ns < *timestamp_before_ns_;
+        // Records from before 2020 were stored when no origin judged their timestamps; their age is unknown.
+        const bool is_dated = row.timestamp_ns >= kTimestampMin_ns;
+        const bool is_old = !timestamp_before_ns_ || (is_dated && row.timestamp_ns < *timestamp_before_ns_);
         if (is_old && !take(std::move(row))) return {};
       }
     }

@@ -4,8 +4,8 @@
 // `acknowledged`. Some types are selected only if the request names them (model/prune_rules.h).
 //
 // If bundles for a ground station were ever made (actors/storage/bundle_shelf.h), records of the types in
-// SharingRules::for_ground must also be in a bundle, which keeps its own copy. A record whose timestamp comes from a
-// suspect clock has an unknown age, so `older_than_s` never selects it.
+// SharingRules::for_ground must also be in a bundle, which keeps its own copy. A record that is marked
+// is_clock_suspect, or whose timestamp lies before 2020, has an unknown age, so `older_than_s` never selects it.
 //
 // Reads the keys, timestamps and lengths of all candidates. Reads contents only of records that are old enough, to
 // check whether their timestamps can be trusted.

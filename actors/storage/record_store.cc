@@ -11,6 +11,7 @@
 #include "actors/storage/bundle_shelf.h"
 #include "actors/storage/disk_guard.h"
 #include "actors/storage/log_check.h"
+#include "actors/storage/migration.h"
 #include "actors/storage/prune.h"
 #include "actors/storage/record_pages.h"
 #include "actors/storage/record_validator.h"
@@ -22,6 +23,7 @@
 #include "model/check.h"
 #include "model/event.h"
 #include "model/have_page.h"
+#include "model/insert_check.h"
 #include "model/record_authority.h"
 #include "model/record_check.h"
 #include "model/record_hash.h"
@@ -281,6 +283,7 @@ Result<void> RecordStore::Load() {
   if (!options_.is_checked) {
     if (const Result<void> checked = database_->QuickCheck(); !checked) return checked;
   }
+  if (const Result<void> migrated = MigrateStore(*database_, options_.self); !migrated) return migrated;
   if (const Result<void> made = MakeSchema(*database_); !made) return made;
   if (const Result<void> claimed = Claim(); !claimed) return claimed;
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
@@ -512,6 +515,7 @@ Result<void> RecordStore::CheckInsert(const proto::InsertRequest& request) const
   }
   for (int i = 0; i < request.records_size(); ++i) {
     Result<void> checked = CheckOwnRecord(request.records(i));
+    if (checked) checked = CheckForInsert(request.records(i));
     if (checked && request.is_local() && request.records(i).has_map_quarantine()) {
       checked =
           Fail(ErrorCode::kInvalid, "holds for the whole team or not at all: it cannot be local", "map_quarantine");

@@ -143,6 +143,8 @@ class RecordStore {
   static constexpr int kEpochReportMax = 64;
   // Returns the records reissued since the last call of this function.
   proto::RecordsStored TakeReissued();
+  // Returns true if a peer reported own epochs that this disk does not have, since the last call of this function.
+  bool TakeLearnedEpochs() { return own_epochs_.TakeLearned(); }
 
   // Returns the records that a destination lacks; see FindMissing. Fails with kInvalid if the destination's have-set is
   // malformed. Other errors are as for Database.
@@ -190,6 +192,10 @@ class RecordStore {
   Result<proto::ReadBundleReply> ReadBundle(const proto::ReadBundleRequest& request);
   Result<void> AcknowledgeBundle(std::uint32_t number);
 
+  // This agent's have-set, what peers are known to have, and the row id of the next record.
+  const HaveSet& have() const { return ledger_.have(); }
+  const PeerLog& peer_log() const { return peer_log_; }
+  std::uint64_t next_row_id() const { return next_row_id_; }
   // For tests and tools that inspect the tables.
   Database& database() { return *database_; }
 

@@ -20,6 +20,8 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
+#include <string>
 
 #include "actors/storage/sqlite_database.h"
 
@@ -28,16 +30,23 @@ namespace moondb {
 // The SQLite header contains the mark of a store (application_id) and its version (user_version). A change to a table,
 // an index, a view or the meaning of a column must raise the version; docs/COMPATIBILITY.md lists the other steps.
 inline constexpr std::int64_t kStoreApplicationId = 0x6D6F6F6E;  // "moon"
-inline constexpr int kStoreVersion = 5;
+inline constexpr int kStoreVersion = 6;
+inline constexpr int kOldestStoreVersion = 5;  // Older stores are refused.
 
-// Checks that the file is new, or a store of this version with its tables, indexes and views. Additional tables,
-// indexes and views belong to the user and are ignored. Changes nothing. Fails with kRefused for a store of another
-// version or the file of another program. Fails with kCorrupt if the header or a statement of the schema is damaged;
-// such damage would later make SQLite fail with misleading errors.
+// Checks that the file is new, or a store of a version from kOldestStoreVersion on with its tables, indexes and views.
+// Additional tables, indexes and views belong to the user and are ignored. Changes nothing. Fails with kRefused for a
+// store of another version or the file of another program. Fails with kCorrupt if the header or a statement of the
+// schema is damaged; such damage would later make SQLite fail with misleading errors.
 Result<void> CheckSchema(Database& database);
 
 // Makes a new file a store, in one transaction. After a crash the file is either new or a complete store. Does nothing
 // to a file that is not new.
 Result<void> MakeSchema(Database& database);
+
+// Returns whether the file is a store of an older version. Requires: it passes CheckSchema.
+Result<bool> IsOfOlderVersion(Database& database);
+
+// Returns "TYPE NAME TABLE SQL" of each table, index and view of an intact store of the version.
+Result<std::set<std::string>> IntactStatements(std::int64_t version);
 
 }  // namespace moondb

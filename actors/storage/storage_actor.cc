@@ -8,6 +8,7 @@
 
 #include "model/agent_name.h"
 #include "model/control_message.h"
+#include "model/event.h"
 #include "model/team_member.h"
 #include "model/text.h"
 #include "proto/control.pb.h"
@@ -61,7 +62,8 @@ bool HasRecordsOf(AgentId agent, const proto::MissingReply& reply) {
 
 StorageActor::StorageActor(Options options)
     : options_(std::move(options)),
-      clock_judge_(BaseStationOf(options_.team)),
+      clock_(BaseStationOf(options_.team)),
+      copies_(options_.self, options_.team),
       disk_(options_.path, options_.vfs, AgentName(options_.team, options_.self)) {}
 
 StorageActor::~StorageActor() {
@@ -130,6 +132,7 @@ bool StorageActor::OpenStore(Context& context) {
     return false;
   }
   store_ = *std::move(store);
+  copies_.NoteTime(context.now(), store_->next_row_id());
   if (store_->database().access() == Database::Access::kReadOnly) {
     NoteWrite(CheckRoom(DiskGuard::Kind::kRecord));
   } else if (store_->start_trouble()) {
@@ -170,7 +173,7 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kFindingsRequest:
       return OnFindings(context);
     case proto::Message::kPeerClock:
-      return clock_judge_.NotePeer(message.peer_clock().peer(), message.peer_clock().utc_ns(), context.now());
+      return clock_.NotePeer(message.peer_clock().peer(), message.peer_clock().utc_ns(), context.now());
     case proto::Message::kVerifyRequest:
       return OnVerify(context, message.verify_request());
     case proto::Message::kTimer:
@@ -241,12 +244,10 @@ void StorageActor::OnInsert(Context& context, const proto::InsertRequest& reques
   const auto kind = has_map ? DiskGuard::Kind::kMap : DiskGuard::Kind::kRecord;
   if (const Result<void> room = CheckRoom(kind); !room) {
     *inserted.reply.mutable_error() = ToProto(room.error());
-  } else if (IsClockSuspect(context)) {
-    proto::InsertRequest marked = request;
-    for (proto::Record& record : *marked.mutable_records()) record.set_is_clock_suspect(true);
-    inserted = InsertWhereRoomSeems(marked);
   } else {
-    inserted = InsertWhereRoomSeems(request);
+    (void)IsClockSuspect(context);
+    const auto marked = clock_.Mark(request, context.utc_now_ns(), context.now());
+    inserted = InsertWhereRoomSeems(marked ? *marked : request);
   }
   if (IsError(inserted.reply.error())) FailIfDamaged(context, FromProto(inserted.reply.error()));
   proto::Message reply;
@@ -356,7 +357,9 @@ void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& 
     *body.mutable_error() = ToProto(saved.error());
   }
   Answer(context, std::move(reply));
-  if (saved) Publish(context, *saved);
+  if (!saved) return;
+  copies_.NoteRoles(request.roles());
+  Publish(context, *saved);
 }
 
 // A full disk may lack the few pages that are needed to move the log into the file. All writes then fail, although the
@@ -396,6 +399,7 @@ void StorageActor::OnLoadRoles(Context& context) {
     context.Fail(loaded.error());
     return;
   }
+  if (!loaded->history().empty()) copies_.NoteRoles(*loaded->history().rbegin());
   proto::Message reply;
   *reply.mutable_load_roles_reply() = *std::move(loaded);
   Answer(context, std::move(reply));
@@ -418,15 +422,12 @@ void StorageActor::OnStatus(Context& context) {
     disk_.Describe(store_->database(), shown);
     shown.set_space_low(SpaceLow(shown));
   }
-  shown.set_clock_suspect(clock_suspect_);
+  const Result<void> counted =
+      copies_.Describe(store_->database(), store_->have(), store_->peer_log(), context.now(), shown);
+  if (!counted) Note(context, "status", counted.error());
+  clock_.Describe(utc_ns, context.now(), shown);
   shown.set_set_aside(options_.set_aside);
   shown.set_database_bytes_max(options_.team.retention().store_mb_max() * kMegabyte);
-  for (const ClockJudge::PeerOffset& offset : clock_judge_.PeerOffsets(utc_ns, context.now())) {
-    proto::PeerClockOffset& added = *shown.add_peer_clocks();
-    added.set_agent_id(offset.peer);
-    added.set_offset_s(offset.offset_s);
-    added.set_age_s(offset.age_s);
-  }
   store_->DescribeRefused(*reply.mutable_status());
   Answer(context, MessageOf(reply));
 }
@@ -461,7 +462,7 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
   proto::Message message;
   proto::PruneReply& reply = *message.mutable_prune_reply();
   if (request.older_than_s() > 0 && IsClockSuspect(context)) {
-    reply.set_text("this agent's clock is suspect, and so is the age of records: " + clock_suspect_);
+    reply.set_text("this agent's clock is suspect, and so is the age of records: " + clock_.suspect());
     reply.set_is_complete(true);
     return Answer(context, std::move(message));
   }
@@ -485,6 +486,7 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
 
 // Periodically checks the file, its disk and the reserve, which can change without a message.
 void StorageActor::Tend(Context& context) {
+  copies_.NoteTime(context.now(), store_->next_row_id());
   if (const Result<void> there = store_->database().CheckInPlace(); !there) return Note(context, "", there.error());
   const bool is_writable = store_->database().access() != Database::Access::kReadOnly;
   if (!is_writable && !store_->database().IsOnReadOnlyFileSystem()) return Reopen(context);
@@ -609,7 +611,17 @@ bool StorageActor::MoveScrubOn(const proto::VerifyReply& reply) {
   return done == proto::VERIFY_PART_FILE;
 }
 
+// Logs that this disk was replaced or restored, and publishes the states that were therefore stored again.
 void StorageActor::PublishReissued(Context& context) {
+  if (store_->TakeLearnedEpochs()) {
+    proto::InsertRequest request;
+    *request.add_records() = MakeEvent(
+        proto::EVENT_KIND_DAMAGE,
+        "other agents know records of this agent that its disk does not have: the disk was replaced or restored; "
+        "'moonctl sync now' returns what they hold, and what nobody else held is lost",
+        "", context.utc_now_ns());
+    Publish(context, store_->Insert(request).stored);
+  }
   const proto::RecordsStored reissued = store_->TakeReissued();
   if (reissued.last_row_id() == 0) return;
   reissued_log_.Info(
@@ -619,19 +631,13 @@ void StorageActor::PublishReissued(Context& context) {
 }
 
 bool StorageActor::IsClockSuspect(Context& context) {
-  ClockJudge::Verdict verdict = clock_judge_.Judge(context.utc_now_ns(), context.now());
-  if (verdict.has_jumped) {
+  if (clock_.Judge(context.utc_now_ns(), context.now())) {
     proto::Message jumped;
     jumped.set_ms_type(proto::CONTROL);
     jumped.mutable_clock_jumped();
     (void)context.Send({options_.self, actor_name::kClock}, std::move(jumped));
   }
-  if (verdict.suspect.empty() != clock_suspect_.empty()) {
-    spdlog::warn("storage: this agent's clock is {}",
-                 verdict.suspect.empty() ? "not suspect any more" : "suspect: " + verdict.suspect);
-  }
-  clock_suspect_ = std::move(verdict.suspect);
-  return !clock_suspect_.empty();
+  return !clock_.suspect().empty();
 }
 
 void StorageActor::Answer(Context& context, proto::Message reply) {

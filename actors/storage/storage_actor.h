@@ -14,7 +14,7 @@
 // replies with an error. The sender retries the maps with a growing delay. Role assignments and prunes are stored as
 // long as the disk accepts any write, and the reserve is given up for them.
 //
-// Records that are inserted while this agent's clock is suspect are marked. Spawn this actor with its own thread,
+// Records whose age is unknown are marked (actors/storage/record_clock.h). Spawn this actor with its own thread,
 // because commits wait for the disk.
 #pragma once
 
@@ -24,8 +24,9 @@
 #include <string>
 #include <vector>
 
-#include "actors/storage/clock_judge.h"
+#include "actors/storage/copy_watch.h"
 #include "actors/storage/disk_guard.h"
+#include "actors/storage/record_clock.h"
 #include "actors/storage/record_store.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
@@ -124,13 +125,12 @@ class StorageActor final : public Actor {
   void FailIfDamaged(Context& context, const Error& error);
   void Publish(Context& context, const proto::RecordsStored& stored);
   void PublishReissued(Context& context);
-  // Judges the clock. Returns whether records that are inserted now must be marked (Record.is_clock_suspect).
+  // Judges the clock. Returns whether it is suspect.
   bool IsClockSuspect(Context& context);
 
   const Options options_;
-  ClockJudge clock_judge_;
-  // Why the clock is suspect, according to the last check, as text for people; empty if the clock is trusted.
-  std::string clock_suspect_;
+  RecordClock clock_;
+  CopyWatch copies_;
   std::unique_ptr<RecordStore> store_;
   proto::VerifyRequest next_scrub_;
   DiskGuard disk_;

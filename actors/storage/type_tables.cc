@@ -46,9 +46,17 @@ std::vector<TypeTable> MakeTypeTables() {
        .bind = [](const Record& record, Query& query) { query << record.temperature().celsius(); }},
 
       {.type = proto::POWER,
-       .columns = "battery_ratio REAL NOT NULL, draw_w REAL NOT NULL",
-       .bind = [](const Record& record,
-                  Query& query) { query << record.power().battery_ratio() << record.power().draw_w(); }},
+       .columns = "battery_ratio REAL, draw_w REAL NOT NULL",
+       .bind =
+           [](const Record& record, Query& query) {
+             const proto::Power& power = record.power();
+             if (power.has_battery_ratio()) {
+               query << power.battery_ratio();
+             } else {
+               query << nullptr;
+             }
+             query << power.draw_w();
+           }},
 
       {.type = proto::AWAKE_STATUS,
        .columns = "is_awake INTEGER NOT NULL",
@@ -100,12 +108,13 @@ std::vector<TypeTable> MakeTypeTables() {
            }},
 
       {.type = proto::OPTIMIZED_POSE,
-       .columns = std::string(kNode) + kVersion + ", " + kPose,
+       .columns = std::string(kNode) + kVersion + ", " + kPose + ", is_unplaced INTEGER NOT NULL",
        .bind =
            [](const Record& record, Query& query) {
              BindNode(record.optimized_pose().node(), query);
              BindVersion(record.optimized_pose().term(), record.optimized_pose().run(), query);
              BindPose(record.optimized_pose().map_from_node(), query);
+             query << record.optimized_pose().is_unplaced();
            },
        .agent_condition = "node_agent = ?6"},
 

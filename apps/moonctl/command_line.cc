@@ -72,6 +72,7 @@ void AddCommandLine(Command& app, CommandContext& context) {
   AddUpCommands(app, context);
   AddStatusCommand(app, context);
   AddHealthCommand(app, context);
+  AddRiskCommand(app, context);
   AddDoctorCommand(app, context);
   AddRoleCommands(app, context);
   AddShareCommands(app, context);

@@ -11,6 +11,7 @@ class Command;
 void AddUpCommands(Command& app, CommandContext& context);
 void AddStatusCommand(Command& app, CommandContext& context);
 void AddHealthCommand(Command& app, CommandContext& context);
+void AddRiskCommand(Command& app, CommandContext& context);
 void AddRoleCommands(Command& app, CommandContext& context);
 void AddShareCommands(Command& app, CommandContext& context);
 void AddLeaseCommands(Command& app, CommandContext& context);

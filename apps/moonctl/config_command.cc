@@ -6,11 +6,13 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/config_schema.h"
 #include "apps/moonctl/config_show.h"
+#include "apps/moonctl/unplaced.h"
 #include "apps/moonctl/written_files.h"
 #include "model/command_from.h"
 #include "model/mission.h"
 #include "model/team_id.h"
 #include "model/text.h"
+#include "runtime/team/start_poses.h"
 #include "runtime/team/team_init.h"
 
 namespace moondb {
@@ -68,7 +70,24 @@ ExitCode CheckConfig(CommandContext& context) {
                      " agents, no errors";
   const auto& commanders = (*team)->config.command_from();
   const bool all_command = std::find(commanders.begin(), commanders.end(), kAllMayCommand) != commanders.end();
-  json.Key("all_may_command").Bool(all_command).EndObject();
+  json.Key("all_may_command").Bool(all_command).Key("starts_that_do_not_count").BeginArray();
+  std::string no_starts;
+  for (const auto& [rover, other] : CoincidingStarts((*team)->config)) {
+    const std::string name = AgentName((*team)->config, rover);
+    json.String(name);
+    text += "\nwarning: " + CoincidingText((*team)->config, rover, other);
+  }
+  json.EndArray().Key("without_start").BeginArray();
+  for (const proto::AgentConfig& agent : (*team)->config.agents()) {
+    if (agent.kind() == proto::AGENT_KIND_BASE_STATION || agent.has_start() || agent.left()) continue;
+    json.String(agent.name());
+    no_starts += (no_starts.empty() ? "" : ", ") + agent.name();
+  }
+  json.EndArray().EndObject();
+  if (!no_starts.empty()) {
+    text += "\nnote: no start for " + no_starts +
+            ": until something else places it, a rover's maps are not in the team's map (docs/SENSORS.md)";
+  }
   if (all_command) {
     text +=
         "\nnote: command_from: all lets every agent command every other one and decide the roles: one robot that is "

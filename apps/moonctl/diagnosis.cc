@@ -12,7 +12,7 @@ namespace {
 
 using Kind = RobotCheck::Kind;
 
-constexpr double kMegabyte = 1e6;
+constexpr double kMegabyte_bytes = 1e6;
 
 RobotCheck Good(std::string what, std::string text) { return {std::move(what), Kind::kGood, std::move(text), ""}; }
 
@@ -52,7 +52,7 @@ RobotCheck DataCheck(const RobotFacts& facts) {
 RobotCheck DiskCheck(const proto::TeamConfig& team, const RobotFacts& facts) {
   if (!facts.disk_free_bytes) return Unknown("disk", "its free space is not known", "");
   const auto free = static_cast<double>(*facts.disk_free_bytes);
-  const double least = team.retention().disk_free_mb_min() * kMegabyte;
+  const double least = team.retention().disk_free_mb_min() * kMegabyte_bytes;
   const std::string text = FormatBytes(free) + " are free";
   if (free >= least) return Good("disk", text);
   return Fault("disk", text + ", less than the " + FormatBytes(least) + " of retention.disk_free_mb_min",

@@ -10,11 +10,14 @@
 #include "apps/common/team_clients.h"
 #include "apps/moonctl/node_name.h"
 #include "apps/moonctl/refused_sets.h"
+#include "apps/moonctl/unplaced.h"
+#include "model/custom_types.h"
 #include "model/event.h"
 #include "model/odometry_scale.h"
 #include "model/team_member.h"
 #include "model/term.h"
 #include "model/text.h"
+#include "runtime/team/start_poses.h"
 
 namespace moondb {
 namespace {
@@ -117,6 +120,26 @@ void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
       findings.push_back(actor.name() + " had no room for " + FormatCount(actor.dropped()) + " messages");
     }
   }
+}
+
+void JudgeRisk(const proto::TeamConfig& team, const proto::StorageStatus& storage, Findings& findings) {
+  const proto::OneCopy& one_copy = storage.one_copy();
+  const proto::AtRiskConfig& limits = team.at_risk();
+  const bool is_many = limits.records() > 0 && one_copy.count() > limits.records();
+  const bool is_old = limits.age_s() > 0 && one_copy.count() > 0 && one_copy.age_s() > limits.age_s();
+  if (!is_many && !is_old) return;
+  findings.push_back(Counted(one_copy.count(), "record") + " exist on this disk alone, as far as it knows, one for " +
+                     FormatSeconds(one_copy.age_s()) +
+                     ": moonctl sync now and replicate now copy them, moonctl risk "
+                     "shows them");
+}
+
+void JudgeTimestamps(const proto::TeamConfig& team, const proto::StorageStatus& storage, Findings& findings) {
+  if (!storage.has_suspect_timestamp()) return;
+  const proto::SuspectTimestamp& suspect = storage.suspect_timestamp();
+  findings.push_back("its software has no right clock: " + DataTypeName(suspect.data_type(), team.custom_types()) +
+                     " has the timestamp " + FormatUtc(suspect.timestamp_ns()) +
+                     "; such records have no age and never win a cell because they are newer");
 }
 
 bool IsFarOff(const proto::PeerClockOffset& clock) { return std::abs(clock.offset_s()) > kClockOffsetMax_s; }
@@ -245,6 +268,36 @@ void JudgeSolve(const proto::TeamConfig& team, const proto::OptimizeReply& solve
   }
 }
 
+// Returns a time as the options --from and --to take it: "2026-11-22T06:00:30Z".
+std::string FormatIso(std::int64_t timestamp_ns) {
+  const std::string utc = FormatUtc(timestamp_ns);
+  return utc.substr(0, 10) + "T" + utc.substr(11, 8) + "Z";
+}
+
+// Adds a finding to each rover that is not placed, and to each agent whose maps make many hazards of the others free.
+void JudgeMap(const proto::TeamConfig& team, const proto::MapStatsReply& stats,
+              std::map<std::uint32_t, Findings>& all) {
+  if (stats.frame_of() != 0) {
+    all[stats.frame_of()].push_back(std::string("not placed in the team's map: ") + kHowToPlace);
+  }
+  for (const proto::UnplacedRover& rover : stats.unplaced()) {
+    all[rover.agent_id()].push_back("not placed, " + Counted(rover.map_count(), "map") +
+                                    " left out of the team's map: " + kHowToPlace);
+  }
+  for (const proto::ClearedHazards& cleared : stats.cleared()) {
+    const std::string name = AgentName(team, cleared.agent_id());
+    // Maps of unknown age have no times to choose them by.
+    const bool is_dated = cleared.from_ns() > 0;
+    const std::string times =
+        is_dated ? " --from " + FormatIso(cleared.from_ns()) + " --to " + FormatIso(cleared.to_ns() + 999'999'999) : "";
+    all[cleared.agent_id()].push_back("its maps of one minute make " + FormatCount(cleared.cell_count()) +
+                                      " of the others' " + FormatCount(cleared.hazard_count()) +
+                                      " hazard cells free: 'moonctl map why " + FormatFixed(cleared.x_m(), 2) + " " +
+                                      FormatFixed(cleared.y_m(), 2) +
+                                      "' shows one; if they are wrong: moonctl map quarantine --agent " + name + times);
+  }
+}
+
 }  // namespace
 
 std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& term) {
@@ -274,6 +327,8 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
       JudgeSelf(*report.status, findings);
       JudgeRefused(team, *report.status, findings);
       JudgeClocks(team, *report.status, wrong_clocks, findings);
+      JudgeRisk(team, report.status->storage(), findings);
+      JudgeTimestamps(team, report.status->storage(), findings);
     }
     if (report.shares) JudgeShares(team, *report.shares, findings);
     if (config_hash != 0 && report.config_hash != 0 && report.config_hash != config_hash) {
@@ -285,6 +340,10 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
     if (!report.last_solve) continue;
     JudgeRefusedSets(team, *report.last_solve, agent, reports, all);
     JudgeSolve(team, *report.last_solve, all);
+  }
+  for (const auto& [rover, other] : CoincidingStarts(team)) all[rover].push_back(CoincidingText(team, rover, other));
+  for (const auto& [agent, report] : reports) {
+    if (report.map_stats) JudgeMap(team, *report.map_stats, all);
   }
   return all;
 }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "proto/graph.pb.h"
+#include "proto/map.pb.h"
 #include "proto/share_status.pb.h"
 #include "proto/status.pb.h"
 #include "proto/team.pb.h"
@@ -24,6 +25,7 @@ struct AgentReport {
   std::optional<proto::AgentStatus> status;
   std::optional<proto::ShareStatus> shares;
   std::optional<proto::OptimizeReply> last_solve;  // Set only for the leader.
+  std::optional<proto::MapStatsReply> map_stats;   // Set only for the leader.
   std::uint64_t config_hash = 0;                   // TeamFile::hash of the agent's team file. 0: not reported.
 };
 

@@ -28,6 +28,8 @@ ExitCode ShowHealth(CommandContext& context) {
     const auto leader = context.Connect(agent->name());
     const auto graph = leader ? leader->client->GraphStats() : tl::unexpected(leader.error());
     if (graph) reports[agent->id()].last_solve = graph->last_solve();
+    const auto map = leader ? leader->client->MapStats(/*with_cleared=*/true) : tl::unexpected(leader.error());
+    if (map) reports[agent->id()].map_stats = *map;
   }
   for (auto& [agent, report] : reports) report.config_hash = context.ConfigHashOf(agent);
   const TeamFile& team = **context.Team();

@@ -7,6 +7,7 @@
 #include "apps/moonctl/file_origin.h"
 #include "apps/moonctl/map_files.h"
 #include "apps/moonctl/map_questions.h"
+#include "apps/moonctl/unplaced.h"
 #include "model/text.h"
 
 namespace moondb {
@@ -34,13 +35,16 @@ Result<proto::MergeRequest> MakeRequest(const proto::TeamConfig& team, const Map
               "site");
 }
 
-FileNotes NotesOn(const MapArguments& arguments, const proto::MergeReply& reply) {
+FileNotes NotesOn(const proto::TeamConfig& team, const MapArguments& arguments, const proto::MergeReply& reply) {
   std::string names;
-  for (const std::string& name : arguments.agents) names += (names.empty() ? "" : ", ") + name;
-  return {{"maps_of", names.empty() ? "everybody" : names},
-          {"maps", FormatCount(reply.map_count())},
-          {"waiting_maps", FormatCount(reply.waiting_map_count())},
-          {"poses", arguments.use_raw_poses ? "raw" : "optimized, raw where there are none"}};
+  for (const AgentId agent : reply.maps_of()) names += (names.empty() ? "" : ", ") + AgentName(team, agent);
+  FileNotes notes{{"maps_of", names},
+                  {"maps", FormatCount(reply.map_count())},
+                  {"waiting_maps", FormatCount(reply.waiting_map_count())},
+                  {"poses", arguments.use_raw_poses ? "raw" : "optimized, raw where there are none"}};
+  if (reply.frame_of() != 0) notes.push_back({"frame", AgentName(team, reply.frame_of()) + "'s own: it is not placed"});
+  if (!reply.unplaced().empty()) notes.push_back({"not_placed", UnplacedNames(team, reply.unplaced())});
+  return notes;
 }
 
 // Returns one line for each agent with maps or footprints that the export leaves out.
@@ -70,7 +74,8 @@ std::string ExportText(const proto::TeamConfig& team, const MapExport& exported,
   text += ": " + std::to_string(grid.width) + " x " + std::to_string(grid.height) + " cells of " +
           FormatDouble(exported.map.resolution_um / 1e6) + " m, merged by " + reply.backend() + " in " +
           FormatFixed(reply.seconds(), 3) + " s\n";
-  return text + NotesText(exported.notes) + LeftOutText(team, reply);
+  return text + NotesText(exported.notes) + UnplacedText(team, reply.frame_of(), reply.unplaced()) +
+         LeftOutText(team, reply);
 }
 
 std::string ExportJson(const MapExport& exported, const std::vector<std::filesystem::path>& files,
@@ -92,11 +97,15 @@ ExitCode ExportMap(CommandContext& context, const MapArguments& arguments) {
   if (!target) return context.Report(target.error());
   auto merged = target->client->Merge(*request);
   if (!merged) return context.Report(merged.error());
-  if (merged->map.grid.cells.empty()) {
-    return context.Report({ErrorCode::kNotFound, target->agent->name() + " holds no map that can be placed", {}});
+  if (merged->reply.map_count() == 0) {
+    const std::string unplaced = UnplacedText(config, 0, merged->reply.unplaced());
+    const std::string why =
+        target->agent->name() + " holds no map that can be placed" +
+        (unplaced.empty() ? "; the leader and the designated survivor hold the team's maps" : ":\n" + unplaced);
+    return context.Report({ErrorCode::kNotFound, why, {}});
   }
   MapExport exported{arguments.folder, arguments.format, std::move(merged->map), config.site(), {}};
-  exported.notes = NotesOf(OriginOf(config, *target), NotesOn(arguments, merged->reply));
+  exported.notes = NotesOf(OriginOf(config, *target), NotesOn(config, arguments, merged->reply));
   const auto files = WriteMapFiles(exported);
   if (!files) return context.Report(files.error());
   return context.Done(ExportJson(exported, *files, merged->reply), ExportText(config, exported, *files, merged->reply));

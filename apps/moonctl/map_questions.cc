@@ -7,6 +7,7 @@
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/node_name.h"
 #include "apps/moonctl/quarantine.h"
+#include "apps/moonctl/unplaced.h"
 #include "model/record_key.h"
 #include "model/text.h"
 
@@ -109,7 +110,8 @@ ExitCode ShowStats(CommandContext& context) {
   const std::string text = table.Text() + target->agent->name() + ": " + FormatCount(stats->free_cell_count()) +
                            " free and " + FormatCount(stats->hazard_cell_count()) + " hazard cells of " +
                            FormatDouble(stats->resolution_um() / 1e6) + " m, " + FormatBytes(stats->memory_bytes()) +
-                           " in memory, merged on " + stats->backend() + "\n" + RefusedText(*stats) +
+                           " in memory, merged on " + stats->backend() + "\n" +
+                           UnplacedText(team, stats->frame_of(), stats->unplaced()) + RefusedText(*stats) +
                            FarText(team, *stats) + QuarantinesText(team, *stats);
   return context.Print(ExitCode::kDone, ToJson(*stats), text);
 }

@@ -272,25 +272,46 @@ ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareA
   return context.Print(report.exit_code(), report.Json(), report.Text());
 }
 
-void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& session, JsonWriter& json) {
+void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& session, std::optional<double> left,
+                  JsonWriter& json) {
   const SharePace pace = PaceOf(session);
   json.BeginObject().Key("to").String(AgentName(team, session.destination()));
   json.Key("bytes_per_s").Number(pace.bytes_per_s.value_or(NAN)).Key("eta_s").Number(pace.eta_s.value_or(NAN));
-  json.Key("session").Raw(ToJson(session)).EndObject();
+  json.Key("left").Number(left.value_or(NAN)).Key("session").Raw(ToJson(session)).EndObject();
 }
 
-// Adds one agent's sessions of this kind to the table and the JSON. If there are none, adds a row that says so.
+// Returns the agent to which the agent with this status sends in sessions of this kind; 0 if there is none.
+AgentId DestinationOf(const proto::AgentStatus& status, proto::SharingKind kind) {
+  const bool is_leader = status.role() == proto::ROLE_LEADER;
+  if (kind == proto::SHARING_KIND_REPLICATION) return is_leader ? status.roles().survivor() : 0;
+  return is_leader ? 0 : status.roles().leader();
+}
+
+// Adds one agent's sessions of this kind to the table and the JSON, also the session that has not begun since the
+// agent's start. `own`: the agent's status; null if it is not known.
 void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
-                  proto::SharingKind kind, Table& table, JsonWriter& json) {
+                  const proto::AgentStatus* own, proto::SharingKind kind, Table& table, JsonWriter& json) {
   json.Key("sessions").BeginArray();
-  bool is_any = false;
+  std::set<AgentId> shown;
   for (const proto::ShareSession& session : status.sessions()) {
     if (session.kind() != kind) continue;
-    is_any = true;
-    table.Add(ShareStatusRow(team, agent, session));
-    WriteSession(team, session, json);
+    shown.insert(static_cast<AgentId>(session.destination()));
+    const std::optional<double> left = LeftOf(own, session);
+    table.Add(ShareStatusRow(team, agent, session, left));
+    WriteSession(team, session, left, json);
   }
-  if (!is_any) table.Add({agent, "-", "nothing sent since its start"});
+  const AgentId destination = own == nullptr ? 0 : DestinationOf(*own, kind);
+  if (destination != 0 && !shown.contains(destination)) {
+    proto::ShareSession never;
+    never.set_destination(destination);
+    never.set_kind(kind);
+    const std::optional<double> left = LeftOf(own, never);
+    table.Add({agent, AgentName(team, destination), "nothing sent since its start", "-", "-",
+               left ? FormatCount(*left) : "-"});
+    WriteSession(team, never, left, json);
+  } else if (shown.empty()) {
+    table.Add({agent, "-", "nothing sent since its start"});
+  }
   json.EndArray().Key("received_records").Number(status.received_records());
 }
 
@@ -346,6 +367,14 @@ void WriteRefused(const proto::TeamConfig& team, const proto::ShareStatus& statu
 ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
   const auto answers = context.AskEach([](Client& client) { return client.ShareStatus(); });
   if (!answers) return context.Report(answers.error());
+  const auto statuses = context.AskEach([](Client& client) { return client.Status(); });
+  if (!statuses) return context.Report(statuses.error());
+  const auto status_of = [&statuses](const proto::AgentConfig& agent) -> const proto::AgentStatus* {
+    for (const auto& [asked, status] : *statuses) {
+      if (asked->id() == agent.id() && status) return &*status;
+    }
+    return nullptr;
+  };
   Table table(ShareStatusHeader());
   std::string backlog, refused;
   JsonWriter json;
@@ -355,7 +384,7 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
     BeginAgent(asked, json);
     if (status) {
       const proto::TeamConfig& team = (*context.Team())->config;
-      ShowSessions(team, agent->name(), *status, kind, table, json);
+      ShowSessions(team, agent->name(), *status, status_of(*agent), kind, table, json);
       WriteRefused(team, *status, json);
       backlog += BacklogText(team, agent->name(), *status, kind);
       const std::string text = RefusedText(team, *status, kind);

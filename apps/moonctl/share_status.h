@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "proto/share_status.pb.h"
+#include "proto/status.pb.h"
 #include "proto/team.pb.h"
 
 namespace moondb {
@@ -20,9 +21,14 @@ struct SharePace {
 };
 SharePace PaceOf(const proto::ShareSession& session);
 
+// Returns the number of records that the agent has left for the session's destination; null if it is not known. Counts
+// the records in the agent's store that the destination has not acknowledged, also if no session is open. For a
+// leader's records to a rover, only an open session knows.
+std::optional<double> LeftOf(const proto::AgentStatus* status, const proto::ShareSession& session);
+
 // The header and the rows of the status table. Unknown values are "-".
 std::vector<std::string> ShareStatusHeader();
 std::vector<std::string> ShareStatusRow(const proto::TeamConfig& team, const std::string& sender,
-                                        const proto::ShareSession& session);
+                                        const proto::ShareSession& session, std::optional<double> left);
 
 }  // namespace moondb

@@ -1,4 +1,5 @@
 #include <map>
+#include <set>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
@@ -7,7 +8,10 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
 #include "model/leases.h"
+#include "model/team_member.h"
 #include "model/term.h"
+#include "proto/types.pb.h"
+#include "runtime/team/start_poses.h"
 
 namespace moondb {
 namespace {
@@ -24,12 +28,19 @@ std::string PeersText(const proto::AgentStatus& status) {
   return std::to_string(connected) + "/" + std::to_string(status.peers_size());
 }
 
+// Returns how many records no other agent is known to have, and for how long: "45 for 25 min".
+std::string OneCopyText(const proto::OneCopy& one_copy) {
+  if (one_copy.count() == 0) return "0";
+  return FormatCount(one_copy.count()) + " for " + FormatSeconds(one_copy.age_s());
+}
+
 std::vector<std::string> Row(const proto::AgentConfig& agent, const proto::AgentStatus& status) {
   return {agent.name(),
           std::to_string(agent.id()),
           RoleName(status.role()),
           TermText(status.roles().term()),
           FormatCount(RecordCountOf(status)),
+          OneCopyText(status.storage().one_copy()),
           FormatBytes(status.storage().database_bytes()),
           PeersText(status),
           FormatSeconds(status.uptime_s()),
@@ -86,10 +97,42 @@ std::string LeasesText(const proto::TeamConfig& team, const std::vector<proto::A
   return text;
 }
 
+// Returns one line for each rover that is not placed in the team's map, by the leader's last solve. Before the first
+// solve, a rover without a start that counts is not placed.
+std::string UnplacedLines(CommandContext& context, const proto::AgentStatus& leader) {
+  const proto::TeamConfig& team = (*context.Team())->config;
+  std::map<AgentId, double> nodes;
+  std::map<AgentId, double> maps;
+  for (const proto::RecordCount& count : leader.storage().counts()) {
+    if (count.data_type() == proto::POSE_GRAPH_NODE) nodes[count.origin_agent()] += count.count();
+    if (count.data_type() == proto::LOCAL_TRAVERSABILITY_MAP) maps[count.origin_agent()] += count.count();
+  }
+  const auto connected = context.Connect(leader.name());
+  const auto graph = connected ? connected->client->GraphStats() : tl::unexpected(connected.error());
+  std::map<AgentId, bool> is_unplaced;
+  const std::set<AgentId> known_starts = KnownStarts(team);
+  for (const auto& [agent, count] : nodes) {
+    const auto* config = FindAgent(team, agent);
+    if (config != nullptr && config->kind() == proto::AGENT_KIND_ROVER)
+      is_unplaced[agent] = !known_starts.contains(agent);
+  }
+  if (graph) {
+    for (const proto::RoverSolution& rover : graph->last_solve().rovers())
+      is_unplaced[rover.agent_id()] = rover.is_unplaced();
+  }
+  std::string text;
+  for (const auto& [agent, is_so] : is_unplaced) {
+    if (!is_so) continue;
+    text += AgentName(team, agent) + ": not placed in the team's map, " + FormatCount(maps[agent]) +
+            (maps[agent] == 1 ? " map waits" : " maps wait") + ", see moonctl map stats\n";
+  }
+  return text;
+}
+
 ExitCode ShowStatus(CommandContext& context) {
   const auto answers = context.AskEach([](Client& client) { return client.Status(); });
   if (!answers) return context.Report(answers.error());
-  Table table({"AGENT", "ID", "ROLE", "TERM", "RECORDS", "DATABASE", "PEERS", "UP", "PID", "MERGES BY"});
+  Table table({"AGENT", "ID", "ROLE", "TERM", "RECORDS", "ONE COPY", "DATABASE", "PEERS", "UP", "PID", "MERGES BY"});
   JsonWriter json;
   json.BeginObject().Key("team").String((*context.Team())->config.team()).Key("agents").BeginArray();
   std::string remarks;
@@ -119,6 +162,9 @@ ExitCode ShowStatus(CommandContext& context) {
   json.EndArray().EndObject();
   const std::string leases = LeasesText((*context.Team())->config, statuses);
   const std::string leaders = LeadersText((*context.Team())->config, statuses);
+  for (const proto::AgentStatus& status : statuses) {
+    if (status.role() == proto::ROLE_LEADER) remarks += UnplacedLines(context, status);
+  }
   const ExitCode code = leaders.empty() ? ExitCodeOf(*answers) : ExitCode::kFailed;
   return context.Print(code, json.text(), table.Text() + leases + leaders + remarks);
 }

@@ -58,6 +58,14 @@ Result<void> AddMaps(const Mission& mission, AgentId agent, const TimeSpan& span
   return {};
 }
 
+// Returns what is added to the mission's timestamps: 0, or what moves the first one to kFeedStart_ns.
+std::int64_t ShiftOf(const Mission& mission) {
+  std::int64_t first_ns = INT64_MAX;
+  for (const GraphNode& node : mission.graph.nodes) first_ns = std::min(first_ns, node.timestamp_ns);
+  for (const MissionMap& map : mission.maps) first_ns = std::min(first_ns, map.timestamp_ns);
+  return first_ns < kUndatedBefore_ns ? kFeedStart_ns - first_ns : 0;
+}
+
 }  // namespace
 
 Result<std::vector<proto::Record>> PlanFeed(const Mission& mission, AgentId agent, const TimeSpan& span) {
@@ -65,6 +73,8 @@ Result<std::vector<proto::Record>> PlanFeed(const Mission& mission, AgentId agen
   AddGraph(mission, agent, span, records);
   if (auto added = AddMaps(mission, agent, span, records); !added) return tl::unexpected(added.error());
   AddStates(mission, agent, records);
+  const std::int64_t shift_ns = ShiftOf(mission);
+  for (proto::Record& record : records) record.set_timestamp_ns(record.timestamp_ns() + shift_ns);
   std::stable_sort(records.begin(), records.end(), [](const proto::Record& a, const proto::Record& b) {
     return std::pair(a.timestamp_ns(), SharingRank(TypeOf(a))) < std::pair(b.timestamp_ns(), SharingRank(TypeOf(b)));
   });

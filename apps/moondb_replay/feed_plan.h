@@ -21,9 +21,14 @@ struct TimeSpan {
   bool Contains(std::int64_t timestamp_ns) const { return timestamp_ns >= from_ns && timestamp_ns < to_ns; }
 };
 
-// Returns the agent's own records within `span`: two initial states (the agent is awake, and its activity is exploring,
-// or idle for a base station), nodes, odometry, ranges and maps. At equal timestamps the node comes first and the map
-// last. Errors are those of ReadMissionMap.
+// A mission whose times count from its start has no dates, and agents do not trust timestamps before 2020. The feed
+// moves such a mission to 2026-01-01.
+inline constexpr std::int64_t kUndatedBefore_ns = 1'577'836'800'000'000'000;  // 2020-01-01.
+inline constexpr std::int64_t kFeedStart_ns = 1'767'225'600'000'000'000;      // 2026-01-01.
+
+// Returns the agent's own records within `span` of mission time: two initial states (the agent is awake, and its
+// activity is exploring, or idle for a base station), nodes, odometry, ranges and maps. At equal timestamps the node
+// comes first and the map last. Errors are those of ReadMissionMap.
 Result<std::vector<proto::Record>> PlanFeed(const Mission& mission, AgentId agent, const TimeSpan& span);
 
 // Returns a key that identifies a record within a feed: the type, the timestamp and the natural key. A repeated feed

@@ -61,8 +61,15 @@ std::optional<std::string> MapChecker::OnMap(AgentId agent, const HaveSet& have,
                                              const proto::MergeReply& reply) {
   proto::MergeReply said = reply;
   said.clear_seconds();
+  const bool is_of_one = request.agents_size() == 1 && request.agents(0) == reply.frame_of();
+  if (reply.frame_of() != 0 && reply.frame_of() != agent && !is_of_one) {
+    return "agent " + std::to_string(agent) + " returns the map of agent " + std::to_string(reply.frame_of()) +
+           " alone";
+  }
+  // A rover that is not placed gets its own map alone from its own agent.
+  const std::string frame = std::to_string(reply.frame_of());
   const auto [seen, is_new] =
-      maps_.try_emplace(request.SerializeAsString() + MergedOf(have), Seen{agent, said.SerializeAsString()});
+      maps_.try_emplace(frame + request.SerializeAsString() + MergedOf(have), Seen{agent, said.SerializeAsString()});
   if (!is_new && seen->second.map != said.SerializeAsString()) {
     return "agents " + std::to_string(agent) + " and " + std::to_string(seen->second.agent) +
            " hold the same records and merge different maps";

@@ -1,5 +1,6 @@
 // MapChecker: checks that an agent's merged map depends only on the records that the agent holds (invariant
-// map_of_records). Agents that hold the same nodes, poses, maps and quarantines must return the same map. The tiles
+// map_of_records). Agents that hold the same nodes, poses, maps and quarantines must return the same map, except at a
+// rover that is not placed, which gets its own map alone (MergeReply.frame_of). The tiles
 // that a following client received must together equal the map.
 #pragma once
 

@@ -52,7 +52,6 @@ void AddAllActors(proto::TeamConfig& team) {
   (*team.mutable_share())["pose_graph_edge"] = proto::POLICY_ALL;
   (*team.mutable_share())["edge_verdict"] = proto::POLICY_LATEST;
   (*team.mutable_share())["map_match"] = proto::POLICY_LATEST;
-  (*team.mutable_share())["agent_event"] = proto::POLICY_ALL;
   (*team.mutable_ground())["agent_event"] = proto::POLICY_ALL;
   AddCustomType(team, kSample, "sample", proto::POLICY_ALL, /*priority=*/6, kSampleBytesMax);
   team.mutable_map()->set_resolution_m(0.2);
@@ -87,6 +86,7 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   share["optimized_pose"] = proto::POLICY_LATEST;
   share["local_traversability_map"] = proto::POLICY_ALL;
   share["map_quarantine"] = proto::POLICY_ALL;
+  share["agent_event"] = proto::POLICY_ALL;  // Storage logs a lost disk.
   AddCustomType(team, kBeacon, "beacon", proto::POLICY_LATEST, /*priority=*/5, /*bytes_max=*/64);
   if (options.ChangesPolicy()) {
     AddCustomType(team, kNote, "note", proto::POLICY_LATEST, /*priority=*/5, /*bytes_max=*/64);

@@ -6,8 +6,8 @@
     client.insert([messages.Record(timestamp_ns=time.time_ns(), temperature={"celsius": -40.5})])
 """
 from moondb import messages
-from moondb.client import (AgentError, Client, MergedTiles, TeamError, endpoint_of, key_text, map_position, occupancy,
-                           pack_cells, team_of, triangle_of)
+from moondb.client import (AgentError, Client, MergedTiles, TeamError, cells_of_occupancy, endpoint_of, key_text,
+                           map_position, occupancy, pack_cells, team_of, triangle_of)
 
-__all__ = ["AgentError", "Client", "MergedTiles", "TeamError", "endpoint_of", "key_text", "map_position", "messages",
-           "occupancy", "pack_cells", "team_of", "triangle_of"]
+__all__ = ["AgentError", "Client", "MergedTiles", "TeamError", "cells_of_occupancy", "endpoint_of", "key_text",
+           "map_position", "messages", "occupancy", "pack_cells", "team_of", "triangle_of"]

@@ -383,9 +383,15 @@ class Client:
                 return index
             read["after_row_id"] = page.row_ids[-1]
 
-    def merged_map(self) -> Tuple[Any, bytes]:
-        """Returns a MergeReply and the map's cells, row by row from the smallest y: 0 unknown, 1 free, 2 hazard."""
-        reply = self.call(messages.ControlRequest(merge={}), timeout_s=600).merge
+    def merged_map(self, of: int = 0) -> Tuple[Any, bytes]:
+        """Returns a MergeReply and the map's cells, row by row from the smallest y: 0 unknown, 1 free, 2 hazard.
+
+        of: id of the agent whose merged map is returned; 0: the connected agent. The leader and the designated survivor
+        have the maps of the whole team. Another agent has its own maps, and what was shared with it. The connected agent
+        relays the question, and needs a connection to the other one. MergeReply.maps_of lists the agents whose maps are
+        in. MergeReply.frame_of is not 0 if the map lies in the frame of one rover that is not placed in the team's map.
+        """
+        reply = self.call(messages.ControlRequest(merge={}, for_agent=of), timeout_s=600).merge
         size = reply.width_cells * reply.height_cells
         if size == 0:
             return reply, b""
@@ -483,5 +489,26 @@ def pack_cells(cells: Sequence[int]) -> bytes:
     """Packs cells (0 unknown, 1 free, 2 hazard) for MapLayer.cells: four per byte, the first one in the lowest bits."""
     packed = bytearray((len(cells) + 3) // 4)
     for i, cell in enumerate(cells):
+        if cell not in (0, 1, 2):
+            raise ValueError(f"cells[{i}] is {cell}; a cell is 0 (unknown), 1 (free) or 2 (hazard). For costs and "
+                             "occupancies use cells_of_occupancy")
         packed[i // 4] |= cell << 2 * (i % 4)
     return bytes(packed)
+
+
+def cells_of_occupancy(grid: Sequence[int], unknown: Sequence[int] = (-1,), hazard_from: int = 65) -> List[int]:
+    """Returns the cells (0 unknown, 1 free, 2 hazard) of occupancies or costs, for pack_cells, in the same order.
+
+    The defaults are those of nav_msgs/OccupancyGrid. For the costs of a Nav2 costmap (0 to 255) use unknown=(255,) and
+    hazard_from=254, without its inflation layer (docs/ROS.md). Values below 0 and above 255 are refused, except those in
+    `unknown`.
+    """
+    cells = []
+    for i, value in enumerate(grid):
+        if value in unknown:
+            cells.append(0)
+        elif 0 <= value <= 255:
+            cells.append(2 if value >= hazard_from else 1)
+        else:
+            raise ValueError(f"grid[{i}] is {value}; an occupancy or cost lies between 0 and 255, or is unknown")
+    return cells

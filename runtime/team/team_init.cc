@@ -30,6 +30,10 @@ constexpr char kKeyNote[] =
     "# client_address: \"tcp://HOST:PORT\", address for clients on other machines (`moonctl clients`); none by "
     "default.\n";
 
+// Stands in place of a rover's start. An invented start would be worse than none: the solver would trust it.
+constexpr char kStartToFillIn[] =
+    "    # start: {x: 0, y: 0, z: 0, yaw: 0, sigma_m: 0.05, sigma_rad: 0.01}   # Measure it and fill it in.\n";
+
 constexpr char kTail[] =
     R"(
 # Initial leader and survivor (term 0); roles that were set later win. failover: manual or automatic (the survivor takes
@@ -175,7 +179,10 @@ std::string TeamText(const proto::TeamConfig& team) {
   text += "\n";
   if (!team.insecure()) text += kKeyNote;
   text += "agents:\n";
-  for (const proto::AgentConfig& agent : team.agents()) text += AgentText(agent);
+  for (const proto::AgentConfig& agent : team.agents()) {
+    text += AgentText(agent);
+    if (agent.kind() == proto::AGENT_KIND_ROVER && !agent.has_start()) text += kStartToFillIn;
+  }
   const proto::RolesConfig& roles = team.roles();
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
   const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
@@ -433,8 +440,6 @@ Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count
     if (is_base) {
       agent->set_kind(proto::AGENT_KIND_BASE_STATION);
       for (const double coordinate : {-2.0, 0.0, 0.0}) agent->add_position_m(coordinate);
-    } else {
-      agent->mutable_start()->set_y(2.0 * i);  // Rovers start side by side.
     }
   }
   return WriteTeam(path, team);

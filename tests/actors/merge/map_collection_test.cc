@@ -41,6 +41,87 @@ class MapCollectionTest : public testing::Test {
   MapCollection collection_{{}};
 };
 
+// A team of rovers 1 to 3, seen by the agent `self`. Rovers 1 and 2 have a map at their node; rover 1 has a start.
+class UnplacedRoversTest : public testing::Test {
+ protected:
+  MapCollection CollectionAt(AgentId self) {
+    MapCollection::Options options;
+    options.self = self;
+    options.with_start = {1};
+    options.without_footprint = {9};
+    MapCollection collection(options);
+    for (const AgentId agent : {1, 2}) {
+      EXPECT_TRUE(collection.AddMap(MapKey(agent, 1), {5, false}, DrawMap({"."}, 50'000, agent)));
+      collection.AddRawPose(PoseKey(agent, 1), {agent, 1}, Pose{});
+    }
+    return collection;
+  }
+
+  static void Solve(MapCollection& collection, std::uint64_t run, bool is_unplaced) {
+    collection.AddOptimizedPose(PoseKey(7, run), {2, 1}, {Pose::FromPlanar(3, 0, 0), false, is_unplaced}, MakeTerm(1),
+                                run);
+  }
+
+  static std::vector<AgentId> PlacedIn(const MapCollection::Selected& selected) {
+    std::vector<AgentId> agents;
+    for (const PlacedMap& map : selected.maps) agents.push_back(map.map->agent());
+    return agents;
+  }
+};
+
+TEST_F(UnplacedRoversTest, AreNotInTheTeamsMap) {
+  const auto selected = CollectionAt(1).Select({});
+  EXPECT_EQ(PlacedIn(selected), std::vector<AgentId>{1});
+  EXPECT_EQ(selected.footprints.size(), 1u);
+  EXPECT_EQ(selected.waiting_maps.size(), 1u);
+  EXPECT_EQ(selected.unplaced, (std::map<AgentId, std::size_t>{{2, 1}}));
+  EXPECT_EQ(selected.frame_of, 0u);
+}
+
+TEST_F(UnplacedRoversTest, AreInTheMapOnceASolvePlacedThem) {
+  MapCollection collection = CollectionAt(1);
+  Solve(collection, 1, /*is_unplaced=*/true);
+  EXPECT_EQ(PlacedIn(collection.Select({})), std::vector<AgentId>{1});
+  Solve(collection, 2, /*is_unplaced=*/false);
+  EXPECT_EQ(PlacedIn(collection.Select({})), (std::vector<AgentId>{1, 2}));
+  EXPECT_TRUE(collection.Select({}).unplaced.empty());
+  Solve(collection, 3, /*is_unplaced=*/true);
+  EXPECT_EQ(PlacedIn(collection.Select({})), std::vector<AgentId>{1});
+}
+
+// The raw pose of a rover without a start lies in the rover's own frame, also after a solve.
+TEST_F(UnplacedRoversTest, WaitAtRawPosesUntilTheNextSolve) {
+  MapCollection collection = CollectionAt(1);
+  Solve(collection, 1, /*is_unplaced=*/false);
+  collection.AddRawPose(PoseKey(2, 2), {2, 2}, Pose{});
+  EXPECT_EQ(collection.Select({}).footprints.size(), 2u) << "one of each rover";
+}
+
+TEST_F(UnplacedRoversTest, SeeTheirOwnMapAloneAtTheirOwnAgent) {
+  MapCollection collection = CollectionAt(2);
+  auto selected = collection.Select({});
+  EXPECT_EQ(PlacedIn(selected), std::vector<AgentId>{2});
+  EXPECT_EQ(selected.frame_of, 2u);
+  EXPECT_TRUE(selected.waiting_maps.empty());
+  Solve(collection, 1, /*is_unplaced=*/false);
+  selected = collection.Select({});
+  EXPECT_EQ(PlacedIn(selected), (std::vector<AgentId>{1, 2}));
+  EXPECT_EQ(selected.frame_of, 0u);
+}
+
+TEST_F(UnplacedRoversTest, CanBeSelectedAlone) {
+  const MapCollection collection = CollectionAt(1);
+  EXPECT_EQ(PlacedIn(collection.Select({false, {2}})), std::vector<AgentId>{2});
+  EXPECT_EQ(collection.Select({false, {2}}).frame_of, 2u);
+  EXPECT_EQ(PlacedIn(collection.Select({false, {1, 2}})), std::vector<AgentId>{1});
+  EXPECT_EQ(PlacedIn(collection.Select({true, {}})), std::vector<AgentId>{1}) << "raw poses need a start";
+}
+
+TEST_F(UnplacedRoversTest, DoNotHideTheTeamsMapFromAnAgentWithoutNodes) {
+  EXPECT_EQ(PlacedIn(CollectionAt(3).Select({})), std::vector<AgentId>{1});
+  EXPECT_EQ(PlacedIn(CollectionAt(9).Select({})), std::vector<AgentId>{1});
+}
+
 TEST_F(MapCollectionTest, AMapCountsOnce) {
   AddMapOf(1);
   AddMapOf(1);
@@ -59,13 +140,13 @@ TEST_F(MapCollectionTest, AMapWaitsForItsNode) {
 
 TEST_F(MapCollectionTest, TheNewestTermAndRunPlacesTheNodeInAnyOrder) {
   AddMapOf(1);
-  collection_.AddOptimizedPose(PoseKey(1, 3), {1, 1}, Pose::FromPlanar(3, 0, 0), MakeTerm(2), 1);
-  collection_.AddOptimizedPose(PoseKey(1, 4), {1, 1}, Pose::FromPlanar(2, 0, 0), MakeTerm(1), 9);
+  collection_.AddOptimizedPose(PoseKey(1, 3), {1, 1}, {Pose::FromPlanar(3, 0, 0)}, MakeTerm(2), 1);
+  collection_.AddOptimizedPose(PoseKey(1, 4), {1, 1}, {Pose::FromPlanar(2, 0, 0)}, MakeTerm(1), 9);
   EXPECT_EQ(PlacedX(), 3);
   collection_.AddRawPose(PoseKey(1, 1), {1, 1}, Pose::FromPlanar(1, 0, 0));
   EXPECT_EQ(PlacedX(), 3);
   EXPECT_EQ(PlacedX(/*use_raw_poses=*/true), 1);
-  collection_.AddOptimizedPose(PoseKey(1, 5), {1, 1}, Pose::FromPlanar(4, 0, 0), MakeTerm(2), 2);
+  collection_.AddOptimizedPose(PoseKey(1, 5), {1, 1}, {Pose::FromPlanar(4, 0, 0)}, MakeTerm(2), 2);
   EXPECT_EQ(PlacedX(), 4);
 }
 
@@ -133,7 +214,7 @@ TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheMapsInTheirTimeRanges) {
 TEST_F(MapCollectionTest, AQuarantinedNodeLosesItsPoseAndItsMaps) {
   AddMapOf(1);
   collection_.AddRawPose(PoseKey(1, 1), {1, 1}, Pose::FromPlanar(30'000, 0, 0));
-  collection_.AddOptimizedPose(PoseKey(1, 2), {1, 1}, Pose::FromPlanar(29'000, 0, 0), MakeTerm(1), 1);
+  collection_.AddOptimizedPose(PoseKey(1, 2), {1, 1}, {Pose::FromPlanar(29'000, 0, 0)}, MakeTerm(1), 1);
   proto::MapQuarantine said;
   said.set_agent_id(1);
   *said.mutable_node() = ToProto(NodeKey{1, 1});
@@ -148,8 +229,8 @@ TEST_F(MapCollectionTest, AQuarantinedNodeLosesItsPoseAndItsMaps) {
   EXPECT_EQ(collection_.StandingQuarantines()[0].map_count, 1u);
 
   // A solve without the raw pose places the node again. Its maps stay left out.
-  collection_.AddOptimizedPose(PoseKey(1, 3), {1, 1}, Pose::FromPlanar(2, 0, 0), MakeTerm(1), 2,
-                               /*ignores_raw_pose=*/true);
+  collection_.AddOptimizedPose(PoseKey(1, 3), {1, 1}, {Pose::FromPlanar(2, 0, 0), /*ignores_raw_pose=*/true},
+                               MakeTerm(1), 2);
   EXPECT_EQ(collection_.Select({}).footprints.size(), 1u);
   EXPECT_TRUE(collection_.Select({}).maps.empty());
   proto::MapQuarantine lift;
@@ -197,7 +278,7 @@ TEST_F(MapCollectionTest, LimitsNodesOptimizedPosesAndQuarantines) {
   MapCollection collection({.grid = {}, .without_footprint = {}, .nodes_max = 2, .quarantines_max = 2});
   for (std::uint64_t seq = 1; seq <= 3; ++seq) {
     collection.AddRawPose(PoseKey(3, seq), {3, seq}, Pose{});
-    collection.AddOptimizedPose(PoseKey(2, seq), {5, seq}, Pose{}, MakeTerm(1), 1);
+    collection.AddOptimizedPose(PoseKey(2, seq), {5, seq}, {Pose{}}, MakeTerm(1), 1);
     proto::MapQuarantine said;
     said.set_agent_id(4);
     collection.AddQuarantine({{4, 7, proto::MAP_QUARANTINE}, seq}, said);
@@ -219,7 +300,7 @@ TEST_F(MapCollectionTest, AnAgentWithManyNodesTakesNoOptimizedPosesFromOthers) {
   for (int round = 0; round < 10; ++round) {
     MapCollection collection({.grid = {}, .without_footprint = {}, .nodes_max = 10});
     for (const NodeKey& node : nodes) {
-      collection.AddOptimizedPose(PoseKey(2, 100 * node.agent + node.index), node, Pose{}, MakeTerm(1), 1);
+      collection.AddOptimizedPose(PoseKey(2, 100 * node.agent + node.index), node, {Pose{}}, MakeTerm(1), 1);
     }
     for (const NodeKey& node : nodes) {
       EXPECT_EQ(collection.PoseOf(node).has_value(), node.agent == 1 || node.index >= 43) << node.index;
@@ -233,7 +314,7 @@ TEST_F(MapCollectionTest, AQuarantineLeavesOutTheFootprintsOfItsTimesToo) {
     collection_.AddRawPose(PoseKey(1, index), {1, index}, Pose{}, static_cast<std::int64_t>(index));
   }
   collection_.AddRawPose(PoseKey(2, 1), {2, 1}, Pose{}, 3);
-  collection_.AddOptimizedPose(PoseKey(2, 2), {1, 20}, Pose{}, MakeTerm(1), 1);  // Its timestamp is unknown.
+  collection_.AddOptimizedPose(PoseKey(2, 2), {1, 20}, {Pose{}}, MakeTerm(1), 1);  // Its timestamp is unknown.
   const auto quarantine = [this](std::uint64_t seq, std::int64_t from_ns, std::int64_t to_ns) {
     proto::MapQuarantine said;
     said.set_agent_id(1);

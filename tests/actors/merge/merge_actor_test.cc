@@ -82,7 +82,10 @@ class MergeActorTest : public testing::Test {
     options_.team.mutable_map()->set_resolution_m(0.1);
     options_.team.mutable_map()->add_footprint_m(0.12);
     options_.team.mutable_map()->add_footprint_m(0.12);
-    for (const AgentId agent : {1u, 2u, 4u}) options_.team.add_agents()->set_id(agent);
+    for (const AgentId agent : {1u, 2u, 4u, 3u}) {
+      options_.team.add_agents()->set_id(agent);
+      if (agent != 4) options_.team.mutable_agents()->rbegin()->mutable_start()->set_x(agent * 5);
+    }
     options_.team.mutable_agents(2)->set_kind(proto::AGENT_KIND_BASE_STATION);
     team_.AddAgent(kSelf);
   }
@@ -578,6 +581,7 @@ TEST_F(MergeActorTest, NamesSharedMapsThatWinNoCell) {
   // Seq 0 marks a record that is not shared. Such a record cannot be pruned.
   store_->records.back().mutable_key()->set_seq(0);
   StoreMap(4, {"."});
+  StoreOptimizedPose(4, 0, 1);
   Start();
   proto::Message question;
   question.mutable_occluded_maps_request()->set_records_max(10);
@@ -586,6 +590,22 @@ TEST_F(MergeActorTest, NamesSharedMapsThatWinNoCell) {
   EXPECT_EQ(reply.records(0).seq(), occluded.seq());
   question.mutable_occluded_maps_request()->set_records_max(0);
   EXPECT_TRUE(AskAnything(question)->occluded_maps_reply().records().empty());
+}
+
+// A map at a raw pose moves with the next solve: nothing is removed for a guess.
+TEST_F(MergeActorTest, NamesNoOccludedMapWhereAMapLiesAtARawPose) {
+  StoreNode(4, 0);
+  StoreMap(4, {"#"});
+  StoreMap(4, {"."});
+  StoreOptimizedPose(4, 0, 1);
+  StoreNode(1, 1);
+  StoreMap(1, {"....."});
+  Start();
+  proto::Message question;
+  question.mutable_occluded_maps_request()->set_records_max(10);
+  EXPECT_TRUE(AskAnything(question)->occluded_maps_reply().records().empty());
+  StoreOptimizedPose(1, 1, 2);
+  EXPECT_EQ(AskAnything(question)->occluded_maps_reply().records_size(), 1);
 }
 
 TEST_F(MergeActorTest, ReportsAnErrorOfTheRequestForFullyOccludedMaps) {

@@ -157,6 +157,28 @@ TEST_F(AgentContradictionsTest, TrueClosuresAndRangesAreNeverRefused) {
   }
 }
 
+TEST_F(AgentContradictionsTest, HonestTeamsOf16And64AgentsNameNobodyAndLoseNoClosure) {
+  for (const auto& [rovers, nodes] : {std::pair(15, 24), std::pair(63, 8)}) {
+    SCOPED_TRACE(std::to_string(rovers) + " rovers");
+    scenario_ = MakeScenario({.seed = 1, .rover_count = rovers, .node_count = nodes, .outlier_ratio = 0.05});
+    rng_.seed(1);
+    for (RangeEdge& range : scenario_.graph.ranges) range.producer = range.from.agent;
+    for (AgentId agent = 1; agent < static_cast<AgentId>(rovers); ++agent) {
+      for (std::uint64_t i = 2; i < static_cast<std::uint64_t>(nodes); i += 3) {
+        LoopClosure closure = LoopClosureOf(scenario_, {agent, i}, {agent + 1, i}, "tags", rng_);
+        closure.producer = agent;
+        scenario_.graph.closures.push_back(closure);
+      }
+    }
+    const Solution solution = Solve();
+    ASSERT_TRUE(solution.is_accepted) << solution.text;
+    EXPECT_TRUE(solution.refused.empty());
+    for (LoopClosure& closure : scenario_.graph.closures) closure.producer = 0;
+    for (RangeEdge& range : scenario_.graph.ranges) range.producer = 0;
+    EXPECT_EQ(solution.CountOf(FactorKind::kLoopClosure).rejected, Solve().CountOf(FactorKind::kLoopClosure).rejected);
+  }
+}
+
 TEST_F(AgentContradictionsTest, AWarmSolveFindsTheLiarToo) {
   Use(6);
   const LastSolution last = ToLast(honest_);

@@ -463,8 +463,33 @@ TEST_F(RetentionActorTest, AppliesTheTeamFilesAgesPeriodically) {
   team_.AdvanceTime(minutes(4));
   EXPECT_EQ(RecordsOf(kRover).size(), 2u);
   team_.AdvanceTime(minutes(7));
-  EXPECT_EQ(RecordsOf(kRover).size(), 1u);
   EXPECT_EQ(StatusOf(kRover).pruned_count(), 1);
+  const std::vector<proto::StoredRecord> left = RecordsOf(kRover);
+  ASSERT_EQ(left.size(), 2u);
+  proto::Record event;
+  ASSERT_TRUE(event.ParseFromString(left[1].content()));
+  EXPECT_EQ(event.agent_event().kind(), proto::EVENT_KIND_PRUNED);
+  EXPECT_EQ(event.agent_event().text(), "removed 1 records because of their age: agent_event 1");
+}
+
+// The robot's software gives times from 0 or from 2039, as in simulated time: such records have no age.
+TEST_F(RetentionActorTest, RemovesNothingByAgeThatHasNoRightTimestamp) {
+  config_.mutable_retention()->set_keep_days(1);
+  Start();
+  for (const std::int64_t seconds_since_1970 : {0LL, 12LL, 1'000'000'000LL, 2'177'452'800LL}) {
+    for (proto::Record record : {ReportOf(0), MapOf(kRover, 1, 0, 64)}) {
+      record.set_timestamp_ns(seconds_since_1970 * 1'000'000'000);
+      Insert(kRover, record);
+    }
+  }
+  const std::size_t count = RecordsOf(kRover).size();
+  Transfer(kRover, kLeader);
+  Transfer(kRover, kSurvivor);
+  team_.AdvanceTime(std::chrono::hours(72));
+  for (const AgentId agent : {kRover, kLeader, kSurvivor}) {
+    EXPECT_EQ(StatusOf(agent).pruned_count(), 0) << agent;
+    EXPECT_EQ(RecordsOf(agent).size(), count) << agent;
+  }
 }
 
 TEST_F(RetentionActorTest, TriesAgainWhenTheOtherAgentsReturn) {
@@ -478,7 +503,7 @@ TEST_F(RetentionActorTest, TriesAgainWhenTheOtherAgentsReturn) {
   EXPECT_EQ(RecordsOf(kRover).size(), 1u);
   team_.SetLink(kRover, kLeader, true);
   team_.AdvanceTime(minutes(10));
-  EXPECT_EQ(RecordsOf(kRover).size(), 0u);
+  EXPECT_EQ(StatusOf(kRover).pruned_count(), 1);
 }
 
 TEST_F(RetentionActorTest, AsksNoAgentIfTheTeamFileSetsNoLimits) {
@@ -509,7 +534,7 @@ TEST_F(RetentionActorTest, RemovesMapsFirstAndKeepsGraphAndStates) {
   node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_orientation()->set_w(1);
   Insert(kRover, node);
   for (int i = 0; i < 100; ++i) Insert(kRover, ReportOf(300));
-  for (int i = 0; StatusOf(kRover).map_bytes() < 0.7e6; ++i) Insert(kRover, MapOf(kRover, 1, 200 - i));
+  for (int i = 0; StatusOf(kRover).map_bytes() < 0.65e6; ++i) Insert(kRover, MapOf(kRover, 1, 200 - i));
   const std::size_t maps = CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP);
   Transfer(kRover, kLeader);
   Transfer(kRover, kSurvivor);

@@ -53,17 +53,18 @@ TEST_F(SessionCountsTest, CountsRecordsAcknowledgedSinceTheDestinationAnswered) 
 
 TEST_F(SessionCountsTest, CountsEachKindOfEndSeparately) {
   SessionCounts counts;
-  counts.NoteEnd(Ending::kCompleted);
-  counts.NoteEnd(Ending::kCompleted);
-  counts.NoteEnd(Ending::kClosed);
-  counts.NoteEnd(Ending::kLimited);
+  counts.NoteEnd(Ending::kCompleted, {});
+  counts.NoteEnd(Ending::kCompleted, {});
+  counts.NoteEnd(Ending::kClosed, {});
+  counts.NoteEnd(Ending::kLimited, {});
   counts.NoteResends(3);
   proto::ShareSession status;
-  counts.AddTo(status);
+  counts.AddTo(status, SessionCounts::Time(std::chrono::seconds(5)));
   EXPECT_EQ(status.completed_sessions(), 2);
   EXPECT_EQ(status.closed_sessions(), 1);
   EXPECT_EQ(status.limited_sessions(), 1);
   EXPECT_EQ(status.resends(), 3);
+  EXPECT_EQ(status.seconds_since_end(), 5);
 }
 
 }  // namespace

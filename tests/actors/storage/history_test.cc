@@ -20,7 +20,7 @@ using testing::IsEmpty;
 using testing::SizeIs;
 
 constexpr std::int64_t kHour_ns = 3'600'000'000'000;
-constexpr std::int64_t kNow_ns = 1'000 * kHour_ns;
+constexpr std::int64_t kNow_ns = 500'000 * kHour_ns;  // In 2027.
 
 RecordStore::Options WithHistory(const std::string& path = ":memory:") {
   RecordStore::Options options = StoreOptionsOf(1, path);

@@ -34,10 +34,10 @@ std::unique_ptr<Database> NewStore() {
   return database;
 }
 
-TEST(SchemaTest, DeclaresTheSchemaOfStoreVersion5) {
-  EXPECT_EQ(SchemaOf(*NewStore()), Golden("schema_v5.txt"))
-      << "stores of version 5 lie on robots' disks: another schema is another version (docs/COMPATIBILITY.md)";
-  EXPECT_EQ(kStoreVersion, 5) << "each version has its golden file here";
+TEST(SchemaTest, DeclaresTheSchemaOfStoreVersion6) {
+  EXPECT_EQ(SchemaOf(*NewStore()), Golden("schema_v6.txt"))
+      << "stores of version 6 lie on robots' disks: another schema is another version (docs/COMPATIBILITY.md)";
+  EXPECT_EQ(kStoreVersion, 6) << "each version has its golden file here";
 }
 
 TEST(SchemaTest, InitialisesANewFileOnce) {
@@ -82,14 +82,15 @@ TEST(SchemaTest, DetectsADamagedHeader) {
 }
 
 TEST(SchemaTest, RefusesAStoreOfAnotherVersionAndNamesBoth) {
-  for (const char* version : {"4", "6"}) {
+  for (const char* version : {"4", "7"}) {
     auto database = NewStore();
     ASSERT_TRUE(
         database->Execute(std::string("CREATE TABLE of_that_version(a INTEGER); PRAGMA user_version=") + version));
     const Result<void> refused = CheckSchema(*database);
     ASSERT_FALSE(refused);
     EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
-    const std::string expected = std::string("has store version ") + version + ", and this moondb opens version 5";
+    const std::string expected =
+        std::string("has store version ") + version + ", and this moondb opens the versions 5 to 6";
     EXPECT_NE(refused.error().text.find(expected), std::string::npos) << refused.error().text;
   }
 }
@@ -135,7 +136,7 @@ TEST_F(RefusedFileTest, IsAStoreOfANewerVersion) {
   {
     auto store = OpenStore(StoreOptionsOf(2, path_));
     InsertOne(*store, TemperatureRecord(1));
-    ASSERT_TRUE(store->database().Execute("PRAGMA user_version=6"));
+    ASSERT_TRUE(store->database().Execute("PRAGMA user_version=7"));
     store->database().LeaveAsItIs();
   }
   ASSERT_FALSE(Bytes("-wal").empty()) << "what its last process wrote is still in the log";

@@ -218,8 +218,24 @@ TEST_F(EpochReportTest, ReissuesEndangeredStatesAndNotifiesReaders) {
   Report(1, later);
   EXPECT_GT(EpochOfTheState(), later);
   const std::vector<proto::Message> reported = team_.TakeMessages({2, "merge"});
-  ASSERT_EQ(reported.size(), 1u);
-  EXPECT_EQ(reported[0].records_stored().data_types(0), static_cast<DataType>(proto::TEMPERATURE));
+  ASSERT_EQ(reported.size(), 2u);
+  EXPECT_EQ(reported[0].records_stored().data_types(0), static_cast<DataType>(proto::AGENT_EVENT));
+  EXPECT_EQ(reported[1].records_stored().data_types(0), static_cast<DataType>(proto::TEMPERATURE));
+}
+
+TEST_F(EpochReportTest, IsAFindingIfTheDiskWasReplacedOrRestored) {
+  const std::uint64_t epoch = Insert(TemperatureRecord(20)).keys(0).epoch();
+  Report(1, epoch);
+  const auto findings = [this] {
+    proto::Message question;
+    question.mutable_findings_request();
+    const auto reply = ControlReplyOf(Ask(std::move(question)));
+    return reply ? reply->status().findings() : proto::AgentStatus().findings();
+  };
+  EXPECT_TRUE(findings().empty()) << "peers know what this disk has";
+  Report(1, OfAnotherDisk(epoch));
+  ASSERT_EQ(findings().size(), 1);
+  EXPECT_NE(findings()[0].text().find("its disk does not have"), std::string::npos) << findings()[0].text();
 }
 
 TEST_F(EpochReportTest, AcceptsOnlyEpochReportsFromPeersAndNothingFromOutsideTheTeam) {

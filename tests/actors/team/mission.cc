@@ -33,6 +33,7 @@ using Records = std::map<RecordKey, std::string>;
 constexpr AgentId kAgents = 4;
 constexpr AgentId kBase = 4;
 constexpr int kNodesOfARover = 6;
+constexpr std::int64_t kTimestamp_ns = 1'767'225'600'000'000'000;  // 2026-01-01; earlier ones are not trusted.
 // Maximum number of tries of a request. A restarted agent may be killed again, so several tries may fail.
 constexpr int kTriesMax = 30;
 constexpr Duration kClientPatience = seconds(6);
@@ -365,14 +366,14 @@ class Mission {
 
   static proto::Record Power(double ratio) {
     proto::Record record;
-    record.set_timestamp_ns(1);
+    record.set_timestamp_ns(kTimestamp_ns);
     record.mutable_power()->set_battery_ratio(ratio);
     return record;
   }
 
   static proto::Record MapAt(NodeKey node) {
     proto::Record record;
-    record.set_timestamp_ns(1);
+    record.set_timestamp_ns(kTimestamp_ns);
     proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
     *map.mutable_node() = ToProto(node);
     map.mutable_node_from_map()->mutable_position_m();

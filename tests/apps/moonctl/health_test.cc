@@ -228,5 +228,64 @@ TEST_F(HealthTest, FindsARemovedAgentWithARole) {
               ElementsAre("rover1 is survivor in term 4, but has left the team: name another by moonctl role set"));
 }
 
+TEST_F(HealthTest, FindsRecordsThatOneDiskAloneHolds) {
+  team_.mutable_at_risk()->set_records(100);
+  team_.mutable_at_risk()->set_age_s(3600);
+  proto::OneCopy& one_copy = *Status(2).mutable_storage()->mutable_one_copy();
+  one_copy.set_count(100);
+  one_copy.set_age_s(3600);
+  EXPECT_THAT(Of(2), IsEmpty());
+  one_copy.set_count(101);
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("101 records exist on this disk alone")));
+  one_copy.set_count(1);
+  one_copy.set_age_s(7200);
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("1 record exist")));
+  one_copy.set_count(0);
+  EXPECT_THAT(Of(2), IsEmpty());
+  team_.clear_at_risk();
+  one_copy.set_count(1e9);
+  EXPECT_THAT(Of(2), IsEmpty()) << "0 is no limit";
+}
+
+TEST_F(HealthTest, FindsARobotWithoutARightClock) {
+  proto::SuspectTimestamp& suspect = *Status(2).mutable_storage()->mutable_suspect_timestamp();
+  suspect.set_data_type(1);
+  suspect.set_timestamp_ns(12'000'000'000);
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("temperature has the timestamp 1970-01-01 00:00:12 UTC")));
+  EXPECT_THAT(Of(1), IsEmpty());
+}
+
+TEST_F(HealthTest, FindsRoversThatAreNotPlaced) {
+  proto::MapStatsReply& stats = reports_[1].map_stats.emplace();
+  stats.add_unplaced()->set_agent_id(2);
+  stats.mutable_unplaced(0)->set_map_count(40);
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("not placed, 40 maps left out of the team's map: give it a start")));
+  EXPECT_THAT(Of(1), IsEmpty());
+  stats.clear_unplaced();
+  stats.set_frame_of(1);
+  EXPECT_THAT(Of(1), ElementsAre(HasSubstr("not placed in the team's map")));
+}
+
+TEST_F(HealthTest, FindsStartsInOnePlace) {
+  for (const double side_m : {0.75, 0.5}) team_.mutable_map()->add_footprint_m(side_m);
+  for (proto::AgentConfig& agent : *team_.mutable_agents()) agent.mutable_start()->set_x(1);
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("the start of rover2 lies within one footprint of that of rover1")));
+  team_.mutable_agents(1)->mutable_start()->set_x(2);
+  EXPECT_THAT(Of(2), IsEmpty());
+}
+
+TEST_F(HealthTest, FindsMapsThatTakeTheOthersHazardsAwayAndSaysHowToRepair) {
+  proto::ClearedHazards& cleared = *reports_[1].map_stats.emplace().add_cleared();
+  cleared.set_agent_id(2);
+  cleared.set_cell_count(900);
+  cleared.set_hazard_count(1000);
+  cleared.set_from_ns(1'795'000'000'000'000'000);
+  cleared.set_to_ns(1'795'000'030'000'000'000);
+  cleared.set_x_m(1.25);
+  EXPECT_THAT(Of(2), ElementsAre("its maps of one minute make 900 of the others' 1000 hazard cells free: 'moonctl map "
+                                 "why 1.25 0.00' shows one; if they are wrong: moonctl map quarantine --agent rover2 "
+                                 "--from 2026-11-18T11:06:40Z --to 2026-11-18T11:07:10Z"));
+}
+
 }  // namespace
 }  // namespace moondb

@@ -59,10 +59,10 @@ TEST(ShareStatusTest, MakesNoEstimateWithoutData) {
 }
 
 TEST(ShareStatusTest, ShowsASessionInARow) {
-  EXPECT_EQ(ShareStatusHeader().size(), ShareStatusRow(TeamOfTwo(), "rover2", Sending()).size());
-  EXPECT_THAT(ShareStatusRow(TeamOfTwo(), "rover2", Sending()),
+  EXPECT_EQ(ShareStatusHeader().size(), ShareStatusRow(TeamOfTwo(), "rover2", Sending(), 500).size());
+  EXPECT_THAT(ShareStatusRow(TeamOfTwo(), "rover2", Sending(), 500),
               ElementsAre("rover2", "rover1", "sending", "1240", "1200", "500", "3.0 MB", "120.0 kB/s", "25 s", "0 s",
-                          "2", "4", ""));
+                          "2", "4", "-", ""));
 }
 
 TEST(ShareStatusTest, ShowsUnknownValuesAsUnknown) {
@@ -71,17 +71,39 @@ TEST(ShareStatusTest, ShowsUnknownValuesAsUnknown) {
   waiting.set_is_open(true);
   waiting.set_seconds_since_progress(7200);
   waiting.set_last_error("sending to rover1: unreachable");
-  EXPECT_THAT(ShareStatusRow(TeamOfTwo(), "rover2", waiting),
-              ElementsAre("rover2", "rover1", "waiting", "0", "0", "-", "0 B", "-", "-", "2.0 h", "0", "0",
+  EXPECT_THAT(ShareStatusRow(TeamOfTwo(), "rover2", waiting, std::nullopt),
+              ElementsAre("rover2", "rover1", "waiting", "0", "0", "-", "0 B", "-", "-", "2.0 h", "0", "0", "-",
                           "sending to rover1: unreachable"));
   proto::ShareSession idle = Sending();
   idle.set_is_open(false);
-  idle.set_remaining(0);
   idle.set_session_s(0);
-  const auto row = ShareStatusRow(TeamOfTwo(), "rover2", idle);
+  idle.set_seconds_since_end(1500);
+  const auto row = ShareStatusRow(TeamOfTwo(), "rover2", idle, 0);
   EXPECT_EQ(row[2], "idle");
   EXPECT_EQ(row[5], "0");
   EXPECT_EQ(row[8], "-");
+  EXPECT_EQ(row[12], "25 min ago");
+}
+
+// The last session says nothing about what was inserted after it.
+TEST(ShareStatusTest, CountsWhatIsLeftFromTheStore) {
+  proto::AgentStatus status;
+  status.mutable_roles()->set_leader(1);
+  proto::PeerBacklog& backlog = *status.mutable_storage()->add_backlogs();
+  backlog.set_agent_id(1);
+  backlog.set_own_count(45);
+  backlog.set_all_count(60);
+  proto::ShareSession session = Sending();
+  EXPECT_EQ(LeftOf(&status, session), 500) << "an open session knows more";
+  session.set_is_open(false);
+  session.set_remaining(0);
+  EXPECT_EQ(LeftOf(&status, session), 45);
+  session.set_kind(proto::SHARING_KIND_REPLICATION);
+  EXPECT_EQ(LeftOf(&status, session), 60);
+  session.set_kind(proto::SHARING_KIND_SYNC);
+  session.set_destination(2);
+  EXPECT_EQ(LeftOf(&status, session), std::nullopt) << "a leader's records to a rover";
+  EXPECT_EQ(LeftOf(nullptr, session), std::nullopt);
 }
 
 }  // namespace

@@ -106,5 +106,16 @@ TEST_F(FeedPlanTest, RecordsHaveDistinctIdentities) {
   EXPECT_EQ(keys.size(), records.size());
 }
 
+TEST_F(FeedPlanTest, MovesAMissionWithoutDatesTo2026) {
+  const std::vector<proto::Record> records = Plan(1, {0, INT64_MAX});
+  EXPECT_EQ(records.front().timestamp_ns(), kFeedStart_ns);
+  EXPECT_EQ(records.back().timestamp_ns(), kFeedStart_ns + Timestamp(2));
+  const std::int64_t dated_ns = 1'700'000'000'000'000'000;
+  for (GraphNode& node : mission_.graph.nodes) node.timestamp_ns += dated_ns;
+  for (RangeEdge& range : mission_.graph.ranges) range.timestamp_ns += dated_ns;
+  for (MissionMap& map : mission_.maps) map.timestamp_ns += dated_ns;
+  EXPECT_EQ(Plan(2, {0, INT64_MAX}).front().timestamp_ns(), dated_ns);
+}
+
 }  // namespace
 }  // namespace moondb

@@ -1,0 +1,62 @@
+// CopyWatch: which records exist on this agent's disk alone, as far as this agent knows, and since when.
+//
+// Another agent has a copy of a record if it acknowledged the record (PeerLog). Superseded and pruned records need no
+// copy. If the team file limits what agents keep, only the leader, the designated survivor and the base station count,
+// because any other agent may have removed a record since it acknowledged it.
+//
+// For one thread at a time.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "actors/storage/peer_log.h"
+#include "actors/storage/sqlite_database.h"
+#include "model/have_set.h"
+#include "proto/storage.pb.h"
+#include "proto/team.pb.h"
+
+namespace moondb::proto {
+class StorageStatus;
+}  // namespace moondb::proto
+
+namespace moondb {
+
+class CopyWatch {
+ public:
+  using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
+
+  // Requires: `team` is complete and validated.
+  CopyWatch(AgentId self, const proto::TeamConfig& team);
+
+  // Call when this agent acts on other roles.
+  void NoteRoles(const proto::RoleAssignment& roles);
+  // Call now and then with the row id that the next record will get. The ages depend on these calls: a record counts as
+  // stored at the last call before it. Calls that lie far back are thinned out, so an age is up to 1/32 too large.
+  void NoteTime(Time now, std::uint64_t next_row_id);
+
+  // Fills in one_copy and backlogs. `have`: this agent's have-set. Errors are those of Database.
+  Result<void> Describe(Database& database, const HaveSet& have, const PeerLog& log, Time now,
+                        proto::StorageStatus& status) const;
+
+  // Returns the records of `have` of which no other agent is known to have a copy.
+  HaveSet FindOneCopy(const HaveSet& have, const PeerLog& log) const;
+
+ private:
+  bool HoldsForOthers(AgentId peer) const;
+
+  const AgentId self_;
+  std::set<AgentId> peers_;
+  std::set<AgentId> base_stations_;
+  bool is_limited_ = false;  // True if the team file limits what agents keep.
+  AgentId leader_ = 0;
+  AgentId survivor_ = 0;
+  // Times of NoteTime with the row id at each, ascending. Their distance grows with their age, so there are few.
+  std::deque<std::pair<Time, std::uint64_t>> times_;
+};
+
+}  // namespace moondb

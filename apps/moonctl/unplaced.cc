@@ -1,0 +1,41 @@
+#include "apps/moonctl/unplaced.h"
+
+#include "apps/common/table.h"
+#include "model/agent_name.h"
+
+namespace moondb {
+namespace {
+
+std::string MapsText(const proto::UnplacedRover& rover) {
+  if (rover.map_count() == 0) return "no map";
+  return FormatCount(rover.map_count()) + (rover.map_count() == 1 ? " map waits" : " maps wait");
+}
+
+}  // namespace
+
+std::string CoincidingText(const proto::TeamConfig& team, AgentId rover, AgentId other) {
+  return "the start of " + AgentName(team, rover) + " lies within one footprint of that of " + AgentName(team, other) +
+         " and does not count: measure both, and fill them in";
+}
+
+std::string UnplacedNames(const proto::TeamConfig& team, const UnplacedRovers& unplaced) {
+  std::string names;
+  for (const proto::UnplacedRover& rover : unplaced) {
+    names += (names.empty() ? "" : ", ") + AgentName(team, rover.agent_id()) + " (" + MapsText(rover) + ")";
+  }
+  return names;
+}
+
+std::string UnplacedText(const proto::TeamConfig& team, AgentId frame_of, const UnplacedRovers& unplaced) {
+  std::string text;
+  if (frame_of != 0) {
+    text += AgentName(team, frame_of) + ": not placed in the team's map; this is its own map, in its own frame; " +
+            kHowToPlace + "\n";
+  }
+  for (const proto::UnplacedRover& rover : unplaced) {
+    text += AgentName(team, rover.agent_id()) + ": not placed, " + MapsText(rover) + "; " + kHowToPlace + "\n";
+  }
+  return text;
+}
+
+}  // namespace moondb
