@@ -29,6 +29,10 @@ std::string EventKindName(proto::EventKind kind);
 
 inline constexpr std::size_t kFindingsMax = 32;
 
+// Text of the event of EVENT_KIND_DAMAGE of an agent whose disk lacks records of its own that other agents know.
+inline constexpr char kDiskReplaced[] =
+    "other agents know records of this agent that its disk does not have: the disk was replaced or restored; "
+    "'moonctl sync now' returns what they hold, and what nobody else held is lost";
 // Texts of events of EVENT_KIND_LOST. BackPeerText says that a lost peer has returned; in the findings, it replaces the
 // LostPeerText of the same peer.
 inline constexpr char kEndedWithoutStopping[] = "the process before ended without stopping";

@@ -46,10 +46,25 @@ Result<void> CheckEdge(const proto::PoseGraphEdge& edge) {
   return CheckVariance(edge.range().variance_m2(), "the range", "pose_graph_edge.range.variance_m2");
 }
 
+Result<void> CheckQuarantine(const proto::MapQuarantine& quarantine, bool is_local) {
+  if (is_local) {
+    return Fail(ErrorCode::kInvalid, "holds for the whole team or not at all: it cannot be local", "map_quarantine");
+  }
+  if (!quarantine.signature().empty()) {
+    return Fail(ErrorCode::kInvalid, "is made by this agent: leave it out", "map_quarantine.signature");
+  }
+  if (quarantine.has_term()) {
+    return Fail(ErrorCode::kInvalid, "is given by this agent: leave it out", "map_quarantine.term");
+  }
+  return {};
+}
+
 }  // namespace
 
-Result<void> CheckForInsert(const proto::Record& record) {
+Result<void> CheckForInsert(const proto::Record& record, bool is_local) {
   switch (record.body_case()) {
+    case proto::Record::kMapQuarantine:
+      return CheckQuarantine(record.map_quarantine(), is_local);
     case proto::Record::kPoseGraphEdge:
       return CheckEdge(record.pose_graph_edge());
     case proto::Record::kPosePrior: {

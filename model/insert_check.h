@@ -12,7 +12,9 @@ namespace moondb {
 // give 1e6 to 1e308 for what they do not measure. The solver uses such a measurement as a planar robot's
 // (LimitVariances). Also refuses a covariance that is nearly singular.
 //
-// Requires: the record passes CheckRecord. Fails with kInvalid and the field; the text names the axis.
-Result<void> CheckForInsert(const proto::Record& record);
+// A quarantine must be shared, and without the fields that the agent fills in. `is_local`: the record is not shared.
+//
+// Requires: the record passes CheckRecord. Fails with kInvalid and the field; the text names the axis of a covariance.
+Result<void> CheckForInsert(const proto::Record& record, bool is_local = false);
 
 }  // namespace moondb

@@ -10,9 +10,9 @@
 #include "actors/merge/map_answers.h"
 #include "model/control_message.h"
 #include "model/geometry.h"
+#include "model/start_poses.h"
 #include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
-#include "runtime/team/start_poses.h"
 
 namespace moondb {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <set>
 
-#include "runtime/team/start_poses.h"
+#include "model/start_poses.h"
 
 namespace moondb {
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "actors/storage/record_store.h"
 #include "actors/storage/record_tables.h"
 #include "proto/status.pb.h"
 
@@ -63,9 +64,14 @@ bool CopyWatch::HoldsForOthers(AgentId peer) const {
   return !is_limited_ || peer == leader_ || peer == survivor_ || base_stations_.contains(peer);
 }
 
+bool CopyWatch::IsCounted(AgentId origin) const {
+  return origin == self_ || (self_ == leader_ && !HoldsForOthers(origin));
+}
+
 HaveSet CopyWatch::FindOneCopy(const HaveSet& have, const PeerLog& log) const {
   HaveSet one_copy;
   for (const auto& [stream, state] : have.streams()) {
+    if (!IsCounted(stream.origin)) continue;
     IntervalSet alone = state.held;
     for (const AgentId peer : peers_) {
       if (HoldsForOthers(peer)) alone = alone.Minus(CoveredBy(log.KnownOf(peer), stream));
@@ -75,8 +81,9 @@ HaveSet CopyWatch::FindOneCopy(const HaveSet& have, const PeerLog& log) const {
   return one_copy;
 }
 
-Result<void> CopyWatch::Describe(Database& database, const HaveSet& have, const PeerLog& log, Time now,
-                                 proto::StorageStatus& status) const {
+Result<void> CopyWatch::Describe(RecordStore& store, Time now, proto::StorageStatus& status) const {
+  const HaveSet& have = store.have();
+  const PeerLog& log = store.peer_log();
   for (const AgentId peer : peers_) {
     proto::PeerBacklog& backlog = *status.add_backlogs();
     backlog.set_agent_id(peer);
@@ -91,7 +98,7 @@ Result<void> CopyWatch::Describe(Database& database, const HaveSet& have, const 
   for (const auto& [stream, state] : one_copy.streams()) {
     shown.set_count(shown.count() + static_cast<double>(state.held.Count()));
   }
-  const Result<std::uint64_t> oldest = FindOldestRow(database, one_copy);
+  const Result<std::uint64_t> oldest = FindOldestRow(store.database(), one_copy);
   if (!oldest) return tl::unexpected(oldest.error());
   if (*oldest == 0 || times_.empty()) return {};
   auto time = std::find_if(times_.begin(), times_.end(), [&oldest](const auto& at) { return at.second > *oldest; });

@@ -1,8 +1,10 @@
 // CopyWatch: which records exist on this agent's disk alone, as far as this agent knows, and since when.
 //
-// Another agent has a copy of a record if it acknowledged the record (PeerLog). Superseded and pruned records need no
-// copy. If the team file limits what agents keep, only the leader, the designated survivor and the base station count,
-// because any other agent may have removed a record since it acknowledged it.
+// Another agent has a copy of a record if it acknowledged the record (PeerLog). This agent knows less of other agents'
+// records: the agent that sent one had it. Therefore only the leader counts them, as long as neither the designated
+// survivor nor the base station acknowledged them, and their origin counts as a holder. Superseded and pruned records
+// need no copy. If the team file limits what agents keep, only the leader, the designated survivor and the base station
+// hold copies, because any other agent may have removed a record.
 //
 // For one thread at a time.
 #pragma once
@@ -15,7 +17,7 @@
 #include <utility>
 
 #include "actors/storage/peer_log.h"
-#include "actors/storage/sqlite_database.h"
+#include "model/error.h"
 #include "model/have_set.h"
 #include "proto/storage.pb.h"
 #include "proto/team.pb.h"
@@ -25,6 +27,8 @@ class StorageStatus;
 }  // namespace moondb::proto
 
 namespace moondb {
+
+class RecordStore;
 
 class CopyWatch {
  public:
@@ -39,15 +43,16 @@ class CopyWatch {
   // stored at the last call before it. Calls that lie far back are thinned out, so an age is up to 1/32 too large.
   void NoteTime(Time now, std::uint64_t next_row_id);
 
-  // Fills in one_copy and backlogs. `have`: this agent's have-set. Errors are those of Database.
-  Result<void> Describe(Database& database, const HaveSet& have, const PeerLog& log, Time now,
-                        proto::StorageStatus& status) const;
+  // Fills in one_copy and backlogs. Errors are those of Database.
+  Result<void> Describe(RecordStore& store, Time now, proto::StorageStatus& status) const;
 
   // Returns the records of `have` of which no other agent is known to have a copy.
   HaveSet FindOneCopy(const HaveSet& have, const PeerLog& log) const;
 
  private:
   bool HoldsForOthers(AgentId peer) const;
+  // Returns whether records of the origin can have one copy, this agent's.
+  bool IsCounted(AgentId origin) const;
 
   const AgentId self_;
   std::set<AgentId> peers_;

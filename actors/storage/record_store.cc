@@ -515,17 +515,7 @@ Result<void> RecordStore::CheckInsert(const proto::InsertRequest& request) const
   }
   for (int i = 0; i < request.records_size(); ++i) {
     Result<void> checked = CheckOwnRecord(request.records(i));
-    if (checked) checked = CheckForInsert(request.records(i));
-    if (checked && request.is_local() && request.records(i).has_map_quarantine()) {
-      checked =
-          Fail(ErrorCode::kInvalid, "holds for the whole team or not at all: it cannot be local", "map_quarantine");
-    }
-    if (checked && !request.records(i).map_quarantine().signature().empty()) {
-      checked = Fail(ErrorCode::kInvalid, "is made by this agent: leave it out", "map_quarantine.signature");
-    }
-    if (checked && request.records(i).map_quarantine().has_term()) {
-      checked = Fail(ErrorCode::kInvalid, "is given by this agent: leave it out", "map_quarantine.term");
-    }
+    if (checked) checked = CheckForInsert(request.records(i), request.is_local());
     if (checked) continue;
     const std::string place = "records[" + std::to_string(i) + "]";
     return Fail(checked.error().code, checked.error().text,

@@ -422,8 +422,7 @@ void StorageActor::OnStatus(Context& context) {
     disk_.Describe(store_->database(), shown);
     shown.set_space_low(SpaceLow(shown));
   }
-  const Result<void> counted =
-      copies_.Describe(store_->database(), store_->have(), store_->peer_log(), context.now(), shown);
+  const Result<void> counted = copies_.Describe(*store_, context.now(), shown);
   if (!counted) Note(context, "status", counted.error());
   clock_.Describe(utc_ns, context.now(), shown);
   shown.set_set_aside(options_.set_aside);
@@ -615,11 +614,7 @@ bool StorageActor::MoveScrubOn(const proto::VerifyReply& reply) {
 void StorageActor::PublishReissued(Context& context) {
   if (store_->TakeLearnedEpochs()) {
     proto::InsertRequest request;
-    *request.add_records() = MakeEvent(
-        proto::EVENT_KIND_DAMAGE,
-        "other agents know records of this agent that its disk does not have: the disk was replaced or restored; "
-        "'moonctl sync now' returns what they hold, and what nobody else held is lost",
-        "", context.utc_now_ns());
+    *request.add_records() = MakeEvent(proto::EVENT_KIND_DAMAGE, kDiskReplaced, "", context.utc_now_ns());
     Publish(context, store_->Insert(request).stored);
   }
   const proto::RecordsStored reissued = store_->TakeReissued();

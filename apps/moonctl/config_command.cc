@@ -10,9 +10,9 @@
 #include "apps/moonctl/written_files.h"
 #include "model/command_from.h"
 #include "model/mission.h"
+#include "model/start_poses.h"
 #include "model/team_id.h"
 #include "model/text.h"
-#include "runtime/team/start_poses.h"
 #include "runtime/team/team_init.h"
 
 namespace moondb {

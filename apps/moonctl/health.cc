@@ -14,10 +14,10 @@
 #include "model/custom_types.h"
 #include "model/event.h"
 #include "model/odometry_scale.h"
+#include "model/start_poses.h"
 #include "model/team_member.h"
 #include "model/term.h"
 #include "model/text.h"
-#include "runtime/team/start_poses.h"
 
 namespace moondb {
 namespace {

@@ -1,3 +1,4 @@
+#include <algorithm>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
@@ -98,11 +99,13 @@ ExitCode ExportMap(CommandContext& context, const MapArguments& arguments) {
   auto merged = target->client->Merge(*request);
   if (!merged) return context.Report(merged.error());
   if (merged->reply.map_count() == 0) {
-    const std::string unplaced = UnplacedText(config, 0, merged->reply.unplaced());
-    const std::string why =
-        target->agent->name() + " holds no map that can be placed" +
-        (unplaced.empty() ? "; the leader and the designated survivor hold the team's maps" : ":\n" + unplaced);
-    return context.Report({ErrorCode::kNotFound, why, {}});
+    auto& unplaced = *merged->reply.mutable_unplaced();
+    unplaced.erase(std::remove_if(unplaced.begin(), unplaced.end(),
+                                  [](const proto::UnplacedRover& rover) { return rover.map_count() == 0; }),
+                   unplaced.end());
+    const std::string why = unplaced.empty() ? "; the leader and the designated survivor hold the team's maps"
+                                             : ":\n" + UnplacedText(config, 0, unplaced);
+    return context.Report({ErrorCode::kNotFound, target->agent->name() + " holds no map that can be placed" + why, {}});
   }
   MapExport exported{arguments.folder, arguments.format, std::move(merged->map), config.site(), {}};
   exported.notes = NotesOf(OriginOf(config, *target), NotesOn(config, arguments, merged->reply));

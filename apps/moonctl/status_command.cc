@@ -8,10 +8,10 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
 #include "model/leases.h"
+#include "model/start_poses.h"
 #include "model/team_member.h"
 #include "model/term.h"
 #include "proto/types.pb.h"
-#include "runtime/team/start_poses.h"
 
 namespace moondb {
 namespace {

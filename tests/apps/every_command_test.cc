@@ -38,6 +38,7 @@ const std::vector<Case>& Cases() {
       {{"status", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover3"},
       {{"health", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover3"},
       {{"health", "acknowledge"}, kDone, kUnreachable, kUnreachable, "ACKNOWLEDGED"},
+      {{"risk"}, kDone, kUnreachable, kUnreachable, "ONE COPY"},
       {{"role", "show"}, kDone, kUnreachable, kUnreachable, "rover2"},
       {{"role", "history", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover1"},
       {{"role", "set", "rover2", "leader", "rover1", "survivor", "--dry-run"}, kDone, kDone, kDone, "rover2"},

@@ -72,7 +72,7 @@ TEST_F(ExportTest, WritesProvenanceAndMissingRecordsOfMaps) {
   }
   EXPECT_THAT(*ReadTextFile(folder_ / "map" / "map.yaml"), HasSubstr("# out_of_reach: rover3\n"));
   const auto json = MoonctlJson(0, {"-a", "rover2", "map", "export", folder_ / "map"});
-  EXPECT_EQ(json.fields().at("notes").struct_value().fields().at("maps_of").string_value(), "everybody");
+  EXPECT_EQ(json.fields().at("notes").struct_value().fields().at("maps_of").string_value(), "rover2");
   EXPECT_EQ(json.fields().at("files").list_value().values_size(), 2);
 }
 
@@ -169,6 +169,8 @@ TEST_F(ExportTest, ReportsEachErrorInOneLine) {
   check(2, "no such file", {"-a", "rover1", "record", "insert", "power", "@" + (folder_ / "none.json").string()});
   check(2, "none", {"config", "init", folder_ / "new.yaml", "--mission", folder_ / "none"});
   MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNode, "-a", "rover2"});
+  check(1, "holds no map", {"map", "export", folder_ / "map", "-a", "rover2"});
+  ASSERT_TRUE(Connect("rover2")->Insert({MapOf(Grid(4, 4, Cell::kFree), 0)}));
   check(1, "choose another one", {"map", "export", "/proc/nothing", "-a", "rover2"});
   check(1, "cannot be written", {"graph", "export", "/proc/nothing", "-a", "rover2"});
   const Outcome frozen = [this] {

@@ -21,6 +21,11 @@ void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::
     const std::string port = text.substr(at + address.size(), end - at - address.size());
     text.replace(at, end - at, "ipc://" + (folder / ("p" + port)).string());
   }
+  // The rovers start side by side.
+  const std::string no_start = "# start: {x: 0, y: 0,";
+  for (int i = 0; text.find(no_start) != std::string::npos; ++i) {
+    text.replace(text.find(no_start), no_start.size(), "start: {x: 0, y: " + std::to_string(2 * i) + ",");
+  }
   const std::string unasked = "solve_by_itself: true";
   ASSERT_NE(text.find(unasked), std::string::npos);
   text.replace(text.find(unasked), unasked.size(), "solve_by_itself: false");

@@ -204,6 +204,7 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
                std::string::npos ||
            Moonctl({"record", "list", "temperature", "-a", "rover3"}).out.find("rover3") != std::string::npos;
   })) << Moonctl({"health", "-a", "rover3"}).out;
+  MoonctlExpecting(0, {"health", "acknowledge"});  // Perhaps also that other agents know records of the lost store.
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; })) << Moonctl({"health"}).out;
   // The acknowledgment survives a restart of the agent. The log keeps the acknowledged finding.
@@ -360,6 +361,7 @@ TEST_F(ProcessTest, ReportsAgentsThatDidNotConfirmAChangeOfRoles) {
 TEST_F(ProcessTest, OperatesTheWholeTeamThroughTheBaseStation) {
   MoonctlExpecting(0, {"up"});
   MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2", "--via", "base"});
+  MoonctlExpecting(0, {"record", "insert", "local_traversability_map", kMapJson, "-a", "rover2", "--via", "base"});
   MoonctlExpecting(0, {"--via", "base", "sync", "now", "--wait"});
   MoonctlExpecting(0, {"--via", "base", "graph", "optimize"});
   MoonctlExpecting(0, {"--via", "base", "map", "export", folder_ / "map"});

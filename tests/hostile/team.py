@@ -75,6 +75,8 @@ class Team:
         own = f'address: "tcp://127.0.0.1:{FIRST_PORT}"\n'
         if own not in text:
             raise Failure("the team file is not as this test knows it")
+        for y in range(3):  # The rovers start side by side.
+            text = text.replace("# start: {x: 0, y: 0,", f"start: {{x: 0, y: {2 * y},", 1)
         path.write_text(text.replace(own, own + f'    client_address: "tcp://127.0.0.1:{CLIENT_PORT}"\n', 1))
         for name, rights in (("watcher", "view"), ("sharer", "share")):
             self.moonctl("clients", "add", name, "--rights", rights, "--out", f"{name}.sec")

@@ -62,7 +62,9 @@ class ClockActorTest : public testing::Test {
 
   void Insert(AgentId agent) {
     proto::Message message;
-    message.mutable_insert_request()->add_records()->mutable_temperature()->set_celsius(1);
+    proto::Record& record = *message.mutable_insert_request()->add_records();
+    record.set_timestamp_ns(1'767'225'600'000'000'000);  // 2026-01-01.
+    record.mutable_temperature()->set_celsius(1);
     EXPECT_FALSE(Ask(agent, std::move(message)).insert_reply().has_error());
   }
 

@@ -46,7 +46,7 @@ class CopyWatchTest : public testing::Test {
 
   proto::StorageStatus Status(const CopyWatch& watch, int s = 0) {
     proto::StorageStatus status;
-    const auto done = watch.Describe(store_->database(), store_->have(), store_->peer_log(), At(s), status);
+    const auto done = watch.Describe(*store_, At(s), status);
     EXPECT_TRUE(done) << ToString(done.error());
     return status;
   }
@@ -115,6 +115,21 @@ TEST_F(CopyWatchTest, CountsOnlyAgentsThatKeepRecordsIfTheTeamHasLimits) {
   roles.set_survivor(2);
   limited.NoteRoles(roles);
   EXPECT_EQ(Status(limited).one_copy().count(), 0) << "3 leads now";
+}
+
+// Others' records came from an agent that has them. With limits, a leader's survivor may be the only other holder.
+TEST_F(CopyWatchTest, CountsOthersRecordsAtALeaderUnderLimitsAlone) {
+  Acknowledge(1, 4);
+  StoreOne(*store_, Packed({{3, 8, proto::POSE_GRAPH_NODE}, 1}, NodeRecord(3, 1)));
+  proto::RoleAssignment roles;
+  roles.set_leader(2);
+  roles.set_survivor(1);
+  CopyWatch limited(2, TeamOf(1));
+  EXPECT_EQ(Status(limited).one_copy().count(), 4) << "nobody has a role yet";
+  limited.NoteRoles(roles);
+  watch_.NoteRoles(roles);
+  EXPECT_EQ(Status(limited).one_copy().count(), 1);
+  EXPECT_EQ(Status(watch_).one_copy().count(), 0) << "its origin keeps it";
 }
 
 TEST_F(CopyWatchTest, KnowsAgesOfALongMissionWithinAFewPerCent) {

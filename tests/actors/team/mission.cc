@@ -402,6 +402,7 @@ class Mission {
     for (const RangeEdge& edge : scenario_.graph.ranges) {
       if (is_due(edge.from)) graph.push_back(ToRecord(edge));
     }
+    for (proto::Record& record : graph) record.set_timestamp_ns(record.timestamp_ns() + kTimestamp_ns);
     Insert(rover, {{Power(0.5 + static_cast<double>(first) / 100)}, graph, maps});
   }
 

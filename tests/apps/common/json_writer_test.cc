@@ -37,7 +37,7 @@ TEST(JsonWriterTest, WritesNullForNonFiniteNumbers) {
 
 TEST(ProtoJsonTest, KeepsFieldNamesAndDefaults) {
   proto::Power power;
-  EXPECT_EQ(ToJson(power), R"({"battery_ratio":0,"draw_w":0})");
+  EXPECT_EQ(ToJson(power), R"({"draw_w":0})");
 }
 
 TEST(ProtoJsonTest, ReadsARecordByItsType) {

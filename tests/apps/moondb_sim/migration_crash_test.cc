@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 
+#include "actors/storage/migration.h"
 #include "actors/storage/record_store.h"
 #include "actors/storage/schema.h"
 #include "apps/moondb_sim/simulated_disk.h"
@@ -51,20 +52,23 @@ class MigrationCrashTest : public testing::Test {
 
 TEST_F(MigrationCrashTest, LeavesTheOldOrTheNewStoreAtEachWrite) {
   const SimulatedDisk::Image old = disk_.Save("a/");
-  bool is_done = false;
+  bool is_cut = true;
+  disk_.on_cut = [&is_cut](const std::string&) { is_cut = true; };
   int old_count = 0;
   int calls = 0;
-  while (!is_done) {
+  while (is_cut) {
     ASSERT_LT(++calls, 10'000);
     disk_.Wipe("a/");
     disk_.Restore("a/", old);
-    disk_.CutPowerAfter("a/", calls);
+    is_cut = false;
     {
-      const auto store = RecordStore::Open(OptionsOn(disk_));
-      is_done = store.has_value();
+      const auto database = *Database::Open(kPath, 0, disk_.name());
+      disk_.CutPowerAfter("a/", calls);
+      const Result<void> migrated = MigrateStore(*database, 2);
+      disk_.CutPowerAfter("a/", 0);
+      EXPECT_TRUE(migrated.has_value() || is_cut) << calls << ": " << ToString(migrated.error());
+      if (!is_cut) break;
     }
-    disk_.CutPowerAfter("a/", 0);
-    disk_.CutPower("a/");
     const std::int64_t version = Version();
     EXPECT_TRUE(version == 5 || version == kStoreVersion) << "after " << calls << " writes: " << version;
     old_count += version == 5;
@@ -72,6 +76,8 @@ TEST_F(MigrationCrashTest, LeavesTheOldOrTheNewStoreAtEachWrite) {
     ASSERT_TRUE(store) << "after " << calls << " writes: " << ToString(store.error());
     EXPECT_EQ(*(*store)->database().Number("PRAGMA user_version"), kStoreVersion);
   }
+  disk_.CutPower("a/");
+  EXPECT_EQ(Version(), kStoreVersion) << "the migration is durable";
   EXPECT_GT(old_count, 10) << "the power was cut before the commit as well";
 }
 

@@ -1065,7 +1065,7 @@ const std::vector<Mutant>& Mutants() {
        /*likely_seed=*/8},
       {"NewestByClock",
        "states are ordered by the wall clock",
-       {"nothing_lost", "survivor_is_leader", "newest_state", "brought_out", "home_again"},
+       {"nothing_lost", "survivor_is_leader", "newest_state", "brought_out", "home_again", "done_is_true"},
        25,
        [](SimOptions& options) {
          options.faults_per_hour["clock"] = 12;
@@ -1538,7 +1538,7 @@ const std::vector<Mutant>& Mutants() {
       {"TakesPosesOfAnybody",
        "agent 2 merges maps at poses of who never led",
        {"map_of_records"},
-       4,
+       40,
        TakePosesOfAnybody,
        SimulatedActors::kAll,
        /*is_of_lies=*/true,

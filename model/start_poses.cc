@@ -1,4 +1,4 @@
-#include "runtime/team/start_poses.h"
+#include "model/start_poses.h"
 
 #include <algorithm>
 #include <cmath>
