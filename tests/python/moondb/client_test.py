@@ -156,6 +156,31 @@ class ClientLimitsTest(unittest.TestCase):
                 client.Client(agent.endpoint, TEAM_ID) as asked:
             self.assertEqual(asked.merged_map()[1], b"\0\1\2\1")
 
+    def test_a_map_is_asked_of_the_named_agent(self):
+        asked_of = []
+
+        def answer(request):
+            asked_of.append(request.for_agent)
+            return merge_reply(zstd(b"\0\1\2\1"), 2, 2)
+
+        with FakeAgent(answer) as agent, client.Client(agent.endpoint, TEAM_ID) as asked:
+            asked.merged_map()
+            asked.merged_map(of=7)
+        self.assertEqual(asked_of, [0, 7])
+
+    def test_only_cells_are_packed(self):
+        self.assertEqual(client.pack_cells([0, 1, 2, 1, 2]), bytes([0b01100100, 0b10]))
+        for cells in ([100, 0, 0, 0], [254, 1, 1, 1], [3], [0, -1]):
+            with self.assertRaisesRegex(ValueError, r"cells\[\d\] is -?\d+; a cell is"):
+                client.pack_cells(cells)
+
+    def test_occupancies_and_costs_become_cells(self):
+        self.assertEqual(client.cells_of_occupancy([-1, 0, 64, 65, 100]), [0, 1, 1, 2, 2])
+        self.assertEqual(client.cells_of_occupancy([255, 0, 253, 254], unknown=(255,), hazard_from=254), [0, 1, 1, 2])
+        for value in (-2, 256):
+            with self.assertRaisesRegex(ValueError, r"grid\[1\] is"):
+                client.cells_of_occupancy([0, value])
+
     def test_tiles_without_end_are_refused(self):
         last = [0]
 
