@@ -61,26 +61,21 @@ Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) 
     if (!nodes_.emplace(std::pair(node.key, key), node).second) continue;
     for (const auto& removed : node_quota_.Add(key, 1, node.key)) nodes_.erase({removed.note, removed.key});
   }
-  // Older stores hold variances that a client may not insert any more (model/insert_check.h). They are used.
-  for (OdometryEdge& edge : one.odometry) {
+  for (const OdometryEdge& edge : one.odometry) {
     const EdgeName name{edge.from, edge.to};
-    LimitVariances(edge.covariance);
     if (!odometry_.emplace(std::pair(name, key), edge).second) continue;
     AddEdge(key, {{FactorKind::kRange, edge.from, edge.to, {}}, /*is_odometry=*/true});
   }
   for (RangeEdge& edge : one.ranges) {
     edge.producer = key.stream.origin;
-    edge.variance_m2 = std::clamp(edge.variance_m2, kVarianceMin, kVarianceMax);
     if (ranges_.emplace(std::pair(EdgeName{edge.from, edge.to}, key), edge).second) AddEdge(key, {KeyOf(edge)});
   }
   for (LoopClosure& closure : one.closures) {
     closure.producer = key.stream.origin;
-    LimitVariances(closure.covariance);
     if (closures_.emplace(std::pair(KeyOf(closure), key), closure).second) AddEdge(key, {KeyOf(closure)});
   }
   for (NodePrior& prior : one.priors) {
     prior.producer = key.stream.origin;
-    LimitVariances(prior.covariance);
     if (priors_.emplace(std::pair(KeyOf(prior), key), prior).second) AddEdge(key, {KeyOf(prior)});
   }
   return {};
@@ -107,10 +102,14 @@ SolveSize KnownGraph::SolveSizeMax(std::size_t node_count) {
 
 KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
   Selection selection = Select(size, /*has_all_nodes=*/false);
+  // Older stores hold variances that a client may not insert any more (model/insert_check.h). They are used.
+  for (OdometryEdge& edge : selection.graph.odometry) LimitVariances(edge.covariance);
+  for (NodePrior& prior : selection.graph.priors) LimitVariances(prior.covariance);
   for (RangeEdge& edge : selection.graph.ranges) {
-    edge.variance_m2 = std::max(edge.variance_m2, kRangeSigmaMin_m * kRangeSigmaMin_m);
+    edge.variance_m2 = std::clamp(edge.variance_m2, kRangeSigmaMin_m * kRangeSigmaMin_m, kVarianceMax);
   }
   for (LoopClosure& closure : selection.graph.closures) {
+    LimitVariances(closure.covariance);
     RaiseVariances(closure.covariance, kClosureSigmaMin_m, kClosureSigmaMin_rad);
   }
   return selection;

@@ -66,11 +66,12 @@ class KnownGraph {
   // Returns the whole graph as it was added, without quarantined factors.
   PoseGraph graph() const { return Select({UINT64_MAX, UINT64_MAX}, /*has_all_nodes=*/true).graph; }
   // Returns a graph without quarantined factors, whose solve stays within `size`. Ranges have a sigma of at least 5 cm,
-  // loop closures of at least 2 cm and 2 mrad. A quarantined node gets the pose of its neighbour composed with odometry
-  // instead of its raw pose. Without such odometry it is left out. The graph contains all nodes except the untied ones
-  // beyond kUntiedNodesMax, all priors, the odometry from each node to the next, and the newest other edges of each
-  // origin, up to a limit per origin. The limit starts at the largest number of such edges of any origin, and is halved
-  // until the solve fits or the limit is zero.
+  // loop closures of at least 2 cm and 2 mrad. Variances that would be left out are limited (LimitVariances). A
+  // quarantined node gets the pose of its neighbour composed with odometry instead of its raw pose. Without such
+  // odometry it is left out. The graph contains all nodes except the untied ones beyond kUntiedNodesMax, all priors,
+  // the odometry from each node to the next, and the newest other edges of each origin, up to a limit per origin. The
+  // limit starts at the largest number of such edges of any origin, and is halved until the solve fits or the limit is
+  // zero.
   Selection SelectForSolve(const SolveSize& size) const;
   // Returns the maximum size of a solve with this many nodes. Public benchmark graphs need several times less.
   static SolveSize SolveSizeMax(std::size_t node_count);

@@ -6,6 +6,7 @@
 #include <tuple>
 #include <vector>
 
+#include "actors/pgo/pose_graph_solver.h"
 #include "proto/types.pb.h"
 
 namespace moondb {
@@ -357,6 +358,28 @@ TEST(KnownGraphTest, BelievesNoSmallerSigmasThanSensorsHave) {
   EXPECT_NEAR(raised(1, 1), 0.02 * 0.02, 1e-9);
   EXPECT_NEAR(raised(5, 5), 0.002 * 0.002, 1e-9);
   EXPECT_EQ(graph.closures.at(0).producer, 3u);
+}
+
+// Drivers of planar robots state huge variances for what they do not measure, and stores hold them.
+TEST(KnownGraphTest, UsesVariancesThatClientsMayNotInsertAnyMore) {
+  KnownGraph known;
+  for (std::uint64_t i = 0; i < 4; ++i) {
+    ASSERT_TRUE(known.Add(KeyOf(1, i + 1), ToRecord(GraphNode{{1, i}, 0, Pose::FromPlanar(1.0 * i, 0, 0)})));
+  }
+  const double unused[] = {1e10, 1e300, 1e-14};
+  for (std::uint64_t i = 0; i < 3; ++i) {
+    Matrix6d covariance = Matrix6d::Identity() * 0.01;
+    covariance(2, 2) = unused[i];
+    const OdometryEdge edge{{1, i}, {1, i + 1}, 0, Pose::FromPlanar(1, 0, 0), covariance};
+    ASSERT_TRUE(known.Add(EdgeKey(1, i + 1), ToRecord(edge)));
+  }
+  EXPECT_EQ(known.graph().odometry.at(0).covariance(2, 2), 1e10) << "exports hold what was inserted";
+  AgentFactsMap agents;
+  agents[1] = AgentFacts{.agent = 1, .start = Pose()};
+  const Solution solution = SolvePoseGraph(known.SelectForSolve({UINT64_MAX, UINT64_MAX}).graph, agents, {}, {});
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  EXPECT_TRUE(solution.left_out.empty());
+  EXPECT_EQ(solution.odometry_count, 3u);
 }
 
 class GraphQuarantinesTest : public testing::Test {
