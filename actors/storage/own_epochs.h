@@ -68,8 +68,8 @@ class OwnEpochs {
     highest_at_start_ = highest();
     has_learned_ = false;
   }
-  // Returns true if a foreign epoch was added since the start or the last call: the disk was replaced or restored.
-  bool TakeLearned() { return std::exchange(has_learned_, false); }
+  // Returns true once, after a foreign epoch was added since the start: the disk was replaced or restored before it.
+  bool TakeLearned() { return has_learned_ && !std::exchange(is_taken_, true); }
   // Returns whether an epoch that a peer claims can exist: it is not 0, and at most kOwnEpochJumpMax above the highest
   // epoch at the start of the process. Later claims do not raise this limit.
   bool IsPossible(std::uint64_t epoch) const;
@@ -105,6 +105,7 @@ class OwnEpochs {
   std::set<std::uint64_t> foreign_;
   std::uint64_t highest_at_start_ = 0;
   bool has_learned_ = false;
+  bool is_taken_ = false;
 };
 
 // SQL that removes the incarnation from a copy of a store. An agent that opens the copy as its store then starts a new

@@ -143,7 +143,7 @@ class RecordStore {
   static constexpr int kEpochReportMax = 64;
   // Returns the records reissued since the last call of this function.
   proto::RecordsStored TakeReissued();
-  // Returns true if a peer reported own epochs that this disk does not have, since the last call of this function.
+  // Returns true once, after a peer reported own epochs that this disk does not have.
   bool TakeLearnedEpochs() { return own_epochs_.TakeLearned(); }
 
   // Returns the records that a destination lacks; see FindMissing. Fails with kInvalid if the destination's have-set is

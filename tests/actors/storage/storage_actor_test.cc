@@ -234,7 +234,9 @@ TEST_F(EpochReportTest, IsAFindingIfTheDiskWasReplacedOrRestored) {
   };
   EXPECT_TRUE(findings().empty()) << "peers know what this disk has";
   Report(1, OfAnotherDisk(epoch));
-  ASSERT_EQ(findings().size(), 1);
+  Report(3, OfAnotherDisk(OfAnotherDisk(epoch)));
+  ASSERT_EQ(findings().size(), 1) << "once, however many agents know more";
+  EXPECT_EQ(findings()[0].text().find("times"), std::string::npos);
   EXPECT_NE(findings()[0].text().find("its disk does not have"), std::string::npos) << findings()[0].text();
 }
 
