@@ -42,6 +42,8 @@ class IntervalSet {
 
   // Returns the seqs of this set that are not in `other`.
   IntervalSet Minus(const IntervalSet& other) const;
+  // Returns the seqs that are in both sets.
+  IntervalSet Intersection(const IntervalSet& other) const { return Minus(Minus(other)); }
   // Returns the intervals of this set that share a seq with `other`. The intervals are not cut to the shared seqs.
   IntervalSet Around(const IntervalSet& other) const;
 

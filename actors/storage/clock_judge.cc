@@ -21,10 +21,9 @@ bool Agree(std::int64_t offset_a_ns, std::int64_t offset_b_ns) {
 
 }  // namespace
 
-TimestampVerdict JudgeTimestamp(std::int64_t timestamp_ns, std::int64_t utc_ns) {
-  if (timestamp_ns < kTimestampMin_ns) return TimestampVerdict::kBeforeMin;
-  const bool is_ahead = timestamp_ns - std::chrono::nanoseconds(kTimestampAheadMax).count() > utc_ns;
-  return is_ahead ? TimestampVerdict::kAhead : TimestampVerdict::kTrusted;
+bool IsSuspectTimestamp(std::int64_t timestamp_ns, std::int64_t utc_ns) {
+  return timestamp_ns < kTimestampMin_ns ||
+         timestamp_ns - std::chrono::nanoseconds(kTimestampAheadMax).count() > utc_ns;
 }
 
 void ClockJudge::NotePeer(AgentId peer, std::int64_t utc_ns, Time now) {

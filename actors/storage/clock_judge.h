@@ -8,7 +8,7 @@
 //     agreeing); in a tie, if it differs from the base station's clock;
 //   - after a jump of more than a minute, until another agent's clock agrees with it.
 // A record's own timestamp is suspect before 2020, or more than a day ahead of this agent's trusted clock: the robot's
-// software has no right clock then, or counts from 0 (JudgeTimestamp).
+// software has no right clock then, or counts from 0 (IsSuspectTimestamp).
 // Between two reports of a peer, the peer's clock is extrapolated with this agent's monotonic clock. A plausible but
 // wrong clock is not detected before the first report of a peer.
 #pragma once
@@ -24,14 +24,12 @@
 
 namespace moondb {
 
-// Whether the timestamp of a record that a client inserts can be trusted.
-enum class TimestampVerdict { kTrusted, kBeforeMin, kAhead };
-
 inline constexpr std::int64_t kTimestampMin_ns = 1'577'836'800'000'000'000;  // 2020-01-01.
 inline constexpr std::chrono::hours kTimestampAheadMax{24};
 
-// Judges a record's timestamp. Requires: this agent's clock, which shows `utc_ns`, is trusted.
-TimestampVerdict JudgeTimestamp(std::int64_t timestamp_ns, std::int64_t utc_ns);
+// Returns whether a record's timestamp lies outside these limits. Requires: this agent's clock, which shows `utc_ns`,
+// is trusted.
+bool IsSuspectTimestamp(std::int64_t timestamp_ns, std::int64_t utc_ns);
 
 class ClockJudge {
  public:

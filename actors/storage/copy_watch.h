@@ -1,4 +1,4 @@
-// CopyWatch: which records exist on this agent's disk alone, as far as this agent knows, and since when.
+// CopyWatch counts the records that exist on this agent's disk alone, as far as this agent knows, and dates the oldest.
 //
 // Another agent has a copy of a record if it acknowledged the record (PeerLog). This agent knows less of other agents'
 // records: the agent that sent one had it. Therefore only the leader counts them, as long as neither the designated
@@ -12,7 +12,6 @@
 #include <chrono>
 #include <cstdint>
 #include <deque>
-#include <optional>
 #include <set>
 #include <utility>
 
@@ -46,10 +45,9 @@ class CopyWatch {
   // Fills in one_copy and backlogs. Errors are those of Database.
   Result<void> Describe(RecordStore& store, Time now, proto::StorageStatus& status) const;
 
+ private:
   // Returns the records of `have` of which no other agent is known to have a copy.
   HaveSet FindOneCopy(const HaveSet& have, const PeerLog& log) const;
-
- private:
   bool HoldsForOthers(AgentId peer) const;
   // Returns whether records of the origin can have one copy, this agent's.
   bool IsCounted(AgentId origin) const;

@@ -84,7 +84,7 @@ class MissingFinder {
   Result<IntervalSet> Lacking(const StreamKey& stream) {
     IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Covered());
     if (marked_ != nullptr && !rules_.MayBeDropped(stream.type) && !IsNewestOnly(stream)) {
-      lacking = lacking.Minus(lacking.Minus(marked_->Get(stream).held));
+      lacking = lacking.Intersection(marked_->Get(stream).held);
     }
     if (lacking.is_empty() || !IsNewestOnly(stream)) return lacking;
     const std::pair<AgentId, DataType> series(stream.origin, stream.type);
@@ -94,7 +94,7 @@ class MissingFinder {
       if (!newest) return tl::unexpected(newest.error());
       found = newest_.emplace(series, *std::move(newest)).first;
     }
-    return lacking.Minus(lacking.Minus(found->second[stream.epoch]));
+    return lacking.Intersection(found->second[stream.epoch]);
   }
 
   // Returns true if only some of the stream's records pass the filter.

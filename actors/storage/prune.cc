@@ -19,8 +19,6 @@ namespace {
 
 constexpr double kNanosecondsPerSecond = 1e9;
 
-IntervalSet Common(const IntervalSet& a, const IntervalSet& b) { return a.Minus(a.Minus(b)); }
-
 bool IsNumber(double value) { return value >= 0 && std::isfinite(value); }
 
 Result<std::vector<HaveSet>> ReadAcknowledged(const proto::PruneRequest& request) {
@@ -55,11 +53,11 @@ class Chooser {
     for (const auto& [stream, in_stream] : have.streams()) {
       if (!IsMeant(stream.type)) continue;
       const IntervalSet meant =
-          request_.records().empty() ? in_stream.held : Common(in_stream.held, named_.Get(stream).held);
+          request_.records().empty() ? in_stream.held : in_stream.held.Intersection(named_.Get(stream).held);
       IntervalSet acknowledged = meant;
-      for (const HaveSet& peer : acknowledged_) acknowledged = Common(acknowledged, peer.Get(stream).Covered());
+      for (const HaveSet& peer : acknowledged_) acknowledged = acknowledged.Intersection(peer.Get(stream).Covered());
       if (bundled_ && rules_.for_ground.contains(stream.type)) {
-        acknowledged = Common(acknowledged, bundled_->Get(stream).Covered());
+        acknowledged = acknowledged.Intersection(bundled_->Get(stream).Covered());
       }
       if (const Result<void> done = AddCandidates(stream, acknowledged); !done) return tl::unexpected(done.error());
       if (const Result<void> done = CountKept(stream, meant.Minus(acknowledged)); !done) {

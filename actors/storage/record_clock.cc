@@ -23,7 +23,7 @@ bool RecordClock::Judge(std::int64_t utc_ns, Time now) {
 std::optional<proto::InsertRequest> RecordClock::Mark(const proto::InsertRequest& request, std::int64_t utc_ns,
                                                       Time now) {
   const auto is_suspect = [&](const proto::Record& record) {
-    return !suspect_.empty() || JudgeTimestamp(record.timestamp_ns(), utc_ns) != TimestampVerdict::kTrusted;
+    return !suspect_.empty() || IsSuspectTimestamp(record.timestamp_ns(), utc_ns);
   };
   const auto first = std::find_if(request.records().begin(), request.records().end(), is_suspect);
   if (first == request.records().end()) return std::nullopt;

@@ -1,7 +1,7 @@
 // RecordClock judges the time of records: this agent's clock, and the timestamps that clients give to records. It marks
 // records whose age is unknown (Record.is_clock_suspect).
 //
-// A record is marked if this agent's clock is suspect (clock_judge.h), or if its own timestamp is (JudgeTimestamp).
+// A record is marked if this agent's clock is suspect (clock_judge.h), or if its own timestamp is (IsSuspectTimestamp).
 // Only the origin judges a record, when a client inserts it. Marked records are never removed by age and never win a
 // cell of the map because they are newer.
 #pragma once

@@ -1,4 +1,4 @@
-// Text form of a hash. Thread-safe.
+// Text form of hashes and epochs. Thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// Returns the hash as 16 hexadecimal digits.
+// Returns the hash or epoch as 16 hexadecimal digits.
 inline std::string HashText(std::uint64_t hash) {
   char text[20];
   std::snprintf(text, sizeof(text), "%016llx", static_cast<unsigned long long>(hash));

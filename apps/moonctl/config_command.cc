@@ -73,8 +73,7 @@ ExitCode CheckConfig(CommandContext& context) {
   json.Key("all_may_command").Bool(all_command).Key("starts_that_do_not_count").BeginArray();
   std::string no_starts;
   for (const auto& [rover, other] : CoincidingStarts((*team)->config)) {
-    const std::string name = AgentName((*team)->config, rover);
-    json.String(name);
+    json.String(AgentName((*team)->config, rover));
     text += "\nwarning: " + CoincidingText((*team)->config, rover, other);
   }
   json.EndArray().Key("without_start").BeginArray();

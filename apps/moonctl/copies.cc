@@ -3,8 +3,6 @@
 namespace moondb {
 namespace {
 
-IntervalSet Common(const IntervalSet& a, const IntervalSet& b) { return a.Minus(a.Minus(b)); }
-
 // Returns the records of `stream` that agent `self` holds and that are not superseded.
 IntervalSet FindCounted(const std::vector<HaveSet>& haves, std::size_t self, const StreamKey& stream, bool is_latest) {
   IntervalSet held = haves[self].Get(stream).held;
@@ -24,11 +22,11 @@ std::vector<CopyCounts> CountCopies(const std::vector<HaveSet>& haves, const std
       for (std::size_t i = 0; i < haves.size(); ++i) {
         if (i == self) continue;
         const IntervalSet& other = haves[i].Get(stream).held;
-        two_others.Add(Common(one_other, other));
+        two_others.Add(one_other.Intersection(other));
         one_other.Add(other);
       }
       IntervalSet alone = held.Minus(one_other);
-      const std::uint64_t three_or_more = Common(held, two_others).Count();
+      const std::uint64_t three_or_more = held.Intersection(two_others).Count();
       counts[self].one += alone.Count();
       counts[self].three_or_more += three_or_more;
       counts[self].two += held.Count() - alone.Count() - three_or_more;

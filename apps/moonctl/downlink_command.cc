@@ -2,6 +2,7 @@
 #include <limits>
 
 #include "actors/sharing/bundle_file.h"
+#include "apps/common/hash_text.h"
 #include "apps/common/progress.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/command.h"
@@ -19,12 +20,6 @@ struct DownlinkArguments {
   std::string out;   // Path of a fetched bundle. Empty: NAME-NUMBER.bundle in the current folder.
   std::string file;  // Path of a bundle.
 };
-
-std::string HashText(std::uint64_t hash) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
-  return text;
-}
 
 void WriteBundle(const proto::DownlinkBundle& bundle, JsonWriter& json) {
   json.BeginObject().Key("number").Number(bundle.number());

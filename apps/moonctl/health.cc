@@ -130,8 +130,7 @@ void JudgeRisk(const proto::TeamConfig& team, const proto::StorageStatus& storag
   if (!is_many && !is_old) return;
   findings.push_back(Counted(one_copy.count(), "record") + " exist on this disk alone, as far as it knows, one for " +
                      FormatSeconds(one_copy.age_s()) +
-                     ": moonctl sync now and replicate now copy them, moonctl risk "
-                     "shows them");
+                     ": moonctl sync now and replicate now copy them, moonctl risk shows them");
 }
 
 void JudgeTimestamps(const proto::TeamConfig& team, const proto::StorageStatus& storage, Findings& findings) {

@@ -41,7 +41,7 @@ std::map<Series, HoldingPair> CompareHoldings(const HaveSet& first, const HaveSe
 HaveSet HeldByBoth(const HaveSet& first, const HaveSet& second) {
   HaveSet both;
   for (const auto& [stream, have] : first.streams()) {
-    const IntervalSet held = have.held.Minus(have.held.Minus(second.Get(stream).held));
+    const IntervalSet held = have.held.Intersection(second.Get(stream).held);
     if (!held.is_empty()) both[stream].held = held;
   }
   return both;

@@ -1,7 +1,7 @@
-#include <cstdio>
 #include <map>
 #include <set>
 
+#include "apps/common/hash_text.h"
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/command.h"
@@ -38,9 +38,8 @@ void WriteKeys(const proto::TeamConfig& team, const HaveSet& records, JsonWriter
   json.BeginArray();
   for (const auto& [stream, have] : records.streams()) {
     for (const IntervalSet::Interval& interval : have.held.intervals()) {
-      char epoch[17];
-      std::snprintf(epoch, sizeof(epoch), "%016llx", static_cast<unsigned long long>(stream.epoch));
-      json.BeginObject().Key("origin").String(AgentName(team, stream.origin)).Key("epoch").String(epoch);
+      json.BeginObject().Key("origin").String(AgentName(team, stream.origin));
+      json.Key("epoch").String(HashText(stream.epoch));
       json.Key("type").String(DataTypeName(stream.type, team.custom_types()));
       json.Key("first").Number(static_cast<double>(interval.first));
       json.Key("last").Number(static_cast<double>(interval.last)).EndObject();

@@ -13,9 +13,8 @@ using UnplacedRovers = google::protobuf::RepeatedPtrField<proto::UnplacedRover>;
 
 // The next step for an operator whose rover is not placed.
 inline constexpr char kHowToPlace[] =
-    "give it a start in the team file, drive it through places that another robot has seen, or insert two GNSS priors "
-    "a "
-    "few metres apart";
+    "give it a start in the team file, drive it through places that another robot has seen, "
+    "or insert two GNSS priors a few metres apart";
 
 // Says that the start of `rover` does not count, because it lies within one footprint of the start of `other`.
 std::string CoincidingText(const proto::TeamConfig& team, AgentId rover, AgentId other);

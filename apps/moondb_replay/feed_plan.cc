@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "actors/storage/clock_judge.h"
 #include "model/data_types.h"
 #include "model/record_check.h"
 
@@ -63,7 +64,7 @@ std::int64_t ShiftOf(const Mission& mission) {
   std::int64_t first_ns = INT64_MAX;
   for (const GraphNode& node : mission.graph.nodes) first_ns = std::min(first_ns, node.timestamp_ns);
   for (const MissionMap& map : mission.maps) first_ns = std::min(first_ns, map.timestamp_ns);
-  return first_ns < kUndatedBefore_ns ? kFeedStart_ns - first_ns : 0;
+  return first_ns < kTimestampMin_ns ? kFeedStart_ns - first_ns : 0;
 }
 
 }  // namespace

@@ -21,10 +21,9 @@ struct TimeSpan {
   bool Contains(std::int64_t timestamp_ns) const { return timestamp_ns >= from_ns && timestamp_ns < to_ns; }
 };
 
-// A mission whose times count from its start has no dates, and agents do not trust timestamps before 2020. The feed
-// moves such a mission to 2026-01-01.
-inline constexpr std::int64_t kUndatedBefore_ns = 1'577'836'800'000'000'000;  // 2020-01-01.
-inline constexpr std::int64_t kFeedStart_ns = 1'767'225'600'000'000'000;      // 2026-01-01.
+// A mission whose times count from its start has no dates, and agents do not trust timestamps before kTimestampMin_ns.
+// The feed moves such a mission to 2026-01-01.
+inline constexpr std::int64_t kFeedStart_ns = 1'767'225'600'000'000'000;  // 2026-01-01.
 
 // Returns the agent's own records within `span` of mission time: two initial states (the agent is awake, and its
 // activity is exploring, or idle for a base station), nodes, odometry, ranges and maps. At equal timestamps the node

@@ -78,7 +78,7 @@ BundleChecker::Broken BundleChecker::OnFile(std::uint32_t number, const std::str
     if (other_number == number || !other.have) continue;
     for (const auto& [stream, seqs] : have->streams()) {
       const IntervalSet& packed = other.have->Get(stream).held;
-      const IntervalSet twice = seqs.held.Minus(seqs.held.Minus(packed));
+      const IntervalSet twice = seqs.held.Intersection(packed);
       if (twice.is_empty()) continue;
       return std::pair("bundle_once", ToString(RecordKey{stream, twice.Max()}) + " is in " + BundleNameOf(number) +
                                           " and in " + BundleNameOf(other_number));

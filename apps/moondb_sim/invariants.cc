@@ -234,7 +234,7 @@ void Invariants::ForgetWhatIsLost() {
     for (const auto& [agent, held] : held_) {
       if (CanBring(agent, key)) somewhere.Add(held.Get(key).Covered());
     }
-    const IntervalSet left = stream.held.Minus(stream.held.Minus(somewhere));
+    const IntervalSet left = stream.held.Intersection(somewhere);
     if (!left.is_empty()) kept[key].held = left;
   }
   inserted_ = std::move(kept);
@@ -431,7 +431,7 @@ void Invariants::CheckNotes(const QuiescentTeam& team) const {
   for (const auto& [stream, kept] : kept_notes_.streams()) {
     for (const AgentId agent : {team.leader, team.survivor}) {
       const IntervalSet lacking = inserted_.Get(stream).held.Minus(team.have.at(agent).Get(stream).held);
-      const IntervalSet due = kept.held.Minus(kept.held.Minus(lacking));
+      const IntervalSet due = kept.held.Intersection(lacking);
       if (!due.is_empty()) report_("notes_kept", NameOf(agent) + " does not hold " + Some(stream, due));
     }
   }

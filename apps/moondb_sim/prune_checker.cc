@@ -19,7 +19,7 @@ void PruneChecker::OnPruneRequest() {
     HaveSet has;
     for (const auto& [key, stream] : reported_[agent].streams()) {
       IntervalSet seqs = stream.Covered();
-      if (common) seqs = seqs.Minus(seqs.Minus(common->Get(key).held));
+      if (common) seqs = seqs.Intersection(common->Get(key).held);
       has[key].held = seqs;
     }
     common = std::move(has);

@@ -59,11 +59,13 @@ TEST(IntervalSetTest, AgreesWithAPlainSetOnRandomOperations) {
       }
     }
     const IntervalSet minus = set.Minus(other);
+    const IntervalSet both = set.Intersection(other);
     std::uint64_t minus_count = 0;
     for (std::uint64_t s = 1; s <= 60; ++s) {
       ASSERT_EQ(set.Contains(s), plain.count(s) == 1) << s;
       const bool is_left = plain.count(s) && !plain_other.count(s);
       ASSERT_EQ(minus.Contains(s), is_left) << s;
+      ASSERT_EQ(both.Contains(s), plain.count(s) && plain_other.count(s)) << s;
       minus_count += is_left;
     }
     ASSERT_EQ(minus.Count(), minus_count);

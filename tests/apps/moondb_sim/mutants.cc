@@ -393,7 +393,7 @@ class DropsPoses : public OtherActor {
         for (const auto& [stream, dropped] : mutant_.dropped_.streams()) {
           const IntervalSet covered = have.Get(stream).Covered();
           // Report a record as dropped only if storage covers the record.
-          have[stream].dropped.Add(covered.Minus(covered.Minus(dropped.dropped)));
+          have[stream].dropped.Add(covered.Intersection(dropped.dropped));
           have[stream].held = have[stream].held.Minus(dropped.dropped);
         }
         reported = ToProto(have);
@@ -563,7 +563,7 @@ class DropsBeforeTheSuperseder final : public OtherActor {
       IntervalSet kept;
       kept.Add({newest, UINT64_MAX - 1});
       have[stream].dropped.Add(held.Minus(kept));
-      have[stream].held = held.Minus(held.Minus(kept));
+      have[stream].held = held.Intersection(kept);
     }
     reported = ToProto(have);
   }
