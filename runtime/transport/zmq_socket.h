@@ -85,7 +85,8 @@ class ZmqSocket {
   Result<void> Connect(const std::string& endpoint);
 
   // Creates a socket that reports the events `events` (ZMQ_EVENT_*) that occur after this call on this socket's
-  // connections. `endpoint` must be an unused inproc endpoint. Close the monitor after this socket.
+  // connections. `endpoint` must be an unused inproc endpoint. Close the monitor after this
+  // socket: an event that nobody can receive blocks the thread of libzmq.
   Result<ZmqSocket> MakeMonitor(const ZmqContext& context, const std::string& endpoint, int events);
   // Returns the next event of a monitor, or nothing if none waits.
   std::optional<ZmqEvent> ReceiveEvent();

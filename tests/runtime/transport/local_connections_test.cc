@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <unistd.h>
 
-#include <set>
+#include <optional>
 #include <thread>
 
 #include "runtime/transport/zmq_socket.h"
@@ -153,8 +153,9 @@ TEST(LocalConnectionsSystemTest, FindsTheProcessOfAMessageAndShutsItsConnectionD
   const TemporaryFolder folder;
   const std::string path = (folder.path() / "clients.sock").string();
   const ZmqContext context = MakeZmqContext(/*io_threads=*/1);
+  std::optional<ZmqSocket> monitor;  // Declared before the router, because it must be closed after it.
   ZmqSocket router = *ZmqSocket::Make(context, ZMQ_ROUTER);
-  ZmqSocket monitor = *router.MakeMonitor(context, "inproc://local-connections", ZMQ_EVENT_DISCONNECTED);
+  monitor = *router.MakeMonitor(context, "inproc://local-connections", ZMQ_EVENT_DISCONNECTED);
   ASSERT_TRUE(router.Bind("ipc://" + path));
   ZmqSocket dealer = *ZmqSocket::Make(context, ZMQ_DEALER);
   ASSERT_TRUE(dealer.Connect("ipc://" + path));
@@ -171,7 +172,7 @@ TEST(LocalConnectionsSystemTest, FindsTheProcessOfAMessageAndShutsItsConnectionD
   EXPECT_FALSE(system.peer_of(-1));
   EXPECT_EQ(system.socket_of(-1), 0u);
   system.shut_down(received.file);
-  while (!monitor.ReceiveEvent()) {
+  while (!monitor->ReceiveEvent()) {
     router.Process();
     std::this_thread::yield();
   }
