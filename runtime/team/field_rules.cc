@@ -1,8 +1,12 @@
 #include "runtime/team/field_rules.h"
 
 #include <google/protobuf/descriptor.h>
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+#include <google/protobuf/util/message_differencer.h>
 
 #include <cstdio>
+#include <memory>
 #include <vector>
 
 namespace moondb {
@@ -11,6 +15,7 @@ namespace {
 using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
+using google::protobuf::util::MessageDifferencer;
 
 std::string Number(double value) {
   char text[32];
@@ -118,6 +123,39 @@ void Fill(const Places& places, const std::string& path, Message* message) {
   }
 }
 
+bool HasDefault(const Message& message, const FieldDescriptor& field) {
+  const bool is_section = IsMessage(field) && !field.is_repeated();
+  if (is_section && !message.GetReflection()->HasField(message, &field)) return true;
+  const std::unique_ptr<Message> other(message.New());
+  other->CopyFrom(message);
+  other->GetReflection()->ClearField(other.get(), &field);
+  if (is_section) Fill({}, "", other->GetReflection()->MutableMessage(other.get(), &field));
+  const std::string& by_default = RuleOf(field).default_();
+  if (!by_default.empty()) ReadYamlField(by_default, field, other.get());
+  return MessageDifferencer::Equals(message, *other);
+}
+
+std::string Take(const std::string& path, Message* message) {
+  std::string taken;
+  const auto& reflection = *message->GetReflection();
+  for (const FieldDescriptor* field : FieldsOf(*message)) {
+    const std::string at = PathOf(path, *field);
+    if (RuleOf(*field).is_addition()) {
+      const std::unique_ptr<Message> alone(message->New());
+      const bool has_default = HasDefault(*message, *field);
+      reflection.SwapFields(message, alone.get(), {field});
+      if (!has_default) taken += at + '=' + SerializeInOrder(*alone) + '\n';
+    } else if (IsMessage(*field) && field->is_repeated() && !field->is_map()) {
+      for (int i = 0; i < reflection.FieldSize(*message, field); ++i) {
+        taken += Take(ElementPath(at, i), reflection.MutableRepeatedMessage(message, field, i));
+      }
+    } else if (IsMessage(*field) && !field->is_map() && reflection.HasField(*message, field)) {
+      taken += Take(at, reflection.MutableMessage(message, field));
+    }
+  }
+  return taken;
+}
+
 void AddPlaces(const Message& message, const std::string& path, Places& places) {
   const auto& reflection = *message.GetReflection();
   for (const FieldDescriptor* field : FieldsOf(message)) {
@@ -142,6 +180,18 @@ void CheckFields(const Message& message, const Places& places, PlacedErrors* err
 }
 
 void FillFields(const Places& places, Message* message) { Fill(places, "", message); }
+
+std::string TakeAdditions(Message* message) { return Take("", message); }
+
+std::string SerializeInOrder(const Message& message) {
+  std::string bytes;
+  google::protobuf::io::StringOutputStream stream(&bytes);
+  google::protobuf::io::CodedOutputStream coded(&stream);
+  coded.SetSerializationDeterministic(true);
+  (void)message.SerializeToCodedStream(&coded);
+  coded.Trim();
+  return bytes;
+}
 
 Places PlacesOf(const Message& message) {
   Places places;

@@ -20,6 +20,13 @@ void CheckFields(const google::protobuf::Message& message, const Places& places,
 // defaults, but no nested messages.
 void FillFields(const Places& places, google::protobuf::Message* message);
 
+// Clears all additions (FieldRule.is_addition) of a message whose defaults are filled in. Returns those that differ
+// from their defaults, with their paths, as bytes to hash.
+std::string TakeAdditions(google::protobuf::Message* message);
+
+// Returns the same bytes for equal messages, which SerializeAsString does not guarantee for maps.
+std::string SerializeInOrder(const google::protobuf::Message& message);
+
 // Returns the Places of a message that was not read from a file. They contain each field that is set and each bool of a
 // present section. A number that is 0 counts as missing, because proto3 does not distinguish 0 from missing.
 Places PlacesOf(const google::protobuf::Message& message);

@@ -1,7 +1,5 @@
 #include "runtime/team/team_config.h"
 
-#include <google/protobuf/io/coded_stream.h>
-#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <xxhash.h>
 
 #include <fstream>
@@ -10,6 +8,7 @@
 #include "model/custom_types.h"
 #include "model/team_member.h"
 #include "runtime/team/curve_keys.h"
+#include "runtime/team/field_rules.h"
 #include "runtime/team/team_check.h"
 #include "runtime/team/trusted_file.h"
 #include "runtime/team/yaml_reader.h"
@@ -59,7 +58,9 @@ Result<TeamFile> Parse(const std::string& yaml, const std::string& name, const s
   }
   if (!errors.empty()) return Fail(ErrorCode::kInvalid, errors.Text());
   FillDefaults(places, &team.config);
-  const std::string bytes = SerializeTeam(team.config);
+  proto::TeamConfig hashed = team.config;
+  const std::string additions = TakeAdditions(&hashed);
+  const std::string bytes = SerializeInOrder(hashed) + additions;
   team.hash = XXH64(bytes.data(), bytes.size(), 0);
   return team;
 }
@@ -96,16 +97,6 @@ Result<TeamFile> ReadTeamFile(const std::filesystem::path& path) {
 }
 
 Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name) { return Parse(yaml, name, nullptr); }
-
-std::string SerializeTeam(const proto::TeamConfig& team) {
-  std::string bytes;
-  google::protobuf::io::StringOutputStream stream(&bytes);
-  google::protobuf::io::CodedOutputStream coded(&stream);
-  coded.SetSerializationDeterministic(true);
-  (void)team.SerializeToCodedStream(&coded);
-  coded.Trim();
-  return bytes;
-}
 
 std::vector<DataType> DataTypesOf(const proto::TeamConfig& team) {
   std::vector<DataType> types = BuiltInDataTypes();

@@ -21,7 +21,9 @@ namespace moondb {
 struct TeamFile {
   proto::TeamConfig config;      // The configuration with all defaults and policies filled in.
   std::filesystem::path folder;  // Relative paths of key files are relative to this folder.
-  std::uint64_t hash = 0;        // XXH64 of SerializeTeam; equal for files with the same meaning.
+  // XXH64 of the configuration, equal for files with the same meaning. Additions count only where they differ from
+  // their defaults (TakeAdditions).
+  std::uint64_t hash = 0;
 };
 
 // Reads a team file. Returns kNotFound if the file is missing, otherwise kInvalid on error. Error::text holds one error
@@ -31,9 +33,6 @@ Result<TeamFile> ReadTeamFile(const std::filesystem::path& path);
 // Parses the text `yaml` by the rules of ReadTeamFile, but checks no key files. `name` is the file name in error
 // messages.
 Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name);
-
-// Returns the same bytes for equal teams, which SerializeAsString does not guarantee for maps.
-std::string SerializeTeam(const proto::TeamConfig& team);
 
 // Returns the built-in and custom types, in the order of their numbers.
 std::vector<DataType> DataTypesOf(const proto::TeamConfig& team);

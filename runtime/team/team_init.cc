@@ -260,7 +260,7 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
   // Validate the caller's team by parsing the text.
   const Result<TeamFile> read = ParseTeamFile(yaml, path.string());
   if (!read) return tl::unexpected(read.error());
-  if (SerializeTeam(read->config) != SerializeTeam(team)) {
+  if (SerializeInOrder(read->config) != SerializeInOrder(team)) {
     return Fail(ErrorCode::kInvalid, path.string() + ": a text of the team cannot be written as YAML");
   }
 
@@ -302,7 +302,7 @@ Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_
     // Accept the text only if it parses to the same team with the new id.
     proto::TeamConfig found;
     (void)ReadLeniently(fixed, &found);
-    if (SerializeTeam(found) == SerializeTeam(wanted)) return fixed;
+    if (SerializeInOrder(found) == SerializeInOrder(wanted)) return fixed;
   }
   return Fail(ErrorCode::kInvalid, "no place for a line is found; add  team_id: \"" + team_id + "\"  by hand");
 }
@@ -324,7 +324,7 @@ Result<std::string> WithSigningKeys(const std::string& yaml, const std::map<std:
     const auto is_right = [&wanted](const std::string& candidate) {
       proto::TeamConfig found;
       (void)ReadLeniently(candidate, &found);
-      return SerializeTeam(found) == SerializeTeam(wanted);
+      return SerializeInOrder(found) == SerializeInOrder(wanted);
     };
     const auto right = std::find_if(candidates.begin(), candidates.end(), is_right);
     if (right == candidates.end()) {
@@ -392,7 +392,7 @@ Result<std::string> AddAgent(const std::string& yaml, const std::filesystem::pat
   const std::string longer = WithLineBelow(yaml, end, indent, added);
   proto::TeamConfig found;
   (void)ReadLeniently(longer, &found);
-  if (SerializeTeam(found) != SerializeTeam(wanted)) {
+  if (SerializeInOrder(found) != SerializeInOrder(wanted)) {
     return Fail(ErrorCode::kInvalid, file.string() + ": no place for another agent is found; add it by hand");
   }
   if (const auto read = ParseTeamFile(longer, file.string()); !read) return tl::unexpected(read.error());

@@ -374,6 +374,16 @@ TEST(TeamConfigTest, HashesTheMeaningNotTheText) {
   EXPECT_NE(hash(GoodAnd("keep: {power: 7d}")), hash(kGood));
 }
 
+// A team whose agents are upgraded one after the other must not look as if its team files differed. The hash is that of
+// a build before `at_risk`.
+TEST(TeamConfigTest, AddedKeysChangeTheHashOnlyIfTheyAreNotAtTheirDefaults) {
+  const auto hash = [](const std::string& yaml) { return ParseTeamFile(yaml, "t").value().hash; };
+  EXPECT_EQ(hash(kGood), 0xe465c6f46e2e3940);
+  EXPECT_EQ(hash(GoodAnd("at_risk: {records: 10000}")), hash(kGood));
+  EXPECT_NE(hash(GoodAnd("at_risk: {records: 9999}")), hash(kGood));
+  EXPECT_NE(hash(GoodAnd("at_risk: {records: 0}")), hash(kGood));
+}
+
 TEST(TeamConfigTest, RefusesInvalidRoles) {
   const proto::TeamConfig team = ParseTeamFile(kGood, "t").value().config;
   const auto why = [&](AgentId leader, AgentId survivor) {
