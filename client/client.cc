@@ -224,6 +224,18 @@ Result<void> Client::ReadAll(proto::ReadRequest request, const Visit& visit) {
   }
 }
 
+Result<proto::StoredRecord> Client::ReadOne(const RecordKey& key) {
+  proto::ReadRequest request;
+  *request.add_keys() = ToProto(key);
+  Result<proto::ReadReply> page = Read(request);
+  if (!page) return tl::unexpected(page.error());
+  // An agent that does not know the field `keys` sends other records.
+  for (proto::StoredRecord& stored : *page->mutable_records()) {
+    if (FromProto(stored.key()) == key) return std::move(stored);
+  }
+  return Fail(ErrorCode::kNotFound, agent_name_ + " does not hold " + ToString(key));
+}
+
 Result<std::uint64_t> Client::NextNodeIndex() {
   const Result<proto::AgentStatus> status = Status();
   if (!status) return tl::unexpected(status.error());

@@ -157,6 +157,8 @@ class Client {
   // in which the agent stored them. The limits in the request apply to each page. Fails with kCorrupt if a page does
   // not continue after the page before it.
   Result<void> ReadAll(proto::ReadRequest request, const Visit& visit);
+  // Returns the record with this key. Fails with kNotFound if the agent does not hold it.
+  Result<proto::StoredRecord> ReadOne(const RecordKey& key);
 
   // Returns one more than the highest index of this robot's nodes in the agent's store; 0 if the store has none. Reads
   // all these nodes. If the agent has lost its disk, call this only after the next sync, which restores the nodes.

@@ -151,10 +151,23 @@ Result<void> CheckRead(const proto::ReadRequest& read) {
   }
   if (auto checked = CheckWait(read.wait_s(), kReadWaitMax_s, "read.wait_s"); !checked) return checked;
   if (read.wait_s() > 0 && read.is_newest_first()) {
-    return Fail(ErrorCode::kInvalid, "is for what comes behind after_row_id, not for the newest first", "read.wait_s");
+    return Fail(ErrorCode::kInvalid, "cannot be combined with is_newest_first", "read.wait_s");
   }
   if (read.wait_s() > 0 && read.is_history()) {
-    return Fail(ErrorCode::kInvalid, "is for what is stored, not for what was superseded", "read.wait_s");
+    return Fail(ErrorCode::kInvalid, "cannot be combined with is_history", "read.wait_s");
+  }
+  const bool has_from = read.from_presence_case() != proto::ReadRequest::FROM_PRESENCE_NOT_SET;
+  const bool has_to = read.to_presence_case() != proto::ReadRequest::TO_PRESENCE_NOT_SET;
+  if (has_from && has_to && read.from_ns() > read.to_ns()) {
+    return Fail(ErrorCode::kInvalid, "is later than to_ns", "read.from_ns");
+  }
+  if (read.keys().empty()) return {};
+  if (read.keys_size() > kFilterEntriesMax) {
+    return Fail(ErrorCode::kInvalid, "has more than " + std::to_string(kFilterEntriesMax) + " entries", "read.keys");
+  }
+  if (!read.data_types().empty() || !read.origin_agents().empty() || has_from || has_to || read.is_newest_first() ||
+      read.wait_s() > 0 || read.is_history()) {
+    return Fail(ErrorCode::kInvalid, "can be combined with after_row_id and limits of the page alone", "read.keys");
   }
   return {};
 }

@@ -314,16 +314,16 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
 }
 
 Result<proto::ReadReply> History::Read(Database& database, const proto::ReadRequest& request) const {
+  const TimeSpan times = TimesOf(request);
   std::vector<Query> queries;
   for (const auto& [type, of_type] : types_) {
     const auto& types = request.data_types();
     if (!types.empty() && std::find(types.begin(), types.end(), type) == types.end()) continue;
-    if (request.is_newest_first()) {
-      queries.push_back(database.Prepare(ReadSql(self_, type) + " ORDER BY row_id DESC"));
-    } else {
-      queries.push_back(database.Prepare(ReadSql(self_, type) + " AND row_id > ? ORDER BY row_id"));
-      queries.back() << request.after_row_id();
-    }
+    const bool is_newest_first = request.is_newest_first();
+    queries.push_back(database.Prepare(ReadSql(self_, type) +
+                                       " AND timestamp_ns BETWEEN ? AND ? AND row_id > ? ORDER BY row_id" +
+                                       (is_newest_first ? " DESC" : "")));
+    queries.back() << times.from_ns << times.to_ns << (is_newest_first ? 0 : request.after_row_id());
   }
   return ReadMerged(std::move(queries), request, [this](const Query& query) {
     if (IsSound(self_, query)) return true;

@@ -1,9 +1,11 @@
 #include "actors/storage/record_pages.h"
 
 #include <algorithm>
+#include <map>
+#include <optional>
 #include <utility>
 
-#include "actors/storage/record_tables.h"
+#include "model/record_key.h"
 
 namespace moondb {
 
@@ -46,14 +48,86 @@ Cursor* Next(std::vector<Cursor>& cursors, bool is_newest_first) {
   return next;
 }
 
+bool IsLimitedInTime(const proto::ReadRequest& request) {
+  return request.from_presence_case() != proto::ReadRequest::FROM_PRESENCE_NOT_SET ||
+         request.to_presence_case() != proto::ReadRequest::TO_PRESENCE_NOT_SET;
+}
+
+// Fills one page while records are added in the order of the page.
+class Page {
+ public:
+  explicit Page(const proto::ReadRequest& request)
+      : records_max_(request.records_max() == 0 ? kPageRecordsDefault
+                                                : std::min(request.records_max(), kPageRecordsMax)),
+        bytes_max_(request.content_bytes_max() == 0 ? kPageBytesDefault
+                                                    : std::min(request.content_bytes_max(), kPageBytesMax)) {}
+
+  // Adds the current row of the query. Returns false if the page is full without it.
+  bool Add(const Query& row) {
+    proto::StoredRecord record = RecordTable::Read(row);
+    bytes_ += record.content().size();
+    const bool fits = bytes_ <= bytes_max_ && static_cast<std::uint32_t>(reply_.records_size()) < records_max_;
+    if (!fits && reply_.records_size() > 0) return false;
+    reply_.add_row_ids(row.Unsigned(0));
+    *reply_.add_records() = std::move(record);
+    return true;
+  }
+  proto::ReadReply Take(bool is_complete) {
+    reply_.set_is_complete(is_complete);
+    return std::move(reply_);
+  }
+
+ private:
+  const std::uint32_t records_max_;
+  const std::uint32_t bytes_max_;
+  std::uint64_t bytes_ = 0;
+  proto::ReadReply reply_;
+};
+
+Result<proto::ReadReply> ReadKeys(Database& database, const proto::ReadRequest& request) {
+  std::map<std::uint64_t, RecordKey> found;  // By row id.
+  for (const proto::RecordKey& wanted : request.keys()) {
+    const RecordKey key = FromProto(wanted);
+    const RecordTable* table = FindRecordTable(key.stream.type);
+    if (table == nullptr) continue;
+    const Result<std::optional<RecordTable::Row>> row = table->Find(database, key);
+    if (!row) return tl::unexpected(row.error());
+    if (*row && (*row)->row_id > request.after_row_id()) found.emplace((*row)->row_id, key);
+  }
+  Page page(request);
+  for (const auto& [row_id, key] : found) {
+    const RecordTable* table = FindRecordTable(key.stream.type);
+    Query row = table->ReadInterval(database, key.stream, key.seq, key.seq, /*agent=*/0);
+    const Result<bool> is_there = row.Step();
+    if (!is_there) return tl::unexpected(is_there.error());
+    if (*is_there && !page.Add(row)) return page.Take(/*is_complete=*/false);
+  }
+  return page.Take(/*is_complete=*/true);
+}
+
 }  // namespace
 
+TimeSpan TimesOf(const proto::ReadRequest& request) {
+  TimeSpan times;
+  if (request.from_presence_case() == proto::ReadRequest::kFromNs) times.from_ns = request.from_ns();
+  if (request.to_presence_case() == proto::ReadRequest::kToNs) times.to_ns = request.to_ns();
+  return times;
+}
+
 Result<proto::ReadReply> ReadPage(Database& database, const proto::ReadRequest& request) {
+  if (!request.keys().empty()) return ReadKeys(database, request);
   std::vector<Query> queries;
   for (const RecordTable& table : RecordTables()) {
     const auto is_held = [&table](DataType type) { return table.Holds(type); };
     const auto& types = request.data_types();
     if (!types.empty() && std::none_of(types.begin(), types.end(), is_held)) continue;
+    if (IsLimitedInTime(request)) {
+      Result<Query> query =
+          table.ReadInTimes(database, TimesOf(request), request.after_row_id(), request.is_newest_first());
+      if (!query) return tl::unexpected(query.error());
+      queries.push_back(std::move(*query));
+      continue;
+    }
     queries.push_back(request.is_newest_first() ? table.ReadNewestFirst(database)
                                                 : table.ReadAfter(database, request.after_row_id()));
   }
@@ -62,10 +136,6 @@ Result<proto::ReadReply> ReadPage(Database& database, const proto::ReadRequest& 
 
 Result<proto::ReadReply> ReadMerged(std::vector<Query> queries, const proto::ReadRequest& request,
                                     const Accepts& accepts) {
-  const std::uint32_t records_max =
-      request.records_max() == 0 ? kPageRecordsDefault : std::min(request.records_max(), kPageRecordsMax);
-  const std::uint32_t bytes_max =
-      request.content_bytes_max() == 0 ? kPageBytesDefault : std::min(request.content_bytes_max(), kPageBytesMax);
   std::vector<Cursor> cursors;
   for (Query& query : queries) {
     cursors.push_back(Cursor{std::move(query)});
@@ -73,19 +143,12 @@ Result<proto::ReadReply> ReadMerged(std::vector<Query> queries, const proto::Rea
       return tl::unexpected(done.error());
     }
   }
-  proto::ReadReply reply;
-  std::uint64_t bytes = 0;
+  Page page(request);
   while (Cursor* next = Next(cursors, request.is_newest_first())) {
-    proto::StoredRecord record = RecordTable::Read(next->query);
-    bytes += record.content().size();
-    const bool fits = bytes <= bytes_max && static_cast<std::uint32_t>(reply.records_size()) < records_max;
-    if (!fits && reply.records_size() > 0) return reply;
-    reply.add_row_ids(next->row_id());
-    *reply.add_records() = std::move(record);
+    if (!page.Add(next->query)) return page.Take(/*is_complete=*/false);
     if (const Result<void> done = Advance(*next, request, accepts); !done) return tl::unexpected(done.error());
   }
-  reply.set_is_complete(true);
-  return reply;
+  return page.Take(/*is_complete=*/true);
 }
 
 }  // namespace moondb

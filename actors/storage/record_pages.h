@@ -4,6 +4,7 @@
 #include <functional>
 #include <vector>
 
+#include "actors/storage/record_tables.h"
 #include "actors/storage/sqlite_database.h"
 #include "proto/storage.pb.h"
 
@@ -14,6 +15,9 @@ inline constexpr std::uint32_t kPageBytesDefault = 4 * 1024 * 1024;
 inline constexpr std::uint32_t kPageBytesMax = 32 * 1024 * 1024;
 inline constexpr std::uint32_t kPageRecordsDefault = 1000;
 inline constexpr std::uint32_t kPageRecordsMax = 10'000;
+
+// Returns the timestamps that the request selects.
+TimeSpan TimesOf(const proto::ReadRequest& request);
 
 // Returns a page with at least one record, even if that record exceeds the byte limit. The page is empty if there are
 // no further records. Fails as Database does.

@@ -986,6 +986,12 @@ const HaveSet* RecordStore::MarkedBy(const proto::MissingRequest& request) {
 }
 
 Result<proto::ReadReply> RecordStore::Read(const proto::ReadRequest& request) {
+  if (request.after_row_id() > INT64_MAX && !request.is_newest_first()) {
+    // SQLite would take the number as a negative one, which lies before all rows.
+    proto::ReadReply nothing;
+    nothing.set_is_complete(true);
+    return nothing;
+  }
   return request.is_history() ? history_.Read(*database_, request) : ReadPage(*database_, request);
 }
 

@@ -18,6 +18,10 @@ void BindCustom(const proto::Record& record, std::string_view content, Query& qu
   query << custom.data_type() << std::string_view(custom.metadata()) << payload_at << custom.payload().size();
 }
 
+// With at most this many rows in a span of time, a page finds them by the index over time and sorts them by row id.
+// With more, it visits all rows in the order of row ids: pages that each sort many rows would take quadratic time.
+constexpr int kSortedRowsMax = 20'000;
+
 constexpr char kCustomColumns[] = "data_type, metadata, payload_at, payload_bytes";
 
 // Returns SQL for a JSON object with the columns of a row.
@@ -94,6 +98,9 @@ void RecordTable::MakeSql(const std::string& type, const std::vector<std::string
   }
   sql_.read_after = content + " WHERE row_id > ? ORDER BY row_id";
   sql_.read_newest_first = content + " ORDER BY row_id DESC";
+  sql_.read = content;
+  sql_.count_in_times = "SELECT count(*) FROM (SELECT 1 FROM " + name_ + " WHERE timestamp_ns BETWEEN ? AND ? LIMIT " +
+                        std::to_string(kSortedRowsMax) + ")";
   sql_.read_heads = "SELECT row_id, seq, timestamp_ns, length(content) FROM " + name_ + in_interval + " ORDER BY seq";
   sql_.read_record = "SELECT content FROM " + name_ + " WHERE row_id = ?";
   sql_.read_sizes = "SELECT origin, length(content) FROM " + name_;
@@ -271,6 +278,21 @@ Query RecordTable::ReadAfter(Database& database, std::uint64_t row_id) const {
 }
 
 Query RecordTable::ReadNewestFirst(Database& database) const { return database.Prepare(sql_.read_newest_first); }
+
+Result<Query> RecordTable::ReadInTimes(Database& database, const TimeSpan& times, std::uint64_t row_id,
+                                       bool is_newest_first) const {
+  Query counted = database.Prepare(sql_.count_in_times);
+  counted << times.from_ns << times.to_ns;
+  if (const Result<bool> row = counted.Step(); !row) return tl::unexpected(row.error());
+  const bool are_few = counted.Integer(0) < kSortedRowsMax;
+  Query query =
+      database.Prepare(sql_.read + " WHERE row_id > ? AND " +
+                       (are_few ? "row_id IN (SELECT row_id FROM " + name_ + " WHERE timestamp_ns BETWEEN ? AND ?)"
+                                : "+timestamp_ns BETWEEN ? AND ?") +
+                       " ORDER BY row_id" + (is_newest_first ? " DESC" : ""));
+  query << (is_newest_first ? 0 : row_id) << times.from_ns << times.to_ns;
+  return query;
+}
 
 Result<std::map<DataType, std::uint64_t>> RecordTable::CountNotShared(Database& database, AgentId origin) const {
   Query query = database.Prepare(sql_.count_not_shared);

@@ -36,6 +36,12 @@ struct RecordOrder {
 };
 RecordOrder OrderOf(const RecordKey& key, const proto::Record& record);
 
+// Timestamps (ns since 1970 UTC), both ends inclusive.
+struct TimeSpan {
+  std::int64_t from_ns = INT64_MIN;
+  std::int64_t to_ns = INT64_MAX;
+};
+
 class RecordTable {
  public:
   // For one built-in type, or for all custom types if `table` is null. `table` must outlive this object.
@@ -97,6 +103,9 @@ class RecordTable {
   // columns of both queries are those of ReadInterval.
   Query ReadAfter(Database& database, std::uint64_t row_id) const;
   Query ReadNewestFirst(Database& database) const;
+  // As ReadAfter, or ReadNewestFirst if `is_newest_first`, for timestamps within `times`.
+  Result<Query> ReadInTimes(Database& database, const TimeSpan& times, std::uint64_t row_id,
+                            bool is_newest_first) const;
   // Returns the number of an origin's rows that are not shared, by data type.
   Result<std::map<DataType, std::uint64_t>> CountNotShared(Database& database, AgentId origin) const;
 
@@ -113,7 +122,8 @@ class RecordTable {
   struct Sql {
     std::string insert, remove, find, find_by_latest_key, find_newest, find_in_interval, find_by_natural_key;
     std::string read_interval, count_interval, read_interval_of_agent, count_interval_of_agent;
-    std::string read_after, read_newest_first, count_not_shared, read_heads, read_record, read_sizes;
+    std::string read, read_after, read_newest_first, count_in_times, count_not_shared, read_heads, read_record,
+        read_sizes;
     std::string copy_to_history;
   };
 

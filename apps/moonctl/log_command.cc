@@ -2,9 +2,11 @@
 
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
+#include "apps/common/utc.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/follow.h"
+#include "apps/moonctl/time_span_option.h"
 #include "model/event.h"
 #include "model/text.h"
 #include "proto/types.pb.h"
@@ -18,6 +20,7 @@ struct LogArguments {
   std::uint32_t events = 50;
   std::string origin;
   bool follows = false;
+  TimeSpanArguments times;
 };
 
 struct LoggedEvent {
@@ -84,6 +87,7 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
     if (!origin) return context.Report(origin.error());
     request.add_origin_agents((*origin)->id());
   }
+  if (const auto set = SetTimes(arguments.times, UtcNowNs(), request); !set) return context.Report(set.error());
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
   const auto page = target->client->Read(request);
@@ -121,7 +125,9 @@ void AddLogCommand(Command& app, CommandContext& context) {
                             {"moonctl log --events 20", kShows});
   log.AddOption("--events", arguments->events, "Number of newest events to show (50)").Within(1u, kEventsMax);
   log.AddOption("--origin", arguments->origin, "Show only this agent's").TypeName("AGENT");
-  log.AddFlag("-f,--follow", arguments->follows, "Keep printing new events; with --json one document per line");
+  Option& follow =
+      log.AddFlag("-f,--follow", arguments->follows, "Keep printing new events; with --json one document per line");
+  AddTimeSpanOptions(log, arguments->times, follow);
   log.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ShowLog(context, *arguments); }; });
 }

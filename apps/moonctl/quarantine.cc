@@ -4,6 +4,7 @@
 #include "apps/common/utc.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/node_name.h"
+#include "apps/moonctl/time_span_option.h"
 #include "model/pose_graph.h"
 #include "model/record_key.h"
 
@@ -26,10 +27,7 @@ struct QuarantineArguments {
 };
 
 Result<std::int64_t> TimestampOf(const std::string& text, std::int64_t missing, const char* option) {
-  if (text.empty()) return missing;
-  const auto time = ParseUtc(text);
-  if (time) return std::chrono::duration_cast<std::chrono::nanoseconds>(time->time_since_epoch()).count();
-  return Fail(ErrorCode::kInvalid, "expected a time in UTC such as 2026-11-22T06:00Z, got \"" + text + "\"", option);
+  return text.empty() ? missing : ParseTimeOrAge(text, UtcNowNs(), option);
 }
 
 Result<void> SetMaps(const proto::TeamConfig& team, const QuarantineArguments& arguments,

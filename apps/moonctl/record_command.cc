@@ -10,6 +10,7 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/follow.h"
 #include "apps/moonctl/record_json.h"
+#include "apps/moonctl/time_span_option.h"
 #include "model/custom_types.h"
 #include "model/did_you_mean.h"
 #include "model/record_check.h"
@@ -31,6 +32,7 @@ struct RecordArguments {
   bool is_local = false;
   bool follows = false;
   bool is_history = false;
+  TimeSpanArguments times;
 };
 
 Result<DataType> TypeNamed(const std::string& name, const CustomTypes& custom_types) {
@@ -100,27 +102,29 @@ ExitCode ShowNextNode(CommandContext& context) {
   return context.Done(json.text(), std::to_string(*next));
 }
 
+std::string KeyOf(const proto::StoredRecord& stored) {
+  return stored.key().seq() == 0 ? "(local)" : ToString(FromProto(stored.key()));
+}
+
+Result<proto::Record> Decode(const proto::StoredRecord& stored) {
+  proto::Record record;
+  if (record.ParseFromString(stored.content())) return record;
+  return Fail(ErrorCode::kCorrupt, KeyOf(stored) + " does not decode");
+}
+
 ExitCode GetRecord(CommandContext& context, const RecordArguments& arguments) {
   const auto key = ParseRecordKey(arguments.key);
   if (!key) return context.Report(key.error());
   auto target = ConnectToChosen(context);
   if (!target) return context.Report(target.error());
   const CustomTypes& custom_types = (*context.Team())->config.custom_types();
-  proto::ReadRequest request;
-  request.add_data_types(key->stream.type);
-  request.add_origin_agents(key->stream.origin);
-  std::string found;
-  const auto read = target->client->ReadAll(
-      request, [&](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
-        if (FromProto(stored.key()) != *key) return {};
-        JsonWriter json;
-        WriteRecord(stored, record, custom_types, json);
-        found = json.text();
-        return Fail(ErrorCode::kNotFound, "no further");  // Stops reading: the record is found.
-      });
-  if (!found.empty()) return context.Done(found, found);
-  if (!read) return context.Report(read.error());
-  return context.Report({ErrorCode::kNotFound, target->agent->name() + " does not hold " + arguments.key, {}});
+  const Result<proto::StoredRecord> stored = target->client->ReadOne(*key);
+  if (!stored) return context.Report(stored.error());
+  const Result<proto::Record> record = Decode(*stored);
+  if (!record) return context.Report(record.error());
+  JsonWriter json;
+  WriteRecord(*stored, *record, custom_types, json);
+  return context.Done(json.text(), json.text());
 }
 
 // Prints new records as they arrive, one per line.
@@ -128,17 +132,17 @@ ExitCode FollowList(CommandContext& context, Client& client, proto::ReadRequest 
   const proto::TeamConfig& team = (*context.Team())->config;
   request.set_is_newest_first(false);
   request.clear_records_max();
-  return FollowRecords(
-      context, client, std::move(request), [&](const proto::StoredRecord& stored, const proto::Record& record) {
-        if (context.is_json) {
-          JsonWriter json;
-          WriteRecord(stored, record, team.custom_types(), json);
-          return json.text();
-        }
-        const std::string key = stored.key().seq() == 0 ? "(local)" : ToString(FromProto(stored.key()));
-        return key + "  " + DataTypeName(stored.key().data_type(), team.custom_types()) + "  " +
-               AgentName(team, stored.key().origin_agent()) + "  " + FormatTimestampNs(record.timestamp_ns());
-      });
+  return FollowRecords(context, client, std::move(request),
+                       [&](const proto::StoredRecord& stored, const proto::Record& record) {
+                         if (context.is_json) {
+                           JsonWriter json;
+                           WriteRecord(stored, record, team.custom_types(), json);
+                           return json.text();
+                         }
+                         return KeyOf(stored) + "  " + DataTypeName(stored.key().data_type(), team.custom_types()) +
+                                "  " + AgentName(team, stored.key().origin_agent()) + "  " +
+                                FormatUtc(record.timestamp_ns()) + "  " + ValueText(record);
+                       });
 }
 
 ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) {
@@ -160,25 +164,23 @@ ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) 
     if (!origin) return context.Report(origin.error());
     request.add_origin_agents((*origin)->id());
   }
+  if (const auto set = SetTimes(arguments.times, UtcNowNs(), request); !set) return context.Report(set.error());
   auto target = ConnectToChosen(context);
   if (!target) return context.Report(target.error());
   if (arguments.follows) return FollowList(context, *target->client, std::move(request));
   auto page = target->client->Read(request);
   if (!page) return context.Report(page.error());
 
-  Table table({"KEY", "TYPE", "ORIGIN", "TIME", "BYTES"});
+  Table table({"KEY", "TYPE", "ORIGIN", "TIME", "BYTES", "VALUE"});
   JsonWriter json;
   json.BeginObject().Key("records").BeginArray();
   for (const proto::StoredRecord& stored : page->records()) {
-    proto::Record record;
-    if (!record.ParseFromString(stored.content())) {
-      return context.Report({ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " does not decode", {}});
-    }
-    WriteRecord(stored, record, custom_types, json);
-    table.Add({stored.key().seq() == 0 ? "(local)" : ToString(FromProto(stored.key())),
-               DataTypeName(stored.key().data_type(), custom_types),
-               AgentName((*team)->config, stored.key().origin_agent()), FormatTimestampNs(record.timestamp_ns()),
-               std::to_string(stored.content().size())});
+    const Result<proto::Record> record = Decode(stored);
+    if (!record) return context.Report(record.error());
+    WriteRecord(stored, *record, custom_types, json);
+    table.Add({KeyOf(stored), DataTypeName(stored.key().data_type(), custom_types),
+               AgentName((*team)->config, stored.key().origin_agent()), FormatUtc(record->timestamp_ns()),
+               std::to_string(stored.content().size()), ValueText(*record)});
   }
   json.EndArray().EndObject();
   return context.Done(json.text(), table.Text());
@@ -226,7 +228,7 @@ void AddRecordCommands(Command& app, CommandContext& context) {
       [&context, arguments] { context.action = [&context, arguments] { return GetRecord(context, *arguments); }; });
 
   Command& list = AddCommand(group, "list", "List the newest records",
-                             {"moonctl -a rover1 record list temperature --limit 5", kShows});
+                             {"moonctl -a rover1 record list temperature --since 10m --limit 5", kShows});
   list.AddOption("type", arguments->type, "Data type to list").TypeName("DATATYPE");
   Option& follow = list.AddFlag("-f,--follow", arguments->follows,
                                 "Print new records, one per line (with --json one document each), until Ctrl-C");
@@ -234,6 +236,7 @@ void AddRecordCommands(Command& app, CommandContext& context) {
   list.AddFlag("--history", arguments->is_history,
                "List superseded states of the agent's own robot instead (`keep` in the team file)")
       .Excludes(follow);
+  AddTimeSpanOptions(list, arguments->times, follow);
   list.AddOption("--limit", arguments->limit, "Maximum number of records (20)").Within(1u, kListMax);
   list.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ListRecords(context, *arguments); }; });

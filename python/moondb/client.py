@@ -260,6 +260,12 @@ class Client:
         for _, key, content in self._records(list(data_types), 0, wait_s):
             yield key, content
 
+    def get(self, key: Any) -> Any:
+        """Returns the Record with this key (RecordKey, proto/ids.proto), or None if the agent does not hold it."""
+        page = self.call(messages.ControlRequest(read={"keys": [key]})).read
+        found = [stored for stored in page.records if stored.key == key]
+        return messages.Record.FromString(found[0].content) if found else None
+
     def feed(self, data_types: Iterable[int] = (), after_row_id: int = 0,
              on_error: Optional[Callable[[Exception], None]] = None) -> Iterator[Tuple[int, Any, Any]]:
         """Yields (row id, key, Record) of each record after `after_row_id`, and then of each new record, without end. While

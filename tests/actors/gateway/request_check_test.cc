@@ -126,6 +126,40 @@ TEST(RequestCheckTest, RefusesAReadThatWaitsForHistory) {
   EXPECT_EQ(FieldOf(request), "read.wait_s");
 }
 
+TEST(RequestCheckTest, RefusesAReadFromALaterToAnEarlierTime) {
+  proto::ControlRequest request;
+  request.mutable_read()->set_from_ns(INT64_MIN);
+  request.mutable_read()->set_to_ns(INT64_MAX);
+  EXPECT_EQ(FieldOf(request), "ok");
+  request.mutable_read()->set_from_ns(5);
+  request.mutable_read()->set_to_ns(5);
+  EXPECT_EQ(FieldOf(request), "ok");
+  request.mutable_read()->set_to_ns(4);
+  EXPECT_EQ(FieldOf(request), "read.from_ns");
+}
+
+TEST(RequestCheckTest, RefusesAReadOfTooManyKeysOrOfKeysAndConditions) {
+  proto::ControlRequest request;
+  for (int i = 0; i < kFilterEntriesMax; ++i) request.mutable_read()->add_keys();
+  EXPECT_EQ(FieldOf(request), "ok");
+  proto::ControlRequest bad = request;
+  for (int i = 0; i < 10'000; ++i) bad.mutable_read()->add_keys();
+  EXPECT_EQ(FieldOf(bad), "read.keys");
+  const auto refused = [&request](auto set) {
+    proto::ControlRequest other = request;
+    set(*other.mutable_read());
+    return FieldOf(other) == "read.keys";
+  };
+  EXPECT_TRUE(refused([](proto::ReadRequest& read) { read.add_data_types(1); }));
+  EXPECT_TRUE(refused([](proto::ReadRequest& read) { read.add_origin_agents(1); }));
+  EXPECT_TRUE(refused([](proto::ReadRequest& read) { read.set_from_ns(0); }));
+  EXPECT_TRUE(refused([](proto::ReadRequest& read) { read.set_to_ns(0); }));
+  EXPECT_TRUE(refused([](proto::ReadRequest& read) { read.set_is_newest_first(true); }));
+  EXPECT_TRUE(refused([](proto::ReadRequest& read) { read.set_is_history(true); }));
+  EXPECT_TRUE(refused([](proto::ReadRequest& read) { read.set_wait_s(1); }));
+  EXPECT_FALSE(refused([](proto::ReadRequest& read) { read.set_after_row_id(5); }));
+}
+
 TEST(RequestCheckTest, RefusesInvalidPrunes) {
   proto::ControlRequest request;
   proto::PruneOrder& prune = *request.mutable_prune();
