@@ -1,10 +1,12 @@
 #include "actors/merge/map_collection.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <utility>
 
 #include "model/quarantined_maps.h"
+#include "model/start_poses.h"
 #include "model/term.h"
 
 namespace moondb {
@@ -15,6 +17,45 @@ MapCollection::MapCollection(Options options)
       map_bytes_quota_(options_.bytes_max),
       quarantines_(options_.quarantines_max),
       poses_(options_.nodes_max) {}
+
+MapCollection::Options MapCollection::OptionsOf(const proto::TeamConfig& team, AgentId self) {
+  Options options;
+  options.grid.resolution_um = static_cast<std::uint32_t>(std::lround(team.map().resolution_m() * 1e6));
+  if (team.map().footprint_m_size() == 2) {
+    options.grid.footprint_length_m = team.map().footprint_m(0);
+    options.grid.footprint_width_m = team.map().footprint_m(1);
+  }
+  for (const proto::AgentConfig& agent : team.agents()) {
+    if (agent.kind() == proto::AGENT_KIND_BASE_STATION) options.without_footprint.insert(agent.id());
+  }
+  options.self = self;
+  options.with_start = KnownStarts(team);
+  return options;
+}
+
+Result<void> MapCollection::Add(const RecordKey& key, const proto::Record& record) {
+  switch (record.body_case()) {
+    case proto::Record::kPoseGraphNode: {
+      const proto::PoseGraphNode& node = record.pose_graph_node();
+      const Result<Pose> pose = FromProto(node.map_from_node());
+      if (!pose) return tl::unexpected(pose.error());
+      AddRawPose(key, FromProto(node.node()), *pose, record.timestamp_ns());
+      return {};
+    }
+    case proto::Record::kOptimizedPose:
+      return AddOptimizedPose(key, record.optimized_pose());
+    case proto::Record::kLocalTraversabilityMap: {
+      const Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
+      if (!map) return tl::unexpected(map.error());
+      return AddMap(key, {record.timestamp_ns(), record.is_clock_suspect()}, *map);
+    }
+    case proto::Record::kMapQuarantine:
+      AddQuarantine(key, record.map_quarantine());
+      return {};
+    default:
+      return {};
+  }
+}
 
 Result<void> MapCollection::AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map) {
   if (maps_.contains(key)) return {};

@@ -37,6 +37,7 @@
 #include "model/record_key.h"
 #include "model/traversability_map.h"
 #include "proto/record.pb.h"
+#include "proto/team.pb.h"
 
 namespace moondb {
 
@@ -96,6 +97,12 @@ class MapCollection {
   };
 
   explicit MapCollection(Options options);
+  // Returns the options of the agent `self` with this team file; 0: of no agent.
+  static Options OptionsOf(const proto::TeamConfig& team, AgentId self);
+
+  // Adds a record of a node, an optimized pose, a map or a quarantine; ignores other records. Errors are those of
+  // AddMap and of the conversion of poses and maps.
+  Result<void> Add(const RecordKey& key, const proto::Record& record);
 
   // Adds a map, even if its node is still unknown. Errors are those of MakeLocalMap.
   Result<void> AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map);

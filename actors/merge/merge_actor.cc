@@ -10,7 +10,6 @@
 #include "actors/merge/map_answers.h"
 #include "model/control_message.h"
 #include "model/geometry.h"
-#include "model/start_poses.h"
 #include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 
@@ -30,19 +29,8 @@ RecordReader::Options ReaderOptions(const MergeActor::Options& options) {
 }
 
 MapCollection::Options CollectionOptions(const MergeActor::Options& of_actor) {
-  const proto::TeamConfig& team = of_actor.team;
-  MapCollection::Options options;
+  MapCollection::Options options = MapCollection::OptionsOf(of_actor.team, of_actor.self);
   options.maps_max = of_actor.maps_max;
-  options.grid.resolution_um = static_cast<std::uint32_t>(std::lround(team.map().resolution_m() * 1e6));
-  if (team.map().footprint_m_size() == 2) {
-    options.grid.footprint_length_m = team.map().footprint_m(0);
-    options.grid.footprint_width_m = team.map().footprint_m(1);
-  }
-  for (const proto::AgentConfig& agent : team.agents()) {
-    if (agent.kind() == proto::AGENT_KIND_BASE_STATION) options.without_footprint.insert(agent.id());
-  }
-  options.self = of_actor.self;
-  options.with_start = KnownStarts(team);
   return options;
 }
 
@@ -242,27 +230,7 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
   if (!record.ParseFromString(stored.content())) return Fail(ErrorCode::kCorrupt, "does not parse");
   const RecordKey key = FromProto(stored.key());
   if (!authority_.Counts(key, record)) return {};
-  switch (record.body_case()) {
-    case proto::Record::kPoseGraphNode: {
-      const proto::PoseGraphNode& node = record.pose_graph_node();
-      const Result<Pose> pose = FromProto(node.map_from_node());
-      if (!pose) return tl::unexpected(pose.error());
-      collection_.AddRawPose(key, FromProto(node.node()), *pose, record.timestamp_ns());
-      return {};
-    }
-    case proto::Record::kOptimizedPose:
-      return collection_.AddOptimizedPose(key, record.optimized_pose());
-    case proto::Record::kLocalTraversabilityMap: {
-      Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
-      if (!map) return tl::unexpected(map.error());
-      return collection_.AddMap(key, {record.timestamp_ns(), record.is_clock_suspect()}, *map);
-    }
-    case proto::Record::kMapQuarantine:
-      collection_.AddQuarantine(key, record.map_quarantine());
-      return {};
-    default:
-      return {};
-  }
+  return collection_.Add(key, record);
 }
 
 void MergeActor::AnswerCovered(Context& context) {

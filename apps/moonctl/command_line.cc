@@ -81,6 +81,7 @@ void AddCommandLine(Command& app, CommandContext& context) {
   AddKeysCommands(app, context);
   AddGraphCommands(app, context);
   AddMapCommands(app, context);
+  AddExportCommands(app, context);
   AddRecordCommands(app, context);
   AddDbCommands(app, context);
   AddDownlinkCommands(app, context);

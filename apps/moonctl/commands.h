@@ -22,6 +22,7 @@ void AddMapCommands(Command& app, CommandContext& context);
 void AddRecordCommands(Command& app, CommandContext& context);
 void AddDbCommands(Command& app, CommandContext& context);
 void AddDownlinkCommands(Command& app, CommandContext& context);
+void AddExportCommands(Command& app, CommandContext& context);
 void AddLogCommand(Command& app, CommandContext& context);
 void AddTraceCommand(Command& app, CommandContext& context);
 void AddDoctorCommand(Command& app, CommandContext& context);

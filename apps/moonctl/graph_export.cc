@@ -12,6 +12,7 @@
 #include "model/team_member.h"
 #include "model/text.h"
 #include "model/tum.h"
+#include "views/track_view.h"
 
 namespace moondb {
 namespace {
@@ -215,24 +216,25 @@ Result<GraphFiles> G2oFiles(const HeldGraph& held, const Pyfg& named, const std:
 // Makes one file per agent, DIR/NAME.tum. The notes in each file describe only that agent's poses.
 GraphFiles TumFiles(const proto::TeamConfig& team, const HeldGraph& held, const ExportArguments& arguments,
                     const FileOrigin& origin) {
-  std::map<AgentId, std::vector<TumPose>> tracks;
-  std::map<AgentId, std::size_t> optimized_counts;
+  std::vector<PoseView> poses;
   for (const GraphNode& node : held.graph.nodes) {
-    tracks[node.key.agent].push_back({node.timestamp_ns, node.map_from_node});
-    optimized_counts[node.key.agent] += held.optimized.contains(node.key) ? 1 : 0;
+    poses.push_back({node.key, node.timestamp_ns, node.map_from_node, held.optimized.contains(node.key)});
   }
+  const std::vector<TrackView> tracks = TracksOf(poses);
   GraphFiles made;
   made.json.BeginObject().Key("files").BeginArray();
-  for (const auto& [agent, track] : tracks) {
-    const std::string name = AgentName(team, agent);
+  for (const TrackView& track : tracks) {
+    const std::string name = AgentName(team, track.agent);
     const FileNotes notes = NotesOf(origin, {{"trajectory_of", name},
                                              {"poses", PosesText(arguments)},
-                                             {"nodes", std::to_string(track.size())},
-                                             {"optimized_nodes", std::to_string(optimized_counts[agent])}});
+                                             {"nodes", std::to_string(track.poses.size())},
+                                             {"optimized_nodes", std::to_string(track.CountOptimized())}});
     const std::filesystem::path file = std::filesystem::path(arguments.file) / (name + ".tum");
-    made.files.push_back({file, FormatTum(track, notes)});
+    std::vector<TumPose> lines;
+    for (const PoseView& pose : track.poses) lines.push_back({pose.timestamp_ns, pose.map_from_body});
+    made.files.push_back({file, FormatTum(lines, notes)});
     made.json.String(file.string());
-    made.text += "wrote " + file.string() + ": " + std::to_string(track.size()) + " poses\n";
+    made.text += "wrote " + file.string() + ": " + std::to_string(track.poses.size()) + " poses\n";
   }
   made.json.EndArray();
   if (tracks.empty()) made.text = "the graph has no node\n";

@@ -10,6 +10,7 @@
 #include "model/event.h"
 #include "model/text.h"
 #include "proto/types.pb.h"
+#include "views/event_view.h"
 
 namespace moondb {
 namespace {
@@ -26,39 +27,41 @@ struct LogArguments {
 struct LoggedEvent {
   // Row of the event in the connected agent's store. Rows are numbered in the order of storing.
   std::uint64_t row_id = 0;
-  AgentId agent = 0;
-  proto::Record record;
+  EventView event;
+  bool is_clock_suspect = false;
 };
+
+LoggedEvent LoggedEventOf(std::uint64_t row_id, const proto::StoredRecord& stored, const proto::Record& record) {
+  return {row_id, EventViewOf(FromProto(stored.key()), record), record.is_clock_suspect()};
+}
 
 Result<std::vector<LoggedEvent>> EventsOf(const proto::ReadReply& page) {
   std::vector<LoggedEvent> events;
   for (int i = 0; i < page.records_size() && i < page.row_ids_size(); ++i) {
-    LoggedEvent event{page.row_ids(i), static_cast<AgentId>(page.records(i).key().origin_agent()), {}};
-    if (!event.record.ParseFromString(page.records(i).content())) {
+    proto::Record record;
+    if (!record.ParseFromString(page.records(i).content())) {
       return Fail(ErrorCode::kCorrupt, "an event does not decode");
     }
-    events.push_back(std::move(event));
+    events.push_back(LoggedEventOf(page.row_ids(i), page.records(i), record));
   }
   return events;
 }
 
-std::vector<std::string> RowOf(const proto::TeamConfig& team, const LoggedEvent& event) {
-  const proto::AgentEvent& body = event.record.agent_event();
-  return {FormatUtc(event.record.timestamp_ns()), AgentName(team, event.agent), EventKindName(body.kind()),
-          OneLine(body.by().empty() ? body.text() : body.text() + " (" + body.by() + ")", 1024)};
+std::vector<std::string> RowOf(const proto::TeamConfig& team, const EventView& event) {
+  return {FormatUtc(event.timestamp_ns), AgentName(team, event.agent), event.kind, OneLine(event.TextBy(), 1024)};
 }
 
-std::string JsonOf(const proto::TeamConfig& team, const LoggedEvent& event) {
-  const proto::AgentEvent& body = event.record.agent_event();
+std::string JsonOf(const proto::TeamConfig& team, const LoggedEvent& logged) {
+  const EventView& event = logged.event;
   JsonWriter json;
-  json.BeginObject().Key("utc").String(FormatUtc(event.record.timestamp_ns()));
-  json.Key("agent").String(AgentName(team, event.agent)).Key("kind").String(EventKindName(body.kind()));
-  json.Key("text").String(body.text()).Key("by").String(body.by());
-  json.Key("is_clock_suspect").Bool(event.record.is_clock_suspect()).EndObject();
+  json.BeginObject().Key("utc").String(FormatUtc(event.timestamp_ns));
+  json.Key("agent").String(AgentName(team, event.agent)).Key("kind").String(event.kind);
+  json.Key("text").String(event.text).Key("by").String(event.by);
+  json.Key("is_clock_suspect").Bool(logged.is_clock_suspect).EndObject();
   return json.text();
 }
 
-std::string LineOf(const proto::TeamConfig& team, const LoggedEvent& event) {
+std::string LineOf(const proto::TeamConfig& team, const EventView& event) {
   std::string line;
   for (const std::string& cell : RowOf(team, event)) line += (line.empty() ? "" : "  ") + cell;
   return line;
@@ -70,8 +73,8 @@ ExitCode Follow(CommandContext& context, Client& client, proto::ReadRequest requ
   request.set_after_row_id(after_row_id);
   return FollowRecords(context, client, std::move(request),
                        [&](const proto::StoredRecord& stored, const proto::Record& record) {
-                         const LoggedEvent event{0, static_cast<AgentId>(stored.key().origin_agent()), record};
-                         return context.is_json ? JsonOf(team, event) : LineOf(team, event);
+                         const LoggedEvent logged = LoggedEventOf(0, stored, record);
+                         return context.is_json ? JsonOf(team, logged) : LineOf(team, logged.event);
                        });
 }
 
@@ -98,11 +101,11 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
   for (const LoggedEvent& event : *events) last_row_id = std::max(last_row_id, event.row_id);
   // Sort by timestamp, because events may arrive late from other agents.
   std::stable_sort(events->begin(), events->end(), [](const LoggedEvent& a, const LoggedEvent& b) {
-    return std::pair(a.record.timestamp_ns(), a.row_id) < std::pair(b.record.timestamp_ns(), b.row_id);
+    return std::pair(a.event.timestamp_ns, a.row_id) < std::pair(b.event.timestamp_ns, b.row_id);
   });
 
   Table table({"TIME", "AGENT", "EVENT", "WHAT"});
-  for (const LoggedEvent& event : *events) table.Add(RowOf((*team)->config, event));
+  for (const LoggedEvent& logged : *events) table.Add(RowOf((*team)->config, logged.event));
   if (!arguments.follows) {
     JsonWriter json;
     json.BeginObject().Key("agent").String(target->agent->name()).Key("events").BeginArray();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "actors/merge/map_collection.h"
 #include "actors/pgo/pose_graph_solver.h"
 #include "actors/pgo/team_facts.h"
 #include "model/team_member.h"
@@ -14,9 +15,7 @@ namespace {
 MergeOptions OptionsOf(const proto::TeamConfig& team) {
   MergeOptions options;
   options.backend = MergeBackend::kCpu;  // The CPU and GL backends produce byte-identical maps.
-  options.grid.resolution_um = static_cast<std::uint32_t>(std::lround(team.map().resolution_m() * 1e6));
-  options.grid.footprint_length_m = team.map().footprint_m(0);
-  options.grid.footprint_width_m = team.map().footprint_m(1);
+  options.grid = MapCollection::OptionsOf(team, /*self=*/0).grid;
   return options;
 }
 
