@@ -32,6 +32,6 @@ string(CONCAT CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-moondb)
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION "Client of moondb agents, for Python")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
-set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3:any, python3-zmq, python3-protobuf, python3-zstandard")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3:any, python3-zmq, python3-protobuf, python3-zstandard, python3-yaml")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/packaging/python/prerm)
 include(CPack)

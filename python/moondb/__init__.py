@@ -7,7 +7,8 @@
 """
 from moondb import messages
 from moondb.client import (AgentError, Client, MergedTiles, TeamError, cells_of_occupancy, endpoint_of, key_text,
-                           map_position, occupancy, pack_cells, team_of, triangle_of)
+                           map_position, occupancy, pack_cells, triangle_of)
+from moondb.team_file import TeamFileError, team_of
 
-__all__ = ["AgentError", "Client", "MergedTiles", "TeamError", "cells_of_occupancy", "endpoint_of", "key_text",
+__all__ = ["AgentError", "Client", "MergedTiles", "TeamError", "TeamFileError", "cells_of_occupancy", "endpoint_of", "key_text",
            "map_position", "messages", "occupancy", "pack_cells", "team_of", "triangle_of"]

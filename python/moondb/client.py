@@ -1,7 +1,7 @@
 """A client of a moondb agent: the control protocol (proto/control.proto) over ZeroMQ.
 
-Needs pyzmq and protobuf, and zstandard for merged maps (Debian: python3-zmq python3-protobuf python3-zstandard). Use one
-Client per thread. An error of the agent raises AgentError, an agent that does not answer TimeoutError, and an answer that
+Needs pyzmq and protobuf, zstandard for merged maps, and PyYAML for team files (Debian: python3-zmq python3-protobuf
+python3-zstandard python3-yaml). Use one Client per thread. An error of the agent raises AgentError, an agent that does not answer TimeoutError, and an answer that
 is invalid or exceeds a limit AnswerError. The limits are those of the client in C++: an agent that somebody took over can
 neither fill this process's memory nor keep a call from ending.
 """
@@ -21,8 +21,8 @@ from google.protobuf.message import DecodeError
 from zmq.utils.monitor import recv_monitor_message
 
 from moondb import messages
+from moondb.team_file import PathLike, team_of
 
-PathLike = Union[str, "os.PathLike[str]"]
 Node = Tuple[int, int]  # Agent id, index.
 
 REQUEST_BYTES_MAX = 32 * 1024 * 1024
@@ -64,12 +64,6 @@ class MergedTiles:
     tile_cells: int
     resolution_m: float
     tiles: Dict[Tuple[int, int], bytes]  # One byte a cell, row by row: 0 unknown, 1 free, 2 hazard. Empty: all unknown.
-
-
-def team_of(team_file: PathLike) -> Tuple[str, str]:
-    """Returns the team's name and id from a team file as written by `moonctl config init`."""
-    fields = dict(re.findall(r"^(team|team_id):\s*\"?([\w-]+)", pathlib.Path(team_file).read_text(), re.MULTILINE))
-    return fields["team"], fields["team_id"]
 
 
 def endpoint_of(team_file: PathLike, agent: str) -> str:

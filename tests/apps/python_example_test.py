@@ -14,7 +14,7 @@ import time
 
 from snippets_test import SKIPPED, in_own_network, taken_port
 
-MODULES = ["google.protobuf", "zmq", "zstandard"]
+MODULES = ["google.protobuf", "zmq", "zstandard", "yaml"]
 SAID = re.compile(r"""rover2 of team moon, moondb [\d.]+
 stored 3 records, the first as (2\.[\da-f]{16}\.1\.1)
 read \1 -40\.5

@@ -374,6 +374,21 @@ TEST(TeamConfigTest, HashesTheMeaningNotTheText) {
   EXPECT_NE(hash(GoodAnd("keep: {power: 7d}")), hash(kGood));
 }
 
+// The Python client reads the same files (tests/python/moondb/team_file_test.py).
+TEST(TeamConfigTest, AcceptsAndRefusesTheFilesOfTheTable) {
+  std::size_t count = 0;
+  for (const char* const folder : {"accepted", "refused"}) {
+    for (const auto& file :
+         std::filesystem::directory_iterator(std::filesystem::path(MOONDB_SOURCE_DIR) / "tests/team_files" / folder)) {
+      const Result<TeamFile> team = ReadTeamFile(file.path());
+      EXPECT_EQ(team.has_value(), folder == std::string("accepted"))
+          << file.path() << (team ? "" : ": " + team.error().text);
+      ++count;
+    }
+  }
+  EXPECT_GT(count, 50u);
+}
+
 // A team whose agents are upgraded one after the other must not look as if its team files differed. The hash is that of
 // a build before `at_risk`.
 TEST(TeamConfigTest, AddedKeysChangeTheHashOnlyIfTheyAreNotAtTheirDefaults) {
