@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "client/endpoint.h"
 #include "model/file_writing.h"
 #include "model/team_id.h"
 #include "model/text.h"
@@ -24,7 +25,6 @@ namespace {
 
 constexpr char kPidFile[] = "agent.pid";
 constexpr char kIdentityFile[] = "agent.identity";
-constexpr char kEndpointFile[] = "agent.endpoint";
 constexpr std::string_view kTeamIdKey = "team_id: ";
 constexpr std::string_view kAgentIdKey = "agent_id: ";
 constexpr std::size_t kSmallFileBytesMax = 4096;
@@ -155,13 +155,6 @@ Result<void> MakeDataFolder(const std::filesystem::path& folder) {
   const std::error_code failure = MakeFolders(folder, kPrivateFolder);
   if (!failure) return {};
   return Fail(ErrorCode::kInternal, "cannot make the folder: " + failure.message(), folder.string());
-}
-
-std::string ReadEndpoint(const std::filesystem::path& folder) {
-  const auto text = ReadTextFile(folder / kEndpointFile, kSmallFileBytesMax);
-  if (!text) return "";
-  std::string_view rest = *text;
-  return std::string(TakeLine(rest));
 }
 
 Result<void> WriteEndpoint(const std::filesystem::path& folder, const std::string& endpoint) {

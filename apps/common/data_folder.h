@@ -52,9 +52,8 @@ Result<void> MarkDataFolder(const std::filesystem::path& folder, const DataOwner
 // folder cannot be made.
 Result<void> MakeDataFolder(const std::filesystem::path& folder);
 
-// Returns the client endpoint from `agent.endpoint` in `folder`. Empty: the file is missing or empty.
-std::string ReadEndpoint(const std::filesystem::path& folder);
-// Writes the endpoint to `agent.endpoint` unless the file already holds it. Returns kInternal if writing fails.
+// Writes the endpoint to `agent.endpoint` (client/endpoint.h) unless the file already holds it. Returns kInternal if
+// writing fails.
 Result<void> WriteEndpoint(const std::filesystem::path& folder, const std::string& endpoint);
 
 // Returns the id of the process that holds the lock of `folder`. 0: no process holds the lock, or its id is unknown.

@@ -14,12 +14,12 @@
 #include "apps/moonctl/written_files.h"
 #include "model/did_you_mean.h"
 #include "model/file_writing.h"
+#include "model/private_folder.h"
 #include "model/rights_name.h"
 #include "model/text.h"
 #include "runtime/team/client_list.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/new_files.h"
-#include "runtime/team/private_folder.h"
 #include "runtime/team/team_check.h"
 
 namespace moondb {

@@ -8,12 +8,12 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/user_folder.h"
 #include "apps/moonctl/written_files.h"
+#include "model/private_folder.h"
 #include "model/rights_name.h"
 #include "model/text.h"
 #include "runtime/team/client_list.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/key_fingerprint.h"
-#include "runtime/team/private_folder.h"
 #include "runtime/team/team_check.h"
 #include "runtime/team/team_init.h"
 

@@ -6,8 +6,9 @@
     client.insert([messages.Record(timestamp_ns=time.time_ns(), temperature={"celsius": -40.5})])
 """
 from moondb import messages
-from moondb.client import (AgentError, Client, MergedTiles, TeamError, cells_of_occupancy, endpoint_of, key_text,
+from moondb.client import (AgentError, Client, MergedTiles, TeamError, cells_of_occupancy, key_text,
                            map_position, occupancy, pack_cells, triangle_of)
+from moondb.endpoint import endpoint_of
 from moondb.team_file import TeamFileError, team_of
 
 __all__ = ["AgentError", "Client", "MergedTiles", "TeamError", "TeamFileError", "cells_of_occupancy", "endpoint_of", "key_text",

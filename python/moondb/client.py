@@ -9,19 +9,16 @@ import dataclasses
 import getpass
 import math
 import os
-import pathlib
-import re
 import socket
 import struct
 import time
-from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Tuple
 
 import zmq
 from google.protobuf.message import DecodeError
 from zmq.utils.monitor import recv_monitor_message
 
 from moondb import messages
-from moondb.team_file import PathLike, team_of
 
 Node = Tuple[int, int]  # Agent id, index.
 
@@ -64,16 +61,6 @@ class MergedTiles:
     tile_cells: int
     resolution_m: float
     tiles: Dict[Tuple[int, int], bytes]  # One byte a cell, row by row: 0 unknown, 1 free, 2 hazard. Empty: all unknown.
-
-
-def endpoint_of(team_file: PathLike, agent: str) -> str:
-    """Returns the endpoint on which an agent of this machine accepts clients that run as the agent's user."""
-    folder = os.environ.get("MOONDB_RUN_DIR")
-    if not folder and os.environ.get("XDG_RUNTIME_DIR"):
-        folder = os.path.join(os.environ["XDG_RUNTIME_DIR"], "moondb")
-    folder = pathlib.Path(folder or f"/tmp/moondb-{os.geteuid()}").absolute()
-    name, team_id = team_of(team_file)
-    return f"ipc://{folder}/{name}-{team_id[:8]}/{agent}.sock"
 
 
 class Client:

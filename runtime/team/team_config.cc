@@ -159,4 +159,12 @@ proto::Role RoleOf(const proto::TeamConfig& team, const proto::RoleAssignment& r
   return agent == roles.survivor() ? proto::ROLE_DESIGNATED_SURVIVOR : proto::ROLE_ROVER;
 }
 
+AgentOfTeam AgentOf(const TeamFile& team, const std::string& agent_name) {
+  return {team.config.team(), team.config.team_id(), agent_name};
+}
+
+Result<std::string> ClientEndpoint(const TeamFile& team, const std::string& agent_name) {
+  return ClientEndpointIn(RunFolders().front(), AgentOf(team, agent_name));
+}
+
 }  // namespace moondb

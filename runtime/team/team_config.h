@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "model/client_endpoint.h"
 #include "model/error.h"
 #include "model/ids.h"
 #include "model/keep_rule.h"
@@ -67,9 +68,11 @@ Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count
 // antennas.
 Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfig& team);
 
-// Returns the ipc:// endpoint for an agent's clients. The socket lies in a folder of this user with mode 0700, under
-// $MOONDB_RUN_DIR, $XDG_RUNTIME_DIR/moondb or /tmp/moondb-UID. Returns kInvalid if the path is too long for a socket or
-// the folder fails CheckPrivateFolder.
+// Returns the names by which a client finds the agent's socket.
+AgentOfTeam AgentOf(const TeamFile& team, const std::string& agent_name);
+
+// Returns the ipc:// endpoint for an agent's clients, in the first of RunFolders(). Errors are those of
+// ClientEndpointIn.
 Result<std::string> ClientEndpoint(const TeamFile& team, const std::string& agent_name);
 
 }  // namespace moondb

@@ -13,7 +13,7 @@
 #include "model/check.h"
 #include "model/control_message.h"
 #include "model/control_request.h"
-#include "runtime/team/private_folder.h"
+#include "model/private_folder.h"
 #include "runtime/transport/listen_address.h"
 #include "runtime/transport/outbound.h"
 #include "runtime/transport/zap_handler.h"

@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "apps/common/data_folder.h"
+#include "client/endpoint.h"
 #include "model/text.h"
 #include "tests/apps/process_team.h"
 

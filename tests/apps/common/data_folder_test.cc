@@ -5,6 +5,7 @@
 
 #include <fstream>
 
+#include "client/endpoint.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {

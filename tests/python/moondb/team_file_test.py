@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""The Python client accepts and refuses the team files that `moonctl config check` does (tests/team_files).
+"""The Python client accepts and refuses the team files that `moonctl config check` does (tests/team_files), and finds agents.
 
 Usage: team_file_test.py PYTHON MOONCTL    the folder of the package moondb, and the program
 Exit codes: 0 passed, 1 failed, 77 skipped (a package of Python is missing; it says which).
 """
 import os
 import pathlib
+import socket
 import subprocess
 import sys
 import tempfile
@@ -67,8 +68,52 @@ class TeamFileTest(unittest.TestCase):
         return files
 
 
+class EndpointTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory(prefix="moondb-")
+        self.addCleanup(self.folder.cleanup)
+        self.root = pathlib.Path(self.folder.name)
+        self.team = self.root / "team.yaml"
+        self.team.write_text((FILES / "accepted/good.yaml").read_text())
+        os.environ["MOONDB_RUN_DIR"] = str(self.root / "run")
+        self.addCleanup(os.environ.pop, "MOONDB_RUN_DIR")
+        self.path = self.root / "run/moon-00112233/rover1.sock"
+
+    def listen(self, path, mode=0o700):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.chmod(mode)
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.addCleanup(listener.close)
+        listener.bind(str(path))
+        listener.listen(1)
+
+    def report(self, path):
+        data = self.root / "moondb-data/rover1"
+        data.mkdir(parents=True)
+        (data / "agent.endpoint").write_text(f"ipc://{path}\n")
+
+    def test_nobody_listens(self):
+        self.assertEqual(endpoint_of(self.team, "rover1"), f"ipc://{self.path}")
+
+    def test_the_data_folder_names_a_socket_elsewhere(self):
+        self.listen(self.root / "elsewhere/a.sock")
+        self.report(self.root / "elsewhere/a.sock")
+        self.assertEqual(endpoint_of(self.team, "rover1"), f"ipc://{self.root}/elsewhere/a.sock")
+        self.assertEqual(endpoint_of(self.team, "rover2"), f"ipc://{self.root}/run/moon-00112233/rover2.sock")
+
+    def test_an_outdated_data_folder_does_not_hide_the_run_folder(self):
+        self.report(self.root / "gone/a.sock")
+        self.listen(self.path)
+        self.assertEqual(endpoint_of(self.team, "rover1"), f"ipc://{self.path}")
+
+    def test_ignores_a_socket_in_a_folder_that_others_may_write(self):
+        self.listen(self.root / "open/a.sock", mode=0o777)
+        self.report(self.root / "open/a.sock")
+        self.assertEqual(endpoint_of(self.team, "rover1"), f"ipc://{self.path}")
+
+
 def main():
-    global MOONCTL, TeamFileError, team_of  # Only importable with PYTHON in the path.
+    global MOONCTL, TeamFileError, endpoint_of, team_of  # Only importable with PYTHON in the path.
     python = python_with(MODULES)
     if python is None:
         print(f"skipped: Python lacks one of {', '.join(MODULES)}")
@@ -77,7 +122,7 @@ def main():
         os.execv(python, [python, *sys.argv])
     sys.path.insert(0, sys.argv.pop(1))
     MOONCTL = sys.argv.pop(1)
-    from moondb import TeamFileError, team_of
+    from moondb import TeamFileError, endpoint_of, team_of
     unittest.main()
     return 0
 

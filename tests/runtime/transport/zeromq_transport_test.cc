@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "model/control_message.h"
+#include "model/private_folder.h"
 #include "proto/status.pb.h"
 #include "runtime/team/curve_keys.h"
-#include "runtime/team/private_folder.h"
 #include "runtime/team/team_config.h"
 #include "runtime/transport/listen_address.h"
 #include "runtime/transport/outbound.h"

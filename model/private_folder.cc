@@ -1,4 +1,4 @@
-#include "runtime/team/private_folder.h"
+#include "model/private_folder.h"
 
 #include <sys/stat.h>
 #include <unistd.h>

@@ -1,4 +1,4 @@
-#include "runtime/team/client_endpoint.h"
+#include "model/client_endpoint.h"
 
 #include <unistd.h>
 
@@ -6,8 +6,8 @@
 #include <cstdlib>
 
 #include "model/local_socket.h"
+#include "model/private_folder.h"
 #include "model/team_id.h"
-#include "runtime/team/private_folder.h"
 
 namespace moondb {
 namespace {
@@ -19,9 +19,9 @@ std::filesystem::path FolderIn(const char* variable) {
 }
 
 // Returns a folder name such as "moon-4f2a91c0". The start of the team's id distinguishes teams of the same name.
-std::string TeamFolder(const proto::TeamConfig& team) {
-  const std::string id = TeamIdBytes(team.team_id());
-  return id.empty() ? team.team() : team.team() + "-" + TeamIdStart(id);
+std::string TeamFolder(const AgentOfTeam& agent) {
+  const std::string id = TeamIdBytes(agent.team_id);
+  return id.empty() ? agent.team : agent.team + "-" + TeamIdStart(id);
 }
 
 }  // namespace
@@ -39,14 +39,9 @@ std::vector<std::filesystem::path> RunFolders() {
   return folders;
 }
 
-Result<std::string> ClientEndpoint(const TeamFile& team, const std::string& agent_name) {
-  return ClientEndpointIn(RunFolders().front(), team, agent_name);
-}
-
-Result<std::string> ClientEndpointIn(const std::filesystem::path& run_folder, const TeamFile& team,
-                                     const std::string& agent_name) {
-  const std::filesystem::path folder = std::filesystem::absolute(run_folder) / TeamFolder(team.config);
-  const std::string path = (folder / (agent_name + ".sock")).string();
+Result<std::string> ClientEndpointIn(const std::filesystem::path& run_folder, const AgentOfTeam& agent) {
+  const std::filesystem::path folder = std::filesystem::absolute(run_folder) / TeamFolder(agent);
+  const std::string path = (folder / (agent.agent + ".sock")).string();
   if (path.size() > kSocketPathLengthMax) {
     return Fail(ErrorCode::kInvalid, path + ": longer than a socket's path may be (107 characters); " +
                                          "set MOONDB_RUN_DIR to a shorter folder");
@@ -55,7 +50,7 @@ Result<std::string> ClientEndpointIn(const std::filesystem::path& run_folder, co
   if (const Result<void> is_private = CheckPrivateFolder(folder); !is_private) {
     return tl::unexpected(is_private.error());
   }
-  return "ipc://" + path;
+  return kIpcScheme + path;
 }
 
 }  // namespace moondb
