@@ -19,9 +19,9 @@ struct AgentOfTeam {
   std::string agent;
 };
 
-// Returns the folders in which an agent of this user may have created its socket: first the folder that this process
-// would use ($MOONDB_RUN_DIR, $XDG_RUNTIME_DIR/moondb or /tmp/moondb-UID), then those that agents with other
-// environment variables use.
+// Returns the folders in which an agent of this user may have created its socket. The first one is the folder that this
+// process would use: $MOONDB_RUN_DIR, $XDG_RUNTIME_DIR/moondb or /tmp/moondb-UID. Agents with other environment
+// variables use the others.
 std::vector<std::filesystem::path> RunFolders();
 
 // Returns the endpoint (ipc://...) of an agent's socket in `run_folder`, one of RunFolders(). The socket lies in a

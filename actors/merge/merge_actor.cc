@@ -67,9 +67,9 @@ proto::Message ErrorReply(const proto::Message& question, const Error& error) {
 MergeActor::MergeActor(Options options)
     : options_(std::move(options)),
       collection_(CollectionOptions(options_)),
-      authority_(RoleChainOptions(options_.team)),
-      reader_(ReaderOptions(options_),
-              [this](Context&, const proto::StoredRecord& stored) { return TakeOrLeaveOut(stored); }) {}
+      reader_(
+          RoleChainOptions(options_.team), ReaderOptions(options_), [this] { Forget(); },
+          [this](const RecordKey& key, const proto::Record& record) { Take(key, record); }) {}
 
 MergeActor::~MergeActor() = default;
 
@@ -135,25 +135,19 @@ void MergeActor::OnQuestion(Context& context, const proto::Message& message) {
 
 void MergeActor::StartReading(Context& context) {
   covered_count_ = waiting_.size();
-  if (std::exchange(is_outdated_, false)) {
-    collection_ = MapCollection(CollectionOptions(options_));
-    unusable_map_count_ = 0;
-    is_current_ = false;
-    authority_.Restart();
-    reader_.ReadAgain(context);
-  } else {
-    reader_.Read(context);
-  }
+  reader_.Read(context);
   OnRead(context);
+}
+
+void MergeActor::Forget() {
+  collection_ = MapCollection(CollectionOptions(options_));
+  unusable_map_count_ = 0;
+  is_current_ = false;
 }
 
 void MergeActor::OnRead(Context& context) {
   if (reader_.is_reading()) return;
   if (!reader_.result()) return FailAll(context, reader_.result().error());
-  if (authority_.TakeOutdated()) {
-    is_outdated_ = true;
-    return StartReading(context);
-  }
   ReportLeftOut(context);
   AnswerCovered(context);
   if (!waiting_.empty()) StartReading(context);
@@ -165,10 +159,7 @@ void MergeActor::ReportLeftOut(Context& context) {
   if (merger_ != nullptr) {
     for (const auto& [agent, count] : merger_->CountWithoutRoom()) counts[agent] += count;
   }
-  if (std::optional<proto::Message> report = authority_.TakeReport(std::move(counts))) {
-    // The report is only informative. Ignore a failed send.
-    (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));
-  }
+  reader_.Report(context, std::move(counts));
 }
 
 void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
@@ -180,7 +171,7 @@ void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
 }
 
 void MergeActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
-  if (stored.is_pruned()) is_outdated_ = true;
+  reader_.OnRecordsStored(stored);
   if (stored.is_pruned() || reader_.Reads(stored)) LookSoon(context);
 }
 
@@ -214,23 +205,14 @@ void MergeActor::FailAll(Context& context, const Error& error) {
   }
 }
 
-Result<void> MergeActor::TakeOrLeaveOut(const proto::StoredRecord& stored) {
-  if (Result<void> taken = TakeRecord(stored); !taken) {
-    if (stored.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP) ++unusable_map_count_;
+void MergeActor::Take(const RecordKey& key, const proto::Record& record) {
+  if (Result<void> added = collection_.Add(key, record); !added) {
+    if (record.has_local_traversability_map()) ++unusable_map_count_;
     // The record validator accepted the record, but the map cannot be merged (for example, its cells are too fine for
     // the grid).
-    refused_log_.Warn("merge: leaves out record " + ToString(FromProto(stored.key())) + ": " + ToString(taken.error()));
+    refused_log_.Warn("merge: leaves out record " + ToString(key) + ": " + ToString(added.error()));
   }
   is_current_ = false;
-  return {};
-}
-
-Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
-  proto::Record record;
-  if (!record.ParseFromString(stored.content())) return Fail(ErrorCode::kCorrupt, "does not parse");
-  const RecordKey key = FromProto(stored.key());
-  if (!authority_.Counts(key, record)) return {};
-  return collection_.Add(key, record);
 }
 
 void MergeActor::AnswerCovered(Context& context) {

@@ -27,11 +27,10 @@
 
 #include "actors/merge/map_collection.h"
 #include "actors/merge/merger.h"
-#include "model/record_authority.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/derived_reader.h"
 #include "runtime/rate_limited_log.h"
-#include "runtime/record_reader.h"
 
 namespace moondb {
 
@@ -89,8 +88,8 @@ class MergeActor final : public Actor {
   // this read unless a read is in progress.
   void LookAgain(Context& context);
   void AnswerExpired(Context& context);
-  Result<void> TakeOrLeaveOut(const proto::StoredRecord& stored);
-  Result<void> TakeRecord(const proto::StoredRecord& stored);
+  void Take(const RecordKey& key, const proto::Record& record);
+  void Forget();
   // Updates merger_ if it does not include all of collection_. `everything`: collection_.Select({}).
   Result<void> Update(Context& context, const MapCollection::Selected& everything);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
@@ -106,8 +105,7 @@ class MergeActor final : public Actor {
 
   const Options options_;
   MapCollection collection_;
-  RecordAuthority authority_;
-  RecordReader reader_;  // Reads records into collection_.
+  DerivedReader reader_;  // Reads records into collection_.
   // Null if GL is forced but unavailable, or if the team's map configuration is invalid.
   std::shared_ptr<GatherBackend> backend_;
   Error start_error_;                   // Reason why backend_ is null.
@@ -115,7 +113,6 @@ class MergeActor final : public Actor {
   std::unique_ptr<Merger> merger_;      // Merged map of all records. Null if backend_ is null.
   AgentId frame_of_ = 0;                // MapCollection::Selected::frame_of of merger_.
   bool is_current_ = false;             // True if merger_ includes all of collection_.
-  bool is_outdated_ = false;            // True if collection_ may contain pruned records and must be read again.
   std::size_t unusable_map_count_ = 0;  // Number of map records whose cells are too fine for the grid.
   std::size_t refused_count_ = 0;       // Number of maps and footprints that merger_ rejected in the last update.
   // Random id of merger_. Clients may compare two version numbers of the merged map only if the ids are equal. A new id

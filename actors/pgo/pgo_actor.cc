@@ -13,9 +13,8 @@ namespace moondb {
 
 namespace {
 
-constexpr std::uint32_t kStorageTimeout = 1;
-constexpr std::uint32_t kQuiet = 2;
-constexpr std::uint32_t kSolved = 3;
+constexpr std::uint32_t kQuiet = 1;
+constexpr std::uint32_t kSolved = 2;
 
 RecordReader::Options ReaderOptions(const PgoActor::Options& options) {
   RecordReader::Options reader;
@@ -38,13 +37,14 @@ PgoActor::PgoActor(Options options)
     : options_(std::move(options)),
       agents_(FactsOf(options_.team)),
       known_(LimitsOf(options_.team)),
-      authority_(RoleChainOptions(options_.team)),
-      reader_(ReaderOptions(options_),
-              [this](Context&, const proto::StoredRecord& stored) { return TakeRecord(stored); }) {}
+      reader_(
+          RoleChainOptions(options_.team), ReaderOptions(options_),
+          [this] { known_ = KnownGraph(LimitsOf(options_.team)); },
+          [this](const RecordKey& key, const proto::Record& record) { (void)known_.Add(key, record); }),
+      writer_({options_.insert_records_max, options_.storage_timeout}),
+      quiet_({kQuiet, options_.solve_when_quiet, options_.solve_apart, options_.solve_apart}) {}
 
 void PgoActor::OnStart(Context& context) {
-  // Start at a random id. Otherwise storage's reply to a request from before a restart could match a new request.
-  request_id_ = context.rng()() >> 1;
   context.Watch(Topic::kRoles);
   context.Watch(Topic::kStored);
 }
@@ -53,6 +53,7 @@ void PgoActor::OnStart(Context& context) {
 void PgoActor::OnMessage(Context& context, const proto::Message& message) {
   if (context.sender().agent != options_.self) return;
   if (reader_.OnMessage(context, message)) return OnRead(context);
+  if (writer_.OnMessage(context, message)) return OnWritten(context);
   switch (message.body_case()) {
     case proto::Message::kRolesChanged:
       return OnRoles(context, message.roles_changed().roles());
@@ -60,9 +61,6 @@ void PgoActor::OnMessage(Context& context, const proto::Message& message) {
       return OnOptimizeRequest(context, message);
     case proto::Message::kGraphStatsRequest:
       return OnGraphStatsRequest(context);
-    case proto::Message::kInsertReply:
-      if (IsFromStorage(context, message) && phase_ == Phase::kWriting) OnInsertReply(context, message.insert_reply());
-      return;
     case proto::Message::kTimer:
       return OnTimer(context, message.timer());
     case proto::Message::kRecordsStored:
@@ -75,18 +73,12 @@ void PgoActor::OnMessage(Context& context, const proto::Message& message) {
 
 void PgoActor::OnTimer(Context& context, const proto::Timer& timer) {
   switch (timer.kind()) {
-    case kStorageTimeout:
-      return OnTimeout(context, timer.value());
     case kQuiet:
       return OnQuiet(context);
     case kSolved:
-      if (phase_ == Phase::kWriting && timer.value() == request_id_) WriteNextChunk(context);
+      if (phase_ == Phase::kWriting && timer.value() == solve_id_) WritePublication(context);
       return;
   }
-}
-
-bool PgoActor::IsFromStorage(const Context& context, const proto::Message& message) const {
-  return context.sender() == Address{options_.self, actor_name::kStorage} && message.request_id() == request_id_;
 }
 
 void PgoActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
@@ -131,18 +123,12 @@ void PgoActor::Begin(Context& context, proto::OptimizeRequest request) {
 }
 
 void PgoActor::StartReading(Context& context) {
-  if (std::exchange(is_outdated_, false)) {
-    known_ = KnownGraph(LimitsOf(options_.team));
-    authority_.Restart();
-    reader_.ReadAgain(context);
-  } else {
-    reader_.Read(context);
-  }
+  reader_.Read(context);
   OnRead(context);
 }
 
 void PgoActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
-  is_outdated_ = is_outdated_ || stored.is_pruned();
+  reader_.OnRecordsStored(stored);
   const auto is_news = [](auto type) {
     return type == proto::POSE_GRAPH_NODE || type == proto::POSE_GRAPH_EDGE || type == proto::POSE_PRIOR ||
            type == proto::MAP_MATCH || type == proto::MAP_QUARANTINE;
@@ -151,26 +137,12 @@ void PgoActor::OnRecordsStored(Context& context, const proto::RecordsStored& sto
 }
 
 void PgoActor::AwaitQuiet(Context& context) {
-  if (options_.solve_when_quiet <= Duration::zero() || !Leads()) return;
-  quiet_.newest_news = context.now();
-  if (std::exchange(quiet_.is_awaited, true)) return;
-  quiet_.oldest_news = quiet_.newest_news;
-  (void)context.AfterTimer(options_.solve_when_quiet, kQuiet);
+  if (options_.solve_when_quiet > Duration::zero() && Leads()) quiet_.OnNews(context);
 }
 
 void PgoActor::OnQuiet(Context& context) {
-  quiet_.is_awaited = false;
-  if (!Leads()) return;
-  MonotonicTime due =
-      std::min(quiet_.newest_news + options_.solve_when_quiet, quiet_.oldest_news + options_.solve_apart);
-  if (quiet_.last_periodic) due = std::max(due, *quiet_.last_periodic + options_.solve_apart);
-  if (phase_ != Phase::kIdle) due = std::max(due, context.now() + options_.solve_when_quiet);
-  if (context.now() >= due) {
-    quiet_.last_periodic = context.now();
-    return Begin(context, {});
-  }
-  quiet_.is_awaited = true;
-  (void)context.AfterTimer(due - context.now(), kQuiet);
+  if (!Leads()) return quiet_.Stop();
+  if (quiet_.OnTimer(context, /*is_busy=*/phase_ != Phase::kIdle)) Begin(context, {});
 }
 
 void PgoActor::OnGraphStatsRequest(Context& context) {
@@ -181,36 +153,15 @@ void PgoActor::OnGraphStatsRequest(Context& context) {
   (void)context.Reply(std::move(message));  // Ignore a failed send: the client may have disconnected.
 }
 
-void PgoActor::OnTimeout(Context& context, std::uint64_t request_id) {
-  if (phase_ != Phase::kWriting || request_id != request_id_) return;
-  FinishWith(context, Error{ErrorCode::kTimedOut, "storage did not answer", {}});
-}
-
-Result<void> PgoActor::TakeRecord(const proto::StoredRecord& stored) {
-  proto::Record record;
-  // The record validator has checked every stored record. A record of a later version that this version cannot parse is
-  // skipped.
-  const RecordKey key = FromProto(stored.key());
-  if (record.ParseFromString(stored.content()) && authority_.Counts(key, record)) (void)known_.Add(key, record);
-  return {};
-}
-
 void PgoActor::OnRead(Context& context) {
   if (phase_ != Phase::kReading || reader_.is_reading()) return;
   if (!reader_.result()) return FinishWith(context, reader_.result().error());
-  if (authority_.TakeOutdated()) {
-    is_outdated_ = true;
-    return StartReading(context);
-  }
   SolveNow(context);
 }
 
 void PgoActor::ReportLeftOut(Context& context, std::map<AgentId, std::uint64_t> left_out) {
   for (const auto& [origin, count] : known_.CountLeftOut()) left_out[origin] += count;
-  if (std::optional<proto::Message> report = authority_.TakeReport(std::move(left_out))) {
-    // The report is only informative. Ignore a failed send.
-    (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));
-  }
+  reader_.Report(context, std::move(left_out));
 }
 
 SolverOptions PgoActor::OptionsOf(const proto::OptimizeRequest& request) const {
@@ -261,37 +212,19 @@ void PgoActor::SolveNow(Context& context) {
   if (!publication_.records.empty()) last_run_ = run;
   reply_.set_updated_pose_count(static_cast<double>(publication_.pose_count));
   phase_ = Phase::kWriting;
-  written_count_ = 0;
   // Return to the mailbox before the first insert, to handle a role change that arrived during the solve.
-  (void)context.AfterTimer(Duration::zero(), kSolved, ++request_id_);
+  (void)context.AfterTimer(Duration::zero(), kSolved, ++solve_id_);
 }
 
-void PgoActor::WriteNextChunk(Context& context) {
-  const std::size_t left = publication_.records.size() - written_count_;
-  if (left == 0) return Finish(context);
-  const std::size_t count = std::min(left, options_.insert_records_max);
-  proto::Message message;
-  proto::InsertRequest& request = *message.mutable_insert_request();
-  for (std::size_t i = 0; i < count; ++i) *request.add_records() = publication_.records[written_count_ + i];
-  written_count_ += count;
-  AskToInsert(context, std::move(message));
+void PgoActor::WritePublication(Context& context) {
+  writer_.Write(context, std::move(publication_.records));
+  OnWritten(context);
 }
 
-void PgoActor::AskToInsert(Context& context, proto::Message message) {
-  message.set_ms_type(proto::CONTROL);
-  message.set_request_id(++request_id_);
-  const SendResult result = context.Send({options_.self, actor_name::kStorage}, std::move(message));
-  if (result != SendResult::kAccepted) {
-    const std::string text = std::string("storage cannot be asked: ") + ToString(result);
-    return FinishWith(context, Error{ErrorCode::kUnavailable, text, {}});
-  }
-  timeout_ = context.AfterTimer(options_.storage_timeout, kStorageTimeout, request_id_);
-}
-
-void PgoActor::OnInsertReply(Context& context, const proto::InsertReply& reply) {
-  context.Cancel(timeout_);
-  if (IsError(reply.error())) return FinishWith(context, FromProto(reply.error()));
-  WriteNextChunk(context);
+void PgoActor::OnWritten(Context& context) {
+  if (phase_ != Phase::kWriting || writer_.is_writing()) return;
+  if (!writer_.result()) return FinishWith(context, writer_.result().error());
+  Finish(context);
 }
 
 void PgoActor::FinishWith(Context& context, const Error& error) {
@@ -300,8 +233,8 @@ void PgoActor::FinishWith(Context& context, const Error& error) {
 }
 
 void PgoActor::Finish(Context& context) {
-  context.Cancel(timeout_);
   reader_.Stop(context);
+  writer_.Stop(context);
   phase_ = Phase::kIdle;
   publication_ = {};
   *stats_.mutable_last_solve() = reply_;

@@ -22,10 +22,11 @@
 #include "actors/pgo/known_graph.h"
 #include "actors/pgo/pose_graph_solver.h"
 #include "actors/pgo/publication.h"
-#include "model/record_authority.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
-#include "runtime/record_reader.h"
+#include "runtime/derived_reader.h"
+#include "runtime/quiet_timer.h"
+#include "runtime/record_writer.h"
 
 namespace moondb {
 
@@ -65,14 +66,12 @@ class PgoActor final : public Actor {
     bool is_late = false;
   };
 
-  bool IsFromStorage(const Context& context, const proto::Message& message) const;
   void OnRoles(Context& context, const proto::RoleAssignment& roles);
   void OnOptimizeRequest(Context& context, const proto::Message& message);
   void OnGraphStatsRequest(Context& context);
   void OnRead(Context& context);
-  void OnInsertReply(Context& context, const proto::InsertReply& reply);
+  void OnWritten(Context& context);
   void OnTimer(Context& context, const proto::Timer& timer);
-  void OnTimeout(Context& context, std::uint64_t request_id);
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnQuiet(Context& context);
 
@@ -82,14 +81,12 @@ class PgoActor final : public Actor {
   void StartReading(Context& context);
 
   std::optional<Error> WhyNotLeader() const;
-  Result<void> TakeRecord(const proto::StoredRecord& stored);
   void SolveNow(Context& context);
   // Reports to storage the records that the solve does not use, because of a limit or of the origin's role. `left_out`:
   // number of edges that this solve leaves out, by origin.
   void ReportLeftOut(Context& context, std::map<AgentId, std::uint64_t> left_out);
   SolverOptions OptionsOf(const proto::OptimizeRequest& request) const;
-  void WriteNextChunk(Context& context);
-  void AskToInsert(Context& context, proto::Message message);
+  void WritePublication(Context& context);
   void FinishWith(Context& context, const Error& error);
   void Finish(Context& context);
   void Answer(Context& context, const Requester& requester, const proto::OptimizeReply& reply);
@@ -98,27 +95,17 @@ class PgoActor final : public Actor {
   const AgentFactsMap agents_;
   std::optional<proto::RoleAssignment> roles_;
   KnownGraph known_;
-  RecordAuthority authority_;
-  bool is_outdated_ = false;  // True if known_ may contain pruned records, or lack records that have become valid.
-  RecordReader reader_;       // Reads records into known_.
+  DerivedReader reader_;  // Reads records into known_.
+  RecordWriter writer_;   // Stores the records of publication_.
 
   Phase phase_ = Phase::kIdle;
-  std::uint64_t request_id_ = 0;       // Request id of the insert that storage has not answered yet.
-  TimerId timeout_ = 0;                // Timeout timer of the insert with request_id_.
+  std::uint64_t solve_id_ = 0;         // Number of the solve whose publication is written.
   std::vector<Requester> requesters_;  // Waiting requests in order of arrival.
   proto::OptimizeRequest request_;     // The request being processed.
   Publication publication_;
-  std::size_t written_count_ = 0;
   proto::OptimizeReply reply_;  // Reply to the request being processed.
 
-  // A periodic solve starts after a pause in arriving records. Quiet is the state of the wait for this pause.
-  struct Quiet {
-    bool is_awaited = false;      // True if the timer for the next periodic solve is running.
-    MonotonicTime oldest_news{};  // Arrival time of the oldest record that no solve has read.
-    MonotonicTime newest_news{};
-    std::optional<MonotonicTime> last_periodic;
-  };
-  Quiet quiet_;
+  QuietTimer quiet_;  // A periodic solve starts after a pause in arriving records.
 
   // Number of the last solve (run) that this actor has published in the current term.
   std::uint64_t last_run_ = 0;

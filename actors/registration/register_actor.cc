@@ -14,7 +14,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kQuiet = 1, kTimeout = 2, kAskPgo = 3, kWaitEnd = 4 };
+enum TimerKind : std::uint32_t { kQuiet = 1, kAskPgo = 2, kWaitEnd = 3 };
 
 constexpr double kMaskMargin_m = 0.3;  // Added to a rover's body, because its pose is uncertain.
 constexpr int kPassesMax = 2;
@@ -55,11 +55,15 @@ bool IsPlaced(const proto::RoverSolution& rover) {
 
 RegisterActor::RegisterActor(Options options)
     : options_(std::move(options)),
-      authority_(RoleChainOptions(options_.team)),
       known_(KnownOptions(options_.team)),
       plan_(PlanOptions(options_.team)),
-      reader_(ReaderOptions(options_),
-              [this](Context&, const proto::StoredRecord& stored) { return TakeRecord(stored); }) {}
+      fields_(options_.fields_max),
+      reader_(
+          RoleChainOptions(options_.team), ReaderOptions(options_),
+          [this] { known_ = KnownMaps(KnownOptions(options_.team)); },
+          [this](const RecordKey& key, const proto::Record& record) { (void)known_.Add(key, record); }),
+      writer_({options_.insert_records_max, options_.storage_timeout}),
+      quiet_({.kind = kQuiet, .quiet = options_.quiet}) {}
 
 void RegisterActor::OnStart(Context& context) {
   request_id_ = context.rng()() >> 1;
@@ -72,6 +76,7 @@ void RegisterActor::OnStart(Context& context) {
 void RegisterActor::OnMessage(Context& context, const proto::Message& message) {
   if (context.sender().agent != options_.self) return;
   if (reader_.OnMessage(context, message)) return OnRead(context);
+  if (writer_.OnMessage(context, message)) return OnWritten(context);
   const bool is_answer = message.request_id() == request_id_;
   switch (message.body_case()) {
     case proto::Message::kRolesChanged:
@@ -88,9 +93,6 @@ void RegisterActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kGraphStatsReply:
       if (phase_ == Phase::kAsking && is_answer) OnGraphStats(context, message.graph_stats_reply());
       return;
-    case proto::Message::kInsertReply:
-      if (phase_ == Phase::kWriting && is_answer) OnInsertReply(context, message.insert_reply());
-      return;
     case proto::Message::kTimer:
       return OnTimer(context, message.timer());
     default:
@@ -100,15 +102,8 @@ void RegisterActor::OnMessage(Context& context, const proto::Message& message) {
 
 void RegisterActor::OnTimer(Context& context, const proto::Timer& timer) {
   switch (timer.kind()) {
-    case kQuiet: {
-      const Duration left = newest_stored_ + options_.quiet - context.now();
-      if (left > Duration::zero()) return (void)context.AfterTimer(left, kQuiet);
-      is_quiet_awaited_ = false;
-      if (phase_ == Phase::kIdle) StartPass(context);
-      return;
-    }
-    case kTimeout:
-      if (timer.value() == request_id_ && phase_ == Phase::kWriting) Abandon(context, "storage does not answer");
+    case kQuiet:
+      if (quiet_.OnTimer(context, /*is_busy=*/false) && phase_ == Phase::kIdle) StartPass(context);
       return;
     case kAskPgo:
       if (timer.value() == request_id_ && phase_ == Phase::kAsking) AskPgo(context);
@@ -128,6 +123,7 @@ void RegisterActor::OnRoles(Context& context, const proto::RoleAssignment& roles
   roles_ = roles;
   if (!is_new_term) return;
   reader_.Stop(context);
+  writer_.Stop(context);
   Reset();
   if (const std::optional<Error> error = WhyNot()) return AnswerAll(context, error);
   AwaitQuiet(context);
@@ -139,17 +135,13 @@ void RegisterActor::Reset() {
   known_ = KnownMaps(KnownOptions(options_.team));
   plan_.Clear();
   starts_.Clear();
-  is_outdated_ = true;
+  reader_.ForgetAll();
   has_news_ = true;
   passes_since_news_ = 0;
-  is_planned_ = false;
-  pairs_.clear();
+  pass_.Clear();
   records_.clear();
-  fields_.clear();
-  registered_count_ = pass_count_ = stored_count_ = 0;
-  counts_.clear();
-  spent_ = {};
-  text_.clear();
+  fields_.Clear();
+  report_.Clear();
 }
 
 std::optional<Error> RegisterActor::WhyNot() const {
@@ -165,7 +157,7 @@ std::optional<Error> RegisterActor::WhyNot() const {
 }
 
 void RegisterActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
-  is_outdated_ = is_outdated_ || stored.is_pruned();
+  reader_.OnRecordsStored(stored);
   bool matters = stored.is_pruned();
   for (const std::uint32_t type : stored.data_types()) {
     const bool is_news = type == proto::POSE_GRAPH_NODE || type == proto::POSE_GRAPH_EDGE ||
@@ -178,55 +170,24 @@ void RegisterActor::OnRecordsStored(Context& context, const proto::RecordsStored
 }
 
 void RegisterActor::AwaitQuiet(Context& context) {
-  if (WhyNot()) return;
-  newest_stored_ = context.now();
-  if (std::exchange(is_quiet_awaited_, true)) return;
-  (void)context.AfterTimer(options_.quiet, kQuiet);
+  if (!WhyNot()) quiet_.OnNews(context);
 }
 
 void RegisterActor::StartPass(Context& context) {
   if (WhyNot()) return;
   if (std::exchange(has_news_, false)) passes_since_news_ = 0;
   for (Waiting& waiting : waiting_) waiting.is_covered = true;
-  is_planned_ = false;
-  pairs_.clear();
+  pass_.Clear();
   records_.clear();
-  matched_count_ = written_count_ = 0;
   phase_ = Phase::kReading;
-  StartReading(context);
-}
-
-void RegisterActor::StartReading(Context& context) {
-  if (std::exchange(is_outdated_, false)) {
-    known_ = KnownMaps(KnownOptions(options_.team));
-    authority_.Restart();
-    reader_.ReadAgain(context);
-  } else {
-    reader_.Read(context);
-  }
+  reader_.Read(context);
   OnRead(context);
-}
-
-Result<void> RegisterActor::TakeRecord(const proto::StoredRecord& stored) {
-  proto::Record record;
-  const RecordKey key = FromProto(stored.key());
-  // The record validator has checked every stored record. A record of a later version that this version cannot parse is
-  // skipped.
-  if (record.ParseFromString(stored.content()) && authority_.Counts(key, record)) (void)known_.Add(key, record);
-  return {};
 }
 
 void RegisterActor::OnRead(Context& context) {
   if (phase_ != Phase::kReading || reader_.is_reading()) return;
   if (!reader_.result()) return Abandon(context, ToString(reader_.result().error()));
-  if (authority_.TakeOutdated()) {
-    is_outdated_ = true;
-    return StartReading(context);
-  }
-  if (std::optional<proto::Message> report = authority_.TakeReport(known_.CountLeftOut())) {
-    // The report is only informative. Ignore a failed send.
-    (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));
-  }
+  reader_.Report(context, known_.CountLeftOut());
   AskPgo(context);
 }
 
@@ -247,7 +208,7 @@ void RegisterActor::AskAgainLater(Context& context) {
 
 void RegisterActor::OnGraphStats(Context& context, const proto::GraphStatsReply& stats) {
   if (stats.is_solving()) return AskAgainLater(context);
-  if (!is_planned_) {
+  if (!pass_.is_begun()) {
     PlanPass(stats);
     run_ = 1 + known_.LastRun(roles_->term());
   }
@@ -255,65 +216,48 @@ void RegisterActor::OnGraphStats(Context& context, const proto::GraphStatsReply&
 }
 
 void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
-  is_planned_ = true;
+  pass_.Begin({}, {});
   const std::vector<RegisteredMap> maps = known_.FindRegistered();
-  registered_count_ = maps.size();
-  if (stats.solve_count() == 0) {
-    text_ = "the leader has not solved the pose graph yet";
-    return;
+  report_.SetTrouble(stats.solve_count() == 0 ? "the leader has not solved the pose graph yet" : "");
+  if (stats.solve_count() > 0 && passes_since_news_++ < kPassesMax) {
+    std::set<AgentId> placed;
+    for (const proto::RoverSolution& rover : stats.last_solve().rovers()) {
+      if (IsPlaced(rover)) placed.insert(rover.agent_id());
+    }
+    pass_.Begin(
+        plan_.StartPass(
+            maps, [&placed](AgentId a, AgentId b) { return a == b || (placed.contains(a) && placed.contains(b)); }),
+        starts_.Plan(maps, placed));
   }
-  text_.clear();
-  if (passes_since_news_++ >= kPassesMax) return;
-  std::set<AgentId> placed;
-  for (const proto::RoverSolution& rover : stats.last_solve().rovers()) {
-    if (IsPlaced(rover)) placed.insert(rover.agent_id());
-  }
-  pairs_ = plan_.StartPass(
-      maps, [&placed](AgentId a, AgentId b) { return a == b || (placed.contains(a) && placed.contains(b)); });
-  start_begin_ = pairs_.size();
-  for (PlannedMatch& planned : starts_.Plan(maps, placed)) pairs_.push_back(std::move(planned));
-  pass_count_ += pairs_.empty() ? 0 : 1;
+  report_.OnPlanned(maps.size(), !pass_.is_empty());
 }
 
 void RegisterActor::MatchSome(Context& context) {
   const MonotonicTime begin = context.now();
   const auto budget = std::chrono::milliseconds(options_.team.registration().budget_ms());
-  for (std::size_t i = 0; i < options_.turn_pairs_max && matched_count_ < pairs_.size(); ++i) {
+  for (std::size_t i = 0; i < options_.turn_pairs_max && pass_.left_count() > 0; ++i) {
     if (i > 0 && context.now() - begin >= budget) break;
     if (context.stop_requested()) return;
-    const std::size_t index = matched_count_++;
-    Match(context, pairs_[index], index >= start_begin_);
+    Match(context, pass_.Next());
   }
-  spent_ += context.now() - begin;
-  if (matched_count_ < pairs_.size()) return AskPgo(context);
+  report_.OnTime(context.now() - begin);
+  if (pass_.left_count() > 0) return AskPgo(context);
   phase_ = Phase::kWriting;
-  WriteNextChunk(context);
+  writer_.Write(context, std::exchange(records_, {}));
+  OnWritten(context);
 }
 
-std::shared_ptr<const HazardField> RegisterActor::FieldOf(const RegisteredMap& map) {
-  const auto found = std::ranges::find(fields_, map.key, [](const auto& field) { return field.first; });
-  if (found != fields_.end()) {
-    fields_.splice(fields_.begin(), fields_, found);
-    return found->second;
-  }
-  // A registered map is held until the next reading.
-  const std::optional<TraversabilityMap> cells = known_.FindMap(map.key);
-  if (!cells) return nullptr;
-  fields_.emplace_front(map.key, std::make_shared<const HazardField>(*cells, known_.FindRovers(map)));
-  if (fields_.size() > options_.fields_max) fields_.pop_back();
-  return fields_.front().second;
-}
-
-void RegisterActor::Match(Context& context, const PlannedMatch& planned, bool is_start) {
+void RegisterActor::Match(Context& context, const MatchPass::Pair& pair) {
+  const PlannedMatch& planned = pair.planned;
   const AgentId rover = planned.second.node.agent;
-  if (is_start && !starts_.FindAgreeing(rover).empty()) return;  // The start of the rover is known.
-  if (!is_start && !plan_.HasWorkFor(planned)) return;
-  const std::shared_ptr<const HazardField> first = FieldOf(planned.first);
-  const std::shared_ptr<const HazardField> second = FieldOf(planned.second);
+  if (pair.is_start && !starts_.FindAgreeing(rover).empty()) return;  // The start of the rover is known.
+  if (!pair.is_start && !plan_.HasWorkFor(planned)) return;
+  const std::shared_ptr<const HazardField> first = fields_.FieldOf(planned.first, known_);
+  const std::shared_ptr<const HazardField> second = fields_.FieldOf(planned.second, known_);
   if (!first || !second) return;
   const MatchResult result = MatchMaps(*first, *second, planned.expected, planned.window);
-  ++counts_[result.verdict];
-  if (!is_start) {
+  report_.OnMatched(result.verdict);
+  if (!pair.is_start) {
     plan_.Note(planned, result);
     if (result.verdict == MatchVerdict::kAccepted) AddRecord(context, planned, result);
     return;
@@ -353,40 +297,23 @@ bool RegisterActor::IsNews(const LoopClosure& closure) const {
   return moved.position_m.norm() > kSameSigmas * sigma_m || std::abs(moved.Yaw()) > kSameSigmas * sigma_rad;
 }
 
-void RegisterActor::WriteNextChunk(Context& context) {
-  const std::size_t count = std::min(records_.size() - written_count_, options_.insert_records_max);
-  if (count == 0) return Finish(context);
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
-  message.set_request_id(++request_id_);
-  for (std::size_t i = 0; i < count; ++i) {
-    *message.mutable_insert_request()->add_records() = std::move(records_[written_count_ + i]);
-  }
-  written_count_ += count;
-  const SendResult result = context.Send({options_.self, actor_name::kStorage}, std::move(message));
-  if (result != SendResult::kAccepted) {
-    return Abandon(context, std::string("storage cannot be asked: ") + ToString(result));
-  }
-  timeout_ = context.AfterTimer(options_.storage_timeout, kTimeout, request_id_);
-}
-
-void RegisterActor::OnInsertReply(Context& context, const proto::InsertReply& reply) {
-  context.Cancel(timeout_);
-  if (IsError(reply.error())) return Abandon(context, ToString(FromProto(reply.error())));
-  stored_count_ += static_cast<std::size_t>(reply.keys_size());
-  WriteNextChunk(context);
+void RegisterActor::OnWritten(Context& context) {
+  if (phase_ != Phase::kWriting || writer_.is_writing()) return;
+  report_.OnStored(writer_.stored_count());
+  if (!writer_.result()) return Abandon(context, writer_.result().error().text);
+  Finish(context);
 }
 
 void RegisterActor::Finish(Context& context) {
   phase_ = Phase::kIdle;
-  fields_.clear();
+  fields_.Clear();
   AnswerAll(context);
 }
 
 // Ends the pass without storing its remaining matches. The next pass finds them again.
 void RegisterActor::Abandon(Context& context, const std::string& reason) {
   trouble_log_.Warn(ToString(context.self()) + ": the matching of maps was given up: " + reason);
-  text_ = reason;
+  report_.SetTrouble(reason);
   plan_.Clear();
   starts_.Clear();
   has_news_ = true;
@@ -413,20 +340,8 @@ void RegisterActor::OnRequest(Context& context, const proto::Message& message) {
 }
 
 proto::RegistrationReply RegisterActor::State() const {
-  proto::RegistrationReply reply;
-  reply.set_is_done(phase_ == Phase::kIdle && text_.empty());
-  reply.set_map_count(static_cast<double>(registered_count_));
-  reply.set_other_map_count(static_cast<double>(known_.map_count() - registered_count_));
-  reply.set_left_count(static_cast<double>(pairs_.size() - matched_count_));
-  reply.set_pass_count(static_cast<double>(pass_count_));
-  reply.set_stored_count(static_cast<double>(stored_count_));
-  for (const auto& [verdict, count] : counts_) {
-    proto::RegistrationCount& out = *reply.add_counts();
-    out.set_verdict(ToString(verdict));
-    out.set_count(static_cast<double>(count));
-  }
-  reply.set_seconds(std::chrono::duration<double>(spent_).count());
-  reply.set_text(text_);
+  proto::RegistrationReply reply = report_.ToReply(phase_ == Phase::kIdle, known_.map_count());
+  reply.set_left_count(static_cast<double>(pass_.left_count()));
   for (const auto& [agents, count] : plan_.CountLeftOut()) {
     proto::LeftOutPairs& out = *reply.add_left_out();
     out.set_agent_id(agents.first);

@@ -29,14 +29,18 @@
 #include <string>
 #include <vector>
 
+#include "actors/registration/field_cache.h"
 #include "actors/registration/known_maps.h"
+#include "actors/registration/match_pass.h"
 #include "actors/registration/match_plan.h"
+#include "actors/registration/match_report.h"
 #include "actors/registration/start_search.h"
-#include "model/record_authority.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/derived_reader.h"
+#include "runtime/quiet_timer.h"
 #include "runtime/rate_limited_log.h"
-#include "runtime/record_reader.h"
+#include "runtime/record_writer.h"
 
 namespace moondb {
 
@@ -84,7 +88,7 @@ class RegisterActor final : public Actor {
   void OnRequest(Context& context, const proto::Message& message);
   void OnRead(Context& context);
   void OnGraphStats(Context& context, const proto::GraphStatsReply& stats);
-  void OnInsertReply(Context& context, const proto::InsertReply& reply);
+  void OnWritten(Context& context);
 
   void AwaitQuiet(Context& context);
   void StartPass(Context& context);
@@ -93,15 +97,12 @@ class RegisterActor final : public Actor {
   void AskAgainLater(Context& context);
   void PlanPass(const proto::GraphStatsReply& stats);
   void MatchSome(Context& context);
-  void Match(Context& context, const PlannedMatch& planned, bool is_start);
+  void Match(Context& context, const MatchPass::Pair& pair);
   void AddRecord(Context& context, const PlannedMatch& planned, const MatchResult& result);
-  std::shared_ptr<const HazardField> FieldOf(const RegisteredMap& map);
   bool IsNews(const LoopClosure& closure) const;
-  void WriteNextChunk(Context& context);
   void Finish(Context& context);
   void Abandon(Context& context, const std::string& reason);
   void Reset();
-  Result<void> TakeRecord(const proto::StoredRecord& stored);
   std::optional<Error> WhyNot() const;
   proto::RegistrationReply State() const;
   void Answer(Context& context, const Waiting& waiting, proto::RegistrationReply reply);
@@ -109,37 +110,22 @@ class RegisterActor final : public Actor {
 
   const Options options_;
   std::optional<proto::RoleAssignment> roles_;
-  RecordAuthority authority_;
   KnownMaps known_;
   MatchPlan plan_;
   StartSearch starts_;
-  RecordReader reader_;       // Reads records into known_.
-  bool is_outdated_ = false;  // True if known_ may contain pruned records and must be read again.
+  FieldCache fields_;
+  DerivedReader reader_;  // Reads records into known_.
+  RecordWriter writer_;
+  QuietTimer quiet_;  // A pass starts after a pause in arriving records.
 
   Phase phase_ = Phase::kIdle;
-  bool is_quiet_awaited_ = false;
-  MonotonicTime newest_stored_{};
   bool has_news_ = true;  // True if maps, measurements or quarantines were stored since the last pass.
   int passes_since_news_ = 0;
-  std::uint64_t request_id_ = 0;  // Id of the request that PgoActor or storage has not answered yet.
-  TimerId timeout_ = 0;
-
-  bool is_planned_ = false;  // True if pairs_ holds the pairs of this pass.
-  std::vector<PlannedMatch> pairs_;
-  std::size_t matched_count_ = 0;       // Number of pairs_ that were matched.
-  std::size_t start_begin_ = 0;         // Index of the first pair of the search for unknown starts, which come last.
+  std::uint64_t request_id_ = 0;  // Id of the request that PgoActor has not answered yet.
+  MatchPass pass_;
   std::vector<proto::Record> records_;  // Matches to store.
-  std::size_t written_count_ = 0;
   std::uint64_t run_ = 0;
-  // Fields of the maps used last, the newest first.
-  std::list<std::pair<RecordKey, std::shared_ptr<const HazardField>>> fields_;
-
-  std::size_t registered_count_ = 0;
-  std::size_t pass_count_ = 0;
-  std::size_t stored_count_ = 0;
-  std::map<MatchVerdict, std::size_t> counts_;
-  Duration spent_{};
-  std::string text_;
+  MatchReport report_;
   std::uint64_t wait_count_ = 0;
   std::vector<Waiting> waiting_;
   RateLimitedLog trouble_log_;

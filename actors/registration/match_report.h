@@ -1,0 +1,36 @@
+// MatchReport: what the leader has matched in its term, for clients. Not thread-safe.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <map>
+#include <string>
+
+#include "actors/registration/map_matching.h"
+#include "proto/registration.pb.h"
+
+namespace moondb {
+
+class MatchReport {
+ public:
+  void Clear() { *this = MatchReport(); }
+  void OnPlanned(std::size_t registered_count, bool has_pairs);
+  void OnMatched(MatchVerdict verdict) { ++counts_[verdict]; }
+  void OnTime(std::chrono::nanoseconds spent) { spent_ += spent; }
+  void OnStored(std::size_t count) { stored_count_ += count; }
+  // Why there is no result; empty: there is one.
+  void SetTrouble(std::string text) { trouble_ = std::move(text); }
+
+  // Fills in everything but left_count and left_out. `map_count`: number of maps that the leader holds.
+  proto::RegistrationReply ToReply(bool is_idle, std::size_t map_count) const;
+
+ private:
+  std::size_t registered_count_ = 0;  // Maps with a pose.
+  std::size_t pass_count_ = 0;
+  std::size_t stored_count_ = 0;
+  std::map<MatchVerdict, std::size_t> counts_;
+  std::chrono::nanoseconds spent_{};
+  std::string trouble_;
+};
+
+}  // namespace moondb

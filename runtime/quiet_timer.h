@@ -1,0 +1,40 @@
+// QuietTimer: notifies an actor when no news has arrived for a while, so that it does its work once for many records.
+//
+// Call the timer only in the handlers of one actor. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "runtime/actor.h"
+
+namespace moondb {
+
+class QuietTimer {
+ public:
+  struct Options {
+    std::uint32_t kind = 0;               // Kind of the actor's timer.
+    Duration quiet{};                     // Work is due once no news has arrived for this long.
+    Duration wait_max = Duration::max();  // Work is due at the latest this long after the oldest news.
+    Duration apart{};                     // Shortest time from one due work to the next.
+  };
+
+  explicit QuietTimer(const Options& options) : options_(options) {}
+
+  // Call when news has arrived.
+  void OnNews(Context& context);
+  // Call when the actor's timer of this kind fires. Returns true if the work is due. Otherwise the timer runs on, also
+  // if the actor is busy.
+  bool OnTimer(Context& context, bool is_busy);
+  // Call instead of OnTimer if the work has become pointless.
+  void Stop() { is_running_ = false; }
+
+ private:
+  const Options options_;
+  bool is_running_ = false;
+  MonotonicTime oldest_news_{};
+  MonotonicTime newest_news_{};
+  std::optional<MonotonicTime> last_due_;
+};
+
+}  // namespace moondb
