@@ -254,6 +254,8 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .share = proto::POLICY_ALL,
      .ground = proto::POLICY_ALL,
      .is_kept_unless_named = true,
+     .is_news_for_solve = true,
+     .is_news_for_matching = true,
      .check =
          [](const Record& record, FieldChecker& check) {
            check.Node(record.pose_graph_node().node(), "pose_graph_node.node");
@@ -272,6 +274,8 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .share = proto::POLICY_ALL,
      .ground = proto::POLICY_NONE,
      .is_kept_unless_named = true,
+     .is_news_for_solve = true,
+     .is_news_for_matching = true,
      .check = CheckEdge,
      .agents =
          [](const Record& record) {
@@ -287,6 +291,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
     {.type = proto::OPTIMIZED_POSE,
      .rank = ShareRank::kDerived,
      .is_kept_unless_named = true,
+     .leader_sends = LeaderSends::kToAgentNamed,
      .check =
          [](const Record& record, FieldChecker& check) {
            check.Node(record.optimized_pose().node(), "optimized_pose.node");
@@ -298,6 +303,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
            return std::vector<NamedAgent>{{record.optimized_pose().node().agent_id(), "optimized_pose.node.agent_id"}};
          },
      .speaker = Speaker::kLeader,
+     .term = [](const Record& record) -> const proto::Term& { return record.optimized_pose().term(); },
      .latest_key = [](const Record& record) { return NodeText(record.optimized_pose().node()); },
      .version =
          [](const Record& record) {
@@ -308,12 +314,14 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .rank = ShareRank::kDerived,
      .ground = proto::POLICY_NONE,
      .is_kept_unless_named = true,
+     .leader_sends = LeaderSends::kToAgentNamed,
      .check = CheckVerdict,
      .agents =
          [](const Record& record) {
            return EndsOf(record.edge_verdict().from(), record.edge_verdict().to(), "edge_verdict");
          },
      .speaker = Speaker::kLeader,
+     .term = [](const Record& record) -> const proto::Term& { return record.edge_verdict().term(); },
      .latest_key =
          [](const Record& record) {
            const proto::EdgeVerdict& verdict = record.edge_verdict();
@@ -330,6 +338,8 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .share = proto::POLICY_ALL,
      .ground = proto::POLICY_NONE,
      .is_kept_unless_named = true,
+     .is_news_for_solve = true,
+     .is_news_for_matching = true,
      .check = CheckPrior,
      .agents =
          [](const Record& record) {
@@ -343,10 +353,12 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .rank = ShareRank::kDerived,
      .ground = proto::POLICY_NONE,
      .is_kept_unless_named = true,
+     .is_news_for_solve = true,
      .check = CheckMatch,
      .agents =
          [](const Record& record) { return EndsOf(record.map_match().from(), record.map_match().to(), "map_match"); },
      .speaker = Speaker::kLeader,
+     .term = [](const Record& record) -> const proto::Term& { return record.map_match().term(); },
      .latest_key = [](const Record& record) { return EndsText(record.map_match().from(), record.map_match().to()); },
      .version =
          [](const Record& record) {
@@ -357,6 +369,8 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .rank = ShareRank::kMaps,
      .share = proto::POLICY_ALL,
      .ground = proto::POLICY_NONE,
+     .is_bulky = true,
+     .is_news_for_matching = true,
      .check =
          [](const Record& record, FieldChecker& check) {
            const Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
@@ -375,6 +389,9 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .ground = proto::POLICY_ALL,
      .may_be_latest = false,  // A newer quarantine does not supersede an older one.
      .is_kept_unless_named = true,
+     .leader_sends = LeaderSends::kToAllRovers,
+     .is_news_for_solve = true,
+     .is_news_for_matching = true,
      .check = CheckQuarantine,
      .agents =
          [](const Record& record) {
@@ -384,7 +401,8 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
            }
            return std::vector<NamedAgent>{{quarantine.agent_id(), "map_quarantine.agent_id"}};
          },
-     .speaker = Speaker::kNamedAgentOrLeader},
+     .speaker = Speaker::kNamedAgentOrLeader,
+     .term = [](const Record& record) -> const proto::Term& { return record.map_quarantine().term(); }},
 
     {.type = proto::AGENT_EVENT,
      .rank = ShareRank::kOthers,
@@ -404,6 +422,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .ground = proto::POLICY_ALL,
      .may_be_latest = false,
      .is_kept_unless_named = true,
+     .leader_sends = LeaderSends::kToAllRovers,
      .check = CheckAssignment,
      .agents =
          [](const Record& record) {
@@ -432,6 +451,11 @@ int SharingRank(DataType type) {
   if (type == proto::DATA_TYPE_UNSPECIFIED) return static_cast<int>(ShareRank::kStates);
   const DataTypeRow* row = FindDataType(type);
   return static_cast<int>(row == nullptr ? ShareRank::kOthers : row->rank);
+}
+
+bool IsBulky(DataType type) {
+  const DataTypeRow* row = FindDataType(type);
+  return row != nullptr && row->is_bulky;
 }
 
 bool IsState(DataType type) { return SharingRank(type) == static_cast<int>(ShareRank::kStates); }

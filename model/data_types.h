@@ -41,6 +41,14 @@ enum class Speaker {
   kNamedAgentOrLeader,
 };
 
+// Which rovers the leader sends the records of a type to, in addition to their own records. The base station gets
+// records by the policies `ground`.
+enum class LeaderSends {
+  kNothing,
+  kToAgentNamed,  // The leader's own records about nodes of the rover.
+  kToAllRovers,   // The records of all origins: all agents must apply the same ones.
+};
+
 // An agent that a record names. The agent must be a member of the team.
 struct NamedAgent {
   AgentId agent = 0;
@@ -65,11 +73,21 @@ struct DataTypeRow {
   // example, a map is used again if the quarantine of the map is pruned.
   bool is_kept_unless_named = false;
 
+  // True if records are large: they are stored only while the disk has much room, and the store's budget limits their
+  // part (retention.map_part_max).
+  bool is_bulky = false;
+  LeaderSends leader_sends = LeaderSends::kNothing;
+  // True if a record of this type is new input for a solve of the pose graph, or for matching local maps.
+  bool is_news_for_solve = false;
+  bool is_news_for_matching = false;
+
   // Validates the fields of a record.
   void (*check)(const proto::Record& record, FieldChecker& check) = nullptr;
   // Returns the agents that a record names. Null if records of the type name none.
   std::vector<NamedAgent> (*agents)(const proto::Record& record) = nullptr;
   Speaker speaker = Speaker::kAnyAgent;
+  // Returns the term in which the record's origin claims to have led. Required if `speaker` admits leaders.
+  const proto::Term& (*term)(const proto::Record& record) = nullptr;
   // Returns the natural key of a record (NaturalKey in model/record_check.h). Null for a type without natural keys.
   std::string (*natural_key)(const proto::Record& record) = nullptr;
   // Returns the latest key of a record (LatestKey in model/record_check.h). The policy `latest` keeps only the newest
@@ -90,6 +108,7 @@ const DataTypeRow* FindDataType(DataType type);
 // Returns the number of a type's ShareRank; types with lower numbers are shared first. DATA_TYPE_UNSPECIFIED has the
 // rank of robot states; any other type without a row has the rank of custom types.
 int SharingRank(DataType type);
+bool IsBulky(DataType type);  // Returns DataTypeRow::is_bulky; false for a type without a row.
 bool IsState(DataType type);  // Returns whether the type has the rank of robot states.
 
 }  // namespace moondb

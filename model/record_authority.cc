@@ -19,11 +19,7 @@ Speaker SpeakerOf(const proto::Record& record) {
 
 // Returns the term in which the record's origin claims to have led. Requires: the record's speaker is kLeader or
 // kNamedAgentOrLeader.
-const proto::Term& ClaimedTermOf(const proto::Record& record) {
-  if (record.has_optimized_pose()) return record.optimized_pose().term();
-  if (record.has_map_match()) return record.map_match().term();
-  return record.has_edge_verdict() ? record.edge_verdict().term() : record.map_quarantine().term();
-}
+const proto::Term& ClaimedTermOf(const proto::Record& record) { return FindDataType(TypeOf(record))->term(record); }
 
 }  // namespace
 

@@ -5,6 +5,7 @@
 
 #include "actors/pgo/team_facts.h"
 #include "model/agent_name.h"
+#include "model/data_types.h"
 #include "model/duration.h"
 #include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
@@ -130,8 +131,8 @@ void PgoActor::StartReading(Context& context) {
 void PgoActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
   reader_.OnRecordsStored(stored);
   const auto is_news = [](auto type) {
-    return type == proto::POSE_GRAPH_NODE || type == proto::POSE_GRAPH_EDGE || type == proto::POSE_PRIOR ||
-           type == proto::MAP_MATCH || type == proto::MAP_QUARANTINE;
+    const DataTypeRow* row = FindDataType(static_cast<DataType>(type));
+    return row != nullptr && row->is_news_for_solve;
   };
   if (std::any_of(stored.data_types().begin(), stored.data_types().end(), is_news)) AwaitQuiet(context);
 }

@@ -8,6 +8,7 @@
 
 #include "model/agent_name.h"
 #include "model/control_request.h"
+#include "model/data_types.h"
 #include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 
@@ -160,9 +161,8 @@ void RegisterActor::OnRecordsStored(Context& context, const proto::RecordsStored
   reader_.OnRecordsStored(stored);
   bool matters = stored.is_pruned();
   for (const std::uint32_t type : stored.data_types()) {
-    const bool is_news = type == proto::POSE_GRAPH_NODE || type == proto::POSE_GRAPH_EDGE ||
-                         type == proto::POSE_PRIOR || type == proto::LOCAL_TRAVERSABILITY_MAP ||
-                         type == proto::MAP_QUARANTINE;
+    const DataTypeRow* row = FindDataType(static_cast<DataType>(type));
+    const bool is_news = row != nullptr && row->is_news_for_matching;
     has_news_ = has_news_ || is_news;
     matters = matters || is_news || type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT;
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/data_types.h"
 #include "model/prune_rules.h"
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
@@ -46,7 +47,9 @@ void AddSizeSteps(const proto::RetentionConfig& retention, const proto::StorageS
   const double map_excess = status.map_bytes() - retention.map_part_max() * kBudgetLow * budget;
   if (map_excess > 0) {
     PruneStep& maps = plan.emplace_back();
-    maps.request.add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
+    for (const DataTypeRow& row : DataTypeRows()) {
+      if (row.is_bulky) maps.request.add_data_types(row.type);
+    }
     maps.until_bytes = std::min(to_free, map_excess);
   }
   plan.emplace_back().until_bytes = to_free;

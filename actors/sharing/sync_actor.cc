@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/data_types.h"
 #include "model/team_member.h"
 #include "model/term.h"
 #include "proto/types.pb.h"
@@ -152,13 +153,12 @@ proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
   if (!is_base) {
     filter.add_origin_agents(self());
     filter.set_optimized_poses_of_agent(destination);
-    for (const DataType type : {proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
-      if (SharePolicyOf(team(), type) != proto::POLICY_NONE) filter.add_data_types(type);
-    }
-    filter.add_everyones_types(proto::ROLE_ASSIGNMENT);
-    // All agents that merge maps must leave out the same quarantined maps.
-    if (SharePolicyOf(team(), proto::MAP_QUARANTINE) != proto::POLICY_NONE) {
-      filter.add_everyones_types(proto::MAP_QUARANTINE);
+    for (const DataTypeRow& row : DataTypeRows()) {
+      // Role assignments are sent under every policy: they decide which records are accepted.
+      const bool is_shared = row.rank == ShareRank::kRoles || SharePolicyOf(team(), row.type) != proto::POLICY_NONE;
+      if (!is_shared) continue;
+      if (row.leader_sends == LeaderSends::kToAgentNamed) filter.add_data_types(row.type);
+      if (row.leader_sends == LeaderSends::kToAllRovers) filter.add_everyones_types(row.type);
     }
   }
   // An empty list of types means "all types" to storage, so restrict the filter to the destination's own records.

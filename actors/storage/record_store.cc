@@ -21,6 +21,7 @@
 #include "actors/storage/store_owner.h"
 #include "actors/storage/verify.h"
 #include "model/check.h"
+#include "model/data_types.h"
 #include "model/event.h"
 #include "model/have_page.h"
 #include "model/insert_check.h"
@@ -116,7 +117,7 @@ class RecordStore::Writing {
     if (!done) return done;
     ++next_row_id_;
     types_.insert(key.stream.type);
-    if (key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ += content.size();
+    if (IsBulky(key.stream.type)) map_bytes_ += content.size();
     if (used_bytes_) (*used_bytes_)[key.stream.origin] += content.size() + kRowBytes;
     if (IsOwnNode(key.stream)) nodes_.insert(record.pose_graph_node().node().index());
     if (key.seq != 0) store_.ledger_.AddHeld(key.stream, key.seq);
@@ -125,7 +126,7 @@ class RecordStore::Writing {
 
   Result<void> DeleteRow(const RecordTable& table, const RecordTable::Row& row) {
     if (row.key.seq != 0) store_.ledger_.AddDropped(row.key.stream, {row.key.seq, row.key.seq});
-    if (row.key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ -= row.content_bytes;
+    if (IsBulky(row.key.stream.type)) map_bytes_ -= row.content_bytes;
     if (used_bytes_) (*used_bytes_)[row.key.stream.origin] -= row.content_bytes + kRowBytes;
     if (IsOwnNode(row.key.stream)) has_removed_nodes_ = true;
     return table.Delete(*store_.database_, row.row_id);
@@ -304,9 +305,12 @@ Result<void> RecordStore::Load() {
   } else if (!ledger_.is_sound()) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: its have-set");
   }
-  const auto maps = FindRecordTable(proto::LOCAL_TRAVERSABILITY_MAP)->SizesByOrigin(*database_);
-  if (!maps) return tl::unexpected(maps.error());
-  for (const auto& [origin, size] : *maps) map_bytes_ += size.content_bytes;
+  for (const DataTypeRow& row : DataTypeRows()) {
+    if (!row.is_bulky) continue;
+    const auto sizes = FindRecordTable(row.type)->SizesByOrigin(*database_);
+    if (!sizes) return tl::unexpected(sizes.error());
+    for (const auto& [origin, size] : *sizes) map_bytes_ += size.content_bytes;
+  }
   return history_.Load(*database_, ledger_.have());
 }
 

@@ -8,6 +8,7 @@
 
 #include "model/agent_name.h"
 #include "model/control_message.h"
+#include "model/data_types.h"
 #include "model/event.h"
 #include "model/team_member.h"
 #include "model/text.h"
@@ -299,7 +300,7 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
 // room for any record, stores nothing and replies with an error.
 RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& request) {
   const auto is_map = [](const proto::StoredRecord& record) {
-    return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
+    return IsBulky(static_cast<DataType>(record.key().data_type()));
   };
   const bool has_map = std::any_of(request.records().begin(), request.records().end(), is_map);
   Result<void> room = CheckRoom(DiskGuard::Kind::kRecord);

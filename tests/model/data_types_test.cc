@@ -56,6 +56,24 @@ TEST(DataTypesTest, HaveARowForEachEnumerator) {
       << "model/data_types.cc and the enumeration DataType in proto/types.proto differ";
 }
 
+// Without its term, a record of a leader would never count in a team with keys.
+TEST(DataTypesTest, StateTheirTermIfALeaderWritesThem) {
+  for (const DataTypeRow& row : DataTypeRows()) {
+    const proto::Record record = SampleRecord(row.type, 1);
+    const FieldDescriptor* body =
+        record.GetReflection()->GetOneofFieldDescriptor(record, record.GetDescriptor()->FindOneofByName("body"));
+    const Message& content = record.GetReflection()->GetMessage(record, body);
+    const FieldDescriptor* term = content.GetDescriptor()->FindFieldByName("term");
+    const bool is_of_leader = row.speaker == Speaker::kLeader || row.speaker == Speaker::kNamedAgentOrLeader;
+    EXPECT_EQ(row.term != nullptr, is_of_leader) << DataTypeName(row.type) << ": DataTypeRow::term and speaker";
+    // The term of a role assignment is its own.
+    if (row.type == proto::ROLE_ASSIGNMENT) continue;
+    EXPECT_EQ(term != nullptr, is_of_leader) << DataTypeName(row.type) << ": a field `term` and speaker";
+    if (term == nullptr || row.term == nullptr) continue;
+    EXPECT_EQ(&row.term(record), &content.GetReflection()->GetMessage(content, term)) << DataTypeName(row.type);
+  }
+}
+
 TEST(DataTypesTest, HaveABodyOfTheirNameInARecord) {
   std::vector<std::string> bodies;
   const auto& oneof = *proto::Record::descriptor()->FindOneofByName("body");
