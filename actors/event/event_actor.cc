@@ -9,6 +9,7 @@
 #include "model/event.h"
 #include "model/term.h"
 #include "proto/control.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/system_status.h"
 
 namespace moondb {
@@ -42,6 +43,7 @@ void EventActor::OnStart(Context& context) {
   context.WatchPeers();
   context.Watch(Topic::kRoles);
   context.Watch(Topic::kLeases);
+  context.Watch(Topic::kStored);
   OnPeriod(context);
 }
 
@@ -56,6 +58,9 @@ void EventActor::OnMessage(Context& context, const proto::Message& message) {
       return OnPeerEvent(context, message.peer_event());
     case proto::Message::kLeasesChanged:
       return leases_.SetAll(message.leases_changed());
+    case proto::Message::kRecordsStored:
+      if (context.sender().actor == actor_name::kStorage) OnRecordsStored(message.records_stored());
+      return;
     case proto::Message::kControlRequest:
       return OnControlRequest(context, message);
     case proto::Message::kControlReply:
@@ -170,8 +175,15 @@ void EventActor::LogLostPeers(Context& context) {
   }
 }
 
+void EventActor::OnRecordsStored(const proto::RecordsStored& stored) {
+  const auto& types = stored.data_types();
+  is_event_stored_ = is_event_stored_ || stored.is_pruned() ||
+                     std::find(types.begin(), types.end(), proto::AGENT_EVENT) != types.end();
+}
+
 void EventActor::OnRequester(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns) {
   const Requester requester{context.sender(), request_id, until_ns};
+  if (std::exchange(is_event_stored_, false)) ++findings_version_;
   if (known_version_ == findings_version_ || requesters_.size() >= kRequestersMax)
     return AnswerRequester(context, requester);
   requesters_.push_back(requester);

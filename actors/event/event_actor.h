@@ -94,6 +94,8 @@ class EventActor final : public Actor {
   void OnControlReply(Context& context, const proto::Message& message);
   // Handles a request of the message's sender. `until_ns`: null to report the findings; otherwise all findings with
   // timestamps up to this time are acknowledged.
+  // Other actors log events too, and StorageActor logs findings. The next requester gets them.
+  void OnRecordsStored(const proto::RecordsStored& stored);
   void OnRequester(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
   void AskFindings(Context& context);
   void AnswerRequester(Context& context, const Requester& requester);
@@ -120,6 +122,7 @@ class EventActor final : public Actor {
   std::vector<proto::HealthFinding> findings_;  // The last findings from StorageActor.
   std::uint64_t findings_version_ = 1;          // Rises with each event that changes the findings.
   std::uint64_t known_version_ = 0;             // The version that `findings_` reflects.
+  bool is_event_stored_ = false;                // True if any actor's event was stored after the last request.
   std::uint64_t asked_version_ = 0;
   std::uint64_t findings_request_id_ = 0;  // Id of the last FindingsRequest.
   std::vector<Requester> requesters_;

@@ -8,7 +8,7 @@ import unittest
 
 ROOT = pathlib.Path(__file__).parent.parent.parent
 FILES = ["runtime/address.h", "apps/moondb_agent/standard_actors.cc", "ARCHITECTURE.md", "proto/message.proto",
-         "runtime/record_reader.h", "runtime/record_reader.cc"]
+         *(f"runtime/{name}.{suffix}" for name in ("record_reader", "derived_reader", "record_writer") for suffix in ("h", "cc"))]
 
 
 class CheckActorsTest(unittest.TestCase):

@@ -175,6 +175,19 @@ TEST_F(FindingsTest, ReportALinkThatFlapsAllDayInAFewEvents) {
   EXPECT_THAT(Texts(), ElementsAre(HasSubstr(" times)")));
 }
 
+// StorageActor logs damage itself, for example that its disk was replaced.
+TEST_F(FindingsTest, ShowAnEventThatAnotherActorLogged) {
+  EXPECT_THAT(Texts(), IsEmpty());
+  proto::Message insert;
+  *insert.mutable_insert_request()->add_records() =
+      MakeEvent(proto::EVENT_KIND_DAMAGE, kDiskReplaced, "", team_.utc_now_ns());
+  (void)team_.Post({1, "other"}, {1, actor_name::kStorage}, insert);
+  team_.RunUntilIdle();
+  EXPECT_THAT(Texts(), ElementsAre(kDiskReplaced));
+  EXPECT_EQ(Acknowledge(team_.utc_now_ns()).count(), 1u);
+  EXPECT_THAT(Texts(), IsEmpty());
+}
+
 TEST_F(FindingsTest, StayAcknowledged) {
   team_.SetLink(1, 2, false);
   Minutes(3);
