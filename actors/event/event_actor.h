@@ -92,10 +92,10 @@ class EventActor final : public Actor {
 
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnControlReply(Context& context, const proto::Message& message);
-  // Handles a request of the message's sender. `until_ns`: null to report the findings; otherwise all findings with
-  // timestamps up to this time are acknowledged.
   // Other actors log events too, and StorageActor logs findings. The next requester gets them.
   void OnRecordsStored(const proto::RecordsStored& stored);
+  // Handles a request of the message's sender. `until_ns`: null to report the findings; otherwise all findings with
+  // timestamps up to this time are acknowledged.
   void OnRequester(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
   void AskFindings(Context& context);
   void AnswerRequester(Context& context, const Requester& requester);

@@ -120,10 +120,6 @@ void PgoActor::Begin(Context& context, proto::OptimizeRequest request) {
   request_ = std::move(request);
   phase_ = Phase::kReading;
   reply_.Clear();
-  StartReading(context);
-}
-
-void PgoActor::StartReading(Context& context) {
   reader_.Read(context);
   OnRead(context);
 }

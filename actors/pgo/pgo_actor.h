@@ -78,7 +78,6 @@ class PgoActor final : public Actor {
   bool Leads() const { return roles_ && roles_->leader() == options_.self; }
   void AwaitQuiet(Context& context);
   void Begin(Context& context, proto::OptimizeRequest request);
-  void StartReading(Context& context);
 
   std::optional<Error> WhyNotLeader() const;
   void SolveNow(Context& context);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "model/agent_name.h"
@@ -216,19 +217,19 @@ void RegisterActor::OnGraphStats(Context& context, const proto::GraphStatsReply&
 }
 
 void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
-  pass_.Begin({}, {});
   const std::vector<RegisteredMap> maps = known_.FindRegistered();
   report_.SetTrouble(stats.solve_count() == 0 ? "the leader has not solved the pose graph yet" : "");
+  std::vector<PlannedMatch> pairs, starts;
   if (stats.solve_count() > 0 && passes_since_news_++ < kPassesMax) {
     std::set<AgentId> placed;
     for (const proto::RoverSolution& rover : stats.last_solve().rovers()) {
       if (IsPlaced(rover)) placed.insert(rover.agent_id());
     }
-    pass_.Begin(
-        plan_.StartPass(
-            maps, [&placed](AgentId a, AgentId b) { return a == b || (placed.contains(a) && placed.contains(b)); }),
-        starts_.Plan(maps, placed));
+    pairs = plan_.StartPass(
+        maps, [&placed](AgentId a, AgentId b) { return a == b || (placed.contains(a) && placed.contains(b)); });
+    starts = starts_.Plan(maps, placed);
   }
+  pass_.Begin(std::move(pairs), std::move(starts));
   report_.OnPlanned(maps.size(), !pass_.is_empty());
 }
 

@@ -21,11 +21,7 @@
 #pragma once
 
 #include <cstdint>
-#include <list>
-#include <map>
-#include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -92,7 +88,6 @@ class RegisterActor final : public Actor {
 
   void AwaitQuiet(Context& context);
   void StartPass(Context& context);
-  void StartReading(Context& context);
   void AskPgo(Context& context);
   void AskAgainLater(Context& context);
   void PlanPass(const proto::GraphStatsReply& stats);

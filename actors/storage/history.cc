@@ -314,7 +314,7 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
 }
 
 Result<proto::ReadReply> History::Read(Database& database, const proto::ReadRequest& request) const {
-  const TimeSpan times = TimesOf(request);
+  const TimestampRange times = TimesOf(request);
   std::vector<Query> queries;
   for (const auto& [type, of_type] : types_) {
     const auto& types = request.data_types();

@@ -48,11 +48,6 @@ Cursor* Next(std::vector<Cursor>& cursors, bool is_newest_first) {
   return next;
 }
 
-bool IsLimitedInTime(const proto::ReadRequest& request) {
-  return request.from_presence_case() != proto::ReadRequest::FROM_PRESENCE_NOT_SET ||
-         request.to_presence_case() != proto::ReadRequest::TO_PRESENCE_NOT_SET;
-}
-
 // Fills one page while records are added in the order of the page.
 class Page {
  public:
@@ -107,8 +102,8 @@ Result<proto::ReadReply> ReadKeys(Database& database, const proto::ReadRequest& 
 
 }  // namespace
 
-TimeSpan TimesOf(const proto::ReadRequest& request) {
-  TimeSpan times;
+TimestampRange TimesOf(const proto::ReadRequest& request) {
+  TimestampRange times;
   if (request.from_presence_case() == proto::ReadRequest::kFromNs) times.from_ns = request.from_ns();
   if (request.to_presence_case() == proto::ReadRequest::kToNs) times.to_ns = request.to_ns();
   return times;
@@ -116,14 +111,14 @@ TimeSpan TimesOf(const proto::ReadRequest& request) {
 
 Result<proto::ReadReply> ReadPage(Database& database, const proto::ReadRequest& request) {
   if (!request.keys().empty()) return ReadKeys(database, request);
+  const TimestampRange times = TimesOf(request);
   std::vector<Query> queries;
   for (const RecordTable& table : RecordTables()) {
     const auto is_held = [&table](DataType type) { return table.Holds(type); };
     const auto& types = request.data_types();
     if (!types.empty() && std::none_of(types.begin(), types.end(), is_held)) continue;
-    if (IsLimitedInTime(request)) {
-      Result<Query> query =
-          table.ReadInTimes(database, TimesOf(request), request.after_row_id(), request.is_newest_first());
+    if (!times.is_everything()) {
+      Result<Query> query = table.ReadInTimes(database, times, request.after_row_id(), request.is_newest_first());
       if (!query) return tl::unexpected(query.error());
       queries.push_back(std::move(*query));
       continue;

@@ -17,7 +17,7 @@ inline constexpr std::uint32_t kPageRecordsDefault = 1000;
 inline constexpr std::uint32_t kPageRecordsMax = 10'000;
 
 // Returns the timestamps that the request selects.
-TimeSpan TimesOf(const proto::ReadRequest& request);
+TimestampRange TimesOf(const proto::ReadRequest& request);
 
 // Returns a page with at least one record, even if that record exceeds the byte limit. The page is empty if there are
 // no further records. Fails as Database does.

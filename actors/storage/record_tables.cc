@@ -279,7 +279,7 @@ Query RecordTable::ReadAfter(Database& database, std::uint64_t row_id) const {
 
 Query RecordTable::ReadNewestFirst(Database& database) const { return database.Prepare(sql_.read_newest_first); }
 
-Result<Query> RecordTable::ReadInTimes(Database& database, const TimeSpan& times, std::uint64_t row_id,
+Result<Query> RecordTable::ReadInTimes(Database& database, const TimestampRange& times, std::uint64_t row_id,
                                        bool is_newest_first) const {
   Query counted = database.Prepare(sql_.count_in_times);
   counted << times.from_ns << times.to_ns;

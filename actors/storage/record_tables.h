@@ -18,6 +18,7 @@
 #include "model/have_set.h"
 #include "model/ids.h"
 #include "model/record_key.h"
+#include "model/timestamp_range.h"
 #include "proto/record.pb.h"
 
 namespace moondb {
@@ -35,12 +36,6 @@ struct RecordOrder {
   auto operator<=>(const RecordOrder&) const = default;
 };
 RecordOrder OrderOf(const RecordKey& key, const proto::Record& record);
-
-// Timestamps (ns since 1970 UTC), both ends inclusive.
-struct TimeSpan {
-  std::int64_t from_ns = INT64_MIN;
-  std::int64_t to_ns = INT64_MAX;
-};
 
 class RecordTable {
  public:
@@ -104,7 +99,7 @@ class RecordTable {
   Query ReadAfter(Database& database, std::uint64_t row_id) const;
   Query ReadNewestFirst(Database& database) const;
   // As ReadAfter, or ReadNewestFirst if `is_newest_first`, for timestamps within `times`.
-  Result<Query> ReadInTimes(Database& database, const TimeSpan& times, std::uint64_t row_id,
+  Result<Query> ReadInTimes(Database& database, const TimestampRange& times, std::uint64_t row_id,
                             bool is_newest_first) const;
   // Returns the number of an origin's rows that are not shared, by data type.
   Result<std::map<DataType, std::uint64_t>> CountNotShared(Database& database, AgentId origin) const;

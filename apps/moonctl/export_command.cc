@@ -121,21 +121,6 @@ Result<void> WriteRecording(const proto::TeamConfig& team, const TeamRecording& 
   return recording.Replay(sink);
 }
 
-Result<TeamRecording::Times> TimesOf(const McapArguments& arguments) {
-  TeamRecording::Times times;
-  const auto set = [&](const std::string& text, const char* option, std::int64_t& time) -> Result<void> {
-    if (text.empty()) return {};
-    const Result<std::int64_t> parsed = ParseTimeOrAge(text, UtcNowNs(), option);
-    if (!parsed) return tl::unexpected(parsed.error());
-    time = *parsed;
-    return {};
-  };
-  if (auto done = set(arguments.from, "--from", times.from_ns); !done) return tl::unexpected(done.error());
-  if (auto done = set(arguments.to, "--to", times.to_ns); !done) return tl::unexpected(done.error());
-  if (times.from_ns > times.to_ns) return Fail(ErrorCode::kInvalid, "is later than --to", "--from");
-  return times;
-}
-
 // Returns one line for each kind of records that the recording leaves out.
 std::string LeftOutText(const proto::TeamConfig& team, const TeamRecording& recording) {
   std::string text;
@@ -154,7 +139,8 @@ ExitCode ExportMcap(CommandContext& context, const McapArguments& arguments) {
   auto team = context.Team();
   if (!team) return context.Report(team.error());
   const proto::TeamConfig& config = (*team)->config;
-  const Result<TeamRecording::Times> times = TimesOf(arguments);
+  const Result<TimestampRange> times =
+      ParseTimestampRange({arguments.from, "--from"}, {arguments.to, "--to"}, UtcNowNs(), {.from_ns = 0});
   if (!times) return context.Report(times.error());
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());

@@ -6,10 +6,9 @@
 #include <utility>
 
 #include "actors/merge/merger.h"
+#include "apps/common/valid_records.h"
 #include "apps/mcap/ros_messages.h"
-#include "model/record_authority.h"
 #include "proto/types.pb.h"
-#include "runtime/team/role_signature.h"
 
 namespace moondb {
 namespace {
@@ -37,13 +36,10 @@ struct TeamRecording::Instant {
   auto operator<=>(const Instant&) const = default;
 };
 
-Result<TeamRecording> TeamRecording::Read(Client& client, const proto::TeamConfig& team, const Times& times) {
+Result<TeamRecording> TeamRecording::Read(Client& client, const proto::TeamConfig& team, const TimestampRange& times) {
   TeamRecording recording(team, times);
   MapCollection collection(recording.options_);
-  RecordAuthority authority(RoleChainOptions(team));
-  const auto take = [&](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
-    const RecordKey key = FromProto(stored.key());
-    if (!authority.Counts(key, record)) return {};
+  const auto take = [&](const RecordKey& key, const proto::Record& record) -> Result<void> {
     if (record.has_agent_event()) {
       const EventView event = EventViewOf(key, record);
       const bool has_time = !record.is_clock_suspect() && IsInRosTime(event.timestamp_ns);
@@ -62,15 +58,14 @@ Result<TeamRecording> TeamRecording::Read(Client& client, const proto::TeamConfi
     }
     return {};
   };
-  // Read all role assignments first: they decide which poses are valid.
-  if (auto read = client.ReadAll(RequestOf({proto::ROLE_ASSIGNMENT}), take); !read) return tl::unexpected(read.error());
+  ValidRecords records(client, team);
   const auto mapped = RequestOf(
       {proto::POSE_GRAPH_NODE, proto::OPTIMIZED_POSE, proto::MAP_QUARANTINE, proto::LOCAL_TRAVERSABILITY_MAP});
-  if (auto read = client.ReadAll(mapped, take); !read) return tl::unexpected(read.error());
+  if (auto read = records.ReadAll(mapped, take); !read) return tl::unexpected(read.error());
   proto::ReadRequest events = RequestOf({proto::AGENT_EVENT});
   events.set_from_ns(times.from_ns);
   events.set_to_ns(times.to_ns);
-  if (auto read = client.ReadAll(events, take); !read) return tl::unexpected(read.error());
+  if (auto read = records.ReadAll(events, take); !read) return tl::unexpected(read.error());
   recording.selected_ = collection.Select({});
   recording.TakePoses(collection);
   return recording;
@@ -79,7 +74,7 @@ Result<TeamRecording> TeamRecording::Read(Client& client, const proto::TeamConfi
 void TeamRecording::TakePoses(const MapCollection& collection) {
   const auto take = [&](const NodeKey& node, const NodeTime& time) {
     const std::optional<MapCollection::NodePose> pose = collection.PoseOf(node);
-    if (!pose || time.ns < times_.from_ns || time.ns > times_.to_ns) return;
+    if (!pose || !times_.Contains(time.ns)) return;
     if (!time.is_trusted || !IsInRosTime(time.ns)) {
       ++without_time_count_;
       return;
@@ -104,7 +99,7 @@ std::vector<TeamRecording::Instant> TeamRecording::Timeline() const {
   for (const PoseView& pose : poses_) times.insert(pose.timestamp_ns);
   for (const PlacedMap& placed : selected_.maps) {
     const std::int64_t ns = placed.map->timestamp_ns;
-    if (IsInRosTime(ns) && ns >= times_.from_ns && ns <= times_.to_ns) times.insert(ns);
+    if (IsInRosTime(ns) && times_.Contains(ns)) times.insert(ns);
   }
   if (!times.empty()) {
     const std::int64_t first = *times.begin(), last = *times.rbegin();

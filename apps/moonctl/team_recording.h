@@ -13,6 +13,7 @@
 
 #include "actors/merge/map_collection.h"
 #include "client/client.h"
+#include "model/timestamp_range.h"
 #include "proto/team.pb.h"
 #include "views/event_view.h"
 #include "views/map_view.h"
@@ -22,15 +23,9 @@ namespace moondb {
 
 class TeamRecording {
  public:
-  // Timestamps (ns since 1970 UTC), both ends inclusive.
-  struct Times {
-    std::int64_t from_ns = 0;
-    std::int64_t to_ns = INT64_MAX;
-  };
-
   // Reads the records from the agent that `client` is connected to. Returns the errors of Client::ReadAll, and kCorrupt
   // for a record whose content does not fit its type.
-  static Result<TeamRecording> Read(Client& client, const proto::TeamConfig& team, const Times& times);
+  static Result<TeamRecording> Read(Client& client, const proto::TeamConfig& team, const TimestampRange& times);
 
   // Called in the order of time. An error ends the replay.
   struct Sink {
@@ -51,7 +46,7 @@ class TeamRecording {
  private:
   struct Instant;
 
-  TeamRecording(const proto::TeamConfig& team, const Times& times)
+  TeamRecording(const proto::TeamConfig& team, const TimestampRange& times)
       : times_(times), options_(MapCollection::OptionsOf(team, /*self=*/0)) {}
 
   void TakePoses(const MapCollection& collection);
@@ -63,7 +58,7 @@ class TeamRecording {
     bool is_trusted = false;
   };
 
-  const Times times_;
+  const TimestampRange times_;
   const MapCollection::Options options_;
   std::map<NodeKey, NodeTime> node_times_;
   MapCollection::Selected selected_;  // Maps and footprints by their times.

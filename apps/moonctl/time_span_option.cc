@@ -30,20 +30,31 @@ void AddTimeSpanOptions(Command& command, TimeSpanArguments& arguments, Option& 
   command.AddOption("--until", arguments.until, "Only timestamps up to this time").TypeName("TIME").Excludes(follow);
 }
 
+Result<TimestampRange> ParseTimestampRange(const TimeText& from, const TimeText& to, std::int64_t now_ns,
+                                           const TimestampRange& by_default) {
+  TimestampRange range = by_default;
+  if (!from.text.empty()) {
+    const Result<std::int64_t> time = ParseTimeOrAge(from.text, now_ns, from.option);
+    if (!time) return tl::unexpected(time.error());
+    range.from_ns = *time;
+  }
+  if (!to.text.empty()) {
+    const Result<std::int64_t> time = ParseTimeOrAge(to.text, now_ns, to.option);
+    if (!time) return tl::unexpected(time.error());
+    range.to_ns = *time;
+  }
+  if (range.from_ns > range.to_ns) {
+    return Fail(ErrorCode::kInvalid, std::string("is later than ") + to.option, from.option);
+  }
+  return range;
+}
+
 Result<void> SetTimes(const TimeSpanArguments& arguments, std::int64_t now_ns, proto::ReadRequest& request) {
-  if (!arguments.since.empty()) {
-    const Result<std::int64_t> since = ParseTimeOrAge(arguments.since, now_ns, "--since");
-    if (!since) return tl::unexpected(since.error());
-    request.set_from_ns(*since);
-  }
-  if (!arguments.until.empty()) {
-    const Result<std::int64_t> until = ParseTimeOrAge(arguments.until, now_ns, "--until");
-    if (!until) return tl::unexpected(until.error());
-    request.set_to_ns(*until);
-  }
-  if (!arguments.since.empty() && !arguments.until.empty() && request.from_ns() > request.to_ns()) {
-    return Fail(ErrorCode::kInvalid, "is later than --until", "--since");
-  }
+  const Result<TimestampRange> range =
+      ParseTimestampRange({arguments.since, "--since"}, {arguments.until, "--until"}, now_ns);
+  if (!range) return tl::unexpected(range.error());
+  if (!arguments.since.empty()) request.set_from_ns(range->from_ns);
+  if (!arguments.until.empty()) request.set_to_ns(range->to_ns);
   return {};
 }
 

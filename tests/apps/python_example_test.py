@@ -42,6 +42,17 @@ def python_with(modules):
     return None
 
 
+def go_on_with(modules):
+    """Runs this program on with an interpreter that has the packages. Returns False, and says so, if there is none."""
+    python = python_with(modules)
+    if python is None:
+        print(f"skipped: Python lacks one of {', '.join(modules)}")
+        return False
+    if python != sys.executable:
+        os.execv(python, [python, *sys.argv])
+    return True
+
+
 def run(command, environment, folder):
     done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True, timeout=60)
     if done.returncode != 0:

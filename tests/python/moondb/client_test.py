@@ -4,7 +4,6 @@
 Usage: client_test.py PYTHON [TEST...]    PYTHON is the folder of the package moondb.
 Exit codes: 0 passed, 1 failed, 77 skipped (a package of Python is missing).
 """
-import os
 import pathlib
 import socket
 import struct
@@ -15,7 +14,7 @@ import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "apps"))
-from python_example_test import MODULES, python_with  # noqa: E402
+from python_example_test import MODULES, go_on_with  # noqa: E402
 from snippets_test import SKIPPED  # noqa: E402
 
 TEAM_ID = "00112233445566778899aabbccddeeff"
@@ -270,12 +269,8 @@ class ClientLimitsTest(unittest.TestCase):
 
 def main():
     global client, messages, zmq, zstandard  # Only importable with PYTHON in the path.
-    python = python_with(MODULES)
-    if python is None:
-        print(f"skipped: Python lacks one of {', '.join(MODULES)}")
+    if not go_on_with(MODULES):
         return SKIPPED
-    if python != sys.executable:
-        os.execv(python, [python, *sys.argv])
     sys.path.insert(0, sys.argv.pop(1))
     import zmq
     import zstandard

@@ -13,7 +13,7 @@ import tempfile
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "apps"))
-from python_example_test import MODULES, python_with  # noqa: E402
+from python_example_test import MODULES, go_on_with  # noqa: E402
 from snippets_test import SKIPPED  # noqa: E402
 
 FILES = pathlib.Path(__file__).resolve().parents[2] / "team_files"
@@ -114,12 +114,8 @@ class EndpointTest(unittest.TestCase):
 
 def main():
     global MOONCTL, TeamFileError, endpoint_of, team_of  # Only importable with PYTHON in the path.
-    python = python_with(MODULES)
-    if python is None:
-        print(f"skipped: Python lacks one of {', '.join(MODULES)}")
+    if not go_on_with(MODULES):
         return SKIPPED
-    if python != sys.executable:
-        os.execv(python, [python, *sys.argv])
     sys.path.insert(0, sys.argv.pop(1))
     MOONCTL = sys.argv.pop(1)
     from moondb import TeamFileError, endpoint_of, team_of
