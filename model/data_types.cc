@@ -453,6 +453,11 @@ int SharingRank(DataType type) {
   return static_cast<int>(row == nullptr ? ShareRank::kOthers : row->rank);
 }
 
+bool IsDerived(DataType type) {
+  const DataTypeRow* row = FindDataType(type);
+  return row != nullptr && row->speaker == Speaker::kLeader;
+}
+
 bool IsBulky(DataType type) {
   const DataTypeRow* row = FindDataType(type);
   return row != nullptr && row->is_bulky;

@@ -110,5 +110,8 @@ const DataTypeRow* FindDataType(DataType type);
 int SharingRank(DataType type);
 bool IsBulky(DataType type);  // Returns DataTypeRow::is_bulky; false for a type without a row.
 bool IsState(DataType type);  // Returns whether the type has the rank of robot states.
+// Returns whether only a leader writes records of the type, which it derives from other records. A new leader may lack
+// those of a former leader, and derives them again.
+bool IsDerived(DataType type);
 
 }  // namespace moondb

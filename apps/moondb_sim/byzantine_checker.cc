@@ -1,5 +1,6 @@
 #include "apps/moondb_sim/byzantine_checker.h"
 
+#include "model/data_types.h"
 #include "model/record_authority.h"
 #include "model/record_check.h"
 #include "proto/types.pb.h"
@@ -8,12 +9,6 @@ namespace moondb::simulation {
 namespace {
 
 std::string ByzantineName(AgentId agent) { return "agent " + std::to_string(agent); }
-
-// Returns whether a leader derives records of the type from other records. A new leader may lack the derived records of
-// a former leader, and derives them again.
-bool IsDerived(DataType type) {
-  return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT || type == proto::MAP_MATCH;
-}
 
 }  // namespace
 

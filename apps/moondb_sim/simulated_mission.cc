@@ -29,6 +29,8 @@
 #include "apps/moondb_sim/simulated_robots.h"
 #include "apps/moondb_sim/simulated_world.h"
 #include "model/check.h"
+#include "model/data_types.h"
+#include "model/record_check.h"
 #include "model/term.h"
 #include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"
@@ -309,9 +311,7 @@ class Mission {
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
       world_.invariants.ObserveInserted(agent, key, record);
       if (record.has_agent_event() && world_.team.now() > late_from_) world_.invariants.ExcuseLate(key);
-      if (record.has_optimized_pose() || record.has_edge_verdict() || record.has_map_match()) {
-        derived_at_ = world_.team.now();
-      }
+      if (IsDerived(TypeOf(record))) derived_at_ = world_.team.now();
     }
   }
 

@@ -12,6 +12,7 @@
 #include <string>
 #include <tuple>
 
+#include "model/data_types.h"
 #include "model/record_key.h"
 #include "proto/record.pb.h"
 #include "proto/types.pb.h"
@@ -32,8 +33,7 @@ inline bool IsState(DataType type) { return type == proto::POWER || type == kBea
 
 // Returns whether an agent may drop records of the type without a prune.
 inline bool MayBeSuperseded(DataType type) {
-  return IsState(type) || type == kNote || type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT ||
-         type == proto::MAP_MATCH;
+  return IsState(type) || type == kNote || IsDerived(type);
 }
 
 class StateChecker {

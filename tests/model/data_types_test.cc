@@ -31,6 +31,33 @@ std::string PolicyName(proto::Policy policy) {
   return policy == proto::POLICY_ALL ? "all" : policy == proto::POLICY_LATEST ? "latest" : "none";
 }
 
+std::string SpeakerName(Speaker speaker) {
+  switch (speaker) {
+    case Speaker::kAnyAgent:
+      return "any agent";
+    case Speaker::kNamedAgent:
+      return "an agent named";
+    case Speaker::kNamedAgentOrCommander:
+      return "an agent named, a commander";
+    case Speaker::kLeader:
+      return "the leader";
+    case Speaker::kNamedAgentOrLeader:
+      return "an agent named, a commander, the leader";
+  }
+  return "";
+}
+
+std::string RecipientName(LeaderSends sends) {
+  return sends == LeaderSends::kToAllRovers    ? "all rovers"
+         : sends == LeaderSends::kToAgentNamed ? "the rover named"
+                                               : "-";
+}
+
+std::string WorkStartedBy(const DataTypeRow& row) {
+  if (row.is_news_for_solve) return row.is_news_for_matching ? "solve, matching" : "solve";
+  return row.is_news_for_matching ? "matching" : "-";
+}
+
 // Returns the paths of all set fields in `message` that name an agent, such as "node.agent_id".
 std::vector<std::string> AgentFieldsIn(const Message& message, const std::string& path) {
   std::vector<std::string> fields;
@@ -119,13 +146,25 @@ TEST(DataTypesTest, AreSharedByAPolicyThatTheyMayHave) {
   }
 }
 
-TEST(DataTypesTest, HaveALineEachInTheirGuide) {
+// Fails for a row whose properties nobody decided, because the page states them too.
+TEST(DataTypesTest, HaveALineWithTheirPropertiesInTheirGuide) {
   const Result<std::string> guide = ReadTextFile(std::string(MOONDB_SOURCE_DIR) + "/docs/DATA_TYPES.md");
   ASSERT_TRUE(guide);
   for (const DataTypeRow& row : DataTypeRows()) {
-    EXPECT_THAT(*guide, HasSubstr("\n| `" + DataTypeName(row.type) + "` | " + PolicyName(row.share) + " | " +
-                                  PolicyName(row.ground) + " | "))
-        << "docs/DATA_TYPES.md lacks the line of " << DataTypeName(row.type) << ", or it names other policies";
+    std::string line = "\n| `" + DataTypeName(row.type) + "` | ";
+    for (const std::string& cell : {PolicyName(row.share), PolicyName(row.ground), SpeakerName(row.speaker),
+                                    RecipientName(row.leader_sends), WorkStartedBy(row)}) {
+      line += cell + " | ";
+    }
+    EXPECT_THAT(*guide, HasSubstr(line)) << "the line of " << DataTypeName(row.type) << " in docs/DATA_TYPES.md";
+  }
+}
+
+TEST(DataTypesTest, HaveAVersionIfANewerOneOfALeaderSupersedesThem) {
+  for (const DataTypeRow& row : DataTypeRows()) {
+    if (!IsDerived(row.type) || row.share != proto::POLICY_LATEST) continue;
+    EXPECT_NE(row.latest_key, nullptr) << DataTypeName(row.type);
+    EXPECT_NE(row.version, nullptr) << DataTypeName(row.type);
   }
 }
 
