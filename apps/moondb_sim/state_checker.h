@@ -32,9 +32,7 @@ inline constexpr DataType kNote = 1002;
 inline bool IsState(DataType type) { return type == proto::POWER || type == kBeacon; }
 
 // Returns whether an agent may drop records of the type without a prune.
-inline bool MayBeSuperseded(DataType type) {
-  return IsState(type) || type == kNote || IsDerived(type);
-}
+inline bool MayBeSuperseded(DataType type) { return IsState(type) || type == kNote || IsDerived(type); }
 
 class StateChecker {
  public:
