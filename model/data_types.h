@@ -1,5 +1,5 @@
 // The table of built-in data types: one row per type, with all its properties except its database table
-// (actors/storage/record_tables.cc).
+// (actors/storage/type_tables.cc).
 //
 // The name of a type is its enumerator in proto::DataType in lower case, and also its field in proto::Record.
 // docs/DATA_TYPES.md explains how to add a type. Custom types (model/custom_types.h) have no row. Thread-safe.

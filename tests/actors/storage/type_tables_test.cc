@@ -42,6 +42,14 @@ TEST(TypeTablesTest, HaveARowForEachDataType) {
   EXPECT_EQ(types, BuiltInDataTypes()) << "actors/storage/type_tables.cc and model/data_types.cc differ";
 }
 
+// Without the condition, the leader would send the records about all rovers to each rover.
+TEST(TypeTablesTest, TellWhichAgentARecordNamesIfTheLeaderSendsItThere) {
+  for (const TypeTable& table : TypeTables()) {
+    EXPECT_EQ(!table.agent_condition.empty(), FindDataType(table.type)->leader_sends == LeaderSends::kToAgentNamed)
+        << "TypeTable::agent_condition of " << DataTypeName(table.type);
+  }
+}
+
 TEST(TypeTablesTest, ExistInTheDatabaseAsTheirRowsDeclare) {
   auto database = *Database::Open(":memory:");
   ASSERT_TRUE(MakeSchema(*database));
