@@ -39,26 +39,21 @@ std::vector<Eigen::Vector2d> SamplePoints(const std::vector<Eigen::Vector2d>& po
 }
 
 HazardField::HazardField(const TraversabilityMap& map, std::span<const MaskedDisc> masked)
-    : side_(2 * static_cast<int>(std::ceil(ReachOf(map) / kCell_m))) {
-  std::vector<std::uint8_t> cells(static_cast<std::size_t>(side_) * side_);
-  Draw(map, masked, cells);
-  MeasureDistances(cells);
-  FillLevels(cells);
+    : grid_{2 * static_cast<int>(std::ceil(ReachOf(map) / kCell_m)), kCell_m},
+      distances_(Draw(map, masked), grid_, kDistanceMax_m) {
+  FillLevels();
 }
 
-int HazardField::ToCell(double coordinate_m) const {
-  return static_cast<int>(std::floor(coordinate_m / kCell_m)) + side_ / 2;
-}
-
-// Fills `cells` with values of Cell, and points_m_.
-void HazardField::Draw(const TraversabilityMap& map, std::span<const MaskedDisc> masked,
-                       std::vector<std::uint8_t>& cells) {
+// Returns the cells of the field, and fills points_m_.
+std::vector<Cell> HazardField::Draw(const TraversabilityMap& map, std::span<const MaskedDisc> masked) {
+  const int side = grid_.side_cells;
+  std::vector<Cell> cells(grid_.cell_count());
   std::vector<std::uint8_t> owners(cells.size());  // 1 + index of the layer that a cell was taken from.
   // Calls `take(column, row, center_m, value)` for each known cell of a layer that overlaps the field.
   const auto for_each_cell = [&](const MapLayer& layer, const auto& take) {
     const double resolution_m = layer.resolution_m();
     const Eigen::Vector2d corner_m = CornerOf(layer);
-    const double reach_m = side_ / 2 * kCell_m;
+    const double reach_m = side / 2 * kCell_m;
     const auto first = [&](double corner, int size) {
       return std::clamp(static_cast<int>(std::floor((-reach_m - corner) / resolution_m)), 0, size);
     };
@@ -84,15 +79,15 @@ void HazardField::Draw(const TraversabilityMap& map, std::span<const MaskedDisc>
       const bool is_fine = layer.resolution_m() < kCell_m;
       const double reach_m = is_fine ? 0 : half_m;
       const Span span = {
-          std::max(ToCell(center_m.x() - reach_m), 0), std::min(ToCell(center_m.x() + reach_m), side_ - 1),
-          std::max(ToCell(center_m.y() - reach_m), 0), std::min(ToCell(center_m.y() + reach_m), side_ - 1)};
+          std::max(ToCell(center_m.x() - reach_m), 0), std::min(ToCell(center_m.x() + reach_m), side - 1),
+          std::max(ToCell(center_m.y() - reach_m), 0), std::min(ToCell(center_m.y() + reach_m), side - 1)};
       for (int y = span.first_y; y <= span.last_y; ++y) {
         for (int x = span.first_x; x <= span.last_x; ++x) {
-          const std::size_t at = IndexOf(x, y);
-          const bool keeps_hazard = owners[at] == owner && cells[at] == static_cast<std::uint8_t>(Cell::kHazard);
+          const std::size_t at = grid_.IndexOf(x, y);
+          const bool keeps_hazard = owners[at] == owner && cells[at] == Cell::kHazard;
           if (keeps_hazard) continue;
           owners[at] = owner;
-          cells[at] = static_cast<std::uint8_t>(value);
+          cells[at] = value;
         }
       }
     });
@@ -100,12 +95,11 @@ void HazardField::Draw(const TraversabilityMap& map, std::span<const MaskedDisc>
   for (const MaskedDisc& disc : masked) {
     const double reach_m = disc.radius_m;
     for (int y = std::max(ToCell(disc.center_m.y() - reach_m), 0);
-         y <= std::min(ToCell(disc.center_m.y() + reach_m), side_ - 1); ++y) {
+         y <= std::min(ToCell(disc.center_m.y() + reach_m), side - 1); ++y) {
       for (int x = std::max(ToCell(disc.center_m.x() - reach_m), 0);
-           x <= std::min(ToCell(disc.center_m.x() + reach_m), side_ - 1); ++x) {
-        const Eigen::Vector2d center_m((x - side_ / 2 + 0.5) * kCell_m, (y - side_ / 2 + 0.5) * kCell_m);
-        if ((center_m - disc.center_m).norm() <= reach_m)
-          cells[IndexOf(x, y)] = static_cast<std::uint8_t>(Cell::kUnknown);
+           x <= std::min(ToCell(disc.center_m.x() + reach_m), side - 1); ++x) {
+        const Eigen::Vector2d center_m(grid_.ToCenter_m(x), grid_.ToCenter_m(y));
+        if ((center_m - disc.center_m).norm() <= reach_m) cells[grid_.IndexOf(x, y)] = Cell::kUnknown;
       }
     }
   }
@@ -115,71 +109,32 @@ void HazardField::Draw(const TraversabilityMap& map, std::span<const MaskedDisc>
     for_each_cell(layer, [&](const Eigen::Vector2d& center_m, Cell value) {
       const int x = ToCell(center_m.x());
       const int y = ToCell(center_m.y());
-      if (value != Cell::kHazard || !IsInside(x, y)) return;
-      const std::size_t at = IndexOf(x, y);
-      if (owners[at] != i + 1 || cells[at] != static_cast<std::uint8_t>(Cell::kHazard)) return;
+      if (value != Cell::kHazard || !grid_.IsInside(x, y)) return;
+      const std::size_t at = grid_.IndexOf(x, y);
+      if (owners[at] != i + 1 || cells[at] != Cell::kHazard) return;
       points_m_.push_back(center_m);
       if (layer.resolution_m() < kCell_m) owners[at] = 0;  // One point per field cell is enough.
     });
   }
   points_m_ = SamplePoints(points_m_, kPointsMax);
+  return cells;
 }
 
-// Computes exact distances up to kDistanceMax_m: first along the columns, then along the rows.
-void HazardField::MeasureDistances(const std::vector<std::uint8_t>& cells) {
-  constexpr int kReach = static_cast<int>(kDistanceMax_m / kCell_m + 0.5);
-  constexpr std::uint16_t kFar = kReach * kReach;
-  known_.resize(cells.size());
-  std::vector<std::uint16_t> along_columns(cells.size(), kFar);  // Squared distances in cells.
-  for (int x = 0; x < side_; ++x) {
-    const auto scan = [&](int begin, int end, int step) {
-      int distance = kReach;
-      for (int y = begin; y != end; y += step) {
-        const std::size_t at = IndexOf(x, y);
-        distance = cells[at] == static_cast<std::uint8_t>(Cell::kHazard) ? 0 : std::min(distance + 1, kReach);
-        along_columns[at] = std::min(along_columns[at], static_cast<std::uint16_t>(distance * distance));
-      }
-    };
-    scan(0, side_, 1);
-    scan(side_ - 1, -1, -1);
-  }
-  std::array<std::uint8_t, kFar + 1> rounded;
-  for (std::size_t i = 0; i < rounded.size(); ++i) {
-    rounded[i] = static_cast<std::uint8_t>(std::lround(kDistanceUnits * std::sqrt(static_cast<double>(i))));
-  }
-  distances_.resize(cells.size());
-  std::vector<std::uint16_t> row(static_cast<std::size_t>(side_));
-  for (int y = 0; y < side_; ++y) {
-    const std::uint16_t* const from = &along_columns[IndexOf(0, y)];
-    std::copy(from, from + side_, row.begin());
-    for (int shift = 1; shift < kReach; ++shift) {
-      const auto add = static_cast<std::uint16_t>(shift * shift);
-      for (int x = 0; x + shift < side_; ++x) {
-        row[x] = std::min(row[x], static_cast<std::uint16_t>(from[x + shift] + add));
-      }
-      for (int x = shift; x < side_; ++x) {
-        row[x] = std::min(row[x], static_cast<std::uint16_t>(from[x - shift] + add));
-      }
-    }
-    for (int x = 0; x < side_; ++x) distances_[IndexOf(x, y)] = rounded[row[x]];
-  }
-}
-
-void HazardField::FillLevels(const std::vector<std::uint8_t>& cells) {
+void HazardField::FillLevels() {
   std::array<std::uint8_t, 256> likelihoods;
   for (std::size_t i = 0; i < likelihoods.size(); ++i) {
-    const double sigmas = static_cast<double>(i) * kCell_m / kDistanceUnits / kLikelihoodSigma_m;
+    const double sigmas = static_cast<double>(i) * kCell_m / DistanceField::kUnits / kLikelihoodSigma_m;
     likelihoods[i] = static_cast<std::uint8_t>(std::lround(255 * std::exp(-sigmas * sigmas / 2)));
   }
-  const int stride = side_ + 2 * kPadding;
+  const int side = grid_.side_cells;
+  const int stride = side + 2 * kPadding;
   levels_[0].assign(static_cast<std::size_t>(stride) * stride, kUnknownLikelihood);
-  for (int y = 0; y < side_; ++y) {
-    for (int x = 0; x < side_; ++x) {
-      const std::size_t at = IndexOf(x, y);
-      known_[at] = cells[at] != static_cast<std::uint8_t>(Cell::kUnknown);
-      const std::uint8_t likelihood = likelihoods[distances_[at]];
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      const std::size_t at = grid_.IndexOf(x, y);
+      const std::uint8_t likelihood = likelihoods[distances_.UnitsAt(at)];
       levels_[0][static_cast<std::size_t>(y + kPadding) * stride + x + kPadding] =
-          known_[at] ? likelihood : std::max(likelihood, kUnknownLikelihood);
+          distances_.IsKnown(at) ? likelihood : std::max(likelihood, kUnknownLikelihood);
     }
   }
   for (int level = 1; level < kLevels; ++level) {
@@ -202,7 +157,7 @@ void HazardField::FillLevels(const std::vector<std::uint8_t>& cells) {
 std::uint32_t HazardField::SumOfLikelihoods(int level, std::span<const FieldCell> cells, const FieldBox& box,
                                             int column, int row) const {
   const std::vector<std::uint8_t>& likelihoods = levels_[static_cast<std::size_t>(level)];
-  const int stride = side_ + 2 * kPadding;
+  const int stride = grid_.side_cells + 2 * kPadding;
   const int first_x = column + kPadding;
   const int first_y = row + kPadding;
   std::uint32_t sum = 0;
@@ -221,28 +176,8 @@ std::uint32_t HazardField::SumOfLikelihoods(int level, std::span<const FieldCell
   return sum;
 }
 
-HazardField::Distance HazardField::DistanceAt(const Eigen::Vector2d& point_m) const {
-  const Eigen::Vector2d at = point_m / kCell_m + Eigen::Vector2d::Constant(side_ / 2 - 0.5);
-  const int x = static_cast<int>(std::floor(at.x()));
-  const int y = static_cast<int>(std::floor(at.y()));
-  if (x < 0 || y < 0 || x + 1 >= side_ || y + 1 >= side_) return {};
-  const double fx = at.x() - x;
-  const double fy = at.y() - y;
-  constexpr double kUnit_m = kCell_m / kDistanceUnits;
-  const double d00 = distances_[IndexOf(x, y)] * kUnit_m;
-  const double d10 = distances_[IndexOf(x + 1, y)] * kUnit_m;
-  const double d01 = distances_[IndexOf(x, y + 1)] * kUnit_m;
-  const double d11 = distances_[IndexOf(x + 1, y + 1)] * kUnit_m;
-  Distance result;
-  result.distance_m = (1 - fy) * ((1 - fx) * d00 + fx * d10) + fy * ((1 - fx) * d01 + fx * d11);
-  result.gradient =
-      Eigen::Vector2d((1 - fy) * (d10 - d00) + fy * (d11 - d01), (1 - fx) * (d01 - d00) + fx * (d11 - d10)) / kCell_m;
-  result.is_known = known_[IndexOf(static_cast<int>(at.x() + 0.5), static_cast<int>(at.y() + 0.5))];
-  return result;
-}
-
 std::size_t HazardField::bytes() const {
-  std::size_t bytes = points_m_.capacity() * sizeof(Eigen::Vector2d) + distances_.capacity() + known_.capacity() / 8;
+  std::size_t bytes = points_m_.capacity() * sizeof(Eigen::Vector2d) + distances_.bytes();
   for (const auto& level : levels_) bytes += level.capacity();
   return bytes;
 }

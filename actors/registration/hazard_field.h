@@ -16,6 +16,7 @@
 #include <span>
 #include <vector>
 
+#include "actors/registration/distance_field.h"
 #include "model/traversability_map.h"
 
 namespace moondb {
@@ -54,21 +55,16 @@ class HazardField {
   // Hazard points in the frame of the map.
   const std::vector<Eigen::Vector2d>& points_m() const { return points_m_; }
 
-  int side_cells() const { return side_; }
-  // Returns the column or row of a coordinate in the frame of the map. It may lie outside of the field.
-  int ToCell(double coordinate_m) const;
+  int side_cells() const { return grid_.side_cells; }
+  int ToCell(double coordinate_m) const { return grid_.ToCell(coordinate_m); }
 
   // Returns the sum over the points of the largest likelihood, 0 to 255, of the 2^level x 2^level cells from the point
   // plus (column, row) on. `cells`: columns and rows of points; `box` contains them.
   std::uint32_t SumOfLikelihoods(int level, std::span<const FieldCell> cells, const FieldBox& box, int column,
                                  int row) const;
 
-  struct Distance {
-    double distance_m = kDistanceMax_m;  // Bilinear interpolation of the distances of the cells.
-    Eigen::Vector2d gradient = Eigen::Vector2d::Zero();
-    bool is_known = false;  // False if the map knows nothing about the place.
-  };
-  Distance DistanceAt(const Eigen::Vector2d& point_m) const;
+  const DistanceField& distances() const { return distances_; }
+  DistanceField::Distance DistanceAt(const Eigen::Vector2d& point_m) const { return distances_.At(point_m); }
 
   std::size_t bytes() const;  // Memory use in bytes.
 
@@ -76,19 +72,12 @@ class HazardField {
   static constexpr std::uint8_t kUnknownLikelihood = 64;  // 0.25
   static constexpr int kPadding = 1 << (kLevels - 1);
 
-  // Values of distances_: a distance in units of kCell_m / kDistanceUnits.
-  static constexpr int kDistanceUnits = 20;
+  std::vector<Cell> Draw(const TraversabilityMap& map, std::span<const MaskedDisc> masked);
+  void FillLevels();
 
-  std::size_t IndexOf(int column, int row) const { return static_cast<std::size_t>(row) * side_ + column; }
-  bool IsInside(int column, int row) const { return column >= 0 && row >= 0 && column < side_ && row < side_; }
-  void Draw(const TraversabilityMap& map, std::span<const MaskedDisc> masked, std::vector<std::uint8_t>& cells);
-  void MeasureDistances(const std::vector<std::uint8_t>& cells);
-  void FillLevels(const std::vector<std::uint8_t>& cells);
-
-  int side_ = 0;  // Number of columns, and of rows.
+  const SquareGrid grid_;
   std::vector<Eigen::Vector2d> points_m_;
-  std::vector<std::uint8_t> distances_;  // kDistanceUnits per cell; side_ x side_.
-  std::vector<bool> known_;
+  DistanceField distances_;
   std::array<std::vector<std::uint8_t>, kLevels> levels_;
 };
 

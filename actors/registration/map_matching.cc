@@ -11,6 +11,8 @@
 #include <tuple>
 #include <vector>
 
+#include "actors/registration/offset_refinement.h"
+
 namespace moondb {
 namespace {
 
@@ -21,18 +23,15 @@ constexpr std::size_t kExpansionsMax = 40'000;
 constexpr double kSamePlace_m = 0.4;
 constexpr double kSamePlace_rad = 5 * std::numbers::pi / 180;
 constexpr double kSecondWindowMin_m = 1.5;  // The second place is searched for at least this far.
-constexpr int kIterations = 20;
 constexpr double kLoss_m = 0.12;
 constexpr double kPointSigma_m = 0.05;
 constexpr double kVarianceFactor = 40;
 constexpr double kSigmaMin_m = 0.04;
 constexpr double kSigmaMin_rad = 0.3 * std::numbers::pi / 180;
 
-double Wrapped(double angle_rad) { return std::remainder(angle_rad, 2 * std::numbers::pi); }
-
 bool IsSamePlace(const PlanarOffset& a, const PlanarOffset& b) {
   return std::hypot(a.x_m - b.x_m, a.y_m - b.y_m) <= kSamePlace_m &&
-         std::abs(Wrapped(a.yaw_rad - b.yaw_rad)) <= kSamePlace_rad;
+         std::abs(WrappedAngle(a.yaw_rad - b.yaw_rad)) <= kSamePlace_rad;
 }
 
 struct Found {
@@ -145,91 +144,30 @@ class PlaceSearch {
   std::priority_queue<Node> queue_;
 };
 
-// Points of one map at a pose in the frame of the other map's field.
-class Refinement {
- public:
-  Refinement(const HazardField& first, const HazardField& second)
-      : first_(first),
-        second_(second),
-        first_points_(SamplePoints(first.points_m(), kRefinePointsMax)),
-        second_points_(SamplePoints(second.points_m(), kRefinePointsMax)) {}
-
-  void Run(PlanarOffset& offset) {
-    for (int i = 0; i < kIterations; ++i) {
-      Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
-      Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-      Accumulate(offset, hessian, gradient);
-      hessian.diagonal() += Eigen::Vector3d(1e-6, 1e-6, 1e-6);
-      const Eigen::Vector3d step = hessian.ldlt().solve(gradient);
-      if (!step.allFinite()) return;
-      const double length = step.head<2>().norm();
-      const double factor = length > 0.1 ? 0.1 / length : 1;
-      offset.x_m -= factor * step.x();
-      offset.y_m -= factor * step.y();
-      offset.yaw_rad -= factor * step.z();
-      if (length < 1e-4 && std::abs(step.z()) < 1e-5) return;
-    }
-  }
-
-  void Judge(const PlanarOffset& offset, MatchResult& result) const {
-    const Eigen::Isometry2d first_from_second = offset.ToTransform();
-    const Eigen::Isometry2d second_from_first = first_from_second.inverse();
-    int seen[2] = {0, 0};
-    int near[2] = {0, 0};
-    const auto count = [&](int side, const HazardField::Distance& distance) {
-      if (!distance.is_known && distance.distance_m > kMatchedDistance_m) return;
-      ++seen[side];
-      if (distance.distance_m <= kMatchedDistance_m) ++near[side];
-    };
-    for (const Eigen::Vector2d& point_m : second_.points_m()) count(0, first_.DistanceAt(first_from_second * point_m));
-    for (const Eigen::Vector2d& point_m : first_.points_m()) count(1, second_.DistanceAt(second_from_first * point_m));
-    const auto ratio = [](int part, std::size_t whole) { return whole == 0 ? 0.0 : part / static_cast<double>(whole); };
-    result.points = std::min(seen[0], seen[1]);
-    result.overlap = std::min(ratio(seen[0], second_.points_m().size()), ratio(seen[1], first_.points_m().size()));
-    result.matched = std::min(ratio(near[0], seen[0]), ratio(near[1], seen[1]));
-    Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    Accumulate(offset, hessian, gradient);
-    hessian.diagonal() += Eigen::Vector3d(1e-6, 1e-6, 1e-6);
-    result.covariance = hessian.inverse() * (kPointSigma_m * kPointSigma_m * kVarianceFactor);
-    result.covariance = (result.covariance + result.covariance.transpose()).eval() / 2;
-    result.covariance.diagonal() = result.covariance.diagonal().cwiseMax(
-        Eigen::Vector3d(kSigmaMin_m * kSigmaMin_m, kSigmaMin_m * kSigmaMin_m, kSigmaMin_rad * kSigmaMin_rad));
-  }
-
- private:
-  // Adds weight * J^T J and weight * J^T r over the points of both maps.
-  void Accumulate(const PlanarOffset& offset, Eigen::Matrix3d& hessian, Eigen::Vector3d& gradient) const {
-    const Eigen::Isometry2d first_from_second = offset.ToTransform();
-    const Eigen::Isometry2d second_from_first = first_from_second.inverse();
-    const auto add = [&](const HazardField::Distance& distance, const Eigen::Vector3d& jacobian) {
-      if (!distance.is_known && distance.distance_m > kLoss_m) return;
-      const double ratio = distance.distance_m / kLoss_m;
-      const double weight = 1 / ((1 + ratio * ratio) * (1 + ratio * ratio));
-      hessian += weight * jacobian * jacobian.transpose();
-      gradient += weight * distance.distance_m * jacobian;
-    };
-    for (const Eigen::Vector2d& point_m : second_points_) {
-      const Eigen::Vector2d turned = first_from_second.linear() * point_m;
-      const HazardField::Distance distance = first_.DistanceAt(turned + first_from_second.translation());
-      const Eigen::Vector2d& g = distance.gradient;
-      add(distance, {g.x(), g.y(), g.y() * turned.x() - g.x() * turned.y()});
-    }
-    for (const Eigen::Vector2d& point_m : first_points_) {
-      const Eigen::Vector2d moved = second_from_first * point_m;
-      const HazardField::Distance distance = second_.DistanceAt(moved);
-      const Eigen::Vector2d& g = distance.gradient;
-      // The derivative of `moved` is -R^T for x and y, and (moved.y, -moved.x) for yaw.
-      const Eigen::Vector2d along = -(first_from_second.linear() * g);
-      add(distance, {along.x(), along.y(), g.x() * moved.y() - g.y() * moved.x()});
-    }
-  }
-
-  const HazardField& first_;
-  const HazardField& second_;
-  const std::vector<Eigen::Vector2d> first_points_;
-  const std::vector<Eigen::Vector2d> second_points_;
-};
+// Counts the points of both fields at the offset, and fills the figures and the covariance of the result.
+void Judge(const HazardField& first, const HazardField& second, const OffsetRefinement& refinement,
+           MatchResult& result) {
+  const Eigen::Isometry2d first_from_second = result.first_from_second.ToTransform();
+  const Eigen::Isometry2d second_from_first = first_from_second.inverse();
+  int seen[2] = {0, 0};
+  int near[2] = {0, 0};
+  const auto count = [&](int side, const DistanceField::Distance& distance) {
+    if (!distance.is_known && distance.distance_m > kMatchedDistance_m) return;
+    ++seen[side];
+    if (distance.distance_m <= kMatchedDistance_m) ++near[side];
+  };
+  for (const Eigen::Vector2d& point_m : second.points_m()) count(0, first.DistanceAt(first_from_second * point_m));
+  for (const Eigen::Vector2d& point_m : first.points_m()) count(1, second.DistanceAt(second_from_first * point_m));
+  const auto ratio = [](int part, std::size_t whole) { return whole == 0 ? 0.0 : part / static_cast<double>(whole); };
+  result.points = std::min(seen[0], seen[1]);
+  result.overlap = std::min(ratio(seen[0], second.points_m().size()), ratio(seen[1], first.points_m().size()));
+  result.matched = std::min(ratio(near[0], seen[0]), ratio(near[1], seen[1]));
+  result.covariance = refinement.HessianAt(result.first_from_second, kLoss_m).inverse() *
+                      (kPointSigma_m * kPointSigma_m * kVarianceFactor);
+  result.covariance = (result.covariance + result.covariance.transpose()).eval() / 2;
+  result.covariance.diagonal() = result.covariance.diagonal().cwiseMax(
+      Eigen::Vector3d(kSigmaMin_m * kSigmaMin_m, kSigmaMin_m * kSigmaMin_m, kSigmaMin_rad * kSigmaMin_rad));
+}
 
 double WorstSigma(const Eigen::Matrix3d& covariance) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(covariance.topLeftCorner<2, 2>().eval());
@@ -237,16 +175,6 @@ double WorstSigma(const Eigen::Matrix3d& covariance) {
 }
 
 }  // namespace
-
-Eigen::Isometry2d PlanarOffset::ToTransform() const {
-  return Eigen::Translation2d(x_m, y_m) * Eigen::Rotation2Dd(yaw_rad);
-}
-
-PlanarOffset PlanarOffset::From(const Pose& pose) { return {pose.position_m.x(), pose.position_m.y(), pose.Yaw()}; }
-
-PlanarOffset PlanarOffset::Between(const Pose& map_from_first, const Pose& map_from_second) {
-  return From(From(map_from_first).ToPose().Inverse() * From(map_from_second).ToPose());
-}
 
 std::string ToString(MatchVerdict verdict) {
   switch (verdict) {
@@ -285,9 +213,10 @@ MatchResult MatchMaps(const HazardField& first, const HazardField& second, const
   }
   result.first_from_second = found->offset;
   result.second_best = found->second_best;
-  Refinement refinement(first, second);
-  refinement.Run(result.first_from_second);
-  refinement.Judge(result.first_from_second, result);
+  const OffsetRefinement refinement({SamplePoints(first.points_m(), kRefinePointsMax), first.distances()},
+                                    {SamplePoints(second.points_m(), kRefinePointsMax), second.distances()});
+  refinement.Run(result.first_from_second, kLoss_m);
+  Judge(first, second, refinement, result);
   const bool is_sparse = result.points < options.points_min;
   if (result.points < options.sparse_points_min) {
     result.verdict = MatchVerdict::kFewPoints;
@@ -299,7 +228,7 @@ MatchResult MatchMaps(const HazardField& first, const HazardField& second, const
     result.verdict = MatchVerdict::kContradicted;
   } else if (std::abs(result.first_from_second.x_m - expected.x_m) > window.side_m ||
              std::abs(result.first_from_second.y_m - expected.y_m) > window.side_m ||
-             std::abs(Wrapped(result.first_from_second.yaw_rad - expected.yaw_rad)) > window.yaw_rad) {
+             std::abs(WrappedAngle(result.first_from_second.yaw_rad - expected.yaw_rad)) > window.yaw_rad) {
     result.verdict = MatchVerdict::kOutsideWindow;
   } else if (WorstSigma(result.covariance) > options.sigma_max_m) {
     result.verdict = MatchVerdict::kUncertain;

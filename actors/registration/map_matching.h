@@ -14,28 +14,12 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 #include <string>
 
 #include "actors/registration/hazard_field.h"
-#include "model/geometry.h"
+#include "actors/registration/planar_offset.h"
 
 namespace moondb {
-
-// A pose in the plane.
-struct PlanarOffset {
-  double x_m = 0;
-  double y_m = 0;
-  double yaw_rad = 0;
-
-  Eigen::Vector2d operator*(const Eigen::Vector2d& point_m) const { return ToTransform() * point_m; }
-  // Projects a pose to the horizontal plane.
-  static PlanarOffset From(const Pose& pose);
-  // Returns first_from_second of two poses in the frame `map`, both projected to the horizontal plane.
-  static PlanarOffset Between(const Pose& map_from_first, const Pose& map_from_second);
-  Eigen::Isometry2d ToTransform() const;
-  Pose ToPose() const { return Pose::FromPlanar(x_m, y_m, yaw_rad); }
-};
 
 inline constexpr double kMatchedDistance_m = 0.10;  // A point is matched if a hazard lies within this distance.
 

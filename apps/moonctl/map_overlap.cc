@@ -85,7 +85,7 @@ OverlapShare MeasureOverlap(const OverlaidMaps& maps, const PlanarOffset& first_
   const PlanarOffset second_from_first = InverseOf(first_from_second);
   OverlapShare share;
   for (const Eigen::Vector2d& point_m : first.points_m()) {
-    const HazardField::Distance distance = second.DistanceAt(second_from_first * point_m);
+    const DistanceField::Distance distance = second.DistanceAt(second_from_first * point_m);
     if (!distance.is_known) continue;
     ++share.common_count;
     share.matched_count += distance.distance_m <= kMatchedDistance_m ? 1 : 0;

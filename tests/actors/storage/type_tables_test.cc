@@ -43,7 +43,7 @@ TEST(TypeTablesTest, HaveARowForEachDataType) {
 }
 
 // Without the condition, the leader would send the records about all rovers to each rover.
-TEST(TypeTablesTest, TellWhichAgentARecordNamesIfTheLeaderSendsItThere) {
+TEST(TypeTablesTest, StateWhichAgentARecordNamesIfTheLeaderSendsItThere) {
   for (const TypeTable& table : TypeTables()) {
     EXPECT_EQ(!table.agent_condition.empty(), FindDataType(table.type)->leader_sends == LeaderSends::kToAgentNamed)
         << "TypeTable::agent_condition of " << DataTypeName(table.type);
