@@ -19,11 +19,16 @@ KnownMaps::KnownMaps(Options options)
       map_quota_(options_.maps_max),
       bytes_quota_(options_.bytes_max),
       poses_(options_.nodes_max),
+      tracks_(options_.nodes_max),
       quarantines_(options_.quarantines_max) {}
 
 Result<void> KnownMaps::Add(const RecordKey& key, const proto::Record& record) {
   switch (record.body_case()) {
+    case proto::Record::kPoseGraphEdge:
+      tracks_.Add(key, record);
+      return {};
     case proto::Record::kPoseGraphNode: {
+      tracks_.Add(key, record);
       const NodeKey node = FromProto(record.pose_graph_node().node());
       if (!options_.rovers.contains(node.agent) || node_time_count_ >= options_.nodes_max) return {};
       if (node_times_[node.agent].try_emplace(record.timestamp_ns(), node).second) ++node_time_count_;
@@ -106,11 +111,11 @@ std::optional<TraversabilityMap> KnownMaps::FindMap(const RecordKey& key) const 
   return *std::move(map);
 }
 
-std::vector<MaskedDisc> KnownMaps::FindRovers(const RegisteredMap& map) const {
+std::vector<MaskedDisc> KnownMaps::FindRovers(const RegisteredMap& map, const std::set<AgentId>* in_frame) const {
   const Pose local_from_map = PlanarOffset::From(map.map_from_local).ToPose().Inverse();
   std::vector<MaskedDisc> discs;
   for (const auto& [agent, times] : node_times_) {
-    if (agent == map.node.agent) continue;
+    if (agent == map.node.agent || (in_frame != nullptr && !in_frame->contains(agent))) continue;
     auto nearest = times.lower_bound(map.timestamp_ns);
     if (nearest == times.end() || (nearest != times.begin() &&
                                    map.timestamp_ns - std::prev(nearest)->first < nearest->first - map.timestamp_ns)) {
@@ -129,6 +134,12 @@ const KnownMaps::Match* KnownMaps::FindMatch(const NodeKey& from, const NodeKey&
   return found == matches_.end() ? nullptr : &found->second;
 }
 
+std::set<std::pair<AgentId, AgentId>> KnownMaps::FindMatched() const {
+  std::set<std::pair<AgentId, AgentId>> matched;
+  for (const auto& [nodes, match] : matches_) matched.insert(std::minmax(nodes.first.agent, nodes.second.agent));
+  return matched;
+}
+
 std::uint64_t KnownMaps::LastRun(const proto::Term& term) const {
   const auto found = last_runs_.find(OrderOf(term));
   return found == last_runs_.end() ? 0 : found->second;
@@ -140,6 +151,7 @@ std::map<AgentId, std::uint64_t> KnownMaps::CountLeftOut() const {
   bytes_quota_.CountLeftOut(counts);
   quarantines_.CountLeftOut(counts);
   poses_.CountLeftOut(counts);
+  tracks_.CountLeftOut(counts);
   return counts;
 }
 

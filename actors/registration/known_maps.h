@@ -1,4 +1,5 @@
-// KnownMaps: the local maps, node poses, quarantines and map matches of an agent, as far as registration needs them.
+// KnownMaps: the local maps, node poses, odometry, quarantines and map matches of an agent, as far as registration
+// needs them.
 //
 // The registered maps are those that can be matched: their node has an optimized pose, and no quarantine leaves them
 // out. The result depends only on the set of added records, not on their order, with the exception of NodePoses. Maps
@@ -8,12 +9,14 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <utility>
 #include <vector>
 
 #include "actors/registration/hazard_field.h"
+#include "actors/registration/known_tracks.h"
 #include "actors/registration/match_candidates.h"
 #include "model/error.h"
 #include "model/node_poses.h"
@@ -46,8 +49,8 @@ class KnownMaps {
 
   explicit KnownMaps(Options options);
 
-  // Adds a node, optimized pose, local map, quarantine or map match; ignores other types. Call it once per record.
-  // Fails as the conversion of the record does.
+  // Adds a node, edge, optimized pose, local map, quarantine or map match; ignores other types. Call it once per
+  // record. Fails as the conversion of the record does.
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
   // Returns the registered maps, sorted by record key.
@@ -56,7 +59,12 @@ class KnownMaps {
   std::optional<TraversabilityMap> FindMap(const RecordKey& key) const;
   // Returns discs around the other rovers at the time of the map, in the frame of the map. Their place is that of their
   // node that is nearest in time, at most 30 s away.
-  std::vector<MaskedDisc> FindRovers(const RegisteredMap& map) const;
+  // `in_frame`: the agents to look for, whose poses are in one frame with the map; null: all.
+  std::vector<MaskedDisc> FindRovers(const RegisteredMap& map, const std::set<AgentId>* in_frame = nullptr) const;
+  // Returns the odometry of a rover; null without nodes.
+  std::shared_ptr<const RoverTrack> FindTrack(AgentId agent) const { return tracks_.FindTrack(agent); }
+  // Returns the pairs of agents, the lower id first, whose nodes a match joins.
+  std::set<std::pair<AgentId, AgentId>> FindMatched() const;
   // Returns the valid match between two nodes; null if there is none.
   const Match* FindMatch(const NodeKey& from, const NodeKey& to) const;
   // Returns the highest run among the matches of a term; 0 if there is none.
@@ -88,6 +96,7 @@ class KnownMaps {
   OriginQuota<NoNote> map_quota_;
   OriginQuota<NoNote> bytes_quota_;
   NodePoses poses_;
+  KnownTracks tracks_;
   std::map<AgentId, std::map<std::int64_t, NodeKey>> node_times_;  // Nodes of rovers by timestamp.
   std::size_t node_time_count_ = 0;
   QuarantineSet quarantines_;

@@ -92,10 +92,7 @@ LoopClosure ToLoopClosure(const RegisteredMap& first, const RegisteredMap& secon
                                  Pose{second_local.position_m + node_from_local_m, {}})
                                     .position_m.head<2>() -
                                 match.first_from_second.ToPose().position_m.head<2>();
-  Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
-  shift(0, 2) = -arm_m.y();
-  shift(1, 2) = arm_m.x();
-  const Eigen::Matrix3d planar = shift * match.covariance * shift.transpose();
+  const Eigen::Matrix3d planar = ShiftedCovariance(match.covariance, arm_m);
   Matrix6d covariance = Matrix6d::Zero();
   const int at[] = {0, 1, 5};
   for (int row = 0; row < 3; ++row) {

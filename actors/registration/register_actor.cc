@@ -24,8 +24,8 @@ constexpr double kSameSigmas = 1.0 / 3;
 
 RecordReader::Options ReaderOptions(const RegisterActor::Options& options) {
   RecordReader::Options reader;
-  reader.data_types = {proto::POSE_GRAPH_NODE,          proto::OPTIMIZED_POSE, proto::MAP_MATCH,
-                       proto::LOCAL_TRAVERSABILITY_MAP, proto::MAP_QUARANTINE, proto::ROLE_ASSIGNMENT};
+  reader.data_types = {proto::POSE_GRAPH_NODE,          proto::POSE_GRAPH_EDGE, proto::OPTIMIZED_POSE, proto::MAP_MATCH,
+                       proto::LOCAL_TRAVERSABILITY_MAP, proto::MAP_QUARANTINE,  proto::ROLE_ASSIGNMENT};
   reader.answer_timeout = options.storage_timeout;
   return reader;
 }
@@ -219,7 +219,7 @@ void RegisterActor::OnGraphStats(Context& context, const proto::GraphStatsReply&
 void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
   const std::vector<RegisteredMap> maps = known_.FindRegistered();
   report_.SetTrouble(stats.solve_count() == 0 ? "the leader has not solved the pose graph yet" : "");
-  std::vector<PlannedMatch> pairs, starts;
+  std::vector<PlannedMatch> pairs;
   if (stats.solve_count() > 0 && passes_since_news_++ < kPassesMax) {
     std::set<AgentId> placed;
     for (const proto::RoverSolution& rover : stats.last_solve().rovers()) {
@@ -227,44 +227,71 @@ void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
     }
     pairs = plan_.StartPass(
         maps, [&placed](AgentId a, AgentId b) { return a == b || (placed.contains(a) && placed.contains(b)); });
-    starts = starts_.Plan(maps, placed);
+    PlanStarts(maps, placed);
   }
-  pass_.Begin(std::move(pairs), std::move(starts));
-  report_.OnPlanned(maps.size(), !pass_.is_empty());
+  pass_.Begin(std::move(pairs));
+  report_.OnPlanned(maps.size(), left_count() > 0);
+}
+
+// Searches for the relative pose of each two rovers whose frames nothing ties together.
+void RegisterActor::PlanStarts(const std::vector<RegisteredMap>& maps, const std::set<AgentId>& placed) {
+  std::map<AgentId, StartSearch::Rover> rovers;
+  for (const RegisteredMap& map : maps) rovers[map.node.agent].maps.push_back(map);
+  const std::set<StartSearch::AgentPair> matched = known_.FindMatched();
+  std::vector<StartSearch::AgentPair> wanted, among_lost;
+  for (const auto& [a, of_a] : rovers) {
+    for (const auto& [b, of_b] : rovers) {
+      if (a >= b || (placed.contains(a) && placed.contains(b))) continue;
+      if (placed.contains(a) || placed.contains(b)) {
+        wanted.emplace_back(a, b);
+      } else if (!matched.contains({a, b})) {
+        among_lost.emplace_back(a, b);
+      }
+    }
+  }
+  wanted.insert(wanted.end(), among_lost.begin(), among_lost.end());
+  for (const StartSearch::AgentPair& pair : wanted) {
+    for (const AgentId agent : {pair.first, pair.second}) {
+      std::shared_ptr<const RoverTrack>& track = rovers[agent].track;
+      if (track == nullptr) track = known_.FindTrack(agent);
+      if (placed.contains(agent)) rovers[agent].in_frame = placed;
+    }
+  }
+  std::erase_if(rovers, [](const auto& rover) { return rover.second.track == nullptr; });
+  std::erase_if(wanted, [&](const StartSearch::AgentPair& pair) {
+    return !rovers.contains(pair.first) || !rovers.contains(pair.second);
+  });
+  starts_.Begin(rovers, wanted);
 }
 
 void RegisterActor::MatchSome(Context& context) {
   const MonotonicTime begin = context.now();
   const auto budget = std::chrono::milliseconds(options_.team.registration().budget_ms());
-  for (std::size_t i = 0; i < options_.turn_pairs_max && pass_.left_count() > 0; ++i) {
+  for (std::size_t i = 0; i < options_.turn_pairs_max && left_count() > 0; ++i) {
     if (i > 0 && context.now() - begin >= budget) break;
     if (context.stop_requested()) return;
-    Match(context, pass_.Next());
+    if (pass_.left_count() > 0) {
+      Match(context, pass_.Next());
+    } else {
+      for (const auto& [planned, result] : starts_.Step(known_, fields_)) AddRecord(context, planned, result);
+    }
   }
   report_.OnTime(context.now() - begin);
-  if (pass_.left_count() > 0) return AskPgo(context);
+  if (left_count() > 0) return AskPgo(context);
   phase_ = Phase::kWriting;
   writer_.Write(context, std::exchange(records_, {}));
   OnWritten(context);
 }
 
-void RegisterActor::Match(Context& context, const MatchPass::Pair& pair) {
-  const PlannedMatch& planned = pair.planned;
-  const AgentId rover = planned.second.node.agent;
-  if (pair.is_start && !starts_.FindAgreeing(rover).empty()) return;  // The start of the rover is known.
-  if (!pair.is_start && !plan_.HasWorkFor(planned)) return;
+void RegisterActor::Match(Context& context, const PlannedMatch& planned) {
+  if (!plan_.HasWorkFor(planned)) return;
   const std::shared_ptr<const HazardField> first = fields_.FieldOf(planned.first, known_);
   const std::shared_ptr<const HazardField> second = fields_.FieldOf(planned.second, known_);
   if (!first || !second) return;
   const MatchResult result = MatchMaps(*first, *second, planned.expected, planned.window);
   report_.OnMatched(result.verdict);
-  if (!pair.is_start) {
-    plan_.Note(planned, result);
-    if (result.verdict == MatchVerdict::kAccepted) AddRecord(context, planned, result);
-    return;
-  }
-  starts_.Note(planned, result);
-  for (const auto& [agreeing, its_result] : starts_.FindAgreeing(rover)) AddRecord(context, agreeing, its_result);
+  plan_.Note(planned, result);
+  if (result.verdict == MatchVerdict::kAccepted) AddRecord(context, planned, result);
 }
 
 void RegisterActor::AddRecord(Context& context, const PlannedMatch& planned, const MatchResult& result) {
@@ -342,12 +369,23 @@ void RegisterActor::OnRequest(Context& context, const proto::Message& message) {
 
 proto::RegistrationReply RegisterActor::State() const {
   proto::RegistrationReply reply = report_.ToReply(phase_ == Phase::kIdle, known_.map_count());
-  reply.set_left_count(static_cast<double>(pass_.left_count()));
+  reply.set_left_count(static_cast<double>(left_count()));
   for (const auto& [agents, count] : plan_.CountLeftOut()) {
     proto::LeftOutPairs& out = *reply.add_left_out();
     out.set_agent_id(agents.first);
     out.set_other_agent_id(agents.second);
     out.set_count(static_cast<double>(count));
+  }
+  for (const auto& [agents, judged] : starts_.judged()) {
+    proto::SearchedStart& start = *reply.add_starts();
+    start.set_agent_id(agents.first);
+    start.set_other_agent_id(agents.second);
+    start.set_is_accepted(judged.verdict == StartVerdict::kAccepted);
+    start.set_evidence(judged.best.evidence);
+    start.set_rival(judged.rival);
+    start.set_matched(judged.best.matched);
+    start.set_contradicted(judged.best.contradicted);
+    start.set_text(ToString(judged.verdict));
   }
   return reply;
 }

@@ -5,7 +5,7 @@
 // uses as loop closures of the source "registration". At most two passes follow new maps, measurements or quarantines,
 // so matches and solves do not trigger each other endlessly.
 //
-// A rover with an unknown start is searched for (start_search.h). Its matches are stored once they agree.
+// Rovers that nothing ties together are searched for in each other's submaps (start_search.h).
 //
 // Before each turn the actor asks PgoActor for its state, and continues only if PgoActor is idle: nobody waits for a
 // solve because of a match. Between the turns, the actor handles other messages. Spawn it under actor_name::kRegister
@@ -14,7 +14,7 @@
 // Deterministic: the same sequence of records, solves and terms gives the same matches.
 //
 // Memory: the packed maps (KnownMaps::Options::bytes_max), 64 fields of about 1 MB (5 MB for maps of 40 m) during a
-// pass, and about 150 bytes for each pair matched in this term.
+// pass, about 150 bytes for each pair matched in this term, and that of StartSearch while rovers are not placed.
 //
 // Error codes in replies: kRefused if this agent does not lead; kFull if more than requests_max requests wait; kRefused
 // if the team file disables registration; any error of StorageActor.
@@ -22,6 +22,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -92,7 +93,9 @@ class RegisterActor final : public Actor {
   void AskAgainLater(Context& context);
   void PlanPass(const proto::GraphStatsReply& stats);
   void MatchSome(Context& context);
-  void Match(Context& context, const MatchPass::Pair& pair);
+  void PlanStarts(const std::vector<RegisteredMap>& maps, const std::set<AgentId>& placed);
+  void Match(Context& context, const PlannedMatch& planned);
+  std::size_t left_count() const { return pass_.left_count() + starts_.left_count(); }
   void AddRecord(Context& context, const PlannedMatch& planned, const MatchResult& result);
   bool IsNews(const LoopClosure& closure) const;
   void Finish(Context& context);

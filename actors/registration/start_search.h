@@ -1,47 +1,99 @@
-// StartSearch: finds where a rover with an unknown start began, by matching its maps with those of placed rovers over
-// all rotations.
+// StartSearch: finds where rovers that started anywhere lie, by matching their submaps.
 //
-// The search matches up to 16 maps of the rover with up to 128 maps of placed rovers, each pair once per term. A single
-// match may be wrong, because rooms look alike. Therefore the solver gets the matches of a rover only if these hold:
-// - At least two of them share no map and give the same start, within 5 degrees and 0.3 m plus 5 % of the distance
-//   between their maps of the rover.
-// - At most a third as many contradict them.
-// The solver then places the rover by these loop closures.
+// The search takes pairs of rovers whose frames nothing ties together. For each pair it matches all submaps of one with
+// all of the other (submap_matching.h), finds sets of places that agree with both odometries (submap_sets.h), and
+// judges the best one (start_verdict.h). If it is accepted, single maps near the places of the set are matched in a
+// small window (map_matching.h). Their matches are the result; the solver then places the rover by these loop closures.
 //
-// Limits: about 60 ms of CPU time per pair. If no rover is placed, there is nothing to match with. Single-threaded.
+// Work is done in steps of at most about 80 ms. What was matched once is kept for later passes of the term: a submap
+// changes only if its maps do. Deterministic: the same maps give the same verdicts.
+//
+// Limits: kPairsMax pairs of submaps in a pass, in the order of the agents, the newest submaps first; the rest follows
+// in the next pass. About 30 ms for a pair of submaps, ten times as long on open ground. Memory: 64 submaps of 1.5 MB,
+// and up to 1,200 places of 150 bytes for each pair of rovers. Single-threaded.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <list>
 #include <map>
+#include <memory>
+#include <optional>
 #include <set>
 #include <utility>
 #include <vector>
 
+#include "actors/registration/field_cache.h"
+#include "actors/registration/known_maps.h"
 #include "actors/registration/match_plan.h"
+#include "actors/registration/start_verdict.h"
+#include "actors/registration/submap_matching.h"
+#include "actors/registration/submap_sets.h"
 
 namespace moondb {
 
 class StartSearch {
  public:
   using Accepted = std::pair<PlannedMatch, MatchResult>;
+  using AgentPair = MatchPlan::AgentPair;
 
-  static constexpr std::size_t kRoverMapsMax = 16;
-  static constexpr std::size_t kOtherMapsMax = 128;
+  // A rover with its unbroken track, and its maps whose nodes lie on the track.
+  struct Rover {
+    std::shared_ptr<const RoverTrack> track;
+    std::vector<RegisteredMap> maps;
+    std::set<AgentId> in_frame;  // Agents whose poses are in one frame with the rover's, and which its maps may show.
+  };
 
-  // Returns the pairs to match next: `second` is a map of a rover that is not placed. `placed`: agents whose poses are
-  // in the frame `map`.
-  std::vector<PlannedMatch> Plan(const std::vector<RegisteredMap>& maps, const std::set<AgentId>& placed) const;
+  static constexpr std::size_t kPairsMax = 4096;
+  static constexpr std::size_t kSubmapsMax = 64;   // Kept in memory.
+  static constexpr std::size_t kMapPairsMax = 60;  // Pairs of single maps that are matched for a set.
+  static constexpr std::size_t kMapPairsMin = 3;   // That must pass.
 
-  // Notes the result of a planned match.
-  void Note(const PlannedMatch& planned, const MatchResult& result);
+  // Begins a pass over the pairs of `rovers` that are `wanted`. Forgets what it knows about other pairs.
+  void Begin(const std::map<AgentId, Rover>& rovers, const std::vector<AgentPair>& wanted);
+  // Does one step. Returns the matches to store, if this step completed them. Requires: left_count() is not 0.
+  std::vector<Accepted> Step(const KnownMaps& maps, FieldCache& fields);
+  // Number of pairs of submaps that are still to be matched, and at least one for each pair of rovers that is not done.
+  std::size_t left_count() const;
 
-  // Returns the matches of the rover that agree; empty if too few agree or too many contradict them.
-  std::vector<Accepted> FindAgreeing(AgentId rover) const;
+  // The last verdict on each pair of rovers in this term.
+  const std::map<AgentPair, JudgedStart>& judged() const { return judged_; }
 
   void Clear() { *this = StartSearch(); }
 
  private:
-  std::set<std::pair<RecordKey, RecordKey>> tried_;
-  std::map<AgentId, std::vector<Accepted>> accepted_;
+  // The search for one pair of rovers.
+  struct Search {
+    AgentPair agents;
+    TrackSubmaps first, second;
+    std::map<RecordKey, RegisteredMap> maps;
+    std::map<AgentId, std::set<AgentId>> in_frame;             // Of both rovers.
+    std::vector<std::pair<std::size_t, std::size_t>> windows;  // To be matched, the next one last.
+    std::optional<SubmapSets> sets;
+    bool has_sets = false;  // All sets are found.
+    std::vector<SetFit> fits;
+    std::size_t fit_row = 0;  // Next submap of the first rover to compare, in the last of `fits`.
+    bool is_judged = false;
+    std::vector<PlannedMatch> planned;  // Single maps, the next one last.
+    std::vector<Accepted> passed;
+  };
+  using WindowPair = std::pair<std::uint64_t, std::uint64_t>;  // Their hashes.
+
+  std::shared_ptr<const SubmapTemplate> TemplateOf(const TrackSubmaps& rover, std::size_t window, const Search& search,
+                                                   const KnownMaps& maps);
+  void MatchNext(Search& search, const KnownMaps& maps);
+  void BeginSets(Search& search);
+  void CompareRow(Search& search, const KnownMaps& maps);
+  void PlanMaps(Search& search) const;
+  void MatchMapsNext(Search& search, const KnownMaps& maps, FieldCache& fields);
+  std::vector<Accepted> Finish(Search& search);
+
+  std::vector<Search> searches_;  // The present one last.
+  SubmapMatcher matcher_;
+  std::list<std::pair<std::uint64_t, std::shared_ptr<const SubmapTemplate>>> templates_;  // The last used first.
+  std::map<AgentPair, std::map<WindowPair, std::vector<SubmapPlace>>> places_;
+  std::map<AgentPair, JudgedStart> judged_;
+  std::map<AgentPair, std::uint64_t> judged_windows_;  // Hash of the windows that a verdict is about.
 };
 
 }  // namespace moondb

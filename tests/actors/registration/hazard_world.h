@@ -40,6 +40,29 @@ struct HazardWorld {
     return world;
   }
 
+  // A square building of random walls at right angles, with round posts, centred at the origin.
+  static HazardWorld OfRooms(std::uint64_t seed, double side_m = 40, double walls_per_m2 = 0.0375) {
+    std::mt19937_64 random(seed);
+    const double half_m = side_m / 2;
+    std::uniform_real_distribution<double> place(-half_m, half_m);
+    std::uniform_real_distribution<double> length(2, 7);
+    HazardWorld world;
+    const Eigen::Vector2d corners[] = {{-half_m, -half_m}, {half_m, -half_m}, {half_m, half_m}, {-half_m, half_m}};
+    for (int i = 0; i < 4; ++i) world.walls.push_back({corners[i], corners[(i + 1) % 4]});
+    const int wall_count = static_cast<int>(walls_per_m2 * side_m * side_m);
+    for (int i = 0; i < wall_count; ++i) {
+      const Eigen::Vector2d from_m(place(random), place(random));
+      const double length_m = length(random);
+      const Eigen::Vector2d along_m = i % 2 == 0 ? Eigen::Vector2d(length_m, 0) : Eigen::Vector2d(0, length_m);
+      world.walls.push_back({from_m, from_m + along_m});
+    }
+    for (int i = 0; i < 30; ++i) {
+      const double x_m = place(random);
+      world.rocks.push_back({{x_m, place(random)}, 0.2});
+    }
+    return world;
+  }
+
   bool IsHazard(const Eigen::Vector2d& point_m, double margin_m) const {
     for (const Rock& rock : rocks) {
       if ((point_m - rock.center_m).norm() <= rock.radius_m + margin_m) return true;

@@ -60,8 +60,8 @@ class RegisterActorTest : public testing::Test {
   static Pose TrueAt(const NodeKey& node) {
     return Pose::FromPlanar(-3.5 + static_cast<double>(node.index), node.agent == 1 ? 0 : 1.2, 0);
   }
-  static Pose RawAt(const NodeKey& node) {
-    const double drift_m = node.agent == 2 ? 0.1 * static_cast<double>(node.index) : 0;
+  Pose RawAt(const NodeKey& node) const {
+    const double drift_m = node.agent == 2 ? drift_m_ * static_cast<double>(node.index) : 0;
     return Pose::FromPlanar(0, drift_m, 0) * TrueAt(node);
   }
 
@@ -234,6 +234,7 @@ class RegisterActorTest : public testing::Test {
   const Address pgo_{1, actor_name::kPgo};
   const Address storage_{1, actor_name::kStorage};
   HazardWorld world_;
+  double drift_m_ = 0.1;  // Drift of rover 2 to the side, from node to node.
   proto::TeamConfig config_;
   proto::GraphStatsReply stats_;
   std::size_t turn_pairs_max_ = 64;
@@ -315,15 +316,18 @@ TEST_F(RegisterActorTest, WithPgoActorTheDriftGoesAndTheMatchingEnds) {
 }
 
 // Rover 2 has no start pose: its raw poses are in a frame of its own.
-TEST_F(RegisterActorTest, ARoverWithAnUnknownStartIsPlacedByMatchesThatAgree) {
+TEST_F(RegisterActorTest, ARoverThatStartedAnywhereIsPlacedByItsSubmaps) {
+  constexpr std::uint64_t kLongDrive = 34;
   config_.mutable_agents(1)->clear_start();
+  world_ = HazardWorld::OfRooms(2, 64, 0.08);
+  drift_m_ = 0.01;
   SpawnStorage();
   SpawnPgo();
   SpawnRegister();
   SetLeader(1);
   const Pose own_from_map = Pose::FromPlanar(40, -7, 2.3);
   for (const AgentId agent : {1, 2}) {
-    for (std::uint64_t i = 0; i < kNodes; ++i) {
+    for (std::uint64_t i = 0; i < kLongDrive; ++i) {
       const NodeKey node{agent, i};
       StoreNode(node, agent == 1 ? RawAt(node) : own_from_map * RawAt(node));
       (void)StoreMap(node);
@@ -349,6 +353,11 @@ TEST_F(RegisterActorTest, ARoverWithAnUnknownStartIsPlacedByMatchesThatAgree) {
     const Pose error = truth.Inverse() * *FromProto(match.relative_pose().from_from_to());
     EXPECT_LT(error.position_m.norm(), 0.1) << match.ShortDebugString();
   }
+  const proto::RegistrationReply state = State();
+  ASSERT_EQ(state.starts_size(), 1);
+  EXPECT_TRUE(state.starts(0).is_accepted()) << state.ShortDebugString();
+  EXPECT_EQ(state.starts(0).text(), "accepted");
+  EXPECT_GE(state.starts(0).evidence(), 12);
 }
 
 // Runs one pass, and returns its matches without the epochs of the maps.
