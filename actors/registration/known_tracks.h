@@ -33,7 +33,7 @@ class KnownTracks {
   void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const;
 
  private:
-  // One kind of values by node. Of several records of a node, the one with the smallest key counts.
+  // One kind of values by node. If a node has several records, the record with the smallest key counts.
   template <typename Value>
   class ByNode {
    public:

@@ -13,8 +13,8 @@
 //
 // Deterministic: the same sequence of records, solves and terms gives the same matches.
 //
-// Memory: the packed maps (KnownMaps::Options::bytes_max), 64 fields of about 1 MB (5 MB for maps of 40 m) during a
-// pass, about 150 bytes for each pair matched in this term, and that of StartSearch while rovers are not placed.
+// Memory: the packed maps (KnownMaps::Options::bytes_max), and 64 fields of about 1 MB (5 MB for maps of 40 m) during a
+// pass. Each pair matched in this term takes about 150 bytes. While rovers are not placed, StartSearch adds its own.
 //
 // Error codes in replies: kRefused if this agent does not lead; kFull if more than requests_max requests wait; kRefused
 // if the team file disables registration; any error of StorageActor.

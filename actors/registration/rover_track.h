@@ -36,8 +36,8 @@ class RoverTrack {
   // Length of the path from the first node.
   double path_m(std::size_t index) const { return nodes_[index].path_m; }
 
-  // Returns the covariance of the pose of node `to` relative to node `from`, for a frame that is fixed to node `to` and
-  // has its origin at `target_m`: position (m) along the axes of `odom`, and yaw (rad). `target_m` is in `odom`.
+  // Returns the covariance of node `to` relative to node `from`: position (m) along the axes of `odom`, and yaw (rad).
+  // The position is that of a point fixed to node `to`, which lies at `target_m` in `odom`.
   Eigen::Matrix3d CovarianceOf(std::size_t from, std::size_t to, const Eigen::Vector2d& target_m) const;
 
  private:

@@ -5,7 +5,7 @@
 // judges the best one (start_verdict.h). If it is accepted, single maps near the places of the set are matched in a
 // small window (map_matching.h). Their matches are the result; the solver then places the rover by these loop closures.
 //
-// Work is done in steps of at most about 80 ms. What was matched once is kept for later passes of the term: a submap
+// Work is done in steps of at most about 80 ms. Later passes of the term match only submaps that are new, and a submap
 // changes only if its maps do. Deterministic: the same maps give the same verdicts.
 //
 // Limits: kPairsMax pairs of submaps in a pass, in the order of the agents, the newest submaps first; the rest follows
@@ -67,7 +67,7 @@ class StartSearch {
     AgentPair agents;
     TrackSubmaps first, second;
     std::map<RecordKey, RegisteredMap> maps;
-    std::map<AgentId, std::set<AgentId>> in_frame;             // Of both rovers.
+    std::map<AgentId, std::set<AgentId>> in_frame;             // Rover::in_frame of both rovers.
     std::vector<std::pair<std::size_t, std::size_t>> windows;  // To be matched, the next one last.
     std::optional<SubmapSets> sets;
     bool has_sets = false;  // All sets are found.

@@ -16,7 +16,7 @@ constexpr std::uint32_t kFinest_um = 100'000;
 constexpr int kHazardPercent = 40;
 constexpr int kFreePercent = 15;
 constexpr int kNormalCells = 5;         // Radius about a point in which its wall is looked for.
-constexpr double kWallRatio_max = 0.3;  // Of the spread across a wall and along it; above: a corner.
+constexpr double kWallRatio_max = 0.3;  // Spread across a wall, divided by that along it. A corner has more.
 
 // Returns a layer of at least kFinest_um: a cell is a hazard if one of its parts is.
 MapLayer Coarsened(const MapLayer& layer) {

@@ -34,7 +34,7 @@ struct TrackMap {
 struct SubmapWindow {
   std::size_t middle = 0;      // Index in the track of the middle node.
   std::vector<TrackMap> maps;  // Sorted by index and key.
-  std::uint64_t hash = 0;      // Of the keys of the maps: two windows with one hash have the same cells.
+  std::uint64_t hash = 0;      // Hash of the maps' keys. Two windows with one hash have the same cells.
 };
 
 struct SubmapWindowOptions {

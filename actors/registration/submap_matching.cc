@@ -218,7 +218,8 @@ SubmapTemplate::SubmapTemplate(std::shared_ptr<const Submap> submap) : submap_(s
 }
 
 // With Y = scores - i hazards of the first submap and Z = hazards - i scores of the second, the real part of the
-// correlation at a shift is the sum of the scores of both submaps' hazards in the other.
+// correlation at a shift is the sum of two scores. One is that of the second submap's hazards in the first; the other
+// is the reverse.
 void SubmapMatcher::Correlate(double yaw_rad) {
   constexpr int kSide = ImageSpectrum::kSide;
   DrawImages(second_->submap(), yaw_rad, image_.real(), image_.imaginary());

@@ -162,6 +162,36 @@ TEST(RegistrationTextTest, CountsResultsAndGivesTheReasonWhyNothingIsMatched) {
             "optimized pose; the leader has not solved the pose graph yet\n");
 }
 
+TEST(RegistrationTextTest, SaysHowFarTheSearchForStartsCame) {
+  proto::TeamConfig team;
+  for (const AgentId id : {1, 2, 3}) {
+    proto::AgentConfig& agent = *team.add_agents();
+    agent.set_id(id);
+    agent.set_name("rover" + std::to_string(id));
+  }
+  proto::RegistrationReply state;
+  proto::SearchedStart& found = *state.add_starts();
+  found.set_agent_id(1);
+  found.set_other_agent_id(2);
+  found.set_is_accepted(true);
+  found.set_evidence(160.66);
+  found.set_rival(8.9);
+  found.set_matched(0.92);
+  found.set_contradicted(0.04);
+  proto::SearchedStart& lost = *state.add_starts();
+  lost.set_agent_id(1);
+  lost.set_other_agent_id(3);
+  lost.set_evidence(5.6);
+  lost.set_text("too little looks alike");
+  EXPECT_THAT(
+      RegistrationText(team, state),
+      HasSubstr(
+          "found how rover2 lies to rover1: evidence 160.7, best other place 8.9, matched 92 %, contradicted 4 %\n"
+          "did not find how rover3 lies to rover1: too little looks alike (evidence 5.6, best other place 0.0, "
+          "matched 0 %, contradicted 0 %); drive one of them through places that the other has seen, or give "
+          "a start\n"));
+}
+
 TEST(RegistrationTextTest, NamesTheAgentsWhosePairsWereLeftOut) {
   proto::TeamConfig team;
   for (const AgentId id : {1u, 3u}) {
