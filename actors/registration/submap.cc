@@ -121,6 +121,26 @@ std::vector<Cell> Fuse(std::span<const Submap::Source> sources, const SquareGrid
   return cells;
 }
 
+// Returns the first node with at least this path; the size of the track if there is none.
+std::size_t FirstAtLeast(const RoverTrack& track, double path_m) {
+  std::size_t first = 0, end = track.size();
+  while (first < end) {
+    const std::size_t half = (first + end) / 2;
+    if (track.path_m(half) < path_m) {
+      first = half + 1;
+    } else {
+      end = half;
+    }
+  }
+  return first;
+}
+
+std::uint64_t HashOf(const std::vector<TrackMap>& maps) {
+  std::vector<std::uint64_t> keys;
+  for (const TrackMap& map : maps) keys.insert(keys.end(), {map.key.stream.origin, map.key.stream.epoch, map.key.seq});
+  return XXH64(keys.data(), keys.size() * sizeof(keys[0]), 0);
+}
+
 }  // namespace
 
 std::vector<SubmapWindow> FindWindows(const RoverTrack& track, std::vector<TrackMap> maps,
@@ -134,23 +154,14 @@ std::vector<SubmapWindow> FindWindows(const RoverTrack& track, std::vector<Track
   for (double begin_m = 0; begin_m == 0 || begin_m + options.spacing_m <= length_m; begin_m += options.spacing_m) {
     const double end_m = std::min(begin_m + options.length_m, length_m);
     SubmapWindow window;
-    std::size_t before = 0, after = track.size();  // The first node with at least the path of the middle.
-    while (before < after) {
-      const std::size_t half = (before + after) / 2;
-      (track.path_m(half) < (begin_m + end_m) / 2 ? before : after) =
-          track.path_m(half) < (begin_m + end_m) / 2 ? half + 1 : half;
-    }
-    window.middle = std::min(before, track.size() - 1);
+    window.middle = std::min(FirstAtLeast(track, (begin_m + end_m) / 2), track.size() - 1);
     while (first != maps.end() && track.path_m(first->index) < begin_m) ++first;
-    XXH64_state_t* const state = XXH64_createState();
-    XXH64_reset(state, 0);
-    for (auto map = first; map != maps.end() && track.path_m(map->index) <= end_m; ++map) {
-      window.maps.push_back(*map);
-      const std::uint64_t part[] = {map->key.stream.origin, map->key.stream.epoch, map->key.seq};
-      XXH64_update(state, part, sizeof(part));
-    }
-    window.hash = XXH64_digest(state);
-    XXH64_freeState(state);
+    auto last = first;
+    while (last != maps.end() && track.path_m(last->index) <= end_m) ++last;
+    const auto all = static_cast<std::size_t>(last - first);
+    const std::size_t count = std::min(all, options.maps_max);
+    for (std::size_t i = 0; i < count; ++i) window.maps.push_back(first[static_cast<std::ptrdiff_t>(i * all / count)]);
+    window.hash = HashOf(window.maps);
     if (!window.maps.empty() && middles.insert(window.middle).second) windows.push_back(std::move(window));
   }
   std::size_t stride = 1;

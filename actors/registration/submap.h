@@ -41,6 +41,7 @@ struct SubmapWindowOptions {
   double length_m = 15;
   double spacing_m = 7.5;
   std::size_t count_max = 32;
+  std::size_t maps_max = 64;  // Maps of a window, spread evenly if there are more. Each takes about 1 ms to fuse.
 };
 
 // Returns the windows of a track, the newest first. Windows hold at least one map, and no two have the same middle. The

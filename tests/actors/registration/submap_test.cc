@@ -49,6 +49,11 @@ TEST(SubmapWindowTest, AShortDriveIsOneWindowAndALongOneHasAtMost32) {
   EXPECT_EQ(FindWindows(*brief.track, brief.maps).size(), 1u);
   const Drive parked(50, 0);
   EXPECT_EQ(FindWindows(*parked.track, parked.maps).size(), 1u);
+  EXPECT_LE(FindWindows(*parked.track, parked.maps)[0].maps.size(), 50u);
+  const Drive slow(1500, 0.01);
+  const std::vector<SubmapWindow> windows = FindWindows(*slow.track, slow.maps);
+  EXPECT_EQ(windows[0].maps.size(), 64u);
+  EXPECT_GT(windows[0].maps.back().index - windows[0].maps.front().index, 700u) << "evenly spread";
   const Drive far(1000, 1);
   EXPECT_LE(FindWindows(*far.track, far.maps).size(), 32u);
   EXPECT_TRUE(FindWindows(*far.track, {}).empty());
