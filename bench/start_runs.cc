@@ -3,11 +3,12 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <ctime>
 #include <map>
 #include <numbers>
 
 #include "actors/registration/start_search.h"
+#include "bench/measure.h"
+#include "bench/process_status.h"
 #include "bench/redraw.h"
 #include "proto/types.pb.h"
 
@@ -17,18 +18,6 @@ namespace {
 constexpr AgentId kAgentsOfMission = 100;  // Agents of the second mission begin above this number.
 constexpr double kWrong_m = 1;
 constexpr double kWrong_deg = 5;
-
-double CpuSeconds() {
-  timespec time = {};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-double MedianOf(std::vector<double> values) {
-  if (values.empty()) return 0;
-  std::ranges::sort(values);
-  return values[values.size() / 2];
-}
 
 class Searcher {
  public:
@@ -76,8 +65,10 @@ class Searcher {
     run.rival = judged.rival;
     run.matched = judged.best.matched;
     run.contradicted = judged.best.contradicted;
-    run.error_m = MedianOf(errors_m);
-    run.error_deg = MedianOf(errors_deg);
+    if (!errors_m.empty()) {
+      run.error_m = Median(errors_m);
+      run.error_deg = Median(errors_deg);
+    }
     run.is_wrong = run.is_placed && (!run.is_same_mission || run.error_m > kWrong_m || run.error_deg > kWrong_deg);
     return run;
   }

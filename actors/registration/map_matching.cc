@@ -1,7 +1,6 @@
 #include "actors/registration/map_matching.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <climits>
 #include <cmath>
@@ -24,8 +23,6 @@ constexpr double kSamePlace_m = 0.4;
 constexpr double kSamePlace_rad = 5 * std::numbers::pi / 180;
 constexpr double kSecondWindowMin_m = 1.5;  // The second place is searched for at least this far.
 constexpr double kLoss_m = 0.12;
-constexpr double kPointSigma_m = 0.05;
-constexpr double kVarianceFactor = 40;
 constexpr double kSigmaMin_m = 0.04;
 constexpr double kSigmaMin_rad = 0.3 * std::numbers::pi / 180;
 
@@ -162,16 +159,9 @@ void Judge(const HazardField& first, const HazardField& second, const OffsetRefi
   result.points = std::min(seen[0], seen[1]);
   result.overlap = std::min(ratio(seen[0], second.points_m().size()), ratio(seen[1], first.points_m().size()));
   result.matched = std::min(ratio(near[0], seen[0]), ratio(near[1], seen[1]));
-  result.covariance = refinement.HessianAt(result.first_from_second, kLoss_m).inverse() *
-                      (kPointSigma_m * kPointSigma_m * kVarianceFactor);
-  result.covariance = (result.covariance + result.covariance.transpose()).eval() / 2;
+  result.covariance = refinement.CovarianceAt(result.first_from_second, kLoss_m);
   result.covariance.diagonal() = result.covariance.diagonal().cwiseMax(
       Eigen::Vector3d(kSigmaMin_m * kSigmaMin_m, kSigmaMin_m * kSigmaMin_m, kSigmaMin_rad * kSigmaMin_rad));
-}
-
-double WorstSigma(const Eigen::Matrix3d& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(covariance.topLeftCorner<2, 2>().eval());
-  return std::sqrt(solver.eigenvalues().maxCoeff());
 }
 
 }  // namespace
@@ -230,7 +220,7 @@ MatchResult MatchMaps(const HazardField& first, const HazardField& second, const
              std::abs(result.first_from_second.y_m - expected.y_m) > window.side_m ||
              std::abs(WrappedAngle(result.first_from_second.yaw_rad - expected.yaw_rad)) > window.yaw_rad) {
     result.verdict = MatchVerdict::kOutsideWindow;
-  } else if (WorstSigma(result.covariance) > options.sigma_max_m) {
+  } else if (WorstSigma_m(result.covariance) > options.sigma_max_m) {
     result.verdict = MatchVerdict::kUncertain;
   } else {
     result.verdict = MatchVerdict::kAccepted;

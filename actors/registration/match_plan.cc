@@ -20,7 +20,7 @@ MatchPlan::AgentPair AgentsOf(const PlannedMatch& planned) {
 bool MatchPlan::IsDue(const Attempts& attempts, const PlanarOffset& expected) const {
   if (attempts.count >= kAttemptsMax) return false;
   if (!attempts.is_accepted) return true;
-  const PlanarOffset moved = PlanarOffset::From(attempts.expected.ToPose().Inverse() * expected.ToPose());
+  const PlanarOffset moved = attempts.expected.Inverse() * expected;
   return std::hypot(moved.x_m, moved.y_m) > options_.narrow.side_m / 2 ||
          std::abs(moved.yaw_rad) > options_.narrow.yaw_rad / 2;
 }

@@ -8,6 +8,8 @@ namespace {
 
 constexpr int kIterations = 20;
 constexpr double kStepMax_m = 0.1;
+constexpr double kPointSigma_m = 0.05;
+constexpr double kVarianceFactor = 40;
 
 }  // namespace
 
@@ -27,11 +29,12 @@ void OffsetRefinement::Run(PlanarOffset& offset, double loss_m) const {
   }
 }
 
-Eigen::Matrix3d OffsetRefinement::HessianAt(const PlanarOffset& offset, double loss_m) const {
+Eigen::Matrix3d OffsetRefinement::CovarianceAt(const PlanarOffset& offset, double loss_m) const {
   Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
   Accumulate(offset, loss_m, hessian, gradient);
-  return hessian;
+  const Eigen::Matrix3d covariance = hessian.inverse() * (kPointSigma_m * kPointSigma_m * kVarianceFactor);
+  return (covariance + covariance.transpose()) / 2;
 }
 
 // Adds weight * J^T J and weight * J^T r over the points of both maps, and a small diagonal.

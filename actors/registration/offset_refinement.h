@@ -22,8 +22,9 @@ class OffsetRefinement {
 
   // Moves `first_from_second` to the nearest minimum. `loss_m`: distance at which a point has a quarter of its weight.
   void Run(PlanarOffset& first_from_second, double loss_m) const;
-  // Returns the weighted sum of J^T J, with J the derivative of a distance by x, y (m) and yaw (rad). Never singular.
-  Eigen::Matrix3d HessianAt(const PlanarOffset& first_from_second, double loss_m) const;
+  // Returns the covariance of x, y (m) and yaw (rad) for points with a sigma of 5 cm, times 40. map_matching.h gives
+  // the reasons for this factor.
+  Eigen::Matrix3d CovarianceAt(const PlanarOffset& first_from_second, double loss_m) const;
 
  private:
   void Accumulate(const PlanarOffset& offset, double loss_m, Eigen::Matrix3d& hessian, Eigen::Vector3d& gradient) const;

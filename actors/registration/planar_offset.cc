@@ -1,5 +1,6 @@
 #include "actors/registration/planar_offset.h"
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <numbers>
 
@@ -38,6 +39,11 @@ Eigen::Matrix3d ShiftedCovariance(const Eigen::Matrix3d& covariance, const Eigen
   shift(0, 2) = -arm_m.y();
   shift(1, 2) = arm_m.x();
   return shift * covariance * shift.transpose();
+}
+
+double WorstSigma_m(const Eigen::Matrix3d& covariance) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(covariance.topLeftCorner<2, 2>().eval());
+  return std::sqrt(solver.eigenvalues().maxCoeff());
 }
 
 }  // namespace moondb

@@ -35,4 +35,7 @@ struct PlanarOffset {
 Eigen::Matrix3d TurnedCovariance(const Eigen::Matrix3d& covariance, double yaw_rad);
 Eigen::Matrix3d ShiftedCovariance(const Eigen::Matrix3d& covariance, const Eigen::Vector2d& arm_m);
 
+// Returns the standard deviation of the position along its worst direction (m).
+double WorstSigma_m(const Eigen::Matrix3d& covariance);
+
 }  // namespace moondb

@@ -235,32 +235,32 @@ void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
 
 // Searches for the relative pose of each two rovers whose frames nothing ties together.
 void RegisterActor::PlanStarts(const std::vector<RegisteredMap>& maps, const std::set<AgentId>& placed) {
-  std::map<AgentId, StartSearch::Rover> rovers;
-  for (const RegisteredMap& map : maps) rovers[map.node.agent].maps.push_back(map);
+  std::set<AgentId> agents;
+  for (const RegisteredMap& map : maps) agents.insert(map.node.agent);
   const std::set<StartSearch::AgentPair> matched = known_.FindMatched();
   std::vector<StartSearch::AgentPair> wanted, among_lost;
-  for (const auto& [a, of_a] : rovers) {
-    for (const auto& [b, of_b] : rovers) {
+  std::map<AgentId, StartSearch::Rover> rovers;
+  for (const AgentId a : agents) {
+    for (const AgentId b : agents) {
       if (a >= b || (placed.contains(a) && placed.contains(b))) continue;
-      if (placed.contains(a) || placed.contains(b)) {
-        wanted.emplace_back(a, b);
-      } else if (!matched.contains({a, b})) {
-        among_lost.emplace_back(a, b);
-      }
+      const bool is_one_placed = placed.contains(a) || placed.contains(b);
+      if (!is_one_placed && matched.contains({a, b})) continue;
+      (is_one_placed ? wanted : among_lost).emplace_back(a, b);
+      for (const AgentId agent : {a, b}) rovers.try_emplace(agent);
     }
   }
   wanted.insert(wanted.end(), among_lost.begin(), among_lost.end());
-  for (const StartSearch::AgentPair& pair : wanted) {
-    for (const AgentId agent : {pair.first, pair.second}) {
-      std::shared_ptr<const RoverTrack>& track = rovers[agent].track;
-      if (track == nullptr) track = known_.FindTrack(agent);
-      if (placed.contains(agent)) rovers[agent].in_frame = placed;
-    }
+  for (auto& [agent, rover] : rovers) {
+    rover.track = known_.FindTrack(agent);
+    if (placed.contains(agent)) rover.in_frame = placed;
   }
   std::erase_if(rovers, [](const auto& rover) { return rover.second.track == nullptr; });
   std::erase_if(wanted, [&](const StartSearch::AgentPair& pair) {
     return !rovers.contains(pair.first) || !rovers.contains(pair.second);
   });
+  for (const RegisteredMap& map : maps) {
+    if (const auto rover = rovers.find(map.node.agent); rover != rovers.end()) rover->second.maps.push_back(map);
+  }
   starts_.Begin(rovers, wanted);
 }
 

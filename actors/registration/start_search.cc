@@ -14,14 +14,6 @@ constexpr MatchWindow kMapWindow = {1.5, 10 * std::numbers::pi / 180};
 constexpr double kMapsApart_m = 5;
 constexpr std::size_t kMapPairsOfPlace = 3;
 
-std::uint64_t HashOf(const TrackSubmaps& first, const TrackSubmaps& second) {
-  std::uint64_t hash = first.windows.size();
-  for (const TrackSubmaps* const rover : {&first, &second}) {
-    for (const SubmapWindow& window : rover->windows) hash = 0x9e3779b97f4a7c15 * (hash ^ window.hash);
-  }
-  return hash;
-}
-
 TrackSubmaps SubmapsOf(const StartSearch::Rover& rover) {
   std::map<NodeKey, std::size_t> indices;
   for (std::size_t i = 0; i < rover.track->size(); ++i) indices[rover.track->node(i)] = i;
@@ -45,20 +37,24 @@ bool ShareNoMap(const StartSearch::Accepted& a, const StartSearch::Accepted& b) 
 void StartSearch::Begin(const std::map<AgentId, Rover>& rovers, const std::vector<AgentPair>& wanted) {
   matcher_ = SubmapMatcher();
   searches_.clear();
-  std::map<AgentId, TrackSubmaps> submaps;
-  for (const auto& [agent, rover] : rovers) submaps[agent] = SubmapsOf(rover);
+  rovers_.clear();
+  for (const auto& [agent, rover] : rovers) {
+    SearchedRover& searched = rovers_[agent];
+    searched = {SubmapsOf(rover), {}, rover.in_frame};
+    for (const RegisteredMap& map : rover.maps) searched.maps.emplace(map.key, map);
+  }
   std::erase_if(places_, [&](const auto& of_pair) { return std::ranges::find(wanted, of_pair.first) == wanted.end(); });
   std::size_t left = kPairsMax;
   for (const AgentPair& agents : wanted) {
     Search search;
     search.agents = agents;
-    search.first = submaps.at(agents.first);
-    search.second = submaps.at(agents.second);
+    const std::vector<SubmapWindow>& first = First(search).submaps.windows;
+    const std::vector<SubmapWindow>& second = Second(search).submaps.windows;
     std::map<WindowPair, std::vector<SubmapPlace>> kept;
     auto& known = places_[agents];
-    for (std::size_t i = 0; i < search.first.windows.size(); ++i) {
-      for (std::size_t j = 0; j < search.second.windows.size(); ++j) {
-        const auto found = known.find({search.first.windows[i].hash, search.second.windows[j].hash});
+    for (std::size_t i = 0; i < first.size(); ++i) {
+      for (std::size_t j = 0; j < second.size(); ++j) {
+        const auto found = known.find({first[i].hash, second[j].hash});
         if (found != known.end()) {
           kept.insert(std::move(*found));
         } else if (left > 0) {
@@ -70,15 +66,20 @@ void StartSearch::Begin(const std::map<AgentId, Rover>& rovers, const std::vecto
     known = std::move(kept);
     std::ranges::reverse(search.windows);
     const auto judged = judged_windows_.find(agents);
-    const bool is_known = judged != judged_windows_.end() && judged->second == HashOf(search.first, search.second);
-    if (is_known && search.windows.empty()) continue;
-    for (const AgentId agent : {agents.first, agents.second}) {
-      for (const RegisteredMap& map : rovers.at(agent).maps) search.maps.emplace(map.key, map);
-      search.in_frame[agent] = rovers.at(agent).in_frame;
-    }
-    searches_.push_back(std::move(search));
+    const bool is_known = judged != judged_windows_.end() && judged->second == WindowsOf(agents);
+    if (!is_known || !search.windows.empty()) searches_.push_back(std::move(search));
   }
   std::ranges::reverse(searches_);
+}
+
+// Returns the hashes of all windows of both rovers.
+std::vector<std::uint64_t> StartSearch::WindowsOf(const AgentPair& agents) const {
+  std::vector<std::uint64_t> hashes;
+  for (const AgentId agent : {agents.first, agents.second}) {
+    for (const SubmapWindow& window : rovers_.at(agent).submaps.windows) hashes.push_back(window.hash);
+    hashes.push_back(agent);
+  }
+  return hashes;
 }
 
 std::size_t StartSearch::left_count() const {
@@ -105,7 +106,7 @@ std::vector<StartSearch::Accepted> StartSearch::Step(const KnownMaps& maps, Fiel
     }
     const JudgedStart judged = JudgeSets(sets);
     judged_[search.agents] = judged;
-    judged_windows_[search.agents] = HashOf(search.first, search.second);
+    judged_windows_[search.agents] = WindowsOf(search.agents);
     search.is_judged = true;
     if (judged.verdict == StartVerdict::kAccepted) PlanMaps(search);
   } else if (!search.planned.empty()) {
@@ -116,23 +117,22 @@ std::vector<StartSearch::Accepted> StartSearch::Step(const KnownMaps& maps, Fiel
   return {};
 }
 
-// Returns null if the cells of a map are gone.
-std::shared_ptr<const SubmapTemplate> StartSearch::TemplateOf(const TrackSubmaps& rover, std::size_t window,
-                                                              const Search& search, const KnownMaps& maps) {
-  const SubmapWindow& of = rover.windows[window];
+// The submap is made without maps whose cells are gone.
+std::shared_ptr<const SubmapTemplate> StartSearch::TemplateOf(const SearchedRover& rover, std::size_t window,
+                                                              const KnownMaps& maps) {
+  const SubmapWindow& of = rover.submaps.windows[window];
   const auto found = std::ranges::find(templates_, of.hash, [](const auto& one) { return one.first; });
   if (found != templates_.end()) {
     templates_.splice(templates_.begin(), templates_, found);
     return found->second;
   }
-  const PlanarOffset submap_from_odom = rover.OdomFromSubmap(window).Inverse();
+  const PlanarOffset submap_from_odom = rover.submaps.OdomFromSubmap(window).Inverse();
   std::vector<Submap::Source> sources;
   for (const TrackMap& map : of.maps) {
     std::optional<TraversabilityMap> cells = maps.FindMap(map.key);
     if (!cells) continue;
-    const RegisteredMap& registered = search.maps.at(map.key);
     sources.push_back({*std::move(cells), submap_from_odom * map.odom_from_local,
-                       maps.FindRovers(registered, &search.in_frame.at(registered.node.agent))});
+                       maps.FindRovers(rover.maps.at(map.key), &rover.in_frame)});
   }
   templates_.emplace_front(of.hash, std::make_shared<const SubmapTemplate>(std::make_shared<const Submap>(sources)));
   if (templates_.size() > kSubmapsMax) templates_.pop_back();
@@ -142,37 +142,42 @@ std::shared_ptr<const SubmapTemplate> StartSearch::TemplateOf(const TrackSubmaps
 void StartSearch::MatchNext(Search& search, const KnownMaps& maps) {
   const auto [first, second] = search.windows.back();
   if (!matcher_.is_begun()) {
-    matcher_.Begin(TemplateOf(search.first, first, search, maps), TemplateOf(search.second, second, search, maps));
+    matcher_.Begin(TemplateOf(First(search), first, maps), TemplateOf(Second(search), second, maps));
   }
   if (matcher_.Step()) return;
   search.windows.pop_back();
-  places_[search.agents][{search.first.windows[first].hash, search.second.windows[second].hash}] = matcher_.Finish();
+  const std::uint64_t first_hash = First(search).submaps.windows[first].hash;
+  const std::uint64_t second_hash = Second(search).submaps.windows[second].hash;
+  places_[search.agents][{first_hash, second_hash}] = matcher_.Finish();
 }
 
 void StartSearch::BeginSets(Search& search) {
+  const TrackSubmaps& first = First(search).submaps;
+  const TrackSubmaps& second = Second(search).submaps;
   std::vector<SubmapHypothesis> hypotheses;
   const auto& places = places_[search.agents];
-  for (std::size_t i = 0; i < search.first.windows.size(); ++i) {
-    for (std::size_t j = 0; j < search.second.windows.size(); ++j) {
-      const auto found = places.find({search.first.windows[i].hash, search.second.windows[j].hash});
+  for (std::size_t i = 0; i < first.windows.size(); ++i) {
+    for (std::size_t j = 0; j < second.windows.size(); ++j) {
+      const auto found = places.find({first.windows[i].hash, second.windows[j].hash});
       if (found == places.end()) continue;
       for (const SubmapPlace& place : found->second) hypotheses.push_back({i, j, place});
     }
   }
-  search.sets.emplace(search.first, search.second, std::move(hypotheses));
+  search.sets.emplace(first, second, std::move(hypotheses));
 }
 
 // Compares one submap of the first rover with all of the second, at the poses of one set.
 void StartSearch::CompareRow(Search& search, const KnownMaps& maps) {
   if (search.fit_row == 0) search.fits.emplace_back();
-  const std::size_t first_count = search.first.windows.size();
+  const SearchedRover& rover = First(search);
+  const SearchedRover& other = Second(search);
   const SubmapSet& set = search.sets->sets()[search.fits.size() - 1];
-  const auto first = TemplateOf(search.first, search.fit_row, search, maps);
-  for (std::size_t i = 0; i < search.second.windows.size(); ++i) {
-    search.fits.back().Add(set.graph, search.fit_row, first_count + i, first->submap(),
-                           TemplateOf(search.second, i, search, maps)->submap());
+  const auto first = TemplateOf(rover, search.fit_row, maps);
+  for (std::size_t i = 0; i < other.submaps.windows.size(); ++i) {
+    search.fits.back().Add(set.graph, search.fit_row, set.first_count + i, first->submap(),
+                           TemplateOf(other, i, maps)->submap());
   }
-  search.fit_row = search.fit_row + 1 < first_count ? search.fit_row + 1 : 0;
+  search.fit_row = search.fit_row + 1 < set.first_count ? search.fit_row + 1 : 0;
 }
 
 // Plans the pairs of single maps that lie nearest to each other in the submaps of the best set.
@@ -190,9 +195,9 @@ void StartSearch::PlanMaps(Search& search) const {
     };
     std::vector<std::tuple<double, RecordKey, RecordKey, PlanarOffset>> near;
     for (const auto& [first, first_pose] :
-         poses_of(search.first, hypothesis.first, set.first_poses[hypothesis.first])) {
+         poses_of(First(search).submaps, hypothesis.first, set.FirstPose(hypothesis.first))) {
       for (const auto& [second, second_pose] :
-           poses_of(search.second, hypothesis.second, set.second_poses[hypothesis.second])) {
+           poses_of(Second(search).submaps, hypothesis.second, set.SecondPose(hypothesis.second))) {
         const PlanarOffset offset = first_pose.Inverse() * second_pose;
         const double distance_m = offset.position_m().norm();
         if (distance_m <= kMapsApart_m) near.emplace_back(distance_m, first, second, offset);
@@ -205,7 +210,7 @@ void StartSearch::PlanMaps(Search& search) const {
       if (search.planned.size() == kMapPairsMax || count == kMapPairsOfPlace) break;
       ++count;
       if (!known.emplace(first, second).second) continue;
-      search.planned.push_back({search.maps.at(first), search.maps.at(second), offset, kMapWindow});
+      search.planned.push_back({First(search).maps.at(first), Second(search).maps.at(second), offset, kMapWindow});
     }
   }
   std::ranges::reverse(search.planned);

@@ -47,7 +47,7 @@ class StartSearch {
   static constexpr std::size_t kPairsMax = 4096;
   static constexpr std::size_t kSubmapsMax = 64;   // Kept in memory.
   static constexpr std::size_t kMapPairsMax = 60;  // Pairs of single maps that are matched for a set.
-  static constexpr std::size_t kMapPairsMin = 3;   // That must pass.
+  static constexpr std::size_t kMapPairsMin = 3;   // Number of them that must pass.
 
   // Begins a pass over the pairs of `rovers` that are `wanted`. Forgets what it knows about other pairs.
   void Begin(const std::map<AgentId, Rover>& rovers, const std::vector<AgentPair>& wanted);
@@ -62,12 +62,15 @@ class StartSearch {
   void Clear() { *this = StartSearch(); }
 
  private:
+  struct SearchedRover {
+    TrackSubmaps submaps;
+    std::map<RecordKey, RegisteredMap> maps;
+    std::set<AgentId> in_frame;
+  };
+
   // The search for one pair of rovers.
   struct Search {
     AgentPair agents;
-    TrackSubmaps first, second;
-    std::map<RecordKey, RegisteredMap> maps;
-    std::map<AgentId, std::set<AgentId>> in_frame;             // Rover::in_frame of both rovers.
     std::vector<std::pair<std::size_t, std::size_t>> windows;  // To be matched, the next one last.
     std::optional<SubmapSets> sets;
     bool has_sets = false;  // All sets are found.
@@ -79,7 +82,10 @@ class StartSearch {
   };
   using WindowPair = std::pair<std::uint64_t, std::uint64_t>;  // Their hashes.
 
-  std::shared_ptr<const SubmapTemplate> TemplateOf(const TrackSubmaps& rover, std::size_t window, const Search& search,
+  const SearchedRover& First(const Search& search) const { return rovers_.at(search.agents.first); }
+  const SearchedRover& Second(const Search& search) const { return rovers_.at(search.agents.second); }
+  std::vector<std::uint64_t> WindowsOf(const AgentPair& agents) const;
+  std::shared_ptr<const SubmapTemplate> TemplateOf(const SearchedRover& rover, std::size_t window,
                                                    const KnownMaps& maps);
   void MatchNext(Search& search, const KnownMaps& maps);
   void BeginSets(Search& search);
@@ -88,12 +94,13 @@ class StartSearch {
   void MatchMapsNext(Search& search, const KnownMaps& maps, FieldCache& fields);
   std::vector<Accepted> Finish(Search& search);
 
+  std::map<AgentId, SearchedRover> rovers_;
   std::vector<Search> searches_;  // The present one last.
   SubmapMatcher matcher_;
   std::list<std::pair<std::uint64_t, std::shared_ptr<const SubmapTemplate>>> templates_;  // The last used first.
   std::map<AgentPair, std::map<WindowPair, std::vector<SubmapPlace>>> places_;
   std::map<AgentPair, JudgedStart> judged_;
-  std::map<AgentPair, std::uint64_t> judged_windows_;  // Hash of the windows that a verdict is about.
+  std::map<AgentPair, std::vector<std::uint64_t>> judged_windows_;  // The windows that a verdict is about.
 };
 
 }  // namespace moondb

@@ -10,7 +10,6 @@ constexpr double kOverlapMax_m = 30;
 constexpr int kNearlyCommon = kSubmapCommonMin / 2;
 constexpr double kMoved_m = 0.05;
 constexpr double kMoved_rad = 0.003;
-constexpr double kMovedChiSquareMax = 11.3;
 constexpr double kSpan_m = 4;
 constexpr double kSigmaMax_m = 0.25;
 
@@ -48,7 +47,7 @@ void SetFit::Add(const SubmapGraph& solved, std::size_t first_pose, std::size_t 
   const SubmapGraph::Factor moved{
       first_pose, second_pose, refined,
       Eigen::Vector3d(kMoved_m * kMoved_m, kMoved_m * kMoved_m, kMoved_rad * kMoved_rad).asDiagonal()};
-  if (solved.ChiSquareOf(moved, /*with_poses=*/true) <= kMovedChiSquareMax)
+  if (solved.ChiSquareOf(moved, /*with_poses=*/true) <= kPlanarChiSquareMax)
     overlap = CompareSubmaps(first, second, refined);
   if (overlap.Common() < kSubmapCommonMin) return;
   for (const SubmapOverlap::Counts& counts : overlap.of) {
@@ -62,9 +61,9 @@ JudgedSet FiguresOf(const SubmapSet& set, const SetFit& fit, const SubmapSets& a
   std::set<std::size_t> first, second;
   for (const std::size_t member : set.members) {
     first.insert(all.hypotheses()[member].first);
-    second.insert(all.hypotheses()[member].second);
+    second.insert(set.first_count + all.hypotheses()[member].second);
   }
-  const double span_m = std::min(SpanOf(set.first_poses, first), SpanOf(set.second_poses, second));
+  const double span_m = std::min(SpanOf(set.graph.poses(), first), SpanOf(set.graph.poses(), second));
   return {set.evidence, fit.matched(), fit.contradicted(), set.sigma_m, span_m};
 }
 

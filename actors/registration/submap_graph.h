@@ -9,6 +9,9 @@
 
 namespace moondb {
 
+// Limit of a chi-square of three degrees of freedom, 99 %: a relative pose in the plane fits.
+inline constexpr double kPlanarChiSquareMax = 11.3;
+
 class SubmapGraph {
  public:
   // The relative pose from_from_to of two poses, with the covariance of x and y (m) along the axes of `from`, and yaw.

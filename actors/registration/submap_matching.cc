@@ -38,7 +38,6 @@ constexpr double kMatchedPartMin = 0.55;
 constexpr double kContradictedPartMax = 0.30;
 constexpr double kEvidenceMin = 0.3;
 constexpr double kEvidencePoints = 100;
-constexpr double kPointVariance_m2 = 0.05 * 0.05 * 40;  // As in map_matching.cc.
 constexpr double kSigmaMin_m = 0.15;
 constexpr double kSigmaMin_rad = 0.015;
 
@@ -142,18 +141,10 @@ double SmallerEigenvalue(const Eigen::Matrix2d& matrix) {
 
 int SubmapOverlap::Common() const { return std::min(of[0].common, of[1].common); }
 
-double SubmapOverlap::Matched() const {
-  const auto part = [](const Counts& counts) {
-    return counts.matched / std::max(1.0, static_cast<double>(counts.common));
-  };
-  return std::min(part(of[0]), part(of[1]));
-}
+double SubmapOverlap::Matched() const { return std::min(of[0].Part(of[0].matched), of[1].Part(of[1].matched)); }
 
 double SubmapOverlap::Contradicted() const {
-  const auto part = [](const Counts& counts) {
-    return counts.contradicted / std::max(1.0, static_cast<double>(counts.common));
-  };
-  return std::max(part(of[0]), part(of[1]));
+  return std::max(of[0].Part(of[0].contradicted), of[1].Part(of[1].contradicted));
 }
 
 double SubmapOverlap::Evidence() const {
@@ -295,7 +286,7 @@ std::vector<SubmapPlace> SubmapMatcher::Finish() {
       continue;
     SubmapPlace place{offset, {}, overlap.Evidence()};
     if (place.evidence <= kEvidenceMin) continue;
-    place.covariance = refinement.HessianAt(offset, kNarrowLoss_m).inverse() * (sampled * kPointVariance_m2);
+    place.covariance = sampled * refinement.CovarianceAt(offset, kNarrowLoss_m);
     place.covariance +=
         Eigen::Vector3d(kSigmaMin_m * kSigmaMin_m, kSigmaMin_m * kSigmaMin_m, kSigmaMin_rad * kSigmaMin_rad)
             .asDiagonal();

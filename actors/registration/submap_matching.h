@@ -38,6 +38,9 @@ struct SubmapOverlap {
     int matched = 0;                                     // With a hazard of the other within 20 cm.
     int contradicted = 0;                                // In the other's free space, more than 35 cm from a hazard.
     Eigen::Matrix2d evidence = Eigen::Matrix2d::Zero();  // In the frame of the point's submap.
+
+    // Returns the part of the common points that `count` is; 0 without common points.
+    double Part(int count) const { return common == 0 ? 0 : static_cast<double>(count) / common; }
   };
   std::array<Counts, 2> of;  // The points of the first submap, and of the second.
 
@@ -100,7 +103,7 @@ class SubmapMatcher {
 
   std::shared_ptr<const SubmapTemplate> first_;
   std::shared_ptr<const SubmapTemplate> second_;
-  std::vector<double> yaws_rad_;  // Those that are left.
+  std::vector<double> yaws_rad_;  // Rotations that are left.
   std::vector<Peak> peaks_;
   ImageSpectrum image_;
 };

@@ -1,6 +1,5 @@
 #include "actors/registration/submap_sets.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -13,7 +12,6 @@
 namespace moondb {
 namespace {
 
-constexpr double kChiSquareMax = 11.3;
 constexpr int kRounds = 3;
 
 }  // namespace
@@ -49,7 +47,7 @@ bool SubmapSets::Agree(const SubmapHypothesis& a, const SubmapHypothesis& b) con
       TurnedCovariance(second_.track->CovarianceOf(second_.windows[a.second].middle, second_.windows[b.second].middle,
                                                    second_.OdomFromSubmap(b.second).position_m()),
                        frame_of_second.yaw_rad);
-  return residual.dot(covariance.inverse() * residual) <= kChiSquareMax;
+  return residual.dot(covariance.inverse() * residual) <= kPlanarChiSquareMax;
 }
 
 std::vector<std::size_t> SubmapSets::CliqueOf(std::size_t seed) const {
@@ -112,15 +110,12 @@ SubmapSet SubmapSets::Solve(std::vector<std::size_t> members) const {
     for (std::size_t i = 0; i < hypotheses_.size(); ++i) {
       if (is_used_[i]) continue;
       const bool is_member = std::ranges::binary_search(members, i);
-      if (graph.ChiSquareOf(factor_of(i), !is_member) <= kChiSquareMax) fitting.push_back(i);
+      if (graph.ChiSquareOf(factor_of(i), !is_member) <= kPlanarChiSquareMax) fitting.push_back(i);
     }
     set.sigma_m = 0;
     for (const std::size_t member : fitting) {
       const SubmapGraph::Factor factor = factor_of(member);
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
-      solver.computeDirect(graph.RelativeCovarianceOf(factor.from, factor.to).topLeftCorner<2, 2>(),
-                           Eigen::EigenvaluesOnly);
-      set.sigma_m = std::max(set.sigma_m, std::sqrt(solver.eigenvalues()(1)));
+      set.sigma_m = std::max(set.sigma_m, WorstSigma_m(graph.RelativeCovarianceOf(factor.from, factor.to)));
     }
     set.graph = std::move(graph);
     if (fitting == members || fitting.empty()) break;
@@ -128,9 +123,7 @@ SubmapSet SubmapSets::Solve(std::vector<std::size_t> members) const {
   }
   set.evidence = EvidenceOf(members);
   set.members = std::move(members);
-  const auto middle = poses.begin() + static_cast<std::ptrdiff_t>(first_count);
-  set.first_poses.assign(poses.begin(), middle);
-  set.second_poses.assign(middle, poses.end());
+  set.first_count = first_count;
   return set;
 }
 

@@ -41,10 +41,12 @@ struct TrackSubmaps {
 struct SubmapSet {
   std::vector<std::size_t> members;  // Indices of hypotheses, ascending.
   double evidence = 0;
-  std::vector<PlanarOffset> first_poses;
-  std::vector<PlanarOffset> second_poses;
-  SubmapGraph graph;   // Solved: the submaps of the first rover, then those of the second.
-  double sigma_m = 0;  // Largest standard deviation of a position between the submaps of a member.
+  SubmapGraph graph;            // Solved: the submaps of the first rover, then those of the second.
+  double sigma_m = 0;           // Largest standard deviation of a position between the submaps of a member.
+  std::size_t first_count = 0;  // Number of submaps of the first rover.
+
+  const PlanarOffset& FirstPose(std::size_t window) const { return graph.poses()[window]; }
+  const PlanarOffset& SecondPose(std::size_t window) const { return graph.poses()[first_count + window]; }
 };
 
 class SubmapSets {

@@ -54,8 +54,6 @@ Cell CellAt(const TraversabilityMap& map, const Eigen::Vector2d& point_m) {
   return Cell::kUnknown;
 }
 
-PlanarOffset InverseOf(const PlanarOffset& offset) { return PlanarOffset::From(offset.ToPose().Inverse()); }
-
 CellClass ClassOf(Cell first, Cell second) {
   if (first == Cell::kHazard) return second == Cell::kHazard ? kBothHazards : kFirstHazard;
   if (second == Cell::kHazard) return kSecondHazard;
@@ -82,7 +80,7 @@ PlanarOffset OffsetOf(const OverlaidMaps& maps, const MapPlacement& placement) {
 
 OverlapShare MeasureOverlap(const OverlaidMaps& maps, const PlanarOffset& first_from_second) {
   const HazardField first(maps.first, {}), second(maps.second, {});
-  const PlanarOffset second_from_first = InverseOf(first_from_second);
+  const PlanarOffset second_from_first = first_from_second.Inverse();
   OverlapShare share;
   for (const Eigen::Vector2d& point_m : first.points_m()) {
     const DistanceField::Distance distance = second.DistanceAt(second_from_first * point_m);
@@ -115,7 +113,7 @@ Raster OverlapRaster(const OverlaidMaps& maps, const PlanarOffset& first_from_se
                     {AgentColor(0), "hazard of " + maps.first_name},
                     {AgentColor(4), "hazard of " + maps.second_name},
                     {{0, 0, 0}, "hazard of both"}};
-  const PlanarOffset second_from_first = InverseOf(first_from_second);
+  const PlanarOffset second_from_first = first_from_second.Inverse();
   for (std::int32_t row = 0; row < raster.height; ++row) {
     for (std::int32_t column = 0; column < raster.width; ++column) {
       const Eigen::Vector2d at((raster.origin_cell_x + column + 0.5) * kCell_m,

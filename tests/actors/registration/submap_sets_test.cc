@@ -57,9 +57,9 @@ TEST_F(SubmapSetsTest, JoinPlacesThatAgreeAndKeepTheOthersApart) {
   EXPECT_EQ(best.members.size(), 4u);
   EXPECT_NEAR(best.evidence, 8, 1e-9);
   EXPECT_NEAR(sets.sets()[1].evidence, 6, 1e-9);
-  for (std::size_t i = 0; i < best.second_poses.size(); ++i) {
+  for (std::size_t i = 0; i < second_.windows.size(); ++i) {
     const PlanarOffset truth = frame_ * second_.OdomFromSubmap(i);
-    EXPECT_LT((best.second_poses[i].position_m() - truth.position_m()).norm(), 1e-3) << i;
+    EXPECT_LT((best.SecondPose(i).position_m() - truth.position_m()).norm(), 1e-3) << i;
   }
   EXPECT_LT(best.sigma_m, 0.25);
 }
