@@ -24,8 +24,10 @@ class Searcher {
   explicit Searcher(const std::vector<const Mission*>& missions, double part) : maps_(Options(missions)) {
     for (std::size_t i = 0; i < missions.size(); ++i)
       Add(*missions[i], static_cast<AgentId>(i) * kAgentsOfMission, part);
-    for (const RegisteredMap& map : maps_.FindRegistered()) rovers_[map.node.agent].maps.push_back(map);
-    for (auto& [agent, rover] : rovers_) rover.track = maps_.FindTrack(agent);
+    const std::vector<RegisteredMap> registered = maps_.FindRegistered();
+    for (const auto& [agent, name] : names_) {
+      if (auto rover = SearchedRover::Find(agent, registered, maps_)) rovers_.emplace(agent, *std::move(rover));
+    }
   }
 
   std::vector<AgentId> rovers() const {
@@ -125,7 +127,7 @@ class Searcher {
   }
 
   KnownMaps maps_;
-  std::map<AgentId, StartSearch::Rover> rovers_;
+  std::map<AgentId, SearchedRover> rovers_;
   std::map<AgentId, std::string> names_;
   std::map<RecordKey, PlanarOffset> true_from_local_;
   std::uint64_t seq_ = 0;

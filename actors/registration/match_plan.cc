@@ -19,7 +19,7 @@ MatchPlan::AgentPair AgentsOf(const PlannedMatch& planned) {
 
 bool MatchPlan::IsDue(const Attempts& attempts, const PlanarOffset& expected) const {
   if (attempts.count >= kAttemptsMax) return false;
-  if (!attempts.is_accepted) return true;
+  if (attempts.verdict != MatchVerdict::kAccepted) return true;
   const PlanarOffset moved = attempts.expected.Inverse() * expected;
   return std::hypot(moved.x_m, moved.y_m) > options_.narrow.side_m / 2 ||
          std::abs(moved.yaw_rad) > options_.narrow.yaw_rad / 2;
@@ -73,14 +73,18 @@ std::map<MatchPlan::AgentPair, std::size_t> MatchPlan::CountLeftOut() const {
 void MatchPlan::Clear() {
   attempts_.clear();
   shares_.clear();
+  results_.clear();
 }
 
 void MatchPlan::Note(const PlannedMatch& planned, const MatchResult& result) {
   Share& share = shares_[AgentsOf(planned)];
   share.work_left -= std::min(share.work_left, result.work);
   Attempts& attempts = attempts_[{planned.first.key, planned.second.key}];
+  Counts& counts = results_[AgentsOf(planned)];
+  if (attempts.count > 0) --counts[attempts.verdict];
+  ++counts[result.verdict];
   ++attempts.count;
-  attempts.is_accepted = result.verdict == MatchVerdict::kAccepted;
+  attempts.verdict = result.verdict;
   attempts.expected = planned.expected;
 }
 

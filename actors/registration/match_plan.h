@@ -51,16 +51,19 @@ class MatchPlan {
                                       const std::function<bool(AgentId, AgentId)>& are_joined);
   // Returns whether the pass may match this pair. Counts the pair as left out if its agents have used up their work.
   bool HasWorkFor(const PlannedMatch& planned);
+  using Counts = std::map<MatchVerdict, std::size_t>;
   // Adds the result of a planned match.
   void Note(const PlannedMatch& planned, const MatchResult& result);
   // Returns the number of pairs of maps that this pass left out because a pair of agents had no more share.
   std::map<AgentPair, std::size_t> CountLeftOut() const;
+  // Returns the last results of all pairs of maps that were matched in this term.
+  const std::map<AgentPair, Counts>& CountResults() const { return results_; }
   void Clear();
 
  private:
   struct Attempts {
     int count = 0;
-    bool is_accepted = false;
+    MatchVerdict verdict = MatchVerdict::kFewPoints;
     PlanarOffset expected;
   };
   // The part of a pass for one pair of agents.
@@ -73,6 +76,7 @@ class MatchPlan {
   const Options options_;
   std::map<std::pair<RecordKey, RecordKey>, Attempts> attempts_;
   std::map<AgentPair, Share> shares_;  // Shares of the present pass.
+  std::map<AgentPair, Counts> results_;
 };
 
 }  // namespace moondb

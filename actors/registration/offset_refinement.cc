@@ -13,11 +13,18 @@ constexpr double kVarianceFactor = 40;
 
 }  // namespace
 
-void OffsetRefinement::Run(PlanarOffset& offset, double loss_m) const {
+void OffsetRefinement::Run(PlanarOffset& offset, double loss_m, const OffsetPrior* prior) const {
   for (int i = 0; i < kIterations; ++i) {
     Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
     Accumulate(offset, loss_m, hessian, gradient);
+    if (prior != nullptr) {
+      const Eigen::Matrix3d weight = prior->information * (kPointSigma_m * kPointSigma_m * kVarianceFactor);
+      const PlanarOffset& expected = prior->expected;
+      hessian += weight;
+      gradient += weight * Eigen::Vector3d(offset.x_m - expected.x_m, offset.y_m - expected.y_m,
+                                           WrappedAngle(offset.yaw_rad - expected.yaw_rad));
+    }
     const Eigen::Vector3d step = hessian.ldlt().solve(gradient);
     if (!step.allFinite()) return;
     const double length = step.head<2>().norm();

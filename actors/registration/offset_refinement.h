@@ -11,6 +11,12 @@
 
 namespace moondb {
 
+// An estimate of an offset before its refinement: x, y (m) and yaw (rad).
+struct OffsetPrior {
+  PlanarOffset expected;
+  Eigen::Matrix3d information;  // Inverse of the covariance.
+};
+
 class OffsetRefinement {
  public:
   struct Side {
@@ -21,7 +27,8 @@ class OffsetRefinement {
   OffsetRefinement(Side first, Side second) : first_(std::move(first)), second_(std::move(second)) {}
 
   // Moves `first_from_second` to the nearest minimum. `loss_m`: distance at which a point has a quarter of its weight.
-  void Run(PlanarOffset& first_from_second, double loss_m) const;
+  // With a prior, the offset stays where the maps say nothing, as along a corridor.
+  void Run(PlanarOffset& first_from_second, double loss_m, const OffsetPrior* prior = nullptr) const;
   // Returns the covariance of x, y (m) and yaw (rad) for points with a sigma of 5 cm, times 40. map_matching.h gives
   // the reasons for this factor.
   Eigen::Matrix3d CovarianceAt(const PlanarOffset& first_from_second, double loss_m) const;

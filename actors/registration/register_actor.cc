@@ -137,6 +137,7 @@ void RegisterActor::Reset() {
   known_ = KnownMaps(KnownOptions(options_.team));
   plan_.Clear();
   starts_.Clear();
+  check_.Clear();
   reader_.ForgetAll();
   has_news_ = true;
   passes_since_news_ = 0;
@@ -220,16 +221,20 @@ void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
   const std::vector<RegisteredMap> maps = known_.FindRegistered();
   report_.SetTrouble(stats.solve_count() == 0 ? "the leader has not solved the pose graph yet" : "");
   std::vector<PlannedMatch> pairs;
-  if (stats.solve_count() > 0 && passes_since_news_++ < kPassesMax) {
-    std::set<AgentId> placed;
+  const bool is_due = stats.solve_count() > 0 && passes_since_news_++ < kPassesMax;
+  if (is_due) {
+    placed_.clear();
+    by_start_.clear();
     for (const proto::RoverSolution& rover : stats.last_solve().rovers()) {
-      if (IsPlaced(rover)) placed.insert(rover.agent_id());
+      if (IsPlaced(rover)) placed_.insert(rover.agent_id());
+      if (rover.anchoring() == proto::ANCHORING_NO_RANGES) by_start_.insert(rover.agent_id());
     }
     pairs = plan_.StartPass(
-        maps, [&placed](AgentId a, AgentId b) { return a == b || (placed.contains(a) && placed.contains(b)); });
-    PlanStarts(maps, placed);
+        maps, [this](AgentId a, AgentId b) { return a == b || (placed_.contains(a) && placed_.contains(b)); });
+    PlanStarts(maps, placed_);
   }
   pass_.Begin(std::move(pairs));
+  if (is_due && pass_.left_count() == 0) PlanChecks();
   report_.OnPlanned(maps.size(), left_count() > 0);
 }
 
@@ -239,29 +244,37 @@ void RegisterActor::PlanStarts(const std::vector<RegisteredMap>& maps, const std
   for (const RegisteredMap& map : maps) agents.insert(map.node.agent);
   const std::set<StartSearch::AgentPair> matched = known_.FindMatched();
   std::vector<StartSearch::AgentPair> wanted, among_lost;
-  std::map<AgentId, StartSearch::Rover> rovers;
   for (const AgentId a : agents) {
     for (const AgentId b : agents) {
       if (a >= b || (placed.contains(a) && placed.contains(b))) continue;
       const bool is_one_placed = placed.contains(a) || placed.contains(b);
       if (!is_one_placed && matched.contains({a, b})) continue;
       (is_one_placed ? wanted : among_lost).emplace_back(a, b);
-      for (const AgentId agent : {a, b}) rovers.try_emplace(agent);
     }
   }
   wanted.insert(wanted.end(), among_lost.begin(), among_lost.end());
-  for (auto& [agent, rover] : rovers) {
-    rover.track = known_.FindTrack(agent);
-    if (placed.contains(agent)) rover.in_frame = placed;
+  std::map<AgentId, SearchedRover> rovers;
+  for (const auto& [a, b] : wanted) {
+    for (const AgentId agent : {a, b}) {
+      if (rovers.contains(agent)) continue;
+      auto rover = SearchedRover::Find(agent, maps, known_, placed.contains(agent) ? placed : std::set<AgentId>());
+      if (rover) rovers.emplace(agent, *std::move(rover));
+    }
   }
-  std::erase_if(rovers, [](const auto& rover) { return rover.second.track == nullptr; });
   std::erase_if(wanted, [&](const StartSearch::AgentPair& pair) {
     return !rovers.contains(pair.first) || !rovers.contains(pair.second);
   });
-  for (const RegisteredMap& map : maps) {
-    if (const auto rover = rovers.find(map.node.agent); rover != rovers.end()) rover->second.maps.push_back(map);
+  starts_.Begin(std::move(rovers), wanted);
+}
+
+// Checks the places of rovers that only their start places, if hardly any pair of maps has matched.
+void RegisterActor::PlanChecks() {
+  std::vector<PlaceCheck::AgentPair> doubtful;
+  for (const auto& [agents, counts] : plan_.CountResults()) {
+    const bool is_by_start = by_start_.contains(agents.first) || by_start_.contains(agents.second);
+    if (agents.first != agents.second && is_by_start && PlaceCheck::IsDoubtful(counts)) doubtful.push_back(agents);
   }
-  starts_.Begin(rovers, wanted);
+  check_.Begin(std::move(doubtful), placed_);
 }
 
 void RegisterActor::MatchSome(Context& context) {
@@ -272,6 +285,9 @@ void RegisterActor::MatchSome(Context& context) {
     if (context.stop_requested()) return;
     if (pass_.left_count() > 0) {
       Match(context, pass_.Next());
+      if (pass_.left_count() == 0) PlanChecks();
+    } else if (check_.left_count() > 0) {
+      check_.Step(known_);
     } else {
       for (const auto& [planned, result] : starts_.Step(known_, fields_)) AddRecord(context, planned, result);
     }
@@ -344,6 +360,7 @@ void RegisterActor::Abandon(Context& context, const std::string& reason) {
   report_.SetTrouble(reason);
   plan_.Clear();
   starts_.Clear();
+  check_.Clear();
   has_news_ = true;
   reader_.Stop(context);
   Finish(context);
@@ -376,6 +393,23 @@ proto::RegistrationReply RegisterActor::State() const {
     out.set_other_agent_id(agents.second);
     out.set_count(static_cast<double>(count));
   }
+  for (const auto& [agents, counts] : plan_.CountResults()) {
+    proto::MatchedAgents& out = *reply.add_agents();
+    out.set_agent_id(agents.first);
+    out.set_other_agent_id(agents.second);
+    if (const auto fit = check_.fits().find(agents); fit != check_.fits().end()) {
+      out.mutable_places()->set_matched(fit->second.matched);
+      out.mutable_places()->set_contradicted(fit->second.contradicted);
+      out.mutable_places()->set_own_contradicted(fit->second.own_contradicted);
+      out.mutable_places()->set_is_contradicted(fit->second.is_contradicted);
+    }
+    for (const auto& [verdict, count] : counts) {
+      if (count == 0) continue;
+      proto::RegistrationCount& counted = *out.add_counts();
+      counted.set_verdict(ToString(verdict));
+      counted.set_count(static_cast<double>(count));
+    }
+  }
   for (const auto& [agents, judged] : starts_.judged()) {
     proto::SearchedStart& start = *reply.add_starts();
     start.set_agent_id(agents.first);
@@ -386,6 +420,7 @@ proto::RegistrationReply RegisterActor::State() const {
     start.set_matched(judged.best.matched);
     start.set_contradicted(judged.best.contradicted);
     start.set_text(ToString(judged.verdict));
+    start.set_remedy(RemedyOf(judged.verdict));
   }
   return reply;
 }

@@ -31,6 +31,7 @@
 #include "actors/registration/match_pass.h"
 #include "actors/registration/match_plan.h"
 #include "actors/registration/match_report.h"
+#include "actors/registration/place_check.h"
 #include "actors/registration/start_search.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
@@ -94,8 +95,9 @@ class RegisterActor final : public Actor {
   void PlanPass(const proto::GraphStatsReply& stats);
   void MatchSome(Context& context);
   void PlanStarts(const std::vector<RegisteredMap>& maps, const std::set<AgentId>& placed);
+  void PlanChecks();
   void Match(Context& context, const PlannedMatch& planned);
-  std::size_t left_count() const { return pass_.left_count() + starts_.left_count(); }
+  std::size_t left_count() const { return pass_.left_count() + starts_.left_count() + check_.left_count(); }
   void AddRecord(Context& context, const PlannedMatch& planned, const MatchResult& result);
   bool IsNews(const LoopClosure& closure) const;
   void Finish(Context& context);
@@ -111,6 +113,9 @@ class RegisterActor final : public Actor {
   KnownMaps known_;
   MatchPlan plan_;
   StartSearch starts_;
+  PlaceCheck check_;
+  std::set<AgentId> placed_;    // Rovers whose poses are in the frame `map`.
+  std::set<AgentId> by_start_;  // Those of them that nothing but a start ties to it.
   FieldCache fields_;
   DerivedReader reader_;  // Reads records into known_.
   RecordWriter writer_;

@@ -14,42 +14,23 @@ constexpr MatchWindow kMapWindow = {1.5, 10 * std::numbers::pi / 180};
 constexpr double kMapsApart_m = 5;
 constexpr std::size_t kMapPairsOfPlace = 3;
 
-TrackSubmaps SubmapsOf(const StartSearch::Rover& rover) {
-  std::map<NodeKey, std::size_t> indices;
-  for (std::size_t i = 0; i < rover.track->size(); ++i) indices[rover.track->node(i)] = i;
-  std::vector<TrackMap> maps;
-  for (const RegisteredMap& map : rover.maps) {
-    const auto index = indices.find(map.node);
-    if (index == indices.end()) continue;
-    const PlanarOffset node_from_local =
-        PlanarOffset::From(map.map_from_node).Inverse() * PlanarOffset::From(map.map_from_local);
-    maps.push_back({map.key, index->second, rover.track->odom_from_node(index->second) * node_from_local});
-  }
-  return {rover.track, FindWindows(*rover.track, std::move(maps))};
-}
-
 bool ShareNoMap(const StartSearch::Accepted& a, const StartSearch::Accepted& b) {
   return a.first.first.key != b.first.first.key && a.first.second.key != b.first.second.key;
 }
 
 }  // namespace
 
-void StartSearch::Begin(const std::map<AgentId, Rover>& rovers, const std::vector<AgentPair>& wanted) {
+void StartSearch::Begin(std::map<AgentId, SearchedRover> rovers, const std::vector<AgentPair>& wanted) {
   matcher_ = SubmapMatcher();
   searches_.clear();
-  rovers_.clear();
-  for (const auto& [agent, rover] : rovers) {
-    SearchedRover& searched = rovers_[agent];
-    searched = {SubmapsOf(rover), {}, rover.in_frame};
-    for (const RegisteredMap& map : rover.maps) searched.maps.emplace(map.key, map);
-  }
+  rovers_ = std::move(rovers);
   std::erase_if(places_, [&](const auto& of_pair) { return std::ranges::find(wanted, of_pair.first) == wanted.end(); });
   std::size_t left = kPairsMax;
   for (const AgentPair& agents : wanted) {
     Search search;
     search.agents = agents;
-    const std::vector<SubmapWindow>& first = First(search).submaps.windows;
-    const std::vector<SubmapWindow>& second = Second(search).submaps.windows;
+    const std::vector<SubmapWindow>& first = First(search).windows();
+    const std::vector<SubmapWindow>& second = Second(search).windows();
     std::map<WindowPair, std::vector<SubmapPlace>> kept;
     auto& known = places_[agents];
     for (std::size_t i = 0; i < first.size(); ++i) {
@@ -76,7 +57,7 @@ void StartSearch::Begin(const std::map<AgentId, Rover>& rovers, const std::vecto
 std::vector<std::uint64_t> StartSearch::WindowsOf(const AgentPair& agents) const {
   std::vector<std::uint64_t> hashes;
   for (const AgentId agent : {agents.first, agents.second}) {
-    for (const SubmapWindow& window : rovers_.at(agent).submaps.windows) hashes.push_back(window.hash);
+    for (const SubmapWindow& window : rovers_.at(agent).windows()) hashes.push_back(window.hash);
     hashes.push_back(agent);
   }
   return hashes;
@@ -117,24 +98,15 @@ std::vector<StartSearch::Accepted> StartSearch::Step(const KnownMaps& maps, Fiel
   return {};
 }
 
-// The submap is made without maps whose cells are gone.
 std::shared_ptr<const SubmapTemplate> StartSearch::TemplateOf(const SearchedRover& rover, std::size_t window,
                                                               const KnownMaps& maps) {
-  const SubmapWindow& of = rover.submaps.windows[window];
+  const SubmapWindow& of = rover.windows()[window];
   const auto found = std::ranges::find(templates_, of.hash, [](const auto& one) { return one.first; });
   if (found != templates_.end()) {
     templates_.splice(templates_.begin(), templates_, found);
     return found->second;
   }
-  const PlanarOffset submap_from_odom = rover.submaps.OdomFromSubmap(window).Inverse();
-  std::vector<Submap::Source> sources;
-  for (const TrackMap& map : of.maps) {
-    std::optional<TraversabilityMap> cells = maps.FindMap(map.key);
-    if (!cells) continue;
-    sources.push_back({*std::move(cells), submap_from_odom * map.odom_from_local,
-                       maps.FindRovers(rover.maps.at(map.key), &rover.in_frame)});
-  }
-  templates_.emplace_front(of.hash, std::make_shared<const SubmapTemplate>(std::make_shared<const Submap>(sources)));
+  templates_.emplace_front(of.hash, std::make_shared<const SubmapTemplate>(rover.Fuse(window, maps)));
   if (templates_.size() > kSubmapsMax) templates_.pop_back();
   return templates_.front().second;
 }
@@ -146,14 +118,14 @@ void StartSearch::MatchNext(Search& search, const KnownMaps& maps) {
   }
   if (matcher_.Step()) return;
   search.windows.pop_back();
-  const std::uint64_t first_hash = First(search).submaps.windows[first].hash;
-  const std::uint64_t second_hash = Second(search).submaps.windows[second].hash;
+  const std::uint64_t first_hash = First(search).windows()[first].hash;
+  const std::uint64_t second_hash = Second(search).windows()[second].hash;
   places_[search.agents][{first_hash, second_hash}] = matcher_.Finish();
 }
 
 void StartSearch::BeginSets(Search& search) {
-  const TrackSubmaps& first = First(search).submaps;
-  const TrackSubmaps& second = Second(search).submaps;
+  const TrackSubmaps& first = First(search).submaps();
+  const TrackSubmaps& second = Second(search).submaps();
   std::vector<SubmapHypothesis> hypotheses;
   const auto& places = places_[search.agents];
   for (std::size_t i = 0; i < first.windows.size(); ++i) {
@@ -173,7 +145,7 @@ void StartSearch::CompareRow(Search& search, const KnownMaps& maps) {
   const SearchedRover& other = Second(search);
   const SubmapSet& set = search.sets->sets()[search.fits.size() - 1];
   const auto first = TemplateOf(rover, search.fit_row, maps);
-  for (std::size_t i = 0; i < other.submaps.windows.size(); ++i) {
+  for (std::size_t i = 0; i < other.windows().size(); ++i) {
     search.fits.back().Add(set.graph, search.fit_row, set.first_count + i, first->submap(),
                            TemplateOf(other, i, maps)->submap());
   }
@@ -195,9 +167,9 @@ void StartSearch::PlanMaps(Search& search) const {
     };
     std::vector<std::tuple<double, RecordKey, RecordKey, PlanarOffset>> near;
     for (const auto& [first, first_pose] :
-         poses_of(First(search).submaps, hypothesis.first, set.FirstPose(hypothesis.first))) {
+         poses_of(First(search).submaps(), hypothesis.first, set.FirstPose(hypothesis.first))) {
       for (const auto& [second, second_pose] :
-           poses_of(Second(search).submaps, hypothesis.second, set.SecondPose(hypothesis.second))) {
+           poses_of(Second(search).submaps(), hypothesis.second, set.SecondPose(hypothesis.second))) {
         const PlanarOffset offset = first_pose.Inverse() * second_pose;
         const double distance_m = offset.position_m().norm();
         if (distance_m <= kMapsApart_m) near.emplace_back(distance_m, first, second, offset);
@@ -210,7 +182,7 @@ void StartSearch::PlanMaps(Search& search) const {
       if (search.planned.size() == kMapPairsMax || count == kMapPairsOfPlace) break;
       ++count;
       if (!known.emplace(first, second).second) continue;
-      search.planned.push_back({First(search).maps.at(first), Second(search).maps.at(second), offset, kMapWindow});
+      search.planned.push_back({First(search).map(first), Second(search).map(second), offset, kMapWindow});
     }
   }
   std::ranges::reverse(search.planned);

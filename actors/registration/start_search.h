@@ -19,13 +19,13 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <utility>
 #include <vector>
 
 #include "actors/registration/field_cache.h"
 #include "actors/registration/known_maps.h"
 #include "actors/registration/match_plan.h"
+#include "actors/registration/searched_rover.h"
 #include "actors/registration/start_verdict.h"
 #include "actors/registration/submap_matching.h"
 #include "actors/registration/submap_sets.h"
@@ -37,20 +37,13 @@ class StartSearch {
   using Accepted = std::pair<PlannedMatch, MatchResult>;
   using AgentPair = MatchPlan::AgentPair;
 
-  // A rover with its unbroken track, and its maps whose nodes lie on the track.
-  struct Rover {
-    std::shared_ptr<const RoverTrack> track;
-    std::vector<RegisteredMap> maps;
-    std::set<AgentId> in_frame;  // Agents whose poses are in one frame with the rover's, and which its maps may show.
-  };
-
   static constexpr std::size_t kPairsMax = 4096;
   static constexpr std::size_t kSubmapsMax = 64;   // Kept in memory.
   static constexpr std::size_t kMapPairsMax = 60;  // Pairs of single maps that are matched for a set.
   static constexpr std::size_t kMapPairsMin = 3;   // Number of them that must pass.
 
   // Begins a pass over the pairs of `rovers` that are `wanted`. Forgets what it knows about other pairs.
-  void Begin(const std::map<AgentId, Rover>& rovers, const std::vector<AgentPair>& wanted);
+  void Begin(std::map<AgentId, SearchedRover> rovers, const std::vector<AgentPair>& wanted);
   // Does one step. Returns the matches to store, if this step completed them. Requires: left_count() is not 0.
   std::vector<Accepted> Step(const KnownMaps& maps, FieldCache& fields);
   // Number of pairs of submaps that are still to be matched, and at least one for each pair of rovers that is not done.
@@ -62,12 +55,6 @@ class StartSearch {
   void Clear() { *this = StartSearch(); }
 
  private:
-  struct SearchedRover {
-    TrackSubmaps submaps;
-    std::map<RecordKey, RegisteredMap> maps;
-    std::set<AgentId> in_frame;
-  };
-
   // The search for one pair of rovers.
   struct Search {
     AgentPair agents;

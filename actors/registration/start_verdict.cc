@@ -37,16 +37,21 @@ bool FitsWell(const JudgedSet& set) { return set.matched >= kMatched && set.cont
 
 }  // namespace
 
+bool SetFit::MayOverlap(const SubmapGraph& solved, std::size_t first_pose, std::size_t second_pose) {
+  const Eigen::Vector2d apart_m = solved.poses()[first_pose].position_m() - solved.poses()[second_pose].position_m();
+  return apart_m.norm() <= kOverlapMax_m;
+}
+
 void SetFit::Add(const SubmapGraph& solved, std::size_t first_pose, std::size_t second_pose, const Submap& first,
                  const Submap& second) {
-  PlanarOffset offset = solved.poses()[first_pose].Inverse() * solved.poses()[second_pose];
-  if (offset.position_m().norm() > kOverlapMax_m) return;
+  if (!MayOverlap(solved, first_pose, second_pose)) return;
+  const PlanarOffset offset = solved.poses()[first_pose].Inverse() * solved.poses()[second_pose];
   SubmapOverlap overlap = CompareSubmaps(first, second, offset);
   if (overlap.Common() < kNearlyCommon) return;
-  const PlanarOffset refined = RefineSubmaps(first, second, offset);
-  const SubmapGraph::Factor moved{
-      first_pose, second_pose, refined,
-      Eigen::Vector3d(kMoved_m * kMoved_m, kMoved_m * kMoved_m, kMoved_rad * kMoved_rad).asDiagonal()};
+  const Eigen::Matrix3d least = Eigen::Vector3d(kMoved_m, kMoved_m, kMoved_rad).cwiseAbs2().asDiagonal();
+  const Eigen::Matrix3d covariance = solved.RelativeCovarianceOf(first_pose, second_pose) + least;
+  const PlanarOffset refined = RefineSubmaps(first, second, {offset, covariance.inverse()});
+  const SubmapGraph::Factor moved{first_pose, second_pose, refined, least};
   if (solved.ChiSquareOf(moved, /*with_poses=*/true) <= kPlanarChiSquareMax)
     overlap = CompareSubmaps(first, second, refined);
   if (overlap.Common() < kSubmapCommonMin) return;
@@ -120,6 +125,26 @@ std::string ToString(StartVerdict verdict) {
       return "too few single maps match";
   }
   return "unknown";
+}
+
+std::string RemedyOf(StartVerdict verdict) {
+  switch (verdict) {
+    case StartVerdict::kAccepted:
+      return "";
+    case StartVerdict::kNoPlace:
+    case StartVerdict::kFewSubmaps:
+    case StartVerdict::kLittleEvidence:
+      return "drive one of them through places that the other has seen";
+    case StartVerdict::kUncertain:
+    case StartVerdict::kFewMaps:
+      return "drive one of them along the other's path";
+    case StartVerdict::kRival:
+      return "drive one of them on, to where its surroundings differ from those that look alike";
+    case StartVerdict::kContradicted:
+      return "drive one of them through other places that the other has seen, or leave out maps that show what has "
+             "moved since";
+  }
+  return "";
 }
 
 }  // namespace moondb

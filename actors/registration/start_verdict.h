@@ -22,9 +22,13 @@ class SetFit {
   void Add(const SubmapGraph& solved, std::size_t first_pose, std::size_t second_pose, const Submap& first,
            const Submap& second);
 
+  // Returns whether two submaps are near enough for Add to compare them.
+  static bool MayOverlap(const SubmapGraph& solved, std::size_t first_pose, std::size_t second_pose);
+
   // Parts of the points of both rovers that lie in the other's known area.
   double matched() const { return Part(matched_); }
   double contradicted() const { return Part(contradicted_); }
+  bool has_common() const { return common_ > 0; }
 
  private:
   double Part(int count) const { return common_ == 0 ? 0 : static_cast<double>(count) / common_; }
@@ -69,5 +73,8 @@ JudgedStart JudgeSets(const std::vector<JudgedSet>& sets);
 
 // Returns "accepted", "another place fits nearly as well", ...
 std::string ToString(StartVerdict verdict);
+
+// Returns what an operator can do about it: "drive one of them ...". Empty if accepted.
+std::string RemedyOf(StartVerdict verdict);
 
 }  // namespace moondb

@@ -15,8 +15,10 @@ constexpr double kMapReach_m = 9;
 constexpr std::uint32_t kFinest_um = 100'000;
 constexpr int kHazardPercent = 40;
 constexpr int kFreePercent = 15;
-constexpr int kNormalCells = 5;         // Radius about a point in which its wall is looked for.
-constexpr double kWallRatio_max = 0.3;  // Spread across a wall, divided by that along it. A corner has more.
+constexpr int kNormalCells = 5;           // Radius about a point in which its wall is looked for.
+constexpr int kWallGap_cells = 3;         // A wall ends at a wider gap.
+constexpr double kStraightCosine = 0.97;  // The normals of a wall differ by at most 14 degrees.
+constexpr double kWallRatio_max = 0.3;    // Spread across a wall, divided by that along it. A corner has more.
 
 // Returns a layer of at least kFinest_um: a cell is a hazard if one of its parts is.
 MapLayer Coarsened(const MapLayer& layer) {
@@ -176,6 +178,7 @@ Submap::Submap(std::span<const Source> sources)
     : grid_(GridOf(sources)), distances_([&] {
         const std::vector<Cell> cells = Fuse(sources, grid_);
         FindNormals(cells);
+        FindWalls();
         return DistanceField(cells, grid_, kReach_m);
       }()) {}
 
@@ -200,6 +203,41 @@ void Submap::FindNormals(const std::vector<Cell>& cells) {
       point.is_corner = solver.eigenvalues()(0) > kWallRatio_max * solver.eigenvalues()(1) || n <= 1;
       points_.push_back(point);
     }
+  }
+}
+
+// Joins the points along each straight wall. A wall ends at a gap, at a corner, and where it bends.
+void Submap::FindWalls() {
+  std::vector<int> index_of(grid_.cell_count(), -1);
+  const auto cell_of = [&](const Point& point) {
+    return std::pair(grid_.ToCell(point.position_m.x()), grid_.ToCell(point.position_m.y()));
+  };
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (points_[i].is_corner) continue;
+    const auto [x, y] = cell_of(points_[i]);
+    index_of[grid_.IndexOf(x, y)] = static_cast<int>(i);
+  }
+  std::vector<int> open;
+  for (const Point& seed : points_) {
+    const auto [seed_x, seed_y] = cell_of(seed);
+    if (index_of[grid_.IndexOf(seed_x, seed_y)] < 0) continue;
+    open.assign(1, index_of[grid_.IndexOf(seed_x, seed_y)]);
+    index_of[grid_.IndexOf(seed_x, seed_y)] = -1;
+    for (std::size_t next = 0; next < open.size(); ++next) {
+      Point& point = points_[static_cast<std::size_t>(open[next])];
+      point.wall = wall_count_;
+      const auto [x, y] = cell_of(point);
+      for (int dy = -kWallGap_cells; dy <= kWallGap_cells; ++dy) {
+        for (int dx = -kWallGap_cells; dx <= kWallGap_cells; ++dx) {
+          if (!grid_.IsInside(x + dx, y + dy)) continue;
+          int& index = index_of[grid_.IndexOf(x + dx, y + dy)];
+          if (index < 0) continue;
+          if (std::abs(points_[static_cast<std::size_t>(index)].normal.dot(seed.normal)) < kStraightCosine) continue;
+          open.push_back(std::exchange(index, -1));
+        }
+      }
+    }
+    ++wall_count_;
   }
 }
 

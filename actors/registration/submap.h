@@ -68,16 +68,20 @@ class Submap {
     Eigen::Vector2d position_m;
     Eigen::Vector2d normal;  // Across the wall, if it is part of one.
     bool is_corner = false;  // Hazards lie on all sides, as at corners and rocks: both directions are normal.
+    int wall = 0;            // The straight wall that it is part of, below wall_count(); not of a corner.
   };
   // Centres of the hazard cells.
   const std::vector<Point>& points() const { return points_; }
+  int wall_count() const { return wall_count_; }
   const DistanceField& distances() const { return distances_; }
 
  private:
   void FindNormals(const std::vector<Cell>& cells);
+  void FindWalls();
 
   const SquareGrid grid_;
   std::vector<Point> points_;
+  int wall_count_ = 0;
   DistanceField distances_;
 };
 

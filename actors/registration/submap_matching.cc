@@ -7,7 +7,6 @@
 #include <numeric>
 #include <utility>
 
-#include "actors/registration/offset_refinement.h"
 #include "model/check.h"
 
 namespace moondb {
@@ -38,6 +37,7 @@ constexpr double kMatchedPartMin = 0.55;
 constexpr double kContradictedPartMax = 0.30;
 constexpr double kEvidenceMin = 0.3;
 constexpr double kEvidencePoints = 100;
+constexpr int kEvidencePointsOfWall = 60;  // 6 m.
 constexpr double kSigmaMin_m = 0.15;
 constexpr double kSigmaMin_rad = 0.015;
 
@@ -155,6 +155,7 @@ SubmapOverlap CompareSubmaps(const Submap& first, const Submap& second, const Pl
   SubmapOverlap overlap;
   const auto count = [](const Submap& from, const Submap& to, const Eigen::Isometry2d& to_from,
                         SubmapOverlap::Counts& counts) {
+    std::vector<int> of_wall(static_cast<std::size_t>(from.wall_count()));  // Matched points.
     for (const Submap::Point& point : from.points()) {
       const DistanceField::Distance distance = to.distances().At(to_from * point.position_m);
       if (!distance.is_known) continue;
@@ -163,7 +164,9 @@ SubmapOverlap CompareSubmaps(const Submap& first, const Submap& second, const Pl
           point.is_corner ? Eigen::Matrix2d::Identity() : Eigen::Matrix2d(point.normal * point.normal.transpose());
       if (distance.distance_m <= kMatched_m) {
         ++counts.matched;
-        counts.evidence += normal;
+        const bool counts_more =
+            point.is_corner || ++of_wall[static_cast<std::size_t>(point.wall)] <= kEvidencePointsOfWall;
+        if (counts_more) counts.evidence += normal;
       } else if (distance.distance_m > kContradicted_m) {
         ++counts.contradicted;
         counts.evidence -= 2 * normal;
@@ -176,10 +179,11 @@ SubmapOverlap CompareSubmaps(const Submap& first, const Submap& second, const Pl
   return overlap;
 }
 
-PlanarOffset RefineSubmaps(const Submap& first, const Submap& second, PlanarOffset first_from_second) {
+PlanarOffset RefineSubmaps(const Submap& first, const Submap& second, const OffsetPrior& prior) {
   const OffsetRefinement refinement = RefinementOf(first, second);
-  refinement.Run(first_from_second, kWideLoss_m);
-  refinement.Run(first_from_second, kNarrowLoss_m);
+  PlanarOffset first_from_second = prior.expected;
+  refinement.Run(first_from_second, kWideLoss_m, &prior);
+  refinement.Run(first_from_second, kNarrowLoss_m, &prior);
   return first_from_second;
 }
 

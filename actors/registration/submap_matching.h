@@ -11,7 +11,8 @@
 // Evidence says how well a place is determined in its weaker direction: a corridor that fits along its length has
 // almost none. With n the normal of the wall at a point, n n^T is added up over the matched points, and 2 n n^T is
 // subtracted for each contradicting one. The evidence is twice the smaller eigenvalue of this matrix, divided by 100;
-// the weaker submap decides.
+// the weaker submap decides. A straight wall counts for 6 m of its length only: how two long walls meet says little, as
+// buildings of one outline show.
 //
 // Deterministic. About 30 ms for a pair, 300 ms on open ground. Not thread-safe.
 #pragma once
@@ -23,6 +24,7 @@
 #include <vector>
 
 #include "actors/registration/image_spectrum.h"
+#include "actors/registration/offset_refinement.h"
 #include "actors/registration/planar_offset.h"
 #include "actors/registration/submap.h"
 
@@ -52,8 +54,8 @@ struct SubmapOverlap {
 
 SubmapOverlap CompareSubmaps(const Submap& first, const Submap& second, const PlanarOffset& first_from_second);
 
-// Returns the offset at the nearest minimum of the distances.
-PlanarOffset RefineSubmaps(const Submap& first, const Submap& second, PlanarOffset first_from_second);
+// Returns the offset at the nearest minimum of the distances and the prior.
+PlanarOffset RefineSubmaps(const Submap& first, const Submap& second, const OffsetPrior& prior);
 
 // A place of the second submap.
 struct SubmapPlace {

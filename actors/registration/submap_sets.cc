@@ -13,8 +13,20 @@ namespace moondb {
 namespace {
 
 constexpr int kRounds = 3;
+constexpr double kLeastVariance = 1e-8;
 
 }  // namespace
+
+void AddOdometry(const TrackSubmaps& rover, std::size_t first_pose, SubmapGraph& graph) {
+  for (std::size_t i = 1; i < rover.windows.size(); ++i) {
+    const PlanarOffset from = rover.OdomFromSubmap(i - 1);
+    const PlanarOffset to = rover.OdomFromSubmap(i);
+    const Eigen::Matrix3d covariance =
+        rover.track->CovarianceOf(rover.windows[i - 1].middle, rover.windows[i].middle, to.position_m()) +
+        Eigen::Matrix3d(kLeastVariance * Eigen::Matrix3d::Identity());
+    graph.Add({first_pose + i - 1, first_pose + i, from.Inverse() * to, TurnedCovariance(covariance, -from.yaw_rad)});
+  }
+}
 
 SubmapSets::SubmapSets(TrackSubmaps first, TrackSubmaps second, std::vector<SubmapHypothesis> hypotheses)
     : first_(std::move(first)), second_(std::move(second)), hypotheses_(std::move(hypotheses)) {
@@ -91,18 +103,8 @@ SubmapSet SubmapSets::Solve(std::vector<std::size_t> members) const {
   for (std::size_t i = 0; i < second_.windows.size(); ++i) poses.push_back(frame_of_second * second_.OdomFromSubmap(i));
   for (int round = 0; round < kRounds; ++round) {
     SubmapGraph graph(poses);
-    const auto add_odometry = [&graph](const TrackSubmaps& rover, std::size_t offset) {
-      for (std::size_t i = 1; i < rover.windows.size(); ++i) {
-        const PlanarOffset from = rover.OdomFromSubmap(i - 1);
-        const PlanarOffset to = rover.OdomFromSubmap(i);
-        const Eigen::Matrix3d covariance =
-            rover.track->CovarianceOf(rover.windows[i - 1].middle, rover.windows[i].middle, to.position_m()) +
-            Eigen::Matrix3d(1e-8 * Eigen::Matrix3d::Identity());
-        graph.Add({offset + i - 1, offset + i, from.Inverse() * to, TurnedCovariance(covariance, -from.yaw_rad)});
-      }
-    };
-    add_odometry(first_, 0);
-    add_odometry(second_, first_count);
+    AddOdometry(first_, 0, graph);
+    AddOdometry(second_, first_count, graph);
     for (const std::size_t member : members) graph.Add(factor_of(member));
     graph.Solve();
     poses = graph.poses();

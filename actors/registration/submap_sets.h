@@ -37,6 +37,9 @@ struct TrackSubmaps {
   PlanarOffset OdomFromSubmap(std::size_t window) const { return track->odom_from_node(windows[window].middle); }
 };
 
+// Adds the odometry between successive windows of a rover. `first_pose`: the pose of its first window.
+void AddOdometry(const TrackSubmaps& rover, std::size_t first_pose, SubmapGraph& graph);
+
 // A set, with the poses of all submaps of both rovers in the odometry frame of the first rover.
 struct SubmapSet {
   std::vector<std::size_t> members;  // Indices of hypotheses, ascending.

@@ -15,6 +15,7 @@
 #include "apps/moonctl/node_name.h"
 #include "apps/moonctl/quarantine.h"
 #include "apps/moonctl/refused_sets.h"
+#include "apps/moonctl/rover_places.h"
 #include "apps/moonctl/team_letters.h"
 #include "model/text.h"
 
@@ -285,6 +286,9 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
                          ? target->agent->name() + " has not solved the graph since it started\n"
                          : FormatCount(stats->solve_count()) + " solves since the start; the last one:\n" +
                                SolveText(team, stats->last_solve());
+  // Only the leader matches maps.
+  const auto registration = target->client->Registration({});
+  if (registration) text += PlacesText(team, *registration);
   const PoseGraph graph = known->graph();
   const FactorStats factors = FindFactorStats(graph, *known);
   text += GroupsText(team, factors);
@@ -296,6 +300,11 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
   JsonWriter json;
   json.BeginObject().Key("solve_count").Number(stats->solve_count());
   json.Key("last_solve").Raw(ToJson(stats->last_solve()));
+  json.Key("starts").BeginArray();
+  if (registration) {
+    for (const proto::SearchedStart& start : registration->starts()) json.Raw(ToJson(start));
+  }
+  json.EndArray();
   WriteFactors(team, factors, json);
   json.EndObject();
   return context.Done(json.text(), text);

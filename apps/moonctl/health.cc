@@ -10,6 +10,7 @@
 #include "apps/common/team_clients.h"
 #include "apps/moonctl/node_name.h"
 #include "apps/moonctl/refused_sets.h"
+#include "apps/moonctl/rover_places.h"
 #include "apps/moonctl/unplaced.h"
 #include "model/custom_types.h"
 #include "model/event.h"
@@ -275,13 +276,17 @@ std::string FormatIso(std::int64_t timestamp_ns) {
 
 // Adds a finding to each rover that is not placed, and to each agent whose maps make many hazards of the others free.
 void JudgeMap(const proto::TeamConfig& team, const proto::MapStatsReply& stats,
-              std::map<std::uint32_t, Findings>& all) {
+              const proto::RegistrationReply& registration, std::map<std::uint32_t, Findings>& all) {
+  const auto remedy = [&](AgentId rover) {
+    const std::string searched = SearchText(team, registration, rover);
+    return searched.empty() ? ": " + std::string(kHowToPlace) : "; " + searched + ", or give it a start";
+  };
   if (stats.frame_of() != 0) {
-    all[stats.frame_of()].push_back(std::string("not placed in the team's map: ") + kHowToPlace);
+    all[stats.frame_of()].push_back("not placed in the team's map" + remedy(stats.frame_of()));
   }
   for (const proto::UnplacedRover& rover : stats.unplaced()) {
-    all[rover.agent_id()].push_back("not placed, " + Counted(rover.map_count(), "map") +
-                                    " left out of the team's map: " + kHowToPlace);
+    all[rover.agent_id()].push_back("not placed, " + Counted(rover.map_count(), "map") + " left out of the team's map" +
+                                    remedy(rover.agent_id()));
   }
   for (const proto::ClearedHazards& cleared : stats.cleared()) {
     const std::string name = AgentName(team, cleared.agent_id());
@@ -342,7 +347,9 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
   }
   for (const auto& [rover, other] : CoincidingStarts(team)) all[rover].push_back(CoincidingText(team, rover, other));
   for (const auto& [agent, report] : reports) {
-    if (report.map_stats) JudgeMap(team, *report.map_stats, all);
+    const proto::RegistrationReply registration = report.registration.value_or(proto::RegistrationReply());
+    if (report.map_stats) JudgeMap(team, *report.map_stats, registration, all);
+    for (const auto& [rover, what] : FindContradicted(team, registration)) all[rover].push_back(what);
   }
   return all;
 }

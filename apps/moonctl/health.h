@@ -8,6 +8,7 @@
 
 #include "proto/graph.pb.h"
 #include "proto/map.pb.h"
+#include "proto/registration.pb.h"
 #include "proto/share_status.pb.h"
 #include "proto/status.pb.h"
 #include "proto/team.pb.h"
@@ -24,9 +25,10 @@ inline constexpr double kNoProgressMax_s = 60;
 struct AgentReport {
   std::optional<proto::AgentStatus> status;
   std::optional<proto::ShareStatus> shares;
-  std::optional<proto::OptimizeReply> last_solve;  // Set only for the leader.
-  std::optional<proto::MapStatsReply> map_stats;   // Set only for the leader.
-  std::uint64_t config_hash = 0;                   // TeamFile::hash of the agent's team file. 0: not reported.
+  std::optional<proto::OptimizeReply> last_solve;        // Set only for the leader.
+  std::optional<proto::MapStatsReply> map_stats;         // Set only for the leader.
+  std::optional<proto::RegistrationReply> registration;  // Set only for the leader.
+  std::uint64_t config_hash = 0;                         // TeamFile::hash of the agent's team file. 0: not reported.
 };
 
 // Returns the faults of each agent, one line per fault, by agent id. Agents without faults have no entry. A finding of

@@ -30,6 +30,8 @@ ExitCode ShowHealth(CommandContext& context) {
     if (graph) reports[agent->id()].last_solve = graph->last_solve();
     const auto map = leader ? leader->client->MapStats(/*with_cleared=*/true) : tl::unexpected(leader.error());
     if (map) reports[agent->id()].map_stats = *map;
+    const auto matches = leader ? leader->client->Registration({}) : tl::unexpected(leader.error());
+    if (matches) reports[agent->id()].registration = *matches;
   }
   for (auto& [agent, report] : reports) report.config_hash = context.ConfigHashOf(agent);
   const TeamFile& team = **context.Team();

@@ -8,6 +8,7 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/node_name.h"
+#include "apps/moonctl/rover_places.h"
 
 namespace moondb {
 namespace {
@@ -71,18 +72,6 @@ std::vector<ListedMatch> MatchList::List(const KnownGraph& known) const {
   return list;
 }
 
-// Says how far the search for the relative pose of two rovers came, and what would help.
-std::string StartText(const proto::TeamConfig& team, const proto::SearchedStart& start) {
-  const std::string first = AgentName(team, start.agent_id());
-  const std::string second = AgentName(team, start.other_agent_id());
-  const std::string figures = "evidence " + FormatFixed(start.evidence(), 1) + ", best other place " +
-                              FormatFixed(start.rival(), 1) + ", matched " + FormatFixed(100 * start.matched(), 0) +
-                              " %" + ", contradicted " + FormatFixed(100 * start.contradicted(), 0) + " %";
-  if (start.is_accepted()) return "found how " + second + " lies to " + first + ": " + figures + "\n";
-  return "did not find how " + second + " lies to " + first + ": " + start.text() + " (" + figures +
-         "); drive one of them through places that the other has seen, or give a start\n";
-}
-
 std::string RegistrationText(const proto::TeamConfig& team, const proto::RegistrationReply& state) {
   double count = 0;
   std::string counts;
@@ -103,8 +92,7 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
             (is_one_agent ? "" : " and " + AgentName(team, pairs.other_agent_id())) +
             " in the last pass, because they exceed their share of it\n";
   }
-  for (const proto::SearchedStart& start : state.starts()) text += StartText(team, start);
-  return text;
+  return text + PlacesText(team, state);
 }
 
 std::string VerdictText(const ListedMatch& match) {

@@ -315,31 +315,59 @@ TEST_F(RegisterActorTest, WithPgoActorTheDriftGoesAndTheMatchingEnds) {
   EXPECT_LT(worst_m, 0.2);  // The drift was 0.7 m.
 }
 
-// Rover 2 has no start pose: its raw poses are in a frame of its own.
-TEST_F(RegisterActorTest, ARoverThatStartedAnywhereIsPlacedByItsSubmaps) {
-  constexpr std::uint64_t kLongDrive = 34;
-  config_.mutable_agents(1)->clear_start();
-  world_ = HazardWorld::OfRooms(2, 64, 0.08);
-  drift_m_ = 0.01;
-  SpawnStorage();
-  SpawnPgo();
-  SpawnRegister();
-  SetLeader(1);
-  const Pose own_from_map = Pose::FromPlanar(40, -7, 2.3);
-  for (const AgentId agent : {1, 2}) {
-    for (std::uint64_t i = 0; i < kLongDrive; ++i) {
-      const NodeKey node{agent, i};
-      StoreNode(node, agent == 1 ? RawAt(node) : own_from_map * RawAt(node));
-      (void)StoreMap(node);
+// Both rovers drive 34 m through rooms. Rover 2's raw poses are in a frame of its own.
+class RoomsRegisterActorTest : public RegisterActorTest {
+ protected:
+  RoomsRegisterActorTest() {
+    world_ = HazardWorld::OfRooms(2, 64, 0.08);
+    drift_m_ = 0.01;
+  }
+
+  void StoreDriveInRooms() {
+    const Pose own_from_map = Pose::FromPlanar(40, -7, 2.3);
+    for (const AgentId agent : {1, 2}) {
+      for (std::uint64_t i = 0; i < 34; ++i) {
+        const NodeKey node{agent, i};
+        const Pose raw = agent == 1 ? RawAt(node) : own_from_map * RawAt(node);
+        StoreNode(node, raw);
+        (void)StoreMap(node);
+        if (!has_pgo_) StorePose(node, raw);
+      }
     }
   }
-  proto::OptimizeReply reply;
-  for (int i = 0; i < 4; ++i) {
+  void SpawnAllWithPgo() {
+    has_pgo_ = true;
+    SpawnStorage();
+    SpawnPgo();
+    SpawnRegister();
+    SetLeader(1);
+  }
+  proto::OptimizeReply Optimize() {
     proto::Message message;
     message.mutable_optimize_request();
-    ASSERT_EQ(team_.Post(client_, pgo_, message), SendResult::kAccepted);
+    EXPECT_EQ(team_.Post(client_, pgo_, message), SendResult::kAccepted);
     team_.RunUntilIdle();
-    reply = Answers().at(0).optimize_reply();
+    return Answers().at(0).optimize_reply();
+  }
+  void ExpectRightMatches() {
+    EXPECT_GT(Matches().size(), 8u);
+    for (const proto::MapMatch& match : Matches()) {
+      const Pose truth = TrueAt(FromProto(match.from())).Inverse() * TrueAt(FromProto(match.to()));
+      const Pose error = truth.Inverse() * *FromProto(match.relative_pose().from_from_to());
+      EXPECT_LT(error.position_m.norm(), 0.1) << match.ShortDebugString();
+    }
+  }
+
+  bool has_pgo_ = false;
+};
+
+TEST_F(RoomsRegisterActorTest, ARoverThatStartedAnywhereIsPlacedByItsSubmaps) {
+  config_.mutable_agents(1)->clear_start();
+  SpawnAllWithPgo();
+  StoreDriveInRooms();
+  proto::OptimizeReply reply;
+  for (int i = 0; i < 4; ++i) {
+    reply = Optimize();
     ASSERT_EQ(reply.rovers_size(), 2);
     if (i == 0) {
       EXPECT_EQ(reply.rovers(1).anchoring(), proto::ANCHORING_UNANCHORED);
@@ -347,17 +375,68 @@ TEST_F(RegisterActorTest, ARoverThatStartedAnywhereIsPlacedByItsSubmaps) {
     team_.AdvanceTime(seconds(10));
   }
   EXPECT_EQ(reply.rovers(1).anchoring(), proto::ANCHORING_ANCHORED) << reply.ShortDebugString();
-  EXPECT_GT(Matches().size(), 8u);
-  for (const proto::MapMatch& match : Matches()) {
-    const Pose truth = TrueAt(FromProto(match.from())).Inverse() * TrueAt(FromProto(match.to()));
-    const Pose error = truth.Inverse() * *FromProto(match.relative_pose().from_from_to());
-    EXPECT_LT(error.position_m.norm(), 0.1) << match.ShortDebugString();
-  }
+  ExpectRightMatches();
   const proto::RegistrationReply state = State();
   ASSERT_EQ(state.starts_size(), 1);
   EXPECT_TRUE(state.starts(0).is_accepted()) << state.ShortDebugString();
   EXPECT_EQ(state.starts(0).text(), "accepted");
+  EXPECT_EQ(state.starts(0).remedy(), "");
   EXPECT_GE(state.starts(0).evidence(), 12);
+}
+
+TEST_F(RoomsRegisterActorTest, AChangeOfLeaderDuringTheSearchEndsItAndTheNextTermSearchesAgain) {
+  turn_pairs_max_ = 1;
+  stats_.mutable_last_solve()->mutable_rovers(1)->set_anchoring(proto::ANCHORING_UNANCHORED);
+  SpawnAll();
+  StoreDriveInRooms();
+  team_.AdvanceTime(seconds(3));
+  for (int i = 0; i < 5; ++i) {
+    const std::vector<proto::Message> asked = team_.TakeMessages(pgo_);
+    ASSERT_FALSE(asked.empty()) << "the search is done after " << i << " turns";
+    proto::Message answer;
+    *answer.mutable_graph_stats_reply() = stats_;
+    answer.set_request_id(asked.back().request_id());
+    (void)team_.Post(pgo_, register_, answer);
+    team_.RunUntilIdle();
+  }
+  SetLeader(2, 2);
+  Pass();
+  EXPECT_TRUE(Matches().empty());
+  SetLeader(1, 3);
+  Pass();
+  ExpectRightMatches();
+}
+
+TEST_F(RoomsRegisterActorTest, AFalseStartIsNamedWithinOnePass) {
+  config_.mutable_agents(1)->mutable_start()->set_x(1);
+  config_.mutable_agents(1)->mutable_start()->set_y(4.5);
+  config_.mutable_agents(1)->mutable_start()->set_yaw(0.1);
+  SpawnAllWithPgo();
+  StoreDriveInRooms();
+  const proto::OptimizeReply reply = Optimize();
+  ASSERT_EQ(reply.rovers_size(), 2);
+  EXPECT_EQ(reply.rovers(1).anchoring(), proto::ANCHORING_NO_RANGES);
+  team_.AdvanceTime(seconds(10));
+  const proto::RegistrationReply state = State();
+  EXPECT_EQ(state.pass_count(), 1);
+  const auto between = std::ranges::find_if(state.agents(), [](const proto::MatchedAgents& agents) {
+    return agents.agent_id() == 1 && agents.other_agent_id() == 2;
+  });
+  ASSERT_NE(between, state.agents().end());
+  EXPECT_TRUE(between->places().is_contradicted()) << between->ShortDebugString();
+}
+
+TEST_F(RoomsRegisterActorTest, RightStartsAreNotDoubted) {
+  SpawnAllWithPgo();
+  StoreDriveInRooms();
+  (void)Optimize();
+  team_.AdvanceTime(seconds(10));
+  const proto::RegistrationReply state = State();
+  EXPECT_GT(state.agents_size(), 0);
+  for (const proto::MatchedAgents& agents : state.agents()) {
+    EXPECT_FALSE(agents.has_places()) << agents.ShortDebugString();
+  }
+  ExpectRightMatches();
 }
 
 // Runs one pass, and returns its matches without the epochs of the maps.

@@ -4,89 +4,22 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <numbers>
-#include <random>
-
-#include "model/pose_graph.h"
-#include "proto/types.pb.h"
-#include "tests/actors/registration/hazard_world.h"
+#include "tests/actors/registration/driven_rovers.h"
 
 namespace moondb {
 namespace {
 
 using Accepted = std::vector<StartSearch::Accepted>;
 
-// A drive from point to point, with a node each metre.
-std::vector<PlanarOffset> Along(const std::vector<Eigen::Vector2d>& corners_m) {
-  std::vector<PlanarOffset> poses;
-  for (std::size_t i = 0; i + 1 < corners_m.size(); ++i) {
-    const Eigen::Vector2d leg_m = corners_m[i + 1] - corners_m[i];
-    const double yaw_rad = std::atan2(leg_m.y(), leg_m.x());
-    for (double at_m = 0; at_m < leg_m.norm(); at_m += 1) {
-      const Eigen::Vector2d place_m = corners_m[i] + at_m * leg_m.normalized();
-      poses.push_back({place_m.x(), place_m.y(), yaw_rad});
-    }
-  }
-  return poses;
-}
-
-class StartSearchTest : public testing::Test {
+class StartSearchTest : public DrivenRovers {
  protected:
-  StartSearchTest() : maps_(Options()) {}
-
-  static KnownMaps::Options Options() {
-    KnownMaps::Options options;
-    options.rovers = {1, 2, 3};
-    return options;
-  }
-
-  // Drives rover `agent` along true poses in a world. Its own frame lies at `own_from_map` of the true one. Each second
-  // node has a map.
-  void Drive(AgentId agent, const HazardWorld& world, const std::vector<PlanarOffset>& poses,
-             const Pose& own_from_map) {
-    std::mt19937_64 random(agent);
-    std::normal_distribution<double> error(0, 1);
-    PlanarOffset raw = PlanarOffset::From(own_from_map) * poses.front();
-    for (std::size_t i = 0; i < poses.size(); ++i) {
-      const NodeKey node{agent, i};
-      if (i > 0) {
-        const PlanarOffset step = poses[i - 1].Inverse() * poses[i];
-        raw = raw * PlanarOffset{step.x_m + 0.01 * error(random), step.y_m + 0.01 * error(random),
-                                 step.yaw_rad + 0.003 * error(random)};
-        OdometryEdge edge;
-        edge.from = {agent, i - 1};
-        edge.to = node;
-        edge.covariance.diagonal() << 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-5;
-        Add(agent, proto::POSE_GRAPH_EDGE, ToRecord(edge));
-      }
-      const std::int64_t timestamp_ns = 1'000'000'000'000 * agent + static_cast<std::int64_t>(i) * 1'000'000'000;
-      Add(agent, proto::POSE_GRAPH_NODE, ToRecord(GraphNode{node, timestamp_ns, raw.ToPose()}));
-      proto::Record solved;
-      *solved.mutable_optimized_pose()->mutable_node() = ToProto(node);
-      *solved.mutable_optimized_pose()->mutable_map_from_node() = ToProto(raw.ToPose());
-      Add(1, proto::OPTIMIZED_POSE, solved);
-      truth_[node] = poses[i];
-      if (i % 2 == 0) AddMap(node, world, poses[i], timestamp_ns);
-    }
-  }
-
-  void AddMap(const NodeKey& node, const HazardWorld& world, const PlanarOffset& pose, std::int64_t timestamp_ns) {
-    const TraversabilityMap map = world.MapAt(pose.ToPose(), node);
-    proto::Record record;
-    record.set_timestamp_ns(timestamp_ns);
-    *record.mutable_local_traversability_map() = ToProto(map);
-    Add(node.agent, proto::LOCAL_TRAVERSABILITY_MAP, record);
-  }
-
-  void Add(AgentId origin, DataType type, const proto::Record& record) {
-    EXPECT_TRUE(maps_.Add({{origin, 7, type}, ++seq_}, record));
-  }
-
   Accepted Search(const std::vector<StartSearch::AgentPair>& wanted) {
-    std::map<AgentId, StartSearch::Rover> rovers;
-    for (const RegisteredMap& map : maps_.FindRegistered()) rovers[map.node.agent].maps.push_back(map);
-    for (auto& [agent, rover] : rovers) rover.track = maps_.FindTrack(agent);
-    search_.Begin(rovers, wanted);
+    std::map<AgentId, SearchedRover> rovers;
+    const std::vector<RegisteredMap> maps = maps_.FindRegistered();
+    for (const auto& [a, b] : wanted) {
+      for (const AgentId agent : {a, b}) rovers.emplace(agent, SearchedRover::Find(agent, maps, maps_).value());
+    }
+    search_.Begin(std::move(rovers), wanted);
     Accepted accepted;
     for (step_count_ = 0; search_.left_count() > 0; ++step_count_) {
       for (StartSearch::Accepted& one : search_.Step(maps_, fields_)) accepted.push_back(std::move(one));
@@ -106,22 +39,10 @@ class StartSearchTest : public testing::Test {
 
   StartVerdict Verdict(AgentId a = 1, AgentId b = 2) const { return search_.judged().at({a, b}).verdict; }
 
-  KnownMaps maps_;
   FieldCache fields_ = FieldCache(64);
   StartSearch search_;
-  std::map<NodeKey, PlanarOffset> truth_;
-  std::uint64_t seq_ = 0;
   int step_count_ = 0;
 };
-
-const std::vector<PlanarOffset>& Loop() {
-  static const auto poses = Along({{-12, -10}, {12, -10}, {12, 10}, {-12, 10}});
-  return poses;
-}
-const std::vector<PlanarOffset>& Back() {
-  static const auto poses = Along({{10, 12}, {10, -9}, {-10, -9}});
-  return poses;
-}
 
 TEST_F(StartSearchTest, PlacesARoverThatStartedAnywhereInAnyHeading) {
   const HazardWorld world = HazardWorld::OfRooms(1);
@@ -226,6 +147,53 @@ TEST_F(StartSearchTest, ARoverWhoseOdometryJumpsIsPlacedByItsLongestUnbrokenPart
   Add(2, proto::POSE_GRAPH_NODE, ToRecord(GraphNode{node, 3'000'000'000'000, Pose::FromPlanar(-500, 0, 0)}));
   truth_[node] = {0, 0, 0};
   ExpectRight(Search({{1, 2}}));
+}
+
+TEST_F(StartSearchTest, ARoverWhoseMapsAreCopiesOfAnothersTiesOnlyItself) {
+  const HazardWorld world = HazardWorld::OfRooms(1);
+  Drive(1, world, Loop(), Pose());
+  Drive(2, HazardWorld::OfRooms(2), Back(), Pose::FromPlanar(20, 0, 1));
+  // Rover 3 claims to have driven 50 m beside rover 1, and sends rover 1's maps as its own.
+  Drive(3, world, Loop(), Pose::FromPlanar(50, 0, 0));
+  const Accepted accepted = Search({{1, 2}, {1, 3}, {2, 3}});
+  EXPECT_FALSE(accepted.empty());
+  for (const auto& [planned, result] : accepted) {
+    EXPECT_EQ(planned.first.node.agent, 1u);
+    EXPECT_EQ(planned.second.node.agent, 3u);
+  }
+  EXPECT_NE(Verdict(1, 2), StartVerdict::kAccepted);
+  EXPECT_NE(Verdict(2, 3), StartVerdict::kAccepted);
+}
+
+TEST_F(StartSearchTest, DoesNotPlaceARoverInABuildingOfTheSameOutline) {
+  // Long straight walls that meet at right angles fit everywhere.
+  int placed = 0;
+  for (std::uint64_t seed = 10; seed < 14; ++seed) {
+    SCOPED_TRACE(seed);
+    maps_ = KnownMaps(Options());
+    search_.Clear();
+    Drive(1, HazardWorld::OfRooms(seed, 30, 0.004), Along({{-11, -11}, {11, -11}, {11, 11}, {-11, 11}}), Pose());
+    Drive(2, HazardWorld::OfRooms(seed + 100, 30, 0.004), Along({{11, 10}, {11, -11}, {-11, -11}}),
+          Pose::FromPlanar(9, 4, 2));
+    EXPECT_TRUE(Search({{1, 2}}).empty());
+    placed += Verdict() == StartVerdict::kAccepted ? 1 : 0;
+    EXPECT_LT(search_.judged().at({1, 2}).best.evidence, 12);
+  }
+  EXPECT_EQ(placed, 0);
+}
+
+TEST_F(StartSearchTest, MapsThatAreGoneOrQuarantinedDuringTheSearchDoNotEndIt) {
+  const HazardWorld world = HazardWorld::OfRooms(1);
+  Drive(1, world, Loop(), Pose());
+  Drive(2, world, Back(), Pose::FromPlanar(100, -40, 2.3));
+  std::map<AgentId, SearchedRover> rovers;
+  const std::vector<RegisteredMap> maps = maps_.FindRegistered();
+  for (const AgentId agent : {1, 2}) rovers.emplace(agent, SearchedRover::Find(agent, maps, maps_).value());
+  search_.Begin(std::move(rovers), {{1, 2}});
+  for (int i = 0; i < 5; ++i) EXPECT_TRUE(search_.Step(maps_, fields_).empty());
+  const KnownMaps nothing(Options());
+  while (search_.left_count() > 0) EXPECT_TRUE(search_.Step(nothing, fields_).empty());
+  EXPECT_NE(Verdict(), StartVerdict::kAccepted);
 }
 
 TEST_F(StartSearchTest, SearchesAmongRoversOfWhichNoneIsPlacedAndKeepsPairsApart) {

@@ -66,6 +66,16 @@ TEST(SubmapMatcherTest, ACorridorHasAlmostNoEvidence) {
   }
 }
 
+TEST(SubmapOverlapTest, TwoLongWallsThatMeetHaveLittleEvidence) {
+  HazardWorld world;
+  world.walls = {{{-2, -40}, {-2, 2}}, {{-2, 2}, {40, 2}}};
+  const auto submap = SubmapAt(world, {});
+  const SubmapOverlap overlap = CompareSubmaps(submap->submap(), submap->submap(), {});
+  EXPECT_EQ(overlap.Matched(), 1);
+  EXPECT_GT(overlap.of[0].matched, 300);
+  EXPECT_LT(overlap.Evidence(), 2);
+}
+
 TEST(SubmapMatcherTest, FindsNothingInFreeSpaceOrNoise) {
   EXPECT_TRUE(Match(SubmapAt({}, {}), SubmapAt({}, {})).empty());
   EXPECT_TRUE(Match(SubmapAt(HazardWorld::OfRooms(1), {}), SubmapAt({}, {})).empty());

@@ -266,6 +266,49 @@ TEST_F(HealthTest, FindsRoversThatAreNotPlaced) {
   EXPECT_THAT(Of(1), ElementsAre(HasSubstr("not placed in the team's map")));
 }
 
+TEST_F(HealthTest, SaysHowFarTheSearchForARoverCame) {
+  proto::MapStatsReply& stats = reports_[1].map_stats.emplace();
+  stats.add_unplaced()->set_agent_id(2);
+  stats.mutable_unplaced(0)->set_map_count(40);
+  proto::RegistrationReply& matches = reports_[1].registration.emplace();
+  for (const double evidence : {3.0, 12.9}) {
+    proto::SearchedStart& start = *matches.add_starts();
+    start.set_agent_id(evidence < 5 ? 2 : 1);
+    start.set_other_agent_id(evidence < 5 ? 3 : 2);
+    start.set_evidence(evidence);
+    start.set_rival(10.8);
+    start.set_matched(0.974);
+    start.set_text(evidence < 5 ? "too little looks alike" : "another place fits nearly as well");
+    start.set_remedy("drive one of them on");
+  }
+  EXPECT_THAT(Of(2), ElementsAre("not placed, 40 maps left out of the team's map; its maps beside those of rover1: "
+                                 "another place fits nearly as well (evidence 12.9, best other place 10.8, matched 97 "
+                                 "%, contradicted 0 %); drive one of them on, or give it a start"));
+}
+
+TEST_F(HealthTest, NamesARoverWhoseStartTheMapsContradict) {
+  proto::RegistrationReply& matches = reports_[1].registration.emplace();
+  const auto add = [&](AgentId a, AgentId b, bool is_contradicted) {
+    proto::MatchedAgents& agents = *matches.add_agents();
+    agents.set_agent_id(a);
+    agents.set_other_agent_id(b);
+    proto::RegistrationCount& count = *agents.add_counts();
+    count.set_verdict(is_contradicted ? "second place" : "accepted");
+    count.set_count(30);
+    if (!is_contradicted) return;
+    agents.mutable_places()->set_is_contradicted(true);
+    agents.mutable_places()->set_contradicted(0.42);
+    agents.mutable_places()->set_own_contradicted(0.02);
+  };
+  add(1, 2, true);
+  EXPECT_THAT(Of(1), ElementsAre(HasSubstr("its maps contradict those of rover2 (42 % of the common hazards; 2 % "
+                                           "within one rover's own maps): is its start in the team file right?")));
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("its maps contradict those of rover1 (42 %")));
+  add(1, 3, false);
+  EXPECT_THAT(Of(1), IsEmpty()) << "rover3's maps agree with it";
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("its maps contradict those of rover1 (42 %")));
+}
+
 TEST_F(HealthTest, FindsStartsInOnePlace) {
   for (const double side_m : {0.75, 0.5}) team_.mutable_map()->add_footprint_m(side_m);
   for (proto::AgentConfig& agent : *team_.mutable_agents()) agent.mutable_start()->set_x(1);

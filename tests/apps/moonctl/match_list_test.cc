@@ -183,13 +183,14 @@ TEST(RegistrationTextTest, SaysHowFarTheSearchForStartsCame) {
   lost.set_other_agent_id(3);
   lost.set_evidence(5.6);
   lost.set_text("too little looks alike");
+  lost.set_remedy("drive one of them through places that the other has seen");
   EXPECT_THAT(
       RegistrationText(team, state),
       HasSubstr(
           "found how rover2 lies to rover1: evidence 160.7, best other place 8.9, matched 92 %, contradicted 4 %\n"
           "did not find how rover3 lies to rover1: too little looks alike (evidence 5.6, best other place 0.0, "
           "matched 0 %, contradicted 0 %); drive one of them through places that the other has seen, or give "
-          "a start\n"));
+          "one a start\n"));
 }
 
 TEST(RegistrationTextTest, NamesTheAgentsWhosePairsWereLeftOut) {
