@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
+#include <ranges>
 #include <tuple>
 
 namespace moondb {
@@ -15,6 +17,30 @@ constexpr double kTiltSigma_rad = 0.2;
 
 bool IsNeighbour(const NodeKey& a, const NodeKey& b, std::uint64_t apart_nodes) {
   return a.agent == b.agent && (a.index > b.index ? a.index - b.index : b.index - a.index) < apart_nodes;
+}
+
+// Returns the maps that are matched, by number. An agent's maps in the order of their nodes form stretches of less than
+// apart_m and apart_rad. The last map of each stretch is matched.
+std::vector<std::size_t> ThinOut(const std::vector<RegisteredMap>& maps, const CandidateOptions& options) {
+  std::vector<std::size_t> order(maps.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, {}, [&](std::size_t index) { return maps[index].node; });
+  std::vector<std::size_t> matched;
+  const RegisteredMap* first = nullptr;  // Of the stretch.
+  for (const std::size_t index : order) {
+    const RegisteredMap& map = maps[index];
+    if (first != nullptr && first->node.agent == map.node.agent) {
+      const PlanarOffset moved = PlanarOffset::Between(first->map_from_local, map.map_from_local);
+      if (moved.position_m().norm() < options.apart_m && std::abs(moved.yaw_rad) < options.apart_rad) {
+        matched.back() = index;
+        continue;
+      }
+    }
+    matched.push_back(index);
+    first = &map;
+  }
+  std::ranges::sort(matched);
+  return matched;
 }
 
 bool IsNearer(const MatchCandidate& a, const MatchCandidate& b) {
@@ -31,7 +57,7 @@ std::vector<MatchCandidate> FindCandidates(const std::vector<RegisteredMap>& map
   };
   std::map<std::tuple<AgentId, std::int64_t, std::int64_t>, std::size_t> counts;
   std::map<std::pair<std::int64_t, std::int64_t>, std::vector<std::size_t>> squares;
-  for (std::size_t i = maps.size(); i-- > 0;) {
+  for (const std::size_t i : std::views::reverse(ThinOut(maps, options))) {
     const auto [x, y] = square_of(maps[i], kThinningSide_m);
     if (++counts[{maps[i].node.agent, x, y}] > options.of_square_max) continue;
     squares[square_of(maps[i], options.distance_max_m)].push_back(i);

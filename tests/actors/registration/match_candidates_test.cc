@@ -58,11 +58,51 @@ TEST(MatchCandidatesTest, LeaveOutAgentsWhoseRelativePoseIsUnknown) {
   EXPECT_EQ(PairsOf(maps, false), (std::vector<std::pair<std::size_t, std::size_t>>{{0, 2}}));
 }
 
-TEST(MatchCandidatesTest, OfARobotThatStandsStillUseItsLastEightMaps) {
+TEST(MatchCandidatesTest, OfARobotThatStandsStillUseItsLastMap) {
   std::vector<RegisteredMap> maps = {MapAt(2, 0, 1)};
   for (std::uint64_t i = 0; i < 5000; ++i) maps.push_back(MapAt(1, i, 0));
-  for (const auto& [first, second] : PairsOf(maps)) EXPECT_GT(second, 4992u);
+  EXPECT_EQ(PairsOf(maps), (std::vector<std::pair<std::size_t, std::size_t>>{{0, 5000}}));
+}
+
+TEST(MatchCandidatesTest, OfASquareThatARobotCrossesOftenUseTheLastEightMaps) {
+  std::vector<RegisteredMap> maps = {MapAt(2, 0, 1)};
+  for (std::uint64_t i = 0; i < 5000; ++i) maps.push_back(MapAt(1, i, i % 2 == 0 ? 0.25 : 20));
+  for (const auto& [first, second] : PairsOf(maps)) EXPECT_GT(second, 4984u);
   EXPECT_FALSE(PairsOf(maps).empty());
+}
+
+TEST(MatchCandidatesTest, ADenseDriveHasOneMapForEachHalfMetreOrTurn) {
+  std::vector<RegisteredMap> dense = {MapAt(2, 0, 0)};
+  for (std::uint64_t i = 0; i < 50; ++i) dense.push_back(MapAt(1, i, 0.1 * static_cast<double>(i)));
+  CandidateOptions options;
+  options.of_agent_max = 100;
+  options.of_map_max = 100;
+  const auto all = [](AgentId a, AgentId b) { return a != b; };
+  EXPECT_EQ(FindCandidates(dense, options, all).size(), 10u);
+  std::vector<RegisteredMap> sparse = {MapAt(2, 0, 0)};
+  for (std::uint64_t i = 0; i < 10; ++i) sparse.push_back(MapAt(1, i, 0.5 * static_cast<double>(i)));
+  EXPECT_EQ(FindCandidates(sparse, options, all).size(), 10u);
+  std::vector<RegisteredMap> turning = {MapAt(2, 0, 0)};
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    turning.push_back(MapAt(1, i, 0));
+    turning.back().map_from_local = Pose::FromPlanar(0, 0, 0.1 * static_cast<double>(i));
+  }
+  options.of_square_max = 100;
+  EXPECT_EQ(FindCandidates(turning, options, all).size(), 4u);
+}
+
+TEST(MatchCandidatesTest, FurtherMapsOfADenseDriveLeaveTheOldPairsAsTheyAre) {
+  std::vector<RegisteredMap> maps = {MapAt(2, 0, 0)};
+  std::vector<std::pair<std::size_t, std::size_t>> last;
+  for (std::uint64_t i = 0; i < 60; ++i) {
+    maps.push_back(MapAt(1, i, 0.1 * static_cast<double>(i)));
+    auto pairs = PairsOf(maps);
+    std::ranges::sort(pairs);
+    std::size_t kept = 0;
+    for (const auto& pair : last) kept += std::ranges::count(pairs, pair);
+    EXPECT_GE(kept + 6, last.size()) << "more than the pairs of one map changed at map " << i;
+    last = std::move(pairs);
+  }
 }
 
 class MatchToClosureTest : public testing::Test {
