@@ -189,4 +189,26 @@ std::vector<TraversabilityMap> MakeLaserMaps(std::uint64_t seed, int count) {
   return maps;
 }
 
+std::vector<LaserMap> MakeLaserDrives(std::uint64_t seed, int rover_count, int map_count, double step_m) {
+  Random random(seed);
+  const Building building = Building::Make(random);
+  Laser laser;
+  laser.beam_count = 360;
+  laser.field_of_view_rad = 1.5 * std::numbers::pi;
+  laser.range_m = 10;
+  laser.scan_count = 3;
+  laser.is_free_at_range = true;
+  std::vector<LaserMap> maps;
+  for (int rover = 1; rover <= rover_count; ++rover) {
+    Scanner scanner(building, laser, random);
+    Planar pose = DrawStart(building, random);
+    for (int i = 0; i < map_count; ++i) {
+      const NodeKey node{static_cast<AgentId>(rover), static_cast<std::uint64_t>(i)};
+      maps.push_back({node, Pose::FromPlanar(pose.x, pose.y, pose.yaw), scanner.Map(pose)});
+      Drive(building, step_m, random, pose);
+    }
+  }
+  return maps;
+}
+
 }  // namespace moondb

@@ -9,11 +9,22 @@
 #include <cstdint>
 #include <vector>
 
+#include "model/geometry.h"
+#include "model/ids.h"
 #include "model/traversability_map.h"
 
 namespace moondb {
 
 // Returns the maps of one drive, in order. The seed determines the building, the laser and the drive.
 std::vector<TraversabilityMap> MakeLaserMaps(std::uint64_t seed, int count);
+
+struct LaserMap {
+  NodeKey node;  // The rover, and the number of its map.
+  Pose pose;     // True pose of the map in the frame of the building.
+  TraversabilityMap map;
+};
+
+// Returns the maps of rovers 1 to `rover_count` that drive in one building, with a map each `step_m`.
+std::vector<LaserMap> MakeLaserDrives(std::uint64_t seed, int rover_count, int map_count, double step_m);
 
 }  // namespace moondb

@@ -10,18 +10,25 @@
 #include <vector>
 
 #include "apps/common/arguments.h"
+#include "bench/dense_drives.h"
 #include "bench/start_runs.h"
 
 int main(int argc, char** argv) {
   std::vector<std::string> folders;
   int draws = 0;
   bool is_json = false;
+  bool is_dense = false;
   moondb::Command app("start_bench", "Searches for rovers that started anywhere in missions, and across them.");
   app.ShowDefaults();
   app.AddOption("folders", folders, "Missions (agents.csv)").ExistingFolder();
   app.AddOption("--draws", draws, "Also with this many further draws of the odometry's noise").Within(0, 1000);
+  app.AddFlag("--dense", is_dense, "Match 2,394 maps of one building, one each 0.2 m, instead");
   app.AddFlag("--json", is_json, "One JSON list instead of text");
   if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
+  if (is_dense) {
+    fmt::print("{}", moondb::TextOf(moondb::MatchDenseDrives(/*rover_count=*/3, /*map_count=*/798, /*step_m=*/0.2)));
+    return 0;
+  }
   std::vector<moondb::Mission> missions;
   for (const std::string& folder : folders) {
     auto mission = moondb::ReadMission(folder);

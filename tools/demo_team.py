@@ -6,6 +6,7 @@ takes over by command, and a new survivor is named. All figures of the report ar
 """
 import argparse
 import contextlib
+import csv
 import json
 import os
 import pathlib
@@ -146,6 +147,41 @@ def check_complete(status, expected, who):
             raise DemoError(f"{who} holds {records.get(kind, 0)} of {count} records of type {kind}")
 
 
+def without_starts_or_ranges(mission, copy, starts, has_ranges):
+    """Copies a mission. Rovers whose starts are not known begin at the origin of their own frames."""
+    shutil.copytree(mission, copy, dirs_exist_ok=True)
+    graph = copy / "graph.pyfg"
+    lines = graph.read_text(encoding="utf-8").splitlines(keepends=True)
+    graph.write_text("".join(line for line in lines if has_ranges or not line.startswith("EDGE_RANGE")),
+                     encoding="utf-8")
+    with open(mission / "agents.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        if row["name"] in rovers_without_start(rows, starts):
+            row.update(start_x_m=0, start_y_m=0, start_yaw_rad=0)
+    with open(copy / "agents.csv", "w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return [row["name"] for row in rows if row["name"] in rovers_without_start(rows, starts)]
+
+
+def rovers_without_start(rows, starts):
+    rovers = [row["name"] for row in rows if row["kind"] == "rover"]
+    return {"all": [], "one": rovers[1:], "none": rovers}[starts]
+
+
+def remove_starts(team_file, names):
+    """Removes the starts of these agents from a team file."""
+    kept, name = [], ""
+    for line in team_file.read_text(encoding="utf-8").splitlines(keepends=True):
+        named = re.match(r"\s*-?\s*name:\s*(\S+)", line)
+        name = named.group(1) if named else name
+        if name not in names or not line.lstrip().startswith("start:"):
+            kept.append(line)
+    team_file.write_text("".join(kept), encoding="utf-8")
+
+
 def tell(story, mission):
     """Runs the whole mission. Returns the statuses just before the kill and at the end."""
     team, middle, expected = story.team, mission_seconds(mission) / 2, expected_records(mission)
@@ -233,9 +269,15 @@ def run_demo(options, out):
         if not options.mission:
             with story.step(f"make a lunar mission (seed {options.seed})"):
                 story.show(team.run("moondb_mission", "generate", "--seed", options.seed, "--out", mission))
+        unknown = []
+        if options.starts != "all" or options.no_ranges:
+            copied = out / "mission_anywhere"
+            unknown = without_starts_or_ranges(mission, copied, options.starts, not options.no_ranges)
+            mission = copied
         (out / "team").mkdir()
         team.moonctl("config", "init", "--mission", mission, team.team_file, "--first-port",
                      free_port_run(AGENT_COUNT))
+        remove_starts(team.team_file, unknown)
         try:
             before_kill, at_end = tell(story, mission)
             with story.step("export the merged map, and score it against the truth"):
@@ -243,7 +285,7 @@ def run_demo(options, out):
                     team.moonctl("-a", "rover1", "map", "export", out / "map", "--format", form)
                 team.moonctl("-a", "rover1", "graph", "export", out / "graph.pyfg")
                 story.show(team.replay("score", "--mission", mission, "-a", "rover1", "--out", out, "--json",
-                                       out / "score.json"))
+                                       out / "score.json", *(["--align"] if unknown else [])))
         finally:
             team.moonctl("down", check=False)
     score = json.loads((out / "score.json").read_text(encoding="utf-8"))
@@ -257,6 +299,10 @@ def parse_arguments():
     parser = argparse.ArgumentParser(prog="tools/demo", description="Runs a mission through a team of real processes.")
     parser.add_argument("--mission", help="a recorded mission's folder (docs/MISSIONS.md); default: make one")
     parser.add_argument("--seed", type=int, default=7, help="of the mission that is made")
+    parser.add_argument("--starts", choices=("all", "one", "none"), default="all",
+                        help="starts that the team knows: rover1's alone, or none; the others begin at (0, 0) of their "
+                             "own frames, and the result is scored after alignment of the team's frame")
+    parser.add_argument("--no-ranges", action="store_true", help="leave out the ranges between the radios")
     parser.add_argument("--out", default="out", help="folder for the results; emptied first (default: out)")
     parser.add_argument("--bin", help=argparse.SUPPRESS, default=pathlib.Path(__file__).parent.parent / "build/dev/bin")
     return parser.parse_args()

@@ -26,7 +26,7 @@ std::vector<std::size_t> ThinOut(const std::vector<RegisteredMap>& maps, const C
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::ranges::stable_sort(order, {}, [&](std::size_t index) { return maps[index].node; });
   std::vector<std::size_t> matched;
-  const RegisteredMap* first = nullptr;  // Of the stretch.
+  const RegisteredMap* first = nullptr;  // First map of the stretch.
   for (const std::size_t index : order) {
     const RegisteredMap& map = maps[index];
     if (first != nullptr && first->node.agent == map.node.agent) {

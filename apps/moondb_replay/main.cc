@@ -41,6 +41,8 @@ int Run(int argc, char** argv) {
   score_command.AddOption("-a,--agent", score.agent, "Whose records").Required();
   score_command.AddOption("--out", score.out, "Folder for the pictures").Required();
   score_command.AddOption("--json", score.json, "File for the figures");
+  score_command.AddFlag("--align", score.is_aligned,
+                        "First move the whole team to where it fits the truth best, as for teams without starts");
   if (const std::optional<ParseStop> stop = app.Parse(argc, argv)) {
     if (stop->exit_code == 0) return 0;
     std::fprintf(stderr, "moondb_replay: %s\n", stop->error.c_str());

@@ -42,6 +42,14 @@ Poses TruePoses(const Mission& mission, const Poses& known) {
   return poses;
 }
 
+// Returns the rovers' poses, moved in the plane to where they fit the truth best.
+Poses AlignedRovers(Poses poses, const Poses& truth, AgentId base) {
+  std::erase_if(poses, [base](const auto& entry) { return entry.first.agent == base; });
+  const Pose truth_from_estimate = FindAlignment(poses, truth, /*is_planar=*/true);
+  for (auto& [node, pose] : poses) pose = truth_from_estimate * pose;
+  return poses;
+}
+
 // Returns nullopt if no match is held, or if the graph cannot be solved without matches.
 std::optional<Poses> SolveWithoutMatches(const proto::TeamConfig& team, const Held& held) {
   PoseGraph graph = held.graph.graph();
@@ -97,7 +105,7 @@ Result<MergedMap> MergeAt(const proto::TeamConfig& team, const Held& held, const
 }
 
 Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, const Held& held,
-                         const MergedMap& agents_map) {
+                         const MergedMap& agents_map, bool is_aligned) {
   const Poses raw = RawPoses(held);
   const Poses newest = NewestPoses(held);
   const Poses truth = TruePoses(mission, raw);
@@ -106,7 +114,8 @@ Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, 
 
   auto at_truth = MergeAt(team, held, truth);
   if (!at_truth) return tl::unexpected(at_truth.error());
-  const auto score = [&](const Poses& poses) -> Result<ScoredPoses> {
+  const auto score = [&](Poses poses) -> Result<ScoredPoses> {
+    if (is_aligned) poses = AlignedRovers(std::move(poses), truth, BaseStationOf(team));
     auto map = MergeAt(team, held, poses);
     if (!map) return tl::unexpected(map.error());
     const auto agreement = CompareMaps(*map, *at_truth);
@@ -119,14 +128,21 @@ Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, 
   if (!after) return tl::unexpected(after.error());
 
   Scored scored;
-  if (const std::optional<Poses> solved = SolveWithoutMatches(team, held)) {
+  const std::optional<Poses> solved = is_aligned ? std::nullopt : SolveWithoutMatches(team, held);
+  if (solved) {
     auto without_matches = score(*solved);
     if (!without_matches) return tl::unexpected(without_matches.error());
     scored.without_matches = *std::move(without_matches);
   }
   scored.map_count = held.maps.size();
   scored.optimized_count = held.graph.published_count();
-  scored.is_agents_map_equal = AreEqual(after->map, agents_map);
+  if (is_aligned) {
+    const auto merged = MergeAt(team, held, newest);
+    if (!merged) return tl::unexpected(merged.error());
+    scored.is_agents_map_equal = AreEqual(*merged, agents_map);
+  } else {
+    scored.is_agents_map_equal = AreEqual(after->map, agents_map);
+  }
   scored.before = *std::move(before);
   scored.after = *std::move(after);
   scored.truth = *std::move(at_truth);

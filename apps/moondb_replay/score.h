@@ -51,7 +51,8 @@ struct ScoredPoses {
 
 struct Scored {
   ScoredPoses before;  // At the poses from odometry.
-  // At the poses of a solve without map matches, which is done here. Absent if the agent holds no match.
+  // At the poses of a solve without map matches, which is done here. Absent if the agent holds no match, and if the
+  // poses are aligned, because nothing but matches joins a team without starts.
   std::optional<ScoredPoses> without_matches;
   ScoredPoses after;  // At the newest poses.
   MergedMap truth;
@@ -60,9 +61,10 @@ struct Scored {
   bool is_agents_map_equal = false;  // The agent's own merged map equals `after.map`.
 };
 
-// Scores the records that an agent holds. `agents_map` is the map that the agent merged itself. Returns kNotFound if
-// the agent holds no node of the mission, or no map.
+// Scores the records that an agent holds. `agents_map` is the map that the agent merged itself. `is_aligned`: moves the
+// poses of each stage, all rovers together, in the plane to where they fit the truth best. Returns kNotFound if the
+// agent holds no node of the mission, or no map.
 Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, const Held& held,
-                         const MergedMap& agents_map);
+                         const MergedMap& agents_map, bool is_aligned);
 
 }  // namespace moondb

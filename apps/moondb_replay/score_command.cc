@@ -190,7 +190,7 @@ Result<Setting> Gather(const ScoreArguments& arguments) {
   if (!merged) return tl::unexpected(merged.error());
   setting.agent_merge_s = merged->reply.seconds();
   setting.agent_backend = merged->reply.backend();
-  auto scored = ScoreHeld(setting.team.config, setting.mission, setting.held, merged->map);
+  auto scored = ScoreHeld(setting.team.config, setting.mission, setting.held, merged->map, arguments.is_aligned);
   if (!scored) return tl::unexpected(scored.error());
   setting.scored = std::move(*scored);
   return setting;

@@ -11,8 +11,9 @@ struct ScoreArguments {
   std::string mission;
   std::string team;
   std::string agent;
-  std::string out;   // Folder for the pictures. Created if missing.
-  std::string json;  // File for the scores. Empty: none.
+  std::string out;          // Folder for the pictures. Created if missing.
+  std::string json;         // File for the scores. Empty: none.
+  bool is_aligned = false;  // True: moves the team to where it fits the truth best, for teams without starts.
 };
 
 // Writes the pictures merged_before.png, merged_after.png, merged_truth.png, before_after.png, trajectories.png and one

@@ -73,6 +73,13 @@ TEST_F(ReplayTest, MakesAMissionsTrajectoriesAndMapBetterOnTwoAgentsAlike) {
       EXPECT_TRUE(std::filesystem::exists(out / (name + ".png"))) << name;
       EXPECT_TRUE(std::filesystem::exists(out / (name + ".svg"))) << name;
     }
+    const double after_m = Figure(figures, "after", "ate_m");
+    const Outcome aligned =
+        Replay({"score", "--mission", mission_, "-a", agent, "--out", out, "--json", out / "score.json", "--align"});
+    ASSERT_EQ(aligned.exit_code, 0) << aligned.error;
+    ASSERT_TRUE(google::protobuf::util::JsonStringToMessage(*ReadTextFile(out / "score.json"), &figures).ok());
+    EXPECT_LT(Figure(figures, "after", "ate_m"), after_m);
+    EXPECT_TRUE(figures.fields().at("is_agents_map_equal").bool_value());
     RecordProperty("figures_" + agent, *ReadTextFile(out / "score.json"));
     std::cout << scored.out;
   }
