@@ -33,8 +33,8 @@ struct CandidateOptions {
   std::size_t of_map_max = 16;
   std::uint64_t apart_nodes = 10;  // Two maps of one agent belong to nodes at least this far apart.
   // One map of a dense drive is matched for each stretch of this length, or of this turn.
-  double apart_m = 0.5;
-  double apart_rad = 0.52;  // 30 degrees.
+  double apart_m = 0.3;
+  double apart_rad = 0.26;  // 15 degrees.
   // If more maps of one agent lie in one square of half a metre, only the last ones of the list are matched.
   std::size_t of_square_max = 8;
 };

@@ -71,10 +71,12 @@ TEST(MatchCandidatesTest, OfASquareThatARobotCrossesOftenUseTheLastEightMaps) {
   EXPECT_FALSE(PairsOf(maps).empty());
 }
 
-TEST(MatchCandidatesTest, ADenseDriveHasOneMapForEachHalfMetreOrTurn) {
+TEST(MatchCandidatesTest, ADenseDriveHasOneMapForEachStretchOrTurn) {
   std::vector<RegisteredMap> dense = {MapAt(2, 0, 0)};
   for (std::uint64_t i = 0; i < 50; ++i) dense.push_back(MapAt(1, i, 0.1 * static_cast<double>(i)));
   CandidateOptions options;
+  options.apart_m = 0.45;
+  options.apart_rad = 0.52;
   options.of_agent_max = 100;
   options.of_map_max = 100;
   const auto all = [](AgentId a, AgentId b) { return a != b; };
