@@ -16,21 +16,24 @@ namespace moondb {
 namespace {
 
 constexpr std::uint64_t kSeed = 7;
+constexpr int kRovers = 3;
+constexpr int kMapsOfRover = 798;
+constexpr double kStep_m = 0.2;
 constexpr int kPassesMax = 5;
 constexpr double kDrift = 0.01;
 
 }  // namespace
 
-std::vector<DensePass> MatchDenseDrives(int rover_count, int map_count, double step_m) {
-  const std::vector<LaserMap> driven = MakeLaserDrives(kSeed, rover_count, map_count, step_m);
+std::vector<DensePass> MatchDenseDrives() {
+  const std::vector<LaserMap> driven = MakeLaserDrives(kSeed, kRovers, kMapsOfRover, kStep_m);
   Random random(kSeed);
   std::vector<RegisteredMap> maps;
   std::map<RecordKey, const LaserMap*> of_key;
   Pose drift;
   for (const LaserMap& one : driven) {
     if (one.node.index == 0) drift = Pose();
-    drift.position_m.x() += kDrift * step_m * random.Normal();
-    drift.position_m.y() += kDrift * step_m * random.Normal();
+    drift.position_m.x() += kDrift * kStep_m * random.Normal();
+    drift.position_m.y() += kDrift * kStep_m * random.Normal();
     const RecordKey key{{one.node.agent, 1, proto::LOCAL_TRAVERSABILITY_MAP}, one.node.index + 1};
     of_key[key] = &one;
     maps.push_back({key, one.node, 0, drift * one.pose, drift * one.pose});

@@ -15,8 +15,9 @@ struct DensePass {
   double seconds = 0;  // CPU time, with the plan and the fields of the maps.
 };
 
-// Runs passes until one has no pair, at most 5. The poses drift by 1 % of the distance.
-std::vector<DensePass> MatchDenseDrives(int rover_count, int map_count, double step_m);
+// Runs passes until one has no pair, at most 5: three rovers, 798 maps each, and poses that drift by 1 % of the
+// distance.
+std::vector<DensePass> MatchDenseDrives();
 
 std::string TextOf(const std::vector<DensePass>& passes);
 

@@ -26,7 +26,7 @@ int main(int argc, char** argv) {
   app.AddFlag("--json", is_json, "One JSON list instead of text");
   if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
   if (is_dense) {
-    fmt::print("{}", moondb::TextOf(moondb::MatchDenseDrives(/*rover_count=*/3, /*map_count=*/798, /*step_m=*/0.2)));
+    fmt::print("{}", moondb::TextOf(moondb::MatchDenseDrives()));
     return 0;
   }
   std::vector<moondb::Mission> missions;

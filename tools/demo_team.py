@@ -148,27 +148,26 @@ def check_complete(status, expected, who):
 
 
 def without_starts_or_ranges(mission, copy, starts, has_ranges):
-    """Copies a mission. Rovers whose starts are not known begin at the origin of their own frames."""
-    shutil.copytree(mission, copy, dirs_exist_ok=True)
-    graph = copy / "graph.pyfg"
-    lines = graph.read_text(encoding="utf-8").splitlines(keepends=True)
-    graph.write_text("".join(line for line in lines if has_ranges or not line.startswith("EDGE_RANGE")),
-                     encoding="utf-8")
+    """Writes a mission without starts or ranges, and returns the rovers whose starts are not known. These begin at the
+    origin of their own frames."""
+    copy.mkdir()
+    for name in ("maps", "maps.csv"):
+        (copy / name).symlink_to(mission / name)
+    with open(mission / "graph.pyfg", encoding="utf-8") as file:
+        lines = [line for line in file if has_ranges or not line.startswith("EDGE_RANGE")]
+    (copy / "graph.pyfg").write_text("".join(lines), encoding="utf-8")
     with open(mission / "agents.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
+    rovers = [row["name"] for row in rows if row["kind"] == "rover"]
+    unknown = {"all": [], "one": rovers[1:], "none": rovers}[starts]
     for row in rows:
-        if row["name"] in rovers_without_start(rows, starts):
+        if row["name"] in unknown:
             row.update(start_x_m=0, start_y_m=0, start_yaw_rad=0)
     with open(copy / "agents.csv", "w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    return [row["name"] for row in rows if row["name"] in rovers_without_start(rows, starts)]
-
-
-def rovers_without_start(rows, starts):
-    rovers = [row["name"] for row in rows if row["kind"] == "rover"]
-    return {"all": [], "one": rovers[1:], "none": rovers}[starts]
+    return unknown
 
 
 def remove_starts(team_file, names):

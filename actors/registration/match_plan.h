@@ -42,6 +42,7 @@ class MatchPlan {
   };
 
   using AgentPair = std::pair<AgentId, AgentId>;  // The lower id first.
+  using Counts = std::map<MatchVerdict, std::size_t>;
 
   explicit MatchPlan(Options options) : options_(std::move(options)) {}
 
@@ -51,7 +52,6 @@ class MatchPlan {
                                       const std::function<bool(AgentId, AgentId)>& are_joined);
   // Returns whether the pass may match this pair. Counts the pair as left out if its agents have used up their work.
   bool HasWorkFor(const PlannedMatch& planned);
-  using Counts = std::map<MatchVerdict, std::size_t>;
   // Adds the result of a planned match.
   void Note(const PlannedMatch& planned, const MatchResult& result);
   // Returns the number of pairs of maps that this pass left out because a pair of agents had no more share.

@@ -11,6 +11,10 @@
 
 namespace moondb {
 
+// Adds the verdicts that are not zero.
+void AddCounts(const std::map<MatchVerdict, std::size_t>& counts,
+               google::protobuf::RepeatedPtrField<proto::RegistrationCount>& out);
+
 class MatchReport {
  public:
   void Clear() { *this = MatchReport(); }

@@ -25,8 +25,8 @@ namespace moondb {
 
 // How the maps of two rovers fit at the solved poses.
 struct PlaceFit {
-  double matched = 0;           // Parts of the common hazards.
-  double contradicted = 0;      // They lie in the other's free space.
+  double matched = 0;           // Part of the common hazards that both have.
+  double contradicted = 0;      // Part that lies in the other's free space.
   double own_contradicted = 0;  // Within the maps of one rover; the larger of the two.
   bool is_contradicted = false;
 };

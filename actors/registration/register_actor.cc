@@ -231,7 +231,7 @@ void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
     }
     pairs = plan_.StartPass(
         maps, [this](AgentId a, AgentId b) { return a == b || (placed_.contains(a) && placed_.contains(b)); });
-    PlanStarts(maps, placed_);
+    PlanStarts(maps);
   }
   pass_.Begin(std::move(pairs));
   if (is_due && pass_.left_count() == 0) PlanChecks();
@@ -239,15 +239,15 @@ void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
 }
 
 // Searches for the relative pose of each two rovers whose frames nothing ties together.
-void RegisterActor::PlanStarts(const std::vector<RegisteredMap>& maps, const std::set<AgentId>& placed) {
+void RegisterActor::PlanStarts(const std::vector<RegisteredMap>& maps) {
   std::set<AgentId> agents;
   for (const RegisteredMap& map : maps) agents.insert(map.node.agent);
   const std::set<StartSearch::AgentPair> matched = known_.FindMatched();
   std::vector<StartSearch::AgentPair> wanted, among_lost;
   for (const AgentId a : agents) {
     for (const AgentId b : agents) {
-      if (a >= b || (placed.contains(a) && placed.contains(b))) continue;
-      const bool is_one_placed = placed.contains(a) || placed.contains(b);
+      if (a >= b || (placed_.contains(a) && placed_.contains(b))) continue;
+      const bool is_one_placed = placed_.contains(a) || placed_.contains(b);
       if (!is_one_placed && matched.contains({a, b})) continue;
       (is_one_placed ? wanted : among_lost).emplace_back(a, b);
     }
@@ -257,7 +257,7 @@ void RegisterActor::PlanStarts(const std::vector<RegisteredMap>& maps, const std
   for (const auto& [a, b] : wanted) {
     for (const AgentId agent : {a, b}) {
       if (rovers.contains(agent)) continue;
-      auto rover = SearchedRover::Find(agent, maps, known_, placed.contains(agent) ? placed : std::set<AgentId>());
+      auto rover = SearchedRover::Find(agent, maps, known_, placed_.contains(agent) ? placed_ : std::set<AgentId>());
       if (rover) rovers.emplace(agent, *std::move(rover));
     }
   }
@@ -403,12 +403,7 @@ proto::RegistrationReply RegisterActor::State() const {
       out.mutable_places()->set_own_contradicted(fit->second.own_contradicted);
       out.mutable_places()->set_is_contradicted(fit->second.is_contradicted);
     }
-    for (const auto& [verdict, count] : counts) {
-      if (count == 0) continue;
-      proto::RegistrationCount& counted = *out.add_counts();
-      counted.set_verdict(ToString(verdict));
-      counted.set_count(static_cast<double>(count));
-    }
+    AddCounts(counts, *out.mutable_counts());
   }
   for (const auto& [agents, judged] : starts_.judged()) {
     proto::SearchedStart& start = *reply.add_starts();

@@ -94,7 +94,7 @@ class RegisterActor final : public Actor {
   void AskAgainLater(Context& context);
   void PlanPass(const proto::GraphStatsReply& stats);
   void MatchSome(Context& context);
-  void PlanStarts(const std::vector<RegisteredMap>& maps, const std::set<AgentId>& placed);
+  void PlanStarts(const std::vector<RegisteredMap>& maps);
   void PlanChecks();
   void Match(Context& context, const PlannedMatch& planned);
   std::size_t left_count() const { return pass_.left_count() + starts_.left_count() + check_.left_count(); }
@@ -115,7 +115,7 @@ class RegisterActor final : public Actor {
   StartSearch starts_;
   PlaceCheck check_;
   std::set<AgentId> placed_;    // Rovers whose poses are in the frame `map`.
-  std::set<AgentId> by_start_;  // Those of them that nothing but a start ties to it.
+  std::set<AgentId> by_start_;  // Placed rovers that only their start ties to it.
   FieldCache fields_;
   DerivedReader reader_;  // Reads records into known_.
   RecordWriter writer_;

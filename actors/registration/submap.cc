@@ -208,21 +208,21 @@ void Submap::FindNormals(const std::vector<Cell>& cells) {
 
 // Joins the points along each straight wall. A wall ends at a gap, at a corner, and where it bends.
 void Submap::FindWalls() {
-  std::vector<int> index_of(grid_.cell_count(), -1);
+  std::vector<int> left(grid_.cell_count(), -1);  // By cell, the index of its point if it is in no wall yet.
   const auto cell_of = [&](const Point& point) {
     return std::pair(grid_.ToCell(point.position_m.x()), grid_.ToCell(point.position_m.y()));
   };
+  const auto left_at = [&](const Point& point) -> int& {
+    const auto [x, y] = cell_of(point);
+    return left[grid_.IndexOf(x, y)];
+  };
   for (std::size_t i = 0; i < points_.size(); ++i) {
-    if (points_[i].is_corner) continue;
-    const auto [x, y] = cell_of(points_[i]);
-    index_of[grid_.IndexOf(x, y)] = static_cast<int>(i);
+    if (!points_[i].is_corner) left_at(points_[i]) = static_cast<int>(i);
   }
   std::vector<int> open;
   for (const Point& seed : points_) {
-    const auto [seed_x, seed_y] = cell_of(seed);
-    if (index_of[grid_.IndexOf(seed_x, seed_y)] < 0) continue;
-    open.assign(1, index_of[grid_.IndexOf(seed_x, seed_y)]);
-    index_of[grid_.IndexOf(seed_x, seed_y)] = -1;
+    if (left_at(seed) < 0) continue;
+    open.assign(1, std::exchange(left_at(seed), -1));
     for (std::size_t next = 0; next < open.size(); ++next) {
       Point& point = points_[static_cast<std::size_t>(open[next])];
       point.wall = wall_count_;
@@ -230,7 +230,7 @@ void Submap::FindWalls() {
       for (int dy = -kWallGap_cells; dy <= kWallGap_cells; ++dy) {
         for (int dx = -kWallGap_cells; dx <= kWallGap_cells; ++dx) {
           if (!grid_.IsInside(x + dx, y + dy)) continue;
-          int& index = index_of[grid_.IndexOf(x + dx, y + dy)];
+          int& index = left[grid_.IndexOf(x + dx, y + dy)];
           if (index < 0) continue;
           if (std::abs(points_[static_cast<std::size_t>(index)].normal.dot(seed.normal)) < kStraightCosine) continue;
           open.push_back(std::exchange(index, -1));

@@ -26,12 +26,11 @@ ExitCode ShowHealth(CommandContext& context) {
   for (const auto& [agent, status] : *statuses) {
     if (!status || status->role() != proto::ROLE_LEADER) continue;
     const auto leader = context.Connect(agent->name());
-    const auto graph = leader ? leader->client->GraphStats() : tl::unexpected(leader.error());
-    if (graph) reports[agent->id()].last_solve = graph->last_solve();
-    const auto map = leader ? leader->client->MapStats(/*with_cleared=*/true) : tl::unexpected(leader.error());
-    if (map) reports[agent->id()].map_stats = *map;
-    const auto matches = leader ? leader->client->Registration({}) : tl::unexpected(leader.error());
-    if (matches) reports[agent->id()].registration = *matches;
+    if (!leader) continue;
+    AgentReport& report = reports[agent->id()];
+    if (const auto graph = leader->client->GraphStats()) report.last_solve = graph->last_solve();
+    if (const auto map = leader->client->MapStats(/*with_cleared=*/true)) report.map_stats = *map;
+    if (const auto matches = leader->client->Registration({})) report.registration = *matches;
   }
   for (auto& [agent, report] : reports) report.config_hash = context.ConfigHashOf(agent);
   const TeamFile& team = **context.Team();

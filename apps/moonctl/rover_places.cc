@@ -1,8 +1,6 @@
 #include "apps/moonctl/rover_places.h"
 
 #include <algorithm>
-#include <set>
-#include <utility>
 
 #include "apps/common/table.h"
 #include "model/agent_name.h"

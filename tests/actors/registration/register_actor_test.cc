@@ -315,7 +315,7 @@ TEST_F(RegisterActorTest, WithPgoActorTheDriftGoesAndTheMatchingEnds) {
   EXPECT_LT(worst_m, 0.2);  // The drift was 0.7 m.
 }
 
-// Both rovers drive 34 m through rooms. Rover 2's raw poses are in a frame of its own.
+// Two rovers that drive 34 m through rooms. The raw poses of rover 2 are in a frame of its own.
 class RoomsRegisterActorTest : public RegisterActorTest {
  protected:
   RoomsRegisterActorTest() {
