@@ -65,14 +65,8 @@ std::optional<PlaceCheck::Comparison> PlaceCheck::Compare(const AgentPair& agent
   return comparison;
 }
 
-const Submap& PlaceCheck::SubmapOf(std::size_t pose, const KnownMaps& maps) {
-  auto& submap = comparison_->submaps[pose];
-  const std::size_t second_pose = comparison_->second_pose();
-  if (!submap) {
-    submap = pose < second_pose ? comparison_->rovers[0].Fuse(pose - 1, maps)
-                                : comparison_->rovers[1].Fuse(pose - second_pose, maps);
-  }
-  return *submap;
+std::shared_ptr<const Submap> PlaceCheck::Comparison::Fuse(std::size_t pose, const KnownMaps& maps) const {
+  return pose < second_pose() ? rovers[0].Fuse(pose - 1, maps) : rovers[1].Fuse(pose - second_pose(), maps);
 }
 
 void PlaceCheck::Step(const KnownMaps& maps) {
@@ -82,13 +76,21 @@ void PlaceCheck::Step(const KnownMaps& maps) {
     if (!comparison_) pairs_.pop_back();
     return;
   }
-  while (!comparison_->left.empty()) {
-    const auto [i, j] = comparison_->left.back();
-    comparison_->left.pop_back();
-    const std::size_t second_pose = comparison_->second_pose();
-    if (!SetFit::MayOverlap(comparison_->graph, i, j)) continue;
-    SetFit& fit = j < second_pose ? comparison_->own[0] : i >= second_pose ? comparison_->own[1] : comparison_->fit;
-    return fit.Add(comparison_->graph, i, j, SubmapOf(i, maps), SubmapOf(j, maps));
+  Comparison& now = *comparison_;
+  while (!now.left.empty()) {
+    const auto [i, j] = now.left.back();
+    if (SetFit::MayOverlap(now.graph, i, j)) {
+      for (const std::size_t pose : {i, j}) {
+        if (now.submaps[pose]) continue;
+        now.submaps[pose] = now.Fuse(pose, maps);
+        return;
+      }
+      SetFit& fit = j < now.second_pose() ? now.own[0] : i >= now.second_pose() ? now.own[1] : now.fit;
+      fit.Add(now.graph, i, j, *now.submaps[i], *now.submaps[j]);
+      now.left.pop_back();
+      return;
+    }
+    now.left.pop_back();
   }
   Finish();
 }

@@ -40,7 +40,7 @@ class PlaceCheck {
 
   // Begins a pass over pairs of rovers. `placed`: all agents whose poses are in the frame `map`.
   void Begin(std::vector<AgentPair> pairs, std::set<AgentId> placed);
-  // Compares one pair of submaps. Requires: left_count() is not 0.
+  // Fuses one submap, or compares one pair of submaps. Requires: left_count() is not 0.
   void Step(const KnownMaps& maps);
   // Number of pairs of rovers that are still to be compared.
   std::size_t left_count() const { return pairs_.size(); }
@@ -53,6 +53,7 @@ class PlaceCheck {
   // the second.
   struct Comparison {
     std::size_t second_pose() const { return 1 + rovers[0].windows().size(); }
+    std::shared_ptr<const Submap> Fuse(std::size_t pose, const KnownMaps& maps) const;
 
     SearchedRover rovers[2];
     SubmapGraph graph;
@@ -63,7 +64,6 @@ class PlaceCheck {
   };
   static std::optional<Comparison> Compare(const AgentPair& agents, const std::set<AgentId>& placed,
                                            const KnownMaps& maps);
-  const Submap& SubmapOf(std::size_t pose, const KnownMaps& maps);
   void Finish();
 
   std::vector<AgentPair> pairs_;  // The present one last.

@@ -53,6 +53,24 @@ bool IsPlaced(const proto::RoverSolution& rover) {
          rover.anchoring() == proto::ANCHORING_AMBIGUOUS;
 }
 
+proto::SubmapNodes ToProto(const SubmapNodes& nodes) {
+  proto::SubmapNodes message;
+  message.set_first(nodes.first);
+  message.set_middle(nodes.middle);
+  message.set_last(nodes.last);
+  return message;
+}
+
+proto::PlacedSubmaps ToProto(const PlacedSubmaps& place) {
+  proto::PlacedSubmaps message;
+  *message.mutable_submap() = ToProto(place.first);
+  *message.mutable_other_submap() = ToProto(place.second);
+  message.set_x_m(place.first_from_second.x_m);
+  message.set_y_m(place.first_from_second.y_m);
+  message.set_yaw_rad(place.first_from_second.yaw_rad);
+  return message;
+}
+
 }  // namespace
 
 RegisterActor::RegisterActor(Options options)
@@ -416,6 +434,7 @@ proto::RegistrationReply RegisterActor::State() const {
     start.set_contradicted(judged.best.contradicted);
     start.set_text(ToString(judged.verdict));
     start.set_remedy(RemedyOf(judged.verdict));
+    if (judged.place) *start.mutable_place() = ToProto(*judged.place);
   }
   return reply;
 }

@@ -85,7 +85,8 @@ std::vector<StartSearch::Accepted> StartSearch::Step(const KnownMaps& maps, Fiel
     for (std::size_t i = 0; i < search.fits.size(); ++i) {
       sets.push_back(FiguresOf(search.sets->sets()[i], search.fits[i], *search.sets));
     }
-    const JudgedStart judged = JudgeSets(sets);
+    JudgedStart judged = JudgeSets(sets);
+    if (!sets.empty()) judged.place = BestPlaceOf(search.sets->sets().front(), *search.sets);
     judged_[search.agents] = judged;
     judged_windows_[search.agents] = WindowsOf(search.agents);
     search.is_judged = true;

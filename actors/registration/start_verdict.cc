@@ -72,6 +72,11 @@ JudgedSet FiguresOf(const SubmapSet& set, const SetFit& fit, const SubmapSets& a
   return {set.evidence, fit.matched(), fit.contradicted(), set.sigma_m, span_m};
 }
 
+PlacedSubmaps BestPlaceOf(const SubmapSet& set, const SubmapSets& all) {
+  const SubmapHypothesis& best = all.hypotheses()[set.members.front()];
+  return {all.first().NodesOf(best.first), all.second().NodesOf(best.second), best.place.first_from_second};
+}
+
 JudgedStart JudgeSets(const std::vector<JudgedSet>& sets) {
   JudgedStart judged;
   if (sets.empty()) return judged;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -59,11 +60,22 @@ struct JudgedSet {
   double span_m = 0;  // Largest distance of two of its submaps of one rover; of the rover with less.
 };
 
+// Two submaps of different rovers, and where the second lies in the first.
+struct PlacedSubmaps {
+  SubmapNodes first;
+  SubmapNodes second;
+  PlanarOffset first_from_second;
+};
+
 struct JudgedStart {
   StartVerdict verdict = StartVerdict::kNoPlace;
   JudgedSet best;
-  double rival = 0;  // Evidence of the best other set.
+  double rival = 0;                    // Evidence of the best other set.
+  std::optional<PlacedSubmaps> place;  // The most evident one of the best set.
 };
+
+// Returns the most evident place of a set. `all`: where it comes from.
+PlacedSubmaps BestPlaceOf(const SubmapSet& set, const SubmapSets& all);
 
 // Returns the figures of a set. `fit`: of all submaps at its poses. `all`: where it comes from.
 JudgedSet FiguresOf(const SubmapSet& set, const SetFit& fit, const SubmapSets& all);

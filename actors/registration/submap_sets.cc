@@ -17,6 +17,12 @@ constexpr double kLeastVariance = 1e-8;
 
 }  // namespace
 
+SubmapNodes TrackSubmaps::NodesOf(std::size_t window) const {
+  const SubmapWindow& of = windows[window];
+  return {track->node(of.maps.front().index).index, track->node(of.middle).index,
+          track->node(of.maps.back().index).index};
+}
+
 void AddOdometry(const TrackSubmaps& rover, std::size_t first_pose, SubmapGraph& graph) {
   for (std::size_t i = 1; i < rover.windows.size(); ++i) {
     const PlanarOffset from = rover.OdomFromSubmap(i - 1);

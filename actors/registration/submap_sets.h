@@ -11,6 +11,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -29,11 +30,19 @@ struct SubmapHypothesis {
   SubmapPlace place;
 };
 
+// Indices of the nodes of a submap's first and last map, and of the node that gives its frame.
+struct SubmapNodes {
+  std::uint64_t first = 0;
+  std::uint64_t middle = 0;
+  std::uint64_t last = 0;
+};
+
 // A rover's track and the windows of its submaps.
 struct TrackSubmaps {
   std::shared_ptr<const RoverTrack> track;
   std::vector<SubmapWindow> windows;
 
+  SubmapNodes NodesOf(std::size_t window) const;
   PlanarOffset OdomFromSubmap(std::size_t window) const { return track->odom_from_node(windows[window].middle); }
 };
 
@@ -64,7 +73,9 @@ class SubmapSets {
   bool FindNext();
 
   const std::vector<SubmapSet>& sets() const { return sets_; }
-  const std::vector<SubmapHypothesis>& hypotheses() const { return hypotheses_; }
+  const std::vector<SubmapHypothesis>& hypotheses() const { return hypotheses_; }  // The most evident first.
+  const TrackSubmaps& first() const { return first_; }
+  const TrackSubmaps& second() const { return second_; }
 
  private:
   bool Agree(const SubmapHypothesis& a, const SubmapHypothesis& b) const;
@@ -74,7 +85,7 @@ class SubmapSets {
 
   TrackSubmaps first_;
   TrackSubmaps second_;
-  std::vector<SubmapHypothesis> hypotheses_;  // The most evident first.
+  std::vector<SubmapHypothesis> hypotheses_;
   std::vector<std::vector<bool>> agree_;
   std::vector<bool> is_used_;
   std::vector<SubmapSet> sets_;

@@ -41,6 +41,13 @@ struct OverlaidMaps {
   std::string second_name;
 };
 
+// Everything that the pictures need.
+struct Overlap {
+  OverlaidMaps maps;
+  std::vector<MapPlacement> placements;
+  std::vector<std::string> remarks;
+};
+
 // Returns first_from_second, the relative pose of two maps in the plane.
 PlanarOffset OffsetOf(const OverlaidMaps& maps, const MapPlacement& placement);
 

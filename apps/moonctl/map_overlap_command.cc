@@ -13,6 +13,7 @@
 #include "apps/moonctl/map_overlap.h"
 #include "apps/moonctl/map_questions.h"
 #include "apps/moonctl/node_name.h"
+#include "apps/moonctl/submap_overlap.h"
 #include "proto/types.pb.h"
 
 namespace moondb {
@@ -24,6 +25,15 @@ struct OverlapArguments {
 };
 
 using NodePair = std::pair<NodeKey, NodeKey>;
+
+// Returns the rovers if the arguments name two; otherwise they name nodes.
+std::optional<std::pair<AgentId, AgentId>> ParseRovers(const proto::TeamConfig& team,
+                                                       const OverlapArguments& arguments) {
+  const auto first = AgentNamed(team, arguments.nodes.at(0));
+  const auto second = AgentNamed(team, arguments.nodes.at(1));
+  if (!first || !second || *first == *second) return std::nullopt;
+  return std::pair{(*first)->id(), (*second)->id()};
+}
 
 Result<NodePair> ParseNodes(const proto::TeamConfig& team, const OverlapArguments& arguments) {
   const auto first = ParseNodeName(team, arguments.nodes.at(0), "NODE");
@@ -82,13 +92,6 @@ std::optional<Pose> MatchOf(const PoseGraph& graph, const NodePair& nodes) {
   return std::nullopt;
 }
 
-// Everything that the pictures need.
-struct Overlap {
-  OverlaidMaps maps;
-  std::vector<MapPlacement> placements;
-  std::vector<std::string> remarks;
-};
-
 Result<Overlap> ReadOverlap(AgentClient& target, const proto::TeamConfig& team, const NodePair& nodes) {
   Overlap overlap;
   const std::string& agent = target.agent->name();
@@ -129,7 +132,7 @@ Result<Overlap> ReadOverlap(AgentClient& target, const proto::TeamConfig& team, 
 // Returns the direction of north in the frame of the first map.
 double NorthYaw(const proto::TeamConfig& team, const Overlap& overlap) {
   const double north_yaw_rad = team.has_site() ? team.site().north_yaw_rad() : std::numbers::pi / 2;
-  return north_yaw_rad - (overlap.placements.at(1).map_from_first_node * overlap.maps.first.node_from_map).Yaw();
+  return north_yaw_rad - (overlap.placements.back().map_from_first_node * overlap.maps.first.node_from_map).Yaw();
 }
 
 ExitCode ReportOverlap(CommandContext& context, const Overlap& overlap, const std::string& file) {
@@ -161,11 +164,13 @@ ExitCode DrawOverlap(CommandContext& context, const OverlapArguments& arguments)
   const auto team = context.Team();
   if (!team) return context.Report(team.error());
   const proto::TeamConfig& config = (*team)->config;
-  const auto nodes = ParseNodes(config, arguments);
+  const auto rovers = ParseRovers(config, arguments);
+  const auto nodes = rovers ? NodePair() : ParseNodes(config, arguments);
   if (!nodes) return context.Report(nodes.error());
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
-  const auto overlap = ReadOverlap(*target, config, *nodes);
+  const auto overlap =
+      rovers ? ReadSubmaps(*target, config, rovers->first, rovers->second) : ReadOverlap(*target, config, *nodes);
   if (!overlap) return context.Report(overlap.error());
   const Picture picture = OverlapPicture(overlap->maps, overlap->placements, NorthYaw(config, *overlap));
   if (auto written = WritePicture(picture, arguments.file); !written) return context.Report(written.error());
@@ -176,9 +181,12 @@ ExitCode DrawOverlap(CommandContext& context, const OverlapArguments& arguments)
 
 void AddMapOverlap(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<OverlapArguments>();
-  Command& command = AddCommand(group, "overlap", "Draw the local maps of two nodes over each other",
-                                {"moonctl map overlap rover1:17 rover2:31 --out overlap.png"});
-  command.AddOption("nodes", arguments->nodes, "Two nodes, such as rover1:17 rover2:31")
+  Command& command =
+      AddCommand(group, "overlap", "Draw the local maps of two nodes, or submaps of two rovers, over each other",
+                 {"moonctl map overlap rover1:17 rover2:31 --out overlap.png"});
+  command
+      .AddOption("nodes", arguments->nodes,
+                 "Two nodes, such as rover1:17 rover2:31; or two rovers, of which the submaps that fit best are drawn")
       .TypeName("NODE")
       .Expected(2, 2)
       .Required();

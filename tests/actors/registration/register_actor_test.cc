@@ -382,6 +382,10 @@ TEST_F(RoomsRegisterActorTest, ARoverThatStartedAnywhereIsPlacedByItsSubmaps) {
   EXPECT_EQ(state.starts(0).text(), "accepted");
   EXPECT_EQ(state.starts(0).remedy(), "");
   EXPECT_GE(state.starts(0).evidence(), 12);
+  const proto::PlacedSubmaps& place = state.starts(0).place();
+  EXPECT_LT(place.submap().first(), place.submap().last());
+  const Pose truth = TrueAt({1, place.submap().middle()}).Inverse() * TrueAt({2, place.other_submap().middle()});
+  EXPECT_LT((truth.position_m.head<2>() - Eigen::Vector2d(place.x_m(), place.y_m())).norm(), 0.2);
 }
 
 TEST_F(RoomsRegisterActorTest, AChangeOfLeaderDuringTheSearchEndsItAndTheNextTermSearchesAgain) {

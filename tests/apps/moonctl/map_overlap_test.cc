@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <numbers>
 
+#include "apps/moonctl/submap_overlap.h"
 #include "model/png.h"
 #include "tests/temporary_folder.h"
 
@@ -115,6 +116,22 @@ TEST(MapOverlapTest, WritesAPanelPerPlacementWithTheShareInItsTitle) {
   ASSERT_TRUE(WritePicture(picture, folder.path() / "x.png"));
   EXPECT_GT(ReadPng(folder.path() / "x.png")->width, 1280);
   EXPECT_THAT(WritePicture(picture, folder.path() / "none" / "x.png").error().field, EndsWith("none/x.png"));
+}
+
+TEST(SubmapOverlapTest, ASubmapBecomesAMapOfItsCells) {
+  Submap::Source source;
+  source.map.layers = {LayerWith(20, 100'000, {{15, 10}})};
+  source.submap_from_local = {1, 0, 0};
+  const Submap submap(std::span<const Submap::Source>(&source, 1));
+  const TraversabilityMap cells = CellsOf(submap);
+  const MapLayer& layer = cells.layers.at(0);
+  const auto cell_at = [&layer](double x_m, double y_m) {
+    return layer.grid.At(layer.grid.width / 2 + static_cast<std::int32_t>(std::floor(x_m / 0.1)),
+                         layer.grid.height / 2 + static_cast<std::int32_t>(std::floor(y_m / 0.1)));
+  };
+  EXPECT_EQ(cell_at(1.55, 0.05), Cell::kHazard);
+  EXPECT_EQ(cell_at(1.05, 0.05), Cell::kFree);
+  EXPECT_EQ(cell_at(3.05, 0.05), Cell::kUnknown);
 }
 
 }  // namespace
