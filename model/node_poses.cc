@@ -81,9 +81,38 @@ const NodePoses::RawPose* NodePoses::FindRawRecord(const NodeKey& node) const {
 
 const NodePoses::OptimizedPose* NodePoses::FindOptimized(const NodeKey& node, bool is_quarantined) const {
   const auto found = nodes_.find(node);
-  if (found == nodes_.end() || !found->second.optimized) return nullptr;
-  const OptimizedPose& pose = found->second.optimized->pose;
+  return found == nodes_.end() ? nullptr : ValidOf(found->second, is_quarantined);
+}
+
+const NodePoses::OptimizedPose* NodePoses::ValidOf(const Poses& poses, bool is_quarantined) {
+  if (!poses.optimized) return nullptr;
+  const OptimizedPose& pose = poses.optimized->pose;
   return is_quarantined && !pose.ignores_raw_pose ? nullptr : &pose;
+}
+
+NodePoses::ValidPoses NodePoses::FindValid(const std::set<NodeKey>& quarantined) const {
+  ValidPoses valid;
+  valid.poses.reserve(nodes_.size());
+  PoseCarrier carrier;
+  for (const auto& [node, poses] : nodes_) {
+    const bool is_quarantined = quarantined.contains(node);
+    const Pose* raw = poses.raw.empty() || is_quarantined ? nullptr : &poses.raw.front().map_from_node;
+    const OptimizedPose* optimized = ValidOf(poses, is_quarantined);
+    const auto pose = carrier.Next(node, raw, optimized == nullptr ? nullptr : &optimized->map_from_node,
+                                   optimized != nullptr && optimized->is_unplaced);
+    if (pose) valid.poses.emplace_back(node, *pose);
+    if (optimized != nullptr) {
+      valid.cut_at.erase(node.agent);
+    } else if (!pose && raw != nullptr) {
+      valid.cut_at.try_emplace(node.agent, node.index);
+    }
+  }
+  return valid;
+}
+
+const ValidPose* NodePoses::ValidPoses::Find(const NodeKey& node) const {
+  const auto found = std::ranges::lower_bound(poses, node, {}, &std::pair<NodeKey, ValidPose>::first);
+  return found == poses.end() || found->first != node ? nullptr : &found->second;
 }
 
 std::optional<bool> NodePoses::IsPlaced(AgentId agent) const {

@@ -1,4 +1,4 @@
-// NodePoses: the raw and optimized poses of nodes, and which of them is valid.
+// NodePoses: the raw and optimized poses of nodes, and which of them is valid (model/pose_carrier.h).
 //
 // The result depends only on the set of added records, not on their order. If raw poses exceed the limit, the agents
 // with the most records keep only their newest (model/origin_quota.h). If optimized poses exceed the limit, the agents
@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "model/geometry.h"
 #include "model/ids.h"
 #include "model/origin_quota.h"
+#include "model/pose_carrier.h"
 #include "model/record_key.h"
 #include "proto/record.pb.h"
 #include "proto/term.pb.h"
@@ -65,6 +67,18 @@ class NodePoses {
     for (const auto& [node, poses] : nodes_) take(node);
   }
 
+  // The valid poses of nodes.
+  struct ValidPoses {
+    std::vector<std::pair<NodeKey, ValidPose>> poses;  // Sorted by node.
+    // First node of each rover that odometry does not connect with the rover's last optimized pose. It and the newer
+    // nodes without an optimized pose have no valid pose.
+    std::map<AgentId, std::uint64_t> cut_at;
+
+    const ValidPose* Find(const NodeKey& node) const;  // Null if the node has no valid pose.
+  };
+  // `quarantined`: nodes with a standing quarantine.
+  ValidPoses FindValid(const std::set<NodeKey>& quarantined) const;
+
   // Adds the number of records dropped because of the limit: raw poses by origin, optimized poses by the node's agent.
   void CountLeftOut(std::map<AgentId, std::uint64_t>& counts) const;
 
@@ -90,6 +104,7 @@ class NodePoses {
     std::uint64_t left_out_count = 0;
   };
 
+  static const OptimizedPose* ValidOf(const Poses& poses, bool is_quarantined);
   void DropOptimized();
 
   std::size_t nodes_max_;

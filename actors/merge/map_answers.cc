@@ -35,10 +35,11 @@ void SetMap(const MapCollection& collection, const LocalMap& map, proto::MapObse
 }
 
 void SetPose(const MapCollection& collection, const NodeKey& node, proto::MapObservation& said) {
-  const std::optional<MapCollection::NodePose> pose = collection.PoseOf(node);
-  if (!pose) return;
+  const ValidPose* pose = collection.PoseOf(node);
+  if (pose == nullptr) return;
   *said.mutable_map_from_node() = ToProto(pose->map_from_node);
-  said.set_is_pose_optimized(pose->is_optimized);
+  said.set_is_pose_optimized(pose->source == PoseSource::kOptimized);
+  said.set_is_pose_carried(pose->source == PoseSource::kCarried);
 }
 
 proto::MapObservation ToProto(const MapCollection& collection, const Observation& observation) {
@@ -60,8 +61,8 @@ proto::MapObservation ToProto(const MapCollection& collection, const Observation
 std::optional<proto::MapObservation> AskQuarantined(const MapCollection& collection, const MergeGrid& grid,
                                                     const std::shared_ptr<const LocalMap>& map, std::int64_t x,
                                                     std::int64_t y) {
-  const std::optional<MapCollection::NodePose> pose = collection.PoseOf(map->node);
-  if (!pose) return std::nullopt;
+  const ValidPose* pose = collection.PoseOf(map->node);
+  if (pose == nullptr) return std::nullopt;
   const Result<std::unique_ptr<PlacedThing>> placed = PlaceMap({map, pose->map_from_node}, grid);
   if (!placed) return std::nullopt;
   for (const PlacedBlock& block : (*placed)->blocks) {
@@ -131,24 +132,25 @@ proto::OccludedMapsReply OccludedMapsOf(const MapCollection& collection, const M
                                         std::uint32_t records_max) {
   const int count_max = static_cast<int>(std::min(records_max, kOccludedMapsMax));
   const std::vector<MapWins> all = merger.CountWins();
-  const auto is_raw = [&collection](const MapWins& wins) {
-    const std::optional<MapCollection::NodePose> pose = collection.PoseOf(wins.placed.map->node);
-    return !pose || !pose->is_optimized;
+  // The next solve may move such a map, or place it in the frame `map`.
+  const auto may_move = [&collection](const MapWins& wins) {
+    const ValidPose* pose = collection.PoseOf(wins.placed.map->node);
+    return pose == nullptr || pose->source != PoseSource::kOptimized || pose->is_unplaced;
   };
-  std::set<TileKey> raw_tiles;
+  std::set<TileKey> uncertain_tiles;
   for (const MapWins& wins : all) {
-    if (!is_raw(wins)) continue;
+    if (!may_move(wins)) continue;
     ForEachTile(wins.extent, [&](const PageKey& page, std::size_t tile, const CellBox&) {
-      raw_tiles.insert({page, static_cast<std::uint8_t>(tile)});
+      uncertain_tiles.insert({page, static_cast<std::uint8_t>(tile)});
     });
   }
   proto::OccludedMapsReply reply;
   for (const MapWins& wins : all) {
     if (reply.records_size() >= count_max) break;
-    if (wins.cells != 0 || wins.placed.map->key.seq == 0 || is_raw(wins)) continue;
+    if (wins.cells != 0 || wins.placed.map->key.seq == 0 || may_move(wins)) continue;
     bool may_reappear = false;
     ForEachTile(wins.extent, [&](const PageKey& page, std::size_t tile, const CellBox&) {
-      may_reappear |= raw_tiles.contains({page, static_cast<std::uint8_t>(tile)});
+      may_reappear |= uncertain_tiles.contains({page, static_cast<std::uint8_t>(tile)});
     });
     if (!may_reappear) *reply.add_records() = ToProto(wins.placed.map->key);
   }
@@ -177,6 +179,15 @@ void AddUnplaced(const MapCollection::Selected& selected,
   }
 }
 
+void AddCut(const MapCollection::Selected& selected, google::protobuf::RepeatedPtrField<proto::CutRover>& cut) {
+  for (const auto& [agent, of_agent] : selected.cut) {
+    proto::CutRover& rover = *cut.Add();
+    rover.set_agent_id(agent);
+    rover.set_first_index(of_agent.first_index);
+    rover.set_map_count(static_cast<double>(of_agent.map_count));
+  }
+}
+
 proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merger) {
   std::map<AgentId, proto::AgentMapStats> agents;
   for (const MapWins& wins : merger.CountWins()) {
@@ -202,6 +213,7 @@ proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merg
   reply.set_far_node_count(static_cast<double>(selected.far_nodes.size()));
   reply.set_frame_of(selected.frame_of);
   AddUnplaced(selected, *reply.mutable_unplaced());
+  AddCut(selected, *reply.mutable_cut());
   for (auto& [agent, stats] : agents) {
     stats.set_agent_id(agent);
     *reply.add_agents() = stats;

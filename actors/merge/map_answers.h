@@ -44,6 +44,9 @@ void AddCleared(const std::vector<ClearedHazards>& cleared, const MergeGrid& gri
 void AddUnplaced(const MapCollection::Selected& selected,
                  google::protobuf::RepeatedPtrField<proto::UnplacedRover>& unplaced);
 
+// Adds the rovers whose newer maps wait for the next solve.
+void AddCut(const MapCollection::Selected& selected, google::protobuf::RepeatedPtrField<proto::CutRover>& cut);
+
 // Adds the maps and footprints that a merged map leaves out, by agent.
 void AddLeftOut(const Merger& merger, const Crop& crop, proto::MergeReply& reply);
 

@@ -78,7 +78,9 @@ void MapCollection::RemoveMap(const RecordKey& key) {
 }
 
 void MapCollection::AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine) {
-  if (quarantines_.Add(key, quarantine)) quarantined_nodes_.reset();
+  if (!quarantines_.Add(key, quarantine)) return;
+  quarantined_nodes_.reset();
+  valid_.reset();
 }
 
 std::map<AgentId, std::uint64_t> MapCollection::CountLeftOut() const {
@@ -118,11 +120,9 @@ const std::set<NodeKey>& MapCollection::QuarantinedNodes() const {
   return *quarantined_nodes_;
 }
 
-std::optional<MapCollection::NodePose> MapCollection::PoseOf(const NodeKey& node) const {
-  const bool is_quarantined = QuarantinedNodes().contains(node);
-  if (const auto* pose = poses_.FindOptimized(node, is_quarantined)) return NodePose{pose->map_from_node, true};
-  if (const Pose* pose = poses_.FindRaw(node, is_quarantined)) return NodePose{*pose, false};
-  return std::nullopt;
+const NodePoses::ValidPoses& MapCollection::FindValid() const {
+  if (!valid_) valid_ = poses_.FindValid(QuarantinedNodes());
+  return *valid_;
 }
 
 MapCollection::Timestamp MapCollection::TimestampOf(const RecordKey& map) const {
@@ -131,9 +131,9 @@ MapCollection::Timestamp MapCollection::TimestampOf(const RecordKey& map) const 
 }
 
 const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) const {
-  const bool is_quarantined = QuarantinedNodes().contains(node);
-  const auto* optimized = use_raw_poses ? nullptr : poses_.FindOptimized(node, is_quarantined);
-  return optimized != nullptr ? &optimized->map_from_node : poses_.FindRaw(node, is_quarantined);
+  if (use_raw_poses) return poses_.FindRaw(node, QuarantinedNodes().contains(node));
+  const ValidPose* pose = PoseOf(node);
+  return pose == nullptr ? nullptr : &pose->map_from_node;
 }
 
 bool MapCollection::HasStart(AgentId agent) const {
@@ -145,8 +145,8 @@ bool MapCollection::IsPlaced(AgentId agent, bool use_raw_poses) const {
 }
 
 bool MapCollection::IsPlaced(const NodeKey& node, bool use_raw_poses) const {
-  const auto* optimized = use_raw_poses ? nullptr : poses_.FindOptimized(node, QuarantinedNodes().contains(node));
-  if (optimized != nullptr) return !optimized->is_unplaced;
+  const ValidPose* pose = use_raw_poses ? nullptr : PoseOf(node);
+  if (pose != nullptr && pose->source != PoseSource::kRaw) return !pose->is_unplaced;
   return HasStart(node.agent) && IsPlaced(node.agent, use_raw_poses);
 }
 
@@ -180,6 +180,11 @@ MapCollection::Selected MapCollection::Select(const Selection& selection) const 
     }
   });
   selected.far_nodes = FindFarNodes(positions_m);
+  if (!selection.use_raw_poses) {
+    for (const auto& [agent, index] : FindValid().cut_at) {
+      if (is_selected(agent)) selected.cut[agent] = {index};
+    }
+  }
   std::set<NodeKey> far;
   for (const FarNode& node : selected.far_nodes) far.insert(node.node);
   const QuarantinedMaps quarantined(quarantines_);
@@ -193,6 +198,10 @@ MapCollection::Selected MapCollection::Select(const Selection& selection) const 
       selected.quarantined_maps.push_back(map.local);
     } else if (pose == nullptr) {
       selected.waiting_maps.push_back(map.local);
+      const auto cut = selected.cut.find(node.agent);
+      if (cut != selected.cut.end() && node.index >= cut->second.first_index && poses_.FindRawRecord(node) != nullptr) {
+        ++cut->second.map_count;
+      }
     } else if (!is_placed(node)) {
       selected.waiting_maps.push_back(map.local);
       ++selected.unplaced[node.agent];

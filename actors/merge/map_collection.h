@@ -7,9 +7,10 @@
 // thread at a time.
 //
 // Rovers that are not placed. A rover whose pose in the frame `map` is unknown has its maps and footprints left out;
-// its maps wait. These are the maps at optimized poses that are unplaced, and those at raw poses of a rover that has no
-// configured start or that the last solve did not place. Two exceptions show such a rover's maps in its own frame,
-// without other maps: a selection of the rover alone, and a selection without agents at the rover's own agent.
+// its maps wait: those at optimized poses that are unplaced or carried on from such a pose. Maps at raw poses wait if
+// the rover has no configured start, or if the last solve did not place it. Two exceptions show such a
+// rover's maps in its own frame, without other maps: a selection of the rover alone, and a selection without agents at
+// the rover's own agent.
 //
 // A quarantine of an agent's maps leaves out the footprints of the agent's nodes too: those whose raw pose has a
 // timestamp in its time range. A node without a raw pose has no known timestamp; only a quarantine without times leaves
@@ -64,10 +65,16 @@ class MapCollection {
     bool is_everything() const { return !use_raw_poses && agents.empty(); }
   };
 
+  // Odometry does not connect this node and the newer ones with the last optimized pose.
+  struct Cut {
+    std::uint64_t first_index = 0;
+    std::size_t map_count = 0;  // Number of the maps that wait for this reason.
+  };
+
   struct Selected {
     std::vector<PlacedMap> maps;        // Sorted by record key.
     std::vector<Footprint> footprints;  // Sorted by node.
-    // Selected maps whose node is unknown, or whose rover is not placed.
+    // Selected maps whose node is unknown or has no valid pose, or whose rover is not placed.
     std::vector<std::shared_ptr<const LocalMap>> waiting_maps;
     std::vector<std::shared_ptr<const LocalMap>> quarantined_maps;  // Selected maps that a quarantine leaves out.
     // Nodes that lie absurdly far from the others, the farthest first. Their maps and footprints are left out.
@@ -77,11 +84,8 @@ class MapCollection {
     // Selected rovers that have nodes and are not placed, with the number of their waiting maps. At frame_of's own
     // agent it is empty.
     std::map<AgentId, std::size_t> unplaced;
-  };
-
-  struct NodePose {
-    Pose map_from_node;
-    bool is_optimized = false;
+    // Selected rovers whose newer maps wait for the next solve (NodePoses::ValidPoses::cut_at).
+    std::map<AgentId, Cut> cut;
   };
 
   // Timestamp assigned by the map's origin.
@@ -109,13 +113,16 @@ class MapCollection {
 
   // Add poses of nodes (model/node_poses.h).
   void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, std::int64_t timestamp_ns = 0) {
+    valid_.reset();
     poses_.AddRaw(key, node, map_from_node, timestamp_ns);
   }
   void AddOptimizedPose(const RecordKey& key, const NodeKey& node, const NodePoses::OptimizedPose& pose,
                         const proto::Term& term, std::uint64_t run) {
+    valid_.reset();
     poses_.AddOptimized(key, node, pose, term, run);
   }
   Result<void> AddOptimizedPose(const RecordKey& key, const proto::OptimizedPose& optimized) {
+    valid_.reset();
     return poses_.AddOptimized(key, optimized);
   }
 
@@ -126,8 +133,8 @@ class MapCollection {
   // Returns the input of Merger::Assign for a selection: the selected maps and footprints at the poses of their nodes.
   Selected Select(const Selection& selection) const;
 
-  // Returns the node's optimized pose, or its pose from odometry if there is none; nullopt if the node is unknown.
-  std::optional<NodePose> PoseOf(const NodeKey& node) const;
+  // Returns the node's valid pose (model/pose_carrier.h); null if it has none.
+  const ValidPose* PoseOf(const NodeKey& node) const { return FindValid().Find(node); }
   Timestamp TimestampOf(const RecordKey& map) const;  // Returns Timestamp() for an unknown map.
   // Returns the quarantines that no record lifts, sorted by record key.
   std::vector<Quarantine> StandingQuarantines() const;
@@ -144,6 +151,7 @@ class MapCollection {
     Timestamp timestamp;
   };
 
+  const NodePoses::ValidPoses& FindValid() const;
   const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;
   bool HasStart(AgentId agent) const;
   // Returns whether the agent has a pose in the frame `map`, or will have one with its next node.
@@ -164,6 +172,7 @@ class MapCollection {
   QuarantineSet quarantines_;
   mutable std::optional<std::set<NodeKey>> quarantined_nodes_;  // Derived from `quarantines_` when needed.
   NodePoses poses_;
+  mutable std::optional<NodePoses::ValidPoses> valid_;  // Derived from `poses_` and `quarantines_` when needed.
   std::uint64_t bytes_ = 0;
 };
 

@@ -322,6 +322,7 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   for (const AgentId agent : merger.FindMapOrigins()) reply.add_maps_of(agent);
   reply.set_frame_of(selected.frame_of);
   AddUnplaced(selected, *reply.mutable_unplaced());
+  AddCut(selected, *reply.mutable_cut());
   reply.set_waiting_map_count(static_cast<double>(selected.waiting_maps.size()));
   reply.set_node_count(static_cast<double>(merger.footprint_count()));
   AddLeftOut(merger, crop, reply);

@@ -6,6 +6,8 @@
 #include <iterator>
 #include <optional>
 
+#include "model/pose_carrier.h"
+
 namespace moondb {
 
 namespace {
@@ -353,9 +355,17 @@ const Pose* KnownGraph::FindPublished(const NodeKey& node) const {
   return quarantines_.HasNode(node) && !published.ignores_raw_pose ? nullptr : &published.map_from_node;
 }
 
-const Pose& KnownGraph::NewestPose(const GraphNode& node) const {
-  const Pose* published = FindPublished(node.key);
-  return published == nullptr ? node.map_from_node : *published;
+std::map<NodeKey, Pose> KnownGraph::FindNewestPoses() const {
+  std::map<NodeKey, Pose> poses;
+  for (const GraphNode& node : graph().nodes) poses.emplace(node.key, node.map_from_node);
+  PoseCarrier carrier;
+  for (auto& [node, pose] : poses) {
+    const Pose* raw = quarantines_.HasNode(node) ? nullptr : &pose;
+    if (const auto valid = carrier.Next(node, raw, FindPublished(node), IsPublishedUnplaced(node))) {
+      pose = valid->map_from_node;
+    }
+  }
+  return poses;
 }
 
 const PublishedVerdict* KnownGraph::FindVerdict(const FactorKey& factor) const {

@@ -38,10 +38,11 @@ HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
   HeldGraph held;
   held.graph = known.graph();
   std::set<NodeKey> keys;
+  const auto poses = is_optimized ? known.FindNewestPoses() : std::map<NodeKey, Pose>();
   for (GraphNode& node : held.graph.nodes) {
     keys.insert(node.key);
     if (known.FindPublished(node.key) != nullptr) held.optimized.insert(node.key);
-    if (is_optimized) node.map_from_node = known.NewestPose(node);
+    if (is_optimized) node.map_from_node = poses.at(node.key);
   }
   const auto arrange = [&](auto& edges) {
     held.waiting_edge_count +=
@@ -146,7 +147,7 @@ struct GraphFiles {
 };
 
 std::string PosesText(const ExportArguments& arguments) {
-  return arguments.poses == "raw" ? "raw" : "optimized, raw where there are none";
+  return arguments.poses == "raw" ? "raw" : "optimized, or carried on by odometry since; raw where neither exists";
 }
 
 FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {

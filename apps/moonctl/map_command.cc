@@ -39,10 +39,12 @@ Result<proto::MergeRequest> MakeRequest(const proto::TeamConfig& team, const Map
 FileNotes NotesOn(const proto::TeamConfig& team, const MapArguments& arguments, const proto::MergeReply& reply) {
   std::string names;
   for (const AgentId agent : reply.maps_of()) names += (names.empty() ? "" : ", ") + AgentName(team, agent);
-  FileNotes notes{{"maps_of", names},
-                  {"maps", FormatCount(reply.map_count())},
-                  {"waiting_maps", FormatCount(reply.waiting_map_count())},
-                  {"poses", arguments.use_raw_poses ? "raw" : "optimized, raw where there are none"}};
+  FileNotes notes{
+      {"maps_of", names},
+      {"maps", FormatCount(reply.map_count())},
+      {"waiting_maps", FormatCount(reply.waiting_map_count())},
+      {"poses",
+       arguments.use_raw_poses ? "raw" : "optimized, or carried on by odometry since; raw before the first solve"}};
   if (reply.frame_of() != 0) notes.push_back({"frame", AgentName(team, reply.frame_of()) + "'s own: it is not placed"});
   if (!reply.unplaced().empty()) notes.push_back({"not_placed", UnplacedNames(team, reply.unplaced())});
   return notes;
@@ -76,7 +78,7 @@ std::string ExportText(const proto::TeamConfig& team, const MapExport& exported,
           FormatDouble(exported.map.resolution_um / 1e6) + " m, merged by " + reply.backend() + " in " +
           FormatFixed(reply.seconds(), 3) + " s\n";
   return text + NotesText(exported.notes) + UnplacedText(team, reply.frame_of(), reply.unplaced()) +
-         LeftOutText(team, reply);
+         CutText(team, reply.cut()) + LeftOutText(team, reply);
 }
 
 std::string ExportJson(const MapExport& exported, const std::vector<std::filesystem::path>& files,

@@ -116,11 +116,12 @@ Result<Overlap> ReadOverlap(AgentClient& target, const proto::TeamConfig& team, 
 
   for (const GraphNode& node : {*first, *second}) {
     if (known->FindPublished(node.key) != nullptr) continue;
-    overlap.remarks.push_back(NodeName(team, node.key) + " has no optimized pose; its pose by odometry is drawn");
+    overlap.remarks.push_back(NodeName(team, node.key) + " has no optimized pose; odometry places it");
   }
-  const Pose map_from_first = known->NewestPose(*first);
+  const std::map<NodeKey, Pose> poses = known->FindNewestPoses();
+  const Pose& map_from_first = poses.at(first->key);
   overlap.placements = {{"odometry", first->map_from_node, second->map_from_node},
-                        {"optimized", map_from_first, known->NewestPose(*second)}};
+                        {"optimized", map_from_first, poses.at(second->key)}};
   if (const std::optional<Pose> match = MatchOf(graph, nodes)) {
     overlap.placements.push_back({"match", map_from_first, map_from_first * *match});
   } else {

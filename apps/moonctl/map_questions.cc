@@ -29,7 +29,9 @@ std::string PlaceText(double x_m, double y_m) { return "(" + FormatFixed(x_m, 3)
 std::vector<std::string> ObservationRow(const proto::TeamConfig& team, const proto::MapObservation& said) {
   const std::string node = std::to_string(said.node().agent_id()) + ":" + std::to_string(said.node().index());
   const auto& at = said.map_from_node().position_m();
-  const std::string pose = PlaceText(at.x(), at.y()) + (said.is_pose_optimized() ? "" : " raw");
+  const std::string pose = PlaceText(at.x(), at.y()) + (said.is_pose_optimized() ? ""
+                                                        : said.is_pose_carried() ? " carried"
+                                                                                 : " raw");
   if (said.is_footprint()) {
     return {ValueName(said.value()), AgentName(team, said.node().agent_id()), "-", "-", "-", node, pose,
             "it stood there"};
@@ -111,8 +113,8 @@ ExitCode ShowStats(CommandContext& context) {
                            " free and " + FormatCount(stats->hazard_cell_count()) + " hazard cells of " +
                            FormatDouble(stats->resolution_um() / 1e6) + " m, " + FormatBytes(stats->memory_bytes()) +
                            " in memory, merged on " + stats->backend() + "\n" +
-                           UnplacedText(team, stats->frame_of(), stats->unplaced()) + RefusedText(*stats) +
-                           FarText(team, *stats) + QuarantinesText(team, *stats);
+                           UnplacedText(team, stats->frame_of(), stats->unplaced()) + CutText(team, stats->cut()) +
+                           RefusedText(*stats) + FarText(team, *stats) + QuarantinesText(team, *stats);
   return context.Print(ExitCode::kDone, ToJson(*stats), text);
 }
 

@@ -73,13 +73,13 @@ Result<TeamRecording> TeamRecording::Read(Client& client, const proto::TeamConfi
 
 void TeamRecording::TakePoses(const MapCollection& collection) {
   const auto take = [&](const NodeKey& node, const NodeTime& time) {
-    const std::optional<MapCollection::NodePose> pose = collection.PoseOf(node);
-    if (!pose || !times_.Contains(time.ns)) return;
+    const ValidPose* pose = collection.PoseOf(node);
+    if (pose == nullptr || !times_.Contains(time.ns)) return;
     if (!time.is_trusted || !IsInRosTime(time.ns)) {
       ++without_time_count_;
       return;
     }
-    poses_.push_back({node, time.ns, pose->map_from_node, pose->is_optimized});
+    poses_.push_back({node, time.ns, pose->map_from_node, pose->source == PoseSource::kOptimized});
   };
   const auto time_of = [this](const Footprint& footprint) { return node_times_[footprint.node].ns; };
   for (const Footprint& footprint : selected_.footprints) take(footprint.node, node_times_[footprint.node]);

@@ -6,9 +6,9 @@
 namespace moondb {
 namespace {
 
-std::string MapsText(const proto::UnplacedRover& rover) {
-  if (rover.map_count() == 0) return "no map";
-  return FormatCount(rover.map_count()) + (rover.map_count() == 1 ? " map waits" : " maps wait");
+std::string MapsText(double map_count) {
+  if (map_count == 0) return "no map";
+  return FormatCount(map_count) + (map_count == 1 ? " map waits" : " maps wait");
 }
 
 }  // namespace
@@ -21,7 +21,7 @@ std::string CoincidingText(const proto::TeamConfig& team, AgentId rover, AgentId
 std::string UnplacedNames(const proto::TeamConfig& team, const UnplacedRovers& unplaced) {
   std::string names;
   for (const proto::UnplacedRover& rover : unplaced) {
-    names += (names.empty() ? "" : ", ") + AgentName(team, rover.agent_id()) + " (" + MapsText(rover) + ")";
+    names += (names.empty() ? "" : ", ") + AgentName(team, rover.agent_id()) + " (" + MapsText(rover.map_count()) + ")";
   }
   return names;
 }
@@ -33,7 +33,19 @@ std::string UnplacedText(const proto::TeamConfig& team, AgentId frame_of, const 
             kHowToPlace + "\n";
   }
   for (const proto::UnplacedRover& rover : unplaced) {
-    text += AgentName(team, rover.agent_id()) + ": not placed, " + MapsText(rover) + "; " + kHowToPlace + "\n";
+    text +=
+        AgentName(team, rover.agent_id()) + ": not placed, " + MapsText(rover.map_count()) + "; " + kHowToPlace + "\n";
+  }
+  return text;
+}
+
+std::string CutText(const proto::TeamConfig& team, const google::protobuf::RepeatedPtrField<proto::CutRover>& cut) {
+  std::string text;
+  for (const proto::CutRover& rover : cut) {
+    if (rover.map_count() == 0) continue;
+    text += AgentName(team, rover.agent_id()) + ": " + MapsText(rover.map_count()) + " for the next solve: from node " +
+            std::to_string(rover.first_index()) +
+            " on, odometry is not connected with the last solve; moonctl graph optimize places them\n";
   }
   return text;
 }

@@ -1,4 +1,4 @@
-// Texts about rovers that are not placed in the team's map. Thread-safe.
+// Texts about rovers whose maps wait: they are not placed in the team's map, or a solve is due. Thread-safe.
 #pragma once
 
 #include <string>
@@ -25,5 +25,8 @@ std::string UnplacedNames(const proto::TeamConfig& team, const UnplacedRovers& u
 // Returns one line per rover that is not placed, with the next step. `frame_of`: the unplaced rover whose maps alone
 // are shown, in its own frame; 0 if there is none.
 std::string UnplacedText(const proto::TeamConfig& team, AgentId frame_of, const UnplacedRovers& unplaced);
+
+// Returns one line per rover whose newer maps wait for the next solve.
+std::string CutText(const proto::TeamConfig& team, const google::protobuf::RepeatedPtrField<proto::CutRover>& cut);
 
 }  // namespace moondb

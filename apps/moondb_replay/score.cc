@@ -83,12 +83,6 @@ Result<Held> ReadHeld(Client& client, const proto::TeamConfig& team) {
 
 Poses RawPoses(const Held& held) { return PosesOf(held.graph.graph()); }
 
-Poses NewestPoses(const Held& held) {
-  Poses poses;
-  for (const GraphNode& node : held.graph.graph().nodes) poses[node.key] = held.graph.NewestPose(node);
-  return poses;
-}
-
 Result<MergedMap> MergeAt(const proto::TeamConfig& team, const Held& held, const Poses& poses, AgentId only) {
   std::vector<MapAtPose> maps;
   for (const HeldMap& map : held.maps) {
@@ -107,7 +101,7 @@ Result<MergedMap> MergeAt(const proto::TeamConfig& team, const Held& held, const
 Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, const Held& held,
                          const MergedMap& agents_map, bool is_aligned) {
   const Poses raw = RawPoses(held);
-  const Poses newest = NewestPoses(held);
+  const Poses newest = held.graph.FindNewestPoses();
   const Poses truth = TruePoses(mission, raw);
   if (truth.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no node of this mission");
   if (held.maps.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no map");

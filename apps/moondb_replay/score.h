@@ -35,7 +35,6 @@ Result<Held> ReadHeld(Client& client, const proto::TeamConfig& team);
 using Poses = std::map<NodeKey, Pose>;
 
 Poses RawPoses(const Held& held);
-Poses NewestPoses(const Held& held);
 
 // Merges the held maps whose node has a pose in `poses`, and the footprints of the rovers' nodes. If `only` is not 0,
 // uses only this rover's maps and nodes.

@@ -2,6 +2,8 @@
 // folder of the missions.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
@@ -10,6 +12,8 @@
 #include "actors/pgo/team_facts.h"
 #include "model/metrics.h"
 #include "model/mission.h"
+#include "model/node_poses.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {
@@ -17,12 +21,43 @@ namespace {
 struct RealMission {
   const char* folder;
   double error_max_m;
+  double carried_max_m;  // Error of carried poses.
 };
 
 class RealMissionsTest : public testing::TestWithParam<RealMission> {};
 
 INSTANTIATE_TEST_SUITE_P(Missions, RealMissionsTest,
-                         testing::Values(RealMission{"intel_team", 0.32}, RealMission{"orebro_team", 0.40}));
+                         testing::Values(RealMission{"intel_team", 0.32, 0.3}, RealMission{"orebro_team", 0.40, 0.4}));
+
+// The mission's graph as it is known at a time.
+PoseGraph GraphAt(const Mission& mission, std::int64_t now_ns) {
+  PoseGraph graph = mission.graph;
+  const auto is_late = [now_ns](const auto& item) { return item.timestamp_ns > now_ns; };
+  std::erase_if(graph.nodes, is_late);
+  std::erase_if(graph.odometry, is_late);
+  std::erase_if(graph.ranges, is_late);
+  return graph;
+}
+
+std::int64_t EndOf(const Mission& mission) {
+  std::int64_t end_ns = 0;
+  for (const GraphNode& node : mission.graph.nodes) end_ns = std::max(end_ns, node.timestamp_ns);
+  return end_ns;
+}
+
+// Root mean square, over all poses added.
+class ErrorSum {
+ public:
+  void Add(const Pose& pose, const Pose& truth) {
+    sum_m2_ += (pose.position_m - truth.position_m).squaredNorm();
+    ++count_;
+  }
+  double Rms() const { return std::sqrt(sum_m2_ / count_); }
+
+ private:
+  double sum_m2_ = 0;
+  int count_ = 0;
+};
 
 TEST_P(RealMissionsTest, EndsNearTheTruth) {
   const char* data = std::getenv("MOONDB_DATA");
@@ -54,16 +89,11 @@ TEST_P(RealMissionsTest, EndsNearTheTruthSolveBySolve) {
   ASSERT_TRUE(mission) << ToString(mission.error());
   SolverOptions options;
   options.thread_count = 1;
-  std::int64_t end_ns = 0;
-  for (const GraphNode& node : mission->graph.nodes) end_ns = std::max(end_ns, node.timestamp_ns);
+  const std::int64_t end_ns = EndOf(*mission);
   LastSolution last;
   constexpr int kSolves = 15;
   for (int solve = 1; solve <= kSolves; ++solve) {
-    PoseGraph graph = mission->graph;
-    const auto is_late = [&](const auto& item) { return item.timestamp_ns > end_ns / kSolves * solve + kSolves; };
-    std::erase_if(graph.nodes, is_late);
-    std::erase_if(graph.odometry, is_late);
-    std::erase_if(graph.ranges, is_late);
+    const PoseGraph graph = GraphAt(*mission, end_ns / kSolves * solve + kSolves);
     const Solution solution = SolvePoseGraph(graph, FactsOf(*mission), last, options);
     ASSERT_TRUE(solution.is_accepted) << solution.text;
     last = ToLast(solution);
@@ -71,6 +101,40 @@ TEST_P(RealMissionsTest, EndsNearTheTruthSolveBySolve) {
   const double solved_m = CompareTrajectories(last.poses, mission->truth, RoverIds(*mission)).rmse_m;
   std::cout << GetParam().folder << ": error " << solved_m << " m after " << kSolves << " solves\n";
   EXPECT_LT(solved_m, GetParam().error_max_m);
+}
+
+// Carries the poses of a solve of the whole mission on by odometry, in each minute of its second half, and compares
+// them with that solve: only a minute of odometry lies between.
+TEST_P(RealMissionsTest, NodesOfTheMinuteAfterASolveLieWhereTheNextSolveMovesThem) {
+  const char* data = std::getenv("MOONDB_DATA");
+  if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no real missions to solve";
+  const Result<Mission> mission = ReadMission(std::filesystem::path(data) / GetParam().folder);
+  ASSERT_TRUE(mission) << ToString(mission.error());
+  constexpr std::int64_t kMinute_ns = 60'000'000'000;
+  SolverOptions options;
+  options.thread_count = 1;
+  const Solution solution = SolvePoseGraph(mission->graph, FactsOf(*mission), {}, options);
+  ErrorSum raw, carried;
+  for (std::int64_t now_ns = EndOf(*mission) / 2; now_ns < EndOf(*mission); now_ns += kMinute_ns) {
+    NodePoses poses(10'000);
+    std::uint64_t seq = 0;
+    for (const GraphNode& node : GraphAt(*mission, now_ns + kMinute_ns).nodes) {
+      poses.AddRaw({{node.key.agent, 1, proto::POSE_GRAPH_NODE}, ++seq}, node.key, node.map_from_node);
+      if (node.timestamp_ns > now_ns) continue;
+      poses.AddOptimized({{1, 1, proto::OPTIMIZED_POSE}, seq}, node.key, {solution.poses.at(node.key)}, {}, 1);
+    }
+    const NodePoses::ValidPoses valid = poses.FindValid({});
+    EXPECT_TRUE(valid.cut_at.empty());
+    for (const auto& [node, pose] : valid.poses) {
+      if (pose.source != PoseSource::kCarried) continue;
+      carried.Add(pose.map_from_node, solution.poses.at(node));
+      raw.Add(*poses.FindRaw(node, /*is_quarantined=*/false), solution.poses.at(node));
+    }
+  }
+  std::cout << GetParam().folder << ": the next solve moves nodes by " << raw.Rms() << " m from raw poses, by "
+            << carried.Rms() << " m from carried poses\n";
+  EXPECT_GT(raw.Rms(), 4 * carried.Rms());
+  EXPECT_LT(carried.Rms(), GetParam().carried_max_m);
 }
 
 }  // namespace
