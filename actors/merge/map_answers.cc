@@ -1,9 +1,11 @@
 #include "actors/merge/map_answers.h"
 
+#include <xxhash.h>
 #include <zstd.h>
 #include <zstd_errors.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <set>
@@ -93,6 +95,11 @@ TileKey KeyOf(const proto::MapTile& tile) {
   const std::int64_t column = tile.x() - page.x * kTilesInPageSide;
   const std::int64_t row = tile.y() - page.y * kTilesInPageSide;
   return {page, static_cast<std::uint8_t>(row * kTilesInPageSide + column)};
+}
+
+std::uint64_t HashTile(const TileKey& key, const Grid& grid, std::uint64_t seed) {
+  const std::array<std::int64_t, 2> place{ColumnOf(key), RowOf(key)};
+  return XXH64(grid.cells.data(), grid.cells.size(), XXH64(place.data(), sizeof place, seed));
 }
 
 bool IsUnknown(const Grid& grid) {
@@ -218,15 +225,18 @@ proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merg
     stats.set_agent_id(agent);
     *reply.add_agents() = stats;
   }
+  std::uint64_t hash = merger.grid().resolution_um;
   for (const TileKey& key : merger.ChangedSince(0)) {
     const Result<MergedMap> tile = merger.ReadCells(BoxOf(key.page, key.tile));
-    if (!tile) continue;
+    if (!tile || IsUnknown(tile->grid)) continue;
+    hash = HashTile(key, tile->grid, hash);
     const auto count = [&tile](Cell cell) {
       return static_cast<double>(std::count(tile->grid.cells.begin(), tile->grid.cells.end(), cell));
     };
     reply.set_free_cell_count(reply.free_cell_count() + count(Cell::kFree));
     reply.set_hazard_cell_count(reply.hazard_cell_count() + count(Cell::kHazard));
   }
+  reply.set_cells_hash(hash);
   reply.set_resolution_um(merger.grid().resolution_um);
   reply.set_memory_bytes(static_cast<double>(collection.map_bytes() + merger.bytes()));
   for (const MapCollection::Quarantine& standing : collection.StandingQuarantines()) {

@@ -50,6 +50,7 @@ class PeerOrders {
   void Cancel(AgentId peer) { orders_.erase(peer); }
   void CancelAll() { orders_.clear(); }
 
+  bool is_empty() const { return orders_.empty(); }  // No peer has an open order.
   std::optional<Time> deadline() const;
 
  private:

@@ -127,7 +127,7 @@ void ReplicaActor::NotifySyncActor(Context& context) {
   is_sync_notified_ = context.Send({self(), actor_name::kSync}, std::move(message)) != SendResult::kFull;
 }
 
-void ReplicaActor::OnReceived(Context& context, AgentId sender, bool is_all) {
+void ReplicaActor::OnReceived(Context& context, AgentId sender, const Received& received) {
   if (!is_sync_notified_) NotifySyncActor(context);
   patience_ = kPatienceMin;
   if (sender == asked_) last_progress_ = context.now();
@@ -135,7 +135,7 @@ void ReplicaActor::OnReceived(Context& context, AgentId sender, bool is_all) {
   const auto order = orders_to_gather_.find(sender);
   const std::optional<proto::OrderEnd> end = OrderEndBy(sender);
   const bool is_gathered = order != orders_to_gather_.end() && end && HasReached(end->order(), order->second);
-  if (!is_all || !is_gathered) return;
+  if (!received.is_all || !is_gathered) return;
   if (end->not_taken() > 0) refused_.insert(sender);
   CrossOff(context, sender);
 }

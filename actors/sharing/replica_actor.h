@@ -33,7 +33,7 @@ class ReplicaActor final : public SharingActor {
   void OnNewRoles(Context& context, const proto::RoleAssignment& previous) override;
   void OnPeerEvent(Context& context, AgentId peer) override;
   void OnWindowsChanged(Context& context) override;
-  void OnReceived(Context& context, AgentId sender, bool is_all) override;
+  void OnReceived(Context& context, AgentId sender, const Received& received) override;
   void OnGathering(Context& context, const proto::Gathering& question) override;
   void OnOrderRefused(Context& context, AgentId peer) override;
   void OnStepTimer(Context& context, std::uint64_t step) override;

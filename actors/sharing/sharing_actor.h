@@ -64,9 +64,14 @@ class SharingActor : public Actor {
   virtual void OnPeerEvent(Context&, AgentId) {}
   // Called after the leases of any agent changed, so IsWindowOpen may return other results.
   virtual void OnWindowsChanged(Context&) {}
-  // Called when a batch of the sender was accepted (`is_all` is false), and when storage has stored a batch after which
-  // the sender has no more records to send (`is_all` is true).
-  virtual void OnReceived(Context&, AgentId, bool /*is_all*/) {}
+  struct Received {
+    std::set<DataType> types;  // Types of a stored batch with new records.
+    bool is_all = false;       // True: storage has stored all records that the sender has to send.
+  };
+  // Called when a batch of the sender was accepted, and again when storage has stored it.
+  virtual void OnReceived(Context&, AgentId, const Received&) {}
+  // Returns true if OpenAgain will be called for the order, so it is not complete yet.
+  virtual bool IsToOpenAgain(std::uint64_t /*order*/) const { return false; }
   // Called if a peer answered an order of this actor with an error other than kUnavailable.
   virtual void OnOrderRefused(Context&, AgentId) {}
   virtual void OnStarted(Context&) {}
@@ -101,6 +106,8 @@ class SharingActor : public Actor {
   // Returns the newest OrderEnd that the peer reported for an order of this actor. Nullopt if there is none, or if
   // storage has not stored the batch that contains the OrderEnd yet.
   std::optional<proto::OrderEnd> OrderEndBy(AgentId peer) const;
+  // Returns true if a peer has not reported the end of its order, or has not answered it.
+  bool is_any_order_open() const { return !orders_.is_empty(); }
   void CancelOrder(Context& context, AgentId peer);
   void CancelOrders(Context& context);
   void StartStepTimer(Context& context, Duration delay, std::uint64_t step);

@@ -9,18 +9,34 @@
 #include "proto/types.pb.h"
 
 namespace moondb {
+namespace {
 
-proto::RecordFilter GroundRecords(const proto::TeamConfig& team) {
-  proto::RecordFilter filter;
+// Values of OnStepTimer's `step`.
+constexpr std::uint64_t kShareStates = 0;
+constexpr std::uint64_t kBringOn = 1;
+
+// Records of agents that finish within this time go on to the others together.
+constexpr Duration kBringOnAfter = std::chrono::seconds(1);
+
+// Adds the types that a policy shares to the list of `add_type`. The records of a type are limited to the newest if the
+// policy asks for less than `share`.
+void AddTypes(const proto::TeamConfig& team, proto::Policy (*policy_of)(const proto::TeamConfig&, DataType),
+              void (proto::RecordFilter::*add_type)(std::uint32_t), proto::RecordFilter& filter) {
   for (const DataType type : DataTypesOf(team)) {
-    const proto::Policy policy = GroundPolicyOf(team, type);
+    const proto::Policy policy = policy_of(team, type);
     if (policy == proto::POLICY_NONE) continue;
-    filter.add_data_types(type);
-    // The ground station wants only the newest records of this type, although rovers share all.
+    (filter.*add_type)(type);
     if (policy == proto::POLICY_LATEST && SharePolicyOf(team, type) == proto::POLICY_ALL) {
       filter.add_newest_only_types(type);
     }
   }
+}
+
+}  // namespace
+
+proto::RecordFilter GroundRecords(const proto::TeamConfig& team) {
+  proto::RecordFilter filter;
+  AddTypes(team, GroundPolicyOf, &proto::RecordFilter::add_data_types, filter);
   return filter;
 }
 
@@ -56,7 +72,8 @@ void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previo
   if (OrderOf(roles().term()) != OrderOf(previous.term())) collecting_order_ = 0;
   if (roles().leader() == previous.leader()) return;
   CancelOrders(context);
-  is_bringing_to_base_ = false;
+  is_bringing_on_ = false;
+  lacking_.clear();
   collecting_order_ = 0;
   const bool was_leading = previous.leader() == self();
   const std::optional<std::uint64_t> bytes_left = CloseByRole(context);
@@ -65,10 +82,37 @@ void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previo
   }
 }
 
-void SyncActor::OnReceived(Context& context, AgentId sender, bool is_all) {
-  const AgentId base = BaseStationOf(team());
-  if (!is_all || !is_bringing_to_base_ || sender == base) return;
-  OpenAgain(context, collecting_order_, base, LeadersRecordsFor(base));
+void SyncActor::OnReceived(Context& context, AgentId sender, const Received& received) {
+  if (!is_bringing_on_) return;
+  for (const proto::AgentConfig& agent : team().agents()) {
+    if (agent.id() == self() || agent.id() == sender || agent.left()) continue;
+    const auto is_wanted = [&](DataType type) { return IsForAll(agent.id(), type); };
+    if (std::ranges::any_of(received.types, is_wanted)) lacking_.insert(agent.id());
+  }
+  if (!received.is_all) return;
+  if (is_any_order_open()) return BringOnSoon(context);
+  BringOn(context);
+}
+
+// An agent that is lost in the middle of its records may have brought in some.
+void SyncActor::OnPeerEvent(Context& context, AgentId) { BringOnSoon(context); }
+
+void SyncActor::BringOnSoon(Context& context) {
+  if (lacking_.empty() || std::exchange(is_bring_timer_running_, true)) return;
+  StartStepTimer(context, kBringOnAfter, kBringOn);
+}
+
+void SyncActor::BringOn(Context& context) {
+  for (const AgentId destination : std::exchange(lacking_, {})) {
+    OpenAgain(context, collecting_order_, destination, LeadersRecordsFor(destination));
+  }
+}
+
+bool SyncActor::IsForAll(AgentId destination, DataType type) const {
+  if (destination == BaseStationOf(team())) return GroundPolicyOf(team(), type) != proto::POLICY_NONE;
+  const DataTypeRow* row = FindDataType(type);
+  return RoversPolicyOf(team(), type) != proto::POLICY_NONE ||
+         (row != nullptr && row->leader_sends == LeaderSends::kToAllRovers);
 }
 
 void SyncActor::OnGathering(Context& context, const proto::Gathering& gathering) {
@@ -96,8 +140,9 @@ int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
   // An order with a byte limit does not continue when more records arrive.
   const bool is_limited = request.bytes_max() != 0;
   if (is_meant(self()) || is_limited) {
-    is_bringing_to_base_ = BaseStationOf(team()) != 0 && !is_limited;
     collecting_order_ = is_limited ? 0 : order_in_hand();
+    is_bringing_on_ = !is_limited;
+    lacking_.clear();
   }
   int count = 0;
   for (const proto::AgentConfig& agent : team().agents()) {
@@ -130,10 +175,14 @@ void SyncActor::OnStarted(Context& context) {
 void SyncActor::StartStatesTimer(Context& context) {
   const double period_s = team().radio().states_period_s();
   if (period_s <= 0) return;
-  StartStepTimer(context, std::chrono::duration_cast<Duration>(std::chrono::duration<double>(period_s)), 0);
+  StartStepTimer(context, std::chrono::duration_cast<Duration>(std::chrono::duration<double>(period_s)), kShareStates);
 }
 
-void SyncActor::OnStepTimer(Context& context, std::uint64_t) {
+void SyncActor::OnStepTimer(Context& context, std::uint64_t step) {
+  if (step == kBringOn) {
+    is_bring_timer_running_ = false;
+    return BringOn(context);
+  }
   StartStatesTimer(context);
   const AgentId leader = roles().leader();
   if (leader != 0 && leader != self() && is_connected(leader)) SharePeriodicStates(context, leader);
@@ -153,6 +202,7 @@ proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
   if (!is_base) {
     filter.add_origin_agents(self());
     filter.set_optimized_poses_of_agent(destination);
+    AddTypes(team(), RoversPolicyOf, &proto::RecordFilter::add_everyones_types, filter);
     for (const DataTypeRow& row : DataTypeRows()) {
       // Role assignments are sent under every policy: they decide which records are accepted.
       const bool is_shared = row.rank == ShareRank::kRoles || SharePolicyOf(team(), row.type) != proto::POLICY_NONE;

@@ -102,7 +102,9 @@ class MissingFinder {
 
   // Returns the agent to whose poses and verdicts the filter limits this stream; 0 if the filter has no such limit.
   AgentId AgentMeant(const StreamKey& stream) const {
-    return FindRecordTable(stream.type)->knows_agent() && !IsOwn(stream) ? filter_.optimized_poses_of_agent() : 0;
+    const bool is_limited = FindRecordTable(stream.type)->knows_agent() && !IsOwn(stream) &&
+                            !Contains(filter_.everyones_types(), stream.type);
+    return is_limited ? filter_.optimized_poses_of_agent() : 0;
   }
 
   std::vector<StreamKey> StreamsInOrder() const {

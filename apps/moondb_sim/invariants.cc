@@ -468,9 +468,9 @@ void Invariants::CheckBroughtOut(AgentId agent, const QuiescentTeam& team) const
     const bool is_pose = key.stream.type == proto::OPTIMIZED_POSE;
     const bool is_for_all = key.stream.type == proto::MAP_QUARANTINE;
     const bool is_for_ground = !team.not_for_ground.contains(key.stream.type);
-    const bool is_due =
-        is_for_all ||
-        (agent == team.base ? is_for_ground : is_pose && key.stream.origin == team.leader && IsPoseOf(agent, content));
+    const bool is_for_rover = team.for_rovers.contains(key.stream.type) ||
+                              (is_pose && key.stream.origin == team.leader && IsPoseOf(agent, content));
+    const bool is_due = is_for_all || (agent == team.base ? is_for_ground : is_for_rover);
     if (!is_due || team.have.at(agent).Get(key.stream).Covered().Contains(key.seq)) continue;
     return report_("brought_out", NameOf(agent) + " lacks " + ToString(key) + " of the leader's");
   }

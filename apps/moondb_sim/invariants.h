@@ -77,6 +77,7 @@ struct QuiescentTeam {
   std::map<AgentId, HaveSet> have;
   std::map<AgentId, Records> records;                           // Records in each agent's store.
   std::set<DataType> not_for_ground = {proto::OPTIMIZED_POSE};  // Types that are not sent to the base station.
+  std::set<DataType> for_rovers = {};  // Types of which the leader sends all agents' records to each rover.
 };
 
 class Invariants {

@@ -43,6 +43,7 @@ void QuiescenceChecks::Check() {
   QuiescentTeam team{roles->leader(), roles->survivor(), world_.base, {}, {}, {}};
   for (const DataType type : DataTypesOf(world_.config)) {
     if (GroundPolicyOf(world_.config, type) == proto::POLICY_NONE) team.not_for_ground.insert(type);
+    if (RoversPolicyOf(world_.config, type) != proto::POLICY_NONE) team.for_rovers.insert(type);
   }
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
     restarts_.CheckFailures(agent);

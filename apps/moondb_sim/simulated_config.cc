@@ -19,6 +19,11 @@ constexpr double kHistory_mb = 0.02;
 // computing time.
 constexpr std::uint64_t kCompactEvery = 4;
 
+// In one seed of two, each rover gets the records that the merged map needs. These seeds have all codecs, with and
+// without keys.
+constexpr std::uint64_t kRoversEvery = 16;
+constexpr std::uint64_t kRoversSeeds = 8;
+
 // In one seed of two, the team has signing keys.
 constexpr std::uint64_t kKeysEvery = 2;
 
@@ -101,6 +106,11 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   (*team.mutable_ground())["pose_graph_node"] = proto::POLICY_ALL;
   (*team.mutable_ground())["local_traversability_map"] = proto::POLICY_ALL;
   (*team.mutable_ground())["map_quarantine"] = proto::POLICY_ALL;
+  if (options.seed % kRoversEvery < kRoversSeeds) {
+    (*team.mutable_rovers())["pose_graph_node"] = proto::POLICY_ALL;
+    (*team.mutable_rovers())["optimized_pose"] = proto::POLICY_LATEST;
+    (*team.mutable_rovers())["local_traversability_map"] = proto::POLICY_ALL;
+  }
   if (options.has_all_actors()) AddAllActors(team);
   if (options.seed % kKeysEvery == 0) {
     team.mutable_share()->insert({"role_assignment", proto::POLICY_ALL});

@@ -93,6 +93,7 @@ class TeamChecker {
     CheckCommandFrom();
     CheckPolicies("share", team_.share());
     CheckPolicies("ground", team_.ground());
+    for (const auto& [name, policy] : team_.rovers()) CheckRoversPolicy(name, policy);
     CheckKeepPolicies();
     CheckCustomTypes();
   }
@@ -114,6 +115,29 @@ class TeamChecker {
       }
       if (policy != proto::POLICY_LATEST || row == nullptr || row->may_be_latest) continue;
       Add(section + "." + name, "expected none or all, got \"latest\"");
+    }
+  }
+
+  void CheckRoversPolicy(const std::string& name, proto::Policy policy) {
+    const DataTypeRow* row = RowNamed(name);
+    if (row == nullptr || policy == proto::POLICY_NONE) return;
+    const std::string field = "rovers." + name;
+    if (row->leader_sends == LeaderSends::kToAllRovers) {
+      return Add(field, "the leader sends this type to all rovers anyway; leave it out");
+    }
+    if (row->type == proto::AGENT_EVENT) return Add(field, "events are not sent to rovers; leave it out");
+    const auto given = team_.share().find(name);
+    const bool is_given = given != team_.share().end() && given->second != proto::POLICY_UNSPECIFIED;
+    CheckNotWider(field, policy, is_given ? given->second : row->share, "share." + name);
+  }
+
+  // Checks that `rovers` grants no more than `share`: the leader has no more of it.
+  void CheckNotWider(const std::string& field, proto::Policy policy, proto::Policy share, const std::string& from) {
+    if (policy == proto::POLICY_NONE || policy == proto::POLICY_UNSPECIFIED) return;
+    if (share == proto::POLICY_NONE) {
+      Add(field, "expected none, because " + from + " is none");
+    } else if (share == proto::POLICY_LATEST && policy == proto::POLICY_ALL) {
+      Add(field, "expected none or latest, because " + from + " is latest");
     }
   }
 
@@ -290,8 +314,9 @@ class TeamChecker {
         Add(path + ".name", type.name() + " is a name of moondb's own");
       }
     }
-    CheckKeep(path + ".keep", type.keep(), type.share() == proto::POLICY_UNSPECIFIED ? proto::POLICY_ALL : type.share(),
-              path + ".share");
+    const proto::Policy share = type.share() == proto::POLICY_UNSPECIFIED ? proto::POLICY_ALL : type.share();
+    CheckKeep(path + ".keep", type.keep(), share, path + ".share");
+    CheckNotWider(path + ".rovers", type.rovers(), share, path + ".share");
   }
 
   void CheckRoles() {
@@ -370,6 +395,13 @@ void FillPolicies(proto::Policy DataTypeRow::*by_default, Policies* policies) {
   }
 }
 
+// Removes the policies `none`, which types have by default. Files with the same meaning must have the same hash.
+void FillRovers(Policies& rovers) {
+  for (auto entry = rovers.begin(); entry != rovers.end();) {
+    entry = entry->second == proto::POLICY_NONE ? rovers.erase(entry) : std::next(entry);
+  }
+}
+
 // Returns the canonical text of the keep rule `given`, or `by_default` if `given` is not a rule. Files with the same
 // meaning must have the same hash.
 std::string KeepText(const std::string& given, const std::string& by_default) {
@@ -433,6 +465,7 @@ void FillDefaults(const Places& places, proto::TeamConfig* team) {
   FillCommandFrom(team);
   FillPolicies(&DataTypeRow::share, team->mutable_share());
   FillPolicies(&DataTypeRow::ground, team->mutable_ground());
+  FillRovers(*team->mutable_rovers());
   FillKeep(team);
   FillCustomTypes(team);
 }

@@ -114,6 +114,11 @@ proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type) {
   return custom == nullptr ? BuiltInPolicyOf(team.ground(), type) : custom->ground();
 }
 
+proto::Policy RoversPolicyOf(const proto::TeamConfig& team, DataType type) {
+  const proto::CustomType* custom = FindCustomType(team.custom_types(), type);
+  return custom == nullptr ? BuiltInPolicyOf(team.rovers(), type) : custom->rovers();
+}
+
 KeepRule KeepRuleOf(const proto::TeamConfig& team, DataType type) {
   if (const proto::CustomType* custom = FindCustomType(team.custom_types(), type)) {
     return ParseKeepRule(custom->keep()).value_or(KeepRule{});

@@ -39,10 +39,12 @@ Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name)
 std::vector<DataType> DataTypesOf(const proto::TeamConfig& team);
 
 // SharePolicyOf returns the policy under which rovers share a type with the leader, and the leader shares it with the
-// survivor. GroundPolicyOf returns the policy under which a type is shared with the base station. Both return
-// POLICY_NONE for a type that the team does not have.
+// survivor. GroundPolicyOf returns the policy under which a type is shared with the base station, and RoversPolicyOf
+// the policy under which the leader shares all agents' records of a type with all rovers. All three return POLICY_NONE
+// for a type that the team does not have.
 proto::Policy SharePolicyOf(const proto::TeamConfig& team, DataType type);
 proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type);
+proto::Policy RoversPolicyOf(const proto::TeamConfig& team, DataType type);
 
 // Returns how long an origin keeps superseded records of a type. Returns `all` if records of the type are never
 // superseded.

@@ -53,6 +53,9 @@ share:
 %s
 ground:
 %s
+# What the leader sends each rover of all agents' records. For the team's map on every rover (docs/MAPS.md):
+# rovers: {pose_graph_node: all, optimized_pose: latest, local_traversability_map: all}
+%s
 # History: how long each robot's own disk keeps its own records that newer ones superseded under `latest`: all, latest
 # (removed at once), or a time such as 7d or 12h. Beyond retention.history_mb_max (64) the oldest are removed first. No
 # other agent has this history: it is lost with the disk.
@@ -120,6 +123,7 @@ std::string CustomTypesText(const CustomTypes& types) {
   for (const proto::CustomType& type : types) {
     text += "  - {id: " + std::to_string(type.id()) + ", name: " + type.name() +
             ", share: " + PolicyName(type.share()) + ", ground: " + PolicyName(type.ground()) +
+            (type.rovers() == proto::POLICY_NONE ? "" : ", rovers: " + PolicyName(type.rovers())) +
             ", priority: " + std::to_string(type.priority()) + ", bytes_max: " + std::to_string(type.bytes_max()) +
             ", keep: " + type.keep() + "}\n";
   }
@@ -143,6 +147,15 @@ std::string PoliciesText(const proto::TeamConfig& team, PolicyOf policy_of) {
     text += "  " + DataTypeName(type) + ": " + PolicyName(policy_of(team, type)) + "\n";
   }
   return text;
+}
+
+std::string RoversText(const proto::TeamConfig& team) {
+  std::string text;
+  for (const DataType type : BuiltInDataTypes()) {
+    const proto::Policy policy = RoversPolicyOf(team, type);
+    if (policy != proto::POLICY_NONE) text += "  " + DataTypeName(type) + ": " + PolicyName(policy) + "\n";
+  }
+  return text.empty() ? "" : "rovers:\n" + text;
 }
 
 std::string Format(const char* format, const std::vector<std::string>& values) {
@@ -186,14 +199,14 @@ std::string TeamText(const proto::TeamConfig& team) {
   const proto::RolesConfig& roles = team.roles();
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
   const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
-  text += Format(kTail,
-                 {roles.leader(), survivor, failover, ShortestNumber(roles.leader_timeout_s()), CommandFromText(team),
-                  ShortestNumber(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
-                  ShortestNumber(team.radio().states_period_s()),
-                  YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())),
-                  PoliciesText(team, SharePolicyOf), PoliciesText(team, GroundPolicyOf), KeepText(team),
-                  team.pose_graph().solve_by_itself() ? "true" : "false", ShortestNumber(team.map().resolution_m()),
-                  ShortestNumber(team.map().footprint_m(0)), ShortestNumber(team.map().footprint_m(1))});
+  text += Format(
+      kTail, {roles.leader(), survivor, failover, ShortestNumber(roles.leader_timeout_s()), CommandFromText(team),
+              ShortestNumber(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
+              ShortestNumber(team.radio().states_period_s()),
+              YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())),
+              PoliciesText(team, SharePolicyOf), PoliciesText(team, GroundPolicyOf), RoversText(team), KeepText(team),
+              team.pose_graph().solve_by_itself() ? "true" : "false", ShortestNumber(team.map().resolution_m()),
+              ShortestNumber(team.map().footprint_m(0)), ShortestNumber(team.map().footprint_m(1))});
   if (team.has_site()) {
     text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + ShortestNumber(team.site().lat_deg()) +
             ", lon_deg: " + ShortestNumber(team.site().lon_deg()) +

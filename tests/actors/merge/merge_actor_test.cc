@@ -676,6 +676,23 @@ TEST_F(MergeActorTest, ReportsTheMapsAndWonCellsOfEachAgent) {
   EXPECT_EQ(stats.backend().substr(0, 3), "cpu");
 }
 
+TEST_F(MergeActorTest, TheCellsHashDependsOnTheCellsAlone) {
+  StoreNode(4, 0.05, 0.05);
+  StoreMap(4, {"#"});
+  Start();
+  const std::uint64_t first = Stats().cells_hash();
+  StoreMap(4, {"."});
+  EXPECT_NE(Stats().cells_hash(), first);
+  StoreMap(4, {"#"});
+  EXPECT_EQ(Stats().cells_hash(), first) << "the newest map makes the same cells";
+  StoreNode(1, 100);
+  StoreMap(1, {"."});
+  const std::uint64_t with_another = Stats().cells_hash();
+  EXPECT_NE(with_another, first);
+  StoreQuarantine(Quarantine(1, INT64_MIN, INT64_MAX));
+  EXPECT_EQ(Stats().cells_hash(), first) << "the tile of the other map is unknown again";
+}
+
 TEST_F(MergeActorTest, ReportsTheTilesThatChangedSinceAVersion) {
   StoreNode(4, 0.05, 0.05);
   StoreNode(1, 100);

@@ -47,7 +47,9 @@ class RealTeam {
  public:
   using Records = std::map<RecordKey, std::string>;
 
-  explicit RealTeam(std::uint64_t seed, proto::Codec codec = proto::CODEC_COMPACT) : team_(seed) {
+  explicit RealTeam(std::uint64_t seed, proto::Codec codec = proto::CODEC_COMPACT,
+                    proto::TeamConfig config = TestTeam(3))
+      : config_(std::move(config)), team_(seed) {
     config_.mutable_radio()->set_codec(codec);
     static int count = 0;
     folder_ = std::filesystem::path(testing::TempDir()) /
@@ -193,6 +195,38 @@ class RealTeam {
   // Returns the number of records in batches sent since the last call, by receiver.
   std::map<AgentId, std::uint64_t> TakeRecordsTo() { return std::exchange(records_to_, {}); }
 
+  // Begins a term of agent 1, so that an order waits for records that it gathers.
+  void BeginTerm() {
+    SetRoles(1, /*leader=*/1, /*survivor=*/2);
+    Settle();
+    (void)TakeRecordsTo();
+  }
+
+  // Orders a sync at agent 1 and returns when agent 1 says that it is over, or after an hour. Requires: BeginTerm.
+  proto::ShareProgress SyncAndWait() {
+    proto::Message order = ShareOrder(proto::SHARING_KIND_SYNC);
+    order.mutable_share_request()->set_wait_s(3600);
+    (void)team_.Post({1, "client"}, {1, actor_name::kSync}, std::move(order));
+    for (int i = 0; i < 72'000; ++i) {
+      team_.AdvanceTime(milliseconds(50));
+      for (const proto::Message& answer : team_.TakeMessages({1, "client"})) {
+        if (answer.has_share_reply()) return answer.share_reply().progress();
+      }
+    }
+    return {};
+  }
+
+  // Returns the records of the types in `rovers` that agent 1 holds and the agent does not cover.
+  std::vector<RecordKey> LackingAt(AgentId agent) {
+    std::vector<RecordKey> lacking;
+    const HaveSet have = HaveOf(agent);
+    for (const auto& [key, content] : ReadAll(1)) {
+      const bool is_due = RoversPolicyOf(config_, key.stream.type) != proto::POLICY_NONE;
+      if (is_due && !have.Get(key.stream).Covered().Contains(key.seq)) lacking.push_back(key);
+    }
+    return lacking;
+  }
+
   // Orders a sync and then a replication at the leader. Waits two minutes after each order, which is enough on an idle
   // radio.
   void SyncAndReplicate() {
@@ -287,7 +321,7 @@ class RealTeam {
     return answers.empty() ? proto::Message() : answers.back();
   }
 
-  proto::TeamConfig config_ = TestTeam(3);
+  proto::TeamConfig config_;
   std::size_t statements_ = 0;
   std::filesystem::path folder_;
   simulation::SimulatedTeam team_;
@@ -411,6 +445,52 @@ TEST(RealTeamTest, LinkFailureAndLeaderCrashLoseNothing) {
   team.SyncAndReplicate();
   team.ExpectConverged();
   team.ExpectNothingIsSentTwice();
+}
+
+proto::TeamConfig TeamWithRoversPolicies() {
+  proto::TeamConfig config = TestTeam(3);
+  (*config.mutable_rovers())["pose_graph_node"] = proto::POLICY_ALL;
+  (*config.mutable_rovers())["optimized_pose"] = proto::POLICY_LATEST;
+  (*config.mutable_rovers())["local_traversability_map"] = proto::POLICY_ALL;
+  return config;
+}
+
+TEST(RealTeamTest, OneSyncBringsEachRoverTheOthersRecordsOfThePolicyRovers) {
+  RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithRoversPolicies());
+  real.BeginTerm();
+  for (const AgentId agent : {1u, 2u, 3u}) {
+    real.InsertNodes(agent, 5);
+    real.InsertMap(agent, agent);
+    real.InsertPower(agent, 0.5);
+    real.InsertOptimizedPoses(/*leader=*/1, agent, 5, /*run=*/1);
+  }
+  EXPECT_TRUE(real.SyncAndWait().is_complete());
+  for (const AgentId agent : {2u, 3u}) {
+    EXPECT_TRUE(real.LackingAt(agent).empty()) << "agent " << agent;
+    const RealTeam::Records records = real.ReadAll(agent);
+    const auto foreign_powers = std::ranges::count_if(records, [agent](const auto& record) {
+      return record.first.stream.type == proto::POWER && record.first.stream.origin != agent;
+    });
+    EXPECT_EQ(foreign_powers, 0) << "a type without the policy";
+  }
+  EXPECT_EQ(real.TakeRecordsTo()[2], 5u + 1 + 15 + 5 + 1) << "of agent 1: nodes, map, poses; of agent 3: nodes, map";
+  real.InsertOptimizedPoses(/*leader=*/1, /*of_agent=*/3, 5, /*run=*/2);
+  EXPECT_TRUE(real.SyncAndWait().is_complete());
+  EXPECT_TRUE(real.LackingAt(2).empty());
+  EXPECT_EQ(real.TakeRecordsTo()[2], 5u);
+  real.SyncAndReplicate();
+  real.ExpectNothingIsSentTwice();
+}
+
+TEST(RealTeamTest, ASyncIsOverOnlyWhenRoversHaveWhatOthersBroughtIn) {
+  RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithRoversPolicies());
+  real.BeginTerm();
+  for (std::uint64_t pattern = 0; pattern < 20; ++pattern) real.InsertMap(3, pattern);
+  real.team().SetLink(1, kBase, /*is_up=*/false);  // Its order stays open.
+  const proto::ShareProgress progress = real.SyncAndWait();
+  EXPECT_TRUE(progress.is_over());
+  EXPECT_FALSE(progress.is_complete());
+  EXPECT_TRUE(real.LackingAt(2).empty());
 }
 
 int SeedCount() {

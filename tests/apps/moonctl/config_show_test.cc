@@ -63,10 +63,10 @@ TEST_F(ConfigShowTest, MarksDefaults) {
 TEST_F(ConfigShowTest, KnowsWhichCustomTypeGaveAFieldThoughTheyAreSorted) {
   const std::string yaml = YamlOf(kTeam);
   EXPECT_THAT(yaml, HasSubstr("  - id: 1000\n    name: \"soil\"\n    share: latest\n    ground: none   # default\n"
-                              "    priority: 5   # default\n"));
+                              "    rovers: none   # default\n    priority: 5   # default\n"));
   EXPECT_THAT(yaml,
               HasSubstr("  - id: 1005\n    name: \"late\"\n    share: all   # default\n    ground: none   # default\n"
-                        "    priority: 2\n"));
+                        "    rovers: none   # default\n    priority: 2\n"));
 }
 
 TEST_F(ConfigShowTest, MarksNothingIfTheFileSetsEveryField) {

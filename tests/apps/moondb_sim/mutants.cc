@@ -1184,7 +1184,7 @@ const std::vector<Mutant>& Mutants() {
        /*likely_seed=*/4},
       {"GathersFromAllButOne",
        "a new leader does not ask agent 3 for what it holds",
-       {"nothing_lost"},
+       {"nothing_lost", "newest_state"},
        60,
        [](SimOptions& options) {
          options.faults_per_hour["wipe"] = 12;
@@ -1238,6 +1238,19 @@ const std::vector<Mutant>& Mutants() {
                if (message.has_missing_request()) {
                  message.mutable_missing_request()->mutable_filter()->clear_everyones_types();
                }
+               return true;
+             })},
+      {"PosesStayRestricted",
+       "a rover is brought the poses of its own nodes alone, although the policy rovers names poses",
+       {"brought_out", "done_is_true"},
+       20,
+       Hears(kStorage,
+             [](Context&, proto::Message& message) {
+               if (!message.has_missing_request()) return true;
+               proto::RecordFilter& filter = *message.mutable_missing_request()->mutable_filter();
+               if (filter.optimized_poses_of_agent() == 0) return true;
+               const auto pose = std::ranges::find(filter.everyones_types(), proto::OPTIMIZED_POSE);
+               if (pose != filter.everyones_types().end()) filter.mutable_everyones_types()->erase(pose);
                return true;
              })},
       {"EndsTooEarly",

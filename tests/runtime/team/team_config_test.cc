@@ -304,6 +304,39 @@ TEST(TeamConfigTest, FillsInDefaults) {
   EXPECT_EQ(SharePolicyOf(config, 0xFFFF'FFFF), proto::POLICY_NONE);
 }
 
+TEST(TeamConfigTest, RoversGetOthersRecordsByAPolicyOfTheirOwn) {
+  const Result<TeamFile> team =
+      ParseTeamFile(GoodAnd("rovers: {pose_graph_node: all, power: none}\n"
+                            "custom_types: [{id: 1000, name: soil, rovers: latest}, {id: 1001, name: core}]"),
+                    "t");
+  ASSERT_TRUE(team) << team.error().text;
+  EXPECT_EQ(RoversPolicyOf(team->config, proto::POSE_GRAPH_NODE), proto::POLICY_ALL);
+  EXPECT_EQ(RoversPolicyOf(team->config, proto::POWER), proto::POLICY_NONE);
+  EXPECT_EQ(RoversPolicyOf(team->config, proto::LOCAL_TRAVERSABILITY_MAP), proto::POLICY_NONE) << "by default";
+  EXPECT_EQ(RoversPolicyOf(team->config, 1000), proto::POLICY_LATEST);
+  EXPECT_EQ(RoversPolicyOf(team->config, 1001), proto::POLICY_NONE);
+}
+
+TEST(TeamConfigTest, PoliciesForRoversChangeTheHashOnlyIfTheyAskForSomething) {
+  const auto hash = [](const std::string& line) { return ParseTeamFile(GoodAnd(line), "t")->hash; };
+  EXPECT_EQ(hash("rovers: {power: none}"), hash(""));
+  EXPECT_NE(hash("rovers: {power: latest}"), hash(""));
+}
+
+TEST(TeamConfigTest, RefusesPoliciesForRoversThatCannotBeKept) {
+  const auto refused = [](const std::string& line) { return ParseTeamFile(GoodAnd(line), "t").error().text; };
+  EXPECT_THAT(refused("rovers: {maps: all}"), HasSubstr("rovers"));
+  EXPECT_THAT(refused("rovers: {role_assignment: all}"), HasSubstr("sends this type to all rovers anyway"));
+  EXPECT_THAT(refused("rovers: {map_quarantine: all}"), HasSubstr("sends this type to all rovers anyway"));
+  EXPECT_THAT(refused("rovers: {agent_event: all}"), HasSubstr("rovers.agent_event: events are not sent to rovers"));
+  EXPECT_THAT(refused("rovers: {power: all}"),
+              HasSubstr("rovers.power: expected none or latest, because share.power is latest"));
+  EXPECT_THAT(refused("share: {optimized_pose: none}\nrovers: {optimized_pose: latest}"),
+              HasSubstr("rovers.optimized_pose: expected none, because share.optimized_pose is none"));
+  EXPECT_THAT(refused("custom_types: [{id: 1000, name: soil, share: latest, rovers: all}]"),
+              HasSubstr("custom_types[0].rovers: expected none or latest, because custom_types[0].share is latest"));
+}
+
 TEST(TeamConfigTest, ReadsHowLongRobotsKeepSupersededStates) {
   const Result<TeamFile> team = ParseTeamFile(
       GoodAnd(
