@@ -28,6 +28,7 @@ class QuietTimer {
   bool OnTimer(Context& context, bool is_busy);
   // Call instead of OnTimer if the work has become pointless.
   void Stop() { is_running_ = false; }
+  bool is_running() const { return is_running_; }  // News has arrived, and the work is not due yet.
 
  private:
   const Options options_;

@@ -96,6 +96,7 @@ void MergeShareStatus(const proto::ControlReply& reply, proto::ControlReply& who
   if (!whole.has_roles() || IsNewer(whole.roles().term(), part.roles().term())) *whole.mutable_roles() = part.roles();
   whole.mutable_gathers_from()->MergeFrom(part.gathers_from());
   whole.mutable_gathers_later()->MergeFrom(part.gathers_later());
+  whole.mutable_due()->MergeFrom(part.due());
   if (part.gathers_now_from() != 0) whole.set_gathers_now_from(part.gathers_now_from());
   for (const AgentId agent : part.other_config_agents()) {
     const auto& known = whole.other_config_agents();

@@ -147,6 +147,7 @@ void PgoActor::OnGraphStatsRequest(Context& context) {
   message.set_ms_type(proto::CONTROL);
   *message.mutable_graph_stats_reply() = stats_;
   message.mutable_graph_stats_reply()->set_is_solving(phase_ != Phase::kIdle);
+  message.mutable_graph_stats_reply()->set_is_due(Leads() && quiet_.is_running());
   (void)context.Reply(std::move(message));  // Ignore a failed send: the client may have disconnected.
 }
 

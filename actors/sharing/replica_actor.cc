@@ -44,6 +44,7 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
 void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& previous) {
   if (OrderOf(roles().term()) == OrderOf(previous.term())) return;
   order_to_bring_on_ = 0;
+  SetFlow(context);
   BeginGathering(context);
   NotifySyncActor(context);
   if (roles().leader() == previous.leader() && roles().survivor() == previous.survivor()) return;
@@ -51,6 +52,19 @@ void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& pre
   if (bytes_left && is_leading() && roles().survivor() != 0) {
     Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, *bytes_left);
   }
+}
+
+void ReplicaActor::SetFlow(const Context& context) {
+  const AgentId survivor = roles().survivor();
+  const bool is_to_be_served = is_leading() && survivor != 0 && !HasLeft(team(), survivor);
+  flow().SetDestinations(is_to_be_served ? std::set{survivor} : std::set<AgentId>(), context.now());
+}
+
+void ReplicaActor::OnStored(const proto::RecordsStored& stored) {
+  const auto is_shared = [this](std::uint32_t type) {
+    return SharePolicyOf(team(), static_cast<DataType>(type)) != proto::POLICY_NONE;
+  };
+  flow().Note([&](AgentId) { return std::ranges::any_of(stored.data_types(), is_shared); });
 }
 
 // --- Gathering by a leader ---

@@ -12,6 +12,8 @@
 // is connected and the window to it is open (IsWindowOpen). If the asked agent makes no progress for some time
 // (patience_), the leader asks the next agent, and asks this agent again later.
 //
+// If the team file sets radio.sync_period_s, the leader also replicates new records without an order (flow_schedule.h).
+//
 // ReplicaActor notifies SyncActor which agents are still to be asked. A client's order without a byte limit is complete
 // only when the records that were gathered meanwhile have reached the survivor.
 #pragma once
@@ -37,9 +39,13 @@ class ReplicaActor final : public SharingActor {
   void OnGathering(Context& context, const proto::Gathering& question) override;
   void OnOrderRefused(Context& context, AgentId peer) override;
   void OnStepTimer(Context& context, std::uint64_t step) override;
+  void OnStarted(Context& context) override { SetFlow(context); }
+  void OnStored(const proto::RecordsStored& stored) override;
+  proto::RecordFilter FlowRecordsFor(AgentId) const override { return {}; }
   void AddStatus(const Context& context, proto::ShareStatus& status) const override;
 
   std::optional<std::vector<AgentId>> YetToGather() const override;
+  void SetFlow(const Context& context);
   void NotifySyncActor(Context& context);
   bool CanBeAsked(const Context& context, AgentId agent) const;
   void BeginGathering(Context& context);

@@ -24,7 +24,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kSession = 1, kOrders = 2, kStep = 3, kBudget = 4, kWatch = 5 };
+enum TimerKind : std::uint32_t { kSession = 1, kOrders = 2, kStep = 3, kBudget = 4, kWatch = 5, kFlow = 6 };
 
 // Upper bound of a message's bytes besides the streams of its have-set. The assertions below check that the two largest
 // kinds of messages fit into a peer message: a page of a have-set, and the acknowledgment of a full batch whose records
@@ -55,6 +55,10 @@ proto::Codec CodecOf(const SharingActor::Options& options) {
   return codec == proto::CODEC_UNSPECIFIED ? options.session.codec : codec;
 }
 
+Duration FlowPeriodOf(const proto::TeamConfig& team) {
+  return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(team.radio().sync_period_s()));
+}
+
 PeerOrders::Options OrderOptionsOf(const SharingActor::Options& options, proto::SharingKind kind) {
   return {options.self, kind, options.session.resend_after, options.session.resend_after_max};
 }
@@ -66,12 +70,14 @@ SharingActor::SharingActor(Options options, proto::SharingKind kind)
       kind_(kind),
       leases_(options_.team.radio().quiet_while_driving()),
       orders_(OrderOptionsOf(options_, kind)),
-      radio_share_(BudgetOf(options_.team)) {}
+      radio_share_(BudgetOf(options_.team)),
+      flow_{FlowSchedule(FlowPeriodOf(options_.team)), {}} {}
 
 void SharingActor::OnStart(Context& context) {
   context.WatchPeers();
   context.Watch(Topic::kRoles);
   context.Watch(Topic::kLeases);
+  if (flow().is_on()) context.Watch(Topic::kStored);
   roles_ = InitialRoles(options_.team);
   for (const proto::AgentConfig& agent : options_.team.agents()) lost_at_[agent.id()] = context.now();
   const std::uint64_t random = context.rng()();
@@ -98,6 +104,7 @@ void SharingActor::OnMessage(Context& context, const proto::Message& message) {
   } else if (FindAgent(options_.team, context.sender().agent) != nullptr) {
     OnPeer(context, message);
   }
+  ShareDue(context);
   DivideBudget(context);
   AnswerWhoWaits(context);
 }
@@ -112,6 +119,9 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       return SetRoles(context, message.roles_changed().roles());
     case proto::Message::kLeasesChanged:
       return OnLeasesChanged(context, message.leases_changed());
+    case proto::Message::kRecordsStored:
+      if (context.sender().actor == actor_name::kStorage) OnStored(message.records_stored());
+      return;
     case proto::Message::kHaveReply:
       return Perform(context, receiver_->OnHaveReply(message.request_id(), message.have_reply()));
     case proto::Message::kStoreReply:
@@ -282,6 +292,7 @@ void SharingActor::OnControlRequest(Context& context, const proto::Message& mess
   }
   *status.mutable_roles() = roles_;
   AddStatus(context, status);
+  for (const AgentId due : flow().FindDue()) status.add_due(due);
   status.set_received_records(receiver_->counts().received_records);
   status.set_rejected_records(receiver_->counts().rejected_records);
   status.set_damaged_messages(receiver_->counts().damaged_messages);
@@ -323,6 +334,10 @@ void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kBudget) {
     is_budget_timer_armed_ = false;
     return;
+  }
+  if (timer.kind() == kFlow) {
+    flow_.timer.armed.reset();
+    return;  // ShareDue runs after each message.
   }
   if (timer.kind() == kWatch) {
     watch_timer_.armed.reset();
@@ -420,10 +435,32 @@ void SharingActor::SharePeriodicStates(Context& context, AgentId destination) {
   proto::RecordFilter states;
   states.add_origin_agents(options_.self);
   for (const DataType type : StateTypesOf(options_.team)) states.add_data_types(type);
-  if (states.data_types().empty()) return;
+  if (!states.data_types().empty()) SharePeriodic(context, destination, states, /*is_for_states=*/true);
+}
+
+void SharingActor::SharePeriodic(Context& context, AgentId destination, const proto::RecordFilter& filter,
+                                 bool is_for_states) {
   Outgoing& outgoing = FindOrMakeOutgoing(context, destination);
   if (!outgoing.session.is_open()) outgoing.is_by_role = true;
-  Perform(context, outgoing, outgoing.session.SharePeriodic(states, context.now()));
+  Perform(context, outgoing, outgoing.session.SharePeriodic(filter, is_for_states, context.now()));
+}
+
+void SharingActor::ShareDue(Context& context) {
+  if (!flow().is_on()) return;
+  const auto state_of = [&](AgentId destination) { return FlowStateOf(context, destination); };
+  for (const AgentId destination : flow().TakeDue(context.now(), state_of)) {
+    SharePeriodic(context, destination, FlowRecordsFor(destination), /*is_for_states=*/false);
+  }
+  Arm(context, flow_.timer, flow().deadline(state_of), kFlow, 0);
+}
+
+FlowSchedule::State SharingActor::FlowStateOf(const Context& context, AgentId destination) {
+  FlowSchedule::State state;
+  state.is_ready = is_connected(destination) && IsWindowOpen(context, destination);
+  const Outgoing* outgoing = FindOutgoing(destination);
+  state.is_busy = outgoing != nullptr && outgoing->session.is_ordered();
+  if (outgoing != nullptr && !outgoing->session.is_open()) state.has_refused = outgoing->session.has_refused();
+  return state;
 }
 
 std::optional<std::uint64_t> SharingActor::CloseByRole(Context& context) {

@@ -19,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "actors/sharing/flow_schedule.h"
 #include "actors/sharing/order_watch.h"
 #include "actors/sharing/peer_orders.h"
 #include "actors/sharing/radio_share.h"
@@ -80,6 +81,10 @@ class SharingActor : public Actor {
   // Adds the status fields that only one kind of sharing has.
   virtual void AddStatus(const Context&, proto::ShareStatus&) const {}
   virtual void OnGathering(Context&, const proto::Gathering&) {}
+  // Called after storage stored records, if flow().is_on().
+  virtual void OnStored(const proto::RecordsStored&) {}
+  // Returns the records that flow() sends a destination.
+  virtual proto::RecordFilter FlowRecordsFor(AgentId destination) const = 0;
   // Called when a timer of StartStepTimer expires. `step` is the number that was passed to StartStepTimer.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
@@ -90,6 +95,8 @@ class SharingActor : public Actor {
             std::uint64_t bytes_max = 0);
   // Sends this agent's latest states without an order (SharingSession::SharePeriodic).
   void SharePeriodicStates(Context& context, AgentId destination);
+  // Destinations that get new records without an order (radio.sync_period_s).
+  FlowSchedule& flow() { return flow_.schedule; }
   // Closes each session that was opened with `is_by_role`, except a session to the current leader. Returns the largest
   // number of bytes that an order of the closed sessions could still send; 0 if one of these orders had no limit;
   // nullopt if no closed session had an order.
@@ -134,12 +141,20 @@ class SharingActor : public Actor {
     std::optional<MonotonicTime> armed;
   };
 
+  struct Flow {
+    FlowSchedule schedule;
+    DeadlineTimer timer;
+  };
+
   struct Outgoing {
     SharingSession session;
     bool is_by_role = false;
     DeadlineTimer timer;
   };
 
+  void SharePeriodic(Context& context, AgentId destination, const proto::RecordFilter& filter, bool is_for_states);
+  void ShareDue(Context& context);
+  FlowSchedule::State FlowStateOf(const Context& context, AgentId destination);
   void OnLocal(Context& context, const proto::Message& message);
   void OnPeer(Context& context, const proto::Message& message);
   void OnHello(Context& context, const proto::Hello& hello);
@@ -213,6 +228,7 @@ class SharingActor : public Actor {
   std::optional<SharingReceiver> receiver_;
   RadioShare radio_share_;
   bool is_budget_timer_armed_ = false;
+  Flow flow_;
   RateLimitedLog refused_log_;
 };
 

@@ -44,10 +44,12 @@ SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::
   return actions;
 }
 
-SharingActions SharingSession::SharePeriodic(const proto::RecordFilter& states, Time now) {
+SharingActions SharingSession::SharePeriodic(const proto::RecordFilter& filter, bool is_for_states, Time now) {
   SharingActions actions;
-  if (!is_open()) {
-    order_.AddPeriodic(states);
+  // States do not replace all records, unless these wait for the window to open.
+  const bool is_replaced = order_.is_periodic() && (!is_for_states || order_.is_waiting_for_states());
+  if (!is_open() || is_replaced) {
+    order_.SetPeriodic(filter, is_for_states);
     LookAgain(now, actions);
     return actions;
   }
@@ -310,9 +312,10 @@ void SharingSession::SayHello(SharingActions& actions) {
 void SharingSession::Complete(SharingActions& actions) {
   if (order_.is_for_states() && !order_.is_periodic()) return order_.HoldBackTheRest();
   phase_ = Phase::kClosed;
+  const std::uint64_t refused = in_flight_.RefusedCount();
+  has_refused_ = refused != 0;
   if (!order_.is_periodic()) {
     counts_.NoteEnd(Ending::kCompleted, last_progress_);
-    const std::uint64_t refused = in_flight_.RefusedCount();
     // If records were refused, report the order as closed, so its client does not assume that all records are
     // acknowledged.
     order_.End(refused == 0 ? Ending::kCompleted : Ending::kClosed);

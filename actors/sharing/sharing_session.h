@@ -81,10 +81,11 @@ class SharingSession {
   // ends when about that many coded bytes are sent. If the order replaces an open order without a limit, it has no
   // limit either. StateOf(id) returns the state of the order.
   SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0, ShareOrderId id = {});
-  // Sends the records that `states` selects, without an order. A closed session starts for these states. Such a session
-  // reports no OrderEnd, its end is not counted, and any order replaces it. An open session only asks storage for
-  // missing records again.
-  SharingActions SharePeriodic(const proto::RecordFilter& states, Time now);
+  // Sends the records that `filter` selects, without an order, and with them those that are stored meanwhile.
+  // `is_for_states`: they are states, which may also be sent in a window of kStatesOnly. A closed session starts for
+  // these records. Such a session reports no OrderEnd, its end is not counted, and any order replaces it. An open
+  // session with an order only asks storage for missing records again.
+  SharingActions SharePeriodic(const proto::RecordFilter& filter, bool is_for_states, Time now);
   // Ends the session before all records are acknowledged, and forgets the order.
   SharingActions Close();
 
@@ -114,6 +115,8 @@ class SharingSession {
   std::optional<Time> deadline() const;
   bool is_open() const { return phase_ != Phase::kClosed; }
   bool is_ordered() const { return is_open() && !order_.is_periodic(); }
+  // True if the destination did not take some records of the last session that ended.
+  bool has_refused() const { return has_refused_; }
   // Coded bytes that the order may still send; 0: no limit.
   std::uint64_t bytes_left() const { return order_.bytes_left().value_or(0); }
   StandingOrder::Reached StateOf(ShareOrderId id) const { return order_.StateOf(id); }
@@ -195,6 +198,7 @@ class SharingSession {
   Time deadline_{};
   Time last_progress_{};
   SessionCounts counts_;
+  bool has_refused_ = false;
   std::string last_error_;
 };
 

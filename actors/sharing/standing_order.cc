@@ -16,13 +16,14 @@ void StandingOrder::Set(proto::RecordFilter filter, std::uint64_t bytes_max, Sha
   const bool is_limited = bytes_max != 0 && (!is_added || bytes_left_);
   bytes_left_ = is_limited ? std::optional(bytes_max) : std::nullopt;
   filter_ = std::move(filter);
-  if (is_periodic()) scope_ = Scope::kStates;
+  is_periodic_ = false;
 }
 
-void StandingOrder::AddPeriodic(const proto::RecordFilter& states) {
+void StandingOrder::SetPeriodic(const proto::RecordFilter& filter, bool is_for_states) {
   bytes_left_.reset();
-  filter_ = states;
-  scope_ = Scope::kPeriodicStates;
+  filter_ = filter;
+  is_periodic_ = true;
+  scope_ = is_for_states ? Scope::kStates : Scope::kAll;
 }
 
 void StandingOrder::Note(ShareOrderId id) {
@@ -77,7 +78,9 @@ bool StandingOrder::SetWindow(Window window) {
 }
 
 void StandingOrder::LookAgain() {
-  if (window_ == Window::kStatesOnly) is_waiting_ = StatesMeant().data_types().empty();
+  if (window_ != Window::kStatesOnly) return;
+  const bool is_for_more = is_periodic_ && scope_ == Scope::kAll;
+  is_waiting_ = is_for_more || StatesMeant().data_types().empty();
 }
 
 void StandingOrder::StartOver() {

@@ -2,7 +2,7 @@
 //
 // An order stays open until the session ends it. The window to the destination admits all records, only states, or no
 // records. Each start of the session sets the scope (what the session sends): all records of the order, only states of
-// the order because the window admits no others, or periodic states without an order. Plain value.
+// the order because the window admits no others, or periodically shared records without an order. Plain value.
 #pragma once
 
 #include <cstdint>
@@ -46,7 +46,8 @@ class StandingOrder {
   // kUnknown: the session was never given this order.
   enum class Reached { kUnknown, kOpen, kCompleted, kClosed, kLimited };
   Reached StateOf(ShareOrderId id) const;
-  void AddPeriodic(const proto::RecordFilter& states);
+  // Sets the records that are sent without an order. `is_for_states`: they are states.
+  void SetPeriodic(const proto::RecordFilter& filter, bool is_for_states);
   // Ends the open orders of all agents.
   void End(Ending ending);
 
@@ -69,11 +70,11 @@ class StandingOrder {
   // True if the session must start over to send all ordered records, because the last Hello did not request the
   // have-set of all their streams, or because the window now admits more records.
   bool NeedsNewStart() const;
-  bool is_periodic() const { return scope_ == Scope::kPeriodicStates; }
+  bool is_periodic() const { return is_periodic_; }
   // True if the session sends only states. Sending all states does not complete an order.
   bool is_for_states() const { return scope_ != Scope::kAll; }
   // Meant() and mark() return the filter and the mark for the next MissingRequest. Storage remembers under the mark
-  // which records existed at the time of the order (MissingRequest.mark). Each order has a new mark. Mark 0: states
+  // which records existed at the time of the order (MissingRequest.mark). Each order has a new mark. Mark 0: records
   // without an order.
   proto::RecordFilter Meant() const;
   std::uint64_t mark() const { return is_periodic() ? 0 : mark_; }
@@ -93,7 +94,7 @@ class StandingOrder {
   void AddTo(proto::ShareSession& status) const;
 
  private:
-  enum class Scope { kAll, kStates, kPeriodicStates };
+  enum class Scope { kAll, kStates };
 
   // The newest order that one agent gave, and how it ended.
   struct KnownOrder {
@@ -113,6 +114,7 @@ class StandingOrder {
   std::optional<std::uint64_t> bytes_left_;
   std::map<AgentId, KnownOrder> orders_;
   Scope scope_ = Scope::kAll;
+  bool is_periodic_ = false;  // The records are sent without an order.
   Window window_ = Window::kOpen;
   bool is_waiting_ = false;
   std::set<AgentId> asked_origins_;

@@ -69,6 +69,7 @@ Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& reques
 }
 
 void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previous) {
+  SetFlow(context);
   if (OrderOf(roles().term()) != OrderOf(previous.term())) collecting_order_ = 0;
   if (roles().leader() == previous.leader()) return;
   CancelOrders(context);
@@ -163,7 +164,38 @@ void SyncActor::OpenAsLeader(Context& context, AgentId destination, bool is_by_r
   Open(context, destination, LeadersRecordsFor(destination), is_by_role, bytes_max);
 }
 
+void SyncActor::SetFlow(const Context& context) {
+  std::set<AgentId> destinations;
+  for (const proto::AgentConfig& agent : team().agents()) {
+    const bool is_to_be_served =
+        is_leading() ? agent.id() != self() && agent.id() != roles().survivor() : agent.id() == roles().leader();
+    if (is_to_be_served && !agent.left()) destinations.insert(agent.id());
+  }
+  flow().SetDestinations(destinations, context.now());
+}
+
+void SyncActor::OnStored(const proto::RecordsStored& stored) {
+  const auto is_shared = [this](std::uint32_t type) {
+    return SharePolicyOf(team(), static_cast<DataType>(type)) != proto::POLICY_NONE;
+  };
+  const auto is_for_agent_named = [](std::uint32_t type) {
+    const DataTypeRow* row = FindDataType(static_cast<DataType>(type));
+    return row != nullptr && row->leader_sends == LeaderSends::kToAgentNamed;
+  };
+  flow().Note([&](AgentId destination) {
+    if (!is_leading()) return std::ranges::any_of(stored.own_data_types(), is_shared);
+    return std::ranges::any_of(stored.own_data_types(), is_for_agent_named) ||
+           std::ranges::any_of(stored.data_types(),
+                               [&](std::uint32_t type) { return IsForAll(destination, static_cast<DataType>(type)); });
+  });
+}
+
+proto::RecordFilter SyncActor::FlowRecordsFor(AgentId destination) const {
+  return is_leading() ? LeadersRecordsFor(destination) : OwnRecords();
+}
+
 void SyncActor::OnStarted(Context& context) {
+  SetFlow(context);
   StartStatesTimer(context);
   proto::Message question;
   question.set_ms_type(proto::CONTROL);

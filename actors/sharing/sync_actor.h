@@ -12,6 +12,10 @@
 //       the order is complete only after these records are sent too.
 //   From a peer: the agent sends its own records to `destination`, or to the peer.
 //
+// If the team file sets radio.sync_period_s, records flow without orders (flow_schedule.h): each agent sends the leader
+// its new records, and the leader sends the other agents the records described above. The survivor gets them from
+// ReplicaActor.
+//
 // If the team file sets radio.states_period_s, each agent that is connected to the leader sends the leader its latest
 // states with that period, without an order.
 #pragma once
@@ -43,6 +47,8 @@ class SyncActor final : public SharingActor {
   }
   void OnGathering(Context& context, const proto::Gathering& gathering) override;
   std::optional<std::vector<AgentId>> YetToGather() const override;
+  void OnStored(const proto::RecordsStored& stored) override;
+  proto::RecordFilter FlowRecordsFor(AgentId destination) const override;
   void OnStarted(Context& context) override;
   void OnStepTimer(Context& context, std::uint64_t step) override;
 
@@ -54,6 +60,7 @@ class SyncActor final : public SharingActor {
   void BringOnSoon(Context& context);
   void OpenAsLeader(Context& context, AgentId destination, bool is_by_role, std::uint64_t bytes_max = 0);
   void StartStatesTimer(Context& context);
+  void SetFlow(const Context& context);
 
   proto::RecordFilter OwnRecords() const;
   proto::RecordFilter LeadersRecordsFor(AgentId destination) const;

@@ -117,6 +117,7 @@ class RecordStore::Writing {
     if (!done) return done;
     ++next_row_id_;
     types_.insert(key.stream.type);
+    if (key.stream.origin == store_.options_.self) own_types_.insert(key.stream.type);
     if (IsBulky(key.stream.type)) map_bytes_ += content.size();
     if (used_bytes_) (*used_bytes_)[key.stream.origin] += content.size() + kRowBytes;
     if (IsOwnNode(key.stream)) nodes_.insert(record.pose_graph_node().node().index());
@@ -155,6 +156,7 @@ class RecordStore::Writing {
     store_.history_.Keep();
     if (next_row_id_ != store_.next_row_id_) stored.set_last_row_id(next_row_id_ - 1);
     for (const DataType type : types_) stored.add_data_types(type);
+    for (const DataType type : own_types_) stored.add_own_data_types(type);
     store_.next_row_id_ = next_row_id_;
     store_.map_bytes_ = map_bytes_;
     store_.used_bytes_ = std::move(used_bytes_);
@@ -188,6 +190,7 @@ class RecordStore::Writing {
   std::set<std::uint64_t> nodes_;
   bool has_removed_nodes_ = false;
   std::set<DataType> types_;
+  std::set<DataType> own_types_;  // Types of rows of this agent's own.
 };
 
 Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {

@@ -6,6 +6,8 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/config_schema.h"
 #include "apps/moonctl/config_show.h"
+#include "apps/moonctl/lab_team.h"
+#include "apps/moonctl/radio_estimate.h"
 #include "apps/moonctl/unplaced.h"
 #include "apps/moonctl/written_files.h"
 #include "model/command_from.h"
@@ -25,6 +27,10 @@ struct ConfigArguments {
   int agent_count = 4;
   int first_port = 7400;
   bool is_fixing = false;
+  bool is_lab = false;
+  int robot_count = 2;
+  std::vector<std::string> addresses;
+  std::string base;
 };
 
 // Adds a team id to the file if it has none. Returns the new id, or an empty string if the file is unchanged. Ignores
@@ -65,7 +71,7 @@ ExitCode CheckConfig(CommandContext& context) {
   const int count = (*team)->config.agents_size();
   JsonWriter json;
   json.BeginObject().Key("file").String(context.TeamPath().string()).Key("team").String((*team)->config.team());
-  json.Key("agent_count").Number(count);
+  json.Key("agent_count").Number(count).Key("team_map_part_of_radio").Number(TeamMapPart((*team)->config));
   std::string text = context.TeamPath().string() + ": team " + (*team)->config.team() + " of " + std::to_string(count) +
                      " agents, no errors";
   const auto& commanders = (*team)->config.command_from();
@@ -92,6 +98,8 @@ ExitCode CheckConfig(CommandContext& context) {
         "\nnote: command_from: all lets every agent command every other one and decide the roles: one robot that is "
         "taken over commands the team";
   }
+  const std::string radio = TeamMapText((*team)->config);
+  if (!radio.empty()) text += "\n" + radio;
   return context.Done(json.text(), text);
 }
 
@@ -158,14 +166,39 @@ Result<void> WriteTeamOfMission(const ConfigArguments& arguments) {
   return WriteTeam(arguments.file, team);
 }
 
+// Returns the team's name: the given one, or one after the name of the team file's folder.
+std::string NameOfTeam(const ConfigArguments& arguments) {
+  if (!arguments.name.empty()) return arguments.name;
+  return PlainNameOf(std::filesystem::absolute(arguments.file).parent_path().filename().string());
+}
+
+ExitCode InitLab(CommandContext& context, const ConfigArguments& arguments) {
+  const auto team = MakeLabTeam(
+      {NameOfTeam(arguments), arguments.robot_count, arguments.addresses, arguments.base, arguments.first_port});
+  if (!team) return context.Report(team.error());
+  if (auto written = WriteTeam(arguments.file, *team); !written) return context.Report(written.error());
+  JsonWriter json;
+  json.BeginObject().Key("file").String(arguments.file).EndObject();
+  std::string text = "wrote " + arguments.file +
+                     " and its keys: records and the team's map flow to all robots, without " + "a command";
+  if (arguments.addresses.empty()) text += "\nnote: all agents are on this machine: give --address for robots";
+  if (team->agents_size() == 2) {
+    text += "\nnote: failover is manual, because of two agents that lose each other both would lead";
+  }
+  return context.Done(json.text(), text);
+}
+
 ExitCode InitConfig(CommandContext& context, const ConfigArguments& arguments) {
+  if (arguments.is_lab) return InitLab(context, arguments);
   const auto written = arguments.mission.empty() ? WriteInitialTeam(arguments.file, arguments.agent_count,
                                                                     arguments.first_port, arguments.name)
                                                  : WriteTeamOfMission(arguments);
   if (!written) return context.Report(written.error());
   JsonWriter json;
   json.BeginObject().Key("file").String(arguments.file).EndObject();
-  return context.Done(json.text(), "wrote " + arguments.file + " and its keys");
+  std::string text = "wrote " + arguments.file + " and its keys";
+  if (arguments.mission.empty()) text += "\nnote: records move on command; with --lab they move by themselves";
+  return context.Done(json.text(), text);
 }
 
 }  // namespace
@@ -200,8 +233,19 @@ void AddConfigCommands(Command& app, CommandContext& context) {
   init.AddOption("--name", arguments->name, "The team's name (the folder's)").TypeName("NAME");
   init.AddOption("--agents", arguments->agent_count, "Number of agents; the last one is the base station")
       .Within(1, 64);
-  init.AddOption("--mission", arguments->mission, "Take the agents of this mission folder").TypeName("FOLDER");
+  Option& mission = init.AddOption("--mission", arguments->mission, "Take the agents of this mission folder");
+  mission.TypeName("FOLDER");
   init.AddOption("--first-port", arguments->first_port, "First loopback port (7400)").Within(1, 65000);
+  Option& lab = init.AddFlag("--lab", arguments->is_lab,
+                             "For robots on Wi-Fi: records and the team's map flow to all robots by themselves");
+  lab.Excludes(mission);
+  init.AddOption("--robots", arguments->robot_count, "Number of robots (2)").Within(1, 63).Needs(lab);
+  init.AddOption("--address", arguments->addresses, "Address of an agent, such as rover1=10.0.0.11; may be repeated")
+      .TypeName("NAME=HOST")
+      .Needs(lab);
+  init.AddOption("--base", arguments->base, "Name of a base station, which gets the map too")
+      .TypeName("NAME")
+      .Needs(lab);
   init.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return InitConfig(context, *arguments); }; });
   AddPackCommands(group, context);

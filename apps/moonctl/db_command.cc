@@ -6,6 +6,7 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/db_commands.h"
 #include "apps/moonctl/holdings.h"
+#include "apps/moonctl/map_holdings.h"
 #include "model/custom_types.h"
 #include "proto/status.pb.h"
 
@@ -205,8 +206,18 @@ void AddDbCommands(Command& app, CommandContext& context) {
     });
   };
   add("info", "Show sizes, and rows by data type, of each agent (or -a)", {"moonctl db info", kShows}, ShowInfo);
-  add("holdings", "Show which agent holds which shared records, by origin and data type",
-      {"moonctl db holdings", kShows}, ShowHoldings);
+  auto is_for_maps = std::make_shared<bool>(false);
+  Command& holdings =
+      AddCommand(group, "holdings", "Show which agent holds which shared records, by origin and data type",
+                 {"moonctl db holdings", kShows});
+  holdings.AddFlag(
+      "--maps", *is_for_maps,
+      "Only local maps, with the age of the newest; exit code 1 if an agent lacks maps that it should have");
+  holdings.Callback([&context, is_for_maps] {
+    context.action = [&context, is_for_maps] {
+      return *is_for_maps ? ShowMapHoldings(context) : ShowHoldings(context);
+    };
+  });
   add("verify", "Check each record of each agent (or -a) for damage; exit code 1 if there is any",
       {"moonctl db verify -a rover2"}, VerifyStores);
 

@@ -9,6 +9,7 @@
 #include "apps/common/table.h"
 #include "apps/moonctl/node_name.h"
 #include "apps/moonctl/rover_places.h"
+#include "model/agent_name.h"
 
 namespace moondb {
 namespace {

@@ -7,6 +7,7 @@
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
+#include "apps/moonctl/settled.h"
 #include "model/leases.h"
 #include "model/start_poses.h"
 #include "model/team_member.h"
@@ -129,6 +130,27 @@ std::string UnplacedLines(CommandContext& context, const proto::AgentStatus& lea
   return text;
 }
 
+// Asks all agents whether the team is quiescent. Requires: records flow by themselves.
+Result<std::string> AskWhyNotSettled(CommandContext& context, const proto::AgentStatus& leader) {
+  const proto::TeamConfig& team = (*context.Team())->config;
+  TeamActivity activity;
+  const auto sharing = context.AskEach([](Client& client) { return client.ShareStatus(); });
+  if (!sharing) return tl::unexpected(sharing.error());
+  for (const auto& [agent, status] : *sharing) {
+    if (!status) return agent->name() + " does not answer";
+    activity.sharing.emplace_back(agent->id(), *status);
+  }
+  const auto connected = context.Connect(AgentName(team, leader.agent_id()));
+  if (!connected) return tl::unexpected(connected.error());
+  auto graph = connected->client->GraphStats();
+  if (!graph) return tl::unexpected(graph.error());
+  auto registration = connected->client->Registration();
+  if (!registration) return tl::unexpected(registration.error());
+  activity.graph = *std::move(graph);
+  activity.registration = *std::move(registration);
+  return WhyNotSettled(team, activity);
+}
+
 ExitCode ShowStatus(CommandContext& context) {
   const auto answers = context.AskEach([](Client& client) { return client.Status(); });
   if (!answers) return context.Report(answers.error());
@@ -159,14 +181,28 @@ ExitCode ShowStatus(CommandContext& context) {
     table.Add({agent.name(), std::to_string(agent.id()), "has left the team"});
     json.String(agent.name());
   }
-  json.EndArray().EndObject();
+  json.EndArray();
+  std::string settled;
+  const bool is_of_all = context.agent.empty() && ExitCodeOf(*answers) == ExitCode::kDone;
+  if ((*context.Team())->config.radio().sync_period_s() > 0 && context.agent.empty()) {
+    std::string why = "not all agents answer";
+    for (const proto::AgentStatus& status : statuses) {
+      if (!is_of_all || status.role() != proto::ROLE_LEADER) continue;
+      const auto asked = AskWhyNotSettled(context, status);
+      why = asked ? *asked : ToString(asked.error());
+    }
+    settled = (why.empty() ? "settled: each agent has its records" : "not settled: " + why) + "\n";
+    json.Key("is_settled").Bool(why.empty());
+    if (!why.empty()) json.Key("not_settled").String(why);
+  }
+  json.EndObject();
   const std::string leases = LeasesText((*context.Team())->config, statuses);
   const std::string leaders = LeadersText((*context.Team())->config, statuses);
   for (const proto::AgentStatus& status : statuses) {
     if (status.role() == proto::ROLE_LEADER) remarks += UnplacedLines(context, status);
   }
   const ExitCode code = leaders.empty() ? ExitCodeOf(*answers) : ExitCode::kFailed;
-  return context.Print(code, json.text(), table.Text() + leases + leaders + remarks);
+  return context.Print(code, json.text(), table.Text() + leases + leaders + remarks + settled);
 }
 
 }  // namespace

@@ -66,6 +66,7 @@ std::optional<std::string> MapChecker::OnMap(AgentId agent, const HaveSet& have,
     return "agent " + std::to_string(agent) + " returns the map of agent " + std::to_string(reply.frame_of()) +
            " alone";
   }
+  last_[agent] = reply.frame_of() == 0 ? said.SerializeAsString() : std::string();
   // A rover that is not placed gets its own map alone from its own agent.
   const std::string frame = std::to_string(reply.frame_of());
   const auto [seen, is_new] =
@@ -81,6 +82,18 @@ std::optional<std::string> MapChecker::OnMap(AgentId agent, const HaveSet& have,
   if (!merged) return "the merged map: " + ToString(merged.error());
   const std::optional<std::string> wrong = WhyOther(followed->second.tiles, *merged);
   return wrong ? std::optional("agent " + std::to_string(agent) + ": " + *wrong) : std::nullopt;
+}
+
+std::optional<std::string> MapChecker::WhyNotAlike(const std::vector<AgentId>& agents) const {
+  std::optional<AgentId> first;
+  for (const AgentId agent : agents) {
+    const auto map = last_.find(agent);
+    if (map == last_.end() || map->second.empty()) continue;
+    if (!first) first = agent;
+    if (map->second == last_.at(*first)) continue;
+    return "agents " + std::to_string(*first) + " and " + std::to_string(agent) + " merge different maps";
+  }
+  return std::nullopt;
 }
 
 proto::MapTilesRequest MapChecker::NextTiles(AgentId agent) const {

@@ -24,6 +24,10 @@ class MapChecker {
   // at the same instant.
   std::optional<std::string> OnMap(AgentId agent, const HaveSet& have, const proto::MergeRequest& request,
                                    const proto::MergeReply& reply);
+  // Returns a description if two of the agents, asked last for the same request, returned different maps; null
+  // otherwise. Call when all of them have got the same records. Maps of one rover alone (MergeReply.frame_of) are not
+  // compared.
+  std::optional<std::string> WhyNotAlike(const std::vector<AgentId>& agents) const;
   // One simulated client follows the map of each agent. NextTiles returns the client's next request. OnTiles adds the
   // tiles of the answer to the client's map, and returns a description if the tiles cannot be decoded or are
   // incomplete; null otherwise.
@@ -41,7 +45,8 @@ class MapChecker {
     std::map<std::pair<std::int64_t, std::int64_t>, Grid> tiles;  // Received tiles by column and row.
   };
 
-  std::map<std::string, Seen> maps_;  // First map seen for each request and set of held records.
+  std::map<std::string, Seen> maps_;     // First map seen for each request and set of held records.
+  std::map<AgentId, std::string> last_;  // Last map of each agent: serialized MergeReply; empty if of one rover alone.
   std::map<AgentId, Followed> followed_;
 };
 

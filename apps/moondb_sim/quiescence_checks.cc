@@ -102,6 +102,14 @@ std::uint64_t QuiescenceChecks::StatesBytesMax(Duration length) const {
   return static_cast<std::uint64_t>(sessions * kSessionBytesMax);
 }
 
+std::uint64_t QuiescenceChecks::FlowBytesMax(Duration length) const {
+  constexpr double kSessionBytesMax = 8192;
+  const double period_s = std::max(world_.config.radio().sync_period_s(), 60.0);
+  if (world_.config.radio().sync_period_s() <= 0) return 0;
+  const double sessions = (std::chrono::duration<double>(length).count() / period_s + 1) * 2 * world_.base;
+  return static_cast<std::uint64_t>(sessions * kSessionBytesMax);
+}
+
 std::uint64_t QuiescenceChecks::LeaderCheckBytesMax(Duration length) const {
   constexpr double kCheckBytesMax = 128;
   if (world_.config.roles().failover() != proto::FAILOVER_AUTOMATIC) return 0;
@@ -114,7 +122,7 @@ void QuiescenceChecks::CheckBytesEnd() {
   const std::uint64_t before = world_.team.radio_bytes();
   world_.team.AdvanceTime(minutes(10));
   const std::uint64_t bytes = world_.team.radio_bytes() - before;
-  if (bytes <= StatesBytesMax(minutes(10)) + LeaderCheckBytesMax(minutes(10))) return;
+  if (bytes <= FlowBytesMax(minutes(10)) + StatesBytesMax(minutes(10)) + LeaderCheckBytesMax(minutes(10))) return;
   world_.Violate("comes_to_rest", std::to_string(bytes) + " bytes in ten minutes without orders");
 }
 
@@ -126,7 +134,8 @@ void QuiescenceChecks::CheckSessions(AgentId agent) {
     if (!answer) continue;
     const proto::ShareStatus& status = answer->share_status();
     for (const proto::ShareSession& session : status.sessions()) {
-      if (!session.is_open() && session.remaining() == 0) continue;
+      // A periodic session may be open at any time. CheckBytesEnd limits its bytes.
+      if ((!session.is_open() || session.is_periodic()) && session.remaining() == 0) continue;
       world_.Violate("comes_to_rest", "agent " + std::to_string(agent) + ": " + session.ShortDebugString());
     }
     if (status.damaged_messages() > 0 && world_.byzantine == 0) {

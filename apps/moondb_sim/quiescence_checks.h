@@ -32,6 +32,8 @@ class QuiescenceChecks {
   void CheckBytesEnd();
   void CheckSessions(AgentId agent);
   // Returns the most bytes that periodic sessions of all agents may send within `length` when there are no new states.
+  // Bytes of have-sets that agents compare in this time because records flow (radio.sync_period_s).
+  std::uint64_t FlowBytesMax(Duration length) const;
   std::uint64_t StatesBytesMax(Duration length) const;
   // Returns the most bytes that the survivor's checks of the leader (FailoverActor), with their answers, may take
   // within `length`.

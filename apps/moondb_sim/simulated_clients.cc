@@ -425,7 +425,19 @@ void SimulatedClients::CheckQuiescent() {
     world_.team.CrashActor({agent, actor_name::kMerge});
     CheckMap(agent);
   }
+  CheckMapsAreAlike();
   CheckBundlesWhenIdle(world_.base);
+}
+
+// With the policies that bring each rover all records of the merged map, all rovers merge the same one.
+void SimulatedClients::CheckMapsAreAlike() {
+  const bool has_all = RoversPolicyOf(world_.config, proto::LOCAL_TRAVERSABILITY_MAP) == proto::POLICY_ALL &&
+                       RoversPolicyOf(world_.config, proto::POSE_GRAPH_NODE) == proto::POLICY_ALL &&
+                       RoversPolicyOf(world_.config, proto::OPTIMIZED_POSE) != proto::POLICY_NONE;
+  if (!has_all || world_.byzantine != 0) return;
+  std::vector<AgentId> rovers;
+  for (AgentId agent = 1; agent < world_.base; ++agent) rovers.push_back(agent);
+  if (const auto wrong = maps_.WhyNotAlike(rovers)) world_.Violate("same_map", *wrong);
 }
 
 // Fetches and acknowledges all waiting bundles. Then orders bundles of the remaining records, and fetches and

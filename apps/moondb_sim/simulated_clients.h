@@ -62,6 +62,7 @@ class SimulatedClients {
   void CheckAnswer(AgentId agent, const proto::ControlRequest& request, const std::optional<HaveSet>& before,
                    const Answer& answer);
   void CheckMap(AgentId agent);
+  void CheckMapsAreAlike();
   void CheckSolved(AgentId leader, const proto::OptimizeReply& reply);
 
   void Order(AgentId agent, const proto::DownlinkRequest& order);

@@ -19,6 +19,11 @@ constexpr double kHistory_mb = 0.02;
 // computing time.
 constexpr std::uint64_t kCompactEvery = 4;
 
+// In one seed of four, records flow without orders.
+constexpr std::uint64_t kFlowEvery = 4;
+constexpr std::uint64_t kFlowSeed = 2;
+constexpr double kFlowPeriods_s[] = {1, 60};
+
 // In one seed of two, each rover gets the records that the merged map needs. These seeds have all codecs, with and
 // without keys.
 constexpr std::uint64_t kRoversEvery = 16;
@@ -85,6 +90,9 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   if (options.is_paced) team.mutable_radio()->set_budget_kbps(options.BudgetKbps());
   team.mutable_radio()->set_codec(options.seed % kCompactEvery == 1 ? proto::CODEC_COMPACT : proto::CODEC_ZSTD);
   if (options.seed % kStatesEvery == 0) team.mutable_radio()->set_states_period_s(kStatesPeriod_s);
+  if (options.seed % kFlowEvery == kFlowSeed) {
+    team.mutable_radio()->set_sync_period_s(kFlowPeriods_s[options.seed / kFlowEvery % std::size(kFlowPeriods_s)]);
+  }
   auto& share = *team.mutable_share();
   share["power"] = proto::POLICY_LATEST;
   share["pose_graph_node"] = proto::POLICY_ALL;

@@ -34,6 +34,8 @@ constexpr char kKeyNote[] =
 constexpr char kStartToFillIn[] =
     "    # start: {x: 0, y: 0, z: 0, yaw: 0, sigma_m: 0.05, sigma_rad: 0.01}   # Measure it and fill it in.\n";
 
+constexpr char kTwoAgents[] = "\n# Failover is manual: of two agents that lose each other both would lead.\n";
+
 constexpr char kTail[] =
     R"(
 # Initial leader and survivor (term 0); roles that were set later win. failover: manual or automatic (the survivor takes
@@ -43,9 +45,10 @@ roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 # Agents that may relay commands to others and change roles as an operator: names, or all.
 command_from: [%s]
 
-# Total rate that one agent may send and receive, and the period at which states are sent to the leader without a request
-# (0: never). Codec of records: compact, or for comparison zstd, plain or paper_sql.
-radio: {budget_kbps: %s, quiet_while_driving: %s, states_period_s: %s, codec: %s}
+# Total rate that one agent may send and receive. states_period_s: how often agents send the leader their states without
+# a request. sync_period_s: new records go on by themselves, at most once a period. Both in s, 0: never. Codec of
+# records: compact, or for comparison zstd, plain or paper_sql.
+radio: {budget_kbps: %s, quiet_while_driving: %s, states_period_s: %s, sync_period_s: %s, codec: %s}
 
 # Sharing policies by data type: none, latest or all. `share` holds from rovers to the leader and on to the designated
 # survivor, `ground` for the base station. Under `latest` only the newest record of a type is shared.
@@ -199,10 +202,11 @@ std::string TeamText(const proto::TeamConfig& team) {
   const proto::RolesConfig& roles = team.roles();
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
   const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
+  if (failover == "manual" && team.agents_size() == 2) text += kTwoAgents;
   text += Format(
       kTail, {roles.leader(), survivor, failover, ShortestNumber(roles.leader_timeout_s()), CommandFromText(team),
               ShortestNumber(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
-              ShortestNumber(team.radio().states_period_s()),
+              ShortestNumber(team.radio().states_period_s()), ShortestNumber(team.radio().sync_period_s()),
               YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())),
               PoliciesText(team, SharePolicyOf), PoliciesText(team, GroundPolicyOf), RoversText(team), KeepText(team),
               team.pose_graph().solve_by_itself() ? "true" : "false", ShortestNumber(team.map().resolution_m()),

@@ -493,6 +493,63 @@ TEST(RealTeamTest, ASyncIsOverOnlyWhenRoversHaveWhatOthersBroughtIn) {
   EXPECT_TRUE(real.LackingAt(2).empty());
 }
 
+proto::TeamConfig TeamWithFlow(double period_s = 5) {
+  proto::TeamConfig config = TeamWithRoversPolicies();
+  config.mutable_radio()->set_sync_period_s(period_s);
+  return config;
+}
+
+TEST(RealTeamTest, RecordsFlowWithoutAnOrder) {
+  RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithFlow());
+  real.Settle();
+  for (const AgentId agent : {1u, 2u, 3u}) {
+    real.InsertNodes(agent, 5);
+    real.InsertMap(agent, agent);
+    real.InsertOptimizedPoses(/*leader=*/1, agent, 5, /*run=*/1);
+  }
+  real.Settle();  // Two periods.
+  real.ExpectConverged();
+  for (const AgentId agent : {2u, 3u}) EXPECT_TRUE(real.LackingAt(agent).empty()) << "agent " << agent;
+  std::map<AgentId, std::uint64_t> records_to = real.TakeRecordsTo();
+  EXPECT_EQ(records_to[1], 12u) << "each record once";
+  EXPECT_EQ(records_to[2], 27u) << "by replication alone";
+  EXPECT_EQ(records_to[3], 27u);
+}
+
+TEST(RealTeamTest, AnIdleTeamIsAlmostSilentAlthoughRecordsFlow) {
+  RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithFlow(/*period_s=*/1));
+  real.InsertNodes(2, 5);
+  real.team().AdvanceTime(minutes(2));
+  const std::uint64_t bytes = real.team().radio_bytes();
+  real.team().AdvanceTime(minutes(10));
+  EXPECT_LT((real.team().radio_bytes() - bytes) / 600.0, 200) << "bytes a second of all agents together";
+}
+
+TEST(RealTeamTest, AnAgentThatComesBackGetsTheRecordsThatItMissed) {
+  RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithFlow());
+  real.Settle();
+  for (const AgentId agent : {1u, 2u, kBase}) real.team().SetLink(3, agent, /*is_up=*/false);
+  real.InsertNodes(2, 5);
+  real.InsertNodes(3, 5);
+  real.Settle();
+  EXPECT_EQ(real.LackingAt(3).size(), 5u);
+  for (const AgentId agent : {1u, 2u, kBase}) real.team().SetLink(3, agent, /*is_up=*/true);
+  real.team().AdvanceTime(seconds(12));
+  EXPECT_TRUE(real.LackingAt(3).empty());
+  EXPECT_TRUE(real.LackingAt(2).empty()) << "of agent 3 too";
+}
+
+TEST(RealTeamTest, RecordsFlowToTheNewLeader) {
+  RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithFlow());
+  real.InsertNodes(3, 5);
+  real.Settle();
+  real.Swap(1);
+  real.InsertNodes(1, 5);
+  real.InsertNodes(3, 5);
+  real.team().AdvanceTime(minutes(2));
+  real.ExpectConverged();
+}
+
 int SeedCount() {
   const char* text = std::getenv("MOONDB_SEEDS");
   return text == nullptr ? 6 : std::max(1, std::atoi(text));

@@ -279,7 +279,7 @@ TEST_F(StandingOrderTest, LeavesOutTypesThatTheDestinationDefinesDifferently) {
 TEST_F(StandingOrderTest, SendsPeriodicStatesWithoutCountingOrReportingAnEnd) {
   source_.Insert(kSelf, proto::POWER, "p");
   source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
-  Take(session_.SharePeriodic(States(), now_));
+  Take(session_.SharePeriodic(States(), /*is_for_states=*/true, now_));
   EXPECT_TRUE(Status().is_periodic());
   AnswerHello();
   const auto batches = RunToEnd();
@@ -289,7 +289,7 @@ TEST_F(StandingOrderTest, SendsPeriodicStatesWithoutCountingOrReportingAnEnd) {
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(Status().completed_sessions() + Status().closed_sessions(), 0);
 
-  Take(session_.SharePeriodic(States(), now_));  // There are no new records.
+  Take(session_.SharePeriodic(States(), /*is_for_states=*/true, now_));  // There are no new records.
   AnswerHello();
   EXPECT_TRUE(TakeSent().empty());
   EXPECT_FALSE(session_.is_open());
@@ -298,7 +298,7 @@ TEST_F(StandingOrderTest, SendsPeriodicStatesWithoutCountingOrReportingAnEnd) {
 TEST_F(StandingOrderTest, AnOrderReplacesPeriodicStatesAndKeepsItsOwnLimit) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   source_.Insert(kSelf, proto::POWER, "p");
-  Take(session_.SharePeriodic(States(), now_));
+  Take(session_.SharePeriodic(States(), /*is_for_states=*/true, now_));
   AnswerHello();
   Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/10'000));
   AnswerHello();
@@ -309,8 +309,54 @@ TEST_F(StandingOrderTest, AnOrderReplacesPeriodicStatesAndKeepsItsOwnLimit) {
   EXPECT_LE(Status().coded_bytes(), 10'000 + 1300);
   const std::string error = Status().last_error();
   EXPECT_FALSE(error.empty());
-  Take(session_.SharePeriodic(States(), now_));
+  Take(session_.SharePeriodic(States(), /*is_for_states=*/true, now_));
   EXPECT_EQ(Status().last_error(), error) << "the order's end is still to be seen";
+}
+
+TEST_F(StandingOrderTest, RecordsWithoutAnOrderIncludeThoseStoredMeanwhile) {
+  for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Take(session_.SharePeriodic(proto::RecordFilter(), /*is_for_states=*/false, now_));
+  EXPECT_TRUE(Status().is_periodic());
+  AnswerHello();
+  source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
+  RunToEnd();
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().completed_sessions() + Status().closed_sessions(), 0);
+}
+
+TEST_F(StandingOrderTest, RecordsWithoutAnOrderWaitWhileOnlyStatesPass) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
+  Take(session_.SetWindow(Window::kStatesOnly, now_));
+  Take(session_.SharePeriodic(proto::RecordFilter(), /*is_for_states=*/false, now_));
+  EXPECT_TRUE(TakeSent().empty());
+  Take(session_.SharePeriodic(States(), /*is_for_states=*/true, now_));
+  AnswerHello();
+  const auto batches = RunToEnd();
+  ASSERT_EQ(batches.size(), 1u);
+  EXPECT_EQ(batches[0].data_type(), static_cast<std::uint32_t>(proto::POWER));
+}
+
+TEST_F(StandingOrderTest, AllRecordsTakeThePlaceOfPeriodicStates) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
+  Take(session_.SharePeriodic(States(), /*is_for_states=*/true, now_));
+  Take(session_.SharePeriodic(proto::RecordFilter(), /*is_for_states=*/false, now_));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(StandingOrderTest, AnOrderReplacesRecordsWithoutAnOrderAndKeepsItsOwnLimit) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Take(session_.SharePeriodic(proto::RecordFilter(), /*is_for_states=*/false, now_));
+  AnswerHello();
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/10'000));
+  const double before = Status().coded_bytes();
+  RunToEnd();
+  EXPECT_EQ(Status().limited_sessions(), 1);
+  EXPECT_LE(Status().coded_bytes() - before, 10'000 + 1300);
 }
 
 TEST_F(StandingOrderTest, RemindersNeitherDelayNorExtendAnOrder) {
@@ -319,9 +365,9 @@ TEST_F(StandingOrderTest, RemindersNeitherDelayNorExtendAnOrder) {
   AnswerHello();
   while (!sent_.empty()) {
     for (const proto::Message& message : TakeSent()) {
-      Take(session_.SharePeriodic(States(), now_));
+      Take(session_.SharePeriodic(States(), /*is_for_states=*/true, now_));
       Acknowledge(message);
-      if (session_.is_open()) Take(session_.SharePeriodic(States(), now_));
+      if (session_.is_open()) Take(session_.SharePeriodic(proto::RecordFilter(), /*is_for_states=*/false, now_));
     }
   }
   EXPECT_FALSE(session_.is_ordered());
@@ -332,7 +378,7 @@ TEST_F(StandingOrderTest, RemindersNeitherDelayNorExtendAnOrder) {
 TEST_F(StandingOrderTest, PeriodicStatesWaitForAShutWindowWithoutCountingResends) {
   source_.Insert(kSelf, proto::POWER, "p");
   Take(session_.SetWindow(Window::kShut, now_));
-  for (int i = 0; i < 10; ++i) Take(session_.SharePeriodic(States(), now_));
+  for (int i = 0; i < 10; ++i) Take(session_.SharePeriodic(States(), /*is_for_states=*/true, now_));
   EXPECT_TRUE(TakeSent().empty());
   EXPECT_EQ(Status().resends(), 0);
   Take(session_.SetWindow(Window::kOpen, now_));

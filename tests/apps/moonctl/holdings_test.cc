@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "apps/moonctl/map_holdings.h"
 #include "proto/types.pb.h"
 
 namespace moondb {
@@ -31,6 +32,35 @@ TEST(HoldingsTest, CountsWhatIsHeldAndWhatIsLackingOverAllEpochs) {
   EXPECT_EQ(row[1].lacking, 10u);
   EXPECT_EQ(row[2].held, 0u);
   EXPECT_EQ(row[2].lacking, 15u);
+}
+
+// Agents 1 (leader), 2 (survivor) and 3 are rovers, 4 is the base station.
+TEST(MapHoldingsTest, AnAgentShouldHaveTheMapsThatRolesAndPoliciesBringIt) {
+  proto::TeamConfig team;
+  for (std::uint32_t id = 1; id <= 4; ++id) team.add_agents()->set_id(id);
+  team.mutable_agents(3)->set_kind(proto::AGENT_KIND_BASE_STATION);
+  proto::RoleAssignment roles;
+  roles.set_leader(1);
+  roles.set_survivor(2);
+  const StreamKey maps{3, 7, proto::LOCAL_TRAVERSABILITY_MAP};
+  HaveSet leader = Held(maps, 1, 10);
+  leader[{3, 7, kNode}].held.Add({1, 20});
+  const HaveSet some = Held(maps, 3, 12);
+  for (const AgentId agent : {1u, 2u, 3u, 4u}) {
+    const auto holdings = MapHoldingsOf(team, roles, agent, some, leader);
+    ASSERT_EQ(holdings.size(), 1u);
+    EXPECT_EQ(holdings[0].origin, 3u);
+    EXPECT_EQ(holdings[0].held, 10u);
+    EXPECT_EQ(holdings[0].lacking, 2u);
+    EXPECT_EQ(holdings[0].is_meant, agent != 4) << agent;
+  }
+  roles.set_survivor(0);
+  EXPECT_FALSE(MapHoldingsOf(team, roles, 2, some, leader)[0].is_meant);
+  (*team.mutable_rovers())["local_traversability_map"] = proto::POLICY_ALL;
+  EXPECT_TRUE(MapHoldingsOf(team, roles, 2, some, leader)[0].is_meant);
+  EXPECT_FALSE(MapHoldingsOf(team, roles, 4, some, leader)[0].is_meant);
+  (*team.mutable_ground())["local_traversability_map"] = proto::POLICY_ALL;
+  EXPECT_TRUE(MapHoldingsOf(team, roles, 4, some, leader)[0].is_meant);
 }
 
 TEST(HoldingsTest, SupersededRecordsAreNotLacking) {

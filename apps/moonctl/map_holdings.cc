@@ -1,0 +1,132 @@
+#include "apps/moonctl/map_holdings.h"
+
+#include <algorithm>
+#include <chrono>
+#include <set>
+#include <string>
+
+#include "apps/common/json_writer.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/agent_answers.h"
+#include "apps/moonctl/command_context.h"
+#include "model/agent_name.h"
+#include "model/team_member.h"
+#include "proto/record.pb.h"
+#include "proto/types.pb.h"
+#include "runtime/team/team_config.h"
+
+namespace moondb {
+namespace {
+
+// An agent's have-set, and the timestamp of its newest map of each origin.
+struct HeldMaps {
+  HaveSet have;
+  std::map<AgentId, std::int64_t> newest_ns;
+};
+
+std::set<AgentId> MapOrigins(const HaveSet& have) {
+  std::set<AgentId> origins;
+  for (const auto& [stream, held] : have.streams()) {
+    if (stream.type == proto::LOCAL_TRAVERSABILITY_MAP && !held.held.is_empty()) origins.insert(stream.origin);
+  }
+  return origins;
+}
+
+Result<HeldMaps> ReadHeldMaps(Client& client) {
+  HeldMaps maps;
+  auto have = client.GetHaveSet();
+  if (!have) return tl::unexpected(have.error());
+  maps.have = *std::move(have);
+  for (const AgentId origin : MapOrigins(maps.have)) {
+    proto::ReadRequest request;
+    request.add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
+    request.add_origin_agents(origin);
+    request.set_is_newest_first(true);
+    request.set_records_max(1);
+    const auto page = client.Read(request);
+    if (!page) return tl::unexpected(page.error());
+    proto::Record record;
+    if (page->records().empty() || !record.ParseFromString(page->records(0).content())) continue;
+    maps.newest_ns[origin] = record.timestamp_ns();
+  }
+  return maps;
+}
+
+// Returns 0 for a timestamp in the future.
+double SecondsSince(std::int64_t timestamp_ns) {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::max(0.0, std::chrono::duration<double>(now - std::chrono::nanoseconds(timestamp_ns)).count());
+}
+
+bool IsMeant(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent, AgentId origin) {
+  if (agent == origin || agent == roles.leader() || agent == roles.survivor()) return true;
+  const auto policy_of = agent == BaseStationOf(team) ? GroundPolicyOf : RoversPolicyOf;
+  return policy_of(team, proto::LOCAL_TRAVERSABILITY_MAP) == proto::POLICY_ALL;
+}
+
+}  // namespace
+
+std::vector<MapHolding> MapHoldingsOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent,
+                                      const HaveSet& have, const HaveSet& leaders) {
+  std::set<AgentId> origins = MapOrigins(leaders);
+  origins.merge(MapOrigins(have));
+  HaveSet known = leaders;
+  known.Merge(have);
+  std::vector<MapHolding> holdings;
+  for (const AgentId origin : origins) {
+    MapHolding holding{origin, 0, 0, IsMeant(team, roles, agent, origin)};
+    for (const auto& [stream, ignored] : known.streams()) {
+      if (stream.origin != origin || stream.type != proto::LOCAL_TRAVERSABILITY_MAP) continue;
+      const StreamHave& own = have.Get(stream);
+      holding.held += own.held.Count();
+      holding.lacking += leaders.Get(stream).held.Minus(own.Covered()).Count();
+    }
+    holdings.push_back(holding);
+  }
+  return holdings;
+}
+
+ExitCode ShowMapHoldings(CommandContext& context) {
+  const auto roles = context.Roles();
+  if (!roles) return context.Report(roles.error());
+  auto leader = context.ConnectToLeaderOf(*roles);
+  if (!leader) return context.Report(leader.error());
+  const auto leaders = leader->client->GetHaveSet();
+  if (!leaders) return context.Report(leaders.error());
+  const auto answers = context.AskEach([](Client& client) { return ReadHeldMaps(client); });
+  if (!answers) return context.Report(answers.error());
+  const proto::TeamConfig& team = (*context.Team())->config;
+  Table table({"AGENT", "MAPS OF", "HELD", "LACKS", "NEWEST"});
+  JsonWriter json;
+  json.BeginObject().Key("agents").BeginArray();
+  std::string without;
+  bool is_any_lacking = false;
+  for (const auto& [agent, maps] : *answers) {
+    json.BeginObject().Key("agent").String(agent->name());
+    if (!maps) {
+      without += agent->name() + ": " + WhyNoAnswer(maps.error()) + "\n";
+      json.Key("error").String(maps.error().text).EndObject();
+      continue;
+    }
+    json.Key("maps").BeginArray();
+    for (const MapHolding& holding : MapHoldingsOf(team, *roles, agent->id(), maps->have, *leaders)) {
+      const auto newest = maps->newest_ns.find(holding.origin);
+      const bool has_newest = newest != maps->newest_ns.end();
+      is_any_lacking = is_any_lacking || (holding.is_meant && holding.lacking > 0);
+      const std::string lacks = std::to_string(holding.lacking) + (holding.is_meant ? "" : ", by policy");
+      table.Add({agent->name(), AgentName(team, holding.origin), std::to_string(holding.held), lacks,
+                 has_newest ? FormatSeconds(SecondsSince(newest->second)) + " old" : "-"});
+      json.BeginObject().Key("of").String(AgentName(team, holding.origin));
+      json.Key("held").Number(static_cast<double>(holding.held));
+      json.Key("lacking").Number(static_cast<double>(holding.lacking)).Key("is_meant").Bool(holding.is_meant);
+      if (has_newest) json.Key("newest_age_s").Number(SecondsSince(newest->second));
+      json.EndObject();
+    }
+    json.EndArray().EndObject();
+  }
+  json.EndArray().EndObject();
+  const ExitCode code = is_any_lacking ? ExitCode::kFailed : ExitCodeOf(*answers);
+  return context.Print(code, json.text(), table.Text() + without);
+}
+
+}  // namespace moondb
