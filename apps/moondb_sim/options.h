@@ -54,6 +54,7 @@ struct SimOptions {
   SharingSession::Options session;
   bool is_store_checked = true;  // Check the store before each process start.
   bool is_paced = true;          // Limit the sessions to the radio budget.
+  bool has_flow = true;          // Draws seeds in which records flow without orders.
 
   // Returns the radio budget of each agent in kbit/s. Unless `measures_refill` is true, the budget is so small that the
   // refill of an empty disk uses all of it. All other traffic needs less.

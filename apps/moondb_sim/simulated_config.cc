@@ -90,7 +90,7 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   if (options.is_paced) team.mutable_radio()->set_budget_kbps(options.BudgetKbps());
   team.mutable_radio()->set_codec(options.seed % kCompactEvery == 1 ? proto::CODEC_COMPACT : proto::CODEC_ZSTD);
   if (options.seed % kStatesEvery == 0) team.mutable_radio()->set_states_period_s(kStatesPeriod_s);
-  if (options.seed % kFlowEvery == kFlowSeed) {
+  if (options.has_flow && options.seed % kFlowEvery == kFlowSeed) {
     team.mutable_radio()->set_sync_period_s(kFlowPeriods_s[options.seed / kFlowEvery % std::size(kFlowPeriods_s)]);
   }
   auto& share = *team.mutable_share();

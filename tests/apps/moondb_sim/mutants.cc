@@ -1446,7 +1446,7 @@ const std::vector<Mutant>& Mutants() {
        SimulatedActors::kAll},
       {"MergesWhatIsPruned",
        "merging is not notified that records are pruned",
-       {"map_of_records"},
+       {"map_of_records", "same_map"},
        10,
        [](SimOptions& options) {
          options.faults_per_hour["prune"] = 40;

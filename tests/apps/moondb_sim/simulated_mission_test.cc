@@ -109,6 +109,7 @@ TEST(SimulatedMissionTest, KeepsAllRulesInSeedsThatBrokeOne) {
     options.seed = number;
     options.actors = actors;
     options.hours = hours;
+    options.has_flow = false;  // They broke a rule without it.
     const SimReport report = RunSimulatedMission(options);
     PrintTo(report, std::cout);
     EXPECT_TRUE(report.violations.empty()) << "seed " << number;

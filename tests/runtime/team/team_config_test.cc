@@ -562,6 +562,7 @@ TEST_F(TeamFileTest, AWrittenTeamKeepsItsFields) {
   config.mutable_agents(0)->mutable_start()->set_sigma_rad(0.01);  // Default of sigma_rad, which the file omits.
   config.mutable_custom_types(0)->set_share(proto::POLICY_ALL);    // Default of `share`, which the file omits.
   config.mutable_custom_types(0)->set_ground(proto::POLICY_NONE);
+  config.mutable_custom_types(0)->set_rovers(proto::POLICY_NONE);
   config.mutable_custom_types(0)->set_priority(5);
   config.mutable_custom_types(0)->set_bytes_max(4096);
   config.mutable_custom_types(0)->set_keep("all");
