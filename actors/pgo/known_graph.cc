@@ -355,9 +355,9 @@ const Pose* KnownGraph::FindPublished(const NodeKey& node) const {
   return quarantines_.HasNode(node) && !published.ignores_raw_pose ? nullptr : &published.map_from_node;
 }
 
-std::map<NodeKey, Pose> KnownGraph::FindNewestPoses() const {
+std::map<NodeKey, Pose> KnownGraph::FindNewestPoses(const std::vector<GraphNode>& nodes) const {
   std::map<NodeKey, Pose> poses;
-  for (const GraphNode& node : graph().nodes) poses.emplace(node.key, node.map_from_node);
+  for (const GraphNode& node : nodes) poses.emplace(node.key, node.map_from_node);
   PoseCarrier carrier;
   for (auto& [node, pose] : poses) {
     const Pose* raw = quarantines_.HasNode(node) ? nullptr : &pose;

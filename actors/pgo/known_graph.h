@@ -92,9 +92,9 @@ class KnownGraph {
   bool IsPublishedUnplaced(const NodeKey& node) const;
   const GraphQuarantines& quarantines() const { return quarantines_; }
   std::size_t published_count() const { return poses_.size(); }  // Number of nodes with a published pose.
-  // Returns the newest pose of each node of graph(): its valid pose (model/pose_carrier.h), or the raw pose if odometry
-  // does not connect the node with the last published pose.
-  std::map<NodeKey, Pose> FindNewestPoses() const;
+  // Returns the newest pose of each of these nodes of graph(): its valid pose (model/pose_carrier.h), or the raw pose
+  // if odometry does not connect the node with the last published pose. Requires: `nodes` are all nodes of graph().
+  std::map<NodeKey, Pose> FindNewestPoses(const std::vector<GraphNode>& nodes) const;
 
   // Returns the last published verdict on a factor. Null if none is published; such a range counts as accepted, and
   // such a loop closure or prior was not part of a solve yet.

@@ -35,13 +35,13 @@ class FlowSchedule {
   bool is_on() const { return period_ > Duration::zero(); }
   // Replaces the destinations. All are due.
   void SetDestinations(const std::set<AgentId>& destinations, Time now);
-  // Calls `note` for each destination, which returns whether the destination may lack records now.
+  // Notes which destinations may lack records now.
   void Note(const std::function<bool(AgentId)>& may_lack);
 
   struct State {
     bool is_ready = false;  // Records can pass to the destination now.
     bool is_busy = false;   // An order is being carried out, which must not change.
-    // Whether the destination did not take some records of the last session; nullopt while the session is open.
+    // True if the destination did not take some records of the last session; nullopt while the session is open.
     std::optional<bool> has_refused;
   };
   using StateOf = std::function<State(AgentId)>;
@@ -56,7 +56,7 @@ class FlowSchedule {
   struct Destination {
     bool is_due = true;
     Time served{};           // When it was last served.
-    Time next{};             // It is not served before.
+    Time next{};             // Earliest time to serve it again.
     int refusals = 0;        // Sessions in a row of which it did not take all records.
     bool is_counted = true;  // The outcome of the last session is part of `refusals`.
   };

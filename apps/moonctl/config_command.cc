@@ -166,21 +166,16 @@ Result<void> WriteTeamOfMission(const ConfigArguments& arguments) {
   return WriteTeam(arguments.file, team);
 }
 
-// Returns the team's name: the given one, or one after the name of the team file's folder.
-std::string NameOfTeam(const ConfigArguments& arguments) {
-  if (!arguments.name.empty()) return arguments.name;
-  return PlainNameOf(std::filesystem::absolute(arguments.file).parent_path().filename().string());
-}
-
 ExitCode InitLab(CommandContext& context, const ConfigArguments& arguments) {
-  const auto team = MakeLabTeam(
-      {NameOfTeam(arguments), arguments.robot_count, arguments.addresses, arguments.base, arguments.first_port});
+  const std::string name = arguments.name.empty() ? DefaultTeamName(arguments.file) : arguments.name;
+  const auto team =
+      MakeLabTeam({name, arguments.robot_count, arguments.addresses, arguments.base, arguments.first_port});
   if (!team) return context.Report(team.error());
   if (auto written = WriteTeam(arguments.file, *team); !written) return context.Report(written.error());
   JsonWriter json;
   json.BeginObject().Key("file").String(arguments.file).EndObject();
-  std::string text = "wrote " + arguments.file +
-                     " and its keys: records and the team's map flow to all robots, without " + "a command";
+  std::string text =
+      "wrote " + arguments.file + " and its keys: records and the team's map flow to all robots, without a command";
   if (arguments.addresses.empty()) text += "\nnote: all agents are on this machine: give --address for robots";
   if (team->agents_size() == 2) {
     text += "\nnote: failover is manual, because of two agents that lose each other both would lead";

@@ -38,7 +38,7 @@ HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
   HeldGraph held;
   held.graph = known.graph();
   std::set<NodeKey> keys;
-  const auto poses = is_optimized ? known.FindNewestPoses() : std::map<NodeKey, Pose>();
+  const auto poses = is_optimized ? known.FindNewestPoses(held.graph.nodes) : std::map<NodeKey, Pose>();
   for (GraphNode& node : held.graph.nodes) {
     keys.insert(node.key);
     if (known.FindPublished(node.key) != nullptr) held.optimized.insert(node.key);

@@ -9,6 +9,7 @@
 #include "apps/common/table.h"
 #include "apps/moonctl/agent_answers.h"
 #include "apps/moonctl/command_context.h"
+#include "apps/moonctl/holdings.h"
 #include "model/agent_name.h"
 #include "model/team_member.h"
 #include "proto/record.pb.h"
@@ -68,20 +69,11 @@ bool IsMeant(const proto::TeamConfig& team, const proto::RoleAssignment& roles, 
 
 std::vector<MapHolding> MapHoldingsOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent,
                                       const HaveSet& have, const HaveSet& leaders) {
-  std::set<AgentId> origins = MapOrigins(leaders);
-  origins.merge(MapOrigins(have));
-  HaveSet known = leaders;
-  known.Merge(have);
   std::vector<MapHolding> holdings;
-  for (const AgentId origin : origins) {
-    MapHolding holding{origin, 0, 0, IsMeant(team, roles, agent, origin)};
-    for (const auto& [stream, ignored] : known.streams()) {
-      if (stream.origin != origin || stream.type != proto::LOCAL_TRAVERSABILITY_MAP) continue;
-      const StreamHave& own = have.Get(stream);
-      holding.held += own.held.Count();
-      holding.lacking += leaders.Get(stream).held.Minus(own.Covered()).Count();
-    }
-    holdings.push_back(holding);
+  for (const auto& [series, row] : HoldingsOf({have, leaders})) {
+    const auto& [origin, type] = series;
+    if (type != proto::LOCAL_TRAVERSABILITY_MAP) continue;
+    holdings.push_back({origin, row[0].held, row[0].lacking, IsMeant(team, roles, agent, origin)});
   }
   return holdings;
 }
@@ -101,11 +93,12 @@ ExitCode ShowMapHoldings(CommandContext& context) {
   json.BeginObject().Key("agents").BeginArray();
   std::string without;
   bool is_any_lacking = false;
-  for (const auto& [agent, maps] : *answers) {
-    json.BeginObject().Key("agent").String(agent->name());
+  for (const auto& asked : *answers) {
+    const auto& [agent, maps] = asked;
+    BeginAgent(asked, json);
     if (!maps) {
       without += agent->name() + ": " + WhyNoAnswer(maps.error()) + "\n";
-      json.Key("error").String(maps.error().text).EndObject();
+      json.EndObject();
       continue;
     }
     json.Key("maps").BeginArray();

@@ -118,7 +118,7 @@ Result<Overlap> ReadOverlap(AgentClient& target, const proto::TeamConfig& team, 
     if (known->FindPublished(node.key) != nullptr) continue;
     overlap.remarks.push_back(NodeName(team, node.key) + " has no optimized pose; odometry places it");
   }
-  const std::map<NodeKey, Pose> poses = known->FindNewestPoses();
+  const std::map<NodeKey, Pose> poses = known->FindNewestPoses(graph.nodes);
   const Pose& map_from_first = poses.at(first->key);
   overlap.placements = {{"odometry", first->map_from_node, second->map_from_node},
                         {"optimized", map_from_first, poses.at(second->key)}};

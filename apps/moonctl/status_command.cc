@@ -140,6 +140,7 @@ Result<std::string> AskWhyNotSettled(CommandContext& context, const proto::Agent
     if (!status) return agent->name() + " does not answer";
     activity.sharing.emplace_back(agent->id(), *status);
   }
+  // Asked after the transfers: records that arrive meanwhile make a solve due.
   const auto connected = context.Connect(AgentName(team, leader.agent_id()));
   if (!connected) return tl::unexpected(connected.error());
   auto graph = connected->client->GraphStats();

@@ -101,7 +101,7 @@ Result<MergedMap> MergeAt(const proto::TeamConfig& team, const Held& held, const
 Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, const Held& held,
                          const MergedMap& agents_map, bool is_aligned) {
   const Poses raw = RawPoses(held);
-  const Poses newest = held.graph.FindNewestPoses();
+  const Poses newest = held.graph.FindNewestPoses(held.graph.graph().nodes);
   const Poses truth = TruePoses(mission, raw);
   if (truth.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no node of this mission");
   if (held.maps.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no map");

@@ -56,7 +56,7 @@ share:
 %s
 ground:
 %s
-# What the leader sends each rover of all agents' records. For the team's map on every rover (docs/MAPS.md):
+# Records of all agents that the leader sends each rover. For the team's map on every rover (docs/MAPS.md):
 # rovers: {pose_graph_node: all, optimized_pose: latest, local_traversability_map: all}
 %s
 # History: how long each robot's own disk keeps its own records that newer ones superseded under `latest`: all, latest
@@ -432,6 +432,10 @@ Result<void> AddSigningSecret(const std::filesystem::path& public_path, const Si
   return files->Add(SigningSecretPath(SecretKeyPath(public_path)), signing.SecretText() + "\n", 0600);
 }
 
+std::string DefaultTeamName(const std::filesystem::path& file) {
+  return PlainNameOf(std::filesystem::absolute(file).parent_path().filename().string());
+}
+
 Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port,
                               const std::string& name) {
   if (agent_count < 1 || agent_count > kAgentCountMax) {
@@ -446,7 +450,7 @@ Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count
                 "first_port");
   }
   proto::TeamConfig team;
-  team.set_team(name.empty() ? PlainNameOf(std::filesystem::absolute(path).parent_path().filename().string()) : name);
+  team.set_team(name.empty() ? DefaultTeamName(path) : name);
   for (int i = 0; i < agent_count; ++i) {
     proto::AgentConfig* agent = team.add_agents();
     const bool is_base = i > 0 && i + 1 == agent_count;

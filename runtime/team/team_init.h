@@ -15,13 +15,16 @@
 namespace moondb {
 
 // Writes the files of WriteInitialTeam (runtime/team/team_config.h) for a team called `name`. If `name` is empty,
-// derives the team's name from the name of the file's folder (PlainNameOf).
+// the team is called DefaultTeamName.
 Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port,
                               const std::string& name);
 
 // Converts `text` to a valid team name. Letters become lower case, each run of invalid characters becomes one -, and
 // the result is cut to 32 characters. Returns "team" if nothing remains.
 std::string PlainNameOf(const std::string& text);
+
+// Returns the name that a team has by default: one made of the name of the file's folder (PlainNameOf).
+std::string DefaultTeamName(const std::filesystem::path& file);
 
 // Returns `yaml` with a new line `team_id: ...` below the team's name. Returns kInvalid if the line cannot be added
 // because the name is missing or the text is not YAML. Requires: `yaml` has no team id.

@@ -24,7 +24,20 @@ struct RealMission {
   double carried_max_m;  // Error of carried poses.
 };
 
-class RealMissionsTest : public testing::TestWithParam<RealMission> {};
+class RealMissionsTest : public testing::TestWithParam<RealMission> {
+ protected:
+  void SetUp() override {
+    const char* data = std::getenv("MOONDB_DATA");
+    if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no real missions to solve";
+    Result<Mission> mission = ReadMission(std::filesystem::path(data) / GetParam().folder);
+    ASSERT_TRUE(mission) << ToString(mission.error());
+    mission_ = *std::move(mission);
+    options_.thread_count = 1;
+  }
+
+  Mission mission_;
+  SolverOptions options_;
+};
 
 INSTANTIATE_TEST_SUITE_P(Missions, RealMissionsTest,
                          testing::Values(RealMission{"intel_team", 0.32, 0.3}, RealMission{"orebro_team", 0.40, 0.4}));
@@ -60,20 +73,14 @@ class ErrorSum {
 };
 
 TEST_P(RealMissionsTest, EndsNearTheTruth) {
-  const char* data = std::getenv("MOONDB_DATA");
-  if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no real missions to solve";
-  const Result<Mission> mission = ReadMission(std::filesystem::path(data) / GetParam().folder);
-  ASSERT_TRUE(mission) << ToString(mission.error());
-  const AgentFactsMap agents = FactsOf(*mission);
-  const std::vector<AgentId> rovers = RoverIds(*mission);
-  SolverOptions options;
-  options.thread_count = 1;
-  const Solution solution = SolvePoseGraph(mission->graph, agents, {}, options);
+  const AgentFactsMap agents = FactsOf(mission_);
+  const std::vector<AgentId> rovers = RoverIds(mission_);
+  const Solution solution = SolvePoseGraph(mission_.graph, agents, {}, options_);
   ASSERT_TRUE(solution.is_accepted) << solution.text;
   EXPECT_TRUE(solution.left_out.empty());
 
-  const double odometry_m = CompareTrajectories(PosesOf(mission->graph), mission->truth, rovers).rmse_m;
-  const double solved_m = CompareTrajectories(solution.poses, mission->truth, rovers).rmse_m;
+  const double odometry_m = CompareTrajectories(PosesOf(mission_.graph), mission_.truth, rovers).rmse_m;
+  const double solved_m = CompareTrajectories(solution.poses, mission_.truth, rovers).rmse_m;
   std::cout << GetParam().folder << ": error " << odometry_m << " m by odometry, " << solved_m << " m solved; "
             << solution.CountOf(FactorKind::kRange).rejected << " of " << solution.verdicts.size()
             << " ranges rejected\n";
@@ -83,22 +90,16 @@ TEST_P(RealMissionsTest, EndsNearTheTruth) {
 
 // Solves repeatedly, as a leader does after each sync.
 TEST_P(RealMissionsTest, EndsNearTheTruthSolveBySolve) {
-  const char* data = std::getenv("MOONDB_DATA");
-  if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no real missions to solve";
-  const Result<Mission> mission = ReadMission(std::filesystem::path(data) / GetParam().folder);
-  ASSERT_TRUE(mission) << ToString(mission.error());
-  SolverOptions options;
-  options.thread_count = 1;
-  const std::int64_t end_ns = EndOf(*mission);
+  const std::int64_t end_ns = EndOf(mission_);
   LastSolution last;
   constexpr int kSolves = 15;
   for (int solve = 1; solve <= kSolves; ++solve) {
-    const PoseGraph graph = GraphAt(*mission, end_ns / kSolves * solve + kSolves);
-    const Solution solution = SolvePoseGraph(graph, FactsOf(*mission), last, options);
+    const PoseGraph graph = GraphAt(mission_, end_ns / kSolves * solve + kSolves);
+    const Solution solution = SolvePoseGraph(graph, FactsOf(mission_), last, options_);
     ASSERT_TRUE(solution.is_accepted) << solution.text;
     last = ToLast(solution);
   }
-  const double solved_m = CompareTrajectories(last.poses, mission->truth, RoverIds(*mission)).rmse_m;
+  const double solved_m = CompareTrajectories(last.poses, mission_.truth, RoverIds(mission_)).rmse_m;
   std::cout << GetParam().folder << ": error " << solved_m << " m after " << kSolves << " solves\n";
   EXPECT_LT(solved_m, GetParam().error_max_m);
 }
@@ -106,19 +107,13 @@ TEST_P(RealMissionsTest, EndsNearTheTruthSolveBySolve) {
 // Carries the poses of a solve of the whole mission on by odometry, in each minute of its second half, and compares
 // them with that solve: only a minute of odometry lies between.
 TEST_P(RealMissionsTest, NodesOfTheMinuteAfterASolveLieWhereTheNextSolveMovesThem) {
-  const char* data = std::getenv("MOONDB_DATA");
-  if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no real missions to solve";
-  const Result<Mission> mission = ReadMission(std::filesystem::path(data) / GetParam().folder);
-  ASSERT_TRUE(mission) << ToString(mission.error());
   constexpr std::int64_t kMinute_ns = 60'000'000'000;
-  SolverOptions options;
-  options.thread_count = 1;
-  const Solution solution = SolvePoseGraph(mission->graph, FactsOf(*mission), {}, options);
+  const Solution solution = SolvePoseGraph(mission_.graph, FactsOf(mission_), {}, options_);
   ErrorSum raw, carried;
-  for (std::int64_t now_ns = EndOf(*mission) / 2; now_ns < EndOf(*mission); now_ns += kMinute_ns) {
+  for (std::int64_t now_ns = EndOf(mission_) / 2; now_ns < EndOf(mission_); now_ns += kMinute_ns) {
     NodePoses poses(10'000);
     std::uint64_t seq = 0;
-    for (const GraphNode& node : GraphAt(*mission, now_ns + kMinute_ns).nodes) {
+    for (const GraphNode& node : GraphAt(mission_, now_ns + kMinute_ns).nodes) {
       poses.AddRaw({{node.key.agent, 1, proto::POSE_GRAPH_NODE}, ++seq}, node.key, node.map_from_node);
       if (node.timestamp_ns > now_ns) continue;
       poses.AddOptimized({{1, 1, proto::OPTIMIZED_POSE}, seq}, node.key, {solution.poses.at(node.key)}, {}, 1);

@@ -122,6 +122,15 @@ class RealTeam {
     Insert(leader, request);
   }
 
+  // Inserts nodes and a map of each rover, and poses of all nodes at the leader, agent 1.
+  void InsertMission() {
+    for (const AgentId agent : {1u, 2u, 3u}) {
+      InsertNodes(agent, 5);
+      InsertMap(agent, agent);
+      InsertOptimizedPoses(/*leader=*/1, agent, 5, /*run=*/1);
+    }
+  }
+
   void InsertQuarantine(AgentId at, AgentId maps_of) {
     proto::InsertRequest request;
     AddRecord(request).mutable_map_quarantine()->set_agent_id(maps_of);
@@ -458,12 +467,8 @@ proto::TeamConfig TeamWithRoversPolicies() {
 TEST(RealTeamTest, OneSyncBringsEachRoverTheOthersRecordsOfThePolicyRovers) {
   RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithRoversPolicies());
   real.BeginTerm();
-  for (const AgentId agent : {1u, 2u, 3u}) {
-    real.InsertNodes(agent, 5);
-    real.InsertMap(agent, agent);
-    real.InsertPower(agent, 0.5);
-    real.InsertOptimizedPoses(/*leader=*/1, agent, 5, /*run=*/1);
-  }
+  real.InsertMission();
+  for (const AgentId agent : {1u, 2u, 3u}) real.InsertPower(agent, 0.5);
   EXPECT_TRUE(real.SyncAndWait().is_complete());
   for (const AgentId agent : {2u, 3u}) {
     EXPECT_TRUE(real.LackingAt(agent).empty()) << "agent " << agent;
@@ -502,11 +507,7 @@ proto::TeamConfig TeamWithFlow(double period_s = 5) {
 TEST(RealTeamTest, RecordsFlowWithoutAnOrder) {
   RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithFlow());
   real.Settle();
-  for (const AgentId agent : {1u, 2u, 3u}) {
-    real.InsertNodes(agent, 5);
-    real.InsertMap(agent, agent);
-    real.InsertOptimizedPoses(/*leader=*/1, agent, 5, /*run=*/1);
-  }
+  real.InsertMission();
   real.Settle();  // Two periods.
   real.ExpectConverged();
   for (const AgentId agent : {2u, 3u}) EXPECT_TRUE(real.LackingAt(agent).empty()) << "agent " << agent;

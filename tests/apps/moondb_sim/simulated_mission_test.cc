@@ -109,7 +109,7 @@ TEST(SimulatedMissionTest, KeepsAllRulesInSeedsThatBrokeOne) {
     options.seed = number;
     options.actors = actors;
     options.hours = hours;
-    options.has_flow = false;  // They broke a rule without it.
+    options.has_flow = false;  // These seeds broke a rule before records flowed.
     const SimReport report = RunSimulatedMission(options);
     PrintTo(report, std::cout);
     EXPECT_TRUE(report.violations.empty()) << "seed " << number;
