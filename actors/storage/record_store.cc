@@ -284,12 +284,17 @@ PeerAuthority::Options RecordStore::AuthorityOptions(const Options& options) {
 }
 
 Result<void> RecordStore::Load() {
-  if (!options_.is_checked) {
-    if (const Result<void> checked = database_->QuickCheck(); !checked) return checked;
-  }
+  // An index that disagrees with its table hides records: they are held, but no query by key returns them.
+  const Result<void> checked = options_.is_checked ? Result<void>() : database_->FullCheck();
+  if (!checked && !database_->QuickCheck()) return checked;
   if (const Result<void> migrated = MigrateStore(*database_, options_.self); !migrated) return migrated;
   if (const Result<void> made = MakeSchema(*database_); !made) return made;
   if (const Result<void> claimed = Claim(); !claimed) return claimed;
+  if (!checked) {
+    const Result<void> rebuilt = database_->Execute("REINDEX");
+    if (!rebuilt) return IsOfTheDisk(rebuilt.error()) ? rebuilt : checked;
+    damage_.emplace_back("an index of the store was damaged; all indexes are built again from their tables");
+  }
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
   if (const Result<void> loaded = own_epochs_.Load(*database_); !loaded) return loaded;
   // The have-set may contain own epochs that are missing in the table own_epoch because their rows were damaged.
@@ -305,6 +310,7 @@ Result<void> RecordStore::Load() {
   if (const Result<void> loaded = write_count_.Load(*database_); !loaded) return loaded;
   if (!options_.is_checked) {
     if (const Result<void> repaired = Repair(); !repaired) return repaired;
+    for (const std::string& text : damage_) spdlog::error("storage: {}: {}", database_->path(), text);
   } else if (!ledger_.is_sound()) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: its have-set");
   }
@@ -336,7 +342,6 @@ Result<void> RecordStore::Repair() {
     if (stream.origin == options_.self) own_epochs_.Learn(stream.epoch);
   }
   for (std::string& finding : audit->Findings()) damage_.push_back(std::move(finding));
-  for (const std::string& text : damage_) spdlog::error("storage: {}: {}", database_->path(), text);
   return {};
 }
 

@@ -386,8 +386,12 @@ Result<std::int64_t> Database::Number(const std::string& sql) {
   return query.Integer(0);
 }
 
-Result<void> Database::QuickCheck() {
-  Query query = Prepare("PRAGMA quick_check(1)");
+Result<void> Database::QuickCheck() { return RunCheck("PRAGMA quick_check(1)"); }
+
+Result<void> Database::FullCheck() { return RunCheck("PRAGMA integrity_check(1)"); }
+
+Result<void> Database::RunCheck(const std::string& sql) {
+  Query query = Prepare(sql);
   const Result<bool> row = query.Step();
   if (!row) return tl::unexpected(row.error());
   const std::string_view verdict = query.Bytes(0);

@@ -1,7 +1,6 @@
 #include "actors/storage/migration.h"
 
 #include <gmock/gmock.h>
-#include <sqlite3.h>
 
 #include <filesystem>
 #include <map>
@@ -25,16 +24,6 @@ std::string Golden(const std::string& name) {
   const auto text = ReadTextFile(std::string(MOONDB_SOURCE_DIR) + "/tests/actors/storage/golden/" + name);
   EXPECT_TRUE(text) << ToString(text.error());
   return text ? *text : "";
-}
-
-// Runs SQL in a file without moondb, as another program would.
-void RunSql(const std::string& path, const std::string& sql) {
-  sqlite3* file = nullptr;
-  ASSERT_EQ(sqlite3_open(path.c_str(), &file), SQLITE_OK);
-  char* error = nullptr;
-  EXPECT_EQ(sqlite3_exec(file, sql.c_str(), nullptr, nullptr, &error), SQLITE_OK) << (error == nullptr ? "" : error);
-  sqlite3_free(error);
-  sqlite3_close(file);
 }
 
 // Returns the first column of each row, one per line.

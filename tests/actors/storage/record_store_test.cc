@@ -532,6 +532,47 @@ TEST(RecordStoreTest, DoesNotClaimDamagedOrMissingRows) {
   }
 }
 
+// Takes entries out of the index of the nodes' keys: the rows are stored again while the schema has no such index.
+TEST(RecordStoreTest, BuildsAnIndexAgainThatDisagreesWithItsTable) {
+  TemporaryFolder folder;
+  const std::string path = folder.File("store.db");
+  const std::string table = "name = 'pose_graph_node'";
+  const std::string index = "name = 'sqlite_autoindex_pose_graph_node_1'";
+  HaveSet held;
+  {
+    auto store = OpenStore(StoreOptionsOf(2, path));
+    for (int i = 0; i < 10; ++i) InsertOne(*store, NodeRecord(2, i));
+    held = HaveOf(*store);
+  }
+  RunSql(path,
+         "CREATE TABLE moved AS SELECT * FROM pose_graph_node WHERE seq > 7;"
+         "DELETE FROM pose_graph_node WHERE seq > 7;"
+         "CREATE TABLE kept AS SELECT name, sql, rootpage FROM sqlite_schema WHERE " +
+             table + " OR " + index + "; PRAGMA writable_schema = ON; DELETE FROM sqlite_schema WHERE " + index +
+             "; UPDATE sqlite_schema SET sql = replace(sql, ', UNIQUE(origin, epoch, seq)', '') WHERE " + table);
+  RunSql(path,
+         "INSERT INTO pose_graph_node SELECT * FROM moved; DROP TABLE moved; PRAGMA writable_schema = ON;"
+         "UPDATE sqlite_schema SET sql = (SELECT sql FROM kept WHERE " +
+             table + ") WHERE " + table +
+             "; INSERT INTO sqlite_schema SELECT 'index', name, 'pose_graph_node', rootpage, sql FROM kept"
+             " WHERE " +
+             index);
+  RunSql(path, "DROP TABLE kept");
+  {
+    auto database = *Database::Open(path);
+    ASSERT_TRUE(database->QuickCheck());
+    ASSERT_FALSE(database->FullCheck());
+  }
+  auto store = OpenStore(StoreOptionsOf(2, path));
+  EXPECT_EQ(store->set_aside(), "");
+  ASSERT_EQ(store->damage().size(), 1u);
+  EXPECT_NE(store->damage()[0].find("an index of the store was damaged"), std::string::npos);
+  EXPECT_EQ(HaveOf(*store), held);
+  EXPECT_TRUE(store->database().FullCheck());
+  store.reset();
+  EXPECT_TRUE(OpenStore(StoreOptionsOf(2, path))->damage().empty());
+}
+
 // A peer may still hold the previous state, which is then the newest state that is left.
 TEST(RecordStoreTest, AcceptsThePreviousStateAgainIfTheNewestIsDamaged) {
   TemporaryFolder folder;

@@ -1,7 +1,6 @@
 #include "actors/storage/schema.h"
 
 #include <gtest/gtest.h>
-#include <sqlite3.h>
 
 #include <filesystem>
 #include <string>
@@ -63,10 +62,7 @@ TEST(SchemaTest, DetectsADamagedStatement) {
       "WHERE name = 'custom_record'; PRAGMA writable_schema=OFF";
   EXPECT_FALSE(database->Execute(damage)) << "not by what the store runs";
   database.reset();
-  sqlite3* other = nullptr;
-  ASSERT_EQ(sqlite3_open(path.c_str(), &other), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(other, damage.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
-  sqlite3_close(other);
+  RunSql(path, damage);
   // SQLite itself may detect the damage.
   const auto damaged = Database::Open(path);
   EXPECT_EQ(damaged ? CheckSchema(**damaged).error().code : damaged.error().code, ErrorCode::kCorrupt);

@@ -1,6 +1,7 @@
 #include "tests/actors/storage/store_fixtures.h"
 
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 #include <stdlib.h>
 
 #include "actors/storage/record_validator.h"
@@ -59,6 +60,15 @@ std::unique_ptr<RecordStore> OpenStore(const RecordStore::Options& options) {
     return nullptr;
   }
   return *std::move(store);
+}
+
+void RunSql(const std::string& path, const std::string& sql) {
+  sqlite3* file = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &file), SQLITE_OK);
+  char* error = nullptr;
+  EXPECT_EQ(sqlite3_exec(file, sql.c_str(), nullptr, nullptr, &error), SQLITE_OK) << (error == nullptr ? "" : error);
+  sqlite3_free(error);
+  sqlite3_close(file);
 }
 
 proto::Record TemperatureRecord(double celsius) {

@@ -20,6 +20,9 @@ RecordStore::Options StoreOptionsOf(AgentId self, const std::string& path = ":me
 // Opens a store. If that fails, returns null and fails the test.
 std::unique_ptr<RecordStore> OpenStore(const RecordStore::Options& options);
 
+// Runs SQL in a file without moondb, as another program would.
+void RunSql(const std::string& path, const std::string& sql);
+
 proto::Record TemperatureRecord(double celsius);
 proto::Record NodeRecord(AgentId agent, std::uint64_t index, double x = 0);
 proto::Record RangeRecord(NodeKey from, NodeKey to, double range_m);
