@@ -79,6 +79,7 @@ void SharingActor::OnStart(Context& context) {
   context.Watch(Topic::kLeases);
   if (flow().is_on()) context.Watch(Topic::kStored);
   roles_ = InitialRoles(options_.team);
+  roles_.clear_term();
   for (const proto::AgentConfig& agent : options_.team.agents()) lost_at_[agent.id()] = context.now();
   const std::uint64_t random = context.rng()();
   last_order_ = BeginOrderNumbers(random);
@@ -238,6 +239,10 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
       !is_from_here(context) && (context.sender().agent == roles_.leader() || IsNewer(message.term(), roles_.term()));
   Result<void> checked = CheckOrderer(context, message.term());
   if (checked) checked = CheckShareRequest(request);
+  if (checked && is_from_here(context) && !roles_.has_term()) {
+    checked = Fail(ErrorCode::kUnavailable,
+                   NameOf(options_.self) + " does not know yet who leads: it is asking the other agents; try again");
+  }
   if (checked) checked = CheckExpectedTerm(context, request);
   in_hand_ = {context.sender().agent, is_from_here(context) ? ++last_order_ : request.order()};
   pairs_in_hand_.clear();

@@ -128,7 +128,8 @@ class SharingActor : public Actor {
   const SharingSession::Options& session_options() const { return options_.session; }
   const proto::RoleAssignment& roles() const { return roles_; }
   AgentId self() const { return options_.self; }
-  bool is_leading() const { return roles_.leader() == options_.self; }
+  // False until RoleActor has published the roles: the leader of the team file may have been replaced.
+  bool is_leading() const { return roles_.has_term() && roles_.leader() == options_.self; }
   bool is_connected(AgentId peer) const { return connected_.contains(peer); }
   bool is_from_here(const Context& context) const { return context.sender().agent == options_.self; }
   std::string NameOf(AgentId agent) const;
@@ -208,7 +209,7 @@ class SharingActor : public Actor {
 
   const Options options_;
   const proto::SharingKind kind_;
-  proto::RoleAssignment roles_;
+  proto::RoleAssignment roles_;  // Those of the team file, without a term, until RoleActor publishes others.
   std::set<AgentId> connected_;
   // Time at which the connection to each unconnected agent was lost. For an agent that was never connected: the time at
   // which this actor started.

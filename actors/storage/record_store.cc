@@ -11,6 +11,7 @@
 #include "actors/storage/bundle_shelf.h"
 #include "actors/storage/disk_guard.h"
 #include "actors/storage/log_check.h"
+#include "actors/storage/map_times.h"
 #include "actors/storage/migration.h"
 #include "actors/storage/prune.h"
 #include "actors/storage/record_pages.h"
@@ -1123,6 +1124,9 @@ Result<proto::StorageStatus> RecordStore::GetStatus(std::uint32_t day) {
     proto::DayBytes& added = *status.add_written();
     added.set_day(written_on);
     added.set_bytes(static_cast<double>(bytes));
+  }
+  if (const Result<void> added = AddMapTimes(*database_, ledger_.have(), status); !added) {
+    return tl::unexpected(added.error());
   }
   return status;
 }

@@ -8,6 +8,7 @@
 #include "apps/common/hash_text.h"
 #include "apps/common/table.h"
 #include "apps/common/team_clients.h"
+#include "apps/moonctl/map_holdings.h"
 #include "apps/moonctl/node_name.h"
 #include "apps/moonctl/refused_sets.h"
 #include "apps/moonctl/rover_places.h"
@@ -132,6 +133,34 @@ void JudgeRisk(const proto::TeamConfig& team, const proto::StorageStatus& storag
   findings.push_back(Counted(one_copy.count(), "record") + " exist on this disk alone, as far as it knows, one for " +
                      FormatSeconds(one_copy.age_s()) +
                      ": moonctl sync now and replicate now copy them, moonctl risk shows them");
+}
+
+double Seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
+
+// Adds a finding for each rover whose maps the agent should hold and lacks for longer than team_map_age_s. Compares
+// timestamps of that rover only, because clocks may differ.
+void JudgeMapAges(const proto::TeamConfig& team, const proto::AgentStatus& status, const AgentReport& leader,
+                  Findings& findings) {
+  const double limit_s = team.map().team_map_age_s();
+  if (limit_s <= 0 || !leader.status || !GetsAllMaps(team, status.agent_id())) return;
+  std::map<AgentId, std::int64_t> last_ns;
+  for (const proto::MapTimes& times : status.storage().map_times()) last_ns[times.origin_agent()] = times.last_ns();
+  std::set<AgentId> unplaced;
+  if (leader.map_stats) {
+    for (const proto::UnplacedRover& rover : leader.map_stats->unplaced()) unplaced.insert(rover.agent_id());
+  }
+  for (const proto::MapTimes& times : leader.status->storage().map_times()) {
+    const AgentId origin = times.origin_agent();
+    const auto held = last_ns.find(origin);
+    const std::int64_t known_ns = held == last_ns.end() ? times.first_ns() : held->second;
+    const double behind_s = Seconds(times.last_ns() - known_ns);
+    const bool is_known = times.last_ns() != 0 && known_ns != 0;
+    if (origin == status.agent_id() || unplaced.contains(origin) || !is_known || behind_s <= limit_s) continue;
+    findings.push_back(
+        (held == last_ns.end() ? "holds no map of " + AgentName(team, origin) + ", while the leader's span "
+                               : "its newest map of " + AgentName(team, origin) + " is older than the leader's by ") +
+        FormatSeconds(behind_s) + ": moonctl db holdings --maps shows what it lacks, moonctl sync now brings it");
+  }
 }
 
 void JudgeTimestamps(const proto::TeamConfig& team, const proto::StorageStatus& storage, Findings& findings) {
@@ -322,6 +351,7 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
                                                              std::uint64_t config_hash) {
   const proto::RoleAssignment newest = NewestOf(reports);
   const std::set<std::uint32_t> wrong_clocks = WrongClocksIn(reports);
+  const auto leader = reports.find(newest.leader());
   std::map<std::uint32_t, Findings> all;
   for (const auto& [agent, report] : reports) {
     Findings findings;
@@ -333,6 +363,7 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
       JudgeClocks(team, *report.status, wrong_clocks, findings);
       JudgeRisk(team, report.status->storage(), findings);
       JudgeTimestamps(team, report.status->storage(), findings);
+      if (leader != reports.end()) JudgeMapAges(team, *report.status, leader->second, findings);
     }
     if (report.shares) JudgeShares(team, *report.shares, findings);
     if (config_hash != 0 && report.config_hash != 0 && report.config_hash != config_hash) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <set>
 #include <string>
 
 #include "apps/common/json_writer.h"
@@ -12,43 +11,28 @@
 #include "apps/moonctl/holdings.h"
 #include "model/agent_name.h"
 #include "model/team_member.h"
-#include "proto/record.pb.h"
+#include "proto/status.pb.h"
 #include "proto/types.pb.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {
 
-// An agent's have-set, and the timestamp of its newest map of each origin.
+// An agent's have-set, and the timestamp of its last map of each origin.
 struct HeldMaps {
   HaveSet have;
-  std::map<AgentId, std::int64_t> newest_ns;
+  std::map<AgentId, std::int64_t> last_ns;
 };
-
-std::set<AgentId> MapOrigins(const HaveSet& have) {
-  std::set<AgentId> origins;
-  for (const auto& [stream, held] : have.streams()) {
-    if (stream.type == proto::LOCAL_TRAVERSABILITY_MAP && !held.held.is_empty()) origins.insert(stream.origin);
-  }
-  return origins;
-}
 
 Result<HeldMaps> ReadHeldMaps(Client& client) {
   HeldMaps maps;
   auto have = client.GetHaveSet();
   if (!have) return tl::unexpected(have.error());
   maps.have = *std::move(have);
-  for (const AgentId origin : MapOrigins(maps.have)) {
-    proto::ReadRequest request;
-    request.add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
-    request.add_origin_agents(origin);
-    request.set_is_newest_first(true);
-    request.set_records_max(1);
-    const auto page = client.Read(request);
-    if (!page) return tl::unexpected(page.error());
-    proto::Record record;
-    if (page->records().empty() || !record.ParseFromString(page->records(0).content())) continue;
-    maps.newest_ns[origin] = record.timestamp_ns();
+  const auto status = client.Status();
+  if (!status) return tl::unexpected(status.error());
+  for (const proto::MapTimes& times : status->storage().map_times()) {
+    if (times.last_ns() != 0) maps.last_ns[times.origin_agent()] = times.last_ns();
   }
   return maps;
 }
@@ -60,12 +44,15 @@ double SecondsSince(std::int64_t timestamp_ns) {
 }
 
 bool IsMeant(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent, AgentId origin) {
-  if (agent == origin || agent == roles.leader() || agent == roles.survivor()) return true;
-  const auto policy_of = agent == BaseStationOf(team) ? GroundPolicyOf : RoversPolicyOf;
-  return policy_of(team, proto::LOCAL_TRAVERSABILITY_MAP) == proto::POLICY_ALL;
+  return agent == origin || agent == roles.leader() || agent == roles.survivor() || GetsAllMaps(team, agent);
 }
 
 }  // namespace
+
+bool GetsAllMaps(const proto::TeamConfig& team, AgentId agent) {
+  const auto policy_of = agent == BaseStationOf(team) ? GroundPolicyOf : RoversPolicyOf;
+  return policy_of(team, proto::LOCAL_TRAVERSABILITY_MAP) == proto::POLICY_ALL;
+}
 
 std::vector<MapHolding> MapHoldingsOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent,
                                       const HaveSet& have, const HaveSet& leaders) {
@@ -103,8 +90,8 @@ ExitCode ShowMapHoldings(CommandContext& context) {
     }
     json.Key("maps").BeginArray();
     for (const MapHolding& holding : MapHoldingsOf(team, *roles, agent->id(), maps->have, *leaders)) {
-      const auto newest = maps->newest_ns.find(holding.origin);
-      const bool has_newest = newest != maps->newest_ns.end();
+      const auto newest = maps->last_ns.find(holding.origin);
+      const bool has_newest = newest != maps->last_ns.end();
       is_any_lacking = is_any_lacking || (holding.is_meant && holding.lacking > 0);
       const std::string lacks = std::to_string(holding.lacking) + (holding.is_meant ? "" : ", by policy");
       table.Add({agent->name(), AgentName(team, holding.origin), std::to_string(holding.held), lacks,

@@ -24,6 +24,9 @@ struct MapHolding {
   bool is_meant = false;
 };
 
+// Returns whether the policies `rovers` or `ground` of the team file bring all local maps to the agent.
+bool GetsAllMaps(const proto::TeamConfig& team, AgentId agent);
+
 // Returns the holdings of the agent, of each origin of which the leader or the agent holds a map.
 std::vector<MapHolding> MapHoldingsOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent,
                                       const HaveSet& have, const HaveSet& leaders);

@@ -6,14 +6,15 @@
 #include <limits>
 #include <set>
 
-#include "apps/common/progress.h"
-#include "apps/common/table.h"
 #include "apps/common/team_clients.h"
+#include "apps/moondb_replay/agent_feed.h"
 #include "apps/moondb_replay/feed_plan.h"
 #include "model/text.h"
 
 namespace moondb {
 namespace {
+
+constexpr double kSpeedMax = 1000;
 
 Result<TimeSpan> SpanOf(const FeedArguments& arguments) {
   constexpr double kSecondsMax = 9e9;  // Times up to this value fit into 63 bits as nanoseconds.
@@ -37,45 +38,24 @@ Result<const MissionAgent*> MissionAgentOf(const Mission& mission, const proto::
                                        "; make the team file by moonctl config init --mission");
 }
 
-// Removes from `records` the records that the agent already holds. Returns how many were removed.
-Result<std::size_t> LeaveOutKnown(Client& client, AgentId agent, std::vector<proto::Record>& records) {
-  proto::ReadRequest request;
-  request.add_origin_agents(agent);
-  request.set_records_max(1024);
-  std::set<std::string> known;
-  const auto read = client.ReadAll(request, [&known](const proto::StoredRecord&, const proto::Record& record) {
-    known.insert(FeedKey(record));
-    return Result<void>();
-  });
-  if (!read) return tl::unexpected(read.error());
-  return std::erase_if(records, [&known](const proto::Record& record) { return known.contains(FeedKey(record)); });
-}
-
-Result<void> FeedAgent(const TeamFile& team, const proto::AgentConfig& agent, const Mission& mission,
-                       const TimeSpan& span) {
+Result<AgentFeed> PrepareFeed(const TeamFile& team, const proto::AgentConfig& agent, const Mission& mission,
+                              const TimeSpan& span) {
   auto known = MissionAgentOf(mission, agent);
   if (!known) return tl::unexpected(known.error());
+  AgentFeed feed;
+  feed.name = agent.name();
+  feed.id = agent.id();
   auto client =
       ConnectTo(team, agent, {.connect_timeout = std::chrono::seconds(10), .timeout = std::chrono::seconds(60)});
   if (!client) return tl::unexpected(client.error());
+  feed.client = *std::move(client);
   auto records = PlanFeed(mission, agent.id(), span);
   if (!records) return tl::unexpected(records.error());
-  const std::size_t planned = records->size();
-  auto left_out = LeaveOutKnown(**client, agent.id(), *records);
+  feed.records = *std::move(records);
+  auto left_out = LeaveOutKnown(feed);
   if (!left_out) return tl::unexpected(left_out.error());
-
-  const auto start = std::chrono::steady_clock::now();
-  Progress progress("feed " + agent.name());
-  const auto show = [&](std::size_t count) {
-    progress.Show(static_cast<double>(count), static_cast<double>(records->size()),
-                  std::to_string(count) + " of " + std::to_string(records->size()) + " records");
-  };
-  if (auto inserted = InsertInBatches(**client, *records, show); !inserted) return inserted;
-  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-  std::printf("%s: %zu records in %.2f s%s\n", agent.name().c_str(), planned - *left_out, seconds.count(),
-              *left_out == 0 ? "" : (", " + std::to_string(*left_out) + " were there already").c_str());
-  std::fflush(stdout);
-  return {};
+  feed.left_out = *left_out;
+  return feed;
 }
 
 }  // namespace
@@ -85,6 +65,9 @@ Result<void> Feed(const FeedArguments& arguments) {
   if (!team) return tl::unexpected(team.error());
   auto span = SpanOf(arguments);
   if (!span) return tl::unexpected(span.error());
+  if (arguments.speed && !(*arguments.speed > 0 && *arguments.speed <= kSpeedMax)) {
+    return Fail(ErrorCode::kInvalid, "--speed is a number above 0 and at most 1000, such as 10");
+  }
   std::set<std::string> chosen;
   for (const std::string& name : arguments.agents) {
     if (auto named = AgentNamed(team->config, name); !named) return tl::unexpected(named.error());
@@ -92,11 +75,18 @@ Result<void> Feed(const FeedArguments& arguments) {
   }
   auto mission = ReadMission(arguments.mission);
   if (!mission) return tl::unexpected(mission.error());
+  std::vector<AgentFeed> feeds;
   for (const proto::AgentConfig& agent : team->config.agents()) {
     if (!chosen.empty() && !chosen.contains(agent.name())) continue;
-    if (auto fed = FeedAgent(*team, agent, *mission, *span); !fed) return fed;
+    auto feed = PrepareFeed(*team, agent, *mission, *span);
+    if (!feed) return tl::unexpected(feed.error());
+    if (arguments.speed) {
+      feeds.push_back(*std::move(feed));
+    } else if (auto fed = FeedAtOnce(*feed); !fed) {
+      return fed;
+    }
   }
-  return {};
+  return arguments.speed ? FeedInTime(feeds, *arguments.speed) : Result<void>();
 }
 
 }  // namespace moondb

@@ -16,6 +16,7 @@ struct FeedArguments {
   std::optional<double> from_s;     // Start, in mission seconds. Empty: from the first record.
   std::optional<double> to_s;       // End (exclusive), in mission seconds. Empty: to the last record.
   std::vector<std::string> agents;  // Names of the agents. Empty: all agents.
+  std::optional<double> speed;      // Mission seconds a second; see FeedInTime. Empty: all records at once.
 };
 
 // Runs the command. Skips records that the agents already hold, so an interrupted feed can be repeated. Prints progress

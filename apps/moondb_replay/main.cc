@@ -35,6 +35,10 @@ int Run(int argc, char** argv) {
   feed_command.AddOption("--from", feed.from_s, "From this second of the mission on");
   feed_command.AddOption("--to", feed.to_s, "Before this second of the mission");
   feed_command.AddOption("--agents", feed.agents, "Only these");
+  feed_command.AddOption(
+      "--speed", feed.speed,
+      "Insert each record when it is due, this many times as fast as the mission was (10: six minutes "
+      "take 36 s); without it, all at once");
   Command& score_command = app.AddSubcommand("score", "Score what an agent holds, against the truth");
   score_command.AddOption("--mission", score.mission, "Mission folder").Required();
   score_command.AddOption("-t,--team", score.team, "Team file").EnvName("MOONDB_TEAM").Required();

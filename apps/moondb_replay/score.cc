@@ -1,11 +1,13 @@
 #include "apps/moondb_replay/score.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "actors/merge/map_collection.h"
 #include "actors/pgo/pose_graph_solver.h"
 #include "actors/pgo/team_facts.h"
+#include "apps/moondb_replay/map_frame.h"
 #include "model/team_member.h"
 #include "proto/types.pb.h"
 
@@ -58,6 +60,34 @@ std::optional<Poses> SolveWithoutMatches(const proto::TeamConfig& team, const He
   Solution solution = SolvePoseGraph(graph, FactsOf(team), {}, {});
   if (!solution.is_accepted) return std::nullopt;
   return std::move(solution.poses);
+}
+
+// Merges all maps of the mission at the true poses, as a team would that had lost no record.
+Result<MergedMap> MergeMission(const proto::TeamConfig& team, const Mission& mission) {
+  Held all;
+  for (std::size_t place = 0; place < mission.maps.size(); ++place) {
+    const MissionMap& map = mission.maps[place];
+    auto read = ReadMissionMap(mission, map);
+    if (!read) return tl::unexpected(read.error());
+    const StreamKey stream{map.agent, /*epoch=*/1, proto::LOCAL_TRAVERSABILITY_MAP};
+    all.maps.push_back({{stream, place + 1}, map.timestamp_ns, *std::move(read)});
+  }
+  return MergeAt(team, all, mission.truth);
+}
+
+// Returns the part of the cells known in `whole` that `map` knows too.
+double PartKnown(const MergedMap& map, const MergedMap& whole) {
+  const MapFrame frame = FrameOf(std::array{&whole}, /*margin_cells=*/0);
+  const Grid of_whole = InFrame(whole, frame).grid;
+  const Grid of_map = InFrame(map, frame).grid;
+  double known = 0;
+  double both = 0;
+  for (std::size_t cell = 0; cell < of_whole.cells.size(); ++cell) {
+    if (of_whole.cells[cell] == Cell::kUnknown) continue;
+    ++known;
+    both += of_map.cells[cell] == Cell::kUnknown ? 0 : 1;
+  }
+  return known == 0 ? 0 : both / known;
 }
 
 }  // namespace
@@ -137,6 +167,9 @@ Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, 
   } else {
     scored.is_agents_map_equal = AreEqual(after->map, agents_map);
   }
+  const auto whole = MergeMission(team, mission);
+  if (!whole) return tl::unexpected(whole.error());
+  scored.area_ratio = PartKnown(after->map, *whole);
   scored.before = *std::move(before);
   scored.after = *std::move(after);
   scored.truth = *std::move(at_truth);

@@ -57,6 +57,8 @@ struct Scored {
   MergedMap truth;
   std::size_t map_count = 0;
   std::size_t optimized_count = 0;
+  // The part of the area that all robots' maps of the whole mission show, which `after.map` shows too.
+  double area_ratio = 0;
   bool is_agents_map_equal = false;  // The agent's own merged map equals `after.map`.
 };
 

@@ -148,6 +148,7 @@ std::string FiguresAsJson(const Setting& setting, const std::string& agent) {
   WritePart(json, "before", scored.before);
   if (scored.without_matches) WritePart(json, "without_matches", *scored.without_matches);
   WritePart(json, "after", scored.after);
+  json.Key("area_ratio").Number(scored.area_ratio);
   json.Key("is_agents_map_equal").Bool(scored.is_agents_map_equal);
   json.Key("agents_merge_s").Number(setting.agent_merge_s);
   json.Key("agents_merge_backend").String(setting.agent_backend).EndObject();
@@ -166,6 +167,8 @@ void PrintFigures(const Setting& setting, const std::string& agent) {
   add(scored.without_matches ? "after (optimized with map matches)" : "after (optimized)", scored.after);
   std::printf("%s holds %zu nodes (%zu optimized) and %zu maps\n%s", agent.c_str(), scored.before.error.node_count,
               scored.optimized_count, scored.map_count, table.Text().c_str());
+  std::printf("its map shows %s %% of the area that the robots mapped in the whole mission\n",
+              FormatFixed(100 * scored.area_ratio, 1).c_str());
   std::printf("its own merged map (%s, %.3f s) %s the one merged here\n", setting.agent_backend.c_str(),
               setting.agent_merge_s, scored.is_agents_map_equal ? "equals" : "DIFFERS FROM");
 }

@@ -3,11 +3,16 @@
 #include <gmock/gmock.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <chrono>
+#include <csignal>
 #include <cstdlib>
+#include <future>
+#include <thread>
 
 #include "apps/common/proto_json.h"
 #include "model/text.h"
 #include "model/tum.h"
+#include "proto/status.pb.h"
 #include "tests/apps/process_team.h"
 
 namespace moondb {
@@ -83,6 +88,26 @@ TEST_F(ReplayTest, MakesAMissionsTrajectoriesAndMapBetterOnTwoAgentsAlike) {
     RecordProperty("figures_" + agent, *ReadTextFile(out / "score.json"));
     std::cout << scored.out;
   }
+}
+
+TEST_F(ReplayTest, FeedsAtTheMissionsPaceAndWaitsForAnAgentThatIsAway) {
+  MakeTeam();
+  MoonctlExpecting(0, {"up", "--merge-backend", "cpu"});
+  const auto start = std::chrono::steady_clock::now();
+  auto feeding = std::async(std::launch::async, [this] {
+    return Replay({"feed", "--mission", mission_, "--to", "100", "--speed", "20"});
+  });
+  EXPECT_TRUE(Until([this] { return KeysHeldBy("rover2").size() > 5; }));
+  ASSERT_EQ(::kill(static_cast<pid_t>(Connect("rover2")->Status()->pid()), SIGKILL), 0);
+  std::this_thread::sleep_until(start + std::chrono::seconds(3));  // Some of its records are due meanwhile.
+  MoonctlExpecting(0, {"up", "--merge-backend", "cpu"});
+  const Outcome fed = feeding.get();
+  EXPECT_EQ(fed.exit_code, 0) << fed.error;
+  EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::seconds(4)) << "100 s of the mission";
+  EXPECT_THAT(fed.error, HasSubstr("rover2 takes no records now"));
+  const Outcome again = Replay({"feed", "--mission", mission_, "--to", "100"});
+  EXPECT_THAT(again.out, AllOf(HasSubstr("rover1: 0 records"), HasSubstr("rover2: 0 records")));
+  EXPECT_EQ(Replay({"feed", "--mission", mission_, "--speed", "0"}).exit_code, 2);
 }
 
 TEST_F(ReplayTest, ImportsAGraphAndExportsIt) {

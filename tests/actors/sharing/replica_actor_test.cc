@@ -61,6 +61,19 @@ TEST_F(ReplicaActorTest, NamesTheLeaderWhenAnotherAgentGetsTheOrder) {
   EXPECT_EQ(Share(team_, 3, ShareOrder(proto::SHARING_KIND_REPLICATION, 2)).session_count(), 1u);
 }
 
+// After its restart the leader of the team file may have been replaced, or have to gather records first.
+TEST_F(ReplicaActorTest, RefusesOrdersUntilItKnowsWhoLeads) {
+  team_.Restart(1);
+  for (const proto::SharingKind kind : {proto::SHARING_KIND_REPLICATION, proto::SHARING_KIND_SYNC}) {
+    const auto reply = Share(team_, 1, ShareOrder(kind));
+    EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_UNAVAILABLE);
+    EXPECT_EQ(reply.error().text(), "rover1 does not know yet who leads: it is asking the other agents; try again");
+  }
+  NotifyRoles(team_, config_, 1, Roles(3, 1, 3));
+  EXPECT_EQ(Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION)).error().code(), proto::ERROR_CODE_REFUSED);
+  EXPECT_EQ(Share(team_, 1, ShareOrder(proto::SHARING_KIND_SYNC)).session_count(), 1u);
+}
+
 TEST_F(ReplicaActorTest, RefusesWithoutASurvivor) {
   NotifyRoles(team_, config_, 1, Roles(1, 0, 3));
   const auto reply = Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION));

@@ -44,6 +44,7 @@ void SpawnSharing(simulation::SimulatedTeam& team, AgentId agent, const proto::T
   options.session.paper_sql = paper_sql;
   team.Spawn(agent, actor_name::kSync, [options] { return std::make_unique<SyncActor>(options); });
   team.Spawn(agent, actor_name::kReplica, [options] { return std::make_unique<ReplicaActor>(options); });
+  NotifyRoles(team, config, agent, InitialRoles(config));
 }
 
 std::shared_ptr<MemoryStore> AddMemoryAgent(simulation::SimulatedTeam& team, AgentId agent,

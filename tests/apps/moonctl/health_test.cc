@@ -247,6 +247,36 @@ TEST_F(HealthTest, FindsRecordsThatOneDiskAloneHolds) {
   EXPECT_THAT(Of(2), IsEmpty()) << "0 is no limit";
 }
 
+TEST_F(HealthTest, FindsAgentsWhoseMapsOfOtherRoversAreOld) {
+  constexpr std::int64_t kSecond_ns = 1'000'000'000;
+  const auto add = [this](std::uint32_t agent, std::uint32_t origin, std::int64_t first_s, std::int64_t last_s) {
+    proto::MapTimes& times = *Status(agent).mutable_storage()->add_map_times();
+    times.set_origin_agent(origin);
+    times.set_first_ns(first_s * kSecond_ns);
+    times.set_last_ns(last_s * kSecond_ns);
+    return &times;
+  };
+  team_.mutable_map()->set_team_map_age_s(600);
+  add(1, 1, 1000, 2000);
+  add(1, 2, 1000, 2000);  // Its own maps are not rover2's to fetch.
+  EXPECT_THAT(Of(2), IsEmpty()) << "no policy brings it maps of others";
+  (*team_.mutable_rovers())["local_traversability_map"] = proto::POLICY_ALL;
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("holds no map of rover1, while the leader's span 17 min")));
+  proto::MapTimes& held = *add(2, 1, 1000, 1399);
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("its newest map of rover1 is older than the leader's by 10 min")));
+  held.set_last_ns(1400 * kSecond_ns);
+  EXPECT_THAT(Of(2), IsEmpty());
+  held.set_last_ns(1399 * kSecond_ns);
+  reports_[1].map_stats.emplace().add_unplaced()->set_agent_id(1);
+  EXPECT_THAT(Of(2), Not(testing::Contains(HasSubstr("older than the leader's")))) << "not part of the team's map";
+  reports_[1].map_stats.reset();
+  held.set_last_ns(0);
+  EXPECT_THAT(Of(2), IsEmpty()) << "a timestamp of a suspect clock gives no age";
+  held.set_last_ns(1399 * kSecond_ns);
+  team_.mutable_map()->set_team_map_age_s(0);
+  EXPECT_THAT(Of(2), IsEmpty()) << "0 is no limit";
+}
+
 TEST_F(HealthTest, FindsARobotWithoutARightClock) {
   proto::SuspectTimestamp& suspect = *Status(2).mutable_storage()->mutable_suspect_timestamp();
   suspect.set_data_type(1);

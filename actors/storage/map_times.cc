@@ -1,0 +1,49 @@
+#include "actors/storage/map_times.h"
+
+#include <map>
+#include <utility>
+
+#include "actors/storage/record_tables.h"
+#include "proto/record.pb.h"
+#include "proto/types.pb.h"
+
+namespace moondb {
+namespace {
+
+Result<std::int64_t> TimestampOf(Database& database, const RecordKey& key) {
+  const RecordTable& table = *FindRecordTable(key.stream.type);
+  Query query = table.ReadInterval(database, key.stream, key.seq, key.seq, /*agent=*/0);
+  const Result<bool> row = query.Step();
+  if (!row) return tl::unexpected(row.error());
+  proto::Record record;
+  if (!*row || !record.ParseFromString(table.Read(query).content()) || record.is_clock_suspect()) return 0;
+  return record.timestamp_ns();
+}
+
+}  // namespace
+
+Result<void> AddMapTimes(Database& database, const HaveSet& have, proto::StorageStatus& status) {
+  std::map<AgentId, std::pair<RecordKey, RecordKey>> ends;  // The first and the last map of each origin.
+  for (const auto& [stream, state] : have.streams()) {
+    if (stream.type != proto::LOCAL_TRAVERSABILITY_MAP || state.held.is_empty()) continue;
+    const RecordKey first{stream, state.held.intervals().front().first};
+    const RecordKey last{stream, state.held.Max()};
+    const auto [known, is_new] = ends.try_emplace(stream.origin, first, last);
+    if (is_new) continue;
+    if (stream.epoch < known->second.first.stream.epoch) known->second.first = first;
+    if (stream.epoch > known->second.second.stream.epoch) known->second.second = last;
+  }
+  for (const auto& [origin, keys] : ends) {
+    const Result<std::int64_t> first_ns = TimestampOf(database, keys.first);
+    if (!first_ns) return tl::unexpected(first_ns.error());
+    const Result<std::int64_t> last_ns = TimestampOf(database, keys.second);
+    if (!last_ns) return tl::unexpected(last_ns.error());
+    proto::MapTimes& times = *status.add_map_times();
+    times.set_origin_agent(origin);
+    times.set_first_ns(*first_ns);
+    times.set_last_ns(*last_ns);
+  }
+  return {};
+}
+
+}  // namespace moondb
