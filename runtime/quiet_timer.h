@@ -23,16 +23,17 @@ class QuietTimer {
 
   // Call when news has arrived.
   void OnNews(Context& context);
-  // Call when the actor's timer of this kind fires. Returns true if the work is due. Otherwise the timer runs on, also
-  // if the actor is busy.
+  // Call when the actor's timer of this kind fires. Returns true if the work is due. Otherwise the timer runs on while
+  // there is news, also if the actor is busy.
   bool OnTimer(Context& context, bool is_busy);
-  // Call instead of OnTimer if the work has become pointless.
-  void Stop() { is_running_ = false; }
-  bool is_running() const { return is_running_; }  // News has arrived, and the work is not due yet.
+  // Call when the work for all news was done otherwise, or has become pointless.
+  void Stop() { has_news_ = false; }
+  bool has_news() const { return has_news_; }  // News has arrived, and the work is not due yet.
 
  private:
   const Options options_;
-  bool is_running_ = false;
+  bool has_news_ = false;
+  bool is_armed_ = false;  // A timer of the actor is pending.
   MonotonicTime oldest_news_{};
   MonotonicTime newest_news_{};
   std::optional<MonotonicTime> last_due_;

@@ -19,6 +19,8 @@ import sys
 import tempfile
 import time
 
+import demo_lost_rover
+
 AGENT_COUNT = 4
 STEP_LIMIT_S = 240
 MARK = ".moondb-demo"
@@ -257,6 +259,25 @@ def print_table(summary):
     print(f"{'seconds':28}{summary['seconds']:16}")
 
 
+def lose_a_rover(story, mission, out, unknown):
+    """Runs the last act with a team of its own."""
+    folder = out / "lost_rover"
+    folder.mkdir()
+    team = Team(story.team.programs, folder / "team" / "team.yaml")
+    team.moonctl("config", "init", "--mission", mission, team.team_file, "--first-port", free_port_run(AGENT_COUNT))
+    remove_starts(team.team_file, unknown)
+    demo_lost_rover.let_records_flow(team.team_file)
+    try:
+        result = demo_lost_rover.tell(Story(team, story.started), mission, mission_seconds(mission) / 2, folder,
+                                      STEP_LIMIT_S, bool(unknown))
+    except demo_lost_rover.NotReached as error:
+        raise DemoError(str(error)) from error
+    finally:
+        team.moonctl("down", check=False)
+    shutil.copy(folder / f"map_of_{demo_lost_rover.LATE}.png", out)
+    return result
+
+
 def run_demo(options, out):
     started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="moondb-") as run_folder:
@@ -287,11 +308,15 @@ def run_demo(options, out):
                                        out / "score.json", *(["--align"] if unknown else [])))
         finally:
             team.moonctl("down", check=False)
+        lost_rover = lose_a_rover(story, mission, out, unknown)
     score = json.loads((out / "score.json").read_text(encoding="utf-8"))
     summary = summarise(mission, before_kill, at_end, score, time.monotonic() - started)
+    summary["lost_rover"] = lost_rover
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     print_table(summary)
-    print(f"\nLook at {out}/before_after.png, trajectories.png, map/; figures are in summary.json.")
+    demo_lost_rover.print_result(lost_rover)
+    print(f"\nLook at {out}/before_after.png, trajectories.png, map/ and map_of_{demo_lost_rover.LATE}.png;"
+          " figures are in summary.json.")
 
 
 def parse_arguments():

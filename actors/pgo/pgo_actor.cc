@@ -138,7 +138,7 @@ void PgoActor::AwaitQuiet(Context& context) {
 }
 
 void PgoActor::OnQuiet(Context& context) {
-  if (!Leads()) return quiet_.Stop();
+  if (!Leads()) quiet_.Stop();
   if (quiet_.OnTimer(context, /*is_busy=*/phase_ != Phase::kIdle)) Begin(context, {});
 }
 
@@ -147,7 +147,7 @@ void PgoActor::OnGraphStatsRequest(Context& context) {
   message.set_ms_type(proto::CONTROL);
   *message.mutable_graph_stats_reply() = stats_;
   message.mutable_graph_stats_reply()->set_is_solving(phase_ != Phase::kIdle);
-  message.mutable_graph_stats_reply()->set_is_due(Leads() && quiet_.is_running());
+  message.mutable_graph_stats_reply()->set_is_due(Leads() && quiet_.has_news());
   (void)context.Reply(std::move(message));  // Ignore a failed send: the client may have disconnected.
 }
 
@@ -200,6 +200,7 @@ void PgoActor::SolveNow(Context& context) {
                     FormatDuration(std::chrono::duration_cast<std::chrono::milliseconds>(options_.solve_time_max)) +
                     ", so the poses stay as they were";
   }
+  if (solution.is_accepted && request_.window_nodes() == 0) quiet_.Stop();  // It had all records that were news.
   reply_ = ToReply(solution);
   reply_.set_seconds(std::chrono::duration<double>(context.now() - begin).count());
   stats_.set_solve_count(stats_.solve_count() + 1);

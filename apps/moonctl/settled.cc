@@ -1,27 +1,43 @@
 #include "apps/moonctl/settled.h"
 
+#include <algorithm>
+
 #include "apps/common/table.h"
 #include "model/agent_name.h"
 
 namespace moondb {
 
-std::string WhyNotSettled(const proto::TeamConfig& team, const TeamActivity& activity) {
+namespace {
+
+std::string WhyNotShared(const proto::TeamConfig& team, const TeamActivity& activity) {
+  const auto is_away = [&activity](AgentId agent) { return activity.away.contains(agent); };
   for (const auto& [sender, status] : activity.sharing) {
     const std::string name = AgentName(team, sender);
     for (const proto::ShareSession& session : status.sessions()) {
-      if (!session.is_open()) continue;
+      if (!session.is_open() || is_away(session.destination())) continue;
       return name + " sends " + AgentName(team, session.destination()) + " records, " +
              (session.is_remaining_known() ? FormatCount(session.remaining()) + " left" : "it has not answered yet");
     }
-    if (!status.due().empty()) return name + " has records for " + AgentName(team, status.due(0));
-    if (!status.gathers_from().empty()) {
-      return name + " still gathers the records of " + AgentName(team, status.gathers_from(0));
+    const auto due = std::ranges::find_if_not(status.due(), is_away);
+    if (due != status.due().end()) return name + " has records for " + AgentName(team, *due);
+    const auto from = std::ranges::find_if_not(status.gathers_from(), is_away);
+    if (from != status.gathers_from().end()) {
+      return name + " still gathers the records of " + AgentName(team, *from);
     }
   }
+  return "";
+}
+
+}  // namespace
+
+std::string WhyNotSettled(const proto::TeamConfig& team, const TeamActivity& activity) {
+  const std::string why = WhyNotShared(team, activity);
+  if (!why.empty()) return why;
   if (activity.graph.is_solving()) return "the leader solves the pose graph";
   if (activity.graph.is_due()) return "a solve is due";
-  const bool is_matching = activity.registration.text().empty() && !activity.registration.is_done();
-  return is_matching ? "the leader matches maps" : "";
+  if (activity.registration.text().empty() && !activity.registration.is_done()) return "the leader matches maps";
+  return activity.away.empty() ? ""
+                               : AgentName(team, *activity.away.begin()) + " does not answer; the others have settled";
 }
 
 }  // namespace moondb

@@ -137,8 +137,11 @@ Result<std::string> AskWhyNotSettled(CommandContext& context, const proto::Agent
   const auto sharing = context.AskEach([](Client& client) { return client.ShareStatus(); });
   if (!sharing) return tl::unexpected(sharing.error());
   for (const auto& [agent, status] : *sharing) {
-    if (!status) return agent->name() + " does not answer";
-    activity.sharing.emplace_back(agent->id(), *status);
+    if (status) {
+      activity.sharing.emplace_back(agent->id(), *status);
+    } else {
+      activity.away.insert(agent->id());
+    }
   }
   // Asked after the transfers: records that arrive meanwhile make a solve due.
   const auto connected = context.Connect(AgentName(team, leader.agent_id()));
@@ -184,11 +187,10 @@ ExitCode ShowStatus(CommandContext& context) {
   }
   json.EndArray();
   std::string settled;
-  const bool is_of_all = context.agent.empty() && ExitCodeOf(*answers) == ExitCode::kDone;
   if ((*context.Team())->config.radio().sync_period_s() > 0 && context.agent.empty()) {
-    std::string why = "not all agents answer";
+    std::string why = "the leader does not answer";
     for (const proto::AgentStatus& status : statuses) {
-      if (!is_of_all || status.role() != proto::ROLE_LEADER) continue;
+      if (status.role() != proto::ROLE_LEADER) continue;
       const auto asked = AskWhyNotSettled(context, status);
       why = asked ? *asked : ToString(asked.error());
     }

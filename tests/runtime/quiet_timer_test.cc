@@ -82,6 +82,23 @@ TEST_F(QuietTimerTest, KeepsAPauseBetweenTwoWorks) {
   EXPECT_THAT(due_, ElementsAre(2, 22));
 }
 
+TEST_F(QuietTimerTest, IsNotDueForNewsBeforeAStop) {
+  Start({.quiet = 2s});
+  News();
+  Wait(1);
+  timer_->Stop();
+  EXPECT_FALSE(timer_->has_news());
+  Wait(10);
+  EXPECT_THAT(due_, IsEmpty());
+  News();  // After 11 s.
+  Wait(1);
+  timer_->Stop();
+  News();
+  EXPECT_TRUE(timer_->has_news());
+  Wait(10);
+  EXPECT_THAT(due_, ElementsAre(14)) << "2 s after the last news, and once";
+}
+
 TEST_F(QuietTimerTest, WaitsWhileTheActorIsBusy) {
   Start({.quiet = 2s});
   is_busy_ = true;

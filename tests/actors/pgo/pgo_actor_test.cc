@@ -144,6 +144,15 @@ class PgoActorTest : public testing::Test {
 
   std::vector<proto::Message> Answers() { return team_.TakeMessages(client_); }
 
+  proto::GraphStatsReply GraphStats() {
+    proto::Message question;
+    question.mutable_graph_stats_request();
+    EXPECT_EQ(team_.Post(client_, pgo_, std::move(question)), SendResult::kAccepted);
+    team_.RunUntilIdle();
+    const std::vector<proto::Message> answers = Answers();
+    return answers.empty() ? proto::GraphStatsReply() : answers.back().graph_stats_reply();
+  }
+
   proto::OptimizeReply Optimize(const proto::OptimizeRequest& request = {}) {
     Request(1, request);
     const std::vector<proto::Message> answers = Answers();
@@ -505,6 +514,19 @@ TEST_F(PgoActorTest, SolvesPeriodicallyOnceRecordsStopArriving) {
   EXPECT_TRUE(Answers().empty());
 }
 
+TEST_F(PgoActorTest, ACommandedSolveLeavesNoPeriodicOneDue) {
+  options_.solve_when_quiet = seconds(3);
+  SpawnStorage();
+  SpawnPgo();
+  SetLeader(1);
+  StoreGraph();
+  EXPECT_TRUE(GraphStats().is_due());
+  EXPECT_GT(Optimize().updated_pose_count(), 0);
+  EXPECT_FALSE(GraphStats().is_due());
+  team_.AdvanceTime(seconds(100));
+  EXPECT_EQ(GraphStats().solve_count(), 1);
+}
+
 TEST_F(PgoActorTest, SolvesPeriodicallyAfterAMapMatch) {
   options_.solve_when_quiet = seconds(3);
   SpawnStorage();
@@ -533,17 +555,9 @@ TEST_F(PgoActorTest, PausesBetweenPeriodicSolves) {
   team_.AdvanceTime(seconds(4));
   StoreRecord(ToRecord(GraphNode{{2, 100}, 0, Pose{}}), 2);
   team_.AdvanceTime(seconds(50));
-  const auto stats = [this] {
-    proto::Message question;
-    question.mutable_graph_stats_request();
-    EXPECT_EQ(team_.Post(client_, pgo_, question), SendResult::kAccepted);
-    team_.RunUntilIdle();
-    const std::vector<proto::Message> answers = Answers();
-    return answers.empty() ? -1 : answers.back().graph_stats_reply().solve_count();
-  };
-  EXPECT_EQ(stats(), 1);
+  EXPECT_EQ(GraphStats().solve_count(), 1);
   team_.AdvanceTime(seconds(10));
-  EXPECT_EQ(stats(), 2);
+  EXPECT_EQ(GraphStats().solve_count(), 2);
 }
 
 TEST_F(PgoActorTest, SolvesEventuallyIfRecordsNeverStopArriving) {

@@ -43,6 +43,19 @@ TEST_F(SettledTest, SaysWhatStillMoves) {
   EXPECT_EQ(Why(), "rover1 sends rover2 records, 45 left");
 }
 
+TEST_F(SettledTest, NamesAnAgentThatIsAwayOnceTheOthersHaveSettled) {
+  activity_.away = {2};
+  activity_.sharing.pop_back();
+  activity_.sharing[0].second.add_due(2);
+  activity_.sharing[0].second.add_gathers_from(2);
+  proto::ShareSession& session = *activity_.sharing[0].second.add_sessions();
+  session.set_destination(2);
+  session.set_is_open(true);
+  EXPECT_EQ(Why(), "rover2 does not answer; the others have settled");
+  activity_.graph.set_is_due(true);
+  EXPECT_EQ(Why(), "a solve is due");
+}
+
 TEST_F(SettledTest, WaitsForMatchingUnlessNothingIsMatched) {
   activity_.registration.set_is_done(false);
   EXPECT_EQ(Why(), "the leader matches maps");
