@@ -194,7 +194,7 @@ void Invariants::ObserveHave(AgentId agent, const HaveSet& have) {
 void Invariants::ForgetDisk(AgentId agent) {
   held_.erase(agent);
   poses_of_.erase(agent);
-  states_.ForgetDisk(agent);
+  states_.OnDiskReplaced(agent);
   ForgetWhatIsLost();
 }
 

@@ -44,8 +44,21 @@ const StateChecker::Given* StateChecker::Find(const RecordKey& key) const {
 void StateChecker::OnHeld(AgentId agent, const RecordKey& key) {
   const Given* given = Find(key);
   if (given == nullptr) return;
+  const AgentId origin = std::get<0>(given->series);
+  if (agent != origin) shared_[origin].insert(given->number);
   std::uint64_t& last = last_on_[agent][given->series];
   last = std::max(last, given->number);
+}
+
+void StateChecker::OnDiskReplaced(AgentId agent) {
+  ForgetDisk(agent);
+  replaced_[agent] = {given_, shared_[agent]};
+}
+
+bool StateChecker::MayReplace(AgentId origin, std::uint64_t held, std::uint64_t last) const {
+  const auto replaced = replaced_.find(origin);
+  return replaced != replaced_.end() && held != 0 && last <= replaced->second.given &&
+         !replaced->second.shared.contains(held);
 }
 
 std::optional<std::string> StateChecker::WhyOld(AgentId agent, AgentId origin, const Records& records) const {
@@ -59,6 +72,7 @@ std::optional<std::string> StateChecker::WhyOld(AgentId agent, AgentId origin, c
     for (const auto& [series, number] : last) {
       const auto& [its_origin, type, latest_key] = series;
       if ((origin != 0 && its_origin != origin) || holds[series] >= number) continue;
+      if (MayReplace(its_origin, holds[series], number)) continue;
       return "agent " + std::to_string(agent) + " holds the state " + std::to_string(holds[series]) + " of type " +
              std::to_string(type) + " '" + latest_key + "' of agent " + std::to_string(its_origin) +
              ", and the disk of agent " + std::to_string(disk) + " had the later one " + std::to_string(number);

@@ -43,8 +43,11 @@ class StateChecker {
   void OnContent(const RecordKey& key, std::uint64_t content_hash);
   // Call when the state of `key` is on the agent's disk. From then on, WhyOld expects this state or a later one.
   void OnHeld(AgentId agent, const RecordKey& key);
-  // Call when the agent's disk was replaced.
+  // Call when the agent's disk was replaced, or lost some records.
   void ForgetDisk(AgentId agent) { last_on_.erase(agent); }
+  // Call when another disk was put into the agent, perhaps an old one. A state on it that no other agent ever held may
+  // rank above all states given so far (docs/SHARING.md, limits), so WhyOld allows it in their place.
+  void OnDiskReplaced(AgentId agent);
 
   // `records` must be all records of `agent`. Returns a description if, for some type and latest key of `origin`, any
   // agent's disk held a newer state than `records` contains; null otherwise. `origin` 0 means all origins. Requires:
@@ -57,12 +60,19 @@ class StateChecker {
     Series series;
     std::uint64_t number = 0;
   };
+  struct Replaced {
+    std::uint64_t given = 0;         // Number of the last state given before.
+    std::set<std::uint64_t> shared;  // Numbers of the agent's states that another agent had held before.
+  };
   const Given* Find(const RecordKey& key) const;
+  bool MayReplace(AgentId origin, std::uint64_t held, std::uint64_t last) const;
 
   std::uint64_t given_ = 0;
   std::map<std::uint64_t, Given> given_by_content_;             // States that robots gave, by hash of the content.
   std::map<RecordKey, std::uint64_t> content_of_;               // Content hash of each state.
   std::map<AgentId, std::map<Series, std::uint64_t>> last_on_;  // Number of the last state on each agent's disk.
+  std::map<AgentId, std::set<std::uint64_t>> shared_;           // Numbers of each origin's states that others held.
+  std::map<AgentId, Replaced> replaced_;                        // The last time that a disk was put into the agent.
 };
 
 std::uint64_t ContentHash(const std::string& content);

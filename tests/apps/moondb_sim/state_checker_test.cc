@@ -54,6 +54,21 @@ TEST_F(StateCheckerTest, ReportsALostLatestStateRegardlessOfItsKey) {
   EXPECT_FALSE(IsOld(Key(1, proto::POWER, 2), Power(0.3)));
 }
 
+// An old disk is put back: what it never shared ranks above its replacement's states, what it shared does not.
+TEST_F(StateCheckerTest, AllowsAStateThatAnOldDiskNeverShared) {
+  Give(Key(1, proto::POWER, 1), Power(0.1));
+  Hold(2, Key(1, proto::POWER, 1), Power(0.1));
+  Give(Key(1, proto::POWER, 2), Power(0.2));
+  Give(Key(2, proto::POWER), Power(0.3));
+  Hold(2, Key(2, proto::POWER), Power(0.3));
+  EXPECT_TRUE(IsOld(Key(3, proto::POWER), Power(0.2)));
+  checker_.OnDiskReplaced(1);
+  EXPECT_FALSE(IsOld(Key(3, proto::POWER), Power(0.2)));
+  EXPECT_TRUE(IsOld(Key(3, proto::POWER), Power(0.1))) << "agent 2 had it";
+  Give(Key(4, proto::POWER), Power(0.4));
+  EXPECT_TRUE(IsOld(Key(3, proto::POWER), Power(0.2))) << "given after the disk was put back";
+}
+
 TEST_F(StateCheckerTest, IgnoresStatesThatWereLostWithAllDisks) {
   Give(Key(1, proto::POWER, 1), Power(0.1));
   Hold(2, Key(1, proto::POWER, 1), Power(0.1));
