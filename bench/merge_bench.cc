@@ -12,6 +12,7 @@
 
 #include "actors/merge/gather_pool.h"
 #include "apps/common/arguments.h"
+#include "bench/carried_merge.h"
 #include "bench/merge_contest.h"
 #include "bench/merge_plot.h"
 #include "bench/merge_report.h"
@@ -36,6 +37,13 @@ Result<MergeRun> RunOne(std::size_t maps, std::int64_t side_cells, const Options
   contest.repetitions = options.repetitions;
   contest.threads = options.threads;
   Result<MergeRun> run = RunMergeContest(contest);
+  if (run && maps > kCarriedNodes) {
+    const Result<CarriedMerge> carried =
+        MeasureCarriedMerge(MakeMergeWorld(maps, side_cells, /*seed=*/1), options.repetitions);
+    if (!carried) return tl::unexpected(carried.error());
+    run->record_map_ms = carried->new_map_ms;
+    run->record_pose_ms = carried->moved_pose_ms;
+  }
   if (run && !options.is_json) fmt::print("{}\n", TableOf({*run}));
   std::fflush(stdout);
   return run;

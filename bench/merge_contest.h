@@ -40,6 +40,9 @@ struct MergeRun {
   std::optional<double> incremental_gl_ms;
   double withdraw_cpu_ms = 0;  // Time to remove one map.
   double move_cpu_ms = 0;      // Time to move one map.
+  // Times for one new record, from the record to the tiles (carried_merge.h); null for too few maps.
+  std::optional<double> record_map_ms;
+  std::optional<double> record_pose_ms;
   // Durations of the steps of a merge with OpenGL.
   std::optional<double> gl_upload_ms;
   std::optional<double> gl_draw_ms;

@@ -31,6 +31,8 @@ const std::vector<Column>& Columns() {
       {"incremental_gl_ms", [](const MergeRun& run) { return run.incremental_gl_ms; }},
       {"withdraw_cpu_ms", [](const MergeRun& run) { return run.withdraw_cpu_ms; }},
       {"move_cpu_ms", [](const MergeRun& run) { return run.move_cpu_ms; }},
+      {"record_map_ms", [](const MergeRun& run) { return run.record_map_ms; }},
+      {"record_pose_ms", [](const MergeRun& run) { return run.record_pose_ms; }},
       {"gl_upload_ms", [](const MergeRun& run) { return run.gl_upload_ms; }},
       {"gl_draw_ms", [](const MergeRun& run) { return run.gl_draw_ms; }},
       {"gl_read_ms", [](const MergeRun& run) { return run.gl_read_ms; }},
