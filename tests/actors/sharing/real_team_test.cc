@@ -165,6 +165,14 @@ class RealTeam {
     return *FromProto(Ask(agent, actor_name::kStorage, question).have_reply().have());
   }
 
+  // Returns the only stream of the agent's nodes. Requires: the agent has not restarted.
+  StreamKey NodesOf(AgentId agent) {
+    for (const auto& [stream, have] : HaveOf(agent).streams()) {
+      if (stream.origin == agent && stream.type == proto::POSE_GRAPH_NODE) return stream;
+    }
+    return {};
+  }
+
   proto::RoleAssignment RolesAt(AgentId agent) {
     proto::Message question;
     question.mutable_role_show_request();
@@ -549,6 +557,54 @@ TEST(RealTeamTest, RecordsFlowToTheNewLeader) {
   real.InsertNodes(3, 5);
   real.team().AdvanceTime(minutes(2));
   real.ExpectConverged();
+}
+
+TEST(RealTeamTest, RecordsFlowAlthoughTheLeaderKeepsRestarting) {
+  RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithFlow(/*period_s=*/2));
+  for (int restart = 0; restart < 12; ++restart) {
+    real.InsertNodes(3, 5);
+    real.team().Crash(1);
+    real.team().AdvanceTime(milliseconds(500));
+    real.team().Restart(1);
+    real.team().AdvanceTime(milliseconds(4500));
+  }
+  EXPECT_TRUE(real.LackingAt(2).empty()) << "between the restarts";
+  real.Settle();
+  real.ExpectConverged();
+  for (const auto& [agent, count] : real.TakeRecordsTo()) EXPECT_LE(count, 2u * 60 + 60) << "agent " << agent;
+}
+
+TEST(RealTeamTest, RecordsFlowInBothPartsWhileTwoAgentsLead) {
+  RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithFlow());
+  real.Settle();
+  for (const AgentId agent : {2u, 3u, kBase}) real.team().SetLink(1, agent, /*is_up=*/false);
+  real.SetRoles(2, /*leader=*/2, /*survivor=*/3);
+  for (const AgentId agent : {1u, 2u, 3u}) real.InsertNodes(agent, 5);
+  real.Settle();
+  EXPECT_EQ(real.RolesAt(1).leader(), 1u);
+  EXPECT_EQ(real.HaveOf(2).Get(real.NodesOf(3)).held.Count(), 5u) << "in the part of the new leader";
+  for (const AgentId agent : {2u, 3u, kBase}) real.team().SetLink(1, agent, /*is_up=*/true);
+  real.team().AdvanceTime(minutes(2));
+  EXPECT_EQ(real.RolesAt(1).leader(), 2u);
+  real.ExpectConverged();
+  EXPECT_EQ(real.HaveOf(3).Get(real.NodesOf(1)).held.Count(), 5u) << "also of the former leader";
+}
+
+TEST(RealTeamTest, ARoverThatJoinsAfterTenHoursGetsAllOfThem) {
+  RealTeam real(/*seed=*/1, proto::CODEC_COMPACT, TeamWithFlow(/*period_s=*/60));
+  real.Settle();
+  real.team().Crash(3);
+  for (int hour = 0; hour < 10; ++hour) {
+    for (const AgentId agent : {1u, 2u}) {
+      real.InsertNodes(agent, 20);
+      real.InsertMap(agent, 100 * agent + static_cast<std::uint64_t>(hour));
+    }
+    real.team().AdvanceTime(std::chrono::hours(1));
+  }
+  real.team().Restart(3);
+  real.team().AdvanceTime(minutes(2));
+  EXPECT_TRUE(real.LackingAt(3).empty());
+  EXPECT_EQ(real.ReadAll(3).size(), 2u * 10 * 21);
 }
 
 int SeedCount() {
