@@ -103,6 +103,8 @@ void ByzantineChecker::CheckQuiescent(const QuiescentTeam& team) const {
       if (key.stream.type == kNote) continue;  // Agents with different policies hold different notes.
       const auto same = leaders.find(key);
       const bool is_covered = team.have.at(team.leader).Get(key.stream).Covered().Contains(key.seq);
+      const bool is_passed_on = agent == key.stream.origin || !team.never_had_role.contains(agent);
+      if (same == leaders.end() && !is_passed_on) continue;
       const bool converges = same != leaders.end() ? same->second == content : is_covered || IsDerived(key.stream.type);
       if (converges) continue;
       return report_("honest_converge", ByzantineName(agent) + " holds " + ToString(key) + ", and the leader, " +

@@ -5,7 +5,7 @@
 //   No honest agent covers a record that never existed.
 // - honest_roles: No honest agent acts on roles that the Byzantine agent issued or ordered.
 // - honest_converge: When the team is quiescent, the leader covers all records of honest origins that any honest agent
-//   holds. If the leader holds such a record, its content is the same.
+//   holds and may pass on. If the leader holds such a record, its content is the same.
 #pragma once
 
 #include <cstdint>

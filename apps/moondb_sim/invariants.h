@@ -77,7 +77,8 @@ struct QuiescentTeam {
   std::map<AgentId, HaveSet> have;
   std::map<AgentId, Records> records;                           // Records in each agent's store.
   std::set<DataType> not_for_ground = {proto::OPTIMIZED_POSE};  // Types that are not sent to the base station.
-  std::set<DataType> for_rovers = {};  // Types of which the leader sends all agents' records to each rover.
+  std::set<AgentId> never_had_role = {};  // Agents that pass on no records of others in a team with keys.
+  std::set<DataType> for_rovers = {};     // Types of which the leader sends all agents' records to each rover.
 };
 
 class Invariants {

@@ -56,6 +56,9 @@ void QuiescenceChecks::Check() {
     CheckHistory(agent, *have);
     team.records[agent] = world_.ReadAll(agent);
   }
+  for (AgentId agent = 1; agent <= world_.base; ++agent) {
+    if (!world_.invariants.HasHadRole(agent)) team.never_had_role.insert(agent);
+  }
   byzantine_.CheckQuiescent(team);
   // If the Byzantine agent ever had a role, other agents may have accepted its lies, so invariants cannot be checked.
   if (!byzantine_.is_trusted()) world_.invariants.CheckQuiescent(team);

@@ -134,6 +134,13 @@ TEST_F(ByzantineCheckerTest, InAnIdleTeamTheLeaderCoversRecordsThatOthersHold) {
   team.records[2][{{2, 7, proto::POWER}, 1}] = content;
   checker_.CheckQuiescent(team);
   EXPECT_THAT(broken_, ElementsAre("honest_converge", "honest_converge"));
+  team.records[2].erase({{2, 7, proto::POWER}, 1});
+  team.records[2][{{1, 7, proto::POWER}, 3}] = content;
+  checker_.CheckQuiescent(team);
+  EXPECT_EQ(broken_.size(), 3u);
+  team.never_had_role = {2};
+  checker_.CheckQuiescent(team);
+  EXPECT_EQ(broken_.size(), 3u) << "agent 2 may not pass on records of agent 1";
 }
 
 TEST(ByzantineCheckerWithoutOneTest, NothingIsWrong) {
