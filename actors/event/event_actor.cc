@@ -283,7 +283,19 @@ void EventActor::OnShareStatus(Context& context, const std::string& actor, const
           "messages from peers were damaged");
   LogRise(context, proto::EVENT_KIND_REJECTED, actor, "hellos", status.refused_hellos(),
           "beginnings of sharing were refused (another team, version or kind)");
+  std::set<AgentId>& refusing = refusing_[actor];
+  const std::set<AgentId> before = std::exchange(refusing, {status.refusing().begin(), status.refusing().end()});
+  for (const AgentId agent : before) {
+    if (refusing.contains(agent)) continue;
+    Log(context, proto::EVENT_KIND_SHARING, AgentName(options_.team, agent) + " takes records again");
+  }
   for (const proto::ShareSession& session : status.sessions()) {
+    const auto destination = static_cast<AgentId>(session.destination());
+    if (refusing.contains(destination) && !before.contains(destination)) {
+      Log(context, proto::EVENT_KIND_SHARING,
+          AgentName(options_.team, destination) +
+              " does not take all records, and the rest waits: " + session.last_error());
+    }
     const std::string to = AgentName(options_.team, session.destination());
     const std::string why = session.last_error().empty() ? "" : ": " + session.last_error();
     LogRise(context, proto::EVENT_KIND_SHARING, actor, "to " + to, session.closed_sessions(),

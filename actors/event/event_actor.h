@@ -115,6 +115,7 @@ class EventActor final : public Actor {
   const Options options_;
   std::map<std::pair<std::string, std::string>, double> counts_;  // Last value of each counter, by source and name.
   std::set<std::string> heard_;                                   // Sources that have reported at least once.
+  std::map<std::string, std::set<AgentId>> refusing_;  // Agents that do not take all records, by sharing actor.
   proto::RoleAssignment roles_;
   Leases leases_;
   std::map<AgentId, Peer> peers_;  // Agents that have been connected since this actor started.

@@ -69,4 +69,12 @@ std::vector<AgentId> FlowSchedule::FindDue() const {
   return due;
 }
 
+std::vector<AgentId> FlowSchedule::FindRefusing() const {
+  std::vector<AgentId> refusing;
+  for (const auto& [agent, destination] : destinations_) {
+    if (destination.refusals > 0) refusing.push_back(agent);
+  }
+  return refusing;
+}
+
 }  // namespace moondb

@@ -51,6 +51,8 @@ class FlowSchedule {
   std::optional<Time> deadline(const StateOf& state_of) const;
   // Returns the destinations that are due, ready or not.
   std::vector<AgentId> FindDue() const;
+  // Returns the destinations that did not take all records of their last session, as far as it was noted.
+  std::vector<AgentId> FindRefusing() const;
 
  private:
   struct Destination {

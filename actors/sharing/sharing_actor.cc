@@ -298,6 +298,7 @@ void SharingActor::OnControlRequest(Context& context, const proto::Message& mess
   *status.mutable_roles() = roles_;
   AddStatus(context, status);
   for (const AgentId due : flow().FindDue()) status.add_due(due);
+  for (const AgentId refusing : flow().FindRefusing()) status.add_refusing(refusing);
   status.set_received_records(receiver_->counts().received_records);
   status.set_rejected_records(receiver_->counts().rejected_records);
   status.set_damaged_messages(receiver_->counts().damaged_messages);

@@ -1,4 +1,5 @@
-// Reads the times of the local maps that an agent holds of each origin (proto::StorageStatus.map_times). Not thread-safe.
+// Reads the times of the local maps that an agent holds of each origin (proto::StorageStatus.map_times). Not
+// thread-safe.
 #pragma once
 
 #include "actors/storage/sqlite_database.h"

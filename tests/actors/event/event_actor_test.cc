@@ -129,6 +129,24 @@ TEST_F(EventActorTest, ReportsSessionsThatEndedEarlyAndWhy) {
   EXPECT_THAT(Notified(), IsEmpty());
 }
 
+TEST_F(EventActorTest, ReportsOnceThatAnAgentDoesNotTakeAllRecordsAndOnceThatItDoesAgain) {
+  (void)Notified();
+  proto::ControlReply reply;
+  proto::ShareStatus& status = *reply.mutable_share_status();
+  proto::ShareSession& session = *status.add_sessions();
+  session.set_destination(2);
+  session.set_last_error("the destination did not take 7 records");
+  status.add_refusing(2);
+  Post(actor_name::kSync, MessageOf(reply));
+  EXPECT_THAT(Notified(), ElementsAre("rover2 does not take all records, and the rest waits: the destination did not "
+                                      "take 7 records"));
+  Post(actor_name::kSync, MessageOf(reply));
+  EXPECT_THAT(Notified(), IsEmpty());
+  status.clear_refusing();
+  Post(actor_name::kSync, MessageOf(reply));
+  EXPECT_THAT(Notified(), ElementsAre("rover2 takes records again"));
+}
+
 TEST_F(EventActorTest, RequestsStatusEveryMinute) {
   const auto asked = [this] {
     std::size_t count = 0;

@@ -94,6 +94,7 @@ TEST_F(FlowScheduleTest, ServesADestinationThatRefusesMoreAndMoreRarely) {
   }
   EXPECT_THAT(waits, ElementsAre(seconds(10), seconds(20), seconds(40), seconds(80), seconds(160), seconds(320),
                                  seconds(600), seconds(600), seconds(600)));
+  EXPECT_THAT(schedule_.FindRefusing(), ElementsAre(1));
   states_[1].has_refused = false;
   now_ += minutes(20);
   Note(1);
@@ -101,6 +102,7 @@ TEST_F(FlowScheduleTest, ServesADestinationThatRefusesMoreAndMoreRarely) {
   now_ += seconds(5);
   Note(1);
   EXPECT_THAT(Take(), ElementsAre(1)) << "it takes records again";
+  EXPECT_THAT(schedule_.FindRefusing(), testing::IsEmpty());
 }
 
 TEST_F(FlowScheduleTest, ServesAllOnceAMinuteInCaseAnEventWasMissed) {
