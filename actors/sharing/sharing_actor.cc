@@ -239,9 +239,10 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
       !is_from_here(context) && (context.sender().agent == roles_.leader() || IsNewer(message.term(), roles_.term()));
   Result<void> checked = CheckOrderer(context, message.term());
   if (checked) checked = CheckShareRequest(request);
-  if (checked && is_from_here(context) && !roles_.has_term()) {
-    checked = Fail(ErrorCode::kUnavailable,
-                   NameOf(options_.self) + " does not know yet who leads: it is asking the other agents; try again");
+  if (checked && is_from_here(context) && !roles_.has_term() && roles_.leader() == options_.self) {
+    checked = Fail(
+        ErrorCode::kUnavailable,
+        NameOf(options_.self) + " does not know yet whether it still leads: it is asking the other agents; try again");
   }
   if (checked) checked = CheckExpectedTerm(context, request);
   in_hand_ = {context.sender().agent, is_from_here(context) ? ++last_order_ : request.order()};

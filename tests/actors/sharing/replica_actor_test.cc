@@ -62,12 +62,14 @@ TEST_F(ReplicaActorTest, NamesTheLeaderWhenAnotherAgentGetsTheOrder) {
 }
 
 // After its restart the leader of the team file may have been replaced, or have to gather records first.
-TEST_F(ReplicaActorTest, RefusesOrdersUntilItKnowsWhoLeads) {
+TEST_F(ReplicaActorTest, RefusesOrdersUntilItKnowsWhetherItLeads) {
+  team_.Crash(1);
   team_.Restart(1);
   for (const proto::SharingKind kind : {proto::SHARING_KIND_REPLICATION, proto::SHARING_KIND_SYNC}) {
     const auto reply = Share(team_, 1, ShareOrder(kind));
     EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_UNAVAILABLE);
-    EXPECT_EQ(reply.error().text(), "rover1 does not know yet who leads: it is asking the other agents; try again");
+    EXPECT_EQ(reply.error().text(),
+              "rover1 does not know yet whether it still leads: it is asking the other agents; try again");
   }
   NotifyRoles(team_, config_, 1, Roles(3, 1, 3));
   EXPECT_EQ(Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION)).error().code(), proto::ERROR_CODE_REFUSED);
