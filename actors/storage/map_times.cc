@@ -3,21 +3,21 @@
 #include <map>
 #include <utility>
 
-#include "actors/storage/record_tables.h"
-#include "proto/record.pb.h"
+#include "actors/storage/clock_judge.h"
 #include "proto/types.pb.h"
 
 namespace moondb {
 namespace {
 
+// Does not read the content, because a status may be asked for often, and a map may have megabytes.
 Result<std::int64_t> TimestampOf(Database& database, const RecordKey& key) {
-  const RecordTable& table = *FindRecordTable(key.stream.type);
-  Query query = table.ReadInterval(database, key.stream, key.seq, key.seq, /*agent=*/0);
+  Query query =
+      database.Prepare("SELECT timestamp_ns FROM local_traversability_map WHERE origin = ? AND epoch = ? AND seq = ?");
+  query << key.stream.origin << key.stream.epoch << key.seq;
   const Result<bool> row = query.Step();
   if (!row) return tl::unexpected(row.error());
-  proto::Record record;
-  if (!*row || !record.ParseFromString(table.Read(query).content()) || record.is_clock_suspect()) return 0;
-  return record.timestamp_ns();
+  const std::int64_t timestamp_ns = *row ? query.Integer(0) : 0;
+  return timestamp_ns < kTimestampMin_ns ? 0 : timestamp_ns;
 }
 
 }  // namespace

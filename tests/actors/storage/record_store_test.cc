@@ -1110,25 +1110,25 @@ TEST(RecordStoreTest, ReportsTheTimesOfTheFirstAndTheLastMapOfEachOrigin) {
   const RecordStore::Options options = StoreOptionsOf(2, folder.File("store.db"));
   auto store = OpenStore(options);
   EXPECT_EQ(store->GetStatus(0)->map_times_size(), 0);
-  const auto insert = [&store](std::int64_t timestamp_ns, bool is_suspect) {
-    proto::Record record = MapRecord({2, static_cast<std::uint64_t>(timestamp_ns)});
+  constexpr std::int64_t kStart_ns = 1'700'000'000'000'000'000;
+  const auto insert = [&store](std::uint64_t index, std::int64_t timestamp_ns) {
+    proto::Record record = MapRecord({2, index});
     record.set_timestamp_ns(timestamp_ns);
-    record.set_is_clock_suspect(is_suspect);
     InsertOne(*store, record);
   };
-  insert(30, false);
-  insert(20, false);
+  insert(1, kStart_ns + 30);
+  insert(2, kStart_ns + 20);
   const auto times = [&store] { return store->GetStatus(0)->map_times(0); };
   EXPECT_EQ(times().origin_agent(), 2u);
-  EXPECT_EQ(times().first_ns(), 30) << "in the order of the inserts";
-  EXPECT_EQ(times().last_ns(), 20);
+  EXPECT_EQ(times().first_ns(), kStart_ns + 30) << "in the order of the inserts";
+  EXPECT_EQ(times().last_ns(), kStart_ns + 20);
   store.reset();
   store = OpenStore(options);  // The next insert begins a new epoch.
-  insert(40, true);
-  EXPECT_EQ(times().first_ns(), 30);
-  EXPECT_EQ(times().last_ns(), 0) << "its clock is suspect";
-  insert(50, false);
-  EXPECT_EQ(times().last_ns(), 50);
+  insert(3, 40);
+  EXPECT_EQ(times().first_ns(), kStart_ns + 30);
+  EXPECT_EQ(times().last_ns(), 0) << "its clock was never set";
+  insert(4, kStart_ns + 50);
+  EXPECT_EQ(times().last_ns(), kStart_ns + 50);
 }
 
 TEST(RecordStoreTest, CountsByOriginAndType) {
