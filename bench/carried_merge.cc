@@ -1,6 +1,5 @@
 #include "bench/carried_merge.h"
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <functional>
@@ -10,6 +9,7 @@
 
 #include "actors/merge/map_collection.h"
 #include "actors/merge/merger.h"
+#include "bench/measure.h"
 #include "model/check.h"
 #include "proto/types.pb.h"
 
@@ -96,8 +96,7 @@ Result<double> MedianMs(int repetitions, const std::function<Result<void>()>& wo
     if (const Result<void> done = work(); !done) return tl::unexpected(done.error());
     times_ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
   }
-  std::ranges::nth_element(times_ms, times_ms.begin() + repetitions / 2);
-  return times_ms[static_cast<std::size_t>(repetitions / 2)];
+  return Median(times_ms);
 }
 
 }  // namespace

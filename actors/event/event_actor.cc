@@ -285,18 +285,17 @@ void EventActor::OnShareStatus(Context& context, const std::string& actor, const
           "beginnings of sharing were refused (another team, version or kind)");
   std::set<AgentId>& refusing = refusing_[actor];
   const std::set<AgentId> before = std::exchange(refusing, {status.refusing().begin(), status.refusing().end()});
-  for (const AgentId agent : before) {
-    if (refusing.contains(agent)) continue;
-    Log(context, proto::EVENT_KIND_SHARING, AgentName(options_.team, agent) + " takes records again");
-  }
   for (const proto::ShareSession& session : status.sessions()) {
     const auto destination = static_cast<AgentId>(session.destination());
+    const std::string to = AgentName(options_.team, destination);
     if (refusing.contains(destination) && !before.contains(destination)) {
       Log(context, proto::EVENT_KIND_SHARING,
-          AgentName(options_.team, destination) +
-              " does not take all records, and the rest waits: " + session.last_error());
+          to + " does not take all records, and the rest waits: " + session.last_error());
     }
-    const std::string to = AgentName(options_.team, session.destination());
+    // A destination may also leave `refusing` because the roles have changed.
+    if (before.contains(destination) && !refusing.contains(destination) && session.last_error().empty()) {
+      Log(context, proto::EVENT_KIND_SHARING, to + " takes records again");
+    }
     const std::string why = session.last_error().empty() ? "" : ": " + session.last_error();
     LogRise(context, proto::EVENT_KIND_SHARING, actor, "to " + to, session.closed_sessions(),
             "sharings to " + to + " ended before all was acknowledged" + why);

@@ -200,7 +200,7 @@ void PgoActor::SolveNow(Context& context) {
                     FormatDuration(std::chrono::duration_cast<std::chrono::milliseconds>(options_.solve_time_max)) +
                     ", so the poses stay as they were";
   }
-  if (solution.is_accepted && request_.window_nodes() == 0) quiet_.Stop();  // It had all records that were news.
+  if (solution.is_accepted && request_.window_nodes() == 0) quiet_.Stop();  // The solve used all news.
   reply_ = ToReply(solution);
   reply_.set_seconds(std::chrono::duration<double>(context.now() - begin).count());
   stats_.set_solve_count(stats_.solve_count() + 1);

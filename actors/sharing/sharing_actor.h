@@ -209,7 +209,7 @@ class SharingActor : public Actor {
 
   const Options options_;
   const proto::SharingKind kind_;
-  proto::RoleAssignment roles_;  // Those of the team file, without a term, until RoleActor publishes others.
+  proto::RoleAssignment roles_;  // The roles of the team file, without a term, until RoleActor publishes others.
   std::set<AgentId> connected_;
   // Time at which the connection to each unconnected agent was lost. For an agent that was never connected: the time at
   // which this actor started.

@@ -28,10 +28,8 @@ Result<void> AddMapTimes(Database& database, const HaveSet& have, proto::Storage
     if (stream.type != proto::LOCAL_TRAVERSABILITY_MAP || state.held.is_empty()) continue;
     const RecordKey first{stream, state.held.intervals().front().first};
     const RecordKey last{stream, state.held.Max()};
-    const auto [known, is_new] = ends.try_emplace(stream.origin, first, last);
-    if (is_new) continue;
-    if (stream.epoch < known->second.first.stream.epoch) known->second.first = first;
-    if (stream.epoch > known->second.second.stream.epoch) known->second.second = last;
+    // The streams of an origin are sorted by epoch.
+    ends.try_emplace(stream.origin, first, last).first->second.second = last;
   }
   for (const auto& [origin, keys] : ends) {
     const Result<std::int64_t> first_ns = TimestampOf(database, keys.first);

@@ -135,8 +135,6 @@ void JudgeRisk(const proto::TeamConfig& team, const proto::StorageStatus& storag
                      ": moonctl sync now and replicate now copy them, moonctl risk shows them");
 }
 
-double Seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
-
 // Adds a finding for each rover whose maps the agent should hold and lacks for longer than team_map_age_s. Compares
 // timestamps of that rover only, because clocks may differ.
 void JudgeMapAges(const proto::TeamConfig& team, const proto::AgentStatus& status, const AgentReport& leader,
@@ -153,7 +151,7 @@ void JudgeMapAges(const proto::TeamConfig& team, const proto::AgentStatus& statu
     const AgentId origin = times.origin_agent();
     const auto held = last_ns.find(origin);
     const std::int64_t known_ns = held == last_ns.end() ? times.first_ns() : held->second;
-    const double behind_s = Seconds(times.last_ns() - known_ns);
+    const double behind_s = static_cast<double>(times.last_ns() - known_ns) * 1e-9;
     const bool is_known = times.last_ns() != 0 && known_ns != 0;
     if (origin == status.agent_id() || unplaced.contains(origin) || !is_known || behind_s <= limit_s) continue;
     findings.push_back(

@@ -5,8 +5,8 @@
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <set>
-#include <span>
 #include <thread>
 
 #include "apps/common/progress.h"
@@ -71,25 +71,24 @@ Result<void> Retry(AgentFeed& feed, const Pace& pace) {
 
 Result<void> FeedOne(AgentFeed& feed, const Pace& pace, std::atomic<std::size_t>& inserted_count) {
   const std::size_t planned = feed.records.size();
-  Clock::time_point taken_at = Clock::now();
-  bool is_waiting = false;
+  std::optional<Clock::time_point> refused_since;  // Empty: the agent took the last records.
   while (!feed.records.empty()) {
-    if (!is_waiting) std::this_thread::sleep_until(pace.TimeOf(feed.records.front()));
+    if (!refused_since) std::this_thread::sleep_until(pace.TimeOf(feed.records.front()));
     const std::size_t before = feed.records.size();
-    const Result<void> done = is_waiting ? Retry(feed, pace) : InsertDue(feed, pace);
+    const Result<void> done = refused_since ? Retry(feed, pace) : InsertDue(feed, pace);
     inserted_count += before - feed.records.size();
     if (done) {
-      taken_at = Clock::now();
+      refused_since.reset();
     } else if (!MayPass(done.error().code)) {
       return done;
-    } else if (Clock::now() - taken_at > kGivenUpAfter) {
+    } else if (!refused_since) {
+      refused_since = Clock::now();
+      std::fprintf(stderr, "%s takes no records now (%s); they wait\n", feed.name.c_str(), done.error().text.c_str());
+    } else if (Clock::now() - *refused_since > kGivenUpAfter) {
       return Fail(ErrorCode::kUnavailable, feed.name + " has taken no record for a minute (" + done.error().text +
                                                "); " + std::to_string(feed.records.size()) +
                                                " records are not inserted: once it runs, repeat the command");
-    } else if (!is_waiting) {
-      std::fprintf(stderr, "%s takes no records now (%s); they wait\n", feed.name.c_str(), done.error().text.c_str());
     }
-    is_waiting = !done;
   }
   PrintFed(feed, planned, pace.start);
   return {};

@@ -1,13 +1,12 @@
 #include "apps/moondb_replay/score.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <iterator>
 
 #include "actors/merge/map_collection.h"
 #include "actors/pgo/pose_graph_solver.h"
 #include "actors/pgo/team_facts.h"
-#include "apps/moondb_replay/map_frame.h"
 #include "model/team_member.h"
 #include "proto/types.pb.h"
 
@@ -75,19 +74,13 @@ Result<MergedMap> MergeMission(const proto::TeamConfig& team, const Mission& mis
   return MergeAt(team, all, mission.truth);
 }
 
-// Returns the part of the cells known in `whole` that `map` knows too.
-double PartKnown(const MergedMap& map, const MergedMap& whole) {
-  const MapFrame frame = FrameOf(std::array{&whole}, /*margin_cells=*/0);
-  const Grid of_whole = InFrame(whole, frame).grid;
-  const Grid of_map = InFrame(map, frame).grid;
-  double known = 0;
-  double both = 0;
-  for (std::size_t cell = 0; cell < of_whole.cells.size(); ++cell) {
-    if (of_whole.cells[cell] == Cell::kUnknown) continue;
-    ++known;
-    both += of_map.cells[cell] == Cell::kUnknown ? 0 : 1;
-  }
-  return known == 0 ? 0 : both / known;
+// Returns the part of the cells known in `whole` that `map` knows too. Errors are those of CompareMaps.
+Result<double> PartKnown(const MergedMap& map, const MergedMap& whole) {
+  const auto agreement = CompareMaps(map, whole);
+  if (!agreement) return tl::unexpected(agreement.error());
+  const auto& cells = whole.grid.cells;
+  const auto known = std::ssize(cells) - std::ranges::count(cells, Cell::kUnknown);
+  return known == 0 ? 0 : static_cast<double>(agreement->known_in_both_count) / static_cast<double>(known);
 }
 
 }  // namespace
@@ -169,7 +162,9 @@ Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, 
   }
   const auto whole = MergeMission(team, mission);
   if (!whole) return tl::unexpected(whole.error());
-  scored.area_ratio = PartKnown(after->map, *whole);
+  const auto area_ratio = PartKnown(after->map, *whole);
+  if (!area_ratio) return tl::unexpected(area_ratio.error());
+  scored.area_ratio = *area_ratio;
   scored.before = *std::move(before);
   scored.after = *std::move(after);
   scored.truth = *std::move(at_truth);

@@ -143,8 +143,24 @@ TEST_F(EventActorTest, ReportsOnceThatAnAgentDoesNotTakeAllRecordsAndOnceThatItD
   Post(actor_name::kSync, MessageOf(reply));
   EXPECT_THAT(Notified(), IsEmpty());
   status.clear_refusing();
+  session.clear_last_error();
   Post(actor_name::kSync, MessageOf(reply));
   EXPECT_THAT(Notified(), ElementsAre("rover2 takes records again"));
+}
+
+TEST_F(EventActorTest, DoesNotReportThatAFormerDestinationTakesRecordsAgain) {
+  proto::ControlReply reply;
+  proto::ShareStatus& status = *reply.mutable_share_status();
+  proto::ShareSession& session = *status.add_sessions();
+  session.set_destination(2);
+  session.set_last_error("the destination did not take 7 records");
+  status.add_refusing(2);
+  Post(actor_name::kSync, MessageOf(reply));
+  (void)Notified();
+  status.clear_refusing();
+  session.set_last_error("the roles changed");
+  Post(actor_name::kSync, MessageOf(reply));
+  EXPECT_THAT(Notified(), IsEmpty());
 }
 
 TEST_F(EventActorTest, RequestsStatusEveryMinute) {
