@@ -270,7 +270,7 @@ def lose_a_rover(story, mission, out, unknown):
     try:
         result = demo_lost_rover.tell(Story(team, story.started), mission, mission_seconds(mission) / 2, folder,
                                       STEP_LIMIT_S, bool(unknown))
-    except demo_lost_rover.NotReached as error:
+    except demo_lost_rover.NotSettled as error:
         raise DemoError(str(error)) from error
     finally:
         team.moonctl("down", check=False)
