@@ -67,12 +67,10 @@ def hashes(team):
 
 
 def coded_bytes_to(team, agent):
-    """Returns the coded bytes that the leader has sent to the agent in sessions."""
-    answer = json.loads(team.moonctl("--json", "sync", "status", check=False).stdout)
-    text = json.dumps(answer)
-    found = [session for part in re.findall(r"\{[^{}]*\}", text) for session in [json.loads(part)]
-             if session.get("coded_bytes") is not None and session.get("destination") in (agent + 1, NAMES[agent])]
-    return sum(int(session["coded_bytes"]) for session in found)
+    """Returns the coded bytes that all agents together have sent to the agent in sync sessions."""
+    agents = json.loads(team.moonctl("--json", "sync", "status", check=False).stdout)["agents"]
+    rows = [row for sender in agents for row in sender.get("sessions", []) if row["to"] == NAMES[agent]]
+    return sum(int(row["session"].get("coded_bytes", 0)) for row in rows)
 
 
 def start(team):
