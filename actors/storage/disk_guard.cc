@@ -15,6 +15,7 @@ namespace {
 constexpr double kBytesPerMegabyte = 1e6;
 constexpr std::size_t kDeletableMax = 4;  // Maximum number of files named in one message.
 
+constexpr std::uint64_t OthersMapFloor(std::uint64_t reserve_bytes) { return 3 * reserve_bytes; }
 constexpr std::uint64_t MapFloor(std::uint64_t reserve_bytes) { return 2 * reserve_bytes; }
 constexpr std::uint64_t RecordFloor(std::uint64_t reserve_bytes) { return reserve_bytes / 2; }
 constexpr std::uint64_t LogFloor(std::uint64_t reserve_bytes) { return reserve_bytes / 4; }
@@ -64,7 +65,7 @@ std::optional<DiskGuard::Room> DiskGuard::RoomOf(Database& database) const {
   room.disk_bytes = room.bytes = space->free_bytes;
   room.reserve_bytes = ReserveBytesFor(space->capacity_bytes);
   // If the disk has more room than any limit requires, the free pages of the file do not matter.
-  if (room.bytes >= 3 * room.reserve_bytes) return room;
+  if (room.bytes >= OthersMapFloor(room.reserve_bytes)) return room;
   room.bytes += database.FreePageBytes().value_or(0);
   room.log_bytes = database.WalBytes();
   return room;
@@ -82,9 +83,13 @@ Result<void> DiskGuard::CheckRoom(Database& database, Kind kind) const {
     return Fail(ErrorCode::kFull, "the disk is full (" + DiskMegabytes(room->disk_bytes) +
                                       " are free): no records are taken, what is left is for roles; " + Advice());
   }
-  if (kind == Kind::kMap && room->bytes < MapFloor(room->reserve_bytes)) {
-    return Fail(ErrorCode::kFull, "the disk is nearly full (" + DiskMegabytes(room->disk_bytes) +
-                                      " are free): no more maps are taken, what is left is for states; " + Advice());
+  const std::string nearly_full = "the disk is nearly full (" + DiskMegabytes(room->disk_bytes) + " are free): ";
+  if (kind != Kind::kRecord && room->bytes < MapFloor(room->reserve_bytes)) {
+    return Fail(ErrorCode::kFull, nearly_full + "no more maps are taken, what is left is for states; " + Advice());
+  }
+  if (kind == Kind::kOthersMap && room->bytes < OthersMapFloor(room->reserve_bytes)) {
+    return Fail(ErrorCode::kFull, nearly_full + "no more maps of other agents are taken, what is left is for this " +
+                                      "agent's own records; " + Advice());
   }
   return {};
 }
@@ -125,16 +130,15 @@ bool DiskGuard::Tend(Database& database, std::mt19937_64& random) {
   if (is_reserve_whole_) return false;
   const std::uint64_t lacking = room->reserve_bytes - present;
   // Grow the reserve only if all records will still be accepted afterwards, and if the disk keeps room for the log.
-  const bool has_room = room->bytes >= lacking + MapFloor(room->reserve_bytes) &&
+  const bool has_room = room->bytes >= lacking + OthersMapFloor(room->reserve_bytes) &&
                         room->disk_bytes >= lacking + LogFloor(room->reserve_bytes);
   return has_room && reserve_.Grow(room->reserve_bytes, random).has_value();
 }
 
 void DiskGuard::Describe(Database& database, proto::StorageStatus& status) const {
   status.set_reserve_bytes(static_cast<double>(reserve_.Bytes()));
-  if (const Result<void> room = CheckRoom(database, Kind::kMap); !room) status.set_refused_inserts(room.error().text);
-  if (const Result<void> room = CheckRoom(database, Kind::kRecord); !room) {
-    status.set_refused_inserts(room.error().text);
+  if (const Result<void> room = CheckRoom(database, Kind::kOthersMap); !room) {
+    status.set_refused_inserts(room.error().text);  // CheckRoom reports the lowest limit that is not met.
   }
   if (trouble_.empty()) return;
   status.set_write_trouble(trouble_ + (trouble_ == "the disk is full" ? ": " + Advice() : ""));

@@ -2,7 +2,8 @@
 // full. It also remembers why the last write to the disk failed, until a write succeeds.
 //
 // Records are refused with kFull:
-//   - maps, if the room is less than twice the reserve;
+//   - other agents' maps, if the room is less than three times the reserve;
+//   - all maps, if the room is less than twice the reserve;
 //   - all records, if the room is less than half the reserve, or if the disk has less free space than the write-ahead
 //     log needs. The remaining room is for role assignments, and for a prune, which makes room.
 //
@@ -40,7 +41,7 @@ class DiskGuard {
   // `agent` is the agent's name, for the prune command that Advice suggests.
   DiskGuard(const std::string& database_path, const std::string& vfs, std::string agent);
 
-  enum class Kind { kMap, kRecord };
+  enum class Kind { kOthersMap, kMap, kRecord };
   // Returns an error if no record of that kind may be stored now: kFull, or kInternal if the file system is read-only.
   Result<void> CheckRoom(Database& database, Kind kind) const;
 

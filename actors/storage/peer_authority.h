@@ -93,6 +93,8 @@ class PeerAuthority {
   // Checks a prior that this agent wants to store. Fails with kRefused if it concerns another agent's node, unless this
   // agent is listed in command_from of the team file.
   Result<void> CheckOwnPrior(const proto::Record& record) const;
+  // Returns whether the newest valid assignment names the agent leader or survivor.
+  bool HasRole(AgentId agent) const { return chain_.newest().leader() == agent || chain_.newest().survivor() == agent; }
   // Returns the newest known valid term.
   const proto::Term& newest_term() const { return chain_.newest().term(); }
   // Counts a refused record that its origin may not write in any role (CheckSpeaker).

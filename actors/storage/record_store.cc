@@ -11,6 +11,7 @@
 #include "actors/storage/bundle_shelf.h"
 #include "actors/storage/disk_guard.h"
 #include "actors/storage/log_check.h"
+#include "actors/storage/map_budget.h"
 #include "actors/storage/map_times.h"
 #include "actors/storage/migration.h"
 #include "actors/storage/prune.h"
@@ -542,20 +543,16 @@ Result<void> RecordStore::CheckRoomForMaps(const proto::InsertRequest& request) 
   const bool has_map = std::any_of(request.records().begin(), request.records().end(),
                                    [](const proto::Record& record) { return record.has_local_traversability_map(); });
   if (!has_map) return {};
-  const Result<std::uint64_t> used = UsedByRecords();
+  const Result<std::uint64_t> used = UsedByRecords(*database_, history_.sum().bytes);
   if (!used) return tl::unexpected(used.error());
-  if (*used < options_.map_store_bytes_max) return {};
-  return Fail(ErrorCode::kFull, "the store's budget (retention.store_mb_max) is used up: no more maps are taken, and " +
-                                    std::string("what is left of the disk is for states"));
+  return CheckBudgetForOwnMaps(*used, options_.map_store_bytes_max);
 }
 
-// Does not count bundles and history, because bundles and history have size limits of their own.
-Result<std::uint64_t> RecordStore::UsedByRecords() {
-  const Result<std::uint64_t> used = database_->UsedPageBytes();
-  if (!used) return used;
-  const Result<std::int64_t> bundles = database_->Number("SELECT coalesce(sum(length(file)), 0) FROM downlink_bundle");
-  if (!bundles) return tl::unexpected(bundles.error());
-  return *used - std::min(*used, static_cast<std::uint64_t>(*bundles) + history_.sum().bytes);
+Result<void> RecordStore::CheckRoomForOthersMaps() {
+  if (options_.map_store_bytes_max == 0 || authority_.HasRole(options_.self)) return {};
+  const Result<std::uint64_t> used = UsedByRecords(*database_, history_.sum().bytes);
+  if (!used) return tl::unexpected(used.error());
+  return CheckBudgetForOthersMaps(*used, options_.map_store_bytes_max);
 }
 
 Result<std::optional<std::uint64_t>> RecordStore::RoomToShare() {
@@ -1109,7 +1106,7 @@ Result<proto::StorageStatus> RecordStore::GetStatus(std::uint32_t day) {
     added.set_data_type(key.second);
     added.set_count(static_cast<double>(count));
   }
-  const Result<std::uint64_t> used = UsedByRecords();
+  const Result<std::uint64_t> used = UsedByRecords(*database_, history_.sum().bytes);
   if (!used) return tl::unexpected(used.error());
   status.set_database_bytes(static_cast<double>(*used + database_->WalBytes()));
   status.set_disk_free_bytes(static_cast<double>(database_->GetDiskSpace().value_or(DiskSpace()).free_bytes));

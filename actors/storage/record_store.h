@@ -72,6 +72,7 @@ class RecordStore {
     std::uint64_t seed = 0;         // Seed of the random bits of epochs.
     std::uint64_t bytes_max = 0;    // Size limit of the file; 0: limited by the disk only.
     // If the tables use at least this many bytes, own maps are refused (kFull) to leave room for states; 0: no limit.
+    // See map_budget.h.
     std::uint64_t map_store_bytes_max = 0;
     // True if this process opened the file before. The file is then not checked again (1 ms per MB).
     bool is_checked = false;
@@ -117,6 +118,9 @@ class RecordStore {
     proto::RecordsStored stored;  // last_row_id is 0 if there are no new rows.
   };
   Inserted Insert(const proto::InsertRequest& request);
+  // Fails with kFull if other agents' maps are refused to leave room for own ones (map_budget.h). The leader and the
+  // survivor accept them, because theirs are the team's safe copies.
+  Result<void> CheckRoomForOthersMaps();
 
   // Stores records of any origin from a peer. Each record is validated, and stored or rejected, separately. If the
   // transaction fails, no record is stored. After a success, all records that `reply.covered` covers survive a power
@@ -223,7 +227,6 @@ class RecordStore {
   Result<void> Claim();
   Result<proto::PruneReply> PruneHistory(const proto::PruneRequest& request, std::int64_t utc_now_ns);
   Result<void> WriteNextRowId(std::uint64_t row_id);
-  Result<std::uint64_t> UsedByRecords();  // Returns the bytes of file pages, without bundles and history.
   // Returns the maximum size of the file: Options::bytes_max, or less if the disk has less space. Returns null while
   // the file's used pages take less than one agent's guaranteed part of this size (PeerAuthority), because no agent can
   // then exceed its part.

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "actors/storage/map_budget.h"
 #include "model/agent_name.h"
 #include "model/control_message.h"
 #include "model/data_types.h"
@@ -28,10 +29,6 @@ enum TimerKind : std::uint32_t { kScrub = 1, kSaveWritten = 2, kTend = 3, kTrimH
 constexpr std::size_t kRowsOnFullDisk = 200;
 
 constexpr double kMegabyte = 1e6;
-// RetentionActor prunes the store to below this fraction of its budget. If the store takes more, RetentionActor could
-// not remove enough records.
-constexpr double kBudgetUsedMax = 0.9;
-
 std::uint32_t DayOf(std::int64_t utc_ns) {
   constexpr std::int64_t kDay_ns = 86'400'000'000'000;
   return utc_ns < 0 ? 0 : static_cast<std::uint32_t>(utc_ns / kDay_ns);
@@ -48,7 +45,7 @@ constexpr std::uint64_t kHistoryDropBytes = 1024 * 1024;
 // Removes history if the disk is short of room, before records are refused. Pages that become free within the file
 // count as room.
 void DropHistoryWhereShort(const DiskGuard& disk, RecordStore& store) {
-  const Result<void> room = disk.CheckRoom(store.database(), DiskGuard::Kind::kMap);
+  const Result<void> room = disk.CheckRoom(store.database(), DiskGuard::Kind::kOthersMap);
   if (room || room.error().code != ErrorCode::kFull) return;
   const Result<std::uint64_t> freed = store.DropHistory(kHistoryDropBytes);
   if (freed && *freed > 0) spdlog::warn("storage: the disk is short: {} bytes of history were removed", *freed);
@@ -295,31 +292,43 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
   Publish(context, stored.stored);
 }
 
-// Stores the batch. If there is no room for maps, stores the other records and replies with an error, which keeps the
-// sender's session open until there is room again. This agent's have-set then covers the other records. If there is no
-// room for any record, stores nothing and replies with an error.
+// Stores the records of the batch for which there is room. A nearly full disk has room for no other agent's maps, or
+// for no maps. If a record is left out, replies with an error, which keeps the sender's session open until there is
+// room again. This agent's have-set then covers the other records. If there is no room for any record, stores nothing
+// and replies with an error.
 RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& request) {
   const auto is_map = [](const proto::StoredRecord& record) {
     return IsBulky(static_cast<DataType>(record.key().data_type()));
   };
   const bool has_map = std::any_of(request.records().begin(), request.records().end(), is_map);
   Result<void> room = CheckRoom(DiskGuard::Kind::kRecord);
+  const Result<void> for_map = room && has_map ? CheckRoom(DiskGuard::Kind::kMap) : room;
+  const Result<void> for_others_map = for_map && has_map ? CheckRoomForOthersMaps() : for_map;
+  if (for_others_map) return StoreWhereRoomSeems(request);
   RecordStore::Stored stored;
-  if (room && has_map) room = CheckRoom(DiskGuard::Kind::kMap);
   if (room) {
-    return StoreWhereRoomSeems(request);
-  }
-  if (has_map && CheckRoom(DiskGuard::Kind::kRecord)) {
-    proto::StoreRequest others = request;
-    others.clear_records();
+    proto::StoreRequest fitting = request;
+    fitting.clear_records();
     for (const proto::StoredRecord& record : request.records()) {
-      if (!is_map(record)) *others.add_records() = record;
+      const bool is_own = record.key().origin_agent() == options_.self;
+      const Result<void>& found = is_own ? for_map : for_others_map;
+      if (found || !is_map(record)) {
+        *fitting.add_records() = record;
+      } else {
+        room = found;
+      }
     }
-    stored = StoreWhereRoomSeems(others);
+    stored = StoreWhereRoomSeems(fitting);
+    if (room) return stored;
     stored.reply.Clear();
   }
   *stored.reply.mutable_error() = ToProto(room.error());
   return stored;
+}
+
+Result<void> StorageActor::CheckRoomForOthersMaps() {
+  const Result<void> room = CheckRoom(DiskGuard::Kind::kOthersMap);
+  return room ? store_->CheckRoomForOthersMaps() : room;
 }
 
 void StorageActor::OnMissing(Context& context, const proto::MissingRequest& request) {
@@ -450,9 +459,11 @@ std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {
            " of retention.disk_free_mb_min";
   }
   const double budget = retention.store_mb_max() * kMegabyte;
-  if (budget > 0 && status.database_bytes() - status.wal_bytes() > kBudgetUsedMax * budget) {
+  // RetentionActor prunes the store to below this part. If the store takes more, too few records could be removed.
+  if (budget > 0 && status.database_bytes() - status.wal_bytes() > kOthersMapsPartMax * budget) {
     return "the store takes " + Megabytes(status.database_bytes() - status.wal_bytes()) + " of the " +
-           Megabytes(budget) + " of retention.store_mb_max, and nothing more of it may go yet";
+           Megabytes(budget) + " of retention.store_mb_max, and nothing more of it may go yet" +
+           (store_->CheckRoomForOthersMaps() ? "" : "; no more maps of other agents are taken");
   }
   return "";
 }

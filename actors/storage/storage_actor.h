@@ -102,6 +102,7 @@ class StorageActor final : public Actor {
   void Tend(Context& context);
   void Reopen(Context& context);
   Result<void> CheckRoom(DiskGuard::Kind kind);
+  Result<void> CheckRoomForOthersMaps();  // Checks the disk and the store's budget.
   // Call these two functions after CheckRoom found room. If the disk is full nevertheless, both functions give up the
   // reserve and retry once.
   RecordStore::Inserted InsertWhereRoomSeems(const proto::InsertRequest& request);

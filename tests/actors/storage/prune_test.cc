@@ -419,5 +419,17 @@ TEST_F(PruneTest, BeyondTheBudgetRefusesOwnMapsButStoresStates) {
   EXPECT_FALSE(IsError(InsertAll(*store, {TemperatureRecord(1), NodeRecord(1, 1)}).error()));
 }
 
+TEST_F(PruneTest, OnlyLeaderAndSurvivorTakeOthersMapsBeyondTheBudget) {
+  RecordStore::Options options = StoreOptionsOf(1);
+  options.path = folder_.File("others.db");
+  options.map_store_bytes_max = 1;
+  EXPECT_EQ(OpenStore(options)->CheckRoomForOthersMaps().error().code, ErrorCode::kFull);
+  options.authority.roles.initial.set_leader(1);
+  EXPECT_TRUE(OpenStore(options)->CheckRoomForOthersMaps());
+  options.authority.roles.initial.set_leader(2);
+  options.map_store_bytes_max = 100 * 1000 * 1000;
+  EXPECT_TRUE(OpenStore(options)->CheckRoomForOthersMaps());
+}
+
 }  // namespace
 }  // namespace moondb

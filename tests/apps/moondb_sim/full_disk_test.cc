@@ -159,6 +159,21 @@ TEST_F(FullDiskTest, RefusesMapsBeforeTheLastMegabytesThenEveryRecord) {
   EXPECT_TRUE(Status().refused_inserts().empty());
 }
 
+TEST_F(FullDiskTest, RefusesMapsOfOtherAgentsBeforeOwnOnes) {
+  disk_.SetRoom(kFolder, 1300 * 1024);
+  const proto::StoreReply reply = Store({Node(1, 1), Map(1)});
+  EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_FULL);
+  EXPECT_THAT(reply.error().text(), HasSubstr("no more maps of other agents are taken"));
+  EXPECT_FALSE(Have().Get({1, 1, proto::POSE_GRAPH_NODE}).held.is_empty());
+  EXPECT_TRUE(Have().Get({1, 1, proto::LOCAL_TRAVERSABILITY_MAP}).held.is_empty());
+  EXPECT_FALSE(IsError(Insert(Map(kSelf)).error()));
+  EXPECT_THAT(Status().refused_inserts(), HasSubstr("no more maps of other agents"));
+
+  disk_.SetRoom(kFolder, 3000 * 1024);
+  EXPECT_FALSE(IsError(Store({Map(1)}).error()));
+  EXPECT_TRUE(Status().refused_inserts().empty());
+}
+
 TEST_F(FullDiskTest, StoresAPeersBatchWithoutItsMapsAndAnswersWithAnError) {
   disk_.SetRoom(kFolder, 900 * 1024);
   const proto::StoreReply reply = Store({Node(1, 1), Map(1)});
