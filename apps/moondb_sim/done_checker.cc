@@ -105,15 +105,17 @@ std::optional<std::string> DoneChecker::WhyNotDone(const Waiting& waiting, const
     if (const auto lacking = WhyLacking(before_term_of_[leader], now, other, leader, is_of_others)) return lacking;
     if (is_sync) {
       const auto is_its_own = [other](const RecordKey& key) { return key.stream.origin == other; };
-      const auto is_for_it = [&](const RecordKey& key) {
-        const bool is_for_ground =
-            key.stream.type == proto::POSE_GRAPH_NODE || key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP;
-        return is_its_own(key) || (other == world_.base && is_for_ground);
-      };
+      const auto is_for_it = [&](const RecordKey& key) { return is_its_own(key) || IsBroughtOn(key, other); };
       if (!HasPair(progress, other, leader)) return Name(other, leader) + " is left out";
       if (!HasPair(progress, leader, other)) return Name(leader, other) + " is left out";
       if (const auto lacking = WhyLacking(waiting.before, now, other, leader, is_its_own)) return lacking;
       if (const auto lacking = WhyLacking(waiting.before, now, leader, other, is_for_it)) return lacking;
+      for (const auto& [third, have] : waiting.before) {
+        const auto is_from_third = [&, third = third](const RecordKey& key) {
+          return key.stream.origin == third && third != other && IsBroughtOn(key, other);
+        };
+        if (const auto lacking = WhyLacking({{leader, have}}, now, leader, other, is_from_third)) return lacking;
+      }
     } else if (other == roles.survivor()) {
       if (!HasPair(progress, leader, other)) return Name(leader, other) + " is left out";
       if (const auto lacking = WhyLacking(waiting.before, now, leader, other, [](const RecordKey&) { return true; }))
@@ -121,6 +123,12 @@ std::optional<std::string> DoneChecker::WhyNotDone(const Waiting& waiting, const
     }
   }
   return std::nullopt;
+}
+
+bool DoneChecker::IsBroughtOn(const RecordKey& key, AgentId destination) const {
+  const DataType type = key.stream.type;
+  if (destination == world_.base) return type == proto::POSE_GRAPH_NODE || type == proto::LOCAL_TRAVERSABILITY_MAP;
+  return RoversPolicyOf(world_.config, type) == proto::POLICY_ALL;
 }
 
 template <typename IsMeant>

@@ -45,6 +45,8 @@ class DoneChecker {
 
   void Check(const Waiting& waiting, const proto::ShareProgress& progress);
   std::optional<std::string> WhyNotDone(const Waiting& waiting, const proto::ShareProgress& progress);
+  // Returns whether a sync brings all agents' records of this stream to `destination`.
+  bool IsBroughtOn(const RecordKey& key, AgentId destination) const;
   // Returns a description of the first record that `sender` held in `before` and `destination` lacks in `now`; null if
   // there is none. Considers only records for which `is_meant` returns true. Ignores pruned and superseded records.
   template <typename IsMeant>

@@ -1231,7 +1231,7 @@ const std::vector<Mutant>& Mutants() {
              })},
       {"QuarantinesStay",
        "a leader brings others no quarantines of maps but its own",
-       {"brought_out"},
+       {"done_is_true", "brought_out"},
        5,
        Hears(kStorage,
              [](Context&, proto::Message& message) {
