@@ -430,8 +430,9 @@ void SimulatedClients::CheckQuiescent() {
 }
 
 // With the policies that bring each rover all records of the merged map, all rovers merge the same one. Two kinds of
-// rovers are excused: those that pruned nodes or maps, and those that hold what the leader lacks. After disks were lost,
-// a plain rover may have the last copy of another agent's record, but the leader does not accept it from that rover.
+// rovers are excused: those that pruned nodes or maps, and those that hold what the leader lacks. After disks were
+// lost, a plain rover may have the last copy of another agent's record, but the leader does not accept it from that
+// rover.
 void SimulatedClients::CheckMapsAreAlike() {
   const bool has_all = RoversPolicyOf(world_.config, proto::LOCAL_TRAVERSABILITY_MAP) == proto::POLICY_ALL &&
                        RoversPolicyOf(world_.config, proto::POSE_GRAPH_NODE) == proto::POLICY_ALL &&
