@@ -1,0 +1,70 @@
+#include "apps/moondb_ros/node_planner.h"
+
+#include <array>
+#include <cmath>
+
+namespace moondb {
+namespace {
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+constexpr double kDegree = 0.017453292519943295;
+
+std::int64_t NextWholeSecond(std::int64_t timestamp_ns) {
+  const std::int64_t floor_ns = timestamp_ns - ((timestamp_ns % kSecond_ns) + kSecond_ns) % kSecond_ns;
+  return floor_ns == timestamp_ns ? timestamp_ns : floor_ns + kSecond_ns;
+}
+
+// `sigmas`: x y z (m), roll pitch yaw (rad).
+proto::RelativePose StepOf(const Pose& from_from_to, const std::array<double, 6>& sigmas) {
+  proto::RelativePose step;
+  *step.mutable_from_from_to() = ToProto(from_from_to);
+  for (std::size_t row = 0; row < sigmas.size(); ++row) {
+    for (std::size_t column = row; column < sigmas.size(); ++column) {
+      step.add_covariance(row == column ? sigmas[row] * sigmas[row] : 0);
+    }
+  }
+  return step;
+}
+
+}  // namespace
+
+proto::RelativePose OdometryStep(const Pose& from_from_to, OdometryKind kind) {
+  const double share = kind == OdometryKind::kWheel ? 0.05 : 0.01;
+  const double length_m = from_from_to.position_m.norm();
+  const double plane_m = 0.01 + share * length_m;
+  const double yaw_rad = 0.005 + 0.01 * length_m + share * std::abs(from_from_to.Yaw());
+  return StepOf(from_from_to, {plane_m, plane_m, 0.3 * plane_m, 0.002, 0.002, yaw_rad});
+}
+
+proto::RelativePose UnsureStep(const Pose& from_from_to) {
+  return StepOf(from_from_to, {5, 5, 5, 0.01, 0.01, 60 * kDegree});
+}
+
+bool NodePlanner::IsDue(const OdometryTrack& track) const {
+  if (!last_) return true;
+  const std::int64_t now_ns = track.newest_ns();
+  const std::optional<Pose> pose = track.PoseAt(now_ns);
+  const Pose step = last_->track_from_node.Inverse() * *pose;
+  return step.position_m.norm() >= rule_.distance_m ||
+         step.orientation.angularDistance(Eigen::Quaterniond::Identity()) >= rule_.turn_rad ||
+         static_cast<double>(now_ns - last_->timestamp_ns) * 1e-9 >= rule_.age_s;
+}
+
+std::optional<PlannedNode> NodePlanner::Next(const OdometryTrack& track) {
+  if (!planned_ns_) {
+    if (!IsDue(track)) return std::nullopt;
+    planned_ns_ = NextWholeSecond(track.newest_ns());
+  }
+  if (track.newest_ns() < *planned_ns_ + kWait_ns) return std::nullopt;
+  const std::int64_t timestamp_ns = *planned_ns_;
+  planned_ns_.reset();
+  const std::optional<Pose> pose = track.PoseAt(timestamp_ns);
+  if (!pose)
+    return std::nullopt;  // Odometry paused for longer than the track keeps poses; the next message plans again.
+  const std::uint64_t jump_count = track.JumpsUntil(timestamp_ns);
+  const PlannedNode node{timestamp_ns, *pose, jump_count != (last_ ? last_->jump_count : 0)};
+  last_ = Last{timestamp_ns, *pose, jump_count};
+  return node;
+}
+
+}  // namespace moondb

@@ -1,0 +1,69 @@
+// NodePlanner: decides where the robot's odometry becomes a pose-graph node, and how unsure the step to it is.
+//
+// A node is due once the robot has moved or turned far enough since the last one. It is also due after some time, so
+// that a person who leaves does not stay in the map. It is made at the next whole second of UTC, with the robot's pose
+// interpolated at that instant: all robots of a team then make their nodes at the same instants.
+//
+// Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "apps/moondb_ros/odometry_track.h"
+#include "model/geometry.h"
+#include "proto/record.pb.h"
+
+namespace moondb {
+
+struct NodeRule {
+  double distance_m = 1;
+  double turn_rad = 30 * 0.017453292519943295;
+  double age_s = 60;
+};
+
+struct PlannedNode {
+  std::int64_t timestamp_ns = 0;
+  Pose track_from_node;
+  bool is_after_jump = false;  // Odometry jumped since the last node.
+};
+
+// The odometry's error grows with the step: by 5 % of it for wheels, and by 1 % where a lidar or cameras correct it.
+enum class OdometryKind { kWheel, kLidar };
+
+// Returns an odometry measurement. `from_from_to` is the step between two nodes. The standard deviations are, with s
+// the share of OdometryKind and d the step's length:
+//   - x, y: 0.01 m + s d; z: 0.3 of that; roll, pitch: 0.002 rad
+//   - yaw: 0.005 rad + 0.01 rad/m d + s |turn|
+// A message's covariance is not used, because it is zero, constant or that of the whole way in most drivers.
+proto::RelativePose OdometryStep(const Pose& from_from_to, OdometryKind kind);
+// Returns the measurement for a step over a jump: standard deviations of 5 m and, in yaw, 60 degrees. Roll and pitch
+// stay within 0.01 rad, because odometry measures them against gravity, or not at all.
+proto::RelativePose UnsureStep(const Pose& from_from_to);
+
+class NodePlanner {
+ public:
+  // How long a node waits after its instant for the scans of that instant.
+  static constexpr std::int64_t kWait_ns = 300'000'000;
+
+  explicit NodePlanner(const NodeRule& rule) : rule_(rule) {}
+
+  // Call after each message that the track accepted. Returns a node whose instant has passed; at most one per call, and
+  // each node once.
+  std::optional<PlannedNode> Next(const OdometryTrack& track);
+
+ private:
+  struct Last {
+    std::int64_t timestamp_ns = 0;
+    Pose track_from_node;
+    std::uint64_t jump_count = 0;
+  };
+
+  bool IsDue(const OdometryTrack& track) const;
+
+  const NodeRule rule_;
+  std::optional<Last> last_;
+  std::optional<std::int64_t> planned_ns_;
+};
+
+}  // namespace moondb

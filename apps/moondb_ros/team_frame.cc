@@ -1,0 +1,36 @@
+#include "apps/moondb_ros/team_frame.h"
+
+#include <iterator>
+
+namespace moondb {
+
+void TeamFrame::Add(const proto::StoredRecord& stored, const proto::Record& record) {
+  const RecordKey key = FromProto(stored.key());
+  if (record.has_optimized_pose()) {
+    if (FromProto(record.optimized_pose().node()).agent != agent_) return;
+    (void)poses_.AddOptimized(key, record.optimized_pose());  // A damaged pose is left out, as in the merged map.
+  } else if (record.has_pose_graph_node()) {
+    const NodeKey node = FromProto(record.pose_graph_node().node());
+    const Result<Pose> pose = FromProto(record.pose_graph_node().map_from_node());
+    if (node.agent == agent_ && pose) poses_.AddRaw(key, node, *pose, record.timestamp_ns());
+  }
+}
+
+void TeamFrame::AddTrack(std::uint64_t node_index, const Pose& track_from_node) {
+  track_from_node_[node_index] = track_from_node;
+  if (track_from_node_.size() > kNodesMax) track_from_node_.erase(track_from_node_.begin());
+}
+
+std::optional<Pose> TeamFrame::TeamFromTrack() const {
+  const NodePoses::ValidPoses valid = poses_.FindValid({});
+  for (auto node = track_from_node_.rbegin(); node != track_from_node_.rend(); ++node) {
+    const ValidPose* pose = valid.Find(NodeKey{agent_, node->first});
+    if (pose == nullptr) continue;
+    Pose team_from_track = pose->map_from_node * node->second.Inverse();
+    team_from_track.orientation.normalize();
+    return team_from_track;
+  }
+  return std::nullopt;
+}
+
+}  // namespace moondb

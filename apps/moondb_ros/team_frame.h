@@ -1,0 +1,40 @@
+// TeamFrame: where a robot's odometry lies in the team's map: the transform that moondb_ros publishes.
+//
+// The value is the valid pose of the newest own node that has one (model/pose_carrier.h) times that node's inverse pose
+// in the frame `track` (odometry_track.h). Between two solves the robot thus moves by odometry alone, and after a solve
+// it is where the solve placed it. Not thread-safe.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+
+#include "model/geometry.h"
+#include "model/ids.h"
+#include "model/node_poses.h"
+#include "proto/record.pb.h"
+
+namespace moondb {
+
+class TeamFrame {
+ public:
+  static constexpr std::size_t kNodesMax = 100'000;
+
+  explicit TeamFrame(AgentId agent) : agent_(agent), poses_(kNodesMax) {}
+
+  // Adds a record of the agent's store: own nodes and optimized poses of own nodes count, all others are ignored.
+  void Add(const proto::StoredRecord& stored, const proto::Record& record);
+  // Adds where a node of this process lies in the frame `track`.
+  void AddTrack(std::uint64_t node_index, const Pose& track_from_node);
+
+  // Returns team_map_from_track; nullopt before the store has a node of this process.
+  std::optional<Pose> TeamFromTrack() const;
+
+ private:
+  const AgentId agent_;
+  NodePoses poses_;
+  std::map<std::uint64_t, Pose> track_from_node_;  // By node index, at most kNodesMax, the newest.
+};
+
+}  // namespace moondb
