@@ -388,6 +388,7 @@ Result<MergedTiles> Client::NextMapTiles(proto::MapTilesRequest& request) {
     asked.mutable_after()->clear_zstd_cells();
   }
   all.is_everything = request.merger_id() != first->merger_id();
+  all.frame_of = first->frame_of();
   request.set_merger_id(first->merger_id());
   request.set_since_version(first->version());
   return all;

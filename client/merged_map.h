@@ -5,6 +5,7 @@
 
 #include "model/error.h"
 #include "model/grid.h"
+#include "model/ids.h"
 #include "proto/map.pb.h"
 
 namespace moondb {
@@ -26,6 +27,9 @@ struct MergedTile {
 struct MergedTiles {
   bool is_everything = false;  // If true, discard all tiles received earlier: cells outside of `tiles` are unknown.
   std::vector<MergedTile> tiles;
+  // If not 0, the tiles are the map of this rover alone, in a frame of its own, because it is not placed
+  // (MapStatsReply.frame_of).
+  AgentId frame_of = 0;
 };
 
 inline constexpr std::uint32_t kTileSideCellsMax = 4096;

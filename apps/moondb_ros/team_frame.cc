@@ -1,11 +1,12 @@
 #include "apps/moondb_ros/team_frame.h"
 
-#include <iterator>
+#include <utility>
 
 namespace moondb {
 
 void TeamFrame::Add(const proto::StoredRecord& stored, const proto::Record& record) {
   const RecordKey key = FromProto(stored.key());
+  is_changed_ = true;
   if (record.has_optimized_pose()) {
     if (FromProto(record.optimized_pose().node()).agent != agent_) return;
     (void)poses_.AddOptimized(key, record.optimized_pose());  // A damaged pose is left out, as in the merged map.
@@ -17,11 +18,17 @@ void TeamFrame::Add(const proto::StoredRecord& stored, const proto::Record& reco
 }
 
 void TeamFrame::AddTrack(std::uint64_t node_index, const Pose& track_from_node) {
+  is_changed_ = true;
   track_from_node_[node_index] = track_from_node;
   if (track_from_node_.size() > kNodesMax) track_from_node_.erase(track_from_node_.begin());
 }
 
-std::optional<Pose> TeamFrame::TeamFromTrack() const {
+std::optional<Pose> TeamFrame::TeamFromTrack() {
+  if (std::exchange(is_changed_, false)) team_from_track_ = Find();
+  return team_from_track_;
+}
+
+std::optional<Pose> TeamFrame::Find() const {
   const NodePoses::ValidPoses valid = poses_.FindValid({});
   for (auto node = track_from_node_.rbegin(); node != track_from_node_.rend(); ++node) {
     const ValidPose* pose = valid.Find(NodeKey{agent_, node->first});

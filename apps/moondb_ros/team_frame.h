@@ -29,12 +29,16 @@ class TeamFrame {
   void AddTrack(std::uint64_t node_index, const Pose& track_from_node);
 
   // Returns team_map_from_track; nullopt before the store has a node of this process.
-  std::optional<Pose> TeamFromTrack() const;
+  std::optional<Pose> TeamFromTrack();
 
  private:
+  std::optional<Pose> Find() const;
+
   const AgentId agent_;
   NodePoses poses_;
   std::map<std::uint64_t, Pose> track_from_node_;  // By node index, at most kNodesMax, the newest.
+  std::optional<Pose> team_from_track_;            // Valid unless is_changed_.
+  bool is_changed_ = false;
 };
 
 }  // namespace moondb

@@ -1,0 +1,159 @@
+// moondb_ros: joins a robot's ROS 2 graph to its moondb agent, without ROS (docs/ROS.md).
+//
+// Exit codes: 0 ended by SIGINT or SIGTERM, 1 failed, 2 the command line or a file is wrong, 3 the agent or the network
+// is not there.
+
+#include <pthread.h>
+#include <signal.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+
+#include "apps/common/arguments.h"
+#include "apps/common/data_folder.h"
+#include "apps/common/team_clients.h"
+#include "apps/moondb_ros/ros_bridge.h"
+#include "apps/moondb_ros/ros_settings.h"
+#include "model/start_poses.h"
+
+namespace moondb {
+namespace {
+
+volatile sig_atomic_t is_ended = 0;
+
+void Print(const std::string& line) {
+  std::fprintf(stderr, "moondb_ros: %s\n", line.c_str());
+  std::fflush(stderr);
+}
+
+std::string ReadText(const std::string& path) {
+  std::ifstream stream(path);
+  std::string text{std::istreambuf_iterator<char>(stream), {}};
+  return text;
+}
+
+Pose FirstPose(const proto::TeamConfig& team, const proto::AgentConfig& agent) {
+  if (!KnownStarts(team).contains(agent.id())) return Pose();
+  Pose pose = Pose::FromPlanar(agent.start().x(), agent.start().y(), agent.start().yaw());
+  pose.position_m.z() = agent.start().z();
+  return pose;
+}
+
+// Reads the newest own node, and waits for the agent if it is not there yet; nullopt if the program was ended.
+std::optional<Result<std::optional<RobotMapper::Stored>>> WaitForStored(const AgentLink::Connect& connect,
+                                                                        AgentId agent) {
+  for (bool is_said = false; is_ended == 0;) {
+    const Result<std::unique_ptr<Client>> client = connect();
+    auto stored = client ? ReadNewestNode(**client, agent) : tl::unexpected(client.error());
+    const bool may_pass =
+        !stored && (stored.error().code == ErrorCode::kUnavailable || stored.error().code == ErrorCode::kTimedOut);
+    if (!may_pass) return stored;
+    if (!std::exchange(is_said, true)) Print(stored.error().text + "; waiting for the agent");
+    const timespec second{1, 0};
+    nanosleep(&second, nullptr);
+  }
+  return std::nullopt;
+}
+
+Result<void> Bridge(const RosSettings& settings) {
+  const Result<TeamFile> team = ReadTeamFile(settings.team);
+  if (!team) return tl::unexpected(team.error());
+  const Result<const proto::AgentConfig*> agent = MemberNamed(team->config, settings.agent);
+  if (!agent) return tl::unexpected(agent.error());
+  const auto folder = FindDataFolder(DefaultDataRoot(team->folder), team->config, **agent);
+  if (!folder) return tl::unexpected(folder.error());
+  const std::filesystem::path own_folder = *folder / "ros";
+  const Result<DataFolderLock> lock = DataFolderLock::Take(own_folder);
+  if (!lock) {
+    return Fail(lock.error().code, "another moondb_ros runs for " + settings.agent + " (" + lock.error().text + ")");
+  }
+
+  RosBridge::Options options;
+  options.settings = settings;
+  options.agent = (*agent)->id();
+  options.first = FirstPose(team->config, **agent);
+  options.boot_id = ReadText("/proc/sys/kernel/random/boot_id");
+  options.state_file = own_folder / "moondb_ros.state";
+  options.connect = [&] { return ConnectTo(*team, **agent, {}); };
+  options.print = Print;
+  auto stored = WaitForStored(options.connect, options.agent);
+  if (!stored) return {};
+  if (!*stored) return tl::unexpected(stored->error());
+  options.stored = **stored;
+  if (options.stored) options.stored->state = ReadRosState(options.state_file);
+  const auto bridge = RosBridge::Start(std::move(options));
+  if (!bridge) return tl::unexpected(bridge.error());
+  Print("agent " + settings.agent + ", domain " + std::to_string(settings.domain_id) + ": publishes " +
+        settings.MapTopic() + "; waits for " + settings.TopicName(settings.odometry_topic));
+  while (is_ended == 0) (*bridge)->Step();
+  return {};
+}
+
+int Finish(const Result<void>& result) {
+  if (result) return 0;
+  Print(ToString(result.error()));
+  if (result.error().code == ErrorCode::kInvalid || result.error().code == ErrorCode::kNotFound) return 2;
+  return result.error().code == ErrorCode::kUnavailable ? 3 : 1;
+}
+
+// Reads the file of --config before the command line is parsed, so that options take precedence.
+Result<RosSettings> ReadSettings(int argc, char** argv) {
+  std::string file;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--config" && i + 1 < argc) file = argv[i + 1];
+    if (word.starts_with("--config=")) file = word.substr(9);
+  }
+  if (file.empty()) return ParseRosSettings("{}", "");
+  if (!std::filesystem::is_regular_file(file)) return Fail(ErrorCode::kNotFound, file + ": no such file");
+  return ParseRosSettings(ReadText(file), file);
+}
+
+int Run(int argc, char** argv) {
+  Result<RosSettings> read = ReadSettings(argc, argv);
+  if (!read) return Finish(tl::unexpected(read.error()));
+  RosSettings& settings = *read;
+  std::string config;
+  double turn_deg = settings.rule.turn_rad / 0.017453292519943295;
+  bool is_lidar = settings.odometry_kind == OdometryKind::kLidar;
+  Command app("moondb_ros", "Joins a robot's ROS 2 graph to its moondb agent.");
+  app.AddOption("--config", config, "YAML file with the names of these options");
+  app.AddOption("-t,--team", settings.team, "Team file").EnvName("MOONDB_TEAM");
+  app.AddOption("-a,--agent", settings.agent, "This robot's agent");
+  app.AddOption("--odom", settings.odometry_topic, "Topic of nav_msgs/Odometry").DefaultShown();
+  app.AddOption("--scan", settings.scan_topic, "Topic of sensor_msgs/LaserScan, for the local maps").DefaultShown();
+  app.AddOption("--grid", settings.grid_topics, "Topics of nav_msgs/OccupancyGrid, in place of the scan");
+  app.AddOption("--namespace", settings.name_space, "Prefix of all topics, such as robot1");
+  app.AddOption("--node-distance-m", settings.rule.distance_m, "A new node at least after this way")
+      .Within(0.1, 100.0)
+      .DefaultShown();
+  app.AddOption("--node-turn-deg", turn_deg, "... or this turn").Within(1.0, 180.0).DefaultShown();
+  app.AddOption("--node-age-s", settings.rule.age_s, "... or this time").Within(1.0, 86400.0).DefaultShown();
+  app.AddFlag("--lidar-odometry", is_lidar, "Odometry is corrected by a lidar or cameras: 1 % of error and not 5 %");
+  app.AddFlag("--publish-as-map", settings.is_published_as_map, "Publish /map, for robots without localization");
+  app.AddFlag("--sim-time", settings.is_simulated_time, "Timestamps are simulated time, from 0");
+  app.AddOption("--domain-id", settings.domain_id, "DDS domain")
+      .EnvName("ROS_DOMAIN_ID")
+      .Within(0u, 232u)
+      .DefaultShown();
+  if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code == 0 ? 0 : 2;
+  settings.rule.turn_rad = turn_deg * 0.017453292519943295;
+  settings.odometry_kind = is_lidar ? OdometryKind::kLidar : OdometryKind::kWheel;
+  if (settings.agent.empty() || settings.team.empty()) {
+    return Finish(Fail(ErrorCode::kInvalid,
+                       "name the team file and this robot's agent: --team team/team.yaml "
+                       "--agent rover1"));
+  }
+  struct sigaction action {};
+  action.sa_handler = [](int) { is_ended = 1; };
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  return Finish(Bridge(settings));
+}
+
+}  // namespace
+}  // namespace moondb
+
+int main(int argc, char** argv) { return moondb::Run(argc, argv); }

@@ -1,0 +1,71 @@
+// RosBridge: a robot's ROS 2 graph on one side, its agent on the other (docs/ROS.md).
+//
+// Reads odometry, scans or grids, and transforms; inserts nodes, odometry and local maps at the agent; publishes the
+// agent's merged map, and the transform from its frame to the robot's frames. Not thread-safe.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "apps/moondb_ros/agent_link.h"
+#include "apps/moondb_ros/dds/ros_graph.h"
+#include "apps/moondb_ros/robot_mapper.h"
+#include "apps/moondb_ros/ros_settings.h"
+#include "apps/moondb_ros/topic_log.h"
+
+namespace moondb {
+
+class RosBridge {
+ public:
+  struct Options {
+    RosSettings settings;
+    AgentId agent = 0;
+    Pose first;  // As in NodeChain.
+    std::string boot_id;
+    std::filesystem::path state_file;
+    AgentLink::Connect connect;
+    std::optional<RobotMapper::Stored> stored;  // As in RobotMapper.
+    std::function<void(const std::string&)> print;
+  };
+
+  // Fails like RosGraph::Join.
+  static Result<std::unique_ptr<RosBridge>> Start(Options options);
+  RosBridge(const RosBridge&) = delete;
+  RosBridge& operator=(const RosBridge&) = delete;
+
+  // Works for at most about 100 ms: handles messages, and publishes what is due.
+  void Step();
+
+  const TopicLog& log() const { return log_; }
+
+ private:
+  using Time = std::chrono::steady_clock::time_point;
+
+  explicit RosBridge(Options options);
+  Result<void> Join();
+  RosGraph::Handlers MakeHandlers();
+  void OnOdometry(const RosOdometry& message);
+  void CheckAddresses(Time now);  // Joins again after the computer's addresses changed.
+  void PublishMap(Time now);
+  void PublishTransform(Time now);
+  // The frame to which the team's map is joined: the highest ancestor of the odometry frame.
+  std::string RootFrame() const;
+  std::optional<Pose> MapFromRoot(const std::string& root);
+
+  const Options options_;
+  std::vector<RosGraph::Input> inputs_;  // Odometry, /tf, /tf_static, then the scan or the grids.
+  TopicLog log_;
+  RobotMapper mapper_;
+  AgentLink link_;
+  std::unique_ptr<RosGraph> graph_;
+  std::string addresses_;  // RosInterfaces::addresses at the last Join.
+  Time addresses_read_{};
+  Time map_written_{};
+  Time transform_written_{};
+};
+
+}  // namespace moondb
