@@ -51,13 +51,13 @@ proto::RosState ReadRosState(const std::filesystem::path& file) {
   return state.ParseFromString(content) ? state : proto::RosState();
 }
 
-AgentLink::AgentLink(AgentId agent, std::filesystem::path state_file, Connect connect,
+AgentLink::AgentLink(AgentId agent, bool is_start_known, std::filesystem::path state_file, Connect connect,
                      std::function<void(const std::string&)> print)
     : agent_(agent),
       state_file_(std::move(state_file)),
       connect_(std::move(connect)),
       print_(std::move(print)),
-      frame_(agent) {
+      frame_(agent, is_start_known) {
   threads_.emplace_back([this] { Repeat("inserting", [this](Client& client) { return InsertNext(client); }); });
   threads_.emplace_back([this] { Repeat("the merged map", [this](Client& client) { return FollowMap(client); }); });
   threads_.emplace_back([this] { Repeat("poses", [this](Client& client) { return FollowPoses(client); }); });

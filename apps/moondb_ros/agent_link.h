@@ -33,8 +33,8 @@ class AgentLink {
  public:
   using Connect = std::function<Result<std::unique_ptr<Client>>()>;
 
-  // `print` prints one line, from any thread.
-  AgentLink(AgentId agent, std::filesystem::path state_file, Connect connect,
+  // `is_start_known`: as in TeamFrame. `print` prints one line, from any thread.
+  AgentLink(AgentId agent, bool is_start_known, std::filesystem::path state_file, Connect connect,
             std::function<void(const std::string&)> print);
   ~AgentLink();  // Ends the threads, which may take some seconds. Records that still wait are lost.
   AgentLink(const AgentLink&) = delete;

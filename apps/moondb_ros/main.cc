@@ -1,30 +1,36 @@
 // moondb_ros: joins a robot's ROS 2 graph to its moondb agent, without ROS (docs/ROS.md).
 //
 // Exit codes: 0 ended by SIGINT or SIGTERM, 1 failed, 2 the command line or a file is wrong, 3 the agent or the network
-// is not there.
+// is not there. `moondb_ros check` ends with 1 if odometry or maps do not work.
 
 #include <pthread.h>
 #include <signal.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <set>
 
 #include "apps/common/arguments.h"
 #include "apps/common/data_folder.h"
 #include "apps/common/team_clients.h"
 #include "apps/moondb_ros/ros_bridge.h"
 #include "apps/moondb_ros/ros_settings.h"
+#include "apps/moondb_ros/topic_check.h"
 #include "model/start_poses.h"
+#include "model/text.h"
 
 namespace moondb {
 namespace {
 
+constexpr std::chrono::seconds kCheck{10};
+
 volatile sig_atomic_t is_ended = 0;
 
 void Print(const std::string& line) {
-  std::fprintf(stderr, "moondb_ros: %s\n", line.c_str());
+  std::fprintf(stderr, "moondb_ros: %s\n", OneLine(line).c_str());
   std::fflush(stderr);
 }
 
@@ -32,6 +38,16 @@ std::string ReadText(const std::string& path) {
   std::ifstream stream(path);
   std::string text{std::istreambuf_iterator<char>(stream), {}};
   return text;
+}
+
+// Returns whether the robot's raw poses lie in the team's map. Without any known start, the map begins at that of the
+// first rover.
+bool IsStartKnown(const proto::TeamConfig& team, AgentId agent) {
+  const std::set<AgentId> known = KnownStarts(team);
+  if (!known.empty()) return known.contains(agent);
+  return std::ranges::all_of(team.agents(), [agent](const proto::AgentConfig& other) {
+    return other.kind() == proto::AGENT_KIND_BASE_STATION || other.id() >= agent;
+  });
 }
 
 Pose FirstPose(const proto::TeamConfig& team, const proto::AgentConfig& agent) {
@@ -74,6 +90,7 @@ Result<void> Bridge(const RosSettings& settings) {
   options.settings = settings;
   options.agent = (*agent)->id();
   options.first = FirstPose(team->config, **agent);
+  options.is_start_known = IsStartKnown(team->config, (*agent)->id());
   options.boot_id = ReadText("/proc/sys/kernel/random/boot_id");
   options.state_file = own_folder / "moondb_ros.state";
   options.connect = [&] { return ConnectTo(*team, **agent, {}); };
@@ -119,6 +136,8 @@ int Run(int argc, char** argv) {
   double turn_deg = settings.rule.turn_rad / 0.017453292519943295;
   bool is_lidar = settings.odometry_kind == OdometryKind::kLidar;
   Command app("moondb_ros", "Joins a robot's ROS 2 graph to its moondb agent.");
+  app.Fallthrough().AllowSubcommand();
+  Command& check = app.AddSubcommand("check", "Listen for 10 s, and say what each topic becomes (needs no agent)");
   app.AddOption("--config", config, "YAML file with the names of these options");
   app.AddOption("-t,--team", settings.team, "Team file").EnvName("MOONDB_TEAM");
   app.AddOption("-a,--agent", settings.agent, "This robot's agent");
@@ -141,6 +160,12 @@ int Run(int argc, char** argv) {
   if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code == 0 ? 0 : 2;
   settings.rule.turn_rad = turn_deg * 0.017453292519943295;
   settings.odometry_kind = is_lidar ? OdometryKind::kLidar : OdometryKind::kWheel;
+  if (check.is_given()) {
+    std::printf("listening for %lld s\n", static_cast<long long>(kCheck.count()));
+    std::fflush(stdout);
+    const Result<bool> works = CheckTopics(settings, kCheck);
+    return works ? (*works ? 0 : 1) : Finish(tl::unexpected(works.error()));
+  }
   if (settings.agent.empty() || settings.team.empty()) {
     return Finish(Fail(ErrorCode::kInvalid,
                        "name the team file and this robot's agent: --team team/team.yaml "

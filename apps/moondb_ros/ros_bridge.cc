@@ -19,7 +19,7 @@ constexpr auto kSilentAfter = std::chrono::seconds(10);
 constexpr std::int64_t kAhead_ns = 500'000'000;
 constexpr std::int64_t kClockTolerance_ns = 1'000'000'000;
 
-enum InputIndex : std::size_t { kOdometry, kTf, kTfStatic, kMapSource };
+}  // namespace
 
 std::vector<RosGraph::Input> InputsOf(const RosSettings& settings) {
   std::vector<RosGraph::Input> inputs = {
@@ -36,17 +36,23 @@ std::vector<RosGraph::Input> InputsOf(const RosSettings& settings) {
   return inputs;
 }
 
-RobotMapper::Options MapperOptions(const RosBridge::Options& options) {
-  const RosSettings& settings = options.settings;
+RobotMapper::Options MapperOptionsOf(const RosSettings& settings) {
   RobotMapper::Options mapper;
-  mapper.agent = options.agent;
   mapper.rule = settings.rule;
   mapper.odometry_kind = settings.odometry_kind;
-  mapper.first = options.first;
-  mapper.boot_id = options.boot_id;
   mapper.odometry_topic = settings.TopicName(settings.odometry_topic);
   mapper.scan_topic = settings.TopicName(settings.scan_topic);
   for (const std::string& topic : settings.grid_topics) mapper.grid_topics.push_back(settings.TopicName(topic));
+  return mapper;
+}
+
+namespace {
+
+RobotMapper::Options WithAgent(const RosBridge::Options& options) {
+  RobotMapper::Options mapper = MapperOptionsOf(options.settings);
+  mapper.agent = options.agent;
+  mapper.first = options.first;
+  mapper.boot_id = options.boot_id;
   return mapper;
 }
 
@@ -62,8 +68,8 @@ RosBridge::RosBridge(Options options)
     : options_(std::move(options)),
       inputs_(InputsOf(options_.settings)),
       log_(options_.print, kSilentAfter),
-      mapper_(MapperOptions(options_), options_.stored, log_),
-      link_(options_.agent, options_.state_file, options_.connect, options_.print) {}
+      mapper_(WithAgent(options_), options_.stored, log_),
+      link_(options_.agent, options_.is_start_known, options_.state_file, options_.connect, options_.print) {}
 
 Result<void> RosBridge::Join() {
   addresses_ = FindRosInterfaces().addresses;
@@ -96,7 +102,7 @@ RosGraph::Handlers RosBridge::MakeHandlers() {
     mapper_.OnGrid(input - kMapSource, std::move(message));
   };
   handlers.on_transform = [this, hear](std::size_t input, const RosTransform& message) {
-    hear(input);
+    if (input != kTfStatic) hear(input);  // Static transforms are published once, which is no silence.
     if (FrameName(message.parent) == options_.settings.MapFrame() && !options_.settings.is_published_as_map) {
       return log_.Drop(inputs_[input].topic, "another program publishes the transform from team_map");
     }

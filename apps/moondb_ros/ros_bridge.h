@@ -19,12 +19,19 @@
 
 namespace moondb {
 
+// The inputs of moondb_ros, in this order; kMapSource is the scan, or the first of the grids.
+enum RosInputIndex : std::size_t { kOdometry, kTf, kTfStatic, kMapSource };
+std::vector<RosGraph::Input> InputsOf(const RosSettings& settings);
+// Without an agent, first pose and boot id.
+RobotMapper::Options MapperOptionsOf(const RosSettings& settings);
+
 class RosBridge {
  public:
   struct Options {
     RosSettings settings;
     AgentId agent = 0;
-    Pose first;  // As in NodeChain.
+    Pose first;                   // As in NodeChain.
+    bool is_start_known = false;  // As in TeamFrame.
     std::string boot_id;
     std::filesystem::path state_file;
     AgentLink::Connect connect;

@@ -33,6 +33,7 @@ std::optional<Pose> TeamFrame::Find() const {
   for (auto node = track_from_node_.rbegin(); node != track_from_node_.rend(); ++node) {
     const ValidPose* pose = valid.Find(NodeKey{agent_, node->first});
     if (pose == nullptr) continue;
+    if (pose->is_unplaced || (pose->source == PoseSource::kRaw && !is_start_known_)) return std::nullopt;
     Pose team_from_track = pose->map_from_node * node->second.Inverse();
     team_from_track.orientation.normalize();
     return team_from_track;

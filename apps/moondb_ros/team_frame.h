@@ -21,20 +21,23 @@ class TeamFrame {
  public:
   static constexpr std::size_t kNodesMax = 100'000;
 
-  explicit TeamFrame(AgentId agent) : agent_(agent), poses_(kNodesMax) {}
+  // `is_start_known`: raw poses lie in the team's map, so the robot is placed before the first solve.
+  TeamFrame(AgentId agent, bool is_start_known) : agent_(agent), is_start_known_(is_start_known), poses_(kNodesMax) {}
 
   // Adds a record of the agent's store: own nodes and optimized poses of own nodes count, all others are ignored.
   void Add(const proto::StoredRecord& stored, const proto::Record& record);
   // Adds where a node of this process lies in the frame `track`.
   void AddTrack(std::uint64_t node_index, const Pose& track_from_node);
 
-  // Returns team_map_from_track; nullopt before the store has a node of this process.
+  // Returns team_map_from_track; nullopt before the store has a node of this process, and while the robot is not
+  // placed.
   std::optional<Pose> TeamFromTrack();
 
  private:
   std::optional<Pose> Find() const;
 
-  const AgentId agent_;
+  AgentId agent_;
+  bool is_start_known_;
   NodePoses poses_;
   std::map<std::uint64_t, Pose> track_from_node_;  // By node index, at most kNodesMax, the newest.
   std::optional<Pose> team_from_track_;            // Valid unless is_changed_.

@@ -31,7 +31,7 @@ class TeamFrameTest : public testing::Test {
     frame_.Add(stored, record);
   }
 
-  TeamFrame frame_{kSelf};
+  TeamFrame frame_{kSelf, /*is_start_known=*/true};
   std::uint64_t seq_ = 0;
 };
 
@@ -62,6 +62,22 @@ TEST_F(TeamFrameTest, CarriesTheCorrectionOnToNewerNodes) {
   ASSERT_TRUE(value);
   EXPECT_NEAR(value->position_m.x(), 9, 1e-9);
   EXPECT_NEAR(value->position_m.y(), 1, 1e-9);
+}
+
+TEST_F(TeamFrameTest, HasNoValueWhileTheRobotIsNotPlaced) {
+  frame_ = TeamFrame(kSelf, /*is_start_known=*/false);
+  AddNode(5, Pose::FromPlanar(10, 0, 0));
+  frame_.AddTrack(5, Pose::FromPlanar(1, 0, 0));
+  EXPECT_FALSE(frame_.TeamFromTrack()) << "a raw pose lies in the robot's own frame";
+  proto::Record unplaced;
+  *unplaced.mutable_optimized_pose()->mutable_node() = ToProto(NodeKey{kSelf, 5});
+  *unplaced.mutable_optimized_pose()->mutable_map_from_node() = ToProto(Pose::FromPlanar(3, 0, 0));
+  unplaced.mutable_optimized_pose()->set_run(1);
+  unplaced.mutable_optimized_pose()->set_is_unplaced(true);
+  Add(proto::OPTIMIZED_POSE, unplaced);
+  EXPECT_FALSE(frame_.TeamFromTrack());
+  AddSolved(kSelf, 5, Pose::FromPlanar(4, 0, 0), 2);
+  EXPECT_NEAR(frame_.TeamFromTrack()->position_m.x(), 3, 1e-9);
 }
 
 RobotMapper::Made NodeWithMap(std::uint64_t index) {

@@ -1,0 +1,189 @@
+#!/usr/bin/env python3
+"""Runs two robots, as a ROS 2 graph shows them, with moondb_ros and a team of two agents, in a network of their own.
+
+Both robots start at unknown places. Checks that each receives the map of both, that tf places each where it is, that an
+agent which is killed for a while gets all nodes, and what moondb_ros prints for mistakes.
+
+Usage: ros_test.py PROGRAMS    PROGRAMS is the folder of moonctl, moondb_ros, ros_robot and the others.
+Exit codes: 0 passed, 1 failed, 77 skipped (no network namespace can be made).
+"""
+import json
+import math
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+SKIPPED = 77
+DOMAIN = "7"
+SPEED = 5
+SIMULATED_S = 150
+LIMIT_S = 600  # The limit of each wait: ten times what an idle machine needs.
+
+
+class Failure(Exception):
+    pass
+
+
+def require(condition, text):
+    if not condition:
+        raise Failure(text)
+
+
+def in_own_network():
+    """Runs this program again in a new network namespace. Returns False if this machine allows none."""
+    if os.environ.get("MOONDB_OWN_NETWORK"):
+        return True
+    if os.geteuid() != 0 or not shutil.which("unshare"):
+        return False
+    if subprocess.run(["unshare", "-n", "ip", "link", "set", "lo", "up"], capture_output=True).returncode != 0:
+        return False
+    os.environ["MOONDB_OWN_NETWORK"] = "1"
+    os.execvp("unshare", ["unshare", "-n", "bash", "-c", 'ip link set lo up; exec "$@"', "bash", sys.executable,
+                          *sys.argv])
+
+
+class Lab:
+    def __init__(self, programs, folder):
+        self.programs, self.folder = programs, pathlib.Path(folder)
+        self.environment = dict(os.environ, MOONDB_RUN_DIR=f"{folder}/run", MOONDB_TEAM=f"{folder}/team/team.yaml",
+                                HOME=str(folder), NO_COLOR="1", COLUMNS="200")
+        self.started = []
+
+    def run(self, *command):
+        return subprocess.run([self.programs / command[0], *command[1:]], cwd=self.folder, env=self.environment,
+                              capture_output=True, text=True, timeout=LIMIT_S)
+
+    def start(self, log, *command):
+        with open(self.folder / log, "w", encoding="utf-8") as file:
+            process = subprocess.Popen([self.programs / command[0], *command[1:]], cwd=self.folder, stdout=file,
+                                       stderr=subprocess.STDOUT, env=self.environment)
+        self.started.append(process)
+        return process
+
+    def bridge(self, robot, log):
+        return self.start(log, "moondb_ros", "--agent", f"rover{robot}", "--namespace", f"robot{robot}",
+                          "--domain-id", DOMAIN, "--sim-time")
+
+    def robot(self, robot, seconds, log):
+        return self.start(log, "ros_robot", "--robot", str(robot), "--namespace", f"robot{robot}", "--domain", DOMAIN,
+                          "--seconds", str(seconds), "--speed", str(SPEED))
+
+    def text(self, log):
+        return (self.folder / log).read_text(encoding="utf-8")
+
+    def until(self, what, condition):
+        end = time.monotonic() + LIMIT_S
+        while not condition():
+            require(time.monotonic() < end, f"{what}: not within {LIMIT_S} s\n{self.run('moonctl', 'status').stdout}")
+            time.sleep(0.5)
+
+    def nodes(self, robot):
+        answer = self.run("moonctl", "-a", f"rover{robot}", "record", "list", "pose_graph_node", "--origin",
+                          f"rover{robot}", "--limit", "1000", "--json")
+        return answer.stdout.count('"pose_graph_node"')
+
+    def placed_count(self):
+        stats = json.loads(self.run("moonctl", "graph", "stats", "--json").stdout or "{}")
+        return sum(not rover["is_unplaced"] for rover in stats.get("last_solve", {}).get("rovers", []))
+
+    def end(self):
+        for process in self.started:
+            process.terminate()
+        for process in self.started:
+            process.wait(timeout=60)
+        self.run("moonctl", "down")
+
+
+def place_of(report):
+    found = re.search(r"^placed (.*)$", report, re.MULTILINE)
+    require(found, f"the robot received no transform:\n{report}")
+    return [float(number) for number in found.group(1).split()]
+
+
+def to_truth(place):
+    """Returns the pose (x, y, yaw) of the team's map in the building, by one robot's pose in both."""
+    x, y, yaw, true_x, true_y, true_yaw = place
+    turn = true_yaw - yaw
+    return (true_x - math.cos(turn) * x + math.sin(turn) * y, true_y - math.sin(turn) * x - math.cos(turn) * y, turn)
+
+
+def check_mistakes(lab):
+    wrong = lab.run("moondb_ros", "--agent", "rover9")
+    require(wrong.returncode == 2 and "rover9" in wrong.stderr, f"an unknown agent: {wrong}")
+    (lab.folder / "ros.yaml").write_text("agent: rover1\nodm: /odom\n", encoding="utf-8")
+    wrong = lab.run("moondb_ros", "--config", "ros.yaml")
+    require(wrong.returncode == 2 and 'ros.yaml:2:1' in wrong.stderr and 'mean "odom"' in wrong.stderr, f"{wrong}")
+    second = lab.run("moondb_ros", "--agent", "rover1", "--domain-id", DOMAIN)
+    require(second.returncode == 1 and "another moondb_ros runs for rover1" in second.stderr, f"a second one: {second}")
+    silent = lab.run("moondb_ros", "check", "--namespace", "robot9", "--domain-id", DOMAIN)
+    require(silent.returncode == 1 and "/robot9/odom: no publisher was found in domain 7" in silent.stdout, f"{silent}")
+
+
+def test(lab):
+    made = lab.run("moonctl", "config", "init", "--lab", "--robots", "2", "--name", "lab", "team/team.yaml")
+    require(made.returncode == 0, f"{made}")
+    up = lab.run("moonctl", "up")
+    require(up.returncode == 0, f"{up}")
+    for robot in (1, 2):
+        lab.bridge(robot, f"bridge{robot}.log")
+    lab.until("moondb_ros joins", lambda: all("publishes" in lab.text(f"bridge{robot}.log") for robot in (1, 2)))
+    check_mistakes(lab)
+
+    robots = [lab.robot(robot, SIMULATED_S, f"robot{robot}.log") for robot in (1, 2)]
+    lab.until("nodes of rover2", lambda: lab.nodes(2) > 10)
+    working = lab.run("moondb_ros", "check", "--namespace", "robot1", "--domain-id", DOMAIN, "--sim-time")
+    require(working.returncode == 0 and "odometry and maps work" in working.stdout, f"{working}")
+    # An agent that is gone for a while gets the nodes of that time, and its odometry has no gap.
+    lab.run("moonctl", "-a", "rover2", "down")
+    before = time.monotonic()
+    lab.until("a while without the agent", lambda: time.monotonic() - before > 4)
+    lab.run("moonctl", "-a", "rover2", "up")
+    lab.until("both robots have driven", lambda: lab.nodes(1) > 30 and lab.nodes(2) > 30)
+    lab.until("both are placed", lambda: lab.run("moonctl", "graph", "optimize").returncode == 0
+              and lab.placed_count() == 2)
+    lab.until("the team has settled", lambda: "\nsettled" in lab.run("moonctl", "status").stdout)
+    before = time.monotonic()
+    lab.until("the last map, which is written at most each 5 s", lambda: time.monotonic() - before > 7)
+    for process in robots:
+        process.terminate()
+        process.wait(timeout=LIMIT_S)
+
+    maps = [re.search(r"^map (\d+) (\d+) (\S+) (\d+) (\d+)", lab.text(f"robot{robot}.log"), re.MULTILINE).groups()
+            for robot in (1, 2)]
+    require(maps[0] == maps[1], f"the robots received different maps: {maps}")
+    require(int(maps[0][3]) > 40_000 and int(maps[0][4]) > 2_000, f"the map shows too little: {maps[0]}")
+    truth = [to_truth(place_of(lab.text(f"robot{robot}.log"))) for robot in (1, 2)]
+    print(f"map {maps[0]}, its place in the building by both robots: {truth}")
+    apart_m = math.dist(truth[0][:2], truth[1][:2])
+    apart_rad = abs(math.remainder(truth[0][2] - truth[1][2], 2 * math.pi))
+    require(apart_m < 0.5 and apart_rad < 0.05, f"the robots do not agree on the map's place: {truth}")
+    return 0
+
+
+def main():
+    if len(sys.argv) != 2:
+        print(__doc__.strip(), file=sys.stderr)
+        return 2
+    if not in_own_network():
+        print("skipped: no network namespace can be made")
+        return SKIPPED
+    with tempfile.TemporaryDirectory(prefix="moondb-ros-") as folder:
+        lab = Lab(pathlib.Path(sys.argv[1]).resolve(), folder)
+        try:
+            return test(lab)
+        except Failure as failure:
+            print(f"failed: {failure}")
+            for log in sorted(lab.folder.glob("*.log")):
+                print(f"--- {log.name}\n{log.read_text(encoding='utf-8')[-1500:]}")
+            return 1
+        finally:
+            lab.end()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
