@@ -15,7 +15,7 @@
 namespace moondb {
 namespace {
 
-// What one topic is used for.
+// Returns the purpose of an input, for people.
 std::string UseOf(std::size_t input, const RosSettings& settings) {
   if (input == kOdometry) return "nodes and odometry";
   if (input == kTf) return "places maps, finds the root frame";
@@ -34,7 +34,7 @@ std::string Joined(const std::set<std::string>& words) {
   return text.empty() ? "-" : text;
 }
 
-// What was heard, and what a node would be made of.
+// Counts what is heard, and makes nodes as RosBridge does, but stores nothing.
 class Listener {
  public:
   explicit Listener(const RosSettings& settings)
