@@ -2,7 +2,8 @@
 """Runs two robots, as a ROS 2 graph shows them, with moondb_ros and a team of two agents, in a network of their own.
 
 Both robots start at unknown places. Checks that each receives the map of both, that tf places each where it is, that an
-agent which is killed for a while gets all nodes, and what moondb_ros prints for mistakes.
+agent which is killed for a while gets all nodes, and what moondb_ros prints for mistakes. A second network interface is
+up, as on a robot; nothing is sent there.
 
 Usage: ros_test.py PROGRAMS    PROGRAMS is the folder of moonctl, moondb_ros, ros_robot and the others.
 Exit codes: 0 passed, 1 failed, 77 skipped (no network namespace can be made).
@@ -20,6 +21,7 @@ import time
 
 SKIPPED = 77
 DOMAIN = "7"
+INTERFACE = "lab0"
 SPEED = 5
 SIMULATED_S = 150
 LIMIT_S = 600  # The limit of each wait: ten times what an idle machine needs.
@@ -43,8 +45,15 @@ def in_own_network():
     if subprocess.run(["unshare", "-n", "ip", "link", "set", "lo", "up"], capture_output=True).returncode != 0:
         return False
     os.environ["MOONDB_OWN_NETWORK"] = "1"
-    os.execvp("unshare", ["unshare", "-n", "bash", "-c", 'ip link set lo up; exec "$@"', "bash", sys.executable,
-                          *sys.argv])
+    interface = (f"sysctl -qw net.ipv6.conf.all.disable_ipv6=1; ip link add {INTERFACE} type veth peer name other; "
+                 f"ip addr add 10.77.0.1/24 dev {INTERFACE}; ip link set {INTERFACE} up; ip link set other up; ")
+    os.execvp("unshare", ["unshare", "-n", "bash", "-c", 'ip link set lo up; ' + interface + 'exec "$@"', "bash",
+                          sys.executable, *sys.argv])
+
+
+def packets_sent():
+    shown = subprocess.run(["ip", "-s", "-j", "link", "show", INTERFACE], capture_output=True, text=True, check=True)
+    return json.loads(shown.stdout)[0]["stats64"]["tx"]["packets"]
 
 
 class Lab:
@@ -162,6 +171,7 @@ def test(lab):
     apart_m = math.dist(truth[0][:2], truth[1][:2])
     apart_rad = abs(math.remainder(truth[0][2] - truth[1][2], 2 * math.pi))
     require(apart_m < 0.5 and apart_rad < 0.05, f"the robots do not agree on the map's place: {truth}")
+    require(packets_sent() == 0, f"{packets_sent()} packets were sent on {INTERFACE}")
     return 0
 
 
