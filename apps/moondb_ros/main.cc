@@ -6,12 +6,10 @@
 #include <pthread.h>
 #include <signal.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
-#include <set>
 
 #include "apps/common/arguments.h"
 #include "apps/common/data_folder.h"
@@ -38,16 +36,6 @@ std::string ReadText(const std::string& path) {
   std::ifstream stream(path);
   std::string text{std::istreambuf_iterator<char>(stream), {}};
   return text;
-}
-
-// Returns whether the robot's raw poses lie in the team's map. Without any known start, the map begins at that of the
-// first rover.
-bool IsStartKnown(const proto::TeamConfig& team, AgentId agent) {
-  const std::set<AgentId> known = KnownStarts(team);
-  if (!known.empty()) return known.contains(agent);
-  return std::ranges::all_of(team.agents(), [agent](const proto::AgentConfig& other) {
-    return other.kind() == proto::AGENT_KIND_BASE_STATION || other.id() >= agent;
-  });
 }
 
 Pose FirstPose(const proto::TeamConfig& team, const proto::AgentConfig& agent) {
@@ -90,7 +78,7 @@ Result<void> Bridge(const RosSettings& settings) {
   options.settings = settings;
   options.agent = (*agent)->id();
   options.first = FirstPose(team->config, **agent);
-  options.is_start_known = IsStartKnown(team->config, (*agent)->id());
+  options.is_start_known = KnownStarts(team->config).contains((*agent)->id());
   options.boot_id = ReadText("/proc/sys/kernel/random/boot_id");
   options.state_file = own_folder / "moondb_ros.state";
   options.connect = [&] { return ConnectTo(*team, **agent, {}); };

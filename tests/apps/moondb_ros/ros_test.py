@@ -3,7 +3,7 @@
 
 Both robots start at unknown places. Checks that each receives the map of both, that tf places each where it is, that an
 agent which is killed for a while gets all nodes, and what moondb_ros prints for mistakes. A second network interface is
-up, as on a robot; nothing is sent there.
+up, as on a robot; nothing is sent there. Then a peer with Fast DDS takes the place of one robot.
 
 Usage: ros_test.py PROGRAMS    PROGRAMS is the folder of moonctl, moondb_ros, ros_robot and the others.
 Exit codes: 0 passed, 1 failed, 77 skipped (no network namespace can be made).
@@ -62,6 +62,7 @@ class Lab:
         self.environment = dict(os.environ, MOONDB_RUN_DIR=f"{folder}/run", MOONDB_TEAM=f"{folder}/team/team.yaml",
                                 HOME=str(folder), NO_COLOR="1", COLUMNS="200")
         self.started = []
+        self.bridges = {}  # moondb_ros of each robot.
 
     def run(self, *command):
         return subprocess.run([self.programs / command[0], *command[1:]], cwd=self.folder, env=self.environment,
@@ -75,8 +76,8 @@ class Lab:
         return process
 
     def bridge(self, robot, log):
-        return self.start(log, "moondb_ros", "--agent", f"rover{robot}", "--namespace", f"robot{robot}",
-                          "--domain-id", DOMAIN, "--sim-time")
+        self.bridges[robot] = self.start(log, "moondb_ros", "--agent", f"rover{robot}", "--namespace", f"robot{robot}",
+                                         "--domain-id", DOMAIN, "--sim-time")
 
     def robot(self, robot, seconds, log):
         return self.start(log, "ros_robot", "--robot", str(robot), "--namespace", f"robot{robot}", "--domain", DOMAIN,
@@ -133,6 +134,21 @@ def check_mistakes(lab):
     require(silent.returncode == 1 and "/robot9/odom: no publisher was found in domain 7" in silent.stdout, f"{silent}")
 
 
+def check_fast_dds(lab):
+    """Robots of ROS 2's default middleware, in its default settings, which also uses the second interface."""
+    if not (lab.programs / "fast_dds_peer").exists():
+        print("without Fast DDS: it is not installed")
+        return
+    lab.bridges[1].terminate()
+    lab.bridges[1].wait(timeout=LIMIT_S)
+    before = lab.nodes(1)
+    lab.start("fast.log", "moondb_ros", "--agent", "rover1", "--domain-id", "8")
+    peer = lab.run("fast_dds_peer", "8", str(LIMIT_S - 60))
+    require(peer.returncode == 0, f"Fast DDS: {peer}\n{lab.text('fast.log')}")
+    require(lab.nodes(1) > before, f"Fast DDS: no node was made\n{lab.text('fast.log')}")
+    print(f"Fast DDS: {' '.join(peer.stdout.split())}")
+
+
 def test(lab):
     made = lab.run("moonctl", "config", "init", "--lab", "--robots", "2", "--name", "lab", "team/team.yaml")
     require(made.returncode == 0, f"{made}")
@@ -172,6 +188,7 @@ def test(lab):
     apart_rad = abs(math.remainder(truth[0][2] - truth[1][2], 2 * math.pi))
     require(apart_m < 0.5 and apart_rad < 0.05, f"the robots do not agree on the map's place: {truth}")
     require(packets_sent() == 0, f"{packets_sent()} packets were sent on {INTERFACE}")
+    check_fast_dds(lab)
     return 0
 
 
