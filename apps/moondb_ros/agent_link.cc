@@ -17,11 +17,7 @@ constexpr auto kRetryAfter = std::chrono::seconds(1);
 constexpr double kMapWait_s = 3;  // The end of the link may take this long.
 constexpr auto kPosesWait = std::chrono::seconds(3);
 
-// Returns whether the records may be inserted later; otherwise they never can be.
-bool MayPass(ErrorCode code) {
-  return code == ErrorCode::kUnavailable || code == ErrorCode::kTimedOut || code == ErrorCode::kFull ||
-         code == ErrorCode::kInternal;
-}
+bool IsMap(const proto::Record& record) { return record.has_local_traversability_map(); }
 
 std::uint64_t IndexOf(const RobotMapper::Made& made) { return made.records.front().pose_graph_node().node().index(); }
 
@@ -107,22 +103,35 @@ Result<void> AgentLink::InsertNext(Client& client) {
     if (std::exchange(is_unsure, false)) {
       const Result<std::optional<RobotMapper::Stored>> newest = ReadNewestNode(client, agent_);
       if (!newest) return tl::unexpected(newest.error());
-      if (*newest && (*newest)->index >= IndexOf(*made)) {
+      const bool is_stored = *newest && (*newest)->index == IndexOf(*made) &&
+                             (*newest)->timestamp_ns == made->records.front().timestamp_ns();
+      if (is_stored) {
+        SaveState(made->state);
         outbox_.Remove();
         continue;
       }
     }
-    const auto inserted = client.Insert(made->records);
-    if (!inserted && MayPass(inserted.error().code)) return tl::unexpected(inserted.error());
+    std::vector<proto::Record> records = made->records;
+    auto inserted = client.Insert(records);
+    if (!inserted && inserted.error().code == ErrorCode::kFull && std::erase_if(records, IsMap) > 0) {
+      // A nearly full store refuses maps alone.
+      if (dropped_maps_++ == 0) print_("the agent has no room for maps: " + inserted.error().text);
+      inserted = client.Insert(records);
+    }
+    // All other errors may pass: the agent is down, full, or restarts with another team file.
+    if (!inserted && inserted.error().code != ErrorCode::kInvalid) return tl::unexpected(inserted.error());
+    if (inserted) SaveState(made->state);
     if (!inserted) print_("a node was refused: " + ToString(inserted.error()));
     outbox_.Remove();
-    if (!inserted) continue;
-    const WriteOptions options{0600, {}, false};
-    if (const auto saved = WriteWholeFile(state_file_, made->state.SerializeAsString(), options); !saved) {
-      print_(ToString(saved.error()) + ": after a restart the step to the next node will be unsure");
-    }
   }
   return {};
+}
+
+void AgentLink::SaveState(const proto::RosState& state) {
+  const WriteOptions options{0600, {}, false};
+  if (const auto saved = WriteWholeFile(state_file_, state.SerializeAsString(), options); !saved) {
+    print_(ToString(saved.error()) + ": after a restart the step to the next node will be unsure");
+  }
 }
 
 Result<void> AgentLink::FollowMap(Client& client) {

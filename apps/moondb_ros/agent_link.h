@@ -54,6 +54,7 @@ class AgentLink {
   // Runs `work` with a client until the link ends; connects again, a second later, after each error.
   void Repeat(const std::string& what, const std::function<Result<void>(Client&)>& work);
   Result<void> InsertNext(Client& client);
+  void SaveState(const proto::RosState& state);
   Result<void> FollowMap(Client& client);
   Result<void> FollowPoses(Client& client);
   bool WaitASecond();  // False: the link ends.

@@ -34,6 +34,11 @@ std::string FrameTree::ParentOf(const std::string& frame) const {
   return link == links_.end() ? "" : link->second.parent;
 }
 
+bool FrameTree::IsBelow(const std::string& frame, const std::string& ancestor) const {
+  const std::vector<std::string> chain = ChainOf(frame);
+  return std::ranges::find(chain, FrameName(ancestor)) != chain.end();
+}
+
 std::vector<std::string> FrameTree::ChainOf(const std::string& frame) const {
   std::vector<std::string> chain = {FrameName(frame)};
   for (std::string parent = ParentOf(frame); !parent.empty() && chain.size() < kFramesMax; parent = ParentOf(parent)) {

@@ -34,6 +34,8 @@ class FrameTree {
   // Returns to_from_from at a time: interpolated, or else the nearest transform within kAgeMax_ns. Static transforms
   // are valid at all times. nullopt if no chain of transforms joins the frames at that time.
   std::optional<Pose> Find(const std::string& to, const std::string& from, std::int64_t timestamp_ns) const;
+  // Returns whether `frame` is `ancestor`, or hangs below it.
+  bool IsBelow(const std::string& frame, const std::string& ancestor) const;
   // Returns the parent of a frame; an empty name if it has none.
   std::string ParentOf(const std::string& frame) const;
 

@@ -76,12 +76,20 @@ MapLayer LayerAround(const RosGrid& grid, std::int32_t cells_per_cell, const Eig
 }
 
 // The robot's pose in a grid's frame at the node; nullopt if no transform joins the frames.
-std::optional<Pose> FrameFromRobot(const std::string& frame, const PlannedNode& node, const OdometryTrack& track,
-                                   const FrameTree& frames) {
+std::optional<Pose> FrameFromRobot(const std::string& frame, std::int64_t grid_ns, const PlannedNode& node,
+                                   const OdometryTrack& track, const FrameTree& frames) {
   const Pose odom_from_robot = track.track_from_odom().Inverse() * node.track_from_node;
   if (frame == track.frame()) return odom_from_robot;
+  if (frames.IsBelow(frame, track.child())) {
+    // A frame on the robot: its grid lies where the robot was at the grid's time.
+    const std::optional<Pose> frame_from_child = frames.Find(frame, track.child(), grid_ns);
+    const std::optional<Pose> track_from_child = track.PoseAt(grid_ns);
+    if (!frame_from_child || !track_from_child) return std::nullopt;
+    return *frame_from_child * track_from_child->Inverse() * node.track_from_node;
+  }
   const std::optional<Pose> frame_from_odom = frames.Find(frame, track.frame(), node.timestamp_ns);
-  return frame_from_odom ? *frame_from_odom * odom_from_robot : frames.Find(frame, track.child(), node.timestamp_ns);
+  if (!frame_from_odom) return std::nullopt;
+  return *frame_from_odom * odom_from_robot;
 }
 
 bool ContainsWhole(const MapLayer& layer, const RosGrid& grid, const Eigen::Vector2d& center_m) {
@@ -119,9 +127,12 @@ Result<TraversabilityMap> GridMapper::MapAt(const PlannedNode& node, const Odome
     if (!topic.newest) continue;
     const RosGrid& grid = *topic.newest;
     if (static_cast<double>(node.timestamp_ns - grid.timestamp_ns) * 1e-9 > kGridAgeMax_s) continue;
+    if (track.JumpsUntil(grid.timestamp_ns) != track.JumpsUntil(track.newest_ns())) {
+      return Fail(ErrorCode::kNotFound, "odometry jumped after its last grid");
+    }
     if (!frame_from_map) {
       frame = grid.frame;
-      const std::optional<Pose> frame_from_robot = FrameFromRobot(frame, node, track, frames);
+      const std::optional<Pose> frame_from_robot = FrameFromRobot(frame, grid.timestamp_ns, node, track, frames);
       if (!frame_from_robot) {
         return Fail(ErrorCode::kNotFound, "no transform joins its frame " + frame + " to " + track.child());
       }

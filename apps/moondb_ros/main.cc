@@ -45,16 +45,27 @@ Pose FirstPose(const proto::TeamConfig& team, const proto::AgentConfig& agent) {
   return pose;
 }
 
-// Reads the newest own node, and waits for the agent if it is not there yet; nullopt if the program was ended.
+// Reads the newest own node, and waits until the agent is there and has it. An agent that lost its store, but not the
+// file of `state`, gets its nodes back from the team; their indices must not be used again. nullopt if the program was
+// ended.
 std::optional<Result<std::optional<RobotMapper::Stored>>> WaitForStored(const AgentLink::Connect& connect,
-                                                                        AgentId agent) {
-  for (bool is_said = false; is_ended == 0;) {
+                                                                        AgentId agent, const proto::RosState& state,
+                                                                        const std::filesystem::path& state_file) {
+  for (std::string said; is_ended == 0;) {
     const Result<std::unique_ptr<Client>> client = connect();
     auto stored = client ? ReadNewestNode(**client, agent) : tl::unexpected(client.error());
-    const bool may_pass =
-        !stored && (stored.error().code == ErrorCode::kUnavailable || stored.error().code == ErrorCode::kTimedOut);
-    if (!may_pass) return stored;
-    if (!std::exchange(is_said, true)) Print(stored.error().text + "; waiting for the agent");
+    std::string waits_for;
+    if (!stored && stored.error().code != ErrorCode::kUnavailable && stored.error().code != ErrorCode::kTimedOut) {
+      return stored;
+    }
+    if (!stored) waits_for = stored.error().text + "; waiting for the agent";
+    const bool is_lost = stored && state.has_odom_from_node() && (!*stored || (*stored)->index < state.node_index());
+    if (is_lost) {
+      waits_for = "the agent's store lacks node " + std::to_string(state.node_index()) +
+                  " of this robot; waiting until other agents return it. If none has it, delete " + state_file.string();
+    }
+    if (stored && !is_lost) return stored;
+    if (std::exchange(said, waits_for) != waits_for) Print(waits_for);
     const timespec second{1, 0};
     nanosleep(&second, nullptr);
   }
@@ -83,11 +94,12 @@ Result<void> Bridge(const RosSettings& settings) {
   options.state_file = own_folder / "moondb_ros.state";
   options.connect = [&] { return ConnectTo(*team, **agent, {}); };
   options.print = Print;
-  auto stored = WaitForStored(options.connect, options.agent);
+  const proto::RosState state = ReadRosState(options.state_file);
+  auto stored = WaitForStored(options.connect, options.agent, state, options.state_file);
   if (!stored) return {};
   if (!*stored) return tl::unexpected(stored->error());
   options.stored = **stored;
-  if (options.stored) options.stored->state = ReadRosState(options.state_file);
+  if (options.stored) options.stored->state = state;
   const auto bridge = RosBridge::Start(std::move(options));
   if (!bridge) return tl::unexpected(bridge.error());
   Print("agent " + settings.agent + ", domain " + std::to_string(settings.domain_id) + ": publishes " +

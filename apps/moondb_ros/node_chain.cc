@@ -7,6 +7,7 @@ namespace {
 
 constexpr double kOrigin_m = 0.5;
 constexpr double kOrigin_rad = 0.2;
+constexpr double kRestartGapMax_s = 60;  // In a longer time the robot may have driven far and come back.
 
 bool IsAtOrigin(const Pose& pose) {
   return pose.position_m.norm() < kOrigin_m &&
@@ -29,7 +30,7 @@ bool IsContinued(const proto::RosState& saved, const proto::RosState& now) {
   }
   const double gap_s = static_cast<double>(now.timestamp_ns() - saved.timestamp_ns()) * 1e-9;
   const bool has_begun_again = IsAtOrigin(*after) && !IsAtOrigin(*before);
-  return gap_s > 0 && !has_begun_again && !IsJump(*before, *after, gap_s);
+  return gap_s > 0 && gap_s < kRestartGapMax_s && !has_begun_again && !IsJump(*before, *after, gap_s);
 }
 
 Result<std::vector<proto::Record>> NodeChain::Next(const PlannedNode& node, const TraversabilityMap* map) {

@@ -23,7 +23,8 @@ namespace moondb {
 // Returns whether odometry that is at `now` may go on from the saved state. It does not
 //   - if the computer was restarted, or the frame has another name;
 //   - if the pose is farther away than a jump (odometry_track.h);
-//   - if odometry is near its origin and was not there before, because its program was restarted.
+//   - if odometry is near its origin and was not there before, because its program was restarted;
+//   - after more than a minute, because the step says nothing of the way that the robot drove.
 bool IsContinued(const proto::RosState& saved, const proto::RosState& now);
 
 class NodeChain {

@@ -55,6 +55,8 @@ std::optional<PlannedNode> NodePlanner::Next(const OdometryTrack& track) {
     if (!IsDue(track)) return std::nullopt;
     planned_ns_ = NextWholeSecond(track.newest_ns());
   }
+  // Time may have gone back.
+  if (*planned_ns_ > track.newest_ns() + kSecond_ns) planned_ns_ = NextWholeSecond(track.newest_ns());
   if (track.newest_ns() < *planned_ns_ + kWait_ns) return std::nullopt;
   const std::int64_t timestamp_ns = *planned_ns_;
   planned_ns_.reset();

@@ -13,6 +13,7 @@ constexpr double kGapMax_s = 1;  // A longer gap counts as this long.
 constexpr double kJitter_m = 0.1;
 constexpr double kJitter_rad = 0.1;
 constexpr double kQuaternionTolerance = 0.01;
+constexpr int kOldMax = 100;  // Messages in turn with older timestamps, after which the track begins again.
 
 }  // namespace
 
@@ -56,8 +57,18 @@ Result<void> OdometryTrack::Add(const RosOdometry& message) {
     return Fail(ErrorCode::kInvalid, "its frames are " + message.frame + " and " + message.child + ", but began as " +
                                          frame_ + " and " + child_ + ": only one program may publish this topic");
   }
-  if (message.timestamp_ns <= newest_ns())
-    return Fail(ErrorCode::kInvalid, "its timestamp is not after the one before");
+  if (message.timestamp_ns <= newest_ns()) {
+    // A message with a timestamp in the future, or a clock that was set back, must not end odometry for long.
+    if (++old_count_ < kOldMax) return Fail(ErrorCode::kInvalid, "its timestamp is not after the one before");
+    const Entry begin{message.timestamp_ns, poses_.back().track_from_robot, poses_.back().jump_count + 1};
+    track_from_odom_ = begin.track_from_robot * pose->Inverse();
+    track_from_odom_.orientation.normalize();
+    odom_from_robot_ = *pose;
+    poses_.assign(1, begin);
+    old_count_ = 0;
+    return {};
+  }
+  old_count_ = 0;
   const Entry& last = poses_.back();
   const double gap_s = static_cast<double>(message.timestamp_ns - last.timestamp_ns) * 1e-9;
   std::uint64_t jump_count = last.jump_count;

@@ -37,7 +37,8 @@ Pose Interpolated(const Pose& a, const Pose& b, double part);
 class OdometryTrack {
  public:
   // Adds a message. Fails with kInvalid, and leaves the track as it is, for a pose that CheckedPose refuses, a
-  // timestamp not after the last one, or frames unlike those of the first message.
+  // timestamp not after the last one, or frames unlike those of the first message. After 100 such timestamps in turn
+  // the track begins again, which counts as a jump.
   Result<void> Add(const RosOdometry& message);
 
   bool is_empty() const { return poses_.empty(); }
@@ -63,6 +64,7 @@ class OdometryTrack {
   std::string child_;
   Pose track_from_odom_;
   Pose odom_from_robot_;  // The pose of the last message.
+  int old_count_ = 0;     // Messages in turn with timestamps not after the last one.
   std::deque<Entry> poses_;
 };
 

@@ -4,6 +4,12 @@
 #include <utility>
 
 namespace moondb {
+namespace {
+
+// Localizations publish transforms about a second ahead.
+constexpr std::int64_t kAheadMax_ns = 3'000'000'000;
+
+}  // namespace
 
 RobotMapper::RobotMapper(Options options, std::optional<Stored> stored, TopicLog& log)
     : options_(std::move(options)),
@@ -57,19 +63,28 @@ std::optional<RobotMapper::Made> RobotMapper::OnOdometry(const RosOdometry& mess
   return made;
 }
 
+bool RobotMapper::IsFromTheFuture(const std::string& topic, std::int64_t timestamp_ns) {
+  if (track_.is_empty() || timestamp_ns <= track_.newest_ns() + kAheadMax_ns) return false;
+  log_.Drop(topic, "its timestamp lies more than 3 s after odometry");
+  return true;
+}
+
 void RobotMapper::OnScan(RosScan message) {
+  if (IsFromTheFuture(options_.scan_topic, message.timestamp_ns)) return;
   if (const Result<void> added = scans_.Add(std::move(message)); !added) {
     log_.Drop(options_.scan_topic, added.error().text);
   }
 }
 
 void RobotMapper::OnGrid(std::size_t topic, RosGrid message) {
+  if (IsFromTheFuture(options_.grid_topics[topic], message.timestamp_ns)) return;
   if (const Result<void> set = grids_.Set(topic, std::move(message)); !set) {
     log_.Drop(options_.grid_topics[topic], set.error().text);
   }
 }
 
 void RobotMapper::OnTransform(const RosTransform& message, bool is_static) {
+  if (!is_static && IsFromTheFuture("/tf", message.timestamp_ns)) return;
   if (const Result<void> added = frames_.Add(message, is_static); !added) {
     log_.Drop(is_static ? "/tf_static" : "/tf", added.error().text);
   }

@@ -68,6 +68,8 @@ class RobotMapper {
  private:
   static NodeChain MakeChain(const Options& options, const std::optional<Stored>& stored);
   void Continue();  // Decides, at the first message, whether odometry goes on from the stored node.
+  // Returns, and counts, whether a message lies so far ahead of odometry that its clock must be wrong.
+  bool IsFromTheFuture(const std::string& topic, std::int64_t timestamp_ns);
   std::optional<TraversabilityMap> MapOf(const PlannedNode& node);
   proto::RosState StateAt(const PlannedNode& node) const;
 

@@ -139,15 +139,17 @@ void RosBridge::CheckAddresses(Time now) {
   if (now - addresses_read_ < kAddressesPeriod) return;
   addresses_read_ = now;
   if (graph_ != nullptr && FindRosInterfaces().addresses == addresses_) return;
-  options_.print("this computer's addresses changed: joining the ROS graph again");
-  if (const Result<void> joined = Join(); !joined) options_.print(joined.error().text);
+  if (graph_ != nullptr) options_.print("this computer's addresses changed: joining the ROS graph again");
+  const Result<void> joined = Join();
+  if (!joined) return log_.Note("the ROS graph", joined.error().text);
+  WriteMap();
 }
 
 std::string RosBridge::RootFrame() const {
   std::string root = mapper_.track().frame();
   for (std::size_t i = 0; i < FrameTree::kFramesMax; ++i) {
     const std::string parent = mapper_.frames().ParentOf(root);
-    if (parent.empty() || parent == options_.settings.MapFrame()) break;
+    if (parent.empty()) break;
     root = parent;
   }
   return root;
@@ -156,9 +158,12 @@ std::string RosBridge::RootFrame() const {
 std::optional<Pose> RosBridge::MapFromRoot(const std::string& root) {
   const OdometryTrack& track = mapper_.track();
   const std::optional<Pose> map_from_track = link_.TeamFromTrack();
-  const std::optional<Pose> odom_from_root = root == track.frame()
-                                                 ? std::optional<Pose>(Pose())
-                                                 : mapper_.frames().Find(track.frame(), root, track.newest_ns());
+  std::optional<Pose> odom_from_root = Pose();
+  if (root != track.frame()) {
+    // The value for the time of the published timestamp, if the robot's localization looks ahead, too.
+    odom_from_root = mapper_.frames().Find(track.frame(), root, track.newest_ns() + kAhead_ns);
+    if (!odom_from_root) odom_from_root = mapper_.frames().Find(track.frame(), root, track.newest_ns());
+  }
   if (!map_from_track || !odom_from_root) return std::nullopt;
   return *map_from_track * track.track_from_odom() * *odom_from_root;
 }
@@ -167,13 +172,10 @@ void RosBridge::PublishTransform(Time now) {
   if (mapper_.track().is_empty() || now - transform_written_ < kTransformPeriod) return;
   transform_written_ = now;
   const std::string root = RootFrame();
-  if (options_.settings.is_published_as_map) {
-    const bool has_parent = root != mapper_.track().frame();
-    if (has_parent || graph_->IsPublishedByOthers(options_.settings.MapTopic())) {
-      return log_.Note(options_.settings.MapTopic(),
-                       "not published, because another program publishes it or the parent of " +
-                           mapper_.track().frame() + ": leave out --publish-as-map");
-    }
+  if (IsMapOfOthers()) {
+    return log_.Note(options_.settings.MapTopic(),
+                     "not published, because another program publishes it or the parent of " + mapper_.track().frame() +
+                         ": leave out --publish-as-map");
   }
   const std::optional<Pose> map_from_root = MapFromRoot(root);
   if (!map_from_root) return;
@@ -184,8 +186,9 @@ void RosBridge::PublishTransform(Time now) {
 
 void RosBridge::PublishMap(Time now) {
   if (now - map_written_ < kMapPeriod) return;
-  if (options_.settings.is_published_as_map && graph_->IsPublishedByOthers(options_.settings.MapTopic())) return;
   const OdometryTrack& track = mapper_.track();
+  // Simulated time is known from odometry alone.
+  if (IsMapOfOthers() || (track.is_empty() && options_.settings.is_simulated_time)) return;
   Eigen::Vector2d robot_m = Eigen::Vector2d::Zero();
   const std::optional<Pose> map_from_track = link_.TeamFromTrack();
   if (map_from_track && !track.is_empty()) {
@@ -201,9 +204,20 @@ void RosBridge::PublishMap(Time now) {
               "the team's map is larger than 4096 cells a side: the part around the "
               "robot is published");
   }
-  if (const auto written = graph_->WriteMap(picture->grid); !written) {
+  map_ = std::move(picture->grid);
+  WriteMap();
+}
+
+void RosBridge::WriteMap() {
+  if (map_.values.empty()) return;
+  if (const auto written = graph_->WriteMap(map_); !written) {
     log_.Note(options_.settings.MapTopic(), written.error().text);
   }
+}
+
+bool RosBridge::IsMapOfOthers() const {
+  if (!options_.settings.is_published_as_map) return false;
+  return RootFrame() != mapper_.track().frame() || graph_->IsPublishedByOthers(options_.settings.MapTopic());
 }
 
 }  // namespace moondb

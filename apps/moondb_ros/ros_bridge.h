@@ -58,6 +58,9 @@ class RosBridge {
   void OnOdometry(const RosOdometry& message);
   void CheckAddresses(Time now);  // Joins again after the computer's addresses changed.
   void PublishMap(Time now);
+  void WriteMap();  // Writes the last map, if there is one.
+  // With is_published_as_map: another program publishes the map or the parent of the odometry frame.
+  bool IsMapOfOthers() const;
   void PublishTransform(Time now);
   // The frame to which the team's map is joined: the highest ancestor of the odometry frame.
   std::string RootFrame() const;
@@ -70,6 +73,7 @@ class RosBridge {
   AgentLink link_;
   std::unique_ptr<RosGraph> graph_;
   std::string addresses_;  // RosInterfaces::addresses at the last Join.
+  RosGrid map_;            // The last one that was published; without cells before the first.
   Time addresses_read_{};
   Time map_written_{};
   Time transform_written_{};

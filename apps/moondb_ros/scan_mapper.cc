@@ -12,8 +12,8 @@ namespace {
 
 constexpr std::int32_t kScanMapSide_cells = 100;
 constexpr std::array<std::uint32_t, 4> kResolutions_um = {50'000, 100'000, 200'000, 400'000};
-// The caller asks for a map a moment after the node's instant (NodePlanner::kWait_ns), when newer scans have arrived.
-constexpr double kScansKept_s = kScansUsed_s + 3;
+constexpr double kDurationMax_s = 10;            // The duration of a scan.
+constexpr std::size_t kNodeRaysMax = 2'000'000;  // Further scans of a node are left out.
 
 // One ray in the node's frame.
 struct Ray {
@@ -87,7 +87,8 @@ constexpr double kReach_m = 1.5 * kScanMapSide_cells * 0.4;
 void AddRays(const RosScan& scan, const Pose& node_from_first, const Pose& node_from_last, std::vector<Ray>& rays) {
   for (std::size_t i = 0; i < scan.ranges_m.size(); ++i) {
     const double range_m = scan.ranges_m[i];
-    if (std::isnan(range_m) || range_m < scan.range_min_m) continue;
+    // Some drivers write 0 where nothing was hit.
+    if (std::isnan(range_m) || range_m <= 0 || range_m < scan.range_min_m) continue;
     const double part = scan.ranges_m.size() < 2 ? 0 : static_cast<double>(i) / (scan.ranges_m.size() - 1.0);
     const Pose node_from_scanner = Interpolated(node_from_first, node_from_last, part);
     const double angle_rad = scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad;
@@ -107,13 +108,14 @@ Result<void> ScanMapper::Add(RosScan scan) {
   const bool is_finite = std::isfinite(scan.angle_min_rad) && std::isfinite(scan.angle_increment_rad) &&
                          std::isfinite(scan.time_increment_s) && std::isfinite(scan.range_min_m) &&
                          std::isfinite(scan.range_max_m);
-  if (!is_finite || scan.range_min_m < 0 || scan.range_max_m <= scan.range_min_m || scan.time_increment_s < 0) {
+  const double duration_s = scan.time_increment_s * static_cast<double>(scan.ranges_m.size());
+  if (!is_finite || duration_s > kDurationMax_s || scan.range_min_m < 0 || scan.range_max_m <= scan.range_min_m ||
+      scan.time_increment_s < 0) {
     return Fail(ErrorCode::kInvalid, "its angles or the limits of its range are not valid");
   }
   const auto place = std::ranges::upper_bound(scans_, scan.timestamp_ns, {}, &RosScan::timestamp_ns);
   scans_.insert(place, std::move(scan));
-  const std::int64_t oldest_ns = scans_.back().timestamp_ns - static_cast<std::int64_t>(kScansKept_s * 1e9);
-  while (scans_.size() > kScansMax || scans_.front().timestamp_ns < oldest_ns) scans_.pop_front();
+  while (scans_.size() > kScansMax) scans_.pop_front();
   return {};
 }
 
@@ -129,7 +131,8 @@ Result<TraversabilityMap> ScanMapper::MapAt(const PlannedNode& node, const Odome
     const double duration_s = scan.time_increment_s * static_cast<double>(scan.ranges_m.size());
     const std::optional<Pose> robot_from_scanner = frames.Find(track.child(), scan.frame, scan.timestamp_ns);
     const std::optional<Pose> first = track.PoseAt(scan.timestamp_ns);
-    if (!robot_from_scanner || !first) continue;
+    if (!robot_from_scanner || !first || robot_from_scanner->position_m.norm() > kReach_m) continue;
+    if (rays.size() > kNodeRaysMax) break;
     // A scan that lasts longer than odometry was heard is taken as if the robot stood still after that.
     const std::optional<Pose> last = track.PoseAt(scan.timestamp_ns + static_cast<std::int64_t>(duration_s * 1e9));
     AddRays(scan, node_from_track * *first * *robot_from_scanner,

@@ -4,7 +4,7 @@
 // it hit. A cell is a hazard if at least half of the rays that enter it end there; it is free if rays cross it; all
 // other cells are unknown. Unlike a costmap, a scan says which cells nobody saw.
 //
-// Not thread-safe. Keeps the scans of kScansKept_s, at most kScansMax.
+// Not thread-safe. Keeps the newest kScansMax scans.
 #pragma once
 
 #include <cstddef>

@@ -36,7 +36,7 @@ RosInterfaces FindRosInterfaces() {
   const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> owner(first, freeifaddrs);
   std::vector<std::string> names;
   for (const ifaddrs* at = first; at != nullptr; at = at->ifa_next) {
-    const bool is_up = (at->ifa_flags & IFF_UP) != 0 && (at->ifa_flags & IFF_RUNNING) != 0;
+    const bool is_up = (at->ifa_flags & IFF_UP) != 0;  // Also without a link, as a radio that is out of reach.
     if (!is_up || at->ifa_addr == nullptr || at->ifa_addr->sa_family != AF_INET) continue;
     char address[INET_ADDRSTRLEN] = "";
     inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in*>(at->ifa_addr)->sin_addr, address, sizeof address);

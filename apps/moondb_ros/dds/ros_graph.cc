@@ -18,6 +18,7 @@ constexpr int kInputDepth = 10;     // Messages of an input that wait for Spin.
 constexpr int kTfDepth = 100;       // As ROS 2 publishes /tf.
 constexpr std::size_t kTaken = 16;  // Messages that are taken at once.
 constexpr dds_duration_t kWriteMax = DDS_MSECS(100);
+constexpr auto kMapRetry = std::chrono::seconds(1);  // The pause between two writes of the same map.
 
 struct TypeInfo {
   const dds_topic_descriptor_t* descriptor;
@@ -52,6 +53,8 @@ Qos MakeQos(RosGraph::Type type, int depth, bool is_reliable, bool is_transient_
   dds_qset_userdata(qos.get(), user_data.data(), user_data.size());
   const dds_data_representation_id_t xcdr1 = DDS_DATA_REPRESENTATION_XCDR1;
   dds_qset_data_representation(qos.get(), 1, &xcdr1);
+  // This participant does not hear its own transforms and maps.
+  dds_qset_ignorelocal(qos.get(), DDS_IGNORELOCAL_PARTICIPANT);
   dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, depth);
   dds_qset_reliability(qos.get(), is_reliable ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, kWriteMax);
   dds_qset_durability(qos.get(), is_transient_local ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
@@ -129,7 +132,9 @@ class RosGraph::Dds {
   std::map<std::string, dds_entity_t> topics_;                // By name on DDS.
   std::vector<Reader> readers_;                               // One per input.
   std::map<std::array<std::uint8_t, 16>, Found> publishers_;  // Those of other participants, by GUID.
-  RosGrid map_;                                               // The last map written; without cells before the first.
+  bool is_map_due_ = false;                                   // A reader joined, or the last write failed.
+  std::chrono::steady_clock::time_point map_retry_{};
+  RosGrid map_;  // The last map written; without cells before the first.
 };
 
 Result<void> RosGraph::Dds::Join() {
@@ -175,7 +180,7 @@ void RosGraph::Dds::Spin(std::chrono::milliseconds timeout) {
   (void)dds_waitset_wait(waitset_, triggered.data(), triggered.size(), DDS_MSECS(timeout.count()));
   NotePublishers();
   for (std::size_t input = 0; input < readers_.size(); ++input) Take(input);
-  (void)RewriteMapForNewReaders();  // If a reader does not read, the next map comes in its turn.
+  (void)RewriteMapForNewReaders();  // If a reader does not read, the map is written again later.
 }
 
 void RosGraph::Dds::NotePublishers() {
@@ -223,7 +228,8 @@ void RosGraph::Dds::FitReader(std::size_t input) {
                           reader.is_transient_local == fitting.is_transient_local;
   if (!is_any || is_fitting) return;
   if (reader.entity > 0) (void)dds_delete(reader.entity);
-  const Qos qos = MakeQos(wanted.type, kInputDepth, fitting.is_reliable, fitting.is_transient_local);
+  const int depth = wanted.type == Type::kTransforms ? kTfDepth : kInputDepth;
+  const Qos qos = MakeQos(wanted.type, depth, fitting.is_reliable, fitting.is_transient_local);
   fitting.entity = dds_create_reader(participant_, TopicOf(wanted.topic, wanted.type), qos.get(), nullptr);
   (void)dds_set_status_mask(fitting.entity, DDS_DATA_AVAILABLE_STATUS);
   (void)dds_waitset_attach(waitset_, fitting.entity, 0);
@@ -234,12 +240,17 @@ template <typename Message, typename Handle>
 void RosGraph::Dds::TakeAll(dds_entity_t reader, const Handle& handle) {
   std::array<void*, kTaken> samples{};
   std::array<dds_sample_info_t, kTaken> infos;
-  const dds_return_t count = dds_take(reader, samples.data(), infos.data(), kTaken, kTaken);
-  for (dds_return_t i = 0; i < count; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    if (infos[at].valid_data) handle(FromDds(*static_cast<const Message*>(samples[at]), options_.epoch_ns));
+  // At most as many as the history holds, so that a fast publisher does not keep this loop.
+  for (std::size_t round = 0; round * kTaken < kTfDepth; ++round) {
+    samples.fill(nullptr);
+    const dds_return_t count = dds_take(reader, samples.data(), infos.data(), kTaken, kTaken);
+    for (dds_return_t i = 0; i < count; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      if (infos[at].valid_data) handle(FromDds(*static_cast<const Message*>(samples[at]), options_.epoch_ns));
+    }
+    if (count > 0) (void)dds_return_loan(reader, samples.data(), count);
+    if (count < static_cast<dds_return_t>(kTaken)) break;
   }
-  if (count > 0) (void)dds_return_loan(reader, samples.data(), count);
 }
 
 void RosGraph::Dds::Take(std::size_t input) {
@@ -266,7 +277,9 @@ Result<void> RosGraph::Dds::RewriteMapForNewReaders() {
   if (map_writer_ <= 0) return {};
   dds_publication_matched_status_t status{};
   if (dds_get_publication_matched_status(map_writer_, &status) != DDS_RETCODE_OK) return {};
-  if (status.total_count_change == 0 || map_.values.empty()) return {};
+  is_map_due_ = is_map_due_ || status.total_count_change > 0;
+  const auto now = std::chrono::steady_clock::now();
+  if (!is_map_due_ || map_.values.empty() || now < map_retry_) return {};
   return WriteMap(RosGrid(map_));
 }
 
@@ -274,6 +287,8 @@ Result<void> RosGraph::Dds::WriteMap(const RosGrid& grid) {
   map_ = grid;
   const dds_return_t written =
       WithDds(map_, options_.epoch_ns, [this](const auto& message) { return dds_write(map_writer_, &message); });
+  is_map_due_ = written != DDS_RETCODE_OK;
+  map_retry_ = std::chrono::steady_clock::now() + kMapRetry;
   if (written == DDS_RETCODE_OK) return {};
   return tl::unexpected(ErrorOf(written, options_.map_topic));
 }

@@ -82,6 +82,33 @@ TEST_F(GridMapperTest, TakesAFrameThatTfJoinsToOdometry) {
             std::string::npos);
 }
 
+TEST_F(GridMapperTest, PlacesAGridOnTheRobotWhereTheRobotWas) {
+  OdometryTrack driving;
+  Drive(driving, 0, 5);
+  GridMapper grids(1);
+  RosGrid grid = GridAt(2, "base_link", 200);
+  Set(grid, 2.02, 0.02, 100);
+  ASSERT_TRUE(grids.Set(0, grid));
+  const PlannedNode node{At(3), *driving.PoseAt(At(3)), false};
+  const Result<TraversabilityMap> map = grids.MapAt(node, driving, frames_);
+  ASSERT_TRUE(map) << map.error().text;
+  // The robot drove 1 m since the grid, so the hazard lies 1 m ahead of the node.
+  const Eigen::Vector3d hazard_m = map->node_from_map * Eigen::Vector3d(1.02, 0.02, 0);
+  EXPECT_NEAR(hazard_m.x(), 1.02, 1e-6);
+  EXPECT_EQ(CellAt(*map, 0, Eigen::Vector2d(1, 0), 2.02, 0.02), Cell::kHazard);
+}
+
+TEST_F(GridMapperTest, DoesNotUseAGridFromBeforeAJump) {
+  OdometryTrack jumping;
+  Drive(jumping, 0, 2);
+  ASSERT_TRUE(jumping.Add(OdometryAt(2.05, Pose::FromPlanar(50, 0, 0))));
+  ASSERT_TRUE(jumping.Add(OdometryAt(4, Pose::FromPlanar(50, 0, 0))));
+  GridMapper grids(1);
+  ASSERT_TRUE(grids.Set(0, GridAt(1.5, "odom")));
+  const PlannedNode node{At(3), *jumping.PoseAt(At(3)), true};
+  EXPECT_EQ(grids.MapAt(node, jumping, frames_).error().text, "odometry jumped after its last grid");
+}
+
 TEST_F(GridMapperTest, SeveralTopicsGiveALayerEach) {
   GridMapper grids(2);
   RosGrid coarse = GridAt(2.5, "odom", 100);

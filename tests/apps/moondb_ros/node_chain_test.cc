@@ -89,6 +89,12 @@ TEST(IsContinuedTest, OdometryThatJumpedOrBeganAgainDoesNot) {
   EXPECT_TRUE(IsContinued(StateAt(0, Pose()), StateAt(30, Pose::FromPlanar(0.1, 0, 0)))) << "the robot stood there";
 }
 
+TEST(IsContinuedTest, AfterAMinuteTheWayIsUnknown) {
+  const proto::RosState saved = StateAt(0, Pose::FromPlanar(3, 0, 0));
+  EXPECT_TRUE(IsContinued(saved, StateAt(59, Pose::FromPlanar(3.5, 0, 0))));
+  EXPECT_FALSE(IsContinued(saved, StateAt(61, Pose::FromPlanar(3.5, 0, 0))));
+}
+
 TEST(IsContinuedTest, ARestartedComputerOrAnotherFrameDoesNot) {
   proto::RosState now = StateAt(30, Pose::FromPlanar(3, 0, 0));
   now.set_boot_id("another");

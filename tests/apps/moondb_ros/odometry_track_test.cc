@@ -55,6 +55,22 @@ TEST(OdometryTrackTest, DropsTimestampsThatDoNotRise) {
   EXPECT_FALSE(track.Add(OdometryAt(0, Pose())));
 }
 
+TEST(OdometryTrackTest, BeginsAgainAfterATimestampInTheFuture) {
+  OdometryTrack track;
+  Drive(track, 0, 2);
+  ASSERT_TRUE(track.Add(OdometryAt(3600, Pose::FromPlanar(2, 0, 0))));
+  int dropped_count = 0;
+  double seconds = 2.05;
+  while (!track.Add(OdometryAt(seconds, Pose::FromPlanar(seconds, 0, 0)))) {
+    seconds += 0.05;
+    ASSERT_LT(++dropped_count, 200);
+  }
+  EXPECT_EQ(dropped_count, 99);
+  EXPECT_EQ(track.newest_ns(), At(seconds));
+  EXPECT_EQ(track.JumpsUntil(At(seconds)), 1u);
+  EXPECT_TRUE(track.Add(OdometryAt(seconds + 0.05, Pose::FromPlanar(seconds, 0, 0))));
+}
+
 TEST(OdometryTrackTest, DropsOtherFrames) {
   OdometryTrack track;
   ASSERT_TRUE(track.Add(OdometryAt(0, Pose())));

@@ -105,6 +105,17 @@ TEST_F(RobotMapperTest, WithoutRoomTheNextStepIsLonger) {
   EXPECT_GT(longest_m, 8);
 }
 
+TEST_F(RobotMapperTest, AScanFromTheFutureDoesNotEndMaps) {
+  RobotMapper mapper(options_, std::nullopt, log_);
+  mapper.OnTransform(TransformAt(0, "base_link", "laser", Pose()), true);
+  Drive(mapper, 0, 1);
+  mapper.OnScan(ScanAt(100, 2.02F));
+  EXPECT_THAT(printed_, ElementsAre("/scan: its timestamp lies more than 3 s after odometry"));
+  Drive(mapper, 1.1, 6);
+  ASSERT_GE(made_.size(), 2u);
+  EXPECT_EQ(made_.back().records.size(), 3u);
+}
+
 TEST_F(RobotMapperTest, TakesMapsFromGrids) {
   options_.grid_topics = {"/map"};
   RobotMapper mapper(options_, std::nullopt, log_);

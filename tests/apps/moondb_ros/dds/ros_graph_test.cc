@@ -23,7 +23,8 @@ class RosGraphTest : public testing::Test {
     options.inputs = {{"/" + prefix_ + "/odom", RosGraph::Type::kOdometry},
                       {"/" + prefix_ + "/tf_static", RosGraph::Type::kTransforms},
                       {"/" + prefix_ + "/scan", RosGraph::Type::kScan},
-                      {"/" + prefix_ + "/grid", RosGraph::Type::kGrid}};
+                      {"/" + prefix_ + "/grid", RosGraph::Type::kGrid},
+                      {"/" + prefix_ + "/tf", RosGraph::Type::kTransforms}};
     options.map_topic = "/" + prefix_ + "/team_map";
     options.tf_topic = "/" + prefix_ + "/tf";
     options.epoch_ns = epoch_ns;
@@ -202,6 +203,26 @@ TEST_F(RosGraphTest, WritesTransforms) {
     });
   }));
   EXPECT_TRUE(is_right);
+}
+
+TEST_F(RosGraphTest, ReadsTransformsOfOthersAndNotItsOwn) {
+  Join();
+  const dds_entity_t writer = peer_->Writer(tf2_msgs_msg_dds__TFMessage__desc, Named("tf"), {.depth = 100});
+  geometry_msgs_msg_dds__TransformStamped_ stamped{};
+  char odom[] = "odom";
+  char base[] = "base_link";
+  stamped.header.frame_id = odom;
+  stamped.child_frame_id = base;
+  stamped.transform.rotation.w = 1;
+  tf2_msgs_msg_dds__TFMessage_ message{};
+  message.transforms._buffer = &stamped;
+  message.transforms._length = message.transforms._maximum = 1;
+  ASSERT_TRUE(SpinUntil([&] {
+    (void)graph_->WriteTransform({1'700'000'000'000'000'000, "team_map", "odom", Pose()});
+    (void)dds_write(writer, &message);
+    return transforms_.size() >= 5;
+  }));
+  for (const RosTransform& transform : transforms_) EXPECT_EQ(transform.parent, "odom");
 }
 
 TEST_F(RosGraphTest, NamesAPublisherOfAnotherType) {
