@@ -9,7 +9,7 @@ if(MOONDB_FILES_AT_A_TIME GREATER 1)
   # If a source file includes another source file, GCC treats the latter as a header and would warn about its unnamed
   # namespaces.
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    add_compile_options(-Wno-subobject-linkage)
+    add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage>)
   endif()
 endif()
 

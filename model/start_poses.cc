@@ -37,6 +37,12 @@ std::vector<std::pair<AgentId, AgentId>> CoincidingStarts(const proto::TeamConfi
   return coinciding;
 }
 
+Pose PoseOf(const proto::StartPose& start) {
+  Pose pose = Pose::FromPlanar(start.x(), start.y(), start.yaw());
+  pose.position_m.z() = start.z();
+  return pose;
+}
+
 std::set<AgentId> KnownStarts(const proto::TeamConfig& team) {
   std::set<AgentId> known;
   for (const proto::AgentConfig* rover : RoversWithStart(team)) known.insert(rover->id());

@@ -8,10 +8,14 @@
 #include <utility>
 #include <vector>
 
+#include "model/geometry.h"
 #include "model/ids.h"
 #include "proto/team.pb.h"
 
 namespace moondb {
+
+// Returns the pose of a start in the frame `map`.
+Pose PoseOf(const proto::StartPose& start);
 
 // Returns the rovers whose starts count. Requires: `team` is complete and validated.
 std::set<AgentId> KnownStarts(const proto::TeamConfig& team);

@@ -24,8 +24,7 @@ AgentFacts FactsOf(const proto::AgentConfig& agent, bool is_start_known) {
     if (position_m) facts.start = Pose{*position_m, Eigen::Quaterniond::Identity()};
   } else if (is_start_known) {
     const proto::StartPose& start = agent.start();
-    facts.start = Pose::FromPlanar(start.x(), start.y(), start.yaw());
-    facts.start->position_m.z() = start.z();
+    facts.start = PoseOf(start);
     facts.start_sigma_m = start.sigma_m();
     facts.start_sigma_rad = start.sigma_rad();
   }

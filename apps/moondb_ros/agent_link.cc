@@ -1,12 +1,11 @@
 #include "apps/moondb_ros/agent_link.h"
 
 #include <chrono>
-#include <fstream>
-#include <iterator>
 #include <utility>
 
 #include "client/record_feed.h"
 #include "model/file_writing.h"
+#include "model/text.h"
 #include "proto/map.pb.h"
 #include "proto/types.pb.h"
 
@@ -15,6 +14,7 @@ namespace {
 
 constexpr auto kRetryAfter = std::chrono::seconds(1);
 constexpr double kMapWait_s = 3;  // The end of the link may take this long.
+constexpr std::size_t kStateBytesMax = 64 * 1024;
 constexpr auto kPosesWait = std::chrono::seconds(3);
 
 bool IsMap(const proto::Record& record) { return record.has_local_traversability_map(); }
@@ -41,10 +41,9 @@ Result<std::optional<RobotMapper::Stored>> ReadNewestNode(Client& client, AgentI
 }
 
 proto::RosState ReadRosState(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  const std::string content{std::istreambuf_iterator<char>(stream), {}};
+  const Result<std::string> content = ReadTextFile(file, kStateBytesMax);
   proto::RosState state;
-  return state.ParseFromString(content) ? state : proto::RosState();
+  return content && state.ParseFromString(*content) ? state : proto::RosState();
 }
 
 AgentLink::AgentLink(AgentId agent, bool is_start_known, std::filesystem::path state_file, Connect connect,
@@ -97,14 +96,13 @@ void AgentLink::Insert(RobotMapper::Made made, const Pose& track_from_node) {
 }
 
 Result<void> AgentLink::InsertNext(Client& client) {
-  // An insert that timed out may have been stored.
-  bool is_unsure = true;
   while (const std::optional<RobotMapper::Made> made = outbox_.Next()) {
-    if (std::exchange(is_unsure, false)) {
+    if (is_insert_unsure_) {
       const Result<std::optional<RobotMapper::Stored>> newest = ReadNewestNode(client, agent_);
       if (!newest) return tl::unexpected(newest.error());
       const bool is_stored = *newest && (*newest)->index == IndexOf(*made) &&
                              (*newest)->timestamp_ns == made->records.front().timestamp_ns();
+      is_insert_unsure_ = false;
       if (is_stored) {
         SaveState(made->state);
         outbox_.Remove();
@@ -119,7 +117,8 @@ Result<void> AgentLink::InsertNext(Client& client) {
       inserted = client.Insert(records);
     }
     // All other errors may pass: the agent is down, full, or restarts with another team file.
-    if (!inserted && inserted.error().code != ErrorCode::kInvalid) return tl::unexpected(inserted.error());
+    is_insert_unsure_ = !inserted && inserted.error().code != ErrorCode::kInvalid;
+    if (is_insert_unsure_) return tl::unexpected(inserted.error());
     if (inserted) SaveState(made->state);
     if (!inserted) print_("a node was refused: " + ToString(inserted.error()));
     outbox_.Remove();

@@ -43,7 +43,6 @@ class AgentLink {
   bool HasRoom() const { return outbox_.HasRoom(); }
   // Hands over a node's records. `track_from_node` is the node's pose in the frame `track`.
   void Insert(RobotMapper::Made made, const Pose& track_from_node);
-  std::size_t dropped_maps() const { return dropped_maps_; }
 
   // Returns team_map_from_track (TeamFrame); nullopt while the robot is not placed in the team's map.
   std::optional<Pose> TeamFromTrack();
@@ -65,6 +64,8 @@ class AgentLink {
   const std::function<void(const std::string&)> print_;
   RecordOutbox outbox_;
   std::atomic<std::size_t> dropped_maps_ = 0;
+  // Used by the thread that inserts. True: the last insert failed, but its records may have been stored.
+  bool is_insert_unsure_ = false;
 
   mutable std::mutex mutex_;
   std::condition_variable ended_;

@@ -36,6 +36,8 @@ class FrameTree {
   std::optional<Pose> Find(const std::string& to, const std::string& from, std::int64_t timestamp_ns) const;
   // Returns whether `frame` is `ancestor`, or hangs below it.
   bool IsBelow(const std::string& frame, const std::string& ancestor) const;
+  // Returns the highest ancestor of a frame: the frame itself if it has no parent.
+  std::string RootOf(const std::string& frame) const { return ChainOf(frame).back(); }
   // Returns the parent of a frame; an empty name if it has none.
   std::string ParentOf(const std::string& frame) const;
 

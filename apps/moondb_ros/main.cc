@@ -3,13 +3,12 @@
 // Exit codes: 0 ended by SIGINT or SIGTERM, 1 failed, 2 the command line or a file is wrong, 3 the agent or the network
 // is not there. `moondb_ros check` ends with 1 if odometry or maps do not work.
 
-#include <pthread.h>
 #include <signal.h>
 
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
-#include <iterator>
+#include <filesystem>
+#include <utility>
 
 #include "apps/common/arguments.h"
 #include "apps/common/data_folder.h"
@@ -24,25 +23,13 @@ namespace moondb {
 namespace {
 
 constexpr std::chrono::seconds kCheck{10};
+constexpr std::size_t kConfigBytesMax = 256 * 1024;
 
 volatile sig_atomic_t is_ended = 0;
 
 void Print(const std::string& line) {
   std::fprintf(stderr, "moondb_ros: %s\n", OneLine(line).c_str());
   std::fflush(stderr);
-}
-
-std::string ReadText(const std::string& path) {
-  std::ifstream stream(path);
-  std::string text{std::istreambuf_iterator<char>(stream), {}};
-  return text;
-}
-
-Pose FirstPose(const proto::TeamConfig& team, const proto::AgentConfig& agent) {
-  if (!KnownStarts(team).contains(agent.id())) return Pose();
-  Pose pose = Pose::FromPlanar(agent.start().x(), agent.start().y(), agent.start().yaw());
-  pose.position_m.z() = agent.start().z();
-  return pose;
 }
 
 // Reads the newest own node, and waits until the agent is there and has it. An agent that lost its store, but not the
@@ -88,9 +75,9 @@ Result<void> Bridge(const RosSettings& settings) {
   RosBridge::Options options;
   options.settings = settings;
   options.agent = (*agent)->id();
-  options.first = FirstPose(team->config, **agent);
   options.is_start_known = KnownStarts(team->config).contains((*agent)->id());
-  options.boot_id = ReadText("/proc/sys/kernel/random/boot_id");
+  if (options.is_start_known) options.first = PoseOf((*agent)->start());
+  options.boot_id = ReadTextFile("/proc/sys/kernel/random/boot_id").value_or("");
   options.state_file = own_folder / "moondb_ros.state";
   options.connect = [&] { return ConnectTo(*team, **agent, {}); };
   options.print = Print;
@@ -124,8 +111,8 @@ Result<RosSettings> ReadSettings(int argc, char** argv) {
     if (word.starts_with("--config=")) file = word.substr(9);
   }
   if (file.empty()) return ParseRosSettings("{}", "");
-  if (!std::filesystem::is_regular_file(file)) return Fail(ErrorCode::kNotFound, file + ": no such file");
-  return ParseRosSettings(ReadText(file), file);
+  const Result<std::string> text = ReadTextFile(file, kConfigBytesMax);
+  return text ? ParseRosSettings(*text, file) : tl::unexpected(text.error());
 }
 
 int Run(int argc, char** argv) {
@@ -133,8 +120,7 @@ int Run(int argc, char** argv) {
   if (!read) return Finish(tl::unexpected(read.error()));
   RosSettings& settings = *read;
   std::string config;
-  double turn_deg = settings.rule.turn_rad / 0.017453292519943295;
-  bool is_lidar = settings.odometry_kind == OdometryKind::kLidar;
+  bool is_lidar = settings.odometry_kind == proto::ODOMETRY_KIND_LIDAR;
   Command app("moondb_ros", "Joins a robot's ROS 2 graph to its moondb agent.");
   app.Fallthrough().AllowSubcommand();
   Command& check = app.AddSubcommand("check", "Listen for 10 s, and say what each topic becomes (needs no agent)");
@@ -148,7 +134,7 @@ int Run(int argc, char** argv) {
   app.AddOption("--node-distance-m", settings.rule.distance_m, "A new node at least after this way")
       .Within(0.1, 100.0)
       .DefaultShown();
-  app.AddOption("--node-turn-deg", turn_deg, "... or this turn").Within(1.0, 180.0).DefaultShown();
+  app.AddOption("--node-turn-deg", settings.rule.turn_deg, "... or this turn").Within(1.0, 180.0).DefaultShown();
   app.AddOption("--node-age-s", settings.rule.age_s, "... or this time").Within(1.0, 86400.0).DefaultShown();
   app.AddFlag("--lidar-odometry", is_lidar, "Odometry is corrected by a lidar or cameras: 1 % of error and not 5 %");
   app.AddFlag("--publish-as-map", settings.is_published_as_map, "Publish /map, for robots without localization");
@@ -158,8 +144,7 @@ int Run(int argc, char** argv) {
       .Within(0u, 232u)
       .DefaultShown();
   if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code == 0 ? 0 : 2;
-  settings.rule.turn_rad = turn_deg * 0.017453292519943295;
-  settings.odometry_kind = is_lidar ? OdometryKind::kLidar : OdometryKind::kWheel;
+  settings.odometry_kind = is_lidar ? proto::ODOMETRY_KIND_LIDAR : proto::ODOMETRY_KIND_WHEEL;
   if (check.is_given()) {
     std::printf("listening for %lld s\n", static_cast<long long>(kCheck.count()));
     std::fflush(stdout);

@@ -40,7 +40,7 @@ class NodeChain {
 
   // `last` is the newest own node in the agent's store, nullopt if there is none. `first` is the raw pose of the first
   // node of an empty store: the robot's start in the frame `map`, or the identity if the start is unknown.
-  NodeChain(AgentId agent, OdometryKind kind, const Pose& first, std::optional<Last> last)
+  NodeChain(AgentId agent, proto::OdometryKind kind, const Pose& first, std::optional<Last> last)
       : agent_(agent), kind_(kind), first_(first), last_(last) {}
 
   // Returns the records of a node, in the order in which they are to be inserted. `map` is null if the node has none.
@@ -55,7 +55,7 @@ class NodeChain {
 
  private:
   const AgentId agent_;
-  const OdometryKind kind_;
+  const proto::OdometryKind kind_;
   const Pose first_;
   std::optional<Last> last_;
 };

@@ -28,8 +28,8 @@ proto::RelativePose StepOf(const Pose& from_from_to, const std::array<double, 6>
 
 }  // namespace
 
-proto::RelativePose OdometryStep(const Pose& from_from_to, OdometryKind kind) {
-  const double share = kind == OdometryKind::kWheel ? 0.05 : 0.01;
+proto::RelativePose OdometryStep(const Pose& from_from_to, proto::OdometryKind kind) {
+  const double share = kind == proto::ODOMETRY_KIND_WHEEL ? 0.05 : 0.01;
   const double length_m = from_from_to.position_m.norm();
   const double plane_m = 0.01 + share * length_m;
   const double yaw_rad = 0.005 + 0.01 * length_m + share * std::abs(from_from_to.Yaw());
@@ -46,7 +46,7 @@ bool NodePlanner::IsDue(const OdometryTrack& track) const {
   const std::optional<Pose> pose = track.PoseAt(now_ns);
   const Pose step = last_->track_from_node.Inverse() * *pose;
   return step.position_m.norm() >= rule_.distance_m ||
-         step.orientation.angularDistance(Eigen::Quaterniond::Identity()) >= rule_.turn_rad ||
+         step.orientation.angularDistance(Eigen::Quaterniond::Identity()) >= rule_.turn_deg * kDegree ||
          static_cast<double>(now_ns - last_->timestamp_ns) * 1e-9 >= rule_.age_s;
 }
 

@@ -13,12 +13,13 @@
 #include "apps/moondb_ros/odometry_track.h"
 #include "model/geometry.h"
 #include "proto/record.pb.h"
+#include "proto/ros.pb.h"
 
 namespace moondb {
 
 struct NodeRule {
   double distance_m = 1;
-  double turn_rad = 30 * 0.017453292519943295;
+  double turn_deg = 30;
   double age_s = 60;
 };
 
@@ -28,15 +29,12 @@ struct PlannedNode {
   bool is_after_jump = false;  // Odometry jumped since the last node.
 };
 
-// The odometry's error grows with the step: by 5 % of it for wheels, and by 1 % where a lidar or cameras correct it.
-enum class OdometryKind { kWheel, kLidar };
-
-// Returns an odometry measurement. `from_from_to` is the step between two nodes. The standard deviations are, with s
-// the share of OdometryKind and d the step's length:
+// Returns an odometry measurement. `from_from_to` is the step between two nodes. The standard deviations are, with d
+// the step's length, and s 5 % for wheels, or 1 % where a lidar or cameras correct the odometry:
 //   - x, y: 0.01 m + s d; z: 0.3 of that; roll, pitch: 0.002 rad
 //   - yaw: 0.005 rad + 0.01 rad/m d + s |turn|
 // A message's covariance is not used, because it is zero, constant or that of the whole way in most drivers.
-proto::RelativePose OdometryStep(const Pose& from_from_to, OdometryKind kind);
+proto::RelativePose OdometryStep(const Pose& from_from_to, proto::OdometryKind kind);
 // Returns the measurement for a step over a jump: standard deviations of 5 m and, in yaw, 60 degrees. Roll and pitch
 // stay within 0.01 rad, because odometry measures them against gravity, or not at all.
 proto::RelativePose UnsureStep(const Pose& from_from_to);

@@ -1,6 +1,5 @@
 #include "apps/moondb_ros/robot_mapper.h"
 
-#include <chrono>
 #include <utility>
 
 namespace moondb {

@@ -28,7 +28,7 @@ class RobotMapper {
   struct Options {
     AgentId agent = 0;
     NodeRule rule;
-    OdometryKind odometry_kind = OdometryKind::kWheel;
+    proto::OdometryKind odometry_kind = proto::ODOMETRY_KIND_WHEEL;
     Pose first;           // As in NodeChain.
     std::string boot_id;  // As in proto::RosState.
     std::string odometry_topic = "/odom";

@@ -19,35 +19,6 @@ constexpr auto kSilentAfter = std::chrono::seconds(10);
 constexpr std::int64_t kAhead_ns = 500'000'000;
 constexpr std::int64_t kClockTolerance_ns = 1'000'000'000;
 
-}  // namespace
-
-std::vector<RosGraph::Input> InputsOf(const RosSettings& settings) {
-  std::vector<RosGraph::Input> inputs = {
-      {settings.TopicName(settings.odometry_topic), RosGraph::Type::kOdometry},
-      {settings.TopicName("/tf"), RosGraph::Type::kTransforms},
-      {settings.TopicName("/tf_static"), RosGraph::Type::kTransforms},
-  };
-  for (const std::string& topic : settings.grid_topics) {
-    inputs.push_back({settings.TopicName(topic), RosGraph::Type::kGrid});
-  }
-  if (settings.grid_topics.empty()) {
-    inputs.push_back({settings.TopicName(settings.scan_topic), RosGraph::Type::kScan});
-  }
-  return inputs;
-}
-
-RobotMapper::Options MapperOptionsOf(const RosSettings& settings) {
-  RobotMapper::Options mapper;
-  mapper.rule = settings.rule;
-  mapper.odometry_kind = settings.odometry_kind;
-  mapper.odometry_topic = settings.TopicName(settings.odometry_topic);
-  mapper.scan_topic = settings.TopicName(settings.scan_topic);
-  for (const std::string& topic : settings.grid_topics) mapper.grid_topics.push_back(settings.TopicName(topic));
-  return mapper;
-}
-
-namespace {
-
 RobotMapper::Options WithAgent(const RosBridge::Options& options) {
   RobotMapper::Options mapper = MapperOptionsOf(options.settings);
   mapper.agent = options.agent;
@@ -87,29 +58,18 @@ Result<void> RosBridge::Join() {
 }
 
 RosGraph::Handlers RosBridge::MakeHandlers() {
-  RosGraph::Handlers handlers;
-  const auto hear = [this](std::size_t input) { log_.Hear(inputs_[input].topic, std::chrono::steady_clock::now()); };
-  handlers.on_odometry = [this, hear](std::size_t input, const RosOdometry& message) {
-    hear(input);
-    OnOdometry(message);
+  const auto hear = [this](std::size_t input, const std::string&) {
+    // Static transforms are published once, which is no silence.
+    if (input != kTfStatic) log_.Hear(inputs_[input].topic, std::chrono::steady_clock::now());
   };
-  handlers.on_scan = [this, hear](std::size_t input, RosScan message) {
-    hear(input);
-    mapper_.OnScan(std::move(message));
-  };
-  handlers.on_grid = [this, hear](std::size_t input, RosGrid message) {
-    hear(input);
-    mapper_.OnGrid(input - kMapSource, std::move(message));
-  };
-  handlers.on_transform = [this, hear](std::size_t input, const RosTransform& message) {
-    if (input != kTfStatic) hear(input);  // Static transforms are published once, which is no silence.
+  RosGraph::Handlers handlers =
+      HandlersFor(inputs_, mapper_, log_, hear, [this](const RosOdometry& message) { OnOdometry(message); });
+  handlers.on_transform = [this, to_mapper = std::move(handlers.on_transform)](std::size_t input,
+                                                                               const RosTransform& message) {
     if (FrameName(message.parent) == options_.settings.MapFrame() && !options_.settings.is_published_as_map) {
       return log_.Drop(inputs_[input].topic, "another program publishes the transform from team_map");
     }
-    mapper_.OnTransform(message, input == kTfStatic);
-  };
-  handlers.on_other_type = [this](std::size_t input, const std::string& type, const std::string& expected) {
-    log_.Note(inputs_[input].topic, "a publisher has the type " + type + ", expected " + expected);
+    to_mapper(input, message);
   };
   return handlers;
 }
@@ -145,21 +105,13 @@ void RosBridge::CheckAddresses(Time now) {
   WriteMap();
 }
 
-std::string RosBridge::RootFrame() const {
-  std::string root = mapper_.track().frame();
-  for (std::size_t i = 0; i < FrameTree::kFramesMax; ++i) {
-    const std::string parent = mapper_.frames().ParentOf(root);
-    if (parent.empty()) break;
-    root = parent;
-  }
-  return root;
-}
+std::string RosBridge::RootFrame() const { return mapper_.frames().RootOf(mapper_.track().frame()); }
 
 std::optional<Pose> RosBridge::MapFromRoot(const std::string& root) {
   const OdometryTrack& track = mapper_.track();
   const std::optional<Pose> map_from_track = link_.TeamFromTrack();
   std::optional<Pose> odom_from_root = Pose();
-  if (root != track.frame()) {
+  if (root != FrameName(track.frame())) {
     // The value for the time of the published timestamp, if the robot's localization looks ahead, too.
     odom_from_root = mapper_.frames().Find(track.frame(), root, track.newest_ns() + kAhead_ns);
     if (!odom_from_root) odom_from_root = mapper_.frames().Find(track.frame(), root, track.newest_ns());
@@ -217,7 +169,7 @@ void RosBridge::WriteMap() {
 
 bool RosBridge::IsMapOfOthers() const {
   if (!options_.settings.is_published_as_map) return false;
-  return RootFrame() != mapper_.track().frame() || graph_->IsPublishedByOthers(options_.settings.MapTopic());
+  return RootFrame() != FrameName(mapper_.track().frame()) || graph_->IsPublishedByOthers(options_.settings.MapTopic());
 }
 
 }  // namespace moondb

@@ -14,16 +14,11 @@
 #include "apps/moondb_ros/agent_link.h"
 #include "apps/moondb_ros/dds/ros_graph.h"
 #include "apps/moondb_ros/robot_mapper.h"
+#include "apps/moondb_ros/ros_inputs.h"
 #include "apps/moondb_ros/ros_settings.h"
 #include "apps/moondb_ros/topic_log.h"
 
 namespace moondb {
-
-// The inputs of moondb_ros, in this order; kMapSource is the scan, or the first of the grids.
-enum RosInputIndex : std::size_t { kOdometry, kTf, kTfStatic, kMapSource };
-std::vector<RosGraph::Input> InputsOf(const RosSettings& settings);
-// Without an agent, first pose and boot id.
-RobotMapper::Options MapperOptionsOf(const RosSettings& settings);
 
 class RosBridge {
  public:
@@ -47,8 +42,6 @@ class RosBridge {
   // Works for at most about 100 ms: handles messages, and publishes what is due.
   void Step();
 
-  const TopicLog& log() const { return log_; }
-
  private:
   using Time = std::chrono::steady_clock::time_point;
 
@@ -67,7 +60,7 @@ class RosBridge {
   std::optional<Pose> MapFromRoot(const std::string& root);
 
   const Options options_;
-  std::vector<RosGraph::Input> inputs_;  // Odometry, /tf, /tf_static, then the scan or the grids.
+  const std::vector<RosGraph::Input> inputs_;
   TopicLog log_;
   RobotMapper mapper_;
   AgentLink link_;

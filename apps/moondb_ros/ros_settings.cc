@@ -9,12 +9,6 @@
 #include "runtime/team/yaml_reader.h"
 
 namespace moondb {
-namespace {
-
-constexpr double kDegree = 0.017453292519943295;
-
-}  // namespace
-
 std::string RosSettings::TopicName(const std::string& topic) const {
   const std::string name = topic.starts_with('/') ? topic : "/" + topic;
   if (name_space.empty()) return name;
@@ -42,9 +36,8 @@ Result<RosSettings> ParseRosSettings(const std::string& yaml, const std::string&
   settings.scan_topic = config.scan();
   settings.grid_topics.assign(config.grid().begin(), config.grid().end());
   settings.name_space = config.namespace_();
-  settings.rule = {config.node_distance_m(), config.node_turn_deg() * kDegree, config.node_age_s()};
-  const bool is_lidar = config.odometry() == proto::ODOMETRY_KIND_LIDAR;
-  settings.odometry_kind = is_lidar ? OdometryKind::kLidar : OdometryKind::kWheel;
+  settings.rule = {config.node_distance_m(), config.node_turn_deg(), config.node_age_s()};
+  settings.odometry_kind = config.odometry();
   settings.is_published_as_map = config.publish_as_map();
   settings.is_simulated_time = config.sim_time();
   settings.sim_epoch_ns = std::chrono::nanoseconds(epoch->time_since_epoch()).count();

@@ -19,7 +19,7 @@ struct RosSettings {
   std::vector<std::string> grid_topics;  // If not empty, maps come from these grids and not from the scan.
   std::string name_space;                // "robot1": topics are /robot1/odom and so on. Empty: none.
   NodeRule rule;
-  OdometryKind odometry_kind = OdometryKind::kWheel;
+  proto::OdometryKind odometry_kind = proto::ODOMETRY_KIND_WHEEL;
   bool is_published_as_map = false;  // The map's topic and frame are `map` and not `team_map`.
   bool is_simulated_time = false;    // Timestamps of messages count from sim_epoch_ns.
   std::int64_t sim_epoch_ns = 0;

@@ -8,8 +8,7 @@
 
 #include "apps/common/table.h"
 #include "apps/moondb_ros/dds/network_interfaces.h"
-#include "apps/moondb_ros/dds/ros_graph.h"
-#include "apps/moondb_ros/ros_bridge.h"
+#include "apps/moondb_ros/ros_inputs.h"
 #include "model/text.h"
 
 namespace moondb {
@@ -87,30 +86,13 @@ class Listener {
 
  private:
   RosGraph::Handlers MakeHandlers() {
-    RosGraph::Handlers handlers;
-    handlers.on_odometry = [this](std::size_t input, const RosOdometry& message) {
-      Hear(input, message.frame + " to " + message.child);
+    const auto hear = [this](std::size_t input, const std::string& frames) { Hear(input, frames); };
+    return HandlersFor(inputs_, mapper_, log_, hear, [this](const RosOdometry& message) {
       const auto made = mapper_.OnOdometry(message, /*has_room=*/true);
       if (!made) return;
       has_node_ = true;
       has_map_ = has_map_ || made->records.back().has_local_traversability_map();
-    };
-    handlers.on_scan = [this](std::size_t input, RosScan message) {
-      Hear(input, message.frame);
-      mapper_.OnScan(std::move(message));
-    };
-    handlers.on_grid = [this](std::size_t input, RosGrid message) {
-      Hear(input, message.frame);
-      mapper_.OnGrid(input - kMapSource, std::move(message));
-    };
-    handlers.on_transform = [this](std::size_t input, const RosTransform& message) {
-      Hear(input, message.parent + " to " + message.child);
-      mapper_.OnTransform(message, input == kTfStatic);
-    };
-    handlers.on_other_type = [this](std::size_t input, const std::string& type, const std::string& expected) {
-      log_.Note(inputs_[input].topic, "a publisher has the type " + type + ", expected " + expected);
-    };
-    return handlers;
+    });
   }
 
   void Hear(std::size_t input, const std::string& frames) {

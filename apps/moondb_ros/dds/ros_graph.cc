@@ -131,7 +131,7 @@ class RosGraph::Dds {
   dds_entity_t tf_writer_ = 0;
   std::map<std::string, dds_entity_t> topics_;                // By name on DDS.
   std::vector<Reader> readers_;                               // One per input.
-  std::map<std::array<std::uint8_t, 16>, Found> publishers_;  // Those of other participants, by GUID.
+  std::map<std::array<std::uint8_t, 16>, Found> publishers_;  // Publishers of other participants, by GUID.
   bool is_map_due_ = false;                                   // A reader joined, or the last write failed.
   std::chrono::steady_clock::time_point map_retry_{};
   RosGrid map_;  // The last map written; without cells before the first.

@@ -129,36 +129,37 @@ TEST_F(EventActorTest, ReportsSessionsThatEndedEarlyAndWhy) {
   EXPECT_THAT(Notified(), IsEmpty());
 }
 
-TEST_F(EventActorTest, ReportsOnceThatAnAgentDoesNotTakeAllRecordsAndOnceThatItDoesAgain) {
-  (void)Notified();
+// The reply of a sharing actor to whose session agent 2 does not take all records.
+proto::ControlReply ReplyWithRefusing() {
   proto::ControlReply reply;
   proto::ShareStatus& status = *reply.mutable_share_status();
   proto::ShareSession& session = *status.add_sessions();
   session.set_destination(2);
   session.set_last_error("the destination did not take 7 records");
   status.add_refusing(2);
+  return reply;
+}
+
+TEST_F(EventActorTest, ReportsOnceThatAnAgentDoesNotTakeAllRecordsAndOnceThatItDoesAgain) {
+  (void)Notified();
+  proto::ControlReply reply = ReplyWithRefusing();
   Post(actor_name::kSync, MessageOf(reply));
   EXPECT_THAT(Notified(), ElementsAre("rover2 does not take all records, and the rest waits: the destination did not "
                                       "take 7 records"));
   Post(actor_name::kSync, MessageOf(reply));
   EXPECT_THAT(Notified(), IsEmpty());
-  status.clear_refusing();
-  session.clear_last_error();
+  reply.mutable_share_status()->clear_refusing();
+  reply.mutable_share_status()->mutable_sessions(0)->clear_last_error();
   Post(actor_name::kSync, MessageOf(reply));
   EXPECT_THAT(Notified(), ElementsAre("rover2 takes records again"));
 }
 
 TEST_F(EventActorTest, DoesNotReportThatAFormerDestinationTakesRecordsAgain) {
-  proto::ControlReply reply;
-  proto::ShareStatus& status = *reply.mutable_share_status();
-  proto::ShareSession& session = *status.add_sessions();
-  session.set_destination(2);
-  session.set_last_error("the destination did not take 7 records");
-  status.add_refusing(2);
+  proto::ControlReply reply = ReplyWithRefusing();
   Post(actor_name::kSync, MessageOf(reply));
   (void)Notified();
-  status.clear_refusing();
-  session.set_last_error("the roles changed");
+  reply.mutable_share_status()->clear_refusing();
+  reply.mutable_share_status()->mutable_sessions(0)->set_last_error("the roles changed");
   Post(actor_name::kSync, MessageOf(reply));
   EXPECT_THAT(Notified(), IsEmpty());
 }

@@ -12,7 +12,7 @@ namespace {
 double SigmaX(const proto::Record& edge) { return std::sqrt(edge.pose_graph_edge().relative_pose().covariance(0)); }
 
 TEST(NodeChainTest, BeginsAtTheStartAndComposesSteps) {
-  NodeChain chain(7, OdometryKind::kWheel, Pose::FromPlanar(5, 5, M_PI / 2), std::nullopt);
+  NodeChain chain(7, proto::ODOMETRY_KIND_WHEEL, Pose::FromPlanar(5, 5, M_PI / 2), std::nullopt);
   const auto first = chain.Next({At(1), Pose::FromPlanar(3, 0, 0), false}, nullptr);
   ASSERT_TRUE(first);
   ASSERT_EQ(first->size(), 1u);
@@ -35,7 +35,7 @@ TEST(NodeChainTest, BeginsAtTheStartAndComposesSteps) {
 }
 
 TEST(NodeChainTest, AJumpMakesTheStepUnsure) {
-  NodeChain chain(7, OdometryKind::kWheel, Pose(), std::nullopt);
+  NodeChain chain(7, proto::ODOMETRY_KIND_WHEEL, Pose(), std::nullopt);
   ASSERT_TRUE(chain.Next({At(1), Pose(), false}, nullptr));
   const auto next = chain.Next({At(2), Pose::FromPlanar(1, 0, 0), true}, nullptr);
   ASSERT_TRUE(next);
@@ -44,14 +44,14 @@ TEST(NodeChainTest, AJumpMakesTheStepUnsure) {
 
 TEST(NodeChainTest, ContinuesAfterTheNodesInTheStore) {
   const NodeChain::Last last{41, At(0), Pose::FromPlanar(2, 0, 0), std::nullopt};
-  NodeChain unsure(7, OdometryKind::kWheel, Pose(), last);
+  NodeChain unsure(7, proto::ODOMETRY_KIND_WHEEL, Pose(), last);
   const auto node = unsure.Next({At(1), Pose::FromPlanar(9, 9, 0), false}, nullptr);
   ASSERT_TRUE(node);
   EXPECT_EQ((*node)[0].pose_graph_node().node().index(), 42u);
   EXPECT_NEAR((*node)[0].pose_graph_node().map_from_node().position_m().x(), 2, 1e-9);
   EXPECT_NEAR(SigmaX((*node)[1]), 5, 1e-9);
 
-  NodeChain measured(7, OdometryKind::kWheel, Pose(), last);
+  NodeChain measured(7, proto::ODOMETRY_KIND_WHEEL, Pose(), last);
   measured.Continue(Pose::FromPlanar(8, 9, 0));
   const auto goes_on = measured.Next({At(1), Pose::FromPlanar(9, 9, 0), false}, nullptr);
   ASSERT_TRUE(goes_on);
@@ -60,7 +60,7 @@ TEST(NodeChainTest, ContinuesAfterTheNodesInTheStore) {
 }
 
 TEST(NodeChainTest, MakesNoNodeBeforeTheNewestOwnOne) {
-  NodeChain chain(7, OdometryKind::kWheel, Pose(), NodeChain::Last{3, At(100), Pose(), std::nullopt});
+  NodeChain chain(7, proto::ODOMETRY_KIND_WHEEL, Pose(), NodeChain::Last{3, At(100), Pose(), std::nullopt});
   const auto older = chain.Next({At(5), Pose(), false}, nullptr);
   ASSERT_FALSE(older);
   EXPECT_NE(older.error().text.find("new team folder"), std::string::npos);

@@ -73,16 +73,16 @@ TEST_F(NodePlannerTest, GoesOnAfterOdometryPaused) {
 }
 
 TEST(OdometryStepTest, GrowsWithTheStep) {
-  const proto::RelativePose standing = OdometryStep(Pose(), OdometryKind::kWheel);
+  const proto::RelativePose standing = OdometryStep(Pose(), proto::ODOMETRY_KIND_WHEEL);
   ASSERT_EQ(standing.covariance_size(), 21);
   EXPECT_NEAR(standing.covariance(0), 0.01 * 0.01, 1e-12);
   EXPECT_NEAR(standing.covariance(20), 0.005 * 0.005, 1e-12);
-  const proto::RelativePose step = OdometryStep(Pose::FromPlanar(2, 0, 0.5), OdometryKind::kWheel);
+  const proto::RelativePose step = OdometryStep(Pose::FromPlanar(2, 0, 0.5), proto::ODOMETRY_KIND_WHEEL);
   EXPECT_NEAR(std::sqrt(step.covariance(0)), 0.11, 1e-9);
   EXPECT_NEAR(std::sqrt(step.covariance(6)), 0.11, 1e-9);
   EXPECT_NEAR(std::sqrt(step.covariance(11)), 0.033, 1e-9);
   EXPECT_NEAR(std::sqrt(step.covariance(20)), 0.005 + 0.02 + 0.025, 1e-9);
-  const proto::RelativePose by_lidar = OdometryStep(Pose::FromPlanar(2, 0, 0.5), OdometryKind::kLidar);
+  const proto::RelativePose by_lidar = OdometryStep(Pose::FromPlanar(2, 0, 0.5), proto::ODOMETRY_KIND_LIDAR);
   EXPECT_NEAR(std::sqrt(by_lidar.covariance(0)), 0.03, 1e-9);
   EXPECT_NEAR(std::sqrt(UnsureStep(Pose()).covariance(0)), 5, 1e-9);
   EXPECT_NEAR(std::sqrt(UnsureStep(Pose()).covariance(20)), 1.0472, 1e-4);

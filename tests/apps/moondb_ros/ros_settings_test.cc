@@ -15,7 +15,7 @@ TEST(RosSettingsTest, HaveDefaults) {
   EXPECT_EQ(settings->odometry_topic, "/odom");
   EXPECT_EQ(settings->scan_topic, "/scan");
   EXPECT_EQ(settings->rule.distance_m, 1);
-  EXPECT_NEAR(settings->rule.turn_rad, 0.5236, 1e-4);
+  EXPECT_EQ(settings->rule.turn_deg, 30);
   EXPECT_EQ(settings->rule.age_s, 60);
   EXPECT_EQ(settings->MapTopic(), "/team_map");
   EXPECT_EQ(settings->EpochNs(), 0);
@@ -30,7 +30,7 @@ TEST(RosSettingsTest, ComeFromYaml) {
   EXPECT_EQ(settings->TopicName(settings->odometry_topic), "/robot1/wheel_odom");
   EXPECT_THAT(settings->grid_topics, ElementsAre("/map", "local"));
   EXPECT_EQ(settings->TopicName("local"), "/robot1/local");
-  EXPECT_EQ(settings->odometry_kind, OdometryKind::kLidar);
+  EXPECT_EQ(settings->odometry_kind, proto::ODOMETRY_KIND_LIDAR);
   EXPECT_EQ(settings->EpochNs(), 1'577'836'800'000'000'000);
   EXPECT_EQ(settings->MapTopic(), "/robot1/map");
   EXPECT_EQ(settings->MapFrame(), "map");
