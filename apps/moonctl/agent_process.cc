@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <thread>
 
 extern char** environ;
 
@@ -14,6 +15,7 @@ namespace moondb {
 namespace {
 
 constexpr std::int64_t kTailBytes = 4096;
+constexpr std::chrono::milliseconds kPollPeriod(20);
 
 class SpawnSettings {
  public:
@@ -62,6 +64,14 @@ Result<pid_t> StartProcess(const std::vector<std::string>& command, const std::f
   if (error != 0)
     return Fail(ErrorCode::kInternal, std::string("cannot start: ") + std::strerror(error), command.front());
   return child;
+}
+
+bool WaitUntil(SteadyClock::time_point deadline, const std::function<bool()>& condition) {
+  while (!condition()) {
+    if (SteadyClock::now() >= deadline) return false;
+    std::this_thread::sleep_for(kPollPeriod);
+  }
+  return true;
 }
 
 bool HasEnded(pid_t child) { return ::waitpid(child, nullptr, WNOHANG) == child; }

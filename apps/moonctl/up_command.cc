@@ -7,7 +7,6 @@
 #include <cerrno>
 #include <iterator>
 #include <set>
-#include <thread>
 #include <tuple>
 
 #include "apps/common/data_folder.h"
@@ -16,6 +15,7 @@
 #include "apps/moonctl/agent_process.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/ros_process.h"
 #include "model/file_writing.h"
 #include "model/term.h"
 #include "model/text.h"
@@ -31,12 +31,12 @@ constexpr std::chrono::seconds kStartTimeout(20);
 constexpr std::chrono::seconds kStartTimeoutPerAgent(1);
 constexpr std::chrono::seconds kStopTimeout(10);
 constexpr std::chrono::seconds kAgreementTimeout(8);
-constexpr std::chrono::milliseconds kStartPollPeriod(20);
 
 struct UpArguments {
   std::string data_folder;    // Folder of the data folders. Empty: moondb-data in the team file's folder.
   std::string merge_backend;  // Empty: the default of moondb_agent.
   std::string log_format;     // Value of moondb_agent's --log-format.
+  std::string with;           // "ros": also start moondb_ros beside each rover. Empty: agents alone.
 };
 
 // One agent of this machine, and the outcome of `up` or `down` for this agent.
@@ -51,18 +51,9 @@ struct LocalAgent {
   std::string remark;    // A line printed below the table. Empty: no line.
   bool is_failed = false;
   bool has_left = false;  // The agent has left the team. It can be stopped, but is never started.
+  bool is_rover = false;
+  RosOutcome ros;
 };
-
-using SteadyClock = std::chrono::steady_clock;
-
-// Polls until `condition` is true. Returns false if `condition` is not true by `deadline`.
-bool WaitUntil(SteadyClock::time_point deadline, const std::function<bool()>& condition) {
-  while (!condition()) {
-    if (SteadyClock::now() >= deadline) return false;
-    std::this_thread::sleep_for(kStartPollPeriod);
-  }
-  return true;
-}
 
 Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& agent) {
   auto connected = context.ConnectHere(agent.name);
@@ -89,6 +80,7 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     LocalAgent& local = agents.emplace_back();
     local.name = agent.name();
     local.has_left = agent.left();
+    local.is_rover = agent.kind() == proto::AGENT_KIND_ROVER;
     const auto root = arguments.data_folder.empty() ? DefaultDataRoot((*team)->folder)
                                                     : std::filesystem::absolute(arguments.data_folder);
     const auto folder = FindDataFolder(root, (*team)->config, agent);
@@ -184,7 +176,21 @@ void StopOurs(std::vector<LocalAgent>& agents) {
   }
 }
 
+// Starts moondb_ros beside each rover. Several rovers of one machine are in one ROS graph, so their topics get a
+// prefix.
+void StartRosOf(const CommandContext& context, std::vector<LocalAgent>& agents) {
+  const auto rover_count =
+      std::count_if(agents.begin(), agents.end(), [](const auto& agent) { return agent.is_rover; });
+  for (LocalAgent& agent : agents) {
+    if (!agent.is_rover) continue;
+    agent.ros = StartRos(
+        {context.program_folder() / "moondb_ros", context.TeamPath(), agent.name, rover_count > 1 ? agent.name : ""},
+        agent.folder);
+  }
+}
+
 void Shutdown(CommandContext& context, LocalAgent& agent) {
+  agent.ros = StopRos(agent.folder);
   const auto is_gone = [&] { return OwnerOf(agent.folder) == 0 && !context.ConnectHere(agent.name); };
   auto connected = context.ConnectHere(agent.name);
   if (agent.pid == 0 && !connected) {
@@ -214,12 +220,21 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
   all.insert(all.end(), left.begin(), left.end());
   for (const LocalAgent& agent : all) {
     if (!agent.remark.empty()) remarks += agent.remark + "\n";
-    if (agent.is_failed) code = ExitCode::kFailed;
+    if (!agent.ros.state.empty()) {
+      const std::string process = agent.ros.pid == 0 ? "" : " (process " + std::to_string(agent.ros.pid) + ")";
+      remarks += "moondb_ros of " + agent.name + process + ": " + OneLine(agent.ros.state) + "\n";
+    }
+    if (agent.is_failed || agent.ros.is_failed) code = ExitCode::kFailed;
     const std::string pid = agent.pid == 0 ? "-" : std::to_string(agent.pid);
     table.Add({agent.name, pid, agent.state, agent.role, agent.folder.string()});
     json.BeginObject().Key("name").String(agent.name).Key("pid").Number(agent.pid);
     json.Key("state").String(agent.state).Key("role").String(agent.role).Key("is_failed").Bool(agent.is_failed);
-    json.Key("data_folder").String(agent.folder.string()).EndObject();
+    json.Key("data_folder").String(agent.folder.string());
+    if (!agent.ros.state.empty()) {
+      json.Key("ros").BeginObject().Key("pid").Number(agent.ros.pid).Key("state").String(agent.ros.state);
+      json.Key("is_failed").Bool(agent.ros.is_failed).EndObject();
+    }
+    json.EndObject();
   }
   json.EndArray().EndObject();
   return context.Print(code, json.text(), table.Text() + remarks);
@@ -285,6 +300,7 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
     // Wait until the agents agree on the roles, so that the next command finds a leader. Report no failure if they do
     // not agree, because the leader may run on another machine.
     WaitUntil(SteadyClock::now() + kAgreementTimeout, [&] { return IsAgreed(context, *agents); });
+    if (arguments.with == "ros") StartRosOf(context, *agents);
   }
   return ShowOutcome(context, *agents, left);
 }
@@ -310,6 +326,9 @@ void AddUpCommands(Command& app, CommandContext& context) {
   up.AddOption("--log-format", arguments->log_format, "Format of agent.log: text, or json with one object per line")
       .TypeName("{text,json}")
       .OneOf({"text", "json"});
+  up.AddOption("--with", arguments->with, "ros: also start moondb_ros beside each rover; ros.yaml beside the team file")
+      .TypeName("{ros}")
+      .OneOf({"ros"});
   up.Callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
   Command& down =
       AddCommand(app, "down", "Stop the agents whose secret keys are on this machine (or -a)", {"moonctl down"});

@@ -170,13 +170,15 @@ python3 /usr/share/moondb/examples/python/survey.py $MOONDB_TEAM rover2 2
 
 
 def check_unit(root):
-    """Verifies the unit, its user, and its exposure."""
-    inside(root, "getent passwd moondb && cp /lib/systemd/system/moondb-agent@.service /tmp/moondb-agent@rover1.service && "
-           "systemd-analyze verify /tmp/moondb-agent@rover1.service")
-    said = inside(root, "systemd-analyze security --offline=true /tmp/moondb-agent@rover1.service | tail -1")
-    exposure = float(re.search(r": (\d+\.\d+)", said).group(1))
-    if exposure >= 3.0:
-        raise Failure(f"the unit's exposure is {exposure}")
+    """Verifies the units, their user, and their exposure."""
+    inside(root, "getent passwd moondb")
+    for name in ("moondb-agent", "moondb-ros"):
+        unit = f"/tmp/{name}@rover1.service"
+        inside(root, f"cp /lib/systemd/system/{name}@.service {unit} && systemd-analyze verify {unit}")
+        said = inside(root, f"systemd-analyze security --offline=true {unit} | tail -1")
+        exposure = float(re.search(r": (\d+\.\d+)", said).group(1))
+        if exposure >= 3.0:
+            raise Failure(f"the exposure of {name} is {exposure}")
 
 
 @contextlib.contextmanager

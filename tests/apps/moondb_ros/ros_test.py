@@ -149,9 +149,27 @@ def check_fast_dds(lab):
     print(f"Fast DDS: {' '.join(peer.stdout.split())}")
 
 
+def check_up_with_ros(lab):
+    """moonctl up and down start and end moondb_ros with the agents."""
+    settings = lab.folder / "team/ros.yaml"
+    settings.write_text("sim_tme: true\n", encoding="utf-8")
+    up = lab.run("moonctl", "up", "--with", "ros")
+    require(up.returncode == 1 and 'mean "sim_time"' in up.stdout, f"a mistake in ros.yaml: {up}")
+    settings.write_text(f"sim_time: true\ndomain_id: {DOMAIN}\n", encoding="utf-8")
+    up = lab.run("moonctl", "up", "--with", "ros")
+    require(up.returncode == 0 and len(re.findall(r"moondb_ros of .* started", up.stdout)) == 2, f"{up}")
+    again = lab.run("moonctl", "up", "--with", "ros")
+    require(again.returncode == 0 and len(re.findall(r"moondb_ros of .* was running", again.stdout)) == 2, f"{again}")
+    down = lab.run("moonctl", "down")
+    require(down.returncode == 0 and len(re.findall(r"moondb_ros of .* stopped", down.stdout)) == 2, f"{down}")
+    require("moondb_ros" not in lab.run("moonctl", "down").stdout, "a second end of moondb_ros")
+    settings.unlink()
+
+
 def test(lab):
     made = lab.run("moonctl", "config", "init", "--lab", "--robots", "2", "--name", "lab", "team/team.yaml")
     require(made.returncode == 0, f"{made}")
+    check_up_with_ros(lab)
     up = lab.run("moonctl", "up")
     require(up.returncode == 0, f"{up}")
     for robot in (1, 2):
@@ -178,8 +196,8 @@ def test(lab):
         process.terminate()
         process.wait(timeout=LIMIT_S)
 
-    maps = [re.search(r"^map (\d+) (\d+) (\S+) (\d+) (\d+)", lab.text(f"robot{robot}.log"), re.MULTILINE).groups()
-            for robot in (1, 2)]
+    maps = [re.search(r"^map (\d+) (\d+) (\S+) (\d+) (\d+) \d+ (\S+)", lab.text(f"robot{robot}.log"),
+                      re.MULTILINE).groups() for robot in (1, 2)]
     require(maps[0] == maps[1], f"the robots received different maps: {maps}")
     require(int(maps[0][3]) > 40_000 and int(maps[0][4]) > 2_000, f"the map shows too little: {maps[0]}")
     truth = [to_truth(place_of(lab.text(f"robot{robot}.log"))) for robot in (1, 2)]

@@ -1,84 +1,40 @@
 // ros_robot: a simulated robot in a small building, as a ROS 2 graph shows it: /odom with the errors of wheels, /scan,
 // /tf_static. Drives for some simulated seconds, then stands until SIGTERM. Receives /team_map and /tf as Nav2 does,
-// and prints at the end what it received:
-//   map WIDTH HEIGHT CELL_M KNOWN_CELLS HAZARD_CELLS MAPS_RECEIVED
+// prints a line for each map and for the first transform, and at the end what it received:
+//   map WIDTH HEIGHT CELL_M KNOWN_CELLS HAZARD_CELLS MAPS_RECEIVED HASH      (HASH: of the origin and all cells)
 //   placed X Y YAW TRUE_X TRUE_Y TRUE_YAW      (pose in team_map by tf, and the true pose), or `not placed`
-
+// --map writes the last map as a picture, --truth a line `seconds x y yaw` with the true pose of each whole second.
 //
-// Usage: ros_robot --robot 1 [--namespace robot1] [--seconds 60] [--speed 1] [--domain 0] [--map FILE.pgm]
+// Usage: ros_robot --robot 1 [--namespace robot1] [--seconds 60] [--speed 1] [--domain 0] [--map FILE.png]
+//                  [--truth FILE]
 #include <dds/dds.h>
 #include <signal.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <limits>
 #include <random>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "model/cell_colors.h"
 #include "model/geometry.h"
+#include "model/png.h"
 #include "tests/apps/moondb_ros/dds/ros_peer.h"
+#include "tests/apps/moondb_ros/dds/simulated_building.h"
 
 namespace moondb {
 namespace {
 
 volatile sig_atomic_t is_ended = 0;
-
-struct Wall {
-  Eigen::Vector2d a;
-  Eigen::Vector2d b;
-};
-
-// A building of 16 x 10 m: a corridor, three rooms off it, and furniture that makes each room unlike the others.
-std::vector<Wall> Building() {
-  std::vector<Wall> walls;
-  const auto add = [&walls](double ax, double ay, double bx, double by) { walls.push_back({{ax, ay}, {bx, by}}); };
-  const auto box = [&add](double x, double y, double width, double height) {
-    add(x, y, x + width, y);
-    add(x + width, y, x + width, y + height);
-    add(x + width, y + height, x, y + height);
-    add(x, y + height, x, y);
-  };
-  box(0, 0, 16, 10);
-  add(0, 4, 2, 4), add(3.4, 4, 7.5, 4), add(8.9, 4, 13, 4),
-      add(14.4, 4, 16, 4);                         // The corridor's wall with three openings.
-  add(5, 4, 5, 10), add(11, 4, 11, 10);            // Between the rooms.
-  box(0.4, 8.2, 1.6, 0.8), box(3.6, 6, 0.5, 0.5);  // A table and a pillar.
-  box(6, 8.5, 3, 0.6), box(9.8, 5.2, 0.6, 1.8);
-  box(11.6, 6.4, 0.9, 0.9), box(14.2, 8.6, 1.4, 0.5), box(13.2, 5.4, 0.4, 0.4);
-  box(5.2, 0.5, 0.7, 0.7), box(10.4, 1.2, 1.2, 0.4), box(1.2, 1.4, 0.5, 1);
-  return walls;
-}
-
-// The ways of three robots, which cross in the corridor.
-std::vector<Eigen::Vector2d> WayOf(int robot) {
-  if (robot == 2)
-    return {{8.2, 6}, {7, 7.5}, {9, 7.6}, {8.2, 4}, {8.2, 2.4}, {13.6, 2.6}, {13.7, 6}, {13.7, 3}, {8.2, 2.6}};
-  if (robot == 3)
-    return {{13.7, 7.6}, {14.8, 7.2}, {13.7, 5}, {13.7, 2.6}, {8.2, 2.8}, {2.7, 2.6}, {2.7, 6}, {2.7, 3}, {13.7, 3}};
-  return {{2.7, 6}, {1.4, 7}, {3, 8.4}, {2.7, 4}, {2.8, 2.6}, {8.2, 2.6}, {8.2, 6.6}, {8.2, 3}, {2.7, 2.8}};
-}
-
-double RangeTo(const std::vector<Wall>& walls, const Eigen::Vector2d& from, double angle_rad, double range_max_m) {
-  const Eigen::Vector2d way(std::cos(angle_rad), std::sin(angle_rad));
-  double nearest_m = range_max_m;
-  for (const Wall& wall : walls) {
-    const Eigen::Vector2d along = wall.b - wall.a;
-    const double det = way.x() * -along.y() + way.y() * along.x();
-    if (std::abs(det) < 1e-9) continue;
-    const Eigen::Vector2d to = wall.a - from;
-    const double range_m = (to.x() * -along.y() + to.y() * along.x()) / det;
-    const double part = (way.x() * to.y() - way.y() * to.x()) / det;
-    if (range_m > 0 && part >= 0 && part <= 1) nearest_m = std::min(nearest_m, range_m);
-  }
-  return nearest_m;
-}
 
 struct Arguments {
   int robot = 1;
@@ -87,6 +43,7 @@ struct Arguments {
   double speed = 1;
   std::uint32_t domain_id = 0;
   std::string map_file;
+  std::string truth_file;
 };
 
 class Robot {
@@ -117,6 +74,7 @@ class Robot {
       std::this_thread::sleep_until(start + i * std::chrono::duration_cast<std::chrono::nanoseconds>(step));
       time_s_ = i * kStep_s;
       Move();
+      NoteTruth(i);
       PublishOdometry();
       if (i % 2 == 0) PublishScan();
       Receive();
@@ -158,6 +116,12 @@ class Robot {
     odom_yaw_rad_ += turn_rad * (1 + 0.01 * noise(random_)) + 0.002 * way_m * noise(random_) / std::sqrt(kStep_s);
     const double odom_way_m = way_m * (1.01 + 0.02 * noise(random_));
     odom_m_ += odom_way_m * Eigen::Vector2d(std::cos(odom_yaw_rad_), std::sin(odom_yaw_rad_));
+  }
+
+  void NoteTruth(int step) {
+    if (arguments_.truth_file.empty() || step % static_cast<int>(1 / kStep_s) != 0) return;
+    if (!truth_.is_open()) truth_.open(arguments_.truth_file);
+    truth_ << std::lround(time_s_) << " " << position_m_.x() << " " << position_m_.y() << " " << yaw_rad_ << std::endl;
   }
 
   std_msgs_msg_dds__Header_ Header(const char* frame) const {
@@ -217,21 +181,25 @@ class Robot {
       ++map_count_;
       info_ = message.info;
       cells_.assign(message.data._buffer, message.data._buffer + message.data._length);
+      std::printf("at %.0f s: a map of %.1f x %.1f m, %td known cells\n", time_s_, info_.width * info_.resolution,
+                  info_.height * info_.resolution, KnownCells());
+      std::fflush(stdout);
     })) {
     }
     while (RosPeer::Take<tf2_msgs_msg_dds__TFMessage_>(tf_, [this](const auto& message) {
       const auto& transform = message.transforms._buffer[0].transform;
       team_from_odom_ = {{transform.translation.x, transform.translation.y, transform.translation.z},
                          {transform.rotation.w, transform.rotation.x, transform.rotation.y, transform.rotation.z}};
+      if (!has_transform_) std::printf("at %.0f s: the first transform from team_map to odom\n", time_s_);
+      std::fflush(stdout);
       has_transform_ = true;
     })) {
     }
   }
 
   void Report() const {
-    std::printf("map %u %u %.3f %td %td %d\n", info_.width, info_.height, static_cast<double>(info_.resolution),
-                static_cast<std::ptrdiff_t>(cells_.size()) - std::count(cells_.begin(), cells_.end(), -1),
-                std::count(cells_.begin(), cells_.end(), 100), map_count_);
+    std::printf("map %u %u %.3f %td %td %d %zx\n", info_.width, info_.height, static_cast<double>(info_.resolution),
+                KnownCells(), std::count(cells_.begin(), cells_.end(), 100), map_count_, MapHash());
     const Pose pose = team_from_odom_ * Pose::FromPlanar(odom_m_.x(), odom_m_.y(), odom_yaw_rad_);
     if (has_transform_) {
       std::printf("placed %.3f %.3f %.3f %.3f %.3f %.3f\n", pose.position_m.x(), pose.position_m.y(), pose.Yaw(),
@@ -240,14 +208,27 @@ class Robot {
       std::printf("not placed\n");
     }
     if (arguments_.map_file.empty() || cells_.empty()) return;
-    std::ofstream file(arguments_.map_file, std::ios::binary);
-    file << "P5\n" << info_.width << " " << info_.height << "\n255\n";
-    for (std::uint32_t row = info_.height; row-- > 0;) {
-      for (std::uint32_t column = 0; column < info_.width; ++column) {
-        const std::int8_t value = cells_[static_cast<std::size_t>(row) * info_.width + column];
-        file.put(static_cast<char>(value < 0 ? 205 : value == 0 ? 254 : 0));
+    const std::array<Color, 3>& colors = CellColors();
+    Image image(static_cast<int>(info_.width), static_cast<int>(info_.height), 3);
+    for (int row = 0; row < image.height; ++row) {
+      for (int column = 0; column < image.width; ++column) {
+        const std::int8_t value = cells_[static_cast<std::size_t>(row) * info_.width + static_cast<unsigned>(column)];
+        const Color& color = colors[value < 0 ? 0 : value == 0 ? 1 : 2];
+        std::ranges::copy(color, image.At(column, image.height - 1 - row));
       }
     }
+    const Result<std::string> bytes = PngBytes(image);
+    if (bytes) std::ofstream(arguments_.map_file, std::ios::binary) << *bytes;
+  }
+
+  std::ptrdiff_t KnownCells() const {
+    return static_cast<std::ptrdiff_t>(cells_.size()) - std::count(cells_.begin(), cells_.end(), -1);
+  }
+
+  std::size_t MapHash() const {
+    std::string bytes(reinterpret_cast<const char*>(cells_.data()), cells_.size());
+    bytes.append(reinterpret_cast<const char*>(&info_.origin), sizeof info_.origin);
+    return std::hash<std::string>()(bytes);
   }
 
   const Arguments arguments_;
@@ -265,6 +246,7 @@ class Robot {
   int map_count_ = 0;
   nav_msgs_msg_dds__MapMetaData_ info_{};
   std::vector<std::int8_t> cells_;
+  std::ofstream truth_;
   bool has_transform_ = false;
   Pose team_from_odom_;
 };
@@ -281,6 +263,7 @@ int main(int argc, char** argv) {
     if (name == "--seconds") arguments.seconds = std::atof(argv[i + 1]);
     if (name == "--speed") arguments.speed = std::atof(argv[i + 1]);
     if (name == "--domain") arguments.domain_id = static_cast<std::uint32_t>(std::atoi(argv[i + 1]));
+    if (name == "--truth") arguments.truth_file = argv[i + 1];
     if (name == "--map") arguments.map_file = argv[i + 1];
   }
   signal(SIGTERM, [](int) { moondb::is_ended = 1; });
