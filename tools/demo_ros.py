@@ -17,7 +17,7 @@ import time
 from demo_team import DemoError, free_port_run, make_empty
 
 ROBOT_COUNT = 3
-DOMAIN = 77  # Not ROS's default, so that the demo meets no robot of this computer.
+DOMAIN = 76  # Not ROS's default, so that the demo meets no robot of this computer.
 SPEED = 5
 DRIVE_S = 150  # Simulated seconds.
 LIMIT_S = 300

@@ -17,10 +17,6 @@ constexpr double kMapWait_s = 3;  // The end of the link may take this long.
 constexpr std::size_t kStateBytesMax = 64 * 1024;
 constexpr auto kPosesWait = std::chrono::seconds(3);
 
-bool IsMap(const proto::Record& record) { return record.has_local_traversability_map(); }
-
-std::uint64_t IndexOf(const RobotMapper::Made& made) { return made.records.front().pose_graph_node().node().index(); }
-
 }  // namespace
 
 Result<std::optional<RobotMapper::Stored>> ReadNewestNode(Client& client, AgentId agent) {
@@ -52,6 +48,7 @@ AgentLink::AgentLink(AgentId agent, bool is_start_known, std::filesystem::path s
       state_file_(std::move(state_file)),
       connect_(std::move(connect)),
       print_(std::move(print)),
+      inserter_(print_),
       frame_(agent, is_start_known) {
   threads_.emplace_back([this] { Repeat("inserting", [this](Client& client) { return InsertNext(client); }); });
   threads_.emplace_back([this] { Repeat("the merged map", [this](Client& client) { return FollowMap(client); }); });
@@ -91,39 +88,34 @@ void AgentLink::Insert(RobotMapper::Made made, const Pose& track_from_node) {
     frame_.AddTrack(IndexOf(made), track_from_node);
   }
   const std::size_t dropped = outbox_.Add(std::move(made));
-  if (dropped > 0 && dropped_maps_ == 0) print_("the agent takes no records: the oldest maps that wait are dropped");
-  dropped_maps_ += dropped;
+  if (dropped > 0 && !std::exchange(has_dropped_maps_, true)) {
+    print_("the agent takes no records: the oldest maps that wait are dropped");
+  }
 }
 
 Result<void> AgentLink::InsertNext(Client& client) {
   while (const std::optional<RobotMapper::Made> made = outbox_.Next()) {
-    if (is_insert_unsure_) {
-      const Result<std::optional<RobotMapper::Stored>> newest = ReadNewestNode(client, agent_);
-      if (!newest) return tl::unexpected(newest.error());
-      const bool is_stored = *newest && (*newest)->index == IndexOf(*made) &&
-                             (*newest)->timestamp_ns == made->records.front().timestamp_ns();
-      is_insert_unsure_ = false;
-      if (is_stored) {
-        SaveState(made->state);
-        outbox_.Remove();
-        continue;
-      }
+    const Result<void> inserted =
+        inserter_.Insert(*made, {[&client](const std::vector<proto::Record>& records) -> Result<void> {
+                                   const auto keys = client.Insert(records);
+                                   return keys ? Result<void>() : tl::unexpected(keys.error());
+                                 },
+                                 [&client, this] { return ReadNewestNode(client, agent_); }});
+    if (!inserted && inserted.error().code == ErrorCode::kInvalid) {
+      const std::lock_guard lock(mutex_);
+      refusal_ = inserted.error();
+      return {};
     }
-    std::vector<proto::Record> records = made->records;
-    auto inserted = client.Insert(records);
-    if (!inserted && inserted.error().code == ErrorCode::kFull && std::erase_if(records, IsMap) > 0) {
-      // A nearly full store refuses maps alone.
-      if (dropped_maps_++ == 0) print_("the agent has no room for maps: " + inserted.error().text);
-      inserted = client.Insert(records);
-    }
-    // All other errors may pass: the agent is down, full, or restarts with another team file.
-    is_insert_unsure_ = !inserted && inserted.error().code != ErrorCode::kInvalid;
-    if (is_insert_unsure_) return tl::unexpected(inserted.error());
-    if (inserted) SaveState(made->state);
-    if (!inserted) print_("a node was refused: " + ToString(inserted.error()));
+    if (!inserted) return inserted;
+    SaveState(made->state);
     outbox_.Remove();
   }
   return {};
+}
+
+std::optional<Error> AgentLink::Refusal() const {
+  const std::lock_guard lock(mutex_);
+  return refusal_;
 }
 
 void AgentLink::SaveState(const proto::RosState& state) {

@@ -3,7 +3,6 @@
 // Three threads with one Client each. While the agent is down they retry each second, and say so once. Thread-safe.
 #pragma once
 
-#include <atomic>
 #include <condition_variable>
 #include <filesystem>
 #include <functional>
@@ -14,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "apps/moondb_ros/record_inserter.h"
 #include "apps/moondb_ros/record_outbox.h"
 #include "apps/moondb_ros/robot_mapper.h"
 #include "apps/moondb_ros/team_frame.h"
@@ -41,6 +41,8 @@ class AgentLink {
   AgentLink& operator=(const AgentLink&) = delete;
 
   bool HasRoom() const { return outbox_.HasRoom(); }
+  // Set once the agent refused a node. Nothing more is inserted, because later nodes would continue from it.
+  std::optional<Error> Refusal() const;
   // Hands over a node's records. `track_from_node` is the node's pose in the frame `track`.
   void Insert(RobotMapper::Made made, const Pose& track_from_node);
 
@@ -63,13 +65,13 @@ class AgentLink {
   const Connect connect_;
   const std::function<void(const std::string&)> print_;
   RecordOutbox outbox_;
-  std::atomic<std::size_t> dropped_maps_ = 0;
-  // Used by the thread that inserts. True: the last insert failed, but its records may have been stored.
-  bool is_insert_unsure_ = false;
+  bool has_dropped_maps_ = false;  // Used by the thread of Insert.
+  RecordInserter inserter_;        // Used by the thread that inserts.
 
   mutable std::mutex mutex_;
   std::condition_variable ended_;
   bool is_ended_ = false;
+  std::optional<Error> refusal_;
   TeamFrame frame_;
   TeamMapImage image_;
   bool is_map_new_ = false;

@@ -81,17 +81,26 @@ Result<void> Bridge(const RosSettings& settings) {
   options.state_file = own_folder / "moondb_ros.state";
   options.connect = [&] { return ConnectTo(*team, **agent, {}); };
   options.print = Print;
-  const proto::RosState state = ReadRosState(options.state_file);
-  auto stored = WaitForStored(options.connect, options.agent, state, options.state_file);
-  if (!stored) return {};
-  if (!*stored) return tl::unexpected(stored->error());
-  options.stored = **stored;
-  if (options.stored) options.stored->state = state;
-  const auto bridge = RosBridge::Start(std::move(options));
-  if (!bridge) return tl::unexpected(bridge.error());
-  Print("agent " + settings.agent + ", domain " + std::to_string(settings.domain_id) + ": publishes " +
-        settings.MapTopic() + "; waits for " + settings.TopicName(settings.odometry_topic));
-  while (is_ended == 0) (*bridge)->Step();
+  for (std::string said; is_ended == 0;) {
+    const proto::RosState state = ReadRosState(options.state_file);
+    auto stored = WaitForStored(options.connect, options.agent, state, options.state_file);
+    if (!stored) return {};
+    if (!*stored) return tl::unexpected(stored->error());
+    options.stored = **stored;
+    if (options.stored) options.stored->state = state;
+    const auto bridge = RosBridge::Start(options);
+    if (!bridge) return tl::unexpected(bridge.error());
+    if (said.empty()) {
+      Print("agent " + settings.agent + ", domain " + std::to_string(settings.domain_id) + ": publishes " +
+            settings.MapTopic() + "; waits for " + settings.TopicName(settings.odometry_topic));
+    }
+    Result<void> stepped;
+    while (is_ended == 0 && stepped) stepped = (*bridge)->Step();
+    if (stepped) return {};
+    const std::string text =
+        "a node was refused: " + ToString(stepped.error()) + "; continuing from the newest stored one";
+    if (std::exchange(said, text) != text) Print(text);
+  }
   return {};
 }
 

@@ -55,7 +55,7 @@ Result<std::vector<proto::Record>> NodeChain::Next(const PlannedNode& node, cons
     proto::PoseGraphEdge& edge = *records.back().mutable_pose_graph_edge();
     *edge.mutable_from() = ToProto(NodeKey{agent_, last_->index});
     *edge.mutable_to() = ToProto(key);
-    *edge.mutable_relative_pose() = is_measured ? OdometryStep(step, kind_) : UnsureStep(step);
+    *edge.mutable_relative_pose() = is_measured ? OdometryStep(step, node.way, kind_) : UnsureStep(step);
   }
   if (map != nullptr) {
     records.push_back(RecordAt(node.timestamp_ns));

@@ -1,13 +1,17 @@
 #include "apps/moondb_ros/node_planner.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace moondb {
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr double kDegree = 0.017453292519943295;
+constexpr double kMove_m = 0.1;
+constexpr double kTurn_rad = 5 * kDegree;
 
 std::int64_t NextWholeSecond(std::int64_t timestamp_ns) {
   const std::int64_t floor_ns = timestamp_ns - ((timestamp_ns % kSecond_ns) + kSecond_ns) % kSecond_ns;
@@ -28,11 +32,12 @@ proto::RelativePose StepOf(const Pose& from_from_to, const std::array<double, 6>
 
 }  // namespace
 
-proto::RelativePose OdometryStep(const Pose& from_from_to, proto::OdometryKind kind) {
+proto::RelativePose OdometryStep(const Pose& from_from_to, const DrivenWay& way, proto::OdometryKind kind) {
   const double share = kind == proto::ODOMETRY_KIND_WHEEL ? 0.05 : 0.01;
-  const double length_m = from_from_to.position_m.norm();
+  const double length_m = std::max(from_from_to.position_m.norm(), way.length_m);
+  const double turn_rad = std::max(std::abs(from_from_to.Yaw()), way.turn_rad);
   const double plane_m = 0.01 + share * length_m;
-  const double yaw_rad = 0.005 + 0.01 * length_m + share * std::abs(from_from_to.Yaw());
+  const double yaw_rad = 0.005 + 0.01 * length_m + share * turn_rad;
   return StepOf(from_from_to, {plane_m, plane_m, 0.3 * plane_m, 0.002, 0.002, yaw_rad});
 }
 
@@ -50,7 +55,20 @@ bool NodePlanner::IsDue(const OdometryTrack& track) const {
          static_cast<double>(now_ns - last_->timestamp_ns) * 1e-9 >= rule_.age_s;
 }
 
-std::optional<PlannedNode> NodePlanner::Next(const OdometryTrack& track) {
+void NodePlanner::MeasureWay(const OdometryTrack& track) {
+  const Pose now = *track.PoseAt(track.newest_ns());
+  if (!way_end_) way_end_ = now;
+  const double move_m = (now.position_m - way_end_->position_m).norm();
+  const double turn_rad = way_end_->orientation.angularDistance(now.orientation);
+  if (move_m < kMove_m && turn_rad < kTurn_rad) return;
+  way_.length_m += move_m;
+  way_.turn_rad += turn_rad;
+  way_end_ = now;
+}
+
+std::optional<PlannedNode> NodePlanner::Next(const OdometryTrack& track, bool has_room) {
+  MeasureWay(track);
+  if (!has_room) return std::nullopt;
   if (!planned_ns_) {
     if (!IsDue(track)) return std::nullopt;
     planned_ns_ = NextWholeSecond(track.newest_ns());
@@ -64,7 +82,8 @@ std::optional<PlannedNode> NodePlanner::Next(const OdometryTrack& track) {
   if (!pose)
     return std::nullopt;  // Odometry paused for longer than the track keeps poses; the next message plans again.
   const std::uint64_t jump_count = track.JumpsUntil(timestamp_ns);
-  const PlannedNode node{timestamp_ns, *pose, jump_count != (last_ ? last_->jump_count : 0)};
+  const PlannedNode node{timestamp_ns, *pose, jump_count != (last_ ? last_->jump_count : 0),
+                         std::exchange(way_, DrivenWay())};
   last_ = Last{timestamp_ns, *pose, jump_count};
   return node;
 }

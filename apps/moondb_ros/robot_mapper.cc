@@ -48,8 +48,7 @@ std::optional<RobotMapper::Made> RobotMapper::OnOdometry(const RosOdometry& mess
   if (track_.JumpsUntil(track_.newest_ns()) != jump_count) {
     log_.Note(options_.odometry_topic, "jumped: the step to the next node is unsure (5 m, 60 degrees)");
   }
-  if (!has_room) return std::nullopt;
-  const std::optional<PlannedNode> node = planner_.Next(track_);
+  const std::optional<PlannedNode> node = planner_.Next(track_, has_room);
   if (!node) return std::nullopt;
   const std::optional<TraversabilityMap> map = MapOf(*node);
   Result<std::vector<proto::Record>> records = chain_.Next(*node, map ? &*map : nullptr);

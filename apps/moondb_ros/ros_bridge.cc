@@ -85,14 +85,18 @@ void RosBridge::OnOdometry(const RosOdometry& message) {
   if (made) link_.Insert(*std::move(made), *mapper_.last_node()->track_from_node);
 }
 
-void RosBridge::Step() {
+Result<void> RosBridge::Step() {
   if (graph_ != nullptr) graph_->Spin(kStep);
   const Time now = std::chrono::steady_clock::now();
   log_.CheckSilence(now);
   CheckAddresses(now);
-  if (graph_ == nullptr) return;
-  PublishTransform(now);
-  PublishMap(now);
+  if (graph_ != nullptr) {
+    PublishTransform(now);
+    PublishMap(now);
+  }
+  const std::optional<Error> refusal = link_.Refusal();
+  if (refusal) return tl::unexpected(*refusal);
+  return {};
 }
 
 void RosBridge::CheckAddresses(Time now) {

@@ -39,8 +39,9 @@ class RosBridge {
   RosBridge(const RosBridge&) = delete;
   RosBridge& operator=(const RosBridge&) = delete;
 
-  // Works for at most about 100 ms: handles messages, and publishes what is due.
-  void Step();
+  // Works for at most about 100 ms: handles messages, and publishes what is due. Fails with kInvalid once the agent
+  // refused a node: make a new bridge, which continues from the newest stored node.
+  Result<void> Step();
 
  private:
   using Time = std::chrono::steady_clock::time_point;

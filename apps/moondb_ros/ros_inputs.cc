@@ -8,7 +8,7 @@ std::vector<RosGraph::Input> InputsOf(const RosSettings& settings) {
   std::vector<RosGraph::Input> inputs = {
       {settings.TopicName(settings.odometry_topic), RosGraph::Type::kOdometry},
       {settings.TopicName("/tf"), RosGraph::Type::kTransforms},
-      {settings.TopicName("/tf_static"), RosGraph::Type::kTransforms},
+      {settings.TopicName("/tf_static"), RosGraph::Type::kTransforms, /*is_latched=*/true},
   };
   for (const std::string& topic : settings.grid_topics) {
     inputs.push_back({settings.TopicName(topic), RosGraph::Type::kGrid});

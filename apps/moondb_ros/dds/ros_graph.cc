@@ -212,7 +212,7 @@ void RosGraph::Dds::NotePublishers() {
 void RosGraph::Dds::FitReader(std::size_t input) {
   const Input& wanted = options_.inputs[input];
   const std::string expected = InfoOf(wanted.type).descriptor->m_typename;
-  Reader fitting{0, true, true};
+  Reader fitting{0, true, !wanted.is_latched};
   bool is_any = false;
   for (const Publisher& publisher : PublishersOf(input)) {
     if (publisher.type != expected) {
@@ -221,7 +221,8 @@ void RosGraph::Dds::FitReader(std::size_t input) {
     }
     is_any = true;
     fitting.is_reliable = fitting.is_reliable && publisher.is_reliable;
-    fitting.is_transient_local = fitting.is_transient_local && publisher.is_transient_local;
+    fitting.is_transient_local = wanted.is_latched ? fitting.is_transient_local || publisher.is_transient_local
+                                                   : fitting.is_transient_local && publisher.is_transient_local;
   }
   Reader& reader = readers_[input];
   const bool is_fitting = reader.entity > 0 && reader.is_reliable == fitting.is_reliable &&

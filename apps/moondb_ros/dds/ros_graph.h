@@ -30,6 +30,9 @@ class RosGraph {
   struct Input {
     std::string topic;  // "/odom"
     Type type = Type::kOdometry;
+    // The reader asks for the last message of before it joined, as soon as one publisher keeps it. It then hears no
+    // publisher that keeps none, which is a mistake on /tf_static.
+    bool is_latched = false;
   };
 
   struct Options {

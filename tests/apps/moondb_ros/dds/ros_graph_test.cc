@@ -21,7 +21,7 @@ class RosGraphTest : public testing::Test {
     RosGraph::Options options;
     options.domain_id = domain_id_;
     options.inputs = {{"/" + prefix_ + "/odom", RosGraph::Type::kOdometry},
-                      {"/" + prefix_ + "/tf_static", RosGraph::Type::kTransforms},
+                      {"/" + prefix_ + "/tf_static", RosGraph::Type::kTransforms, /*is_latched=*/true},
                       {"/" + prefix_ + "/scan", RosGraph::Type::kScan},
                       {"/" + prefix_ + "/grid", RosGraph::Type::kGrid},
                       {"/" + prefix_ + "/tf", RosGraph::Type::kTransforms}};
@@ -130,6 +130,10 @@ TEST_F(RosGraphTest, ReadsScansOfABestEffortPublisher) {
 
 TEST_F(RosGraphTest, ReadsStaticTransformsThatWerePublishedBefore) {
   Join();
+  // A publisher that keeps no messages does not hide those of the next one.
+  (void)peer_->Writer(tf2_msgs_msg_dds__TFMessage__desc, Named("tf_static"), {});
+  constexpr std::size_t kStatic = 1;
+  ASSERT_TRUE(SpinUntil([&] { return !graph_->PublishersOf(kStatic).empty(); }));
   const dds_entity_t writer =
       peer_->Writer(tf2_msgs_msg_dds__TFMessage__desc, Named("tf_static"), {.is_transient_local = true, .depth = 1});
   geometry_msgs_msg_dds__TransformStamped_ stamped[2] = {};
