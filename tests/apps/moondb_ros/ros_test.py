@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Runs two robots, as a ROS 2 graph shows them, with moondb_ros and a team of two agents, in a network of their own.
+"""Runs three robots, as a ROS 2 graph shows them, with moondb_ros and an agent each, in a network of their own.
 
-Both robots start at unknown places. Checks that each receives the map of both, that tf places each where it is, that an
+All robots start at unknown places. Checks that each receives the same map, that tf places each where it is, that an
 agent which is killed for a while gets all nodes, and what moondb_ros prints for mistakes. A second network interface is
 up, as on a robot; nothing is sent there. Then a peer with Fast DDS takes the place of one robot.
 
@@ -22,6 +22,8 @@ import time
 SKIPPED = 77
 DOMAIN = "7"
 INTERFACE = "lab0"
+ROBOTS = (1, 2, 3)
+EPOCH_S = 1577836800  # The time at which simulated time is 0.
 SPEED = 5
 SIMULATED_S = 150
 LIMIT_S = 600  # The limit of each wait: ten times what an idle machine needs.
@@ -81,7 +83,7 @@ class Lab:
 
     def robot(self, robot, seconds, log):
         return self.start(log, "ros_robot", "--robot", str(robot), "--namespace", f"robot{robot}", "--domain", DOMAIN,
-                          "--seconds", str(seconds), "--speed", str(SPEED))
+                          "--seconds", str(seconds), "--speed", str(SPEED), "--truth", str(self.folder / f"truth{robot}"))
 
     def text(self, log):
         return (self.folder / log).read_text(encoding="utf-8")
@@ -122,6 +124,29 @@ def to_truth(place):
     return (true_x - math.cos(turn) * x + math.sin(turn) * y, true_y - math.sin(turn) * x - math.cos(turn) * y, turn)
 
 
+def trajectory_error(lab):
+    """Returns the root mean square distance of all optimized nodes from the truth, after one rotation and shift in the
+    plane that fits the whole team best, and the number of nodes."""
+    exported = lab.run("moonctl", "-a", "rover1", "graph", "export", "poses", "--format", "tum")
+    require(exported.returncode == 0, f"{exported}")
+    pairs = []
+    for robot in ROBOTS:
+        truth = {int(line.split()[0]): complex(*map(float, line.split()[1:3]))
+                 for line in lab.text(f"truth{robot}").splitlines()}
+        for line in lab.text(f"poses/rover{robot}.tum").splitlines():
+            if line.startswith("#"):
+                continue
+            time_s, x, y = map(float, line.split()[:3])
+            # A robot that stands after its drive has no truth of its own there.
+            pairs.append((complex(x, y), truth.get(round(time_s - EPOCH_S), truth[max(truth)])))
+    poses_mean = sum(pose for pose, _ in pairs) / len(pairs)
+    truth_mean = sum(true for _, true in pairs) / len(pairs)
+    turn = sum((pose - poses_mean).conjugate() * (true - truth_mean) for pose, true in pairs)
+    turn /= abs(turn)
+    squares = [abs(turn * (pose - poses_mean) + truth_mean - true) ** 2 for pose, true in pairs]
+    return math.sqrt(sum(squares) / len(squares)), len(pairs)
+
+
 def check_mistakes(lab):
     wrong = lab.run("moondb_ros", "--agent", "rover9")
     require(wrong.returncode == 2 and "rover9" in wrong.stderr, f"an unknown agent: {wrong}")
@@ -157,27 +182,27 @@ def check_up_with_ros(lab):
     require(up.returncode == 1 and 'mean "sim_time"' in up.stdout, f"a mistake in ros.yaml: {up}")
     settings.write_text(f"sim_time: true\ndomain_id: {DOMAIN}\n", encoding="utf-8")
     up = lab.run("moonctl", "up", "--with", "ros")
-    require(up.returncode == 0 and len(re.findall(r"moondb_ros of .* started", up.stdout)) == 2, f"{up}")
+    require(up.returncode == 0 and len(re.findall(r"moondb_ros of .* started", up.stdout)) == len(ROBOTS), f"{up}")
     again = lab.run("moonctl", "up", "--with", "ros")
-    require(again.returncode == 0 and len(re.findall(r"moondb_ros of .* was running", again.stdout)) == 2, f"{again}")
+    require(again.returncode == 0 and len(re.findall(r"moondb_ros of .* was running", again.stdout)) == len(ROBOTS), f"{again}")
     down = lab.run("moonctl", "down")
-    require(down.returncode == 0 and len(re.findall(r"moondb_ros of .* stopped", down.stdout)) == 2, f"{down}")
+    require(down.returncode == 0 and len(re.findall(r"moondb_ros of .* stopped", down.stdout)) == len(ROBOTS), f"{down}")
     require("moondb_ros" not in lab.run("moonctl", "down").stdout, "a second end of moondb_ros")
     settings.unlink()
 
 
 def test(lab):
-    made = lab.run("moonctl", "config", "init", "--lab", "--robots", "2", "--name", "lab", "team/team.yaml")
+    made = lab.run("moonctl", "config", "init", "--lab", "--robots", str(len(ROBOTS)), "--name", "lab", "team/team.yaml")
     require(made.returncode == 0, f"{made}")
     check_up_with_ros(lab)
     up = lab.run("moonctl", "up")
     require(up.returncode == 0, f"{up}")
-    for robot in (1, 2):
+    for robot in ROBOTS:
         lab.bridge(robot, f"bridge{robot}.log")
-    lab.until("moondb_ros joins", lambda: all("publishes" in lab.text(f"bridge{robot}.log") for robot in (1, 2)))
+    lab.until("moondb_ros joins", lambda: all("publishes" in lab.text(f"bridge{robot}.log") for robot in ROBOTS))
     check_mistakes(lab)
 
-    robots = [lab.robot(robot, SIMULATED_S, f"robot{robot}.log") for robot in (1, 2)]
+    robots = [lab.robot(robot, SIMULATED_S, f"robot{robot}.log") for robot in ROBOTS]
     lab.until("nodes of rover2", lambda: lab.nodes(2) > 10)
     working = lab.run("moondb_ros", "check", "--namespace", "robot1", "--domain-id", DOMAIN, "--sim-time")
     require(working.returncode == 0 and "odometry and maps work" in working.stdout, f"{working}")
@@ -186,9 +211,9 @@ def test(lab):
     before = time.monotonic()
     lab.until("a while without the agent", lambda: time.monotonic() - before > 4)
     lab.run("moonctl", "-a", "rover2", "up")
-    lab.until("both robots have driven", lambda: lab.nodes(1) > 30 and lab.nodes(2) > 30)
-    lab.until("both are placed", lambda: lab.run("moonctl", "graph", "optimize").returncode == 0
-              and lab.placed_count() == 2)
+    lab.until("all robots have driven", lambda: all(lab.nodes(robot) > 30 for robot in ROBOTS))
+    lab.until("all are placed", lambda: lab.run("moonctl", "graph", "optimize").returncode == 0
+              and lab.placed_count() == len(ROBOTS))
     lab.until("the team has settled", lambda: "\nsettled" in lab.run("moonctl", "status").stdout)
     before = time.monotonic()
     lab.until("the last map, which is written at most each 5 s", lambda: time.monotonic() - before > 7)
@@ -197,14 +222,17 @@ def test(lab):
         process.wait(timeout=LIMIT_S)
 
     maps = [re.search(r"^map (\d+) (\d+) (\S+) (\d+) (\d+) \d+ (\S+)", lab.text(f"robot{robot}.log"),
-                      re.MULTILINE).groups() for robot in (1, 2)]
-    require(maps[0] == maps[1], f"the robots received different maps: {maps}")
+                      re.MULTILINE).groups() for robot in ROBOTS]
+    require(len(set(maps)) == 1, f"the robots received different maps: {maps}")
     require(int(maps[0][3]) > 40_000 and int(maps[0][4]) > 2_000, f"the map shows too little: {maps[0]}")
-    truth = [to_truth(place_of(lab.text(f"robot{robot}.log"))) for robot in (1, 2)]
-    print(f"map {maps[0]}, its place in the building by both robots: {truth}")
-    apart_m = math.dist(truth[0][:2], truth[1][:2])
-    apart_rad = abs(math.remainder(truth[0][2] - truth[1][2], 2 * math.pi))
+    truth = [to_truth(place_of(lab.text(f"robot{robot}.log"))) for robot in ROBOTS]
+    print(f"map {maps[0]}, its place in the building by each robot: {truth}")
+    apart_m = max(math.dist(truth[0][:2], other[:2]) for other in truth)
+    apart_rad = max(abs(math.remainder(truth[0][2] - other[2], 2 * math.pi)) for other in truth)
     require(apart_m < 0.5 and apart_rad < 0.05, f"the robots do not agree on the map's place: {truth}")
+    error_m, count = trajectory_error(lab)
+    print(f"{count} nodes of {len(ROBOTS)} robots: trajectory error {error_m:.3f} m")
+    require(error_m < 0.3, f"the trajectory error is {error_m} m")
     require(packets_sent() == 0, f"{packets_sent()} packets were sent on {INTERFACE}")
     check_fast_dds(lab)
     return 0
