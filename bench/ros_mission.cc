@@ -1,5 +1,5 @@
-// ros_mission: turns a recorded mission into ROS messages, gives them to moondb_ros's mapping, and writes the records
-// that come out as a mission of the same form, so that both can be solved and compared (docs/benchmarks/pose_graph.md).
+// ros_mission: plays a recorded mission as ROS messages to moondb_ros's mapping. Writes the records that come out as a
+// mission of the same form, so that both can be solved and compared (docs/benchmarks/pose_graph.md).
 //
 // Messages of each rover: odometry at 10 Hz, interpolated between the recorded nodes; and each local map as occupancy
 // grids, one topic per layer, in the frame of the robot. The frame of the maps is the frame of the robot here, and the

@@ -6,6 +6,7 @@ Usage: ros_network_test.py PROGRAMS    PROGRAMS is the folder of moonctl, moondb
 Exit codes: 0 passed, 1 failed, 77 skipped (no network namespace can be made).
 """
 import contextlib
+import os
 import pathlib
 import re
 import statistics
@@ -89,11 +90,12 @@ def second_computer():
     with subprocess.Popen(["unshare", "-n", "sleep", "infinity"]) as sleeper:
         try:
             there = ["nsenter", "-t", str(sleeper.pid), "-n"]
-            # The new namespace is there once its loopback interface can be set.
-            while subprocess.run([*there, "ip", "link", "set", "lo", "up"], capture_output=True, check=False).returncode:
-                pass
-            moved = subprocess.run(f"ip link set other netns {sleeper.pid}; {' '.join(there)} bash -c "
-                                   "'ip addr add 10.77.0.2/24 dev other; ip link set other up'", shell=True, check=False)
+            own = os.readlink("/proc/self/ns/net")
+            while os.readlink(f"/proc/{sleeper.pid}/ns/net") == own:
+                pass  # Until unshare has made the new namespace.
+            moved = subprocess.run(f"ip link set other netns {sleeper.pid} && {' '.join(there)} bash -c "
+                                   "'ip link set lo up && ip addr add 10.77.0.2/24 dev other && ip link set other up'",
+                                   shell=True, check=False)
             require(moved.returncode == 0, "the second computer could not be made")
             yield there
         finally:
@@ -148,6 +150,18 @@ def check_fast_dds(lab, profiles):
         print(f"{name}: map and transforms received, odometry heard")
 
 
+def check_large_map(lab):
+    """A late reader of small and of large maps."""
+    for number, side in enumerate((384, 4000)):
+        domain = str(20 + number)
+        log = f"large{side}.log"
+        lab.start("writer.log", "ros_listener", "--domain", domain, "--write", str(side), "--hold", str(LIMIT_S))
+        lab.until("the map is written", lambda: "written" in lab.text("writer.log"))
+        lab.finish(f"a map of {side} cells", [lab.listener(log, "--domain", domain, "--config", LOCAL)])
+        lab.started[-2].terminate()
+        print(f"a late reader of a map of {side} x {side} cells: after {lab.received(log)[0]} s")
+
+
 def check_change_of_address(lab):
     lab.listener("before.log", "--config", LOCAL, "--hold", str(LIMIT_S))
     lab.until("the map", lambda: lab.received("before.log"))
@@ -182,6 +196,7 @@ def test(lab):
     robot.terminate()
     robot.wait(timeout=LIMIT_S)
     check_second_computer(lab)
+    check_large_map(lab)
     check_many(lab)
     check_change_of_address(lab)
     check_reconnects(lab)

@@ -2,7 +2,10 @@
 // domain, prints `received SECONDS` once the map has come, stays for --hold seconds, and leaves; all that --times
 // times. Publishes odometry on --odom meanwhile. Ends with 1 if a map does not come within --limit seconds.
 //
+// With --write SIDE it is the other side: a RosGraph that has written a map of SIDE x SIDE cells, for --hold seconds.
+//
 // Usage: ros_listener --domain 8 --topic team_map [--config XML] [--limit 50] [--times 1] [--hold 0] [--odom odom2]
+//                     [--write 4000]
 #include <dds/dds.h>
 
 #include <chrono>
@@ -12,6 +15,7 @@
 #include <string>
 #include <thread>
 
+#include "apps/moondb_ros/dds/ros_graph.h"
 #include "tests/apps/moondb_ros/dds/ros_peer.h"
 
 namespace moondb {
@@ -28,9 +32,30 @@ struct Arguments {
   double limit_s = 50;
   double hold_s = 0;
   int times = 1;
+  std::uint32_t write_side_cells = 0;
 };
 
 double SecondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+bool Write(const Arguments& arguments) {
+  RosGraph::Options options;
+  options.domain_id = arguments.domain_id;
+  options.map_topic = "/" + arguments.topic;
+  const auto graph = RosGraph::Join(options, {});
+  if (!graph) return false;
+  RosGrid map;
+  map.frame = "team_map";
+  map.resolution_m = 0.05;
+  map.width = map.height = arguments.write_side_cells;
+  map.values.assign(std::size_t{map.width} * map.height, 0);
+  for (std::size_t i = 0; i < map.values.size(); i += 7) map.values[i] = 100;
+  if (!(*graph)->WriteMap(map)) return false;
+  std::printf("written\n");
+  std::fflush(stdout);
+  const auto start = Clock::now();
+  while (SecondsSince(start) < arguments.hold_s) (*graph)->Spin(kStep);
+  return true;
+}
 
 bool Listen(const Arguments& arguments) {
   const auto start = Clock::now();
@@ -86,8 +111,10 @@ int main(int argc, char** argv) {
     if (name == "--odom") arguments.odometry_topic = argv[i + 1];
     if (name == "--limit") arguments.limit_s = std::atof(argv[i + 1]);
     if (name == "--hold") arguments.hold_s = std::atof(argv[i + 1]);
+    if (name == "--write") arguments.write_side_cells = static_cast<std::uint32_t>(std::atoi(argv[i + 1]));
     if (name == "--times") arguments.times = std::atoi(argv[i + 1]);
   }
+  if (arguments.write_side_cells > 0) return moondb::Write(arguments) ? 0 : 1;
   for (int i = 0; i < arguments.times; ++i) {
     if (!moondb::Listen(arguments)) return 1;
   }
