@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 
-from demo_team import DemoError, free_port_run, make_empty
+from demo_team import DemoError, free_port_run, make_empty, run_and_report
 
 ROBOT_COUNT = 3
 DOMAIN = 76  # Not ROS's default, so that the demo meets no robot of this computer.
@@ -140,18 +140,10 @@ def main():
     parser.add_argument("--bin", help=argparse.SUPPRESS, default=pathlib.Path(__file__).parent.parent / "build/dev/bin")
     options = parser.parse_args()
     out = pathlib.Path(options.out).resolve()
-    try:
-        make_empty(out)
-        with tempfile.TemporaryDirectory(prefix="moondb-") as run_folder:
-            run(Demo(options.bin, out, run_folder))
-    except (DemoError, OSError, subprocess.TimeoutExpired) as error:
-        print(f"demo: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print("demo: stopped", file=sys.stderr)
-        return 130
-    return 0
+    make_empty(out)
+    with tempfile.TemporaryDirectory(prefix="moondb-") as run_folder:
+        run(Demo(options.bin, out, run_folder))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_and_report(main))

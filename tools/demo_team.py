@@ -342,14 +342,10 @@ def make_empty(out):
     (out / MARK).write_text("Made by tools/demo; the next run empties this folder.\n", encoding="utf-8")
 
 
-def main():
-    options = parse_arguments()
-    out = pathlib.Path(options.out).resolve()
+def run_and_report(action):
+    """Runs a demo, and prints its error in one line. Returns the exit code."""
     try:
-        if options.mission and not (pathlib.Path(options.mission) / "maps.csv").exists():
-            raise DemoError(f"{options.mission} is no mission folder: it has no maps.csv")
-        make_empty(out)
-        run_demo(options, out)
+        action()
     except (DemoError, OSError, subprocess.TimeoutExpired) as error:
         print(f"demo: {error}", file=sys.stderr)
         return 1
@@ -359,5 +355,14 @@ def main():
     return 0
 
 
+def main():
+    options = parse_arguments()
+    out = pathlib.Path(options.out).resolve()
+    if options.mission and not (pathlib.Path(options.mission) / "maps.csv").exists():
+        raise DemoError(f"{options.mission} is no mission folder: it has no maps.csv")
+    make_empty(out)
+    run_demo(options, out)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_and_report(main))

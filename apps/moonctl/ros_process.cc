@@ -17,14 +17,15 @@ namespace {
 constexpr std::chrono::seconds kJoinTimeout(10);
 constexpr std::chrono::seconds kStopTimeout(10);
 
+// The folder in which moondb_ros keeps its state and its log.
+std::filesystem::path RosFolder(const std::filesystem::path& data_folder) { return data_folder / "ros"; }
+
 std::filesystem::path LogIn(const std::filesystem::path& folder) { return folder / "moondb_ros.log"; }
 
 // The file with the id of the process that StartRos started, so that StopRos ends no other.
 std::filesystem::path StartedIn(const std::filesystem::path& folder) { return folder / "started_by_up"; }
 
 }  // namespace
-
-std::filesystem::path RosFolder(const std::filesystem::path& data_folder) { return data_folder / "ros"; }
 
 RosOutcome StartRos(const RosCommand& command, const std::filesystem::path& data_folder) {
   const std::filesystem::path folder = RosFolder(data_folder);

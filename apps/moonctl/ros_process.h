@@ -21,9 +21,6 @@ struct RosOutcome {
   bool is_failed = false;
 };
 
-// Returns the folder in which moondb_ros keeps its state and its log: `ros` in the agent's data folder.
-std::filesystem::path RosFolder(const std::filesystem::path& data_folder);
-
 // Starts moondb_ros unless it runs, and waits until it takes part in the ROS graph. One that waits for longer than 10
 // s, for example for the agent's lost nodes, is left running, and `state` is its last line.
 RosOutcome StartRos(const RosCommand& command, const std::filesystem::path& data_folder);

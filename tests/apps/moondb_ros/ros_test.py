@@ -22,6 +22,8 @@ import time
 SKIPPED = 77
 DOMAIN = "7"
 INTERFACE = "lab0"
+MAKE_INTERFACE = (f"ip link add {INTERFACE} type veth peer name other; ip addr add 10.77.0.1/24 dev {INTERFACE}; "
+                  f"ip link set {INTERFACE} up; ip link set other up")
 ROBOTS = (1, 2, 3)
 EPOCH_S = 1577836800  # The time at which simulated time is 0.
 SPEED = 5
@@ -47,10 +49,8 @@ def in_own_network():
     if subprocess.run(["unshare", "-n", "ip", "link", "set", "lo", "up"], capture_output=True).returncode != 0:
         return False
     os.environ["MOONDB_OWN_NETWORK"] = "1"
-    interface = (f"sysctl -qw net.ipv6.conf.all.disable_ipv6=1; ip link add {INTERFACE} type veth peer name other; "
-                 f"ip addr add 10.77.0.1/24 dev {INTERFACE}; ip link set {INTERFACE} up; ip link set other up; ")
-    os.execvp("unshare", ["unshare", "-n", "bash", "-c", 'ip link set lo up; ' + interface + 'exec "$@"', "bash",
-                          sys.executable, *sys.argv])
+    set_up = f"ip link set lo up; sysctl -qw net.ipv6.conf.all.disable_ipv6=1; {MAKE_INTERFACE}; "
+    os.execvp("unshare", ["unshare", "-n", "bash", "-c", set_up + 'exec "$@"', "bash", sys.executable, *sys.argv])
 
 
 def packets_sent():
@@ -238,17 +238,18 @@ def test(lab):
     return 0
 
 
-def main():
+def main(doc, test_lab, lab_class):
+    """Runs a test with a lab in its own network. Returns the exit code."""
     if len(sys.argv) != 2:
-        print(__doc__.strip(), file=sys.stderr)
+        print(doc.strip(), file=sys.stderr)
         return 2
     if not in_own_network():
         print("skipped: no network namespace can be made")
         return SKIPPED
     with tempfile.TemporaryDirectory(prefix="moondb-ros-") as folder:
-        lab = Lab(pathlib.Path(sys.argv[1]).resolve(), folder)
+        lab = lab_class(pathlib.Path(sys.argv[1]).resolve(), folder)
         try:
-            return test(lab)
+            return test_lab(lab)
         except Failure as failure:
             print(f"failed: {failure}")
             for log in sorted(lab.folder.glob("*.log")):
@@ -259,4 +260,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(__doc__, test, Lab))

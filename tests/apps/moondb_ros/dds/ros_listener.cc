@@ -103,17 +103,16 @@ bool Listen(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   moondb::Arguments arguments;
-  for (int i = 1; i + 1 < argc; i += 2) {
-    const std::string name = argv[i];
-    if (name == "--domain") arguments.domain_id = static_cast<std::uint32_t>(std::atoi(argv[i + 1]));
-    if (name == "--topic") arguments.topic = argv[i + 1];
-    if (name == "--config") arguments.config = argv[i + 1];
-    if (name == "--odom") arguments.odometry_topic = argv[i + 1];
-    if (name == "--limit") arguments.limit_s = std::atof(argv[i + 1]);
-    if (name == "--hold") arguments.hold_s = std::atof(argv[i + 1]);
-    if (name == "--write") arguments.write_side_cells = static_cast<std::uint32_t>(std::atoi(argv[i + 1]));
-    if (name == "--times") arguments.times = std::atoi(argv[i + 1]);
-  }
+  moondb::ForEachOption(argc, argv, [&arguments](const std::string& name, const char* value) {
+    if (name == "--domain") arguments.domain_id = static_cast<std::uint32_t>(std::atoi(value));
+    if (name == "--topic") arguments.topic = value;
+    if (name == "--config") arguments.config = value;
+    if (name == "--odom") arguments.odometry_topic = value;
+    if (name == "--limit") arguments.limit_s = std::atof(value);
+    if (name == "--hold") arguments.hold_s = std::atof(value);
+    if (name == "--write") arguments.write_side_cells = static_cast<std::uint32_t>(std::atoi(value));
+    if (name == "--times") arguments.times = std::atoi(value);
+  });
   if (arguments.write_side_cells > 0) return moondb::Write(arguments) ? 0 : 1;
   for (int i = 0; i < arguments.times; ++i) {
     if (!moondb::Listen(arguments)) return 1;

@@ -12,6 +12,11 @@
 
 namespace moondb {
 
+// Calls `set` with each pair `--name value` of a command line.
+inline void ForEachOption(int argc, char** argv, const std::function<void(const std::string&, const char*)>& set) {
+  for (int i = 1; i + 1 < argc; i += 2) set(argv[i], argv[i + 1]);
+}
+
 class RosPeer {
  public:
   struct Quality {

@@ -256,16 +256,15 @@ class Robot {
 
 int main(int argc, char** argv) {
   moondb::Arguments arguments;
-  for (int i = 1; i + 1 < argc; i += 2) {
-    const std::string name = argv[i];
-    if (name == "--robot") arguments.robot = std::atoi(argv[i + 1]);
-    if (name == "--namespace") arguments.name_space = argv[i + 1];
-    if (name == "--seconds") arguments.seconds = std::atof(argv[i + 1]);
-    if (name == "--speed") arguments.speed = std::atof(argv[i + 1]);
-    if (name == "--domain") arguments.domain_id = static_cast<std::uint32_t>(std::atoi(argv[i + 1]));
-    if (name == "--truth") arguments.truth_file = argv[i + 1];
-    if (name == "--map") arguments.map_file = argv[i + 1];
-  }
+  moondb::ForEachOption(argc, argv, [&arguments](const std::string& name, const char* value) {
+    if (name == "--robot") arguments.robot = std::atoi(value);
+    if (name == "--namespace") arguments.name_space = value;
+    if (name == "--seconds") arguments.seconds = std::atof(value);
+    if (name == "--speed") arguments.speed = std::atof(value);
+    if (name == "--domain") arguments.domain_id = static_cast<std::uint32_t>(std::atoi(value));
+    if (name == "--truth") arguments.truth_file = value;
+    if (name == "--map") arguments.map_file = value;
+  });
   signal(SIGTERM, [](int) { moondb::is_ended = 1; });
   // As ROS 2 Jazzy's middleware with automatic discovery on this computer alone.
   const dds_entity_t domain = dds_create_domain(
