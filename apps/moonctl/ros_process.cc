@@ -33,7 +33,13 @@ RosOutcome StartRos(const RosCommand& command, const std::filesystem::path& data
   if (const auto made = MakeDataFolder(folder); !made) return {0, "failed: " + ToString(made.error()), true};
   const std::filesystem::path team_file = std::filesystem::absolute(command.team_file);
   const std::filesystem::path settings = team_file.parent_path() / "ros.yaml";
-  std::vector<std::string> words{command.program.string(), "--team", team_file.string(), "--agent", command.agent};
+  std::vector<std::string> words{command.program.string(),
+                                 "--team",
+                                 team_file.string(),
+                                 "--agent",
+                                 command.agent,
+                                 "--data-dir",
+                                 std::filesystem::absolute(data_folder).string()};
   if (std::filesystem::exists(settings)) words.insert(words.end(), {"--config", settings.string()});
   if (!command.name_space.empty()) words.insert(words.end(), {"--namespace", command.name_space});
   const std::filesystem::path log = LogIn(folder);

@@ -64,7 +64,9 @@ Result<void> Bridge(const RosSettings& settings) {
   if (!team) return tl::unexpected(team.error());
   const Result<const proto::AgentConfig*> agent = MemberNamed(team->config, settings.agent);
   if (!agent) return tl::unexpected(agent.error());
-  const auto folder = FindDataFolder(DefaultDataRoot(team->folder), team->config, **agent);
+  const auto folder = settings.data_folder.empty()
+                          ? FindDataFolder(DefaultDataRoot(team->folder), team->config, **agent)
+                          : Result<std::filesystem::path>(settings.data_folder);
   if (!folder) return tl::unexpected(folder.error());
   const std::filesystem::path own_folder = *folder / "ros";
   const Result<DataFolderLock> lock = DataFolderLock::Take(own_folder);
@@ -136,6 +138,7 @@ int Run(int argc, char** argv) {
   app.AddOption("--config", config, "YAML file with the names of these options");
   app.AddOption("-t,--team", settings.team, "Team file").EnvName("MOONDB_TEAM");
   app.AddOption("-a,--agent", settings.agent, "This robot's agent");
+  app.AddOption("--data-dir", settings.data_folder, "The agent's data folder (moondb-data/AGENT beside the team file)");
   app.AddOption("--odom", settings.odometry_topic, "Topic of nav_msgs/Odometry").DefaultShown();
   app.AddOption("--scan", settings.scan_topic, "Topic of sensor_msgs/LaserScan, for the local maps").DefaultShown();
   app.AddOption("--grid", settings.grid_topics, "Topics of nav_msgs/OccupancyGrid, in place of the scan");

@@ -32,6 +32,7 @@ Result<RosSettings> ParseRosSettings(const std::string& yaml, const std::string&
   RosSettings settings;
   settings.team = config.team();
   settings.agent = config.agent();
+  settings.data_folder = config.data_dir();
   settings.odometry_topic = config.odom();
   settings.scan_topic = config.scan();
   settings.grid_topics.assign(config.grid().begin(), config.grid().end());

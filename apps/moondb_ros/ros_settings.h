@@ -13,6 +13,7 @@ namespace moondb {
 struct RosSettings {
   std::string team;
   std::string agent;
+  std::string data_folder;  // The agent's own. Empty: its default.
   // Names of topics, below `name_space`.
   std::string odometry_topic;
   std::string scan_topic;

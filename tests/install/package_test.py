@@ -39,6 +39,18 @@ moonctl health
 EXTRA
 moonctl down
 """
+# Runs moondb_ros with a robot of Fast DDS, ROS 2's default middleware. moondb_ros check listens meanwhile.
+ROS = """
+set -e
+cd /root
+moonctl config init --agents 2 moon/team.yaml
+export MOONDB_TEAM=/root/moon/team.yaml
+moonctl -a rover1 up --with ros
+moondb_ros check & check=$!
+LD_LIBRARY_PATH=/opt/peer /opt/peer/fast_dds_peer 0 120
+wait $check
+moonctl down
+"""
 SAYS = [r"rover1 +good", "sync at rover1: everything is acknowledged", r"2\.[0-9a-f]{16}\.1\.1 +temperature +rover2"]
 
 
@@ -124,13 +136,31 @@ def libc_of(work, ubuntu=None):
     return next((ubuntu / "root").glob("libc6_*.deb"))
 
 
-def check_tarball(root, tarball):
-    """Unpacks the tarball in /opt, runs a team, and removes the folder again."""
+def check_ros(root, folder, peer):
+    """Runs moondb_ros of the tarball in `folder` with the Fast DDS program `peer`, which comes with its libraries."""
+    shutil.rmtree(root / "root/moon")
+    (root / "opt/peer").mkdir()
+    for library in re.findall(r"=> (/\S+)", run("ldd", peer)):
+        # Those of glibc are the root's own.
+        if not re.match(r"(libc|libm|libpthread|libdl|librt)\.so", os.path.basename(library)):
+            shutil.copy(library, root / "opt/peer")
+    shutil.copy(peer, root / "opt/peer")
+    said = inside(root, ROS, path=f"/opt/{folder.name}/bin:/usr/bin:/bin")
+    for text in (r"moondb_ros of rover1 .*started", "odom to base_link", "odometry and maps work"):
+        if not re.search(text, said):
+            raise Failure(f"on {root.name}, moondb_ros did not print '{text}':\n{said}")
+    shutil.rmtree(root / "opt/peer")
+
+
+def check_tarball(root, tarball, peer=None):
+    """Unpacks the tarball in /opt, runs a team, and moondb_ros if there is a peer, and removes the folder again."""
     before = files_in(root)
     run("tar", "-xzf", tarball, "-C", root / "opt")
     folder = next((root / "opt").glob("moondb-*"))
     said = inside(root, TEAM.replace("EXTRA", ""), path=f"/opt/{folder.name}/bin:/usr/bin:/bin")
     check_team(said, root.name)
+    if peer is not None:
+        check_ros(root, folder, peer)
     shutil.rmtree(folder)
     shutil.rmtree(root / "root/moon")
     left = files_in(root) - before | {str(file) for file in root.glob("tmp/moondb-*/**/*.sock")}
@@ -291,7 +321,7 @@ def main():
             run(source / "tools/package", "debs")
             tarball = next(packages.glob("*.tar.gz"))
             check_tarball(bare(work, "bare-2.36", libc_of(work)), tarball)
-            check_tarball(debian(work), tarball)
+            check_tarball(debian(work), tarball, source / "build/dev/bin/fast_dds_peer")
             check_debs(debian(work), packages)
     except Skip as reason:
         print(f"skipped: {reason}")

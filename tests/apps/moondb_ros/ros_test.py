@@ -188,6 +188,9 @@ def check_up_with_ros(lab):
     down = lab.run("moonctl", "down")
     require(down.returncode == 0 and len(re.findall(r"moondb_ros of .* stopped", down.stdout)) == len(ROBOTS), f"{down}")
     require("moondb_ros" not in lab.run("moonctl", "down").stdout, "a second end of moondb_ros")
+    require(lab.run("moonctl", "up", "--with", "ros", "--data-dir", "elsewhere").returncode == 0, "up --data-dir")
+    down = lab.run("moonctl", "down", "--data-dir", "elsewhere")
+    require(len(re.findall(r"moondb_ros of .* stopped", down.stdout)) == len(ROBOTS), f"down --data-dir: {down}")
     settings.unlink()
 
 
