@@ -51,7 +51,8 @@ class Listener {
     if (!graph) return tl::unexpected(graph.error());
     const auto end = std::chrono::steady_clock::now() + duration;
     while (std::chrono::steady_clock::now() < end) (*graph)->Spin(std::chrono::milliseconds(50));
-    log_.CheckSilence(std::chrono::steady_clock::now());
+    ended_ = std::chrono::steady_clock::now();
+    log_.CheckSilence(ended_);
     for (std::size_t input = 0; input < inputs_.size(); ++input) publishers_[input] = (*graph)->PublishersOf(input);
     return {};
   }
@@ -68,7 +69,10 @@ class Listener {
       const std::string rate_text = is_static && count > 0 ? "static" : rate;
       const auto& publishers = publishers_[input];
       table.Add({topic, count == 0 ? "silent" : rate_text, Joined(frames_[input]),
-                 publishers.empty() ? "no publisher" : QualityOf(publishers.front()), UseOf(input, settings_)});
+                 !publishers.empty() ? QualityOf(publishers.front())
+                 : count > 0         ? "publisher has left"
+                                     : "no publisher",
+                 UseOf(input, settings_)});
     }
     std::fputs(table.Text().c_str(), stdout);
     for (const auto& [topic, heard] : log_.topics()) {
@@ -77,12 +81,15 @@ class Listener {
                     static_cast<unsigned long long>(count));
       }
       const bool is_static = topic == inputs_[kTfStatic].topic;
-      if (heard.is_silent && !is_static) std::printf("%s: fell silent while this command listened\n", topic.c_str());
+      if (!heard.is_silent || is_static) continue;
+      const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(ended_ - heard.last_heard).count();
+      std::printf("%s: last heard %lld s ago\n", topic.c_str(), static_cast<long long>(seconds));
     }
     PrintMissing();
   }
 
-  bool works() const { return has_map_; }
+  // Nodes with maps would be made, and odometry has not fallen silent since.
+  bool works() const { return has_map_ && !log_.topics().at(inputs_[kOdometry].topic).is_silent; }
 
  private:
   RosGraph::Handlers MakeHandlers() {
@@ -103,7 +110,7 @@ class Listener {
 
   void PrintMissing() const {
     const std::string& odometry = inputs_[kOdometry].topic;
-    if (publishers_.at(kOdometry).empty()) {
+    if (publishers_.at(kOdometry).empty() && !log_.topics().contains(odometry)) {
       std::printf(
           "%s: no publisher was found in domain %u: name the topic (--odom, --namespace) and the domain (--domain-id, "
           "ROS_DOMAIN_ID). Programs with rmw_cyclonedds of ROS 2 Humble need ROS_LOCALHOST_ONLY=1; those with "
@@ -128,6 +135,7 @@ class Listener {
   RobotMapper mapper_;
   std::map<std::size_t, std::set<std::string>> frames_;
   std::map<std::size_t, std::vector<RosGraph::Publisher>> publishers_;
+  std::chrono::steady_clock::time_point ended_;
   bool has_node_ = false;
   bool has_map_ = false;
 };

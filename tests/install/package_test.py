@@ -47,7 +47,9 @@ moonctl config init --agents 2 moon/team.yaml
 export MOONDB_TEAM=/root/moon/team.yaml
 moonctl -a rover1 up --with ros
 moondb_ros check & check=$!
-LD_LIBRARY_PATH=/opt/peer /opt/peer/fast_dds_peer 0 120
+while kill -0 $check 2>/dev/null; do
+  LD_LIBRARY_PATH=/opt/peer /opt/peer/fast_dds_peer 0 120
+done
 wait $check
 moonctl down
 """

@@ -8,6 +8,7 @@ Exit codes: 0 passed, 1 failed, 77 skipped (no network namespace can be made).
 import contextlib
 import os
 import re
+import signal
 import statistics
 import subprocess
 import sys
@@ -159,6 +160,26 @@ def check_large_map(lab):
         print(f"a late reader of a map of {side} x {side} cells: after {lab.received(log)[0]} s")
 
 
+def check_stopped_reader(lab):
+    """A reader that is stopped takes no map from the others, and holds up the writer by 0.1 s a map, until DDS drops it
+    after 10 s."""
+    domain = "22"
+    writer = lab.start("slow.log", "ros_listener", "--domain", domain, "--write", "2000", "--times", "20")
+    stopped = lab.listener("stopped.log", "--domain", domain, "--config", LOCAL, "--hold", str(LIMIT_S))
+    lab.until("the map at the reader that will stop", lambda: lab.received("stopped.log"))
+    stopped.send_signal(signal.SIGSTOP)
+    other = lab.listener("other.log", "--domain", domain, "--config", LOCAL, "--hold", "3")
+    lab.finish("beside a stopped reader", [other])
+    newest = int(re.search(r"^newest (\d+)", lab.text("other.log"), re.MULTILINE).group(1))
+    wrote = re.findall(r"^wrote (\d+) (\S+)", lab.text("slow.log"), re.MULTILINE)
+    require(newest >= int(wrote[-1][0]) - 2, f"map {newest} of {wrote[-1][0]} beside a stopped reader")
+    require(writer.wait(timeout=LIMIT_S) == 0, "the writer beside a stopped reader")
+    longest_s = max(float(seconds) for _, seconds in re.findall(r"^wrote (\d+) (\S+)", lab.text("slow.log"), re.MULTILINE))
+    require(longest_s < 2, f"writing a map took {longest_s} s beside a stopped reader")
+    stopped.kill()
+    print(f"beside a stopped reader: map {newest} of {wrote[-1][0]}, the longest write {longest_s} s")
+
+
 def check_change_of_address(lab):
     lab.listener("before.log", "--config", LOCAL, "--hold", str(LIMIT_S))
     lab.until("the map", lambda: lab.received("before.log"))
@@ -194,6 +215,7 @@ def test(lab):
     robot.wait(timeout=LIMIT_S)
     check_second_computer(lab)
     check_large_map(lab)
+    check_stopped_reader(lab)
     check_many(lab)
     check_change_of_address(lab)
     check_reconnects(lab)

@@ -188,7 +188,12 @@ def check_up_with_ros(lab):
     down = lab.run("moonctl", "down")
     require(down.returncode == 0 and len(re.findall(r"moondb_ros of .* stopped", down.stdout)) == len(ROBOTS), f"{down}")
     require("moondb_ros" not in lab.run("moonctl", "down").stdout, "a second end of moondb_ros")
-    require(lab.run("moonctl", "up", "--with", "ros", "--data-dir", "elsewhere").returncode == 0, "up --data-dir")
+    # rover1 had made its node 5 (RosState), and its agent lost its store.
+    state = lab.folder / "elsewhere/rover1/ros/moondb_ros.state"
+    state.parent.mkdir(parents=True)
+    state.write_bytes(bytes([1 << 3, 5, 5 << 3 | 2, 0]))
+    up = lab.run("moonctl", "up", "--with", "ros", "--data-dir", "elsewhere")
+    require(up.returncode == 0 and "the agent's store lacks node 5 of this robot" in up.stdout, f"a lost store: {up}")
     down = lab.run("moonctl", "down", "--data-dir", "elsewhere")
     require(len(re.findall(r"moondb_ros of .* stopped", down.stdout)) == len(ROBOTS), f"down --data-dir: {down}")
     settings.unlink()

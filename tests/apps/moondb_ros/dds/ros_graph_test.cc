@@ -6,14 +6,14 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <limits>
+
 #include "tests/apps/moondb_ros/dds/ros_peer.h"
 
 namespace moondb {
 namespace {
 
 using testing::ElementsAre;
-
-constexpr int kStepsMax = 1200;  // A minute of Spin.
 
 class RosGraphTest : public testing::Test {
  protected:
@@ -89,7 +89,9 @@ TEST_F(RosGraphTest, ReadsOdometryOfAReliablePublisher) {
   message.child_frame_id = child;
   message.pose.pose.position = {1, 2, 3};
   message.pose.pose.orientation = {0, 0, 0.6, 0.8};
-  message.pose.covariance[0] = 1e308;
+  // As drivers state what they do not measure.
+  constexpr double kCovariances[] = {1e308, 1e10, 0, std::numeric_limits<double>::quiet_NaN()};
+  for (std::size_t i = 0; i < std::size(message.pose.covariance); ++i) message.pose.covariance[i] = kCovariances[i % 4];
   ASSERT_TRUE(SpinUntil([&] {
     (void)dds_write(writer, &message);
     return !odometry_.empty();

@@ -1,8 +1,10 @@
 // ros_listener: a ROS 2 program that waits for the team's map, with the Cyclone settings of its command line. Joins the
-// domain, prints `received SECONDS` once the map has come, stays for --hold seconds, and leaves; all that --times
-// times. Publishes odometry on --odom meanwhile. Ends with 1 if a map does not come within --limit seconds.
+// domain, prints `received SECONDS` once the map has come, stays for --hold seconds, prints `newest TIMESTAMP` of the
+// last map, and leaves; all that --times times. Publishes odometry on --odom meanwhile. Ends with 1 if a map does not
+// come within --limit seconds.
 //
 // With --write SIDE it is the other side: a RosGraph that has written a map of SIDE x SIDE cells, for --hold seconds.
+// With --times it writes each second a map whose timestamp is its number, and prints `wrote TIMESTAMP SECONDS`.
 //
 // Usage: ros_listener --domain 8 --topic team_map [--config XML] [--limit 50] [--times 1] [--hold 0] [--odom odom2]
 //                     [--write 4000]
@@ -53,6 +55,14 @@ bool Write(const Arguments& arguments) {
   std::printf("written\n");
   std::fflush(stdout);
   const auto start = Clock::now();
+  for (int number = 1; number < arguments.times; ++number) {
+    while (SecondsSince(start) < number) (*graph)->Spin(kStep);
+    map.timestamp_ns = number * 1'000'000'000LL;
+    const auto before = Clock::now();
+    const Result<void> written = (*graph)->WriteMap(map);
+    std::printf("wrote %d %.3f %s\n", number, SecondsSince(before), written ? "" : written.error().text.c_str());
+    std::fflush(stdout);
+  }
   while (SecondsSince(start) < arguments.hold_s) (*graph)->Spin(kStep);
   return true;
 }
@@ -66,6 +76,7 @@ bool Listen(const Arguments& arguments) {
     return false;
   }
   bool is_received = false;
+  std::int32_t newest_s = 0;
   {
     RosPeer peer(arguments.domain_id);
     const dds_entity_t map = peer.Reader(nav_msgs_msg_dds__OccupancyGrid__desc, "rt/" + arguments.topic,
@@ -84,7 +95,7 @@ bool Listen(const Arguments& arguments) {
     while (is_received ? SecondsSince(received_at) < arguments.hold_s : SecondsSince(start) < arguments.limit_s) {
       if (odometry > 0) (void)dds_write(odometry, &message);
       message.header.stamp.nanosec += 1'000'000;
-      const auto see = [](const nav_msgs_msg_dds__OccupancyGrid_&) {};
+      const auto see = [&](const nav_msgs_msg_dds__OccupancyGrid_& grid) { newest_s = grid.header.stamp.sec; };
       if (RosPeer::Take<nav_msgs_msg_dds__OccupancyGrid_>(map, see) && !is_received) {
         is_received = true;
         received_at = Clock::now();
@@ -94,6 +105,7 @@ bool Listen(const Arguments& arguments) {
       std::this_thread::sleep_for(kStep);
     }
   }
+  if (is_received) std::printf("newest %d\n", newest_s);
   (void)dds_delete(domain);
   return is_received;
 }

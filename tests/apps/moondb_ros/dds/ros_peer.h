@@ -12,6 +12,9 @@
 
 namespace moondb {
 
+// The limit of a test's wait, in steps of 50 ms: a minute.
+inline constexpr int kStepsMax = 1200;
+
 // Calls `set` with each pair `--name value` of a command line.
 inline void ForEachOption(int argc, char** argv, const std::function<void(const std::string&, const char*)>& set) {
   for (int i = 1; i + 1 < argc; i += 2) set(argv[i], argv[i + 1]);
