@@ -74,6 +74,7 @@ void AddCommandLine(Command& app, CommandContext& context) {
   AddHealthCommand(app, context);
   AddRiskCommand(app, context);
   AddDoctorCommand(app, context);
+  AddViewCommand(app, context);
   AddRoleCommands(app, context);
   AddShareCommands(app, context);
   AddLeaseCommands(app, context);

@@ -25,6 +25,7 @@ void AddDownlinkCommands(Command& app, CommandContext& context);
 void AddExportCommands(Command& app, CommandContext& context);
 void AddLogCommand(Command& app, CommandContext& context);
 void AddTraceCommand(Command& app, CommandContext& context);
+void AddViewCommand(Command& app, CommandContext& context);
 void AddDoctorCommand(Command& app, CommandContext& context);
 void AddConfigCommands(Command& app, CommandContext& context);
 // Adds config pack, config unpack and config add-agent to the group config.

@@ -106,6 +106,8 @@ const std::vector<Case>& Cases() {
       {{"config", "unpack", "@/rover1.%.pack", "@/robot%"}, kDone, kDone, kDone, "team.yaml"},
       // The findings of doctor depend on the machine (tests/apps/doctor_test.py).
       {{"doctor", "-a", "rover9"}, kUsage, kUsage, kUsage, ""},
+      // The page is tested on its own (tests/apps/moondb_view).
+      {{"view", "--port", "70000"}, kUsage, kUsage, kUsage, ""},
       {{"clients", "list"}, kDone, kDone, kDone, "anna1"},
       {{"clients", "revoke", "anna%"}, kDone, kDone, kDone, "anna1"},
       {{"keys", "new", "robot%"}, kDone, kDone, kDone, "robot1.sign"},

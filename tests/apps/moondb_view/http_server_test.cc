@@ -1,0 +1,171 @@
+// Tests the server over loopback, at ports that the kernel chooses. Each wait has a limit of a minute.
+#include "apps/moondb_view/http_server.h"
+
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <vector>
+
+#include "apps/moondb_view/board.h"
+
+namespace moondb {
+namespace {
+
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+
+class Connection {
+ public:
+  explicit Connection(std::uint16_t port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
+    const timeval limit{60, 0};
+    (void)::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(port);
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    (void)::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address);
+  }
+  ~Connection() { ::close(socket_); }
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  void Send(const std::string& text) { (void)!::send(socket_, text.data(), text.size(), MSG_NOSIGNAL); }
+  // Returns what came until `end` has come or the connection is closed.
+  std::string ReadUntil(const std::string& end) {
+    char part[4096];
+    while (end.empty() || text_.find(end) == std::string::npos) {
+      const ssize_t size = ::recv(socket_, part, sizeof part, 0);
+      if (size <= 0) break;
+      text_.append(part, static_cast<std::size_t>(size));
+    }
+    return std::exchange(text_, "");
+  }
+  std::string ReadToEnd() { return ReadUntil(""); }
+
+ private:
+  int socket_;
+  std::string text_;
+};
+
+class HttpServerTest : public testing::Test {
+ protected:
+  void Start(HttpServer::Options options = {}) {
+    server_ = HttpServer::Start(std::move(options), [this](const HttpRequest& request, HttpServer::Respond respond) {
+                requests_.push_back(request);
+                if (request.path == "/drop") return;
+                respond({200, "text/plain", std::make_shared<const std::string>(Deflate("hello")), true});
+              }).value();
+  }
+
+  std::string Ask(const std::string& headers, const std::string& target = "/", const std::string& method = "GET") {
+    Connection connection(server_->port());
+    connection.Send(method + " " + target + " HTTP/1.1\r\nConnection: close\r\n" + headers + "\r\n");
+    return connection.ReadToEnd();
+  }
+
+  std::vector<HttpRequest> requests_;  // Read it once an answer has come.
+  std::unique_ptr<HttpServer> server_;
+};
+
+TEST_F(HttpServerTest, AnswersCompressedAndPlain) {
+  Start();
+  const std::string plain = Ask("Host: localhost\r\n", "/tile?x=-1&y=2&v");
+  EXPECT_THAT(plain, StartsWith("HTTP/1.1 200 OK\r\n"));
+  EXPECT_THAT(plain, EndsWith("\r\n\r\nhello"));
+  EXPECT_THAT(plain, HasSubstr("Content-Security-Policy: default-src 'none';"));
+  ASSERT_EQ(requests_.size(), 1u);
+  EXPECT_EQ(requests_[0].path, "/tile");
+  EXPECT_EQ(requests_[0].query, (std::map<std::string, std::string>{{"x", "-1"}, {"y", "2"}, {"v", ""}}));
+  const std::string compressed = Ask("Host: localhost\r\nAccept-Encoding: gzip, deflate\r\n");
+  EXPECT_THAT(compressed, HasSubstr("Content-Encoding: deflate\r\n"));
+  EXPECT_THAT(compressed, EndsWith(Deflate("hello")));
+  EXPECT_THAT(Ask("Host: localhost\r\n", "/", "HEAD"), EndsWith("\r\n\r\n"));
+}
+
+TEST_F(HttpServerTest, AnswersRequestsOfOneConnectionInTurn) {
+  Start();
+  Connection connection(server_->port());
+  const std::string request = "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  connection.Send(request + request);
+  EXPECT_THAT(connection.ReadUntil("hello"), HasSubstr("200 OK"));
+  connection.Send(request);
+  EXPECT_THAT(connection.ReadUntil("hello"), HasSubstr("200 OK"));
+}
+
+TEST_F(HttpServerTest, RefusesForeignHostsAndOrigins) {
+  HttpServer::Options options;
+  options.hosts = {"robots.example"};
+  Start(options);
+  for (const char* host : {"localhost", "localhost:9000", "127.0.0.1:8600", "[::1]:8600", "robots.example:80"}) {
+    EXPECT_THAT(Ask("Host: " + std::string(host) + "\r\n"), HasSubstr("200 OK")) << host;
+    EXPECT_THAT(Ask("Host: localhost\r\nOrigin: http://" + std::string(host) + "\r\n"), HasSubstr("200 OK")) << host;
+  }
+  const std::size_t answered = requests_.size();
+  for (const char* host : {"evil.example", "127.0.0.1.evil.example", "localhost.evil.example", "", "[::2]"}) {
+    EXPECT_THAT(Ask("Host: " + std::string(host) + "\r\n"), HasSubstr("403 Forbidden")) << host;
+    EXPECT_THAT(Ask("Host: localhost\r\nOrigin: http://" + std::string(host) + "\r\n"), HasSubstr("403 Forbidden"))
+        << host;
+  }
+  EXPECT_THAT(Ask(""), HasSubstr("403 Forbidden")) << "no host";
+  EXPECT_THAT(Ask("Host: localhost\r\nOrigin: null\r\n"), HasSubstr("403 Forbidden"));
+  EXPECT_EQ(requests_.size(), answered);
+  EXPECT_EQ(server_->counts().refused_requests, 12u);
+}
+
+TEST_F(HttpServerTest, RefusesMalformedAndOversizedRequests) {
+  Start();
+  Connection garbage(server_->port());
+  garbage.Send("\x16\x03\x01 nonsense\r\n\r\n");
+  EXPECT_THAT(garbage.ReadToEnd(), HasSubstr("400 Bad Request"));
+  EXPECT_THAT(Ask("Host: localhost\r\nCookie: " + std::string(HttpServer::kHeaderBytesMax, 'x') + "\r\n"),
+              HasSubstr("431 "));
+  EXPECT_THAT(Ask("Host: localhost\r\nContent-Length: 100000\r\n", "/", "POST"), HasSubstr("413 "));
+  EXPECT_TRUE(requests_.empty());
+  EXPECT_EQ(server_->counts().refused_requests, 3u);
+}
+
+TEST_F(HttpServerTest, ClosesConnectionsBeyondTheLimit) {
+  HttpServer::Options options;
+  options.connections_max = 2;
+  Start(options);
+  {
+    Connection first(server_->port());
+    Connection second(server_->port());
+    for (Connection* connection : {&first, &second}) {
+      connection->Send("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n");
+      EXPECT_THAT(connection->ReadUntil("hello"), HasSubstr("200 OK"));
+    }
+    EXPECT_EQ(server_->counts().connections, 2u);
+    EXPECT_EQ(Connection(server_->port()).ReadToEnd(), "");
+    EXPECT_EQ(server_->counts().refused_connections, 1u);
+  }
+  // The server notices that they are closed.
+  while (Ask("Host: localhost\r\n").empty()) {
+  }
+}
+
+TEST_F(HttpServerTest, ClosesAConnectionWithoutAnswer) {
+  Start();
+  EXPECT_EQ(Ask("Host: localhost\r\n", "/drop"), "");
+}
+
+TEST_F(HttpServerTest, SaysWhichPortIsTaken) {
+  Start();
+  HttpServer::Options options;
+  options.port = server_->port();
+  const auto second = HttpServer::Start(options, {});
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(second.error().text, HasSubstr("choose another --port"));
+  options.address = "rover1";
+  EXPECT_EQ(HttpServer::Start(options, {}).error().code, ErrorCode::kInvalid);
+}
+
+}  // namespace
+}  // namespace moondb
