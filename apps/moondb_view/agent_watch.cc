@@ -19,6 +19,7 @@ namespace {
 constexpr auto kRetryAfter = std::chrono::seconds(1);
 constexpr auto kStatePeriod = std::chrono::seconds(1);
 constexpr auto kIdleStatePeriod = std::chrono::seconds(10);  // While nobody looks.
+constexpr auto kTimelinePeriod = std::chrono::seconds(5);
 constexpr auto kBatteryPeriod = std::chrono::seconds(10);
 constexpr auto kGraphPeriod = std::chrono::seconds(1);
 constexpr auto kPageWait = std::chrono::milliseconds(500);
@@ -191,10 +192,13 @@ void AgentWatch::PublishTeam() {
     reports.ask = {asks_team_, others * (answer_bytes_ + kRequestBytes), spent_bytes_,
                    std::chrono::duration<double>(options_.ask_period).count()};
     timeline_.Add(reports.now_s, TimelineCountsOf(team_, reports));
-    timeline = timeline_.Json(team_);
+    if (Clock::now() - timeline_at_ > kTimelinePeriod) {
+      timeline_at_ = Clock::now();
+      timeline = timeline_.Json(team_);
+    }
   }
   board_.Set("team", TeamPageJson(team_, reports));
-  board_.Set("timeline", timeline);
+  if (!timeline.empty()) board_.Set("timeline", timeline);
 }
 
 Result<void> AgentWatch::FollowGraph(Client& client) {

@@ -95,6 +95,7 @@ class AgentWatch {
   double answer_bytes_ = 0;  // Size of the own agent's last answers.
   double spent_bytes_ = 0;
   Timeline timeline_;
+  Clock::time_point timeline_at_{};
   std::deque<std::function<void(Result<Client*>)>> questions_;
   std::vector<std::thread> threads_;
 };
