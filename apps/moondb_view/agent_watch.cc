@@ -323,6 +323,11 @@ void AgentWatch::AskOthers() {
       woken_.wait(lock, [this] { return is_ended_ || asks_team_; });
       if (is_ended_) return;
     }
+    std::optional<HaveSet> own_holds;
+    {
+      const std::lock_guard lock(mutex_);
+      if (answers_.contains(agent_)) own_holds = answers_.at(agent_).reported.holds;
+    }
     CommandContext context = MakeContext();
     for (const proto::AgentConfig& agent : team_.agents()) {
       if (agent.left() || agent.id() == agent_ || is_ended()) continue;
@@ -334,6 +339,7 @@ void AgentWatch::AskOthers() {
         const std::lock_guard lock(mutex_);
         if (connected->via != nullptr) spent_bytes_ += bytes + kRequestBytes;
       }
+      if (reported) reported->own_holds_then = own_holds;
       Store(agent.id(), std::move(reported));
     }
     std::unique_lock lock(mutex_);

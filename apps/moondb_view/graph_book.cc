@@ -8,6 +8,7 @@
 #include "apps/common/json_writer.h"
 #include "model/agent_name.h"
 #include "model/start_poses.h"
+#include "model/team_member.h"
 #include "runtime/team/role_signature.h"
 
 namespace moondb {
@@ -86,8 +87,10 @@ GraphBook::Pages GraphBook::Write() const {
     const auto published = std::find_if(track.rbegin(), track.rend(), [this](const GraphNode* node) {
       return graph_.FindPublished(node->key) != nullptr;
     });
-    const bool is_placed =
-        published == track.rend() ? known_starts.contains(agent) : !graph_.IsPublishedUnplaced((*published)->key);
+    const auto* config = FindAgent(team_, agent);
+    const bool is_base = config != nullptr && config->kind() == proto::AGENT_KIND_BASE_STATION;
+    const bool is_placed = published == track.rend() ? is_base || known_starts.contains(agent)
+                                                     : !graph_.IsPublishedUnplaced((*published)->key);
     pages.is_placed[agent] = is_placed;
     json.BeginObject().Key("id").Number(agent).Key("name").String(AgentName(team_, agent));
     json.Key("is_placed").Bool(is_placed);

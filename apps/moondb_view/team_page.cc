@@ -192,17 +192,8 @@ std::optional<double> EtaOf(const proto::ShareStatus& shares, AgentId destinatio
 
 using Row = std::map<AgentId, Cell>;  // By origin.
 
-// Returns what each agent holds of each origin. An agent whose have-set is not known has a row only for what the own
-// agent knows of it.
-std::map<AgentId, Row> RowsOf(const TeamReports& reports) {
-  std::vector<AgentId> holders;
-  std::vector<HaveSet> haves;
-  for (const auto& [agent, reported] : reports.agents) {
-    if (!reported.holds || reported.age_s > kAnswerAgeMax_s) continue;
-    holders.push_back(agent);
-    haves.push_back(*reported.holds);
-  }
-  std::map<AgentId, Row> rows;
+// Adds what the agents hold and lack to their rows. Requires: `holders` are the agents of `haves`.
+void AddRows(const std::vector<AgentId>& holders, const std::vector<HaveSet>& haves, std::map<AgentId, Row>& rows) {
   for (const auto& [series, holdings] : HoldingsOf(haves)) {
     for (std::size_t i = 0; i < holders.size(); ++i) {
       Cell& cell = rows[holders[i]][series.first];
@@ -210,6 +201,31 @@ std::map<AgentId, Row> RowsOf(const TeamReports& reports) {
       // One agent alone cannot know what exists elsewhere.
       if (holders.size() > 1) cell.missing = cell.missing.value_or(0) + static_cast<double>(holdings[i].lacking);
     }
+  }
+}
+
+// Returns what each agent holds of each origin. An agent whose have-set is not known has a row only for what the own
+// agent knows of it.
+std::map<AgentId, Row> RowsOf(const TeamReports& reports) {
+  std::vector<AgentId> holders;
+  std::vector<HaveSet> haves;
+  std::optional<HaveSet> own_then;
+  for (const auto& [agent, reported] : reports.agents) {
+    if (!reported.holds || reported.age_s > kAnswerAgeMax_s) continue;
+    holders.push_back(agent);
+    haves.push_back(*reported.holds);
+    if (reported.own_holds_then) own_then = reported.own_holds_then;
+  }
+  std::map<AgentId, Row> rows;
+  AddRows(holders, haves, rows);
+  if (own_then) {
+    // The others' gaps are those at the time at which they were asked.
+    const Row own_row = rows[reports.agent];
+    const auto own = std::ranges::find(holders, reports.agent);
+    if (own != holders.end()) haves[static_cast<std::size_t>(own - holders.begin())] = *own_then;
+    rows.clear();
+    AddRows(holders, haves, rows);
+    rows[reports.agent] = own_row;
   }
   const auto own = reports.agents.find(reports.agent);
   const proto::AgentStatus* status = OwnStatus(reports);
@@ -287,7 +303,11 @@ Answer LossAnswer(const proto::TeamConfig& team, const TeamReports& reports) {
   if (own == nullptr || own->roles().leader() == 0) return {false, false, "not known"};
   const std::string name = AgentName(team, own->roles().leader());
   const proto::AgentStatus* leader = StatusOf(reports, own->roles().leader());
-  if (leader == nullptr) return {false, false, kAskTheTeam};
+  if (leader == nullptr) {
+    const proto::PeerStatus* peer = PeerOf(*own, own->roles().leader());
+    const bool is_silent = peer != nullptr && !peer->is_connected();
+    return {false, false, is_silent ? "not known: " + name + ", which leads, is silent" : kAskTheTeam};
+  }
   const proto::OneCopy& one_copy = leader->storage().one_copy();
   if (one_copy.count() == 0) return {true, true, "nothing: other agents have all records that " + name + " holds"};
   const bool is_one = one_copy.count() == 1;
@@ -336,10 +356,10 @@ Answer MapsAnswer(const proto::TeamConfig& team, const TeamReports& reports) {
     if (reported->second.graph) activity.graph = *reported->second.graph;
     if (reported->second.report.registration) activity.registration = *reported->second.report.registration;
   }
+  if (!has_leader) activity.registration.set_is_done(true);  // Its solves and matches are not known.
   const std::string why = WhyNotSettled(team, activity);
-  // Without the leader's answers, its solves and matches are not known.
-  if (!has_leader && (why.empty() || activity.sharing.empty())) return {false, false, kAskTheTeam};
   if (!why.empty()) return {true, false, "no: " + why};
+  if (!has_leader) return {false, false, kAskTheTeam};
   if (!has_all) return {false, false, kAskTheTeam};
   return {true, true, "yes: each agent has its records"};
 }

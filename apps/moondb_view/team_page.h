@@ -22,6 +22,8 @@ struct ReportedAgent {
   AgentReport report;                           // As for `moonctl health`.
   std::optional<proto::GraphStatsReply> graph;  // Set only for the leader.
   std::optional<HaveSet> holds;
+  // The have-set of the own agent when this one was asked. Records that came later are no gap.
+  std::optional<HaveSet> own_holds_then;
   double age_s = 0;  // Age of the answers.
 };
 

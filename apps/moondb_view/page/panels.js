@@ -39,7 +39,7 @@ function fillRows(body, rows) {
       setClass(element, cell.className ?? "");
       if (cell.label === undefined) element.removeAttribute("aria-label");
       else element.setAttribute("aria-label", cell.label);
-      const shade = cell.part === undefined ? "" : `linear-gradient(to right, var(--edge) ${Math.round(100 * cell.part)}%, transparent 0)`;
+      const shade = cell.part === undefined ? "" : `linear-gradient(to right, var(--shade) ${Math.round(100 * cell.part)}%, transparent 0)`;
       if (element.style.backgroundImage !== shade) element.style.backgroundImage = shade;
     });
     while (row.children.length > cells.length) row.lastElementChild.remove();
@@ -64,7 +64,7 @@ export function showAnswers(answers) {
   }
 }
 
-export function showWhy(why, place) {
+export function showWhy(why) {
   const box = byId("answer-cell");
   const details = box.querySelector("details");
   if (why.error) {
@@ -84,15 +84,14 @@ export function showWhy(why, place) {
   }));
   if (why.left_out > 0) list.append(Object.assign(document.createElement("li"), { textContent: `and ${why.left_out} more` }));
   details.hidden = why.observations.length === 0;
-  void place;
 }
 
 function linkCell({ state, heard_s }, elapsed_s) {
   if (state === "self") return { text: "this agent" };
   if (state === "unknown") return kUnknown;
   if (heard_s === null) return { text: state === "silent" ? "silent, never heard" : state, className: state === "silent" ? "bad" : "" };
-  if (state === "silent") return { text: `silent for ${age(heard_s + elapsed_s)}`, className: "bad" };
-  return aged(`heard ${age(heard_s + elapsed_s)} ago`, NaN);
+  if (state === "silent") return { text: `silent ${age(heard_s + elapsed_s)}`, className: "bad" };
+  return { text: `${age(heard_s + elapsed_s)} ago` };
 }
 
 export function showTeam(team, elapsed_s) {
@@ -109,21 +108,23 @@ export function showTeam(team, elapsed_s) {
   ]));
 }
 
-function holdingCell(cell) {
+// `isKeeper`: the holder leads or is the designated survivor, so it should hold everything.
+function holdingCell(cell, isKeeper) {
   if (cell === null) return kUnknown;
   if (cell.missing === null) return { text: String(cell.held) };
   const eta = cell.eta_s === null ? "" : `, ${age(cell.eta_s)} left`;
   const all = cell.held + cell.missing;
   if (cell.missing === 0) return { text: String(cell.held), part: all === 0 ? 0 : 1 };
-  return { text: `${cell.held}, lacks ${cell.missing}${eta}`, className: "bad", part: cell.held / all };
+  return { text: `${cell.held}, lacks ${cell.missing}${eta}`, className: isKeeper ? "bad" : "", part: cell.held / all };
 }
 
-export function showHoldings({ origins, rows }, elapsed_s) {
+export function showHoldings({ holdings: { origins, rows }, agents }, elapsed_s) {
+  const keepers = agents.filter(({ role }) => role === "leader" || role === "designated_survivor").map(({ name }) => name);
   const table = byId("holdings");
   fillRows(table.tHead, [[{ text: "Held by", isHead: true }, ...origins.map((text) => ({ text, isHead: true }))]]);
   fillRows(table.tBodies[0], rows.map((row) => {
     const old = Number.isFinite(row.age_s) && row.age_s + elapsed_s > kOld_s ? ` (${age(row.age_s + elapsed_s)} ago)` : "";
-    return [{ text: row.agent + old, isHead: true, className: old ? "old" : "" }, ...row.cells.map(holdingCell)];
+    return [{ text: row.agent + old, isHead: true, className: old ? "old" : "" }, ...row.cells.map((cell) => holdingCell(cell, keepers.includes(row.agent)))];
   }));
 }
 

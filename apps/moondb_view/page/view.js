@@ -64,7 +64,7 @@ function showAges() {
   document.body.classList.toggle("is-stale", text !== "");
   if (state.team === null) return;
   showTeam(state.team, sinceTeam_s());
-  showHoldings(state.team.holdings, sinceTeam_s());
+  showHoldings(state.team, sinceTeam_s());
 }
 
 function showTeamPart(team) {

@@ -82,6 +82,9 @@ TEST_F(TeamPageTest, SaysWhatLosingTheLeaderWouldCost) {
   EXPECT_TRUE(LossAnswer(team_, reports_).is_known) << "the team was asked";
   reports_.agents[3].age_s = 2 * kAnswerAgeMax_s;
   EXPECT_FALSE(LossAnswer(team_, reports_).is_known) << "long ago";
+  EXPECT_EQ(LossAnswer(team_, reports_).text, "not known: ask the team");
+  Own().mutable_peers(1)->set_is_connected(false);
+  EXPECT_EQ(LossAnswer(team_, reports_).text, "not known: rover3, which leads, is silent");
 }
 
 TEST_F(TeamPageTest, SaysWhoIsSilent) {
@@ -118,6 +121,15 @@ TEST_F(TeamPageTest, SaysThatMapsAreCurrentOnlyIfAllAgentsSaySo) {
   EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover3 does not answer; the others have settled");
   team_.mutable_radio()->set_sync_period_s(0);
   EXPECT_FALSE(MapsAnswer(team_, reports_).is_known) << "records move on command";
+}
+
+TEST_F(TeamPageTest, ASilentLeaderIsNotSaidToWork) {
+  Own().mutable_roles()->set_leader(3);
+  reports_.agents[2] = ReportBy(2);
+  reports_.agents[4] = ReportBy(4);
+  EXPECT_FALSE(MapsAnswer(team_, reports_).is_known);
+  Own().mutable_peers(1)->set_is_connected(false);
+  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover3 does not answer; the others have settled");
 }
 
 TEST_F(TeamPageTest, OneAgentsOwnBacklogIsKnownWithoutAskingTheTeam) {
@@ -160,6 +172,19 @@ TEST_F(TeamPageTest, ShowsWhoHasWhat) {
   reports_.agents[2].holds = others;
   EXPECT_THAT(Page(), HasSubstr(R"({"held":4,"missing":2,"eta_s":null})"));
   EXPECT_THAT(Page(), HasSubstr(R"({"held":8,"missing":2,"eta_s":6})"));
+}
+
+TEST_F(TeamPageTest, RecordsThatCameAfterTheQuestionAreNoGap) {
+  HaveSet others;
+  others[kOtherNodes].held.Add({1, 6});
+  reports_.agents[2] = ReportBy(2);
+  reports_.agents[2].holds = reports_.agents[2].own_holds_then = others;
+  reports_.agents[1].holds = others;
+  (*reports_.agents[1].holds)[kOtherNodes].held.Add({7, 9});
+  EXPECT_THAT(Page(),
+              HasSubstr(R"("agent":"rover2","is_known":true,"age_s":0,)"
+                        R"("cells":[{"held":0,"missing":null,"eta_s":null},{"held":6,"missing":0,"eta_s":null})"));
+  EXPECT_THAT(Page(), HasSubstr(R"({"held":9,"missing":0,"eta_s":null})")) << "rover1 has more";
 }
 
 TEST_F(TeamPageTest, ShowsTheFindingsOfHealth) {
