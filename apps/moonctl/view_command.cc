@@ -19,9 +19,8 @@ struct ViewArguments {
 ExitCode View(CommandContext& context, const ViewArguments& arguments) {
   if (const auto team = context.Team(); !team) return context.Report(team.error());
   const std::string program = context.program_folder() / "moondb_view";
-  std::vector<std::string> words{program,    "--team",         context.TeamPath().string(),
-                                 "--listen", arguments.listen, "--port",
-                                 std::to_string(arguments.port)};
+  std::vector<std::string> words{program,          "--team", context.TeamPath().string(),   "--listen",
+                                 arguments.listen, "--port", std::to_string(arguments.port)};
   if (!context.agent.empty()) words.insert(words.end(), {"--agent", context.agent});
   if (!context.key_file.empty()) words.insert(words.end(), {"--key", context.key_file});
   std::vector<char*> argv;
@@ -39,7 +38,8 @@ void AddViewCommand(Command& app, CommandContext& context) {
                              {"moonctl view --port 8600"});
   view.AddOption("--port", arguments->port, "Port of the page; 0: any free port").Within(0u, 65535u).DefaultShown();
   view.AddOption("--listen", arguments->listen, "IP address of the page").TypeName("ADDRESS").DefaultShown();
-  view.Callback([&context, arguments] { context.action = [&context, arguments] { return View(context, *arguments); }; });
+  view.Callback(
+      [&context, arguments] { context.action = [&context, arguments] { return View(context, *arguments); }; });
 }
 
 }  // namespace moondb

@@ -73,10 +73,28 @@ Board::Bytes Board::Find(const std::string& name) const {
   return part == parts_.end() ? nullptr : part->second.bytes;
 }
 
-Board::Bytes Board::FindTile(std::int64_t x, std::int64_t y) const {
-  const std::lock_guard lock(mutex_);
-  const auto tile = tiles_.find({x, y});
-  return tile == tiles_.end() ? nullptr : tile->second.bytes;
+std::string Board::FindTiles(std::uint64_t map_id, const std::vector<TileKey>& places) const {
+  std::vector<std::pair<TileKey, Bytes>> found;
+  {
+    const std::lock_guard lock(mutex_);
+    if (map_id != map_id_) return "";
+    for (const TileKey& place : places) {
+      const auto tile = tiles_.find(place);
+      if (tile != tiles_.end() && found.size() < kTilesAskedMax) found.emplace_back(place, tile->second.bytes);
+    }
+  }
+  std::string answer;
+  const auto append = [&answer](std::int64_t value) {
+    for (int shift = 0; shift < 32; shift += 8) answer += static_cast<char>(value >> shift & 0xff);
+  };
+  for (const auto& [place, bytes] : found) {
+    const Result<std::string> cells = Inflate(*bytes);
+    if (!cells || answer.size() + cells->size() > kTileBytesAskedMax) continue;
+    append(place.first);
+    append(place.second);
+    answer += *cells;
+  }
+  return answer;
 }
 
 std::string Board::ChangesJson(std::uint64_t since) const {

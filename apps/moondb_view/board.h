@@ -11,6 +11,7 @@
 #include <mutex>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "model/error.h"
 
@@ -28,7 +29,9 @@ class Board {
  public:
   static constexpr std::size_t kTilesMax = 16'384;     // The most that an agent merges.
   static constexpr std::size_t kTilesListedMax = 256;  // In one answer of ChangesJson.
-  using Bytes = std::shared_ptr<const std::string>;    // Compressed by zlib.
+  static constexpr std::size_t kTilesAskedMax = 64;    // In one answer of FindTiles.
+  static constexpr std::size_t kTileBytesAskedMax = 512 * 1024;
+  using Bytes = std::shared_ptr<const std::string>;  // Compressed by zlib.
 
   // `instance` names this run: versions of different runs cannot be compared.
   explicit Board(std::string instance) : instance_(std::move(instance)) {}
@@ -43,7 +46,11 @@ class Board {
 
   // Null: there is none.
   Bytes Find(const std::string& part) const;
-  Bytes FindTile(std::int64_t x, std::int64_t y) const;
+
+  // Returns the tiles at these places: for each, its place as two signed 32-bit numbers, little-endian, and its cells.
+  // Places without a tile are left out, and so are those beyond kTilesAskedMax tiles or kTileBytesAskedMax cells.
+  // Empty if `map_id` is not the id of the current map.
+  std::string FindTiles(std::uint64_t map_id, const std::vector<std::pair<std::int64_t, std::int64_t>>& places) const;
 
   // Returns what changed after version `since`, as JSON (docs/VIEW.md).
   std::string ChangesJson(std::uint64_t since) const;

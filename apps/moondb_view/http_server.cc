@@ -180,7 +180,7 @@ class HttpServer::Listener::Session : public std::enable_shared_from_this<Sessio
     }
     response_.emplace(static_cast<http::status>(content.status), 11);
     response_->set(http::field::content_type, content.content_type);
-    response_->set(http::field::cache_control, content.is_immutable ? "private, max-age=86400, immutable" : "no-store");
+    response_->set(http::field::cache_control, "no-store");
     response_->set("Content-Security-Policy", kPolicy);
     response_->set("X-Content-Type-Options", "nosniff");
     response_->set("Referrer-Policy", "no-referrer");

@@ -28,8 +28,7 @@ struct HttpResponse {
   unsigned status = 200;
   std::string content_type = "application/json";
   std::shared_ptr<const std::string> body;
-  bool is_deflated = false;   // `body` is compressed by zlib.
-  bool is_immutable = false;  // The same path and query always have this answer.
+  bool is_deflated = false;  // `body` is compressed by zlib.
 };
 
 class HttpServer {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <sstream>
 #include <string_view>
 #include <utility>
 
@@ -121,22 +122,27 @@ void ViewSite::Handle(const HttpRequest& request, HttpServer::Respond respond) {
   if (request.method != "GET" && request.method != "HEAD") return respond(Refusal(405, "only GET is allowed here"));
   if (request.path == "/api/changes") return HandleChanges(request, std::move(respond));
   if (request.path == "/api/why") return HandleWhy(request, std::move(respond));
-  if (request.path == "/tile") {
-    const auto x = NumberOf<std::int64_t>(request, "x");
-    const auto y = NumberOf<std::int64_t>(request, "y");
-    const Board::Bytes tile = x && y ? board_.FindTile(*x, *y) : nullptr;
-    if (tile == nullptr) return respond(Refusal(404, "there is no such tile"));
-    // A viewer names the version of the tile, so the same address never means other cells for it.
-    return respond({200, "application/octet-stream", tile, true, request.query.contains("v")});
-  }
+  if (request.path == "/tiles") return HandleTiles(request, respond);
   if (request.path.starts_with("/api/")) {
     const Board::Bytes part = board_.Find(request.path.substr(5));
     if (part == nullptr) return respond(Refusal(404, "there is no such part, or not yet"));
-    return respond({200, "application/json", part, true, false});
+    return respond({200, "application/json", part, true});
   }
   const auto file = std::ranges::find(kPageFiles, request.path, &PageFile::path);
   if (file == std::end(kPageFiles)) return respond(Refusal(404, "there is no such page"));
   respond({200, std::string(file->content_type), std::make_shared<const std::string>(file->content)});
+}
+
+void ViewSite::HandleTiles(const HttpRequest& request, const HttpServer::Respond& respond) {
+  const auto at = request.query.find("at");
+  std::vector<std::pair<std::int64_t, std::int64_t>> places;
+  std::istringstream numbers(at == request.query.end() ? "" : at->second);
+  char comma = 0;
+  for (std::int64_t x = 0, y = 0; numbers >> x >> comma >> y; numbers >> comma) places.emplace_back(x, y);
+  const auto map = NumberOf<std::uint64_t>(request, "map");
+  if (places.empty() || !map) return respond(Refusal(400, "expected /tiles?map=ID&at=X,Y;X,Y"));
+  respond({200, "application/octet-stream",
+           std::make_shared<const std::string>(Deflate(board_.FindTiles(*map, places))), true});
 }
 
 void ViewSite::HandleChanges(const HttpRequest& request, HttpServer::Respond respond) {

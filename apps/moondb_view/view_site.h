@@ -45,6 +45,7 @@ class ViewSite {
     HttpServer::Respond respond;
   };
 
+  void HandleTiles(const HttpRequest& request, const HttpServer::Respond& respond);
   void HandleChanges(const HttpRequest& request, HttpServer::Respond respond);
   void HandleWhy(const HttpRequest& request, HttpServer::Respond respond);
   void HandleAsk(const HttpRequest& request, const HttpServer::Respond& respond);

@@ -51,16 +51,12 @@ export class TeamMap {
   setLines(lines) { this.lines = lines; this.redraw(); }
   show(kind, isShown) { this.shown[kind] = isShown; this.redraw(); }
 
-  // Returns the tile next to the middle of the view.
-  nearest(tiles) {
-    let best = null;
-    let bestDistance = Infinity;
-    for (const tile of tiles) {
-      const distance = Math.hypot((tile[0] + 0.5) * this.tiles.tile_m - this.center[0],
-        (tile[1] + 0.5) * this.tiles.tile_m - this.center[1]);
-      if (distance < bestDistance) [best, bestDistance] = [tile, distance];
-    }
-    return best;
+  // Returns the tiles next to the middle of the view.
+  nearest(tiles, count) {
+    if (tiles.length <= count) return tiles;
+    const distance = ([x, y]) => Math.hypot((x + 0.5) * this.tiles.tile_m - this.center[0],
+      (y + 0.5) * this.tiles.tile_m - this.center[1]);
+    return tiles.map((tile) => [distance(tile), tile]).sort(([a], [b]) => a - b).slice(0, count).map(([, tile]) => tile);
   }
 
   toScreen = (x_m, y_m) => [

@@ -4,6 +4,8 @@
 
 const kPartOrder = ["team", "poses", "timeline", "events", "lines"];
 const kTilesAfter = 1; // Tiles come after this index of kPartOrder.
+const kTilesMax = 64; // In one answer, as the server allows.
+const kTileBytesMax = 512 * 1024;
 const kTimeout_ms = 60_000;
 const kBackoffMax_ms = 10_000;
 
@@ -13,7 +15,7 @@ async function get(path) {
   try {
     const answer = await fetch(path, { signal: abort.signal });
     if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
-    return path.startsWith("/tile") ? new Uint8Array(await answer.arrayBuffer()) : await answer.json();
+    return path.startsWith("/tiles") ? await answer.arrayBuffer() : await answer.json();
   } finally {
     clearTimeout(timer);
   }
@@ -22,12 +24,13 @@ async function get(path) {
 const pause = (ms) => new Promise((done) => { setTimeout(done, ms); });
 
 export class Feed {
-  // `sink` has part(name, value), map(head), tile(x, y, cells), nearest(tiles), heard() and lost().
+  // `sink` has part(name, value), map(head), tile(x, y, cells), nearest(tiles, count), heard() and lost().
   constructor(sink) {
     this.sink = sink;
     this.wake = () => {};
     this.forget();
     this.mapId = null;
+    this.tileCells = 1;
     this.instance = null;
   }
 
@@ -68,6 +71,7 @@ export class Feed {
     const mapId = changes.map?.id ?? null;
     if (mapId !== this.mapId) {
       this.mapId = mapId;
+      this.tileCells = changes.map?.tile_cells ?? 1;
       this.tiles.clear();
       this.sink.map(changes.map);
     }
@@ -80,7 +84,7 @@ export class Feed {
   async fetchNext() {
     const part = kPartOrder.find((name) => this.parts.has(name));
     const isTileFirst = this.tiles.size > 0 && (part === undefined || kPartOrder.indexOf(part) > kTilesAfter);
-    if (isTileFirst) return this.fetchTile();
+    if (isTileFirst) return this.fetchTiles();
     if (part === undefined) {
       await new Promise((done) => { this.wake = done; });
       return undefined;
@@ -95,15 +99,22 @@ export class Feed {
     return undefined;
   }
 
-  async fetchTile() {
+  // Fetches the tiles next to the middle of the view, as many as one answer holds.
+  async fetchTiles() {
     const mapId = this.mapId;
-    const tile = this.sink.nearest(this.tiles.values());
-    const [x, y, version] = tile;
-    const cells = await get(`/tile?x=${x}&y=${y}&v=${version}`);
+    const size = this.tileCells ** 2;
+    const count = Math.max(1, Math.min(kTilesMax, Math.floor(kTileBytesMax / (size + 8))));
+    const tiles = this.sink.nearest([...this.tiles.values()], count);
+    const answer = new DataView(await get(`/tiles?map=${mapId}&at=${tiles.map(([x, y]) => `${x},${y}`).join(";")}`));
     if (mapId !== this.mapId) return;
     // A newer version that was announced meanwhile stays to be fetched.
-    if (this.tiles.get(`${x},${y}`) === tile) this.tiles.delete(`${x},${y}`);
-    this.sink.tile(x, y, cells);
+    for (const tile of tiles) {
+      const key = `${tile[0]},${tile[1]}`;
+      if (this.tiles.get(key) === tile) this.tiles.delete(key);
+    }
+    for (let at = 0; at + 8 + size <= answer.byteLength; at += 8 + size) {
+      this.sink.tile(answer.getInt32(at, true), answer.getInt32(at + 4, true), new Uint8Array(answer.buffer, at + 8, size));
+    }
   }
 }
 

@@ -150,7 +150,7 @@ export class Tiles {
       for (const mark of tile.marks) {
         if (now - mark.at >= kMarked_ms) continue;
         isAny = true;
-        context.globalAlpha = 0.75 * (1 - (now - mark.at) / kMarked_ms) + 0.2;
+        context.globalAlpha = 0.4 * (1 - (now - mark.at) / kMarked_ms) + 0.15;
         for (const i of mark.cells) {
           const [x, y] = toScreen(tile.x * this.tile_m + (i % side) * this.cell_m,
             tile.y * this.tile_m + (Math.floor(i / side) + 1) * this.cell_m);

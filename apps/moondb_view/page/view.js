@@ -104,7 +104,7 @@ const feed = new Feed({
     showNote();
   },
   tile: (x, y, cells) => map.setTile(x, y, cells),
-  nearest: (tiles) => map.nearest(tiles),
+  nearest: (tiles, count) => map.nearest(tiles, count),
   heard() { state.heard_at = performance.now(); },
   lost() {}, // The banner says so after some seconds.
 });

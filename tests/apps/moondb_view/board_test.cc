@@ -42,8 +42,8 @@ TEST(BoardTest, ListsEachTileOnceWithItsNewestVersion) {
   board.SetTile(-1, 2, std::string(16, '\2'));
   EXPECT_THAT(board.ChangesJson(0), HasSubstr(R"("tiles":[[0,0,3],[-1,2,4]])"));
   EXPECT_THAT(board.ChangesJson(3), HasSubstr(R"("tiles":[[-1,2,4]])"));
-  EXPECT_EQ(Inflate(*board.FindTile(-1, 2)).value(), std::string(16, '\2'));
-  EXPECT_EQ(board.FindTile(5, 5), nullptr);
+  const std::string place("\xff\xff\xff\xff\2\0\0\0", 8);
+  EXPECT_EQ(board.FindTiles(1, {{5, 5}, {-1, 2}}), place + std::string(16, '\2'));
 }
 
 TEST(BoardTest, ListsManyTilesInParts) {
@@ -63,20 +63,33 @@ TEST(BoardTest, ANewMapForgetsItsTiles) {
   board.BeginMap({50'000, 4, ""});
   board.SetTile(1, 1, kCells);
   board.BeginMap({25'000, 4, "rover2"});
-  EXPECT_EQ(board.FindTile(1, 1), nullptr);
+  EXPECT_EQ(board.FindTiles(3, {{1, 1}}), "");
   EXPECT_THAT(board.ChangesJson(0), HasSubstr(R"("tiles":[])"));
   EXPECT_THAT(board.ChangesJson(0),
               HasSubstr(R"("map":{"id":3,"resolution_um":25000,"tile_cells":4,"frame_of":"rover2"})"));
+  board.SetTile(1, 1, kCells);
+  EXPECT_NE(board.FindTiles(3, {{1, 1}}), "");
+  EXPECT_EQ(board.FindTiles(1, {{1, 1}}), "") << "cells of the new map for a viewer of the old one";
 }
 
 TEST(BoardTest, TilesBeyondTheLimitAreIgnored) {
   Board board("run");
   board.BeginMap({50'000, 1, ""});
   for (std::size_t x = 0; x <= Board::kTilesMax; ++x) board.SetTile(static_cast<std::int64_t>(x), 0, "\1");
-  EXPECT_NE(board.FindTile(Board::kTilesMax - 1, 0), nullptr);
-  EXPECT_EQ(board.FindTile(Board::kTilesMax, 0), nullptr);
+  EXPECT_NE(board.FindTiles(1, {{Board::kTilesMax - 1, 0}}), "");
+  EXPECT_EQ(board.FindTiles(1, {{Board::kTilesMax, 0}}), "");
   board.SetTile(0, 0, "\2");  // A tile that is there still changes.
-  EXPECT_EQ(Inflate(*board.FindTile(0, 0)).value(), "\2");
+  EXPECT_EQ(board.FindTiles(1, {{0, 0}}).back(), '\2');
+  std::vector<std::pair<std::int64_t, std::int64_t>> many;
+  for (int x = 0; x < 1000; ++x) many.emplace_back(x, 0);
+  EXPECT_EQ(board.FindTiles(1, many).size(), Board::kTilesAskedMax * 9);
+}
+
+TEST(BoardTest, AnAnswerHoldsALimitedNumberOfCells) {
+  Board board("run");
+  board.BeginMap({50'000, 512, ""});
+  for (int x = 0; x < 4; ++x) board.SetTile(x, 0, std::string(512 * 512, '\1'));
+  EXPECT_EQ(board.FindTiles(1, {{0, 0}, {1, 0}, {2, 0}, {3, 0}}).size(), 512u * 512 + 8);
 }
 
 TEST(BoardTest, AWaitEndsByAChangeAndByTheEnd) {

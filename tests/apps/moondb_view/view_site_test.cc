@@ -39,15 +39,14 @@ TEST_F(ViewSiteTest, ServesPartsAndTiles) {
   EXPECT_EQ(Get("/api/team").status, 404u);
   board_.Set("team", "{}");
   EXPECT_EQ(Get("/api/team").status, 200u);
-  EXPECT_FALSE(Get("/api/team").is_immutable);
   board_.BeginMap({50'000, 1, ""});
   board_.SetTile(-1, 2, "\1");
-  EXPECT_EQ(Get("/tile", {{"x", "-1"}, {"y", "2"}, {"v", "3"}}).status, 200u);
-  EXPECT_TRUE(Get("/tile", {{"x", "-1"}, {"y", "2"}, {"v", "3"}}).is_immutable);
-  EXPECT_FALSE(Get("/tile", {{"x", "-1"}, {"y", "2"}}).is_immutable);
-  for (const char* x : {"", "0x1", "1e3", "99999999999999999999", "-1 ", "nan"}) {
-    EXPECT_EQ(Get("/tile", {{"x", x}, {"y", "2"}}).status, 404u) << x;
+  EXPECT_EQ(Inflate(*Get("/tiles", {{"map", "2"}, {"at", "-1,2;7,7"}}).body).value().size(), 9u);
+  EXPECT_EQ(Inflate(*Get("/tiles", {{"map", "2"}, {"at", "7,7"}}).body).value(), "");
+  for (const char* at : {"", "x", "1", "1,", "99999999999999999999,1", "nan,1"}) {
+    EXPECT_EQ(Get("/tiles", {{"map", "2"}, {"at", at}}).status, 400u) << at;
   }
+  EXPECT_EQ(Get("/tiles", {{"at", "-1,2"}}).status, 400u);
 }
 
 TEST_F(ViewSiteTest, ARequestForChangesWaitsForOne) {
