@@ -82,13 +82,15 @@ class Viewer(threading.Thread):
     def fetch(self, parts, tiles, map_id):
         for name in ORDER:
             if name == "tiles":
-                # The page asks for changes meanwhile; so does this viewer after some tiles.
-                if tiles:
+                # The page asks for changes meanwhile. A viewer on a slow link does so after each group.
+                while tiles:
                     places = list(tiles)[:64]
                     self.get(f"/tiles?map={map_id}&at=" + ";".join(f"{x},{y}" for x, y in places))
                     self.tile_times.append(time.time())
                     for place in places:
                         tiles.pop(place)
+                    if self.kbps:
+                        break
                 if not tiles and self.picture_s is None:
                     self.picture_s = time.monotonic() - self.start_time
             elif name in parts:

@@ -190,7 +190,7 @@ void AgentWatch::PublishTeam() {
     reports.is_placed = is_placed_;
     const auto others = static_cast<double>(team_.agents_size() - 1);
     reports.ask = {asks_team_, others * (answer_bytes_ + kRequestBytes), spent_bytes_,
-                   std::chrono::duration<double>(options_.ask_period).count()};
+                   std::chrono::duration<double>(options_.ask_period).count(), asks_team_ ? ask_trouble_ : ""};
     timeline_.Add(reports.now_s, TimelineCountsOf(team_, reports));
     if (Clock::now() - timeline_at_ > kTimelinePeriod) {
       timeline_at_ = Clock::now();
@@ -329,20 +329,23 @@ void AgentWatch::AskOthers() {
       if (answers_.contains(agent_)) own_holds = answers_.at(agent_).reported.holds;
     }
     CommandContext context = MakeContext();
+    std::string trouble;
     for (const proto::AgentConfig& agent : team_.agents()) {
       if (agent.left() || agent.id() == agent_ || is_ended()) continue;
       const auto connected = context.Connect(agent.name());
-      if (!connected) continue;
       double bytes = 0;
-      Result<ReportedAgent> reported = ReportOf(*connected->client, &bytes);
-      {
+      Result<ReportedAgent> reported =
+          connected ? ReportOf(*connected->client, &bytes) : tl::unexpected(connected.error());
+      if (!reported) trouble += (trouble.empty() ? "" : "; ") + agent.name() + ": " + reported.error().text;
+      if (connected && connected->via != nullptr) {
         const std::lock_guard lock(mutex_);
-        if (connected->via != nullptr) spent_bytes_ += bytes + kRequestBytes;
+        spent_bytes_ += bytes + kRequestBytes;
       }
       if (reported) reported->own_holds_then = own_holds;
       Store(agent.id(), std::move(reported));
     }
     std::unique_lock lock(mutex_);
+    ask_trouble_ = trouble;
     (void)woken_.wait_for(lock, options_.ask_period, [this] { return is_ended_ || !asks_team_; });
   }
 }

@@ -94,6 +94,7 @@ class AgentWatch {
   std::map<AgentId, bool> is_placed_;
   double answer_bytes_ = 0;  // Size of the own agent's last answers.
   double spent_bytes_ = 0;
+  std::string ask_trouble_;  // AskState::trouble.
   Timeline timeline_;
   Clock::time_point timeline_at_{};
   std::deque<std::function<void(Result<Client*>)>> questions_;

@@ -378,7 +378,8 @@ std::string TeamPageJson(const proto::TeamConfig& team, const TeamReports& repor
   WriteHoldings(team, reports, json);
   WriteFindings(team, reports, json);
   json.Key("ask").BeginObject().Key("is_on").Bool(reports.ask.is_on).Key("cost_bytes").Number(reports.ask.cost_bytes);
-  json.Key("spent_bytes").Number(reports.ask.spent_bytes).Key("period_s").Number(reports.ask.period_s).EndObject();
+  json.Key("spent_bytes").Number(reports.ask.spent_bytes).Key("period_s").Number(reports.ask.period_s);
+  json.Key("trouble").String(reports.ask.trouble).EndObject();
   return json.EndObject().text();
 }
 

@@ -38,6 +38,7 @@ struct AskState {
   double cost_bytes = 0;   // Bytes that one round is expected to send over the radio.
   double spent_bytes = 0;  // Bytes that all rounds have sent.
   double period_s = 0;
+  std::string trouble;  // The agents that did not answer in the last round, each with the reason.
 };
 
 struct TeamReports {

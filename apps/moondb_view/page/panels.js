@@ -132,7 +132,7 @@ export function showAsk(ask) {
   byId("ask").setAttribute("aria-checked", String(ask.is_on));
   const spent = ask.spent_bytes > 0 ? `; ${bytes(ask.spent_bytes)} sent so far` : "";
   setText(byId("ask-cost"), `Asks the other agents every ${age(ask.period_s)}, about ${bytes(ask.cost_bytes)} each time by radio if ` +
-    `they are on other machines${spent}.`);
+    `they are on other machines${spent}.${ask.trouble === "" ? "" : ` No answer from ${ask.trouble}.`}`);
 }
 
 export function showFindings(findings) {
