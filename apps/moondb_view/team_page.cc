@@ -257,7 +257,8 @@ void WriteHoldings(const proto::TeamConfig& team, const TeamReports& reports, Js
   json.EndArray().Key("rows").BeginArray();
   for (const proto::AgentConfig* holder : members) {
     const auto reported = reports.agents.find(holder->id());
-    const bool is_known = reported != reports.agents.end() && reported->second.holds.has_value();
+    const bool is_known = reported != reports.agents.end() && reported->second.holds.has_value() &&
+                          reported->second.age_s <= kAnswerAgeMax_s;
     json.BeginObject().Key("agent").String(holder->name()).Key("is_known").Bool(is_known).Key("age_s");
     is_known ? json.Number(reported->second.age_s) : json.Null();
     json.Key("cells").BeginArray();

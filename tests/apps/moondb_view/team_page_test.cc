@@ -172,6 +172,10 @@ TEST_F(TeamPageTest, ShowsWhoHasWhat) {
   reports_.agents[2].holds = others;
   EXPECT_THAT(Page(), HasSubstr(R"({"held":4,"missing":2,"eta_s":null})"));
   EXPECT_THAT(Page(), HasSubstr(R"({"held":8,"missing":2,"eta_s":6})"));
+  // An old answer says nothing about now: not even that rover2 holds nothing.
+  reports_.agents[2].age_s = 2 * kAnswerAgeMax_s;
+  EXPECT_THAT(Page(), HasSubstr(R"({"agent":"rover2","is_known":false,"age_s":null,)"
+                                R"("cells":[{"held":7,"missing":3,"eta_s":6},null,null,null]})"));
 }
 
 TEST_F(TeamPageTest, RecordsThatCameAfterTheQuestionAreNoGap) {
