@@ -23,6 +23,7 @@ def parse_arguments():
     parser.add_argument("--bin", required=True, help=argparse.SUPPRESS)
     parser.add_argument("--view", action="store_true", help="this demo")
     parser.add_argument("--mission", metavar="DIR", help="a recorded mission, instead of a generated one")
+    parser.add_argument("--seed", type=int, default=7, help="of the generated mission (7)")
     parser.add_argument("--minutes", type=int, default=10, help="length of the generated mission (10)")
     parser.add_argument("--speed", type=float, default=4, help="this many times as fast as the robots drove (4)")
     parser.add_argument("--port", type=int, default=8600, help="port of the page (8600)")
@@ -49,7 +50,8 @@ def drive(options, out, run_folder):
     environment = dict(os.environ, MOONDB_TEAM=str(out / "team/team.yaml"), MOONDB_RUN_DIR=run_folder)
     mission = pathlib.Path(options.mission).resolve() if options.mission else out / "mission"
     if not options.mission:
-        run(programs, environment, "moondb_mission", "generate", "--minutes", str(options.minutes), "--out", mission)
+        run(programs, environment, "moondb_mission", "generate", "--seed", str(options.seed), "--minutes",
+            str(options.minutes), "--out", mission)
     run(programs, environment, "moonctl", "config", "init", "--mission", mission, out / "team/team.yaml", "--first-port",
         str(free_port_run(AGENT_COUNT)))
     demo_lost_rover.let_records_flow(out / "team/team.yaml")
