@@ -23,7 +23,8 @@ constexpr auto kTimelinePeriod = std::chrono::seconds(5);
 constexpr auto kBatteryPeriod = std::chrono::seconds(10);
 constexpr auto kGraphPeriod = std::chrono::seconds(1);
 constexpr auto kPageWait = std::chrono::milliseconds(500);
-constexpr double kMapWait_s = 3;  // The end of the program may take this long.
+constexpr auto kIdlePageWait = std::chrono::seconds(3);  // The end of the program may take this long.
+constexpr double kMapWait_s = 3;
 constexpr std::uint32_t kEventsMax = 500;
 constexpr double kRequestBytes = 100;  // Size of the three requests to another agent, about.
 
@@ -222,7 +223,7 @@ Result<void> AgentWatch::FollowGraph(Client& client) {
   Clock::time_point written_at{};
   Clock::duration written_for{};
   while (true) {
-    const Result<proto::ReadReply> page = feed.Next(kPageWait);
+    const Result<proto::ReadReply> page = feed.Next(is_changed ? kPageWait : kIdlePageWait);
     if (!page) return tl::unexpected(page.error());
     if (is_ended()) return {};
     for (const proto::StoredRecord& stored : page->records()) {
@@ -291,7 +292,7 @@ Result<void> AgentWatch::FollowEvents(Client& client) {
     std::ranges::stable_sort(events, std::greater(), &EventView::timestamp_ns);
     board_.Set("events", EventsJson(team_, events));
     while (true) {
-      const Result<proto::ReadReply> news = feed.Next(std::chrono::seconds(3));
+      const Result<proto::ReadReply> news = feed.Next(kIdlePageWait);
       if (!news) return tl::unexpected(news.error());
       if (is_ended()) return {};
       if (!news->records().empty()) break;

@@ -99,6 +99,32 @@ async function checkCell(page) {
   console.log(`answer cell: ${text}`);
 }
 
+// Moves the cursor of the map by the keyboard, and asks there.
+async function checkKeyboard(page) {
+  const before = await answer(page, "cell");
+  await page.locator("canvas").first().focus();
+  for (let i = 0; i < 5; ++i) await page.keyboard.press("ArrowRight");
+  await page.keyboard.press("Enter");
+  await page.waitForFunction((old) => {
+    const text = document.getElementById("answer-cell").innerText.replaceAll(/\s+/g, " ");
+    return text !== old && text.includes("this cell is");
+  }, before, { timeout: kWait_ms });
+  console.log(`by the keyboard, ${await answer(page, "cell")}`);
+}
+
+// The page says that its agent does not answer, and recovers by itself.
+async function checkLostAgent(page) {
+  const { pid } = moonctl("status").agents.find(({ name }) => name === "rover1").status;
+  process.kill(pid, "SIGKILL");
+  const banner = page.locator("#banner");
+  await banner.filter({ hasText: "rover1 does not answer" }).waitFor({ timeout: kWait_ms });
+  await untilAnswer(page, "leader", "not known");
+  await untilAnswer(page, "silent", "not known");
+  moonctl("up");
+  await banner.waitFor({ state: "hidden", timeout: kWait_ms });
+  await untilAnswer(page, "leader", "rover2 leads");
+}
+
 async function checkRow(page, agent, text) {
   await page.waitForFunction(
     ([name, wanted]) => [...document.querySelectorAll("tr")].some((row) =>
@@ -120,6 +146,7 @@ async function main() {
   const colors = await colorsOfMap(page);
   require(colors >= 3, `the map shows ${colors} colours`);
   await checkCell(page);
+  await checkKeyboard(page);
 
   for (const theme of ["light", "dark"]) {
     for (const width of [1440, 390]) {
@@ -142,6 +169,8 @@ async function main() {
   await checkRow(page, "rover3", "silent");
   await accessible(page, "with a silent agent");
   if (pictures) await page.screenshot({ path: `${pictures}/silent.png` });
+
+  await checkLostAgent(page);
 
   require(foreign.length === 0, `requests to others: ${foreign.join(" ")}`);
   require(errors.length === 0, `errors of the page: ${errors.join("\n")}`);
