@@ -41,7 +41,7 @@ export class TeamMap {
     this.theme = theme;
     const style = getComputedStyle(document.documentElement);
     this.color = (name) => style.getPropertyValue(`--${name}`).trim();
-    this.tiles.setColors(["cell-unknown", "cell-free", "cell-hazard"].map(this.color));
+    this.tiles.setColors(["cell-unknown", "cell-free", "cell-hazard", "cell-changed"].map(this.color));
     this.redraw();
   }
 
@@ -195,8 +195,8 @@ export class TeamMap {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.fillStyle = this.color("cell-unknown");
     context.fillRect(0, 0, this.width, this.height);
-    this.tiles.draw(context, this.toScreen, this.scale, this.width, this.height);
-    this.hasMarks = this.tiles.drawMarks(context, this.toScreen, this.scale, this.color("cell-changed"));
+    if (!this.tiles.draw(context, this.toScreen, this.scale, this.width, this.height)) this.redraw();
+    this.tiles.drawMarks(context, this.toScreen, this.scale, this.width, this.height);
     this.drawLines();
     this.drawAgents();
     this.drawPlaces();

@@ -7,17 +7,23 @@ const kTilesAfter = 1; // Tiles come after this index of kPartOrder.
 const kTilesMax = 64; // In one answer, as the server allows.
 const kTileBytesMax = 512 * 1024;
 const kTimeout_ms = 60_000;
+const kChangesTimeout_ms = 30_000; // The server waits up to 20 s for a change.
+const kProbe_ms = 5_000; // After this time without an answer, a probe tells a quiet server from a dead connection.
 const kBackoffMax_ms = 10_000;
 
-async function get(path) {
+const inFlight = new Set(); // AbortControllers.
+
+async function get(path, timeout_ms = kTimeout_ms, options = {}) {
   const abort = new AbortController();
-  const timer = setTimeout(() => abort.abort(), kTimeout_ms);
+  const timer = setTimeout(() => abort.abort(), timeout_ms);
+  inFlight.add(abort);
   try {
-    const answer = await fetch(path, { signal: abort.signal });
+    const answer = await fetch(path, { ...options, signal: abort.signal });
     if (!answer.ok) throw new Error(`${path}: ${answer.status}`);
     return path.startsWith("/tiles") ? await answer.arrayBuffer() : await answer.json();
   } finally {
     clearTimeout(timer);
+    inFlight.delete(abort);
   }
 }
 
@@ -32,11 +38,15 @@ export class Feed {
     this.mapId = null;
     this.tileCells = 1;
     this.instance = null;
+    this.heard_at = performance.now();
+    this.isCut = false;
+    this.retries = []; // Each ends one pause.
   }
 
   start() {
     this.repeat(() => this.pollChanges());
     this.repeat(() => this.fetchNext());
+    this.repeat(() => this.probe());
   }
 
   forget() {
@@ -52,15 +62,15 @@ export class Feed {
         wait = 1000;
       } catch (error) {
         this.sink.lost(error);
-        await pause(wait);
+        await this.pauseUnlessHeard(wait);
         wait = Math.min(2 * wait, kBackoffMax_ms);
       }
     }
   }
 
   async pollChanges() {
-    const changes = await get(`/api/changes?since=${this.since}`);
-    this.sink.heard();
+    const changes = await get(`/api/changes?since=${this.since}`, kChangesTimeout_ms);
+    this.hear();
     if (changes.instance !== this.instance) {
       const isFirst = this.instance === null;
       this.instance = changes.instance;
@@ -81,6 +91,36 @@ export class Feed {
     this.wake();
   }
 
+  // Waits before the next try, but not longer than until the server answers another request.
+  pauseUnlessHeard(ms) {
+    return new Promise((done) => {
+      const timer = setTimeout(done, ms);
+      this.retries.push(() => { clearTimeout(timer); done(); });
+    });
+  }
+
+  hear() {
+    this.retries.splice(0).forEach((retry) => retry());
+    this.heard_at = performance.now();
+    this.sink.heard();
+  }
+
+  // Fetches the team if the server has been quiet. After a cut, the first answer ends the requests that the cut has
+  // left hanging, because their connections recover only after the timeout.
+  async probe() {
+    await pause(1000);
+    if (performance.now() - this.heard_at < kProbe_ms) return;
+    const old = [...inFlight];
+    const isSlow = this.isCut;
+    this.isCut = true; // Until the probe is answered.
+    const team = await get("/api/team", kProbe_ms).catch(() => null);
+    if (team === null) return;
+    this.isCut = false;
+    if (isSlow) old.forEach((abort) => abort.abort());
+    this.hear();
+    this.sink.part("team", team);
+  }
+
   async fetchNext() {
     const part = kPartOrder.find((name) => this.parts.has(name));
     const isTileFirst = this.tiles.size > 0 && (part === undefined || kPartOrder.indexOf(part) > kTilesAfter);
@@ -91,7 +131,9 @@ export class Feed {
     }
     this.parts.delete(part);
     try {
-      this.sink.part(part, await get(`/api/${part}`));
+      const value = await get(`/api/${part}`);
+      this.hear();
+      this.sink.part(part, value);
     } catch (error) {
       this.parts.add(part);
       throw error;
@@ -106,6 +148,7 @@ export class Feed {
     const count = Math.max(1, Math.min(kTilesMax, Math.floor(kTileBytesMax / (size + 8))));
     const tiles = this.sink.nearest([...this.tiles.values()], count);
     const answer = new DataView(await get(`/tiles?map=${mapId}&at=${tiles.map(([x, y]) => `${x},${y}`).join(";")}`));
+    this.hear();
     if (mapId !== this.mapId) return;
     // A newer version that was announced meanwhile stays to be fetched.
     for (const tile of tiles) {
@@ -121,15 +164,15 @@ export class Feed {
 // Asks why a cell is as it is. Returns the answer, or the error of the server or of the network as {error: {text}}.
 export async function askWhy(x_m, y_m) {
   try {
-    const answer = await fetch(`/api/why?x=${x_m}&y=${y_m}`);
+    const answer = await fetch(`/api/why?x=${x_m}&y=${y_m}`, { signal: AbortSignal.timeout(kChangesTimeout_ms) });
     return await answer.json();
   } catch {
     return { error: { text: "moondb_view does not answer" } };
   }
 }
 
-export async function switchAsk(isOn) {
-  await fetch("/api/ask", {
+export function switchAsk(isOn) {
+  return get("/api/ask", kChangesTimeout_ms, {
     method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ is_on: isOn }),
   });
 }

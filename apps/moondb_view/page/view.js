@@ -43,24 +43,25 @@ function showNote() {
   note.hidden = notes.length === 0;
 }
 
-// What does not answer, or an empty text.
+// Returns the sentence on what does not answer, or an empty one, and the age of the data. Screen readers read the sentence
+// once. The age changes each second, so it stands outside the alert.
 function trouble() {
   const silent_s = (performance.now() - state.heard_at) / 1000;
-  if (silent_s > kSilentServer_s) return `No answer from moondb_view for ${age(silent_s)}. What is shown is old.`;
-  if (state.team === null) return "";
+  if (silent_s > kSilentServer_s) return ["No answer from moondb_view. The page shows old data.", `Last answer: ${age(silent_s)} ago.`];
+  if (state.team === null) return ["", ""];
   const { source, agent } = state.team;
   if (!source.is_reachable) {
-    const old = source.age_s === null ? "" : ` Its last answer is ${age(source.age_s + sinceTeam_s())} old.`;
-    return `${agent} does not answer: ${source.text}.${old}`;
+    const old = source.age_s === null ? "" : `Last answer: ${age(source.age_s + sinceTeam_s())} ago.`;
+    return [`${agent} does not answer: ${source.text}.`, old];
   }
-  return "";
+  return ["", ""];
 }
 
 function showAges() {
-  const text = trouble();
-  const banner = byId("banner");
-  if (banner.textContent !== text) banner.textContent = text;
-  banner.hidden = text === "";
+  const [text, old] = trouble();
+  byId("banner").hidden = text === "";
+  if (byId("banner-text").textContent !== text) byId("banner-text").textContent = text;
+  byId("banner-age").textContent = old;
   document.body.classList.toggle("is-stale", text !== "");
   if (state.team === null) return;
   showTeam(state.team, sinceTeam_s());

@@ -4,10 +4,12 @@
 Usage: page_test.py PROGRAMS FOLDER [PICTURES]    FOLDER gets the npm packages of package-lock.json.
 Exit codes: 0 passed, 1 failed, 77 skipped (Chromium, node or npm is missing; with MOONDB_NEEDS_BROWSER, that fails).
 """
+import contextlib
 import os
 import pathlib
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
@@ -38,10 +40,20 @@ def install_packages(folder):
     return None if done.returncode == 0 else "npm ci failed: " + done.stderr[-500:]
 
 
+def free_port_run(count):
+    """Returns the first of `count` consecutive loopback ports that are free now."""
+    for first in range(19860, 60000, 50):
+        with contextlib.ExitStack() as stack, contextlib.suppress(OSError):
+            for port in range(first, first + count):
+                stack.enter_context(socket.socket()).bind(("127.0.0.1", port))
+            return first
+    raise RuntimeError("no free loopback ports")
+
+
 def start_team(environment, folder):
     run(["moondb_mission", "generate", "--seed", "7", "--minutes", "3", "--out", "mission"], env=environment, cwd=folder)
-    run(["moonctl", "config", "init", "--mission", "mission", "team/team.yaml", "--first-port", "19860"], env=environment,
-        cwd=folder)
+    run(["moonctl", "config", "init", "--mission", "mission", "team/team.yaml", "--first-port",
+         str(free_port_run(4))], env=environment, cwd=folder)
     team = folder / "team/team.yaml"
     text = team.read_text(encoding="utf-8").replace("sync_period_s: 0", "sync_period_s: 2")
     team.write_text(text, encoding="utf-8")
