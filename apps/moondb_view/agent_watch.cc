@@ -49,8 +49,9 @@ std::string EventsJson(const proto::TeamConfig& team, const std::vector<EventVie
 
 }  // namespace
 
-AgentWatch::AgentWatch(Options options, const proto::TeamConfig& team, AgentId agent, Board& board)
-    : options_(std::move(options)), team_(team), agent_(agent), board_(board) {
+AgentWatch::AgentWatch(Options options, const proto::TeamConfig& team, AgentId agent, Board& board,
+                       FoxgloveFeed& foxglove)
+    : options_(std::move(options)), team_(team), agent_(agent), board_(board), foxglove_(foxglove) {
   threads_.emplace_back([this] { Repeat("states", [this](Client& client) { return FollowStates(client); }); });
   threads_.emplace_back([this] { Repeat("pose graph", [this](Client& client) { return FollowGraph(client); }); });
   threads_.emplace_back([this] { Repeat("map", [this](Client& client) { return FollowMap(client); }); });
@@ -198,7 +199,9 @@ void AgentWatch::PublishTeam() {
       timeline = timeline_.Json(team_);
     }
   }
-  board_.Set("team", TeamPageJson(team_, reports));
+  const std::string json = TeamPageJson(team_, reports);
+  board_.Set("team", json);
+  foxglove_.SetTeam(json);
   if (!timeline.empty()) board_.Set("timeline", timeline);
 }
 
@@ -238,12 +241,13 @@ Result<void> AgentWatch::FollowGraph(Client& client) {
     if (!is_changed || !page->is_complete() || !is_due) continue;
     is_changed = false;
     written_at = Clock::now();
-    GraphBook::Pages pages = book.Write();
-    board_.Set("poses", pages.poses);
-    board_.Set("lines", pages.lines);
+    const GraphView view = book.View();
+    board_.Set("poses", PosesJson(team_, view));
+    board_.Set("lines", LinesJson(team_, view));
+    foxglove_.SetGraph(view);
     written_for = Clock::now() - written_at;
     const std::lock_guard lock(mutex_);
-    is_placed_ = std::move(pages.is_placed);
+    for (const auto& [track, is_placed] : view.tracks) is_placed_[track.agent] = is_placed;
   }
 }
 
@@ -263,12 +267,16 @@ Result<void> AgentWatch::FollowMap(Client& client) {
     }
     now.frame_of = tiles->frame_of == 0 ? "" : AgentName(team_, tiles->frame_of);
     // Before the first tile, the size of cells is not known.
-    if (now.tile_cells > 0 && (tiles->is_everything || now != map)) board_.BeginMap(now);
+    if (now.tile_cells > 0 && (tiles->is_everything || now != map)) {
+      board_.BeginMap(now);
+      foxglove_.BeginMap(tiles->frame_of);
+    }
     map = now;
     for (const MergedTile& tile : tiles->tiles) {
       const std::vector<Cell>& cells = tile.map.grid.cells;
       board_.SetTile(tile.x, tile.y, std::string(reinterpret_cast<const char*>(cells.data()), cells.size()));
     }
+    foxglove_.SetTiles(tiles->tiles);
   }
 }
 
@@ -291,6 +299,7 @@ Result<void> AgentWatch::FollowEvents(Client& client) {
     }
     std::ranges::stable_sort(events, std::greater(), &EventView::timestamp_ns);
     board_.Set("events", EventsJson(team_, events));
+    foxglove_.AddEvents(events);
     while (true) {
       const Result<proto::ReadReply> news = feed.Next(kIdlePageWait);
       if (!news) return tl::unexpected(news.error());

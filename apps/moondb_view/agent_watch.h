@@ -17,6 +17,7 @@
 
 #include "apps/moonctl/command_context.h"
 #include "apps/moondb_view/board.h"
+#include "apps/moondb_view/foxglove_feed.h"
 #include "apps/moondb_view/team_page.h"
 #include "apps/moondb_view/timeline.h"
 
@@ -36,8 +37,8 @@ class AgentWatch {
     std::function<void(const std::string& text)> on_remark;  // Called with what fails, once for each text.
   };
 
-  // Requires: the team file names the agent. `board` outlives the object.
-  AgentWatch(Options options, const proto::TeamConfig& team, AgentId agent, Board& board);
+  // Requires: the team file names the agent. `board` and `foxglove` outlive the object.
+  AgentWatch(Options options, const proto::TeamConfig& team, AgentId agent, Board& board, FoxgloveFeed& foxglove);
   ~AgentWatch();
   AgentWatch(const AgentWatch&) = delete;
   AgentWatch& operator=(const AgentWatch&) = delete;
@@ -82,6 +83,7 @@ class AgentWatch {
   const proto::TeamConfig& team_;
   const AgentId agent_;
   Board& board_;
+  FoxgloveFeed& foxglove_;
 
   mutable std::mutex mutex_;
   std::condition_variable woken_;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <map>
 #include <set>
 #include <vector>
 
@@ -25,41 +27,31 @@ std::string NameOf(const proto::TeamConfig& team, const NodeKey& node) {
   return AgentName(team, node.agent) + ":" + std::to_string(node.index);
 }
 
-// The nodes of one agent that are drawn.
-using Track = std::vector<const GraphNode*>;
-
-Track Thinned(const Track& track, std::size_t poses_max) {
-  Track thinned = track;
-  while (thinned.size() > poses_max) {
-    Track half;
-    for (std::size_t i = (thinned.size() - 1) % 2; i < thinned.size(); i += 2) half.push_back(thinned[i]);
-    thinned = std::move(half);
-  }
-  return thinned;
+const char* KindName(DrawnLine::Kind kind) {
+  return kind == DrawnLine::Kind::kRange ? "range" : kind == DrawnLine::Kind::kMatch ? "match" : "closure";
 }
 
-struct Line {
-  const char* kind;
-  NodeKey from;
-  NodeKey to;
-  bool is_rejected = false;
-  std::int64_t timestamp_ns = 0;
-};
+template <typename Item>
+std::vector<Item> Thinned(std::vector<Item> items, std::size_t items_max) {
+  while (items.size() > items_max) {
+    std::vector<Item> half;
+    for (std::size_t i = (items.size() - 1) % 2; i < items.size(); i += 2) half.push_back(items[i]);
+    items = std::move(half);
+  }
+  return items;
+}
 
-std::vector<Line> LinesOf(const KnownGraph& known, const PoseGraph& graph, std::size_t lines_max) {
-  std::vector<Line> lines;
-  for (const RangeEdge& range : graph.ranges) {
-    const PublishedVerdict* verdict = known.FindVerdict(KeyOf(range));
-    lines.push_back({"range", range.from, range.to, verdict != nullptr && !verdict->is_inlier, range.timestamp_ns});
-  }
+// Returns the lines without their poses.
+std::vector<DrawnLine> LinesOf(const KnownGraph& known, const PoseGraph& graph) {
+  std::vector<DrawnLine> lines;
+  const auto add = [&](DrawnLine::Kind kind, const auto& edge) {
+    const PublishedVerdict* verdict = known.FindVerdict(KeyOf(edge));
+    const bool is_rejected = verdict != nullptr && !verdict->is_inlier;
+    lines.push_back({kind, edge.from, edge.to, {}, {}, is_rejected, edge.timestamp_ns});
+  };
+  for (const RangeEdge& range : graph.ranges) add(DrawnLine::Kind::kRange, range);
   for (const LoopClosure& closure : graph.closures) {
-    const PublishedVerdict* verdict = known.FindVerdict(KeyOf(closure));
-    lines.push_back({closure.source == kRegistrationSource ? "match" : "closure", closure.from, closure.to,
-                     verdict != nullptr && !verdict->is_inlier, closure.timestamp_ns});
-  }
-  if (lines.size() > lines_max) {
-    std::ranges::stable_sort(lines, std::greater(), &Line::timestamp_ns);
-    lines.resize(lines_max);
+    add(closure.source == kRegistrationSource ? DrawnLine::Kind::kMatch : DrawnLine::Kind::kClosure, closure);
   }
   return lines;
 }
@@ -73,58 +65,76 @@ void GraphBook::Add(const RecordKey& key, const proto::Record& record) {
   if (authority_.Counts(key, record)) (void)graph_.Add(key, record);
 }
 
-GraphBook::Pages GraphBook::Write() const {
+GraphView GraphBook::View() const {
   const PoseGraph graph = graph_.graph();
   const std::map<NodeKey, Pose> poses = graph_.FindNewestPoses(graph.nodes);
-  std::map<AgentId, Track> tracks;
-  for (const GraphNode& node : graph.nodes) tracks[node.key.agent].push_back(&node);
   const std::set<AgentId> known_starts = KnownStarts(team_);
-  Pages pages;
-  JsonWriter json;
-  json.BeginObject().Key("agents").BeginArray();
+  std::map<AgentId, std::vector<PoseView>> tracks;
+  for (const GraphNode& node : graph.nodes) {
+    const bool is_optimized = graph_.FindPublished(node.key) != nullptr;
+    tracks[node.key.agent].push_back({node.key, node.timestamp_ns, poses.at(node.key), is_optimized});
+  }
+  GraphView view;
+  std::set<AgentId> placed;
   for (auto& [agent, track] : tracks) {
-    std::ranges::sort(track, {}, [](const GraphNode* node) { return node->key; });
-    const auto published = std::find_if(track.rbegin(), track.rend(), [this](const GraphNode* node) {
-      return graph_.FindPublished(node->key) != nullptr;
-    });
+    std::ranges::sort(track, {}, &PoseView::node);
+    const auto published = std::find_if(track.rbegin(), track.rend(), std::mem_fn(&PoseView::is_optimized));
     const auto* config = FindAgent(team_, agent);
     const bool is_base = config != nullptr && config->kind() == proto::AGENT_KIND_BASE_STATION;
     const bool is_placed = published == track.rend() ? is_base || known_starts.contains(agent)
-                                                     : !graph_.IsPublishedUnplaced((*published)->key);
-    pages.is_placed[agent] = is_placed;
-    json.BeginObject().Key("id").Number(agent).Key("name").String(AgentName(team_, agent));
-    json.Key("is_placed").Bool(is_placed);
-    const Track drawn = Thinned(track, kTrackPosesMax);
-    const auto write = [&](const char* name, const auto& value_of) {
-      json.Key(name).BeginArray();
-      for (const GraphNode* node : drawn) WriteThousandths(value_of(*node, poses.at(node->key)), json);
-      json.EndArray();
-    };
-    write("time_s", [](const GraphNode& node, const Pose&) { return static_cast<double>(node.timestamp_ns) * 1e-9; });
-    write("x_m", [](const GraphNode&, const Pose& pose) { return pose.position_m.x(); });
-    write("y_m", [](const GraphNode&, const Pose& pose) { return pose.position_m.y(); });
-    write("yaw_rad", [](const GraphNode&, const Pose& pose) { return pose.Yaw(); });
-    write("is_optimized",
-          [this](const GraphNode& node, const Pose&) { return graph_.FindPublished(node.key) != nullptr ? 1 : 0; });
-    json.EndObject();
+                                                     : !graph_.IsPublishedUnplaced(published->node);
+    if (is_placed) placed.insert(agent);
+    view.tracks.push_back({{agent, Thinned(std::move(track), kTrackPosesMax)}, is_placed});
   }
-  pages.poses = json.EndArray().EndObject().text();
-  JsonWriter lines;
-  lines.BeginObject().Key("lines").BeginArray();
-  for (const Line& line : LinesOf(graph_, graph, kLinesMax)) {
+  for (DrawnLine& line : LinesOf(graph_, graph)) {
     const auto from = poses.find(line.from);
     const auto to = poses.find(line.to);
     if (from == poses.end() || to == poses.end()) continue;
-    if (!pages.is_placed[line.from.agent] || !pages.is_placed[line.to.agent]) continue;
-    lines.BeginArray().String(line.kind);
-    for (const Pose* pose : {&from->second, &to->second}) {
-      WriteThousandths(pose->position_m.x(), lines);
-      WriteThousandths(pose->position_m.y(), lines);
-    }
-    lines.Number(line.is_rejected ? 1 : 0).String(NameOf(team_, line.from)).String(NameOf(team_, line.to)).EndArray();
+    if (!placed.contains(line.from.agent) || !placed.contains(line.to.agent)) continue;
+    line.map_from_from = from->second;
+    line.map_from_to = to->second;
+    view.lines.push_back(line);
   }
-  pages.lines = lines.EndArray().EndObject().text();
-  return pages;
+  if (view.lines.size() > kLinesMax) {
+    std::ranges::stable_sort(view.lines, std::greater(), &DrawnLine::timestamp_ns);
+    view.lines.resize(kLinesMax);
+  }
+  return view;
+}
+
+std::string PosesJson(const proto::TeamConfig& team, const GraphView& view) {
+  JsonWriter json;
+  json.BeginObject().Key("agents").BeginArray();
+  for (const auto& [track, is_placed] : view.tracks) {
+    json.BeginObject().Key("id").Number(track.agent).Key("name").String(AgentName(team, track.agent));
+    json.Key("is_placed").Bool(is_placed);
+    const auto write = [&json, &poses = track.poses](const char* name, const auto& value_of) {
+      json.Key(name).BeginArray();
+      for (const PoseView& pose : poses) WriteThousandths(value_of(pose), json);
+      json.EndArray();
+    };
+    write("time_s", [](const PoseView& pose) { return static_cast<double>(pose.timestamp_ns) * 1e-9; });
+    write("x_m", [](const PoseView& pose) { return pose.map_from_body.position_m.x(); });
+    write("y_m", [](const PoseView& pose) { return pose.map_from_body.position_m.y(); });
+    write("yaw_rad", [](const PoseView& pose) { return pose.map_from_body.Yaw(); });
+    write("is_optimized", [](const PoseView& pose) { return pose.is_optimized ? 1 : 0; });
+    json.EndObject();
+  }
+  return json.EndArray().EndObject().text();
+}
+
+std::string LinesJson(const proto::TeamConfig& team, const GraphView& view) {
+  JsonWriter json;
+  json.BeginObject().Key("lines").BeginArray();
+  for (const DrawnLine& line : view.lines) {
+    json.BeginArray().String(KindName(line.kind));
+    for (const Pose* pose : {&line.map_from_from, &line.map_from_to}) {
+      WriteThousandths(pose->position_m.x(), json);
+      WriteThousandths(pose->position_m.y(), json);
+    }
+    json.Number(line.is_rejected ? 1 : 0).String(NameOf(team, line.from)).String(NameOf(team, line.to)).EndArray();
+  }
+  return json.EndArray().EndObject().text();
 }
 
 }  // namespace moondb

@@ -1,15 +1,42 @@
 // GraphBook: the team's pose graph as the page draws it: trajectories, and measurements as lines. Not thread-safe.
 #pragma once
 
-#include <map>
 #include <string>
+#include <vector>
 
 #include "actors/pgo/known_graph.h"
 #include "model/record_authority.h"
 #include "proto/record.pb.h"
 #include "proto/team.pb.h"
+#include "views/track_view.h"
 
 namespace moondb {
+
+// A measurement between two nodes of placed agents.
+struct DrawnLine {
+  enum class Kind { kRange, kClosure, kMatch };
+  Kind kind = Kind::kRange;
+  NodeKey from;
+  NodeKey to;
+  Pose map_from_from;
+  Pose map_from_to;
+  bool is_rejected = false;  // By the last solve.
+  std::int64_t timestamp_ns = 0;
+};
+
+struct DrawnTrack {
+  TrackView track;
+  bool is_placed = false;  // False: the poses lie in a frame of the robot's own.
+};
+
+struct GraphView {
+  std::vector<DrawnTrack> tracks;  // One for each agent with a node.
+  std::vector<DrawnLine> lines;
+};
+
+// The parts "poses" and "lines" of the page.
+std::string PosesJson(const proto::TeamConfig& team, const GraphView& view);
+std::string LinesJson(const proto::TeamConfig& team, const GraphView& view);
 
 class GraphBook {
  public:
@@ -27,12 +54,7 @@ class GraphBook {
   // Returns true if a record that was ignored has become valid: all records must be added again, to a new book.
   bool TakeOutdated() { return authority_.TakeOutdated(); }
 
-  struct Pages {
-    std::string poses;  // The part "poses" of the page.
-    std::string lines;
-    std::map<AgentId, bool> is_placed;  // Agents with a node.
-  };
-  Pages Write() const;
+  GraphView View() const;
 
  private:
   const proto::TeamConfig& team_;

@@ -7,6 +7,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
 #include <chrono>
 #include <optional>
 #include <thread>
@@ -21,6 +22,7 @@ namespace {
 namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = boost::beast::http;
+namespace websocket = boost::beast::websocket;
 using asio::ip::tcp;
 
 // A browser keeps a connection for the next request.
@@ -100,6 +102,7 @@ class HttpServer::Listener {
 
  private:
   class Session;
+  class SocketSession;
 
   void Accept();
 
@@ -114,6 +117,18 @@ class HttpServer::Listener {
     return origin == message.end() || is_known(std::string(origin->value()));
   }
 
+  // Returns the most preferred subprotocol that the request offers. Empty: none, or another path.
+  std::string ChooseSubprotocol(const http::request<http::string_body>& message) const {
+    if (!options_.make_peer || message.target() != "/") return "";
+    const std::string offered(message[http::field::sec_websocket_protocol]);
+    for (const std::string& wanted : options_.subprotocols) {
+      for (const auto& token : http::token_list(offered)) {
+        if (token == wanted) return wanted;
+      }
+    }
+    return "";
+  }
+
   const Options options_;
   const Handler handler_;
   std::uint16_t port_ = 0;
@@ -124,6 +139,92 @@ class HttpServer::Listener {
   tcp::acceptor acceptor_{io_};
   asio::steady_timer accept_again_{io_};
   std::thread thread_;
+};
+
+// One WebSocket. It asks its peer for the next frame only when the last one is sent, so nothing queues up here.
+class HttpServer::Listener::SocketSession : public std::enable_shared_from_this<SocketSession> {
+ public:
+  SocketSession(Listener& listener, beast::tcp_stream stream) : listener_(listener), socket_(std::move(stream)) {
+    ++listener_.connections_;
+  }
+  ~SocketSession() { --listener_.connections_; }
+
+  void Start(const http::request<http::string_body>& request, const std::string& subprotocol) {
+    beast::get_lowest_layer(socket_).expires_never();  // The WebSocket has timeouts of its own, with pings.
+    socket_.set_option(websocket::stream_base::timeout::suggested(beast::role_type::server));
+    socket_.set_option(websocket::stream_base::decorator([subprotocol](websocket::response_type& response) {
+      response.set(http::field::sec_websocket_protocol, subprotocol);
+    }));
+    websocket::permessage_deflate deflate;
+    deflate.server_enable = true;
+    deflate.compLevel = 1;
+    deflate.memLevel = 5;
+    socket_.set_option(deflate);
+    socket_.read_message_max(kSocketMessageBytesMax);
+    peer_ = listener_.options_.make_peer([weak = weak_from_this()] {
+      if (auto self = weak.lock()) {
+        // Moved, so that this thread never destroys the session.
+        const auto executor = self->socket_.get_executor();
+        asio::post(executor, [self = std::move(self)] { self->Write(); });
+      }
+    });
+    request_ = request;
+    socket_.async_accept(request_, [self = shared_from_this()](beast::error_code error) {
+      if (error) return;
+      self->is_open_ = true;
+      self->Read();
+      self->Write();
+    });
+  }
+
+ private:
+  void Read() {
+    socket_.async_read(buffer_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+      if (error) {
+        if (error == websocket::error::message_too_big) ++self->listener_.refused_requests_;
+        self->is_open_ = false;
+        return;
+      }
+      self->peer_->OnMessage({beast::buffers_to_string(self->buffer_.data()), self->socket_.got_binary()});
+      self->buffer_.consume(self->buffer_.size());
+      self->Write();
+      self->Read();
+    });
+  }
+
+  void Write() {
+    if (!is_open_ || is_writing_) return;
+    std::optional<SocketPeer::Frame> frame = peer_->Next();
+    if (!frame) return;
+    is_writing_ = true;
+    frame_ = *std::move(frame);
+    socket_.binary(frame_.is_binary);
+    socket_.async_write(asio::buffer(frame_.bytes),
+                        [self = shared_from_this()](beast::error_code error, std::size_t) { self->OnWritten(error); });
+  }
+
+  void OnWritten(beast::error_code error) {
+    if (error) return;
+    const double kbps = listener_.options_.socket_kbps;
+    if (kbps <= 0) return WriteNext();
+    pause_.expires_after(std::chrono::microseconds(static_cast<std::int64_t>(frame_.bytes.size() * 8000 / kbps)));
+    pause_.async_wait([self = shared_from_this()](beast::error_code) { self->WriteNext(); });
+  }
+
+  void WriteNext() {
+    is_writing_ = false;
+    Write();
+  }
+
+  Listener& listener_;
+  websocket::stream<beast::tcp_stream> socket_;
+  asio::steady_timer pause_{socket_.get_executor()};
+  http::request<http::string_body> request_;
+  beast::flat_buffer buffer_;
+  std::unique_ptr<SocketPeer> peer_;
+  SocketPeer::Frame frame_;
+  bool is_open_ = false;
+  bool is_writing_ = false;
 };
 
 // One connection, which answers its requests one after another.
@@ -158,10 +259,17 @@ class HttpServer::Listener::Session : public std::enable_shared_from_this<Sessio
     accepts_deflate_ = message[http::field::accept_encoding].find("deflate") != beast::string_view::npos;
     is_kept_ = message.keep_alive();
     if (!listener_.IsAllowed(message)) return Refuse(403, "the host or the origin is not allowed: see --allow-host");
+    if (websocket::is_upgrade(message)) return Upgrade(message);
     listener_.handler_(ToRequest(message), [self = shared_from_this()](HttpResponse response) {
       asio::post(self->stream_.get_executor(),
                  [self, response = std::move(response)]() mutable { self->Write(std::move(response)); });
     });
+  }
+
+  void Upgrade(const http::request<http::string_body>& message) {
+    const std::string subprotocol = listener_.ChooseSubprotocol(message);
+    if (subprotocol.empty()) return Refuse(400, "expected a WebSocket at / with a subprotocol of Foxglove");
+    std::make_shared<SocketSession>(listener_, std::move(stream_))->Start(message, subprotocol);
   }
 
   void Refuse(unsigned status, const std::string& text) {

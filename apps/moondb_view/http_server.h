@@ -9,8 +9,10 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "model/error.h"
 
@@ -31,8 +33,22 @@ struct HttpResponse {
   bool is_deflated = false;  // `body` is compressed by zlib.
 };
 
+// The program's side of one WebSocket connection. Used on the server's thread alone.
+class SocketPeer {
+ public:
+  struct Frame {
+    std::string bytes;
+    bool is_binary = false;
+  };
+  virtual ~SocketPeer() = default;
+  virtual void OnMessage(const Frame& frame) = 0;
+  // Returns the next frame to send; nullopt until the peer's `wake` is called.
+  virtual std::optional<Frame> Next() = 0;
+};
+
 class HttpServer {
  public:
+  static constexpr std::size_t kSocketMessageBytesMax = 64 * 1024;
   static constexpr std::size_t kHeaderBytesMax = 8192;
   static constexpr std::size_t kBodyBytesMax = 4096;
 
@@ -41,6 +57,11 @@ class HttpServer {
     std::uint16_t port = 0;       // 0: any free port.
     std::set<std::string> hosts;  // Names that a request may use for this server, beside localhost and `address`.
     std::size_t connections_max = 200;
+    // WebSockets at the path "/": the subprotocols in the order of preference. Others are refused.
+    std::vector<std::string> subprotocols;
+    // Makes the peer of a new connection. `wake` may be called on any thread while the server exists.
+    std::function<std::unique_ptr<SocketPeer>(std::function<void()> wake)> make_peer;
+    double socket_kbps = 0;  // The most that is sent over one WebSocket, in kbit/s. 0: no limit.
   };
   struct Counts {
     std::uint64_t connections = 0;          // Open now.

@@ -14,6 +14,7 @@
 #include "apps/common/arguments.h"
 #include "apps/common/hash_text.h"
 #include "apps/moondb_view/agent_watch.h"
+#include "apps/moondb_view/foxglove_viewer.h"
 #include "apps/moondb_view/http_server.h"
 #include "apps/moondb_view/view_site.h"
 #include "model/text.h"
@@ -27,6 +28,7 @@ struct Arguments {
   std::string key_file;
   std::string listen = "127.0.0.1";
   std::uint32_t port = 8600;
+  double client_kbps = 0;
   std::vector<std::string> hosts;
 };
 
@@ -73,12 +75,20 @@ Result<void> Serve(const Arguments& arguments) {
     return tl::unexpected(connected.error());
   }
   std::random_device random;
-  Board board(HashText(static_cast<std::uint64_t>(random()) << 32 | random()));
+  const std::string instance = HashText(static_cast<std::uint64_t>(random()) << 32 | random());
+  Board board(instance);
+  Channels channels;
+  FoxgloveFeed foxglove(channels, (*team)->config);
   ViewSite site((*team)->config, board);
   HttpServer::Options options;
   options.address = arguments.listen;
   options.port = static_cast<std::uint16_t>(arguments.port);
   options.hosts = {arguments.hosts.begin(), arguments.hosts.end()};
+  options.subprotocols = {"foxglove.sdk.v1", "foxglove.websocket.v1"};
+  options.socket_kbps = arguments.client_kbps;
+  options.make_peer = [&channels, name = (*team)->config.team(), instance](std::function<void()> wake) {
+    return std::make_unique<FoxgloveViewer>(channels, "moondb: " + name, instance, std::move(wake));
+  };
   const auto server = HttpServer::Start(options, [&site](const HttpRequest& request, HttpServer::Respond respond) {
     site.Handle(request, std::move(respond));
   });
@@ -88,12 +98,13 @@ Result<void> Serve(const Arguments& arguments) {
   watched.team_path = arguments.team;
   watched.agent = (*agent)->name();
   watched.key_file = arguments.key_file;
-  watched.viewers = [&site] { return site.viewers(); };
+  watched.viewers = [&site, &channels] { return site.viewers() + channels.CountSubscriptions(); };
   watched.on_remark = Print;
   {
-    AgentWatch watch(watched, (*team)->config, (*agent)->id(), board);
+    AgentWatch watch(watched, (*team)->config, (*agent)->id(), board, foxglove);
     site.UseWatch(watch);
     std::printf("the page: http://%s:%u/\n", arguments.listen.c_str(), (*server)->port());
+    std::printf("for Foxglove and Lichtblick: ws://%s:%u\n", arguments.listen.c_str(), (*server)->port());
     std::fflush(stdout);
     if (arguments.listen != "127.0.0.1") {
       Print("everyone who reaches " + arguments.listen + " sees the team: there is no password");
@@ -118,6 +129,10 @@ int Run(int argc, char** argv) {
       .EnvName("MOONDB_CLIENT_KEY");
   app.AddOption("--listen", arguments.listen, "IP address of the page").DefaultShown();
   app.AddOption("--port", arguments.port, "Port of the page; 0: any free port").Within(0u, 65535u).DefaultShown();
+  app.AddOption("--client-kbps", arguments.client_kbps,
+                "The most that is sent to a Foxglove viewer, in kbit/s; 0: no limit")
+      .Within(0.0, 1e6)
+      .DefaultShown();
   app.AddOption("--allow-host", arguments.hosts, "A name under which browsers reach the page, beside localhost");
   if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code == 0 ? 0 : 2;
   const Result<void> served = Serve(arguments);

@@ -172,7 +172,7 @@ void WriteAgents(const proto::TeamConfig& team, const TeamReports& reports, Json
   json.EndArray();
 }
 
-struct Cell {
+struct HeldCell {
   double held = 0;
   std::optional<double> missing;
   std::optional<double> eta_s;
@@ -190,13 +190,13 @@ std::optional<double> EtaOf(const proto::ShareStatus& shares, AgentId destinatio
   return eta_s;
 }
 
-using Row = std::map<AgentId, Cell>;  // By origin.
+using Row = std::map<AgentId, HeldCell>;  // By origin.
 
 // Adds what the agents hold and lack to their rows. Requires: `holders` are the agents of `haves`.
 void AddRows(const std::vector<AgentId>& holders, const std::vector<HaveSet>& haves, std::map<AgentId, Row>& rows) {
   for (const auto& [series, holdings] : HoldingsOf(haves)) {
     for (std::size_t i = 0; i < holders.size(); ++i) {
-      Cell& cell = rows[holders[i]][series.first];
+      HeldCell& cell = rows[holders[i]][series.first];
       cell.held += static_cast<double>(holdings[i].held);
       // One agent alone cannot know what exists elsewhere.
       if (holders.size() > 1) cell.missing = cell.missing.value_or(0) + static_cast<double>(holdings[i].lacking);
@@ -230,10 +230,10 @@ std::map<AgentId, Row> RowsOf(const TeamReports& reports) {
   const auto own = reports.agents.find(reports.agent);
   const proto::AgentStatus* status = OwnStatus(reports);
   if (status == nullptr || own == reports.agents.end() || !rows.contains(reports.agent)) return rows;
-  Cell& held = rows[reports.agent][reports.agent];
+  HeldCell& held = rows[reports.agent][reports.agent];
   held.missing = 0;  // An agent has its own records.
   for (const proto::PeerBacklog& backlog : status->storage().backlogs()) {
-    Cell& cell = rows[backlog.agent_id()][reports.agent];
+    HeldCell& cell = rows[backlog.agent_id()][reports.agent];
     if (cell.missing) continue;  // Its own have-set says more.
     cell.held = std::max(0.0, held.held - backlog.own_count());
     cell.missing = backlog.own_count();

@@ -68,24 +68,26 @@ class GraphBookTest : public testing::Test {
 TEST_F(GraphBookTest, DrawsTheNewestPoses) {
   AddNode(1, 0, 1);
   AddNode(1, 1, 2);
-  EXPECT_THAT(book_.Write().poses, HasSubstr(R"("name":"rover1","is_placed":true,"time_s":[1800000001,1800000002],)"
-                                             R"("x_m":[1,2],"y_m":[0,0],"yaw_rad":[0,0],"is_optimized":[0,0]})"));
+  EXPECT_THAT(PosesJson(team_, book_.View()),
+              HasSubstr(R"("name":"rover1","is_placed":true,"time_s":[1800000001,1800000002],)"
+                        R"("x_m":[1,2],"y_m":[0,0],"yaw_rad":[0,0],"is_optimized":[0,0]})"));
   AddPose(1, 0, 11);
   // The later node is carried on from the optimized one.
-  EXPECT_THAT(book_.Write().poses, HasSubstr(R"("x_m":[11,12],"y_m":[0,0],"yaw_rad":[0,0],"is_optimized":[1,0]})"));
+  EXPECT_THAT(PosesJson(team_, book_.View()),
+              HasSubstr(R"("x_m":[11,12],"y_m":[0,0],"yaw_rad":[0,0],"is_optimized":[1,0]})"));
 }
 
 TEST_F(GraphBookTest, SaysWhichRobotIsNotPlaced) {
   AddNode(1, 0, 1);
   AddNode(2, 0, 1);
   AddRange(0);
-  EXPECT_THAT(book_.Write().poses, HasSubstr(R"("name":"rover2","is_placed":false)")) << "it has no start";
-  EXPECT_EQ(book_.Write().lines, R"({"lines":[]})") << "a line from nowhere";
+  EXPECT_THAT(PosesJson(team_, book_.View()), HasSubstr(R"("name":"rover2","is_placed":false)")) << "it has no start";
+  EXPECT_EQ(LinesJson(team_, book_.View()), R"({"lines":[]})") << "a line from nowhere";
   AddPose(2, 0, 5, /*is_unplaced=*/true);
-  EXPECT_FALSE(book_.Write().is_placed.at(2));
+  EXPECT_FALSE(book_.View().tracks.at(1).is_placed);
   AddPose(2, 0, 5);
-  EXPECT_TRUE(book_.Write().is_placed.at(2));
-  EXPECT_EQ(book_.Write().lines, R"({"lines":[["range",1,0,5,0,0,"rover1:0","rover2:0"]]})");
+  EXPECT_TRUE(book_.View().tracks.at(1).is_placed);
+  EXPECT_EQ(LinesJson(team_, book_.View()), R"({"lines":[["range",1,0,5,0,0,"rover1:0","rover2:0"]]})");
 }
 
 TEST_F(GraphBookTest, MarksRejectedMeasurements) {
@@ -100,19 +102,19 @@ TEST_F(GraphBookTest, MarksRejectedMeasurements) {
   record.mutable_edge_verdict()->set_is_inlier(false);
   record.mutable_edge_verdict()->set_run(9);
   Add(1, proto::EDGE_VERDICT, record);
-  EXPECT_EQ(book_.Write().lines, R"({"lines":[["range",1,0,5,0,1,"rover1:0","rover2:0"]]})");
+  EXPECT_EQ(LinesJson(team_, book_.View()), R"({"lines":[["range",1,0,5,0,1,"rover1:0","rover2:0"]]})");
 }
 
 TEST_F(GraphBookTest, ThinsLongTracksAndKeepsTheNewestPose) {
   for (std::uint64_t i = 0; i <= 2 * GraphBook::kTrackPosesMax; ++i) AddNode(1, i, 1e-3 * static_cast<double>(i));
-  const std::string poses = book_.Write().poses;
+  const std::string poses = PosesJson(team_, book_.View());
   EXPECT_LT(std::count(poses.begin(), poses.end(), ','), 5 * static_cast<int>(GraphBook::kTrackPosesMax) + 10);
   EXPECT_THAT(poses, HasSubstr("1800004001],\"x_m\""));
 }
 
 TEST_F(GraphBookTest, IgnoresDamagedPoses) {
   AddNode(1, 0, std::numeric_limits<double>::quiet_NaN());
-  EXPECT_EQ(book_.Write().poses, R"({"agents":[]})");
+  EXPECT_EQ(PosesJson(team_, book_.View()), R"({"agents":[]})");
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <thread>
 #include <vector>
 
 #include "apps/moondb_view/board.h"
@@ -153,6 +154,56 @@ TEST_F(HttpServerTest, ClosesConnectionsBeyondTheLimit) {
 TEST_F(HttpServerTest, ClosesAConnectionWithoutAnswer) {
   Start();
   EXPECT_EQ(Ask("Host: localhost\r\n", "/drop"), "");
+}
+
+class EchoPeer : public SocketPeer {
+ public:
+  void OnMessage(const Frame& frame) override { echo_ = frame; }
+  std::optional<Frame> Next() override { return std::exchange(echo_, std::nullopt); }
+
+ private:
+  std::optional<Frame> echo_;
+};
+
+constexpr char kUpgrade[] =
+    "GET / HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+    "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n";
+
+TEST_F(HttpServerTest, ChoosesAmongTheOfferedSubprotocols) {
+  HttpServer::Options options;
+  options.subprotocols = {"b", "a"};
+  options.make_peer = [](const std::function<void()>&) { return std::make_unique<EchoPeer>(); };
+  Start(options);
+  const auto upgrade = [this](const std::string& more) {
+    Connection connection(server_->port());
+    connection.Send(kUpgrade + more + "\r\n");
+    return connection.ReadUntil("\r\n\r\n");
+  };
+  EXPECT_THAT(upgrade("Sec-WebSocket-Protocol: a\r\n"), HasSubstr("Sec-WebSocket-Protocol: a\r\n"));
+  EXPECT_THAT(upgrade("Sec-WebSocket-Protocol: c, a, b\r\n"), HasSubstr("Sec-WebSocket-Protocol: b\r\n"));
+  EXPECT_THAT(upgrade("Sec-WebSocket-Protocol: c\r\n"), HasSubstr("400 Bad Request"));
+  EXPECT_THAT(upgrade(""), HasSubstr("400 Bad Request"));
+  EXPECT_THAT(upgrade("Sec-WebSocket-Protocol: a\r\nOrigin: http://evil.example\r\n"), HasSubstr("403 Forbidden"));
+}
+
+TEST_F(HttpServerTest, ExchangesMessagesAndClosesOversizedOnes) {
+  HttpServer::Options options;
+  options.subprotocols = {"a"};
+  options.make_peer = [](const std::function<void()>&) { return std::make_unique<EchoPeer>(); };
+  Start(options);
+  {
+    Connection connection(server_->port());
+    connection.Send(std::string(kUpgrade) + "Sec-WebSocket-Protocol: a\r\n\r\n");
+    EXPECT_THAT(connection.ReadUntil("\r\n\r\n"), HasSubstr("101 Switching Protocols"));
+    // A text of 5 bytes, masked by zeros.
+    connection.Send(std::string("\x81\x85\0\0\0\0hello", 11));
+    EXPECT_EQ(connection.ReadUntil("hello"), "\x81\x05hello");
+    // A text that claims 1 MiB.
+    connection.Send(std::string("\x81\xff\0\0\0\0\0\x10\0\0\0\0\0\0", 14));
+    EXPECT_THAT(connection.ReadToEnd(), StartsWith("\x88"));
+  }
+  // The server counts it once the connection has ended.
+  while (server_->counts().refused_requests == 0) std::this_thread::yield();
 }
 
 TEST_F(HttpServerTest, SaysWhichPortIsTaken) {

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Runs a team of four with moondb_view, and checks the page in Chromium (page_checks.mjs).
+"""Runs a team of four with moondb_view. Reads it with clients of Foxglove's protocol (foxglove_checks.mjs), and checks
+the page in Chromium (page_checks.mjs).
 
 Usage: page_test.py PROGRAMS FOLDER [PICTURES]    FOLDER gets the npm packages of package-lock.json.
 Exit codes: 0 passed, 1 failed, 77 skipped (Chromium, node or npm is missing; with MOONDB_NEEDS_BROWSER, that fails).
@@ -33,7 +34,7 @@ def install_packages(folder):
         if shutil.which(program) is None:
             return f"there is no {program}: tools/bootstrap view installs it"
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("package.json", "package-lock.json", "page_checks.mjs"):
+    for name in ("package.json", "package-lock.json", "page_checks.mjs", "foxglove_checks.mjs"):
         shutil.copy(HERE / name, folder)
     done = subprocess.run(["npm", "ci", "--no-audit", "--no-fund"], cwd=folder, capture_output=True, text=True,
                           timeout=LIMIT_S, check=False)
@@ -72,6 +73,7 @@ def check_page(environment, folder, packages, programs, pictures):
                                 stdout=subprocess.PIPE, stderr=log)
     try:
         address = re.search(r"http://\S+", view.stdout.readline()).group(0)
+        print(run(["node", "foxglove_checks.mjs", address, programs], env=environment, cwd=packages))
         print(run(["node", "page_checks.mjs", address, programs, *pictures], env=environment, cwd=packages))
     finally:
         view.terminate()
