@@ -20,7 +20,8 @@ struct Channel {
   std::string topic;
   std::string encoding;  // "protobuf" or "json".
   std::string schema_name;
-  std::string schema;  // A serialized FileDescriptorSet, or a JSON schema.
+  std::string schema;    // A serialized FileDescriptorSet, or a JSON schema.
+  bool is_bulk = false;  // One of many channels with large messages, which take turns with the others.
 };
 
 class Channels {

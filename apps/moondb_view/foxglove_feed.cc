@@ -84,7 +84,9 @@ void FoxgloveFeed::SetTiles(const std::vector<MergedTile>& tiles) {
   const std::int64_t now_ns = UtcNowNs();
   for (const Place& place : changed) {
     const std::string topic = kMapTopics + std::to_string(place.first) + "_" + std::to_string(place.second);
-    const std::uint32_t channel = channels_.Open(ChannelOf<foxglove::Grid>(topic));
+    Channel described = ChannelOf<foxglove::Grid>(topic);
+    described.is_bulk = true;
+    const std::uint32_t channel = channels_.Open(std::move(described));
     channels_.Set(channel, now_ns, GridOf(blocks_[place], map_frame_, now_ns).SerializeAsString());
   }
 }

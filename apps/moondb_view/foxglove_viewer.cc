@@ -81,7 +81,7 @@ void FoxgloveViewer::Subscribe(std::uint32_t id, std::uint32_t channel) {
     return Say(Level::kWarning, "the subscription " + std::to_string(id) + " exists already");
   }
   if (subscriptions_.size() >= kSubscriptionsMax) return Say(Level::kError, "there are too many subscriptions");
-  subscriptions_[id] = {channel, 0};
+  subscriptions_[id] = {channel, known_.at(channel), 0};
 }
 
 std::optional<SocketPeer::Frame> FoxgloveViewer::Next() {
@@ -105,7 +105,8 @@ std::optional<SocketPeer::Frame> FoxgloveViewer::NextList() {
   const std::uint64_t version = channels_.list_version();
   if (version == list_version_) return std::nullopt;
   const std::vector<Channel> all = channels_.List();
-  std::set<std::uint32_t> removed = known_;
+  std::set<std::uint32_t> removed;
+  for (const auto& [id, is_bulk] : known_) removed.insert(id);
   JsonWriter made;
   made.BeginObject().Key("op").String("advertise").Key("channels").BeginArray();
   std::size_t count = 0;
@@ -113,7 +114,7 @@ std::optional<SocketPeer::Frame> FoxgloveViewer::NextList() {
     removed.erase(channel.id);
     if (known_.contains(channel.id) || count == kAdvertisedMax) continue;
     ++count;
-    known_.insert(channel.id);
+    known_[channel.id] = channel.is_bulk;
     WriteChannel(channel, made);
   }
   if (count > 0) return Frame{made.EndArray().EndObject().text(), false};
@@ -130,16 +131,25 @@ std::optional<SocketPeer::Frame> FoxgloveViewer::NextList() {
 }
 
 std::optional<SocketPeer::Frame> FoxgloveViewer::NextMessage() {
+  // The map has many channels. Without turns, the others would wait for all of them on a slow link.
+  const bool is_bulk = !was_bulk_;
+  std::optional<Frame> frame = NextMessageOf(is_bulk);
+  was_bulk_ = frame ? is_bulk : !is_bulk;
+  return frame ? frame : NextMessageOf(!is_bulk);
+}
+
+std::optional<SocketPeer::Frame> FoxgloveViewer::NextMessageOf(bool is_bulk) {
   // In turn, beginning behind the one that was served last.
-  auto next = subscriptions_.upper_bound(last_sent_);
+  auto next = subscriptions_.upper_bound(last_sent_[is_bulk]);
   for (std::size_t i = 0; i < subscriptions_.size(); ++i, ++next) {
     if (next == subscriptions_.end()) next = subscriptions_.begin();
     auto& [id, subscription] = *next;
+    if (subscription.is_bulk != is_bulk) continue;
     auto found = channels_.FindNext(subscription.channel, subscription.after);
     if (!found) continue;
     if (found->has_skipped) Say(Level::kWarning, "this connection is too slow: events were left out");
     subscription.after = found->message.version;
-    last_sent_ = id;
+    last_sent_[is_bulk] = id;
     Frame frame{std::string(1, static_cast<char>(kMessageData)), true};
     AppendLittleEndian(id, frame.bytes);
     AppendLittleEndian(static_cast<std::uint64_t>(found->message.log_time_ns), frame.bytes);

@@ -31,6 +31,7 @@ class FoxgloveViewer : public SocketPeer {
   enum class Level { kInfo, kWarning, kError };
   struct Subscription {
     std::uint32_t channel = 0;
+    bool is_bulk = false;
     std::uint64_t after = 0;  // The version of the last message that was sent.
   };
 
@@ -39,6 +40,8 @@ class FoxgloveViewer : public SocketPeer {
   // Returns a message about some channels that were made or removed; nullopt if the viewer knows all.
   std::optional<Frame> NextList();
   std::optional<Frame> NextMessage();
+  // Returns the next message of the bulk channels, or of the others.
+  std::optional<Frame> NextMessageOf(bool is_bulk);
 
   Channels& channels_;
   const std::string name_;
@@ -46,9 +49,10 @@ class FoxgloveViewer : public SocketPeer {
   bool has_info_ = false;
   std::deque<std::string> statuses_;
   std::uint64_t list_version_ = 0;
-  std::set<std::uint32_t> known_;  // Channels that were advertised.
+  std::map<std::uint32_t, bool> known_;  // Channels that were advertised, each with its is_bulk.
   std::map<std::uint32_t, Subscription> subscriptions_;
-  std::uint32_t last_sent_ = 0;  // The subscription that was served last.
+  std::map<bool, std::uint32_t> last_sent_;  // By is_bulk: the subscription that was served last.
+  bool was_bulk_ = false;                    // The last message was one of a bulk channel.
   Channels::Subscription change_;
 };
 

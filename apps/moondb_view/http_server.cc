@@ -1,6 +1,7 @@
 #include "apps/moondb_view/http_server.h"
 
 #include <atomic>
+#include <boost/asio/any_io_executor.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
@@ -24,6 +25,9 @@ namespace beast = boost::beast;
 namespace http = boost::beast::http;
 namespace websocket = boost::beast::websocket;
 using asio::ip::tcp;
+
+// Limits the bytes on the wire, after compression.
+using LimitedStream = beast::basic_stream<tcp, asio::any_io_executor, beast::simple_rate_policy>;
 
 // A browser keeps a connection for the next request.
 constexpr auto kIdleMax = std::chrono::seconds(75);
@@ -144,8 +148,11 @@ class HttpServer::Listener {
 // One WebSocket. It asks its peer for the next frame only when the last one is sent, so nothing queues up here.
 class HttpServer::Listener::SocketSession : public std::enable_shared_from_this<SocketSession> {
  public:
-  SocketSession(Listener& listener, beast::tcp_stream stream) : listener_(listener), socket_(std::move(stream)) {
+  SocketSession(Listener& listener, tcp::socket socket) : listener_(listener), socket_(std::move(socket)) {
     ++listener_.connections_;
+    if (const double kbps = listener_.options_.socket_kbps; kbps > 0) {
+      beast::get_lowest_layer(socket_).rate_policy().write_limit(static_cast<std::size_t>(kbps * 125));
+    }
   }
   ~SocketSession() { --listener_.connections_; }
 
@@ -199,26 +206,14 @@ class HttpServer::Listener::SocketSession : public std::enable_shared_from_this<
     is_writing_ = true;
     frame_ = *std::move(frame);
     socket_.binary(frame_.is_binary);
-    socket_.async_write(asio::buffer(frame_.bytes),
-                        [self = shared_from_this()](beast::error_code error, std::size_t) { self->OnWritten(error); });
-  }
-
-  void OnWritten(beast::error_code error) {
-    if (error) return;
-    const double kbps = listener_.options_.socket_kbps;
-    if (kbps <= 0) return WriteNext();
-    pause_.expires_after(std::chrono::microseconds(static_cast<std::int64_t>(frame_.bytes.size() * 8000 / kbps)));
-    pause_.async_wait([self = shared_from_this()](beast::error_code) { self->WriteNext(); });
-  }
-
-  void WriteNext() {
-    is_writing_ = false;
-    Write();
+    socket_.async_write(asio::buffer(frame_.bytes), [self = shared_from_this()](beast::error_code error, std::size_t) {
+      self->is_writing_ = false;
+      if (!error) self->Write();
+    });
   }
 
   Listener& listener_;
-  websocket::stream<beast::tcp_stream> socket_;
-  asio::steady_timer pause_{socket_.get_executor()};
+  websocket::stream<LimitedStream> socket_;
   http::request<http::string_body> request_;
   beast::flat_buffer buffer_;
   std::unique_ptr<SocketPeer> peer_;
@@ -269,7 +264,7 @@ class HttpServer::Listener::Session : public std::enable_shared_from_this<Sessio
   void Upgrade(const http::request<http::string_body>& message) {
     const std::string subprotocol = listener_.ChooseSubprotocol(message);
     if (subprotocol.empty()) return Refuse(400, "expected a WebSocket at / with a subprotocol of Foxglove");
-    std::make_shared<SocketSession>(listener_, std::move(stream_))->Start(message, subprotocol);
+    std::make_shared<SocketSession>(listener_, stream_.release_socket())->Start(message, subprotocol);
   }
 
   void Refuse(unsigned status, const std::string& text) {

@@ -61,7 +61,7 @@ class HttpServer {
     std::vector<std::string> subprotocols;
     // Makes the peer of a new connection. `wake` may be called on any thread while the server exists.
     std::function<std::unique_ptr<SocketPeer>(std::function<void()> wake)> make_peer;
-    double socket_kbps = 0;  // The most that is sent over one WebSocket, in kbit/s. 0: no limit.
+    double socket_kbps = 0;  // Limit of the compressed bytes that one WebSocket sends, in kbit/s. 0: no limit.
   };
   struct Counts {
     std::uint64_t connections = 0;          // Open now.

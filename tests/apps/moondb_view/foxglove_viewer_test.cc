@@ -82,6 +82,24 @@ TEST_F(FoxgloveViewerTest, ServesItsSubscriptionsInTurn) {
   }
 }
 
+TEST_F(FoxgloveViewerTest, StatesDoNotWaitForAllTilesOfTheMap) {
+  Channel tile{0, "/map/0", "json", "any", "{}", true};
+  for (int i = 0; i < 10; ++i) {
+    tile.topic = "/map/" + std::to_string(i);
+    channels_.Set(channels_.Open(tile), 0, "tile " + std::to_string(i));
+  }
+  Begin();
+  for (std::uint32_t id = 1; id <= 12; ++id) Subscribe(id, id);
+  channels_.Set(state_, 0, "state");
+  EXPECT_THAT(NextData(), HasSubstr("tile 0"));
+  EXPECT_THAT(NextData(), HasSubstr("state"));
+  EXPECT_THAT(NextData(), HasSubstr("tile 1"));
+  channels_.Set(state_, 0, "newer state");
+  EXPECT_THAT(NextData(), HasSubstr("newer state"));
+  EXPECT_THAT(NextData(), HasSubstr("tile 2"));
+  EXPECT_THAT(NextData(), HasSubstr("tile 3"));
+}
+
 TEST_F(FoxgloveViewerTest, ASlowViewerGetsNewStatesAndHearsOfEventsThatAreGone) {
   Begin();
   Subscribe(1, log_);
