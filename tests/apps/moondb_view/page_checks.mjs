@@ -89,8 +89,9 @@ async function checkAnswers(page) {
 async function checkCell(page) {
   const map = page.locator("canvas").first();
   await map.click();
-  await page.waitForFunction(() => /\((-?[\d.]+)[^\d-]+(-?[\d.]+)/.test(document.getElementById("answer-cell").innerText),
-    null, { timeout: kWait_ms });
+  // Before the answer, the page names the place that it asks about.
+  await page.waitForFunction(() => document.getElementById("answer-cell").innerText.includes("this cell is"), null,
+    { timeout: kWait_ms });
   const text = await answer(page, "cell");
   const [, x, y] = text.match(/\((-?[\d.]+)[^\d-]+(-?[\d.]+)/);
   const why = moonctl("map", "why", x, y);
