@@ -19,11 +19,6 @@ struct Place {
   double y_m = 0;
 };
 
-const char* ValueName(std::uint32_t value) {
-  constexpr const char* kNames[] = {"unknown", "free", "hazard"};
-  return value < std::size(kNames) ? kNames[value] : "damaged";
-}
-
 std::string PlaceText(double x_m, double y_m) { return "(" + FormatFixed(x_m, 3) + ", " + FormatFixed(y_m, 3) + ")"; }
 
 std::vector<std::string> ObservationRow(const proto::TeamConfig& team, const proto::MapObservation& said) {
@@ -32,13 +27,11 @@ std::vector<std::string> ObservationRow(const proto::TeamConfig& team, const pro
   const std::string pose = PlaceText(at.x(), at.y()) + (said.is_pose_optimized() ? ""
                                                         : said.is_pose_carried() ? " carried"
                                                                                  : " raw");
+  const std::string remark = RemarkOn(said);
   if (said.is_footprint()) {
-    return {ValueName(said.value()), AgentName(team, said.node().agent_id()), "-", "-", "-", node, pose,
-            "it stood there"};
+    return {CellValueName(said.value()), AgentName(team, said.node().agent_id()), "-", "-", "-", node, pose, remark};
   }
-  std::string remark = said.is_quarantined() ? "quarantined" : "";
-  if (said.is_clock_suspect()) remark += std::string(remark.empty() ? "" : ", ") + "clock suspect";
-  return {ValueName(said.value()),
+  return {CellValueName(said.value()),
           AgentName(team, said.record().origin_agent()),
           FormatUtc(said.timestamp_ns()),
           std::to_string(said.level()),
@@ -54,8 +47,8 @@ ExitCode AskWhy(CommandContext& context, const Place& place) {
   auto why = target->client->MapWhy(place.x_m, place.y_m);
   if (!why) return context.Report(why.error());
   const proto::TeamConfig& team = (*context.Team())->config;
-  std::string text = "the cell at " + PlaceText(why->cell_x_m(), why->cell_y_m()) + " is " + ValueName(why->value()) +
-                     " at " + target->agent->name();
+  std::string text = "the cell at " + PlaceText(why->cell_x_m(), why->cell_y_m()) + " is " +
+                     CellValueName(why->value()) + " at " + target->agent->name();
   if (why->observations().empty()) return context.Print(ExitCode::kDone, ToJson(*why), text + ": no map knows it");
   Table table({"SAYS", "AGENT", "TIME", "LEVEL", "CELL M", "NODE", "AT", "MAP"});
   for (const proto::MapObservation& said : why->observations()) table.Add(ObservationRow(team, said));
@@ -119,6 +112,18 @@ ExitCode ShowStats(CommandContext& context) {
 }
 
 }  // namespace
+
+const char* CellValueName(std::uint32_t value) {
+  constexpr const char* kNames[] = {"unknown", "free", "hazard"};
+  return value < std::size(kNames) ? kNames[value] : "damaged";
+}
+
+std::string RemarkOn(const proto::MapObservation& said) {
+  if (said.is_footprint()) return "it stood there";
+  std::string remark = said.is_quarantined() ? "quarantined" : "";
+  if (said.is_clock_suspect()) remark += std::string(remark.empty() ? "" : ", ") + "clock suspect";
+  return remark;
+}
 
 void AddMapQuestions(Command& group, CommandContext& context) {
   auto place = std::make_shared<Place>();

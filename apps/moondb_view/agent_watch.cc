@@ -314,7 +314,6 @@ void AgentWatch::AskTeam(bool is_on) {
     const std::lock_guard lock(mutex_);
     asks_team_ = is_on;
   }
-  woken_.notify_all();
   Wake();
 }
 

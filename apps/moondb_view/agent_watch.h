@@ -1,7 +1,8 @@
 // AgentWatch: follows one agent and keeps the board current, and asks it questions.
 //
-// It reads from that agent alone, which costs no radio. Only while AskTeam is on, it asks the other agents, once a
-// period. Five threads, each with a connection of its own, because a call of Client blocks. Thread-safe.
+// The object reads from that agent alone, which costs no radio. Only while AskTeam is on, it asks the other agents,
+// once a period. Six threads: four that follow the agent, each with its own connection, because a call of Client
+// blocks; one that asks the other agents; one that asks questions. Thread-safe.
 #pragma once
 
 #include <atomic>
@@ -25,7 +26,7 @@ namespace moondb {
 
 class AgentWatch {
  public:
-  static constexpr std::size_t kQuestionsMax = 16;  // That wait; more are refused.
+  static constexpr std::size_t kQuestionsMax = 16;  // Questions that wait; more are refused.
 
   struct Options {
     std::filesystem::path program_folder;  // As CommandContext.

@@ -6,6 +6,7 @@
 #include <chrono>
 
 #include "apps/common/json_writer.h"
+#include "apps/mcap/little_endian.h"
 
 namespace moondb {
 
@@ -84,14 +85,11 @@ std::string Board::FindTiles(std::uint64_t map_id, const std::vector<TileKey>& p
     }
   }
   std::string answer;
-  const auto append = [&answer](std::int64_t value) {
-    for (int shift = 0; shift < 32; shift += 8) answer += static_cast<char>(value >> shift & 0xff);
-  };
   for (const auto& [place, bytes] : found) {
     const Result<std::string> cells = Inflate(*bytes);
     if (!cells || answer.size() + cells->size() > kTileBytesAskedMax) continue;
-    append(place.first);
-    append(place.second);
+    AppendLittleEndian(static_cast<std::int32_t>(place.first), answer);
+    AppendLittleEndian(static_cast<std::int32_t>(place.second), answer);
     answer += *cells;
   }
   return answer;

@@ -39,7 +39,7 @@ class FoxgloveFeed {
   std::mutex mutex_;
   std::string map_frame_ = kMapFrameId;
   std::map<Place, CellBlock> blocks_;
-  std::set<std::tuple<std::int64_t, AgentId, std::string>> known_events_;  // Those of the last list.
+  std::set<std::tuple<std::int64_t, AgentId, std::string>> known_events_;  // Events of the last list.
   std::uint32_t status_ = 0;
   std::uint32_t transforms_ = 0;
   std::uint32_t poses_ = 0;

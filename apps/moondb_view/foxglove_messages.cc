@@ -2,27 +2,15 @@
 
 #include <google/protobuf/descriptor.pb.h>
 
-#include <array>
 #include <set>
 
+#include "apps/picture/tracks.h"
 #include "model/agent_name.h"
 
 namespace moondb {
 namespace {
 
-struct Rgb {
-  double r, g, b;
-};
-// As on the page: colours that people with any colour vision can distinguish (Okabe and Ito 2008).
-constexpr std::array<Rgb, 8> kAgentColors{{{0.00, 0.45, 0.70},
-                                           {0.90, 0.62, 0.00},
-                                           {0.00, 0.62, 0.45},
-                                           {0.80, 0.47, 0.65},
-                                           {0.94, 0.89, 0.26},
-                                           {0.34, 0.71, 0.91},
-                                           {0.84, 0.37, 0.00},
-                                           {0.60, 0.60, 0.60}}};
-constexpr Rgb kRejectedColor{0.84, 0.37, 0.00};
+constexpr Color kRejectedColor{213, 94, 0};
 
 void Set(std::int64_t timestamp_ns, google::protobuf::Timestamp& timestamp) {
   std::int64_t seconds = timestamp_ns / 1'000'000'000;
@@ -54,11 +42,11 @@ void Set(const Pose& value, foxglove::Pose& pose) {
   Set(value.orientation, *pose.mutable_orientation());
 }
 
-void Set(const Rgb& value, double opacity, foxglove::Color& color) {
-  color.set_r(value.r);
-  color.set_g(value.g);
-  color.set_b(value.b);
-  color.set_a(opacity);
+void Set(const Color& value, foxglove::Color& color) {
+  color.set_r(value[0] / 255.0);
+  color.set_g(value[1] / 255.0);
+  color.set_b(value[2] / 255.0);
+  color.set_a(1);
 }
 
 foxglove::SceneEntity& AddEntity(const std::string& id, std::int64_t timestamp_ns, foxglove::SceneUpdate& scene) {
@@ -69,20 +57,20 @@ foxglove::SceneEntity& AddEntity(const std::string& id, std::int64_t timestamp_n
   return entity;
 }
 
-foxglove::LinePrimitive& AddLine(foxglove::LinePrimitive::Type type, const Rgb& color, double thickness_px,
+foxglove::LinePrimitive& AddLine(foxglove::LinePrimitive::Type type, const Color& color, double thickness_px,
                                  foxglove::SceneEntity& entity) {
   foxglove::LinePrimitive& line = *entity.add_lines();
   line.set_type(type);
   Set(Pose(), *line.mutable_pose());
   line.set_thickness(thickness_px);
   line.set_scale_invariant(true);
-  Set(color, 1, *line.mutable_color());
+  Set(color, *line.mutable_color());
   return line;
 }
 
-Rgb ColorOf(DrawnLine::Kind kind) {
-  if (kind == DrawnLine::Kind::kRange) return {0.16, 0.44, 0.59};
-  return kind == DrawnLine::Kind::kMatch ? Rgb{0.00, 0.41, 0.36} : Rgb{0.48, 0.17, 0.75};
+Color ColorOf(DrawnLine::Kind kind) {
+  if (kind == DrawnLine::Kind::kRange) return {41, 112, 150};
+  return kind == DrawnLine::Kind::kMatch ? Color{0, 105, 92} : Color{122, 43, 191};
 }
 
 void AddFile(const google::protobuf::FileDescriptor& file, std::set<std::string>& added,
@@ -152,7 +140,7 @@ foxglove::SceneUpdate SceneOf(const proto::TeamConfig& team, const GraphView& vi
     const auto& [track, is_placed] = view.tracks[i];
     if (!is_placed || track.poses.empty()) continue;
     const std::string name = AgentName(team, track.agent);
-    const Rgb& color = kAgentColors[i % kAgentColors.size()];
+    const Color color = AgentColor(i);
     foxglove::SceneEntity& entity = AddEntity("track " + name, timestamp_ns, scene);
     foxglove::LinePrimitive& line = AddLine(foxglove::LinePrimitive::LINE_STRIP, color, 3, entity);
     for (const PoseView& pose : track.poses) Set(pose.map_from_body.position_m, *line.add_points());
@@ -161,7 +149,7 @@ foxglove::SceneUpdate SceneOf(const proto::TeamConfig& team, const GraphView& vi
     text.set_billboard(true);
     text.set_font_size(14);
     text.set_scale_invariant(true);
-    Set(color, 1, *text.mutable_color());
+    Set(color, *text.mutable_color());
     text.set_text(name);
   }
   for (const auto& [kind, name] :

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "apps/common/json_writer.h"
+#include "apps/mcap/little_endian.h"
 #include "model/text.h"
 #include "proto/foxglove.pb.h"
 
@@ -26,11 +27,6 @@ std::string Base64(const std::string& bytes) {
     for (std::size_t k = 0; k < 4; ++k) text += k <= count ? kDigits[value >> (18 - 6 * k) & 63] : '=';
   }
   return text;
-}
-
-template <typename Number>
-void AppendLittleEndian(Number value, std::string& bytes) {
-  for (std::size_t i = 0; i < sizeof value; ++i) bytes += static_cast<char>(value >> (8 * i) & 0xff);
 }
 
 void WriteChannel(const Channel& channel, JsonWriter& json) {
@@ -152,7 +148,7 @@ std::optional<SocketPeer::Frame> FoxgloveViewer::NextMessageOf(bool is_bulk) {
     last_sent_[is_bulk] = id;
     Frame frame{std::string(1, static_cast<char>(kMessageData)), true};
     AppendLittleEndian(id, frame.bytes);
-    AppendLittleEndian(static_cast<std::uint64_t>(found->message.log_time_ns), frame.bytes);
+    AppendLittleEndian(found->message.log_time_ns, frame.bytes);
     frame.bytes += *found->message.payload;
     return frame;
   }

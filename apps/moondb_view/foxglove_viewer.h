@@ -19,7 +19,7 @@ namespace moondb {
 class FoxgloveViewer : public SocketPeer {
  public:
   static constexpr std::size_t kSubscriptionsMax = 2 * Channels::kChannelsMax;
-  static constexpr std::size_t kStatusesMax = 16;  // That wait; more are dropped.
+  static constexpr std::size_t kStatusesMax = 16;  // Statuses that wait; more are dropped.
 
   // `session_id` names the run of the server. Requires: `channels` outlives the viewer.
   FoxgloveViewer(Channels& channels, std::string name, std::string session_id, std::function<void()> wake);

@@ -9,7 +9,6 @@
 #include "apps/moonctl/settled.h"
 #include "model/agent_name.h"
 #include "model/leases.h"
-#include "model/team_member.h"
 
 namespace moondb {
 namespace {
@@ -148,20 +147,19 @@ void WriteInstruments(const TeamReports& reports, AgentId agent, JsonWriter& jso
   json.Key("lease").String(lease);
 }
 
-std::string RoleText(const proto::TeamConfig& team, const proto::AgentStatus* own, const proto::AgentConfig& agent) {
+std::string RoleText(const proto::AgentStatus* own, const proto::AgentConfig& agent) {
   if (agent.left()) return "has left";
   if (own == nullptr) return "";
   if (own->roles().leader() == agent.id()) return RoleName(proto::ROLE_LEADER);
   if (own->roles().survivor() == agent.id()) return RoleName(proto::ROLE_DESIGNATED_SURVIVOR);
-  const auto* config = FindAgent(team, agent.id());
-  return RoleName(config->kind() == proto::AGENT_KIND_BASE_STATION ? proto::ROLE_BASE_STATION : proto::ROLE_ROVER);
+  return RoleName(agent.kind() == proto::AGENT_KIND_BASE_STATION ? proto::ROLE_BASE_STATION : proto::ROLE_ROVER);
 }
 
 void WriteAgents(const proto::TeamConfig& team, const TeamReports& reports, JsonWriter& json) {
   json.Key("agents").BeginArray();
   for (const proto::AgentConfig& agent : team.agents()) {
     json.BeginObject().Key("id").Number(agent.id()).Key("name").String(agent.name());
-    json.Key("role").String(RoleText(team, OwnStatus(reports), agent)).Key("is_left").Bool(agent.left());
+    json.Key("role").String(RoleText(OwnStatus(reports), agent)).Key("is_left").Bool(agent.left());
     WriteLink(reports, agent.id(), json);
     WriteInstruments(reports, agent.id(), json);
     json.Key("is_placed");
@@ -289,7 +287,7 @@ void WriteFindings(const proto::TeamConfig& team, const TeamReports& reports, Js
     if (StatusOf(reports, agent) != nullptr) known[agent] = reported.report;
   }
   json.Key("findings").BeginArray();
-  for (const auto& [agent, findings] : FindingsOn(team, known, reports.config_hash)) {
+  for (const auto& [agent, findings] : FindingsOn(team, known)) {
     for (const std::string& text : findings) {
       json.BeginObject().Key("agent").String(AgentName(team, agent)).Key("text").String(text).EndObject();
     }

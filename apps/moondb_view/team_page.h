@@ -44,10 +44,9 @@ struct AskState {
 struct TeamReports {
   AgentId agent = 0;                        // The agent to which moondb_view is connected.
   std::string why_silent;                   // Why that agent does not answer. Empty: it does.
-  std::map<AgentId, ReportedAgent> agents;  // Those that answered at least once.
+  std::map<AgentId, ReportedAgent> agents;  // Agents that answered at least once.
   std::map<AgentId, ReportedBattery> batteries;
   std::map<AgentId, bool> is_placed;  // By the graph; absent: unknown.
-  std::uint64_t config_hash = 0;      // TeamFile::hash of the file from which the team was read.
   std::uint64_t viewers = 0;
   AskState ask;
   double now_s = 0;  // Seconds since 1970.

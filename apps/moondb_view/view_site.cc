@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "apps/common/json_writer.h"
+#include "apps/moonctl/map_questions.h"
 #include "apps/moonctl/node_name.h"
 #include "model/agent_name.h"
 
@@ -29,6 +30,8 @@ namespace {
 
 // Changes that come together are answered together.
 constexpr auto kGathered = std::chrono::milliseconds(50);
+// An answer without a change comes at most this much after its limit.
+constexpr auto kLateMax = std::chrono::milliseconds(500);
 constexpr auto kViewerWindow = std::chrono::seconds(5);
 
 HttpResponse Json(unsigned status, std::string json) {
@@ -52,13 +55,8 @@ std::optional<T> NumberOf(const HttpRequest& request, const std::string& name) {
   return value;
 }
 
-const char* ValueName(std::uint32_t value) {
-  constexpr const char* kNames[] = {"unknown", "free", "hazard"};
-  return value < std::size(kNames) ? kNames[value] : "damaged";
-}
-
 std::string WhyText(const proto::TeamConfig& team, const proto::MapWhyReply& why) {
-  const std::string value = std::string("this cell is ") + ValueName(why.value());
+  const std::string value = std::string("this cell is ") + CellValueName(why.value());
   if (why.observations().empty()) return value + ": no map knows it";
   const proto::MapObservation& winner = why.observations(0);
   const std::string node = NodeName(team, FromProto(winner.node()));
@@ -70,18 +68,16 @@ std::string WhyText(const proto::TeamConfig& team, const proto::MapWhyReply& why
 
 std::string WhyJson(const proto::TeamConfig& team, const proto::MapWhyReply& why) {
   JsonWriter json;
-  json.BeginObject().Key("value").String(ValueName(why.value())).Key("x_m").Number(why.cell_x_m());
+  json.BeginObject().Key("value").String(CellValueName(why.value())).Key("x_m").Number(why.cell_x_m());
   json.Key("y_m").Number(why.cell_y_m()).Key("text").String(WhyText(team, why)).Key("observations").BeginArray();
   bool is_winner = true;  // The first one.
   for (const proto::MapObservation& said : why.observations()) {
-    std::string remark = said.is_footprint() ? "it stood there" : said.is_quarantined() ? "quarantined" : "";
-    if (said.is_clock_suspect()) remark += std::string(remark.empty() ? "" : ", ") + "clock suspect";
-    json.BeginObject().Key("value").String(ValueName(said.value()));
+    json.BeginObject().Key("value").String(CellValueName(said.value()));
     json.Key("agent").String(AgentName(team, said.node().agent_id())).Key("time_s");
     said.is_footprint() ? json.Null() : json.Number(static_cast<double>(said.timestamp_ns()) * 1e-9);
     json.Key("node").String(NodeName(team, FromProto(said.node()))).Key("resolution_m");
     said.is_footprint() ? json.Null() : json.Number(said.resolution_um() / 1e6);
-    json.Key("remark").String(remark).Key("is_winner").Bool(std::exchange(is_winner, false)).EndObject();
+    json.Key("remark").String(RemarkOn(said)).Key("is_winner").Bool(std::exchange(is_winner, false)).EndObject();
   }
   return json.EndArray().Key("left_out").Number(why.left_out_count()).EndObject().text();
 }
@@ -172,13 +168,11 @@ void ViewSite::NoteViewers(std::uint64_t more) {
 
 void ViewSite::RespondToChanges() {
   while (true) {
-    std::uint64_t oldest = 0;
-    Clock::time_point end = Clock::now() + kGathered;
+    const std::uint64_t version = board_.version();
     std::vector<Waiting> due;
     {
       const std::lock_guard lock(mutex_);
       if (is_ended_) return;
-      const std::uint64_t version = board_.version();
       for (auto waiting = waiting_.begin(); waiting != waiting_.end();) {
         const auto next = std::next(waiting);
         if (version > waiting->since || Clock::now() >= waiting->end) {
@@ -187,11 +181,9 @@ void ViewSite::RespondToChanges() {
         }
         waiting = next;
       }
-      oldest = version;
     }
     for (Waiting& waiting : due) waiting.respond(Json(200, board_.ChangesJson(waiting.since)));
-    // A request that came since then waits at most this long.
-    board_.WaitForChange(oldest, end + std::chrono::milliseconds(500));
+    board_.WaitForChange(version, Clock::now() + kLateMax);
     std::this_thread::sleep_for(kGathered);
   }
 }

@@ -143,7 +143,7 @@ def check_ros(root, folder, peer):
     shutil.rmtree(root / "root/moon")
     (root / "opt/peer").mkdir()
     for library in re.findall(r"=> (/\S+)", run("ldd", peer)):
-        # Those of glibc are the root's own.
+        # The root has glibc's own libraries.
         if not re.match(r"(libc|libm|libpthread|libdl|librt)\.so", os.path.basename(library)):
             shutil.copy(library, root / "opt/peer")
     shutil.copy(peer, root / "opt/peer")

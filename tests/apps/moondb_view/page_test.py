@@ -5,19 +5,20 @@ the page in Chromium (page_checks.mjs).
 Usage: page_test.py PROGRAMS FOLDER [PICTURES]    FOLDER gets the npm packages of package-lock.json.
 Exit codes: 0 passed, 1 failed, 77 skipped (Chromium, node or npm is missing; with MOONDB_NEEDS_BROWSER, that fails).
 """
-import contextlib
 import os
 import pathlib
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
 import time
 
-SKIPPED = 77
 HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parents[2] / "tools"))
+from demo_team import free_port_run
+
+SKIPPED = 77
 LIMIT_S = 300
 
 
@@ -39,16 +40,6 @@ def install_packages(folder):
     done = subprocess.run(["npm", "ci", "--no-audit", "--no-fund"], cwd=folder, capture_output=True, text=True,
                           timeout=LIMIT_S, check=False)
     return None if done.returncode == 0 else "npm ci failed: " + done.stderr[-500:]
-
-
-def free_port_run(count):
-    """Returns the first of `count` consecutive loopback ports that are free now."""
-    for first in range(19860, 60000, 50):
-        with contextlib.ExitStack() as stack, contextlib.suppress(OSError):
-            for port in range(first, first + count):
-                stack.enter_context(socket.socket()).bind(("127.0.0.1", port))
-            return first
-    raise RuntimeError("no free loopback ports")
 
 
 def start_team(environment, folder):
