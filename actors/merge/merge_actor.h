@@ -49,7 +49,7 @@ class MergeActor final : public Actor {
     std::size_t maps_max = MapCollection::Options().maps_max;  // Maximum number of maps in one merge.
     // Maximum number of waiting requests, including subscriptions.
     std::size_t requests_max = 64;
-    Duration look_period = std::chrono::seconds(1);
+    Duration look_period = std::chrono::milliseconds(500);
     Duration storage_timeout = std::chrono::seconds(30);
     std::uint32_t page_records_max = 512;
     std::uint32_t page_content_bytes_max = 4 * 1024 * 1024;

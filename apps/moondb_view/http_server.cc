@@ -33,6 +33,7 @@ using LimitedStream = beast::basic_stream<tcp, asio::any_io_executor, beast::sim
 constexpr auto kIdleMax = std::chrono::seconds(75);
 // The largest answers take this long over 64 kbit/s.
 constexpr auto kWriteMax = std::chrono::minutes(5);
+constexpr int kUnansweredMax = 4;  // Frames on the way to one WebSocket.
 constexpr auto kAcceptPause = std::chrono::milliseconds(100);
 constexpr char kPolicy[] =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -168,6 +169,11 @@ class HttpServer::Listener::SocketSession : public std::enable_shared_from_this<
     deflate.memLevel = 5;
     socket_.set_option(deflate);
     socket_.read_message_max(kSocketMessageBytesMax);
+    socket_.control_callback([this](websocket::frame_type kind, beast::string_view) {
+      if (kind != websocket::frame_type::pong || unanswered_ == 0) return;
+      --unanswered_;
+      asio::post(socket_.get_executor(), [self = shared_from_this()] { self->Write(); });  // Not within a read.
+    });
     peer_ = listener_.options_.make_peer([weak = weak_from_this()] {
       if (auto self = weak.lock()) {
         // Moved, so that this thread never destroys the session.
@@ -200,13 +206,22 @@ class HttpServer::Listener::SocketSession : public std::enable_shared_from_this<
   }
 
   void Write() {
-    if (!is_open_ || is_writing_) return;
+    if (!is_open_ || is_writing_ || unanswered_ >= kUnansweredMax) return;
     std::optional<SocketPeer::Frame> frame = peer_->Next();
     if (!frame) return;
     is_writing_ = true;
     frame_ = *std::move(frame);
     socket_.binary(frame_.is_binary);
     socket_.async_write(asio::buffer(frame_.bytes), [self = shared_from_this()](beast::error_code error, std::size_t) {
+      if (!error) self->Ping();
+    });
+  }
+
+  // The answer says that the viewer has taken the frame. Without it, a link that is cut would later deliver all that
+  // the buffers of the network took meanwhile.
+  void Ping() {
+    ++unanswered_;
+    socket_.async_ping({}, [self = shared_from_this()](beast::error_code error) {
       self->is_writing_ = false;
       if (!error) self->Write();
     });
@@ -218,6 +233,7 @@ class HttpServer::Listener::SocketSession : public std::enable_shared_from_this<
   beast::flat_buffer buffer_;
   std::unique_ptr<SocketPeer> peer_;
   SocketPeer::Frame frame_;
+  int unanswered_ = 0;  // Pings.
   bool is_open_ = false;
   bool is_writing_ = false;
 };

@@ -2,19 +2,25 @@
 // foxglove.websocket.v1, and a plain one that offers foxglove.sdk.v1 alone. Each subscribes to all channels and decodes
 // their messages by the schemas that the server sent. Prints a line for each; ends with 1 and the reason if one is wrong.
 //
-// Usage: foxglove_checks.mjs URL PROGRAMS    URL begins with http://.
+// Usage: foxglove_checks.mjs URL PROGRAMS LAYOUT    URL begins with http://; LAYOUT is configs/foxglove_layout.json.
 import { execFileSync } from "node:child_process";
+import { readFileSync } from "node:fs";
 import protocol from "@foxglove/ws-protocol";
 import protobuf from "protobufjs";
 import descriptor from "protobufjs/ext/descriptor/index.js";
 import { WebSocket } from "ws";
 
-const [url, programs] = process.argv.slice(2);
+const [url, programs, layoutFile] = process.argv.slice(2);
 const kWait_ms = 120_000;
 const address = url.replace("http://", "ws://");
 
 function require(condition, text) {
   if (!condition) throw new Error(text);
+}
+
+function layoutTopics() {
+  const panels = JSON.parse(readFileSync(layoutFile)).configById;
+  return [...Object.keys(panels["3D!map"].topics), panels["RosOut!events"].topicToRender, panels["RawMessages!team"].topicPath];
 }
 
 // Returns a function that decodes the messages of a channel.
@@ -64,6 +70,9 @@ class Collector {
     require(this.newest.get("/moondb/team").answers.leader.text.includes("leads"), `${this.name}: no leader`);
     require(this.newest.get("/graph").entities.some(({ id }) => id === "track rover1"), `${this.name}: no track of rover1`);
     require(this.newest.get("/events").level === "INFO", `${this.name}: an event of level ${this.newest.get("/events").level}`);
+    const offered = new Set(this.topics.values());
+    const missing = layoutTopics().filter((topic) => !offered.has(topic) && !/^\/map\/-?\d+_-?\d+$/.test(topic));
+    require(missing.length === 0, `${layoutFile} names the topics ${missing}, which the server does not have`);
     console.log(`${this.name}: ${this.topics.size} channels, ${JSON.stringify(this.cells())} cells`);
   }
 }

@@ -37,19 +37,37 @@ class Connection {
   Connection& operator=(const Connection&) = delete;
 
   void Send(const std::string& text) { (void)!::send(socket_, text.data(), text.size(), MSG_NOSIGNAL); }
-  // Returns what came until `end` has come or the connection is closed.
+  // Returns the bytes up to the end of `end`, or all that came before the connection closed. Keeps later bytes.
   std::string ReadUntil(const std::string& end) {
-    char part[4096];
-    while (end.empty() || text_.find(end) == std::string::npos) {
-      const ssize_t size = ::recv(socket_, part, sizeof part, 0);
-      if (size <= 0) break;
-      text_.append(part, static_cast<std::size_t>(size));
+    while (text_.find(end) == std::string::npos && Receive()) {
     }
-    return std::exchange(text_, "");
+    const std::size_t place = text_.find(end);
+    return Cut(place == std::string::npos ? text_.size() : place + end.size());
   }
-  std::string ReadToEnd() { return ReadUntil(""); }
+  std::string ReadToEnd() {
+    while (Receive()) {
+    }
+    return Cut(text_.size());
+  }
+  std::string ReadBytes(std::size_t size) {
+    while (text_.size() < size && Receive()) {
+    }
+    return Cut(std::min(size, text_.size()));
+  }
 
  private:
+  bool Receive() {
+    char part[4096];
+    const ssize_t size = ::recv(socket_, part, sizeof part, 0);
+    if (size > 0) text_.append(part, static_cast<std::size_t>(size));
+    return size > 0;
+  }
+  std::string Cut(std::size_t size) {
+    std::string cut = text_.substr(0, size);
+    text_.erase(0, size);
+    return cut;
+  }
+
   int socket_;
   std::string text_;
 };
@@ -197,13 +215,38 @@ TEST_F(HttpServerTest, ExchangesMessagesAndClosesOversizedOnes) {
     EXPECT_THAT(connection.ReadUntil("\r\n\r\n"), HasSubstr("101 Switching Protocols"));
     // A text of 5 bytes, masked by zeros.
     connection.Send(std::string("\x81\x85\0\0\0\0hello", 11));
-    EXPECT_EQ(connection.ReadUntil("hello"), "\x81\x05hello");
+    EXPECT_EQ(connection.ReadBytes(9), std::string("\x81\x05hello\x89\0", 9)) << "with a ping";
     // A text that claims 1 MiB.
     connection.Send(std::string("\x81\xff\0\0\0\0\0\x10\0\0\0\0\0\0", 14));
     EXPECT_THAT(connection.ReadToEnd(), StartsWith("\x88"));
   }
   // The server counts it once the connection has ended.
   while (server_->counts().refused_requests == 0) std::this_thread::yield();
+}
+
+// Has a frame whenever it is asked.
+class EndlessPeer : public SocketPeer {
+ public:
+  void OnMessage(const Frame&) override {}
+  std::optional<Frame> Next() override { return Frame{"frame", false}; }
+};
+
+TEST_F(HttpServerTest, SendsNoMoreThanTheViewerConfirms) {
+  HttpServer::Options options;
+  options.subprotocols = {"a"};
+  options.make_peer = [](const std::function<void()>&) { return std::make_unique<EndlessPeer>(); };
+  Start(options);
+  Connection connection(server_->port());
+  connection.Send(std::string(kUpgrade) + "Sec-WebSocket-Protocol: a\r\n\r\n");
+  EXPECT_THAT(connection.ReadUntil("\r\n\r\n"), HasSubstr("101 Switching Protocols"));
+  const std::string frame_and_ping("\x81\5frame\x89\0", 9);
+  std::string expected;
+  for (int i = 0; i < 4; ++i) expected += frame_and_ping;
+  EXPECT_EQ(connection.ReadBytes(expected.size()), expected);
+  connection.Send(std::string("\x8a\x80\0\0\0\0", 6));  // A pong, masked by zeros.
+  EXPECT_EQ(connection.ReadBytes(frame_and_ping.size()), frame_and_ping);
+  connection.Send(std::string("\x88\x80\0\0\0\0", 6));  // The end.
+  EXPECT_THAT(connection.ReadToEnd(), StartsWith("\x88")) << "only one frame for one answer";
 }
 
 TEST_F(HttpServerTest, SaysWhichPortIsTaken) {

@@ -64,7 +64,8 @@ def check_page(environment, folder, packages, programs, pictures):
                                 stdout=subprocess.PIPE, stderr=log)
     try:
         address = re.search(r"http://\S+", view.stdout.readline()).group(0)
-        print(run(["node", "foxglove_checks.mjs", address, programs], env=environment, cwd=packages))
+        layout = HERE.parents[2] / "configs/foxglove_layout.json"
+        print(run(["node", "foxglove_checks.mjs", address, programs, layout], env=environment, cwd=packages))
         print(run(["node", "page_checks.mjs", address, programs, *pictures], env=environment, cwd=packages))
     finally:
         view.terminate()
