@@ -30,6 +30,14 @@ class CheckLanguageTest(unittest.TestCase):
         self.assertEqual(len(lines), 1, lines)
         self.assertTrue(lines[0].startswith(f"{name}:{finding}"), lines[0])
 
+    def test_lists_printed_texts(self):
+        path = self.root / "a.cc"
+        path.write_text('// "a comment of five words"\nFail("cannot read " + path + ": " +\n     "is it a file?");\n'
+                        'Check(a, "a batch has records");\n')
+        result = subprocess.run([sys.executable, ROOT / "tools/check_language", "--texts", self.root], capture_output=True,
+                                text=True)
+        self.assertEqual(result.stdout, "a.cc:2: cannot read {}: is it a file?\n")
+
     def test_takes_plain_text(self):
         self.assertEqual(self.check("a.cc", "// The receiver drops the batch.\nint a = 1;  // Bytes.\n"), [])
         self.assertEqual(self.check("a.md", "# Words\n\nThe leader sends records. Where do they go?\n"), [])
