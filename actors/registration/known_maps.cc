@@ -88,7 +88,7 @@ Result<void> KnownMaps::AddMatch(const RecordKey& key, const proto::Record& reco
   return {};
 }
 
-std::vector<RegisteredMap> KnownMaps::FindRegistered() const {
+std::vector<RegisteredMap> KnownMaps::FindRegistered(std::size_t* unposed_count) const {
   const QuarantinedMaps quarantined_maps(quarantines_);
   const std::set<NodeKey> quarantined_nodes = quarantines_.FindNodes();
   std::vector<RegisteredMap> registered;
@@ -96,7 +96,10 @@ std::vector<RegisteredMap> KnownMaps::FindRegistered() const {
     if (quarantined_nodes.contains(map.node) || quarantined_maps.Contains(key.stream.origin, map.timestamp_ns))
       continue;
     const NodePoses::OptimizedPose* pose = poses_.FindOptimized(map.node, /*is_quarantined=*/false);
-    if (pose == nullptr) continue;
+    if (pose == nullptr) {
+      if (unposed_count != nullptr) ++*unposed_count;
+      continue;
+    }
     const Pose& map_from_node = pose->map_from_node;
     registered.push_back({key, map.node, map.timestamp_ns, map_from_node, map_from_node * map.node_from_map});
   }
@@ -143,6 +146,13 @@ std::set<std::pair<AgentId, AgentId>> KnownMaps::FindMatched() const {
 std::uint64_t KnownMaps::LastRun(const proto::Term& term) const {
   const auto found = last_runs_.find(OrderOf(term));
   return found == last_runs_.end() ? 0 : found->second;
+}
+
+std::size_t KnownMaps::CountMatchesOfRemovedMaps() const {
+  return static_cast<std::size_t>(std::ranges::count_if(matches_, [this](const auto& entry) {
+    const proto::MapMatch& match = entry.second.body;
+    return !maps_.contains(FromProto(match.from_map())) || !maps_.contains(FromProto(match.to_map()));
+  }));
 }
 
 std::map<AgentId, std::uint64_t> KnownMaps::CountLeftOut() const {

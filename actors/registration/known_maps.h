@@ -53,8 +53,9 @@ class KnownMaps {
   // record. Fails as the conversion of the record does.
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
-  // Returns the registered maps, sorted by record key.
-  std::vector<RegisteredMap> FindRegistered() const;
+  // Returns the registered maps, sorted by record key. Adds to `unposed_count`, if it is given, the number of maps
+  // whose node has no optimized pose, without quarantined maps.
+  std::vector<RegisteredMap> FindRegistered(std::size_t* unposed_count = nullptr) const;
   // Returns the cells of a map; nullopt for an unknown map.
   std::optional<TraversabilityMap> FindMap(const RecordKey& key) const;
   // Returns discs around the other rovers at the time of the map, in the frame of the map. Their place is that of their
@@ -69,6 +70,8 @@ class KnownMaps {
   const Match* FindMatch(const NodeKey& from, const NodeKey& to) const;
   // Returns the highest run among the matches of a term; 0 if there is none.
   std::uint64_t LastRun(const proto::Term& term) const;
+  // Returns the number of valid matches between two nodes whose maps are not both held.
+  std::size_t CountMatchesOfRemovedMaps() const;
 
   std::size_t map_count() const { return maps_.size(); }
   // Number of records dropped because a limit was reached, by origin.

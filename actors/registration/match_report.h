@@ -18,18 +18,26 @@ void AddCounts(const std::map<MatchVerdict, std::size_t>& counts,
 class MatchReport {
  public:
   void Clear() { *this = MatchReport(); }
-  void OnPlanned(std::size_t registered_count, bool has_pairs);
+  // Maps and matches that the leader held when a pass began.
+  struct Inputs {
+    std::size_t registered_count = 0;  // Maps with a pose.
+    std::size_t unposed_count = 0;     // Maps without one.
+    std::size_t removed_map_match_count = 0;
+  };
+
+  void OnPlanned(const Inputs& inputs, bool has_pairs);
   void OnMatched(MatchVerdict verdict) { ++counts_[verdict]; }
   void OnTime(std::chrono::nanoseconds spent) { spent_ += spent; }
   void OnStored(std::size_t count) { stored_count_ += count; }
   // Why there is no result; empty: there is one.
   void SetTrouble(std::string text) { trouble_ = std::move(text); }
 
-  // Fills in everything but left_count and left_out. `map_count`: number of maps that the leader holds.
+  // Fills in everything but left_count, left_out and is_due. `map_count`: number of maps that the leader holds.
   proto::RegistrationReply ToReply(bool is_idle, std::size_t map_count) const;
 
  private:
-  std::size_t registered_count_ = 0;  // Maps with a pose.
+  bool is_planned_ = false;  // A pass was planned in this term.
+  Inputs inputs_;            // Of the last pass.
   std::size_t pass_count_ = 0;
   std::size_t stored_count_ = 0;
   std::map<MatchVerdict, std::size_t> counts_;

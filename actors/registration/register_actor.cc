@@ -16,7 +16,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kQuiet = 1, kAskPgo = 2, kWaitEnd = 3 };
+enum TimerKind : std::uint32_t { kQuiet = 1, kAskPgo = 2, kWaitEnd = 3, kRetry = 4 };
 
 constexpr double kMaskMargin_m = 0.3;  // Added to a rover's body, because its pose is uncertain.
 constexpr int kPassesMax = 2;
@@ -83,7 +83,7 @@ RegisterActor::RegisterActor(Options options)
           [this] { known_ = KnownMaps(KnownOptions(options_.team)); },
           [this](const RecordKey& key, const proto::Record& record) { (void)known_.Add(key, record); }),
       writer_({options_.insert_records_max, options_.storage_timeout}),
-      quiet_({.kind = kQuiet, .quiet = options_.quiet}) {}
+      quiet_({.kind = kQuiet, .quiet = options_.quiet, .wait_max = options_.quiet_wait_max}) {}
 
 void RegisterActor::OnStart(Context& context) {
   request_id_ = context.rng()() >> 1;
@@ -123,7 +123,11 @@ void RegisterActor::OnMessage(Context& context, const proto::Message& message) {
 void RegisterActor::OnTimer(Context& context, const proto::Timer& timer) {
   switch (timer.kind()) {
     case kQuiet:
-      if (quiet_.OnTimer(context, /*is_busy=*/false) && phase_ == Phase::kIdle) StartPass(context);
+      if (quiet_.OnTimer(context, phase_ != Phase::kIdle)) StartPass(context);
+      return;
+    case kRetry:
+      // A higher id means that another pass has asked or stopped since.
+      if (timer.value() == request_id_ && phase_ == Phase::kIdle) StartPass(context);
       return;
     case kAskPgo:
       if (timer.value() == request_id_ && phase_ == Phase::kAsking) AskPgo(context);
@@ -193,12 +197,14 @@ void RegisterActor::AwaitQuiet(Context& context) {
   if (!WhyNot()) quiet_.OnNews(context);
 }
 
+// Starts a pass, or continues the one that storage stopped.
 void RegisterActor::StartPass(Context& context) {
+  Check(phase_ == Phase::kIdle, "one pass runs at a time");
   if (WhyNot()) return;
+  if (!records_.empty()) return StoreMatches(context);
   if (std::exchange(has_news_, false)) passes_since_news_ = 0;
   for (Waiting& waiting : waiting_) waiting.is_covered = true;
   pass_.Clear();
-  records_.clear();
   phase_ = Phase::kReading;
   reader_.Read(context);
   OnRead(context);
@@ -206,7 +212,10 @@ void RegisterActor::StartPass(Context& context) {
 
 void RegisterActor::OnRead(Context& context) {
   if (phase_ != Phase::kReading || reader_.is_reading()) return;
-  if (!reader_.result()) return Abandon(context, ToString(reader_.result().error()));
+  if (!reader_.result()) {
+    has_news_ = true;
+    return StopPass(context, ToString(reader_.result().error()));
+  }
   reader_.Report(context, known_.CountLeftOut());
   AskPgo(context);
 }
@@ -236,7 +245,10 @@ void RegisterActor::OnGraphStats(Context& context, const proto::GraphStatsReply&
 }
 
 void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
-  const std::vector<RegisteredMap> maps = known_.FindRegistered();
+  MatchReport::Inputs inputs;
+  const std::vector<RegisteredMap> maps = known_.FindRegistered(&inputs.unposed_count);
+  inputs.registered_count = maps.size();
+  inputs.removed_map_match_count = known_.CountMatchesOfRemovedMaps();
   report_.SetTrouble(stats.solve_count() == 0 ? "the leader has not solved the pose graph yet" : "");
   std::vector<PlannedMatch> pairs;
   const bool is_due = stats.solve_count() > 0 && passes_since_news_++ < kPassesMax;
@@ -253,7 +265,7 @@ void RegisterActor::PlanPass(const proto::GraphStatsReply& stats) {
   }
   pass_.Begin(std::move(pairs));
   if (is_due && pass_.left_count() == 0) PlanChecks();
-  report_.OnPlanned(maps.size(), left_count() > 0);
+  report_.OnPlanned(inputs, left_count() > 0);
 }
 
 // Searches for the relative pose of each two rovers whose frames nothing ties together.
@@ -298,7 +310,8 @@ void RegisterActor::PlanChecks() {
 void RegisterActor::MatchSome(Context& context) {
   const MonotonicTime begin = context.now();
   const auto budget = std::chrono::milliseconds(options_.team.registration().budget_ms());
-  for (std::size_t i = 0; i < options_.turn_pairs_max && left_count() > 0; ++i) {
+  const auto is_full = [this] { return records_.size() >= options_.insert_records_max; };
+  for (std::size_t i = 0; i < options_.turn_pairs_max && left_count() > 0 && !is_full(); ++i) {
     if (i > 0 && context.now() - begin >= budget) break;
     if (context.stop_requested()) return;
     if (pass_.left_count() > 0) {
@@ -311,9 +324,13 @@ void RegisterActor::MatchSome(Context& context) {
     }
   }
   report_.OnTime(context.now() - begin);
-  if (left_count() > 0) return AskPgo(context);
+  if (left_count() > 0 && !is_full()) return AskPgo(context);
+  StoreMatches(context);
+}
+
+void RegisterActor::StoreMatches(Context& context) {
   phase_ = Phase::kWriting;
-  writer_.Write(context, std::exchange(records_, {}));
+  writer_.Write(context, records_);
   OnWritten(context);
 }
 
@@ -361,8 +378,18 @@ bool RegisterActor::IsNews(const LoopClosure& closure) const {
 
 void RegisterActor::OnWritten(Context& context) {
   if (phase_ != Phase::kWriting || writer_.is_writing()) return;
-  report_.OnStored(writer_.stored_count());
-  if (!writer_.result()) return Abandon(context, writer_.result().error().text);
+  const std::size_t stored_count = writer_.stored_count();
+  Check(stored_count <= records_.size(), "storage accepts no more matches than it was sent");
+  report_.OnStored(stored_count);
+  if (stored_count > 0) report_.SetTrouble("");
+  records_.erase(records_.begin(), records_.begin() + static_cast<std::ptrdiff_t>(stored_count));
+  if (!writer_.result()) {
+    // Storage would refuse these records again.
+    if (writer_.result().error().code == ErrorCode::kInvalid) records_.clear();
+    return StopPass(context, writer_.result().error().text);
+  }
+  Check(records_.empty(), "all matches are stored");
+  if (left_count() > 0) return AskPgo(context);
   Finish(context);
 }
 
@@ -372,16 +399,14 @@ void RegisterActor::Finish(Context& context) {
   AnswerAll(context);
 }
 
-// Ends the pass without storing its remaining matches. The next pass finds them again.
-void RegisterActor::Abandon(Context& context, const std::string& reason) {
-  trouble_log_.Warn(ToString(context.self()) + ": the matching of maps was given up: " + reason);
+// Stops the pass until new records arrive, somebody asks for a pass, or pass_retry has elapsed.
+void RegisterActor::StopPass(Context& context, const std::string& reason) {
+  trouble_log_.Warn(ToString(context.self()) + ": the matching of maps stopped: " + reason);
   report_.SetTrouble(reason);
-  plan_.Clear();
-  starts_.Clear();
-  check_.Clear();
-  has_news_ = true;
-  reader_.Stop(context);
-  Finish(context);
+  (void)context.AfterTimer(options_.pass_retry, kRetry, ++request_id_);
+  phase_ = Phase::kIdle;
+  for (Waiting& waiting : waiting_) waiting.is_covered = true;
+  AnswerAll(context);
 }
 
 void RegisterActor::OnRequest(Context& context, const proto::Message& message) {
@@ -405,6 +430,7 @@ void RegisterActor::OnRequest(Context& context, const proto::Message& message) {
 proto::RegistrationReply RegisterActor::State() const {
   proto::RegistrationReply reply = report_.ToReply(phase_ == Phase::kIdle, known_.map_count());
   reply.set_left_count(static_cast<double>(left_count()));
+  reply.set_is_due(quiet_.has_news() && (has_news_ || passes_since_news_ < kPassesMax));
   for (const auto& [agents, count] : plan_.CountLeftOut()) {
     proto::LeftOutPairs& out = *reply.add_left_out();
     out.set_agent_id(agents.first);

@@ -3,7 +3,9 @@
 // After each solve, the actor reads the maps and poses from StorageActor and matches pairs of nearby maps in passes
 // (match_plan.h, map_matching.h). It stores accepted matches as records of the type map_match, which the next solve
 // uses as loop closures of the source "registration". At most two passes follow new maps, measurements or quarantines,
-// so matches and solves do not trigger each other endlessly.
+// so matches and solves do not trigger each other endlessly. Matches are stored every insert_records_max, so a crash or
+// a change of the leader loses few. If storage refuses them, for example because the disk is full, the actor keeps
+// them, and tries again after pass_retry or with the next records; then the pass continues.
 //
 // Rovers that nothing ties together are searched for in each other's submaps (start_search.h).
 //
@@ -49,13 +51,16 @@ class RegisterActor final : public Actor {
     // Complete, validated configuration of the team. Used fields: registration, map.footprint_m, and the kinds of
     // agents.
     proto::TeamConfig team;
-    // A pass starts once no record that matters has been stored for this long.
+    // A pass starts once no record that matters has been stored for this long, and at the latest quiet_wait_max after
+    // the first one.
     Duration quiet = std::chrono::seconds(2);
+    Duration quiet_wait_max = std::chrono::seconds(30);
+    Duration pass_retry = std::chrono::seconds(30);         // After a pass that storage stopped.
     Duration retry_delay = std::chrono::milliseconds(500);  // While PgoActor is busy.
     Duration storage_timeout = std::chrono::seconds(30);
     std::size_t fields_max = 64;
     std::size_t turn_pairs_max = 64;       // Pairs of one turn, in addition to the budget of the team file.
-    std::size_t insert_records_max = 128;  // Records of one insert.
+    std::size_t insert_records_max = 128;  // Matches stored together.
     std::size_t requests_max = 64;         // Waiting requests.
   };
 
@@ -90,6 +95,7 @@ class RegisterActor final : public Actor {
 
   void AwaitQuiet(Context& context);
   void StartPass(Context& context);
+  void StoreMatches(Context& context);
   void AskPgo(Context& context);
   void AskAgainLater(Context& context);
   void PlanPass(const proto::GraphStatsReply& stats);
@@ -101,7 +107,7 @@ class RegisterActor final : public Actor {
   void AddRecord(Context& context, const PlannedMatch& planned, const MatchResult& result);
   bool IsNews(const LoopClosure& closure) const;
   void Finish(Context& context);
-  void Abandon(Context& context, const std::string& reason);
+  void StopPass(Context& context, const std::string& reason);
   void Reset();
   std::optional<Error> WhyNot() const;
   proto::RegistrationReply State() const;
@@ -126,7 +132,7 @@ class RegisterActor final : public Actor {
   int passes_since_news_ = 0;
   std::uint64_t request_id_ = 0;  // Id of the request that PgoActor has not answered yet.
   MatchPass pass_;
-  std::vector<proto::Record> records_;  // Matches to store.
+  std::vector<proto::Record> records_;  // Matches that storage has not accepted yet.
   std::uint64_t run_ = 0;
   MatchReport report_;
   std::uint64_t wait_count_ = 0;

@@ -170,6 +170,23 @@ Result<std::vector<const proto::AgentConfig*>> CommandContext::ChosenAgents() {
   return agents;
 }
 
+Result<const proto::AgentConfig*> CommandContext::ChosenOrOnlyHere() {
+  const auto team = Team();
+  if (!team) return tl::unexpected(team.error());
+  if (!agent.empty()) return MemberNamed((*team)->config, agent);
+  const proto::AgentConfig* only = nullptr;
+  for (const proto::AgentConfig& configured : (*team)->config.agents()) {
+    if (configured.left() || !HasSecretKey((*team)->config, (*team)->folder, configured)) continue;
+    if (only != nullptr) {
+      return Fail(ErrorCode::kInvalid, "the secret keys of several agents are here; name one: -a " + only->name(),
+                  "--agent");
+    }
+    only = &configured;
+  }
+  if (only != nullptr) return only;
+  return Fail(ErrorCode::kInvalid, "no agent's secret key is on this machine; name an agent: -a NAME", "--agent");
+}
+
 Result<AgentClient> CommandContext::ConnectToChosenOrLeader() {
   if (!agent.empty()) return Connect(agent);
   auto roles = Roles();

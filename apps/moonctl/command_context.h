@@ -77,7 +77,10 @@ class CommandContext {
   // --json adds the name to the document as `via`.
   Result<AgentClient> Connect(const std::string& name);
   Result<AgentClient> ConnectHere(const std::string& name);  // Connects directly, without a relay.
-  bool is_relayed() const { return !relays_.empty(); }       // Returns true if another agent relayed a request.
+  // Returns the agent given with -a, otherwise the only agent whose secret key is on this machine. Returns kInvalid if
+  // the team has no such agent, or if the secret keys of none or of several agents are here; kRefused if it has left.
+  Result<const proto::AgentConfig*> ChosenOrOnlyHere();
+  bool is_relayed() const { return !relays_.empty(); }  // Returns true if another agent relayed a request.
   // Returns the role assignment with the newest term among all agents that answer. Errors are as for
   // TeamReach::NewestRoles.
   Result<proto::RoleAssignment> Roles();

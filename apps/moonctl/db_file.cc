@@ -14,14 +14,13 @@ namespace {
 
 // Returns the path of the database file of the agent given with -a. The file is on this machine but may be missing.
 Result<std::filesystem::path> StoreOf(CommandContext& context, const std::string& data_folder) {
-  if (context.agent.empty()) return Fail(ErrorCode::kInvalid, "which agent's file? Give -a rover1");
   if (!context.via.empty()) return Fail(ErrorCode::kInvalid, "reads a file on this machine; run it there", "--via");
-  const auto agents = context.ChosenAgents();
-  if (!agents) return tl::unexpected(agents.error());
+  const auto chosen = context.ChosenOrOnlyHere();
+  if (!chosen) return tl::unexpected(chosen.error());
   const TeamFile& team = **context.Team();
   const std::filesystem::path root =
       data_folder.empty() ? DefaultDataRoot(team.folder) : std::filesystem::path(data_folder);
-  const auto folder = FindDataFolder(root, team.config, *agents->front());
+  const auto folder = FindDataFolder(root, team.config, **chosen);
   if (!folder) return tl::unexpected(folder.error());
   return *folder / kDatabaseFile;
 }

@@ -19,21 +19,6 @@ struct DoctorArguments {
   std::string data_folder;
 };
 
-// Returns the agent given with -a, or the only one whose secret key is on this computer.
-Result<const proto::AgentConfig*> AgentHere(CommandContext& context, const TeamFile& team) {
-  if (!context.agent.empty()) return MemberNamed(team.config, context.agent);
-  const proto::AgentConfig* only = nullptr;
-  for (const proto::AgentConfig& agent : team.config.agents()) {
-    if (agent.left() || !HasSecretKey(team.config, team.folder, agent)) continue;
-    if (only != nullptr) {
-      return Fail(ErrorCode::kInvalid, "the secret keys of several agents are here; name one", "-a");
-    }
-    only = &agent;
-  }
-  if (only == nullptr) return Fail(ErrorCode::kInvalid, "no agent's secret key is here; name the agent", "-a");
-  return only;
-}
-
 // Adds what the team's agents report.
 Result<void> AddReports(CommandContext& context, const TeamFile& team, const proto::AgentConfig& agent,
                         RobotFacts& facts) {
@@ -79,7 +64,7 @@ const char* NameOf(RobotCheck::Kind kind) {
 ExitCode Examine(CommandContext& context, const DoctorArguments& arguments) {
   const auto team = context.Team();
   if (!team) return context.Report(team.error());
-  const auto agent = AgentHere(context, **team);
+  const auto agent = context.ChosenOrOnlyHere();
   if (!agent) return context.Report(agent.error());
   RobotFacts facts = GatherFacts(**team, **agent, arguments.data_folder);
   facts.version = MOONDB_VERSION;

@@ -12,6 +12,7 @@
 #include "apps/moonctl/g2o_graph.h"
 #include "apps/moonctl/graph_commands.h"
 #include "apps/moonctl/graph_import.h"
+#include "apps/moonctl/match_list.h"
 #include "apps/moonctl/node_name.h"
 #include "apps/moonctl/quarantine.h"
 #include "apps/moonctl/refused_sets.h"
@@ -175,7 +176,13 @@ ExitCode OptimizeGraph(CommandContext& context, const OptimizeArguments& argumen
   if (!target) return context.Report(target.error());
   auto solve = target->client->Optimize(request);
   if (!solve) return context.Report(solve.error());
-  return context.Done(ToJson(*solve), SolveText((*team)->config, *solve));
+  std::string text = SolveText((*team)->config, *solve);
+  // Only the leader matches maps.
+  const auto matching = target->client->Registration({});
+  if (const std::string left = matching ? MatchingLeftText(*matching) : ""; !left.empty()) {
+    text += left + ", and a solve follows; wait for both: moonctl graph matches --wait 5m\n";
+  }
+  return context.Done(ToJson(*solve), text);
 }
 
 // Statistics of the factors of one kind and source between two agents. A factor counts as rejected if its newest

@@ -70,11 +70,6 @@ void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status,
   }
 }
 
-// Returns, for example, "1 record" or "12 records".
-std::string Counted(double count, const std::string& noun) {
-  return FormatCount(count) + " " + noun + (count == 1 ? "" : "s");
-}
-
 void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status, Findings& findings) {
   for (const proto::PeerStatus& peer : status.peers()) {
     if (peer.rejected_messages() > 0) {

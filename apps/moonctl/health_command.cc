@@ -5,6 +5,7 @@
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
+#include "apps/moonctl/match_list.h"
 #include "model/event.h"
 #include "model/text.h"
 
@@ -64,7 +65,12 @@ ExitCode ShowHealth(CommandContext& context) {
   const std::string hint =
       has_news ? "what is not acknowledged stays until `moonctl health acknowledge` (or -a) says that it was read\n"
                : "";
-  return context.Print(code, json.text(), table.Text() + hint);
+  std::string matching;
+  for (const auto& [agent, report] : reports) {
+    const std::string left = MatchingLeftText(report.registration.value_or(proto::RegistrationReply()));
+    if (!left.empty()) matching = AgentName(team.config, agent) + ": " + left + " (moonctl graph matches)\n";
+  }
+  return context.Print(code, json.text(), table.Text() + matching + hint);
 }
 
 struct Acknowledged {

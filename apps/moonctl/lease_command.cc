@@ -34,16 +34,16 @@ Result<milliseconds> DurationOf(const LeaseArguments& arguments) {
 
 ExitCode SetLease(CommandContext& context, proto::LeaseKind kind, const Result<milliseconds>& duration) {
   if (!duration) return context.Report(duration.error());
-  if (context.agent.empty()) {
-    return context.Report({ErrorCode::kInvalid, "which robot? Give its agent with -a", "--agent"});
-  }
-  auto chosen = context.Connect(context.agent);
+  const auto robot = context.ChosenOrOnlyHere();
+  if (!robot) return context.Report(robot.error());
+  const std::string& name = (*robot)->name();
+  auto chosen = context.Connect(name);
   if (!chosen) return context.Report(chosen.error());
   auto reply = chosen->client->SetLease(kind, *duration);
   if (!reply) return context.Report(reply.error());
-  std::string text = context.agent + " neither drives nor sleeps";
+  std::string text = name + " neither drives nor sleeps";
   for (const proto::AgentLease& lease : reply->leases()) {
-    if (lease.agent_id() == chosen->agent->id()) text = context.agent + " " + ToString(lease);
+    if (lease.agent_id() == chosen->agent->id()) text = name + " " + ToString(lease);
   }
   return context.Done(ToJson(*reply), text);
 }

@@ -83,9 +83,13 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
   std::string text = "matched " + FormatCount(count) + " pairs of " + FormatCount(state.map_count()) + " maps in " +
                      FormatCount(state.pass_count()) + " passes" + counts + "; " + FormatCount(state.stored_count()) +
                      " stored; " + FormatCount(state.left_count()) + " left; " + FormatFixed(state.seconds(), 1) + " s";
-  if (state.other_map_count() > 0) {
-    text += "; " + FormatCount(state.other_map_count()) + " maps are quarantined or have no optimized pose";
+  if (state.unposed_map_count() > 0) {
+    text += "; " + Counted(state.unposed_map_count(), "map") + " had no optimized pose yet";
   }
+  if (const double quarantined = state.other_map_count() - state.unposed_map_count(); quarantined > 0) {
+    text += "; " + Counted(quarantined, "map") + " quarantined, or newer than the last pass";
+  }
+  if (state.is_due()) text += "; the next pass will begin";
   text += (state.text().empty() ? "" : "; " + state.text()) + "\n";
   for (const proto::LeftOutPairs& pairs : state.left_out()) {
     const bool is_one_agent = pairs.agent_id() == pairs.other_agent_id();
@@ -93,7 +97,16 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
             (is_one_agent ? "" : " and " + AgentName(team, pairs.other_agent_id())) +
             " in the last pass, because they exceed their share of it\n";
   }
+  if (state.removed_map_match_count() > 0) {
+    text += Counted(state.removed_map_match_count(), "stored match", "stored matches") +
+            " of maps that were removed since: the solver still uses them\n";
+  }
   return text + PlacesText(team, state);
+}
+
+std::string MatchingLeftText(const proto::RegistrationReply& state) {
+  if (state.left_count() > 0) return Counted(state.left_count(), "pair") + " of maps left to match";
+  return state.is_due() ? "the matching of maps will begin" : "";
 }
 
 std::string VerdictText(const ListedMatch& match) {

@@ -50,6 +50,9 @@ class MatchList {
 // one line for each pair of agents with pairs of maps that the last pass left out.
 std::string RegistrationText(const proto::TeamConfig& team, const proto::RegistrationReply& state);
 
+// Describes the work that is left: "2,551 pairs of maps are left to match". Empty: none.
+std::string MatchingLeftText(const proto::RegistrationReply& state);
+
 // Returns "kept", "rejected (9.3 sigmas)", "not solved yet" or "quarantined".
 std::string VerdictText(const ListedMatch& match);
 

@@ -40,10 +40,11 @@ Result<DataType> TypeNamed(const std::string& name, const CustomTypes& custom_ty
   return Fail(ErrorCode::kInvalid, "no data type \"" + name + "\"" + DidYouMean(name, DataTypeNames(custom_types)));
 }
 
-// Connects to the agent given with -a. Fails without -a, because no agent is a natural default.
+// Connects to the agent given with -a, otherwise to the only agent of this machine.
 Result<AgentClient> ConnectToChosen(CommandContext& context) {
-  if (!context.agent.empty()) return context.Connect(context.agent);
-  return Fail(ErrorCode::kInvalid, "which agent? Give -a rover1");
+  const auto chosen = context.ChosenOrOnlyHere();
+  if (!chosen) return tl::unexpected(chosen.error());
+  return context.Connect((*chosen)->name());
 }
 
 // Returns the content of FILE for "@FILE", otherwise the text itself.

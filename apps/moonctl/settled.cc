@@ -35,7 +35,8 @@ std::string WhyNotSettled(const proto::TeamConfig& team, const TeamActivity& act
   if (!why.empty()) return why;
   if (activity.graph.is_solving()) return "the leader solves the pose graph";
   if (activity.graph.is_due()) return "a solve is due";
-  if (activity.registration.text().empty() && !activity.registration.is_done()) return "the leader matches maps";
+  const proto::RegistrationReply& matching = activity.registration;
+  if (matching.text().empty() && (!matching.is_done() || matching.is_due())) return "the leader matches maps";
   return activity.away.empty() ? ""
                                : AgentName(team, *activity.away.begin()) + " does not answer; the others have settled";
 }

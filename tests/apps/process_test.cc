@@ -659,7 +659,7 @@ TEST_F(ProcessTest, ReportsErrorsOfALease) {
   }
   EXPECT_THAT(error({"-a", "rover2", "drive", "on"}), HasSubstr("--for is required"));
   EXPECT_THAT(error({"-a", "rover2", "drive", "onn", "--for", "5"}), HasSubstr("did you mean \"on\"?"));
-  EXPECT_THAT(error({"drive", "on", "--for", "5"}), HasSubstr("which robot? Give its agent with -a"));
+  EXPECT_THAT(error({"drive", "on", "--for", "5"}), HasSubstr("name one: -a rover1"));
   EXPECT_THAT(error({"-a", "rover2", "sleep"}), HasSubstr("expected sleep --for DURATION"));
   EXPECT_THAT(error({"-a", "rover2", "sleep", "off", "--for", "5"}), HasSubstr("expected sleep --for DURATION"));
   for (const char* bad : {"2026-13-01T00:00Z", "2026-11-22T06:00", "2026-11-22T24:00Z", "tomorrow"}) {

@@ -28,6 +28,24 @@ proto::Term TermOf(std::uint64_t number) {
   return term;
 }
 
+// A StorageActor whose disk can be full.
+class FillableStorage final : public Actor {
+ public:
+  FillableStorage(const StorageActor::Options& options, const bool& is_full) : storage_(options), is_full_(is_full) {}
+  void OnStart(Context& context) override { storage_.OnStart(context); }
+  void OnMessage(Context& context, const proto::Message& message) override {
+    if (!is_full_ || !message.has_insert_request()) return storage_.OnMessage(context, message);
+    proto::Message reply;
+    reply.set_request_id(message.request_id());
+    *reply.mutable_insert_reply()->mutable_error() = ToProto(Error{ErrorCode::kFull, "the disk is full", {}});
+    EXPECT_EQ(context.Send(context.sender(), std::move(reply)), SendResult::kAccepted);
+  }
+
+ private:
+  StorageActor storage_;
+  const bool& is_full_;
+};
+
 // Agent 1 leads and runs RegisterActor and a real StorageActor. The rovers 1 and 2 drive side by side through a field
 // of rocks, from west to east. Rover 2's odometry drifts to the side.
 class RegisterActorTest : public testing::Test {
@@ -76,7 +94,8 @@ class RegisterActorTest : public testing::Test {
     storage.path = ":memory:";
     storage.self = 1;
     storage.team = config_;
-    team_.Spawn(1, actor_name::kStorage, [storage] { return std::make_unique<StorageActor>(storage); });
+    team_.Spawn(1, actor_name::kStorage,
+                [this, storage] { return std::make_unique<FillableStorage>(storage, is_disk_full_); });
   }
   void SpawnRegister() {
     RegisterActor::Options options;
@@ -238,6 +257,7 @@ class RegisterActorTest : public testing::Test {
   proto::TeamConfig config_;
   proto::GraphStatsReply stats_;
   std::size_t turn_pairs_max_ = 64;
+  bool is_disk_full_ = false;
   std::map<StreamKey, std::uint64_t> seqs_;
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
@@ -713,9 +733,105 @@ TEST_F(RegisterActorTest, APassGoesOnAfterStorageHasFailed) {
   EXPECT_FALSE(answers[0].registration_reply().text().empty());
   SpawnStorage();
   StoreDrive();
-  Pass();
+  for (int i = 0; i < 12; ++i) Pass();  // The actor may just have asked the storage that did not answer.
   EXPECT_FALSE(Matches().empty());
   EXPECT_TRUE(State().is_done());
+}
+
+TEST_F(RegisterActorTest, APassThatAFullDiskStoppedContinuesByItselfOnceThereIsSpace) {
+  SpawnAll();
+  StoreDrive();
+  is_disk_full_ = true;
+  Pass();
+  Ask(60);
+  for (int i = 0; i < 10; ++i) Pass();
+  std::vector<proto::Message> answers = Answers();
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_EQ(answers[0].registration_reply().text(), "the disk is full");
+  EXPECT_FALSE(answers[0].registration_reply().is_done());
+  const double matched = State().counts(0).count();
+  EXPECT_TRUE(Matches().empty());
+  is_disk_full_ = false;
+  for (int i = 0; i < 20; ++i) Pass();  // 60 s.
+  EXPECT_FALSE(Matches().empty());
+  EXPECT_TRUE(State().is_done());
+  EXPECT_EQ(State().text(), "");
+  EXPECT_GT(State().counts(0).count(), matched) << "the pass ended where it stopped";
+  EXPECT_EQ(State().pass_count(), 1) << "nothing was matched again";
+}
+
+TEST_F(RegisterActorTest, MatchesAreStoredDuringAPassAndOutliveAChangeOfLeader) {
+  turn_pairs_max_ = 1;
+  SpawnAll();
+  StoreDrive();
+  team_.AdvanceTime(seconds(3));
+  for (int i = 0; i < 20; ++i) {
+    proto::Message answer;
+    *answer.mutable_graph_stats_reply() = stats_;
+    answer.set_request_id(team_.TakeMessages(pgo_).back().request_id());
+    ASSERT_EQ(team_.Post(pgo_, register_, answer), SendResult::kAccepted);
+    team_.RunUntilIdle();
+  }
+  ASSERT_GT(State().left_count(), 0);
+  const std::size_t stored = Matches().size();
+  EXPECT_GE(stored, 5u);
+  SetLeader(2, 2);
+  SetLeader(1, 3);
+  const proto::RegistrationReply state = State();
+  EXPECT_EQ(state.left_count(), 0);
+  EXPECT_FALSE(state.is_done()) << "no pass has read the records in this term";
+  Pass();
+  EXPECT_TRUE(State().is_done());
+  EXPECT_GT(Matches().size(), stored);
+}
+
+TEST_F(RegisterActorTest, ASteadyStreamOfRecordsDoesNotPostponeAPassWithoutLimit) {
+  SpawnAll();
+  StoreDrive();
+  for (int i = 0; i < 80; ++i) {
+    StorePose({1, 0}, RawAt({1, 0}), 2 + static_cast<std::uint64_t>(i));
+    team_.AdvanceTime(milliseconds(500));
+    AnswerAsPgo();
+  }
+  EXPECT_EQ(State().pass_count(), 1);
+  EXPECT_FALSE(Matches().empty());
+}
+
+TEST_F(RegisterActorTest, RecordsThatArriveDuringAPassStartAnotherOne) {
+  turn_pairs_max_ = 1;
+  SpawnAll();
+  StoreDrive();
+  team_.AdvanceTime(seconds(3));
+  StoreNode({1, kNodes});
+  (void)StoreMap({1, kNodes});
+  StorePose({1, kNodes}, RawAt({1, kNodes}));
+  team_.AdvanceTime(seconds(3));  // Longer than `quiet`, while the pass waits for PgoActor.
+  EXPECT_TRUE(State().is_due());
+  AnswerAsPgo();
+  const std::size_t first = Matches().size();
+  Pass();
+  EXPECT_FALSE(State().is_due());
+  EXPECT_GT(Matches().size(), first);
+}
+
+TEST_F(RegisterActorTest, CountsMapsWithoutAPoseAndMatchesOfRemovedMaps) {
+  SpawnAll();
+  StoreDrive();
+  StoreNode({1, kNodes});
+  (void)StoreMap({1, kNodes});
+  Pass();
+  EXPECT_EQ(State().unposed_map_count(), 1);
+  EXPECT_EQ(State().removed_map_match_count(), 0);
+  // A match of the previous term, of a map that nobody holds any more.
+  proto::Record record;
+  *record.mutable_map_match() = Matches()[0];
+  record.mutable_map_match()->mutable_from()->set_index(kNodes);
+  record.mutable_map_match()->mutable_from_map()->set_seq(999);
+  (void)Store(record, 1);
+  Ask(60);
+  AnswerAsPgo();
+  ASSERT_EQ(Answers().size(), 1u);
+  EXPECT_EQ(State().removed_map_match_count(), 1);
 }
 
 TEST_F(RegisterActorTest, IgnoresMessagesOfOtherAgents) {

@@ -124,6 +124,8 @@ TEST(MistypedTest, FindsTheWordAndItsNeighbour) {
             "unknown command \"shwo\"; did you mean \"show\"?");
   EXPECT_EQ(DescribeMistyped(app, {"role", "show", "--jsn"}), "unknown option --jsn; did you mean \"--json\"?");
   EXPECT_EQ(DescribeMistyped(app, {"role", "show", "--json", "more"}), std::nullopt);
+  EXPECT_EQ(DescribeMistyped(app, {"stop"}), "unknown command \"stop\"; use moonctl down");
+  EXPECT_EQ(DescribeMistyped(app, {"role", "get"}), "unknown command \"get\"; use moonctl role show");
 }
 
 }  // namespace

@@ -155,11 +155,18 @@ TEST(RegistrationTextTest, CountsResultsAndGivesTheReasonWhyNothingIsMatched) {
   EXPECT_EQ(RegistrationText({}, state),
             "matched 13 pairs of 8 maps in 2 passes: 9 accepted, 4 few points; 7 stored; 3 left; 1.2 s\n");
   proto::RegistrationReply none;
-  none.set_other_map_count(2);
+  none.set_other_map_count(3);
+  none.set_unposed_map_count(1);
+  none.set_is_due(true);
+  none.set_removed_map_match_count(1);
   none.set_text("the leader has not solved the pose graph yet");
   EXPECT_EQ(RegistrationText({}, none),
-            "matched 0 pairs of 0 maps in 0 passes; 0 stored; 0 left; 0.0 s; 2 maps are quarantined or have no "
-            "optimized pose; the leader has not solved the pose graph yet\n");
+            "matched 0 pairs of 0 maps in 0 passes; 0 stored; 0 left; 0.0 s; 1 map had no optimized pose yet; 2 maps "
+            "quarantined, or newer than the last pass; the next pass will begin; the leader has not solved the pose "
+            "graph yet\n1 stored match of maps that were removed since: the solver still uses them\n");
+  EXPECT_EQ(MatchingLeftText(none), "the matching of maps will begin");
+  EXPECT_EQ(MatchingLeftText(state), "3 pairs of maps left to match");
+  EXPECT_EQ(MatchingLeftText({}), "");
 }
 
 TEST(RegistrationTextTest, SaysHowFarTheSearchForStartsCame) {
