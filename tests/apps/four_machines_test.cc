@@ -18,7 +18,7 @@ using testing::HasSubstr;
 using testing::Not;
 using Words = std::vector<std::string>;
 
-constexpr char kThroughRover2[] = "moonctl: through rover2, over the radio\n";
+constexpr char kThroughRover2[] = "moonctl: requests are relayed by rover2, over the radio\n";
 const std::vector<std::string> kNames = {"rover1", "rover2", "rover3", "base"};
 
 // Each machine is a folder with the team file and with one agent's secret keys, data and sockets.
@@ -181,7 +181,8 @@ TEST_F(FourMachinesTest, ReportsWhichAgentsAreElsewhereAndWhichAreLost) {
   EndOn("rover1");
   const Outcome lost = AtRover2(3, {"sync", "now"});
   EXPECT_THAT(lost.error, HasSubstr("agent rover1 is not on this machine; rover2 has not heard it for "));
-  EXPECT_THAT(lost.error, HasSubstr("it leads the team: if it is lost, let the survivor lead by moonctl role set"));
+  EXPECT_THAT(lost.error,
+              HasSubstr("it is the leader: if it is lost, make the survivor the leader with moonctl role set"));
   const Outcome set = At("rover2", {"role", "set", "rover2", "leader", "rover3", "survivor"});
   EXPECT_THAT(set.out, HasSubstr("leader rover2")) << set.error;
 

@@ -154,7 +154,7 @@ TEST_F(KeysProcessTest, ARemovedAgentIsNotStartedNotMissedAndNotObeyed) {
   const auto child = StartAgent("rover2");
   const Outcome refused = child->Wait();
   EXPECT_NE(refused.exit_code, 0);
-  EXPECT_THAT(refused.error, HasSubstr("rover2 has left team moon: its team file says left: true"));
+  EXPECT_THAT(refused.error, HasSubstr("rover2 has left team moon (left: true in the team file)"));
 }
 
 }  // namespace

@@ -141,7 +141,8 @@ TEST_F(TeamIdentityTest, AddsAnIdToAFileAndChangesNothingElse) {
   EXPECT_EQ(agent.exit_code, 2);
   EXPECT_THAT(agent.error, HasSubstr(missing));
 
-  EXPECT_THAT(MoonctlExpecting(0, {"config", "check", "--fix", folder_ / "link.yaml"}), HasSubstr("copy it to every"));
+  EXPECT_THAT(MoonctlExpecting(0, {"config", "check", "--fix", folder_ / "link.yaml"}),
+              HasSubstr("copy the file to every"));
   const std::string fixed = *ReadTextFile(team_file_);
   const std::string new_id = ReadTeamFile(team_file_)->config.team_id();
   EXPECT_NE(new_id, id);
