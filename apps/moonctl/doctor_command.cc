@@ -26,11 +26,11 @@ Result<const proto::AgentConfig*> AgentHere(CommandContext& context, const TeamF
   for (const proto::AgentConfig& agent : team.config.agents()) {
     if (agent.left() || !HasSecretKey(team.config, team.folder, agent)) continue;
     if (only != nullptr) {
-      return Fail(ErrorCode::kInvalid, "the secret keys of several agents are here; name one", "-a");
+      return Fail(ErrorCode::kInvalid, "this machine has the secret keys of several agents; name one of them", "-a");
     }
     only = &agent;
   }
-  if (only == nullptr) return Fail(ErrorCode::kInvalid, "no agent's secret key is here; name the agent", "-a");
+  if (only == nullptr) return Fail(ErrorCode::kInvalid, "this machine has no agent's secret key; name the agent", "-a");
   return only;
 }
 
@@ -101,8 +101,9 @@ ExitCode Examine(CommandContext& context, const DoctorArguments& arguments) {
   }
   json.EndArray().Key("fault_count").Number(fault_count).EndObject();
   const std::string end = fault_count == 0 ? "no fault found on " + (*agent)->name()
-                                           : std::to_string(fault_count) + (fault_count == 1 ? " fault" : " faults") +
-                                                 ": correct before " + (*agent)->name() + " drives off";
+                                           : std::to_string(fault_count) +
+                                                 (fault_count == 1 ? " fault: correct it" : " faults: correct them") +
+                                                 " before " + (*agent)->name() + " drives off";
   return context.Print(fault_count == 0 ? ExitCode::kDone : ExitCode::kFailed, json.text(), table.Text() + end);
 }
 

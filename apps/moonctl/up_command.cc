@@ -332,7 +332,8 @@ void AddUpCommands(Command& app, CommandContext& context) {
   up.Callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
   Command& down =
       AddCommand(app, "down", "Stop the agents whose secret keys are on this machine (or -a)", {"moonctl down"});
-  down.AddOption("--data-dir", arguments->data_folder, "The same folder as for moonctl up").TypeName("FOLDER");
+  down.AddOption("--data-dir", arguments->data_folder, "Folder of the agents' data folders, as given to moonctl up")
+      .TypeName("FOLDER");
   down.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return Down(context, *arguments); }; });
 }
