@@ -160,7 +160,7 @@ ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arg
   JsonWriter json;
   json.BeginObject().Key("acknowledged").Number(arguments.number);
   json.Key("waiting").Number(reply->waiting_size()).Key("left").Number(reply->left_count()).EndObject();
-  return context.Done(json.text(), "the ground station has bundle " + std::to_string(arguments.number) + "; " +
+  return context.Done(json.text(), "bundle " + std::to_string(arguments.number) + " is acknowledged; " +
                                        std::to_string(reply->waiting_size()) + " wait, " +
                                        LeftText(reply->left_count()));
 }

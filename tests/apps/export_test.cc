@@ -81,7 +81,8 @@ TEST_F(ExportTest, WritesProvenanceOfGraphsIfTheFormatAllowsComments) {
   const auto text_of = [this](const char* name) { return *ReadTextFile(folder_ / name); };
   const auto check = [](const std::string& notes) {
     EXPECT_THAT(notes, HasSubstr("agent: rover2\n"));
-    EXPECT_THAT(notes, HasSubstr("poses: optimized, or carried on by odometry since; raw where neither exists\n"));
+    EXPECT_THAT(
+        notes, HasSubstr("poses: optimized; newer nodes extended by odometry; raw if a rover has no optimized pose\n"));
     EXPECT_THAT(notes, HasSubstr("nodes: 1\n"));
     EXPECT_THAT(notes, HasSubstr("optimized_nodes: 0\n"));
     EXPECT_THAT(notes, HasSubstr("out_of_reach: rover3\n"));

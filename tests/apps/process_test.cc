@@ -200,7 +200,7 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
   EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge"}), HasSubstr("set aside"));
   // An acknowledgment does not hide that records are missing, unless other agents have already restored them.
   EXPECT_TRUE(Until([this] {
-    return Moonctl({"health", "-a", "rover3"}).out.find("records of this agent that its disk never had") !=
+    return Moonctl({"health", "-a", "rover3"}).out.find("records of this agent that this agent's disk never held") !=
                std::string::npos ||
            Moonctl({"record", "list", "temperature", "-a", "rover3"}).out.find("rover3") != std::string::npos;
   })) << Moonctl({"health", "-a", "rover3"}).out;

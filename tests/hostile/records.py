@@ -249,7 +249,7 @@ def far_apart_nodes(team, scale):
     exported = team.moonctl("map", "export", str(team.folder / "far")).stdout
     findings = team.moonctl("-a", "rover1", "health", check=False).stdout
     team.moonctl("map", "quarantine", "--lift", given.split()[1])
-    if "left out" in exported or "share of them" in findings:
+    if "excluded" in exported or "share of the memory" in findings:
         raise Failure(f"after a quarantine of rover3 something is left out: {exported[-300:]} {findings[-300:]}")
 
 
