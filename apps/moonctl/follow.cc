@@ -48,7 +48,7 @@ ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadReque
     for (const proto::StoredRecord& stored : page->records()) {
       proto::Record record;
       if (!record.ParseFromString(stored.content())) {
-        return context.Report({ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " does not decode", {}});
+        return context.Report({ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " cannot be decoded", {}});
       }
       if (PrintLine(line_of(stored, record))) continue;
       if (errno == EPIPE) return ExitCode::kDone;

@@ -82,16 +82,17 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
   }
   std::string text = "matched " + FormatCount(count) + " pairs of " + FormatCount(state.map_count()) + " maps in " +
                      FormatCount(state.pass_count()) + " passes" + counts + "; " + FormatCount(state.stored_count()) +
-                     " stored; " + FormatCount(state.left_count()) + " left; " + FormatFixed(state.seconds(), 1) + " s";
+                     " matches stored; " + FormatCount(state.left_count()) + " pairs left; " +
+                     FormatFixed(state.seconds(), 1) + " s";
   if (state.other_map_count() > 0) {
     text += "; " + FormatCount(state.other_map_count()) + " maps are quarantined or have no optimized pose";
   }
   text += (state.text().empty() ? "" : "; " + state.text()) + "\n";
   for (const proto::LeftOutPairs& pairs : state.left_out()) {
     const bool is_one_agent = pairs.agent_id() == pairs.other_agent_id();
-    text += "left out " + FormatCount(pairs.count()) + " pairs of maps of " + AgentName(team, pairs.agent_id()) +
+    text += "excluded " + FormatCount(pairs.count()) + " pairs of maps of " + AgentName(team, pairs.agent_id()) +
             (is_one_agent ? "" : " and " + AgentName(team, pairs.other_agent_id())) +
-            " in the last pass, because they exceed their share of it\n";
+            " from the last pass, because they exceed their share of a pass\n";
   }
   return text + PlacesText(team, state);
 }
@@ -102,7 +103,7 @@ std::string VerdictText(const ListedMatch& match) {
 }
 
 std::string MatchesText(const proto::TeamConfig& team, const std::vector<ListedMatch>& matches, std::size_t rows_max) {
-  if (matches.empty()) return "no map match is held here\n";
+  if (matches.empty()) return "this agent holds no map match\n";
   Table table({"FROM", "TO", "OFFSET", "CORRECTION", "MATCHED", "OVERLAP", "SECOND BEST", "VERDICT"});
   const std::size_t rows = std::min(rows_max, matches.size());
   for (std::size_t i = 0; i < rows; ++i) {
@@ -111,8 +112,9 @@ std::string MatchesText(const proto::TeamConfig& team, const std::vector<ListedM
                match.correction ? OffsetText(*match.correction) : "-", FormatFixed(match.body.matched(), 2),
                FormatFixed(match.body.overlap(), 2), FormatFixed(match.body.second_best(), 2), VerdictText(match)});
   }
-  return table.Text() +
-         (rows == matches.size() ? "" : "and " + std::to_string(matches.size() - rows) + " more; --all lists them\n");
+  return table.Text() + (rows == matches.size()
+                             ? ""
+                             : "and " + std::to_string(matches.size() - rows) + " more matches; --all lists all\n");
 }
 
 void WriteMatches(const std::vector<ListedMatch>& matches, JsonWriter& json) {

@@ -157,7 +157,8 @@ TEST_F(ExportTest, ReportsEachErrorInOneLine) {
     EXPECT_EQ(outcome.out, "");
   };
   check(2, "did you mean \"export\"?", {"map", "exprot", folder_ / "x"});
-  check(2, "the team file does not say where the map lies", {"map", "export", folder_ / "x", "--format", "geotiff"});
+  check(2, "the team file gives no geographic position of the map",
+        {"map", "export", folder_ / "x", "--format", "geotiff"});
   check(2, "no such file", {"map", "export", folder_ / "x", "-t", folder_ / "none.yaml"});
   check(2, "no such file", {"config", "show", folder_ / "none.yaml"});
   check(3, "rover1 is not running", {"map", "export", folder_ / "x", "-a", "rover1"});

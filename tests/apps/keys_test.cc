@@ -98,7 +98,7 @@ TEST_F(KeysProcessTest, ShowsPresentSecretsAndThoseThatDoNotMatch) {
   std::filesystem::copy(folder_ / "rover3.sec", folder_ / "rover2.sec");
   std::filesystem::permissions(folder_ / "base.sign", std::filesystem::perms(0644));
   EXPECT_THAT(MoonctlExpecting(1, {"keys", "show"}),
-              AllOf(HasSubstr("rover2.sec: does not fit the public key"), HasSubstr("run chmod 600 on it")));
+              AllOf(HasSubstr("rover2.sec: does not match the public key"), HasSubstr("run chmod 600 on it")));
 }
 
 TEST_F(KeysProcessTest, SigningKeysAreAddedToAFileThatHasNone) {

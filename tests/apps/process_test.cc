@@ -108,8 +108,8 @@ TEST_F(ProcessTest, ExplainsACellAndExcludesQuarantinedMapsEverywhere) {
   const std::string why = MoonctlExpecting(0, {"map", "why", "3.99", "0.01"});
   EXPECT_THAT(why, HasSubstr("(3.975, 0.025) is free at rover1"));
   EXPECT_THAT(why, HasSubstr("2:0"));
-  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "1", "0"}), HasSubstr("it stood there"));
-  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "-500", "3"}), HasSubstr("no map knows it"));
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "1", "0"}), HasSubstr("the rover stood there"));
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "-500", "3"}), HasSubstr("no map covers it"));
 
   auto leader = Connect("rover1");
   proto::MapTilesRequest tiles;
