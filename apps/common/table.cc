@@ -86,4 +86,8 @@ std::string FormatFixed(double value, int digits) {
 
 std::string FormatCount(double count) { return Format("%.0f%s", count, ""); }
 
+std::string FormatCount(double count, const std::string& noun) {
+  return FormatCount(count) + " " + noun + (count == 1 ? "" : "s");
+}
+
 }  // namespace moondb

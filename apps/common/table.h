@@ -42,5 +42,7 @@ std::string FormatUtc(std::int64_t timestamp_ns);
 std::string FormatFixed(double value, int digits);
 // Formats a whole number that is stored as a double: "12".
 std::string FormatCount(double count);
+// Formats a whole number with its noun, which gets an "s" unless the number is 1: "1 record", "12 records".
+std::string FormatCount(double count, const std::string& noun);
 
 }  // namespace moondb

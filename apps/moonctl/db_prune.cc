@@ -54,8 +54,9 @@ std::string PrunedText(const proto::PruneReply& reply, bool is_dry_run, const Cu
   }
   table.Add({"all", FormatCount(count), FormatBytes(bytes)});
   const std::string kept = reply.unacknowledged_count() > 0
-                               ? FormatCount(reply.unacknowledged_count()) +
-                                     " more records are kept until the leader and the designated survivor hold them"
+                               ? FormatCount(reply.unacknowledged_count(), "more record") +
+                                     (reply.unacknowledged_count() == 1 ? " is" : " are") +
+                                     " kept until the leader and the designated survivor hold them"
                                : "";
   return table.Text() + kept;
 }

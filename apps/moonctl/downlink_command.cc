@@ -29,12 +29,13 @@ void WriteBundle(const proto::DownlinkBundle& bundle, JsonWriter& json) {
 }
 
 std::string Describe(const proto::DownlinkBundle& bundle) {
-  return "bundle " + std::to_string(bundle.number()) + ": " + FormatCount(bundle.record_count()) + " records, " +
+  return "bundle " + std::to_string(bundle.number()) + ": " + FormatCount(bundle.record_count(), "record") + ", " +
          FormatBytes(bundle.bytes());
 }
 
 std::string LeftText(double left_count) {
-  return left_count == 0 ? "all records are in bundles" : FormatCount(left_count) + " records are in no bundle yet";
+  return left_count == 0 ? "all records are in bundles"
+                         : FormatCount(left_count, "record") + (left_count == 1 ? " is" : " are") + " in no bundle yet";
 }
 
 // Connects to the agent given with -a. Otherwise connects to the base station, or to the leader if the team has none.
@@ -161,7 +162,8 @@ ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arg
   json.BeginObject().Key("acknowledged").Number(arguments.number);
   json.Key("waiting").Number(reply->waiting_size()).Key("left").Number(reply->left_count()).EndObject();
   return context.Done(json.text(), "bundle " + std::to_string(arguments.number) + " is acknowledged; " +
-                                       std::to_string(reply->waiting_size()) + " wait, " +
+                                       FormatCount(reply->waiting_size(), "bundle") +
+                                       (reply->waiting_size() == 1 ? " is" : " are") + " unacknowledged, " +
                                        LeftText(reply->left_count()));
 }
 

@@ -111,8 +111,8 @@ std::string SigmaText(const proto::NodeCovariance& node, int coordinate, const c
   return FormatFixed(std::sqrt((*covariance)(coordinate, coordinate)), 3) + " " + unit;
 }
 
-std::string CountText(double count, double rejected, const std::string& what) {
-  return FormatCount(count) + " " + what + " (" + FormatCount(rejected) + " rejected)";
+std::string CountText(double count, double rejected, const std::string& noun) {
+  return FormatCount(count, noun) + " (" + FormatCount(rejected) + " rejected)";
 }
 
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedSet& set) {
@@ -129,16 +129,16 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedSet& 
 std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply& solve) {
   if (IsError(solve.error())) return "the solve failed: " + FromProto(solve.error()).text + "\n";
   std::string text =
-      FormatCount(solve.node_count()) + " nodes, " + FormatCount(solve.odometry_count()) + " odometry edges, " +
-      CountText(solve.range_count(), solve.rejected_range_count(), "ranges") +
+      FormatCount(solve.node_count(), "node") + ", " + FormatCount(solve.odometry_count(), "odometry edge") + ", " +
+      CountText(solve.range_count(), solve.rejected_range_count(), "range") +
       (solve.closure_count() > 0
-           ? ", " + CountText(solve.closure_count(), solve.rejected_closure_count(), "loop closures")
+           ? ", " + CountText(solve.closure_count(), solve.rejected_closure_count(), "loop closure")
            : "") +
-      (solve.prior_count() > 0 ? ", " + CountText(solve.prior_count(), solve.rejected_prior_count(), "priors") : "") +
+      (solve.prior_count() > 0 ? ", " + CountText(solve.prior_count(), solve.rejected_prior_count(), "prior") : "") +
       "\ncost " + FormatFixed(solve.initial_cost(), 2) + " to " + FormatFixed(solve.final_cost(), 2) + " in " +
-      FormatCount(solve.iterations()) + " iterations, " + FormatFixed(solve.seconds(), 3) +
-      " s, started from: " + solve.initial_values() + "; " + FormatCount(solve.updated_pose_count()) +
-      " poses written\n";
+      FormatCount(solve.iterations(), "iteration") + ", " + FormatFixed(solve.seconds(), 3) +
+      " s, started from: " + solve.initial_values() + "; " + FormatCount(solve.updated_pose_count(), "pose") +
+      " written\n";
   if (!solve.text().empty()) text += solve.text() + "\n";
   for (const proto::RefusedSet& set : solve.refused_sets()) text += RefusedText(team, set) + "\n";
   for (const proto::FarNode& far : solve.far_nodes()) {
@@ -286,7 +286,7 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
   if (!known) return context.Report(known.error());
   std::string text = stats->solve_count() == 0
                          ? target->agent->name() + " has not solved the graph since it started\n"
-                         : FormatCount(stats->solve_count()) + " solves since the agent started; the last one:\n" +
+                         : FormatCount(stats->solve_count(), "solve") + " since the agent started; the last one:\n" +
                                SolveText(team, stats->last_solve());
   // Only the leader matches maps.
   const auto registration = target->client->Registration({});
@@ -296,7 +296,8 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
   text += GroupsText(team, factors);
   if (known->quarantines().size() > 0) {
     text += std::to_string(known->quarantines().size()) +
-            " quarantines exclude parts of the graph; moonctl map stats lists them\n";
+            (known->quarantines().size() == 1 ? " quarantine excludes" : " quarantines exclude") +
+            " parts of the graph; moonctl map stats lists them\n";
   }
   if (has_edges) text += RejectedText(team, factors.rejected);
   JsonWriter json;

@@ -125,7 +125,7 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
   std::string text = std::to_string(nodes) + " nodes, " + std::to_string(edges) + " edges, " +
                      std::to_string(graph->ranges.size()) + " ranges" +
                      (priors > 0 ? ", " + std::to_string(priors) + " priors" : "") + "\ncost " +
-                     FormatDouble(solution.cost) + " after " + std::to_string(solution.iterations) + " iterations, " +
+                     FormatDouble(solution.cost) + " after " + FormatCount(solution.iterations, "iteration") + ", " +
                      FormatFixed(seconds, 3) + " s; started from: " + ToString(solution.initial_values);
   if (!solution.text.empty()) text += "\n" + solution.text;
   if (!arguments.out.empty()) text += "\nwrote " + arguments.out;

@@ -71,20 +71,15 @@ void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status,
   }
 }
 
-// Returns, for example, "1 record" or "12 records".
-std::string Counted(double count, const std::string& noun) {
-  return FormatCount(count) + " " + noun + (count == 1 ? "" : "s");
-}
-
 void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status, Findings& findings) {
   for (const proto::PeerStatus& peer : status.peers()) {
     if (peer.rejected_messages() > 0) {
-      findings.push_back("refused " + Counted(peer.rejected_messages(), "message") + " that " +
+      findings.push_back("refused " + FormatCount(peer.rejected_messages(), "message") + " that " +
                          AgentName(team, peer.agent_id()) + " may not send");
     }
     if (peer.cut_for_bytes() > 0) {
       findings.push_back("closed the link to " + AgentName(team, peer.agent_id()) + " " +
-                         Counted(peer.cut_for_bytes(), "time") + ": " + AgentName(team, peer.agent_id()) +
+                         FormatCount(peer.cut_for_bytes(), "time") + ": " + AgentName(team, peer.agent_id()) +
                          " sends data over this agent's own link");
     }
     if (peer.has_two_processes()) {
@@ -117,10 +112,10 @@ void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
   }
   for (const proto::ActorStatus& actor : status.actors()) {
     if (actor.restarts() > 0) {
-      findings.push_back(actor.name() + " failed and was restarted " + Counted(actor.restarts(), "time"));
+      findings.push_back(actor.name() + " failed and was restarted " + FormatCount(actor.restarts(), "time"));
     }
     if (actor.dropped() > 0) {
-      findings.push_back(actor.name() + " dropped " + Counted(actor.dropped(), "message") +
+      findings.push_back(actor.name() + " dropped " + FormatCount(actor.dropped(), "message") +
                          " because its mailbox was full");
     }
   }
@@ -132,8 +127,8 @@ void JudgeRisk(const proto::TeamConfig& team, const proto::StorageStatus& storag
   const bool is_many = limits.records() > 0 && one_copy.count() > limits.records();
   const bool is_old = limits.age_s() > 0 && one_copy.count() > 0 && one_copy.age_s() > limits.age_s();
   if (!is_many && !is_old) return;
-  findings.push_back("no other agent is known to hold " + Counted(one_copy.count(), "record") + ", the oldest for " +
-                     FormatSeconds(one_copy.age_s()) +
+  findings.push_back("no other agent is known to hold " + FormatCount(one_copy.count(), "record") +
+                     ", the oldest for " + FormatSeconds(one_copy.age_s()) +
                      ": copy with moonctl sync now and replicate now, list with moonctl risk");
 }
 
@@ -203,10 +198,10 @@ void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom& refused) {
   const std::string sender = AgentName(team, refused.agent_id());
   const std::string origin = refused.origin_agent() == 0 ? sender : AgentName(team, refused.origin_agent());
-  const std::string records = Counted(refused.count(), "record");
+  const std::string records = FormatCount(refused.count(), "record");
   switch (refused.cause()) {
     case proto::REFUSAL_CAUSE_COMMAND:
-      return "refused " + Counted(refused.count(), "command") + " relayed by " + sender +
+      return "refused " + FormatCount(refused.count(), "command") + " relayed by " + sender +
              ", which is not in command_from of the team file";
     case proto::REFUSAL_CAUSE_ORIGIN:
       return "refused " + records + " of " + origin + " sent by " + sender +
@@ -233,10 +228,10 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom&
              ", which exceed its share of this disk: free space with 'moonctl db prune', then " + sender +
              " sends them again";
     case proto::REFUSAL_CAUSE_ROLES:
-      return "refused " + Counted(refused.count(), "role assignment") + " of " + sender +
+      return "refused " + FormatCount(refused.count(), "role assignment") + " of " + sender +
              ", which may not assign these roles";
     default:
-      return "refused " + Counted(refused.count(), "message") + " of " + sender;
+      return "refused " + FormatCount(refused.count(), "message") + " of " + sender;
   }
 }
 
@@ -256,7 +251,7 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
       findings.push_back(to + " excludes data types, because the schemas of both agents differ");
   }
   if (shares.rejected_records() > 0) {
-    findings.push_back("refused " + Counted(shares.rejected_records(), "record") + " of peers");
+    findings.push_back("refused " + FormatCount(shares.rejected_records(), "record") + " of peers");
   }
   for (const std::uint32_t other : shares.other_config_agents()) {
     findings.push_back(AgentName(team, other) + " has another team file");
@@ -320,7 +315,7 @@ void JudgeMap(const proto::TeamConfig& team, const proto::MapStatsReply& stats,
     all[stats.frame_of()].push_back("not placed in the team's map" + remedy(stats.frame_of()));
   }
   for (const proto::UnplacedRover& rover : stats.unplaced()) {
-    all[rover.agent_id()].push_back("not placed, " + Counted(rover.map_count(), "map") +
+    all[rover.agent_id()].push_back("not placed, " + FormatCount(rover.map_count(), "map") +
                                     " excluded from the team's map" + remedy(rover.agent_id()));
   }
   for (const proto::ClearedHazards& cleared : stats.cleared()) {

@@ -80,12 +80,15 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
     count += one.count();
     counts += (counts.empty() ? ": " : ", ") + FormatCount(one.count()) + " " + one.verdict();
   }
-  std::string text = "matched " + FormatCount(count) + " pairs of " + FormatCount(state.map_count()) + " maps in " +
-                     FormatCount(state.pass_count()) + " passes" + counts + "; " + FormatCount(state.stored_count()) +
-                     " matches stored; " + FormatCount(state.left_count()) + " pairs left; " +
-                     FormatFixed(state.seconds(), 1) + " s";
+  std::string text = "matched " + FormatCount(count, "pair") + " of " + FormatCount(state.map_count(), "map") + " in " +
+                     FormatCount(state.pass_count()) + (state.pass_count() == 1 ? " pass" : " passes") + counts + "; " +
+                     FormatCount(state.stored_count()) +
+                     (state.stored_count() == 1 ? " match stored; " : " matches stored; ") +
+                     FormatCount(state.left_count(), "pair") + " left; " + FormatFixed(state.seconds(), 1) + " s";
   if (state.other_map_count() > 0) {
-    text += "; " + FormatCount(state.other_map_count()) + " maps are quarantined or have no optimized pose";
+    text += "; " + FormatCount(state.other_map_count(), "map") +
+            (state.other_map_count() == 1 ? " is quarantined or has" : " are quarantined or have") +
+            " no optimized pose";
   }
   text += (state.text().empty() ? "" : "; " + state.text()) + "\n";
   for (const proto::LeftOutPairs& pairs : state.left_out()) {

@@ -97,7 +97,7 @@ std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgres
   for (const proto::PairProgress& pair : progress.pairs()) {
     if (pair.is_complete()) continue;
     const bool is_known = pair.is_missing_known() && pair.missing() > 0;
-    const std::string left = is_known ? FormatCount(pair.missing()) + " records left" : "";
+    const std::string left = is_known ? FormatCount(pair.missing(), "record") + " left" : "";
     const std::string& detail = pair.why().empty() ? left : pair.why();
     pairs.push_back(AgentName(team, pair.sender()) + " to " + AgentName(team, pair.destination()) +
                     (detail.empty() ? "" : " (" + detail + ")"));
@@ -138,7 +138,7 @@ class ShareProgressLine {
     const double passed_s = std::chrono::duration<double>(now - since_).count();
     const double eta_s = gone > 0 ? passed_s * left / gone : 0;
     line_.Show(gone, most_left_,
-               FormatCount(missing) + " records left, " + FormatBytes(coded_bytes) + " sent" +
+               FormatCount(missing, "record") + " left, " + FormatBytes(coded_bytes) + " sent" +
                    (eta_s >= 1 ? ", about " + FormatSeconds(eta_s) + " to go" : "") + ", " + std::to_string(complete) +
                    " of " + std::to_string(sessions) + " sessions complete" +
                    (waits_for.empty() ? "" : ", " + waits_for));

@@ -210,7 +210,7 @@ TEST(RegistrationTextTest, NamesTheAgentsWhosePairsWereLeftOut) {
   }
   EXPECT_THAT(RegistrationText(team, state),
               HasSubstr("excluded 900 pairs of maps of rover1 and rover3 from the last pass, because they exceed their "
-                        "share of a pass\nexcluded 900 pairs of maps of rover3 in the last pass"));
+                        "share of a pass\nexcluded 900 pairs of maps of rover3 from the last pass"));
 }
 
 }  // namespace
