@@ -103,8 +103,8 @@ TEST_F(FourMachinesTest, CommandsOfTheReadmeWorkThroughOneAgentAndNameIt) {
   const std::vector<std::pair<Words, std::string>> commands = {
       {{"role", "swap"}, "leader rover2, survivor rover1"},
       {{"-a", "rover1", "role", "set", "rover1", "leader", "rover2", "survivor"}, "leader rover1, survivor rover2"},
-      {{"sync", "now", "--wait"}, "sync at rover1: everything is acknowledged"},
-      {{"replicate", "now", "--wait"}, "replication at rover1: everything is acknowledged"},
+      {{"sync", "now", "--wait"}, "sync at rover1: all records are acknowledged"},
+      {{"replicate", "now", "--wait"}, "replication at rover1: all records are acknowledged"},
       {{"-a", "rover1", "record", "list", "temperature"}, "3."},
       {{"status"}, "designated_survivor"},
       {{"health"}, "base    good"},
@@ -212,7 +212,7 @@ TEST_F(FourMachinesTest, UpAndDownAffectOnlyAgentsWhoseSecretKeysAreHere) {
     std::filesystem::remove(MachineOf("rover3") / ("rover3" + std::string(ending)));
   const Outcome nothing = At("rover3", {"up"});
   EXPECT_EQ(nothing.exit_code, 2);
-  EXPECT_THAT(nothing.error, HasSubstr("the secret key of no agent of team moon is on this machine"));
+  EXPECT_THAT(nothing.error, HasSubstr("this machine has no secret key of an agent of team moon"));
 }
 
 TEST_F(FourMachinesTest, TheBaseStationGivesRolesOnceLeaderAndSurvivorAreLost) {

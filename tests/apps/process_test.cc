@@ -295,7 +295,7 @@ TEST_F(ProcessTest, TheSurvivorCanLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(0, {"record", "get", key, "-a", "rover2"});
   // Records that only rover1 holds cannot be replicated yet.
   EXPECT_THAT(MoonctlExpecting(3, {"replicate", "now", "--wait"}),
-              HasSubstr("everything is acknowledged; not there yet is what is held only by rover1 (is out of reach)"));
+              HasSubstr("all records are acknowledged; missing are records held only by rover1 (is out of reach)"));
 
   // The deposed leader receives the new roles when it restarts.
   const auto former = StartAgent("rover1");
@@ -327,7 +327,8 @@ TEST_F(ProcessTest, WaitsUntilALeaderThatLostItsDiskHasCollectedAllRecords) {
   ASSERT_TRUE(Until([&] { return Moonctl({"status", "-a", "rover1"}).exit_code == 0; }));
   const Outcome synced = Moonctl({"sync", "now", "--wait"});
   EXPECT_EQ(synced.exit_code, 3) << synced.error;
-  EXPECT_THAT(synced.out, HasSubstr("everything is acknowledged, but nothing is shared with rover3 (out of reach)"));
+  EXPECT_THAT(synced.out,
+              HasSubstr("all records are acknowledged, but no records are exchanged with rover3 (out of reach)"));
   EXPECT_THAT(KeysHeldBy("rover1"), IsSupersetOf(inserted));
   const auto replicated = MoonctlJson(3, {"replicate", "now", "--wait"}).fields();
   EXPECT_TRUE(replicated.at("is_acknowledged").bool_value());
@@ -351,7 +352,7 @@ TEST_F(ProcessTest, ReportsAgentsThatDidNotConfirmAChangeOfRoles) {
   MoonctlExpecting(0, {"up"});
   Kill("rover3");
   const std::vector<std::string> set = {"role", "set", "rover3", "survivor", "--timeout", "1s"};
-  EXPECT_THAT(MoonctlExpecting(3, set), HasSubstr("survivor rover3; not confirmed yet by rover3"));
+  EXPECT_THAT(MoonctlExpecting(3, set), HasSubstr("survivor rover3; not yet confirmed by rover3"));
   const auto shown = MoonctlJson(3, {"role", "set", "rover3", "survivor", "--timeout", "1s"}).fields();
   EXPECT_EQ(shown.at("not_confirmed").list_value().values(0).string_value(), "rover3");
   MoonctlExpecting(0, {"role", "set", "rover3", "survivor", "--no-wait"});

@@ -91,7 +91,7 @@ TEST_F(TeamIdentityTest, ARenamedAgentKeepsItsProcessAndItsData) {
   const pid_t pid = PidOf("rover1");
   const std::string up = MoonctlExpecting(0, {"-a", "scout", "up"});
   EXPECT_THAT(up, HasSubstr("was running"));
-  EXPECT_THAT(up, HasSubstr("scout is called rover1 until it is started again"));
+  EXPECT_THAT(up, HasSubstr("scout still runs under the name rover1; restart it to use the new name"));
   EXPECT_EQ(PidOf("rover1"), pid);
   EXPECT_EQ(TemperaturesOf(team_file_, "scout"), 1);
 

@@ -80,7 +80,7 @@ class TrustTest : public ProcessTeam {
 
 TEST_F(TrustTest, ShowsSentAndAcknowledgedRecordsPerPair) {
   Start();
-  EXPECT_THAT(MoonctlExpecting(0, {"sync", "status", "-a", "base"}), HasSubstr("nothing sent since its start"));
+  EXPECT_THAT(MoonctlExpecting(0, {"sync", "status", "-a", "base"}), HasSubstr("nothing sent since the agent started"));
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   EXPECT_THAT(MoonctlExpecting(0, {"sync", "status"}),
               AllOf(HasSubstr("QUIET FOR"), HasSubstr("rover3  rover1  idle")));

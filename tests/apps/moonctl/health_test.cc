@@ -316,9 +316,10 @@ TEST_F(HealthTest, SaysHowFarTheSearchForARoverCame) {
     start.set_text(evidence < 5 ? "too little looks alike" : "another place fits nearly as well");
     start.set_remedy("drive one of them on");
   }
-  EXPECT_THAT(Of(2), ElementsAre("not placed, 40 maps excluded from the team's map; its maps beside those of rover1: "
-                                 "another place fits nearly as well (evidence 12.9, best other place 10.8, matched 97 "
-                                 "%, contradicted 0 %); drive one of them on, or give it a start"));
+  EXPECT_THAT(Of(2),
+              ElementsAre("not placed, 40 maps excluded from the team's map; its maps compared with those of rover1: "
+                          "another place fits nearly as well (evidence 12.9, best alternative 10.8, matched 97 "
+                          "%, contradicted 0 %); drive one of them on, or give it a start"));
 }
 
 TEST_F(HealthTest, NamesARoverWhoseStartTheMapsContradict) {
@@ -337,7 +338,7 @@ TEST_F(HealthTest, NamesARoverWhoseStartTheMapsContradict) {
   };
   add(1, 2, true);
   EXPECT_THAT(Of(1), ElementsAre(HasSubstr("its maps contradict those of rover2 (42 % of the common hazards; 2 % "
-                                           "within one rover's own maps): is its start in the team file right?")));
+                                           "within one rover's own maps): check its start in the team file; ")));
   EXPECT_THAT(Of(2), ElementsAre(HasSubstr("its maps contradict those of rover1 (42 %")));
   add(1, 3, false);
   EXPECT_THAT(Of(1), IsEmpty()) << "rover3's maps agree with it";
@@ -347,7 +348,7 @@ TEST_F(HealthTest, NamesARoverWhoseStartTheMapsContradict) {
 TEST_F(HealthTest, FindsStartsInOnePlace) {
   for (const double side_m : {0.75, 0.5}) team_.mutable_map()->add_footprint_m(side_m);
   for (proto::AgentConfig& agent : *team_.mutable_agents()) agent.mutable_start()->set_x(1);
-  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("the start of rover2 lies within one footprint of that of rover1")));
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("the start of rover2 lies within one footprint of the start of rover1")));
   team_.mutable_agents(1)->mutable_start()->set_x(2);
   EXPECT_THAT(Of(2), IsEmpty());
 }

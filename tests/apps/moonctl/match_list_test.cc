@@ -189,10 +189,12 @@ TEST(RegistrationTextTest, SaysHowFarTheSearchForStartsCame) {
   EXPECT_THAT(
       RegistrationText(team, state),
       HasSubstr(
-          "found how rover2 lies to rover1: evidence 160.7, best other place 8.9, matched 92 %, contradicted 4 %\n"
-          "did not find how rover3 lies to rover1: too little looks alike (evidence 5.6, best other place 0.0, "
-          "matched 0 %, contradicted 0 %); drive one of them through places that the other has seen, or give "
-          "one a start\n"));
+          "found the pose of rover2 relative to rover1: evidence 160.7, best alternative 8.9, matched 92 %, "
+          "contradicted 4 %\n"
+          "did not find the pose of rover3 relative to rover1: too little looks alike (evidence 5.6, best alternative "
+          "0.0, "
+          "matched 0 %, contradicted 0 %); drive one of them through places that the other has seen, or give one of "
+          "them a start\n"));
 }
 
 TEST(RegistrationTextTest, NamesTheAgentsWhosePairsWereLeftOut) {
