@@ -148,9 +148,9 @@ void AddPeerChecks(const PeerFacts& peer, const RobotFacts& facts, std::vector<R
                            "copy the same team file to both robots (moonctl config pack) and restart their agents"));
   }
   if (!peer.version.empty() && !facts.agent_version.empty() && peer.version != facts.agent_version) {
-    checks.push_back(Advice(what,
-                            peer.name + " runs version " + peer.version + ", this agent version " + facts.agent_version,
-                            "install the same version; docs/COMPATIBILITY.md says what differs"));
+    checks.push_back(Advice(
+        what, peer.name + " runs version " + peer.version + ", but this agent runs version " + facts.agent_version,
+        "install the same version; docs/COMPATIBILITY.md says what differs"));
   }
   if (checks.size() > before) return;
   std::string text = peer.address;

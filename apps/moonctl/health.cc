@@ -80,7 +80,7 @@ void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status,
     if (peer.cut_for_bytes() > 0) {
       findings.push_back("closed the link to " + AgentName(team, peer.agent_id()) + " " +
                          FormatCount(peer.cut_for_bytes(), "time") + ": " + AgentName(team, peer.agent_id()) +
-                         " sends data over this agent's own link");
+                         " sent data over an outgoing connection of this agent");
     }
     if (peer.has_two_processes()) {
       const std::string name = AgentName(team, peer.agent_id());
@@ -152,9 +152,9 @@ void JudgeMapAges(const proto::TeamConfig& team, const proto::AgentStatus& statu
     const bool is_known = times.last_ns() != 0 && known_ns != 0;
     if (origin == status.agent_id() || unplaced.contains(origin) || !is_known || behind_s <= limit_s) continue;
     findings.push_back(
-        (held == last_ns.end()
-             ? "holds no map of " + AgentName(team, origin) + ", but the leader holds such maps of a span of "
-             : "its newest map of " + AgentName(team, origin) + " is older than the leader's by ") +
+        (held == last_ns.end() ? "holds no map of " + AgentName(team, origin) +
+                                     ", but the leader holds maps of that rover over a span of "
+                               : "its newest map of " + AgentName(team, origin) + " is older than the leader's by ") +
         FormatSeconds(behind_s) + ": moonctl db holdings --maps shows the missing maps, moonctl sync now fetches them");
   }
 }
@@ -165,7 +165,7 @@ void JudgeTimestamps(const proto::TeamConfig& team, const proto::StorageStatus& 
   findings.push_back("its software uses a wrong clock: a record of type " +
                      DataTypeName(suspect.data_type(), team.custom_types()) + " has the timestamp " +
                      FormatUtc(suspect.timestamp_ns()) +
-                     "; records with such timestamps have no age, and maps never win a cell by them");
+                     "; records with such timestamps have no age, and their maps never win a cell by being newer");
 }
 
 bool IsFarOff(const proto::PeerClockOffset& clock) { return std::abs(clock.offset_s()) > kClockOffsetMax_s; }

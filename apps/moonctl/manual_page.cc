@@ -38,7 +38,7 @@ The client's secret key if \-\-key is not given.
 .TP
 .B MOONDB_RUN_DIR
 The folder of the agents' sockets; else XDG_RUNTIME_DIR/moondb, else /tmp/moondb\-UID. An agent that was started with
-another one is found by its data folder.
+another folder is found by its data folder.
 .TP
 .B NO_COLOR
 Set to anything: no colours.

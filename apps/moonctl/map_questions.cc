@@ -133,8 +133,9 @@ void AddMapQuestions(Command& group, CommandContext& context) {
   why.AddOption("y", place->y_m, "y in metres, in the frame map").Required();
   why.Callback([&context, place] { context.action = [&context, place] { return AskWhy(context, *place); }; });
 
-  Command& stats = AddCommand(group, "stats", "Show which maps win cells, and quarantines, at the leader (or -a)",
-                              {"moonctl map stats", kShows});
+  Command& stats =
+      AddCommand(group, "stats", "Show how many maps win cells, and the quarantines, at the leader (or -a)",
+                 {"moonctl map stats", kShows});
   stats.Callback([&context] { context.action = [&context] { return ShowStats(context); }; });
 
   AddMapQuarantine(group, context);

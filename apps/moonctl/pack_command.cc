@@ -191,7 +191,7 @@ void AddPackCommands(Command& group, CommandContext& context) {
       .TypeName("ADDRESS");
   added.AddOption("--start", arguments->start, "Start pose x,y,yaw or x,y,z,yaw (m, rad; default: unknown)")
       .TypeName("POSE");
-  added.AddOption("--id", arguments->id, "Id of the new agent (one more than the highest)").Within(1, 65535);
+  added.AddOption("--id", arguments->id, "Id of the new agent (default: one more than the highest)").Within(1, 65535);
 
   Command& packed = add("pack", "Write all files of one agent into one file, with its secret keys",
                         {"moonctl config pack rover1 rover1.pack"}, Pack);

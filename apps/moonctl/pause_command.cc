@@ -66,7 +66,7 @@ void AddPauseCommands(Command& sync, CommandContext& context) {
       return duration ? SetPause(context, *duration) : context.Report(duration.error());
     };
   });
-  AddCommand(sync, "resume", "Resume sharing", {"moonctl sync resume -a rover2"}).Callback([&context] {
+  AddCommand(sync, "resume", "Resume sharing after a pause", {"moonctl sync resume -a rover2"}).Callback([&context] {
     context.action = [&context] { return SetPause(context, milliseconds(0)); };
   });
 }

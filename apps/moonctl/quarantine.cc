@@ -148,8 +148,9 @@ ExitCode SetQuarantine(CommandContext& context, const QuarantineArguments& argum
   json.BeginObject().Key("agent").String(target->agent->name()).Key("key").String(key).EndObject();
   auto roles = target->client->Roles();
   const bool is_leader = roles && roles->roles().leader() == target->agent->id();
-  const std::string next = is_leader ? "moonctl sync now sends it to all other agents"
-                                     : "moonctl sync now sends it to the leader, and when repeated to all other agents";
+  const std::string next = is_leader
+                               ? "moonctl sync now sends it to all other agents"
+                               : "moonctl sync now sends it to the leader; a second one sends it to all other agents";
   const std::string what =
       arguments.lift.empty() ? "quarantine " + key + " is in force" : arguments.lift + " is lifted";
   return context.Done(json.text(), what + " at " + target->agent->name() + "; " + next);

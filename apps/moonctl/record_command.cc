@@ -62,7 +62,8 @@ Result<proto::Record> MakeRecord(const TeamFile& team, const RecordArguments& ar
     if (has_file) return Fail(ErrorCode::kInvalid, "only custom types have a payload", "--payload-file");
     std::string text = *body;
     std::erase_if(text, [](char letter) { return std::isspace(static_cast<unsigned char>(letter)) != 0; });
-    if (text == "{}") return Fail(ErrorCode::kInvalid, "{} has no fields: give them, also fields that are 0");
+    if (text == "{}")
+      return Fail(ErrorCode::kInvalid, "the JSON object is empty: give each field, also fields that are 0");
     return RecordFromJson(arguments.type, *body);
   }
   Result<proto::Record> record = CustomRecordFromJson(arguments.type, *type, has_file && body->empty() ? "{}" : *body);

@@ -408,9 +408,9 @@ Command& AddGroup(Command& app, CommandContext& context, proto::SharingKind kind
   group.RequireSubcommand();
   auto arguments = std::make_shared<ShareArguments>();
   const bool is_sync = kind == proto::SHARING_KIND_SYNC;
-  Command& now =
-      AddCommand(group, "now", "Start a session at the leader (or -a)",
-                 {is_sync ? "moonctl sync now --from rover2 --wait" : "moonctl replicate now --wait --timeout 10m"});
+  Command& now = AddCommand(
+      group, "now", is_sync ? "Start a sync at the leader (or -a)" : "Start a replication at the leader (or -a)",
+      {is_sync ? "moonctl sync now --from rover2 --wait" : "moonctl replicate now --wait --timeout 10m"});
   now.AddFlag("--wait", arguments->is_waiting, "Wait until all records are acknowledged");
   now.AddOption("--max-bytes", arguments->bytes_max, "Maximum number of coded bytes that a session sends")
       .TypeName("BYTES")

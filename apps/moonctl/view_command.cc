@@ -36,8 +36,12 @@ void AddViewCommand(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<ViewArguments>();
   Command& view = AddCommand(app, "view", "Show the team on a web page, from the records of one agent (or -a)",
                              {"moonctl view --port 8600"});
-  view.AddOption("--port", arguments->port, "Port of the page; 0: any free port").Within(0u, 65535u).DefaultShown();
-  view.AddOption("--listen", arguments->listen, "IP address of the page").TypeName("ADDRESS").DefaultShown();
+  view.AddOption("--port", arguments->port, "Port on which the page is served; 0: any free port")
+      .Within(0u, 65535u)
+      .DefaultShown();
+  view.AddOption("--listen", arguments->listen, "IP address on which the page is served")
+      .TypeName("ADDRESS")
+      .DefaultShown();
   view.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return View(context, *arguments); }; });
 }

@@ -248,7 +248,7 @@ TEST_F(FourMachinesTest, FindsAnAgentWhoseSocketIsElsewhereAndSaysWhereItIsGone)
   agents_.at("rover2")->Signal(SIGSTOP);
   std::filesystem::remove_all(std::filesystem::path(path).parent_path());
   const std::string gone = "agent rover2 runs as process " + std::to_string(agents_.at("rover2")->pid()) +
-                           ", but its socket " + path + " is gone; ";
+                           ", but its socket " + path + " is missing; ";
   EXPECT_THAT(AtRover2(3, {"-a", "rover2", "status"}).out, HasSubstr(gone));
   agents_.at("rover2")->Signal(SIGCONT);
   EXPECT_TRUE(Until([&] { return At("rover2", {"-a", "rover2", "status"}).exit_code == 0; })) << "it listens again";

@@ -208,7 +208,7 @@ TEST_F(TrustTest, ReportsErrorsOfAPrune) {
     EXPECT_EQ(outcome.exit_code, 2) << outcome.error;
     return outcome.error;
   };
-  EXPECT_THAT(error_of({}), HasSubstr("nothing selected"));
+  EXPECT_THAT(error_of({}), HasSubstr("no records are selected"));
   EXPECT_THAT(error_of({"--older-than", "soon"}), HasSubstr("expected an age such as 30d"));
   EXPECT_THAT(error_of({"--older-than", "-3d"}), HasSubstr("--older-than"));
   EXPECT_THAT(error_of({"--type", "nodes"}), HasSubstr("no data type \"nodes\""));

@@ -265,8 +265,9 @@ TEST_F(HealthTest, FindsAgentsWhoseMapsOfOtherRoversAreOld) {
   add(1, 2, 1000, 2000);  // Its own maps are not rover2's to fetch.
   EXPECT_THAT(Of(2), IsEmpty()) << "no policy brings it maps of others";
   (*team_.mutable_rovers())["local_traversability_map"] = proto::POLICY_ALL;
-  EXPECT_THAT(Of(2),
-              ElementsAre(HasSubstr("holds no map of rover1, but the leader holds such maps of a span of 17 min")));
+  EXPECT_THAT(
+      Of(2),
+      ElementsAre(HasSubstr("holds no map of rover1, but the leader holds maps of that rover over a span of 17 min")));
   proto::MapTimes& held = *add(2, 1, 1000, 1399);
   EXPECT_THAT(Of(2), ElementsAre(HasSubstr("its newest map of rover1 is older than the leader's by 10 min")));
   held.set_last_ns(1400 * kSecond_ns);
