@@ -231,10 +231,9 @@ void AddDbCommands(Command& app, CommandContext& context) {
   });
 
   auto prune_arguments = std::make_shared<PruneArguments>();
-  Command& prune =
-      AddCommand(group, "prune",
-                 "Remove records of agent -a that leader and survivor also hold; exit code 4 if either is unreachable",
-                 {"moonctl -a rover2 db prune --older-than 30d --dry-run"});
+  Command& prune = AddCommand(
+      group, "prune", "Remove records of agent -a that leader and survivor also hold (exit code 4: unreachable)",
+      {"moonctl -a rover2 db prune --older-than 30d --dry-run"});
   prune.AddOption("--older-than", prune_arguments->older_than, "Remove records older than AGE (30d, 12h, 90m)")
       .TypeName("AGE");
   prune

@@ -273,10 +273,9 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
 
 void AddGraphExport(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<ExportArguments>();
-  Command& command = AddCommand(group, "export",
-                                "Export the graph of the leader (or -a), its verdicts (FILE.verdicts.csv) and its "
-                                "origin (FILE.origin.txt; TUM: in the file)",
-                                {"moonctl graph export graph.g2o --format g2o"});
+  Command& command = AddCommand(
+      group, "export", "Export the graph of the leader (or -a); also writes FILE.verdicts.csv and FILE.origin.txt",
+      {"moonctl graph export graph.g2o --format g2o"});
   command.AddOption("file", arguments->file, "Output file; for TUM a folder with one file per agent")
       .TypeName("FILE")
       .Required();

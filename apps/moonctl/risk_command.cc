@@ -89,8 +89,7 @@ ExitCode ShowRisk(CommandContext& context) {
 }  // namespace
 
 void AddRiskCommand(Command& app, CommandContext& context) {
-  AddCommand(app, "risk",
-             "Show, per agent, how many copies its records have, and which records would be lost with its disk",
+  AddCommand(app, "risk", "Show how many copies each agent's records have, and which are lost if its disk is lost",
              {"moonctl risk --json", kShows})
       .Callback([&context] { context.action = [&context] { return ShowRisk(context); }; });
 }
