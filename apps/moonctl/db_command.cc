@@ -180,7 +180,8 @@ void AddQuery(Command& group, CommandContext& context) {
   const auto [query, arguments] = AddFileCommand<QueryArguments>(
       group, context, "query", "Run a read-only SQL query on the database file of agent -a, on this machine",
       {"moonctl -a rover1 db query \"select * from v_event\" --csv --out events.csv", kShows}, QueryFile);
-  query->AddOption("sql", arguments->text, "One SELECT; views v_* are stable (docs/commands/records.md)").Required();
+  query->AddOption("sql", arguments->text, "SELECT statement; the views v_* are stable (docs/commands/records.md)")
+      .Required();
   query->AddOption("--limit", arguments->rows_max, "Maximum number of rows (1000; as CSV 1000000)")
       .Within(std::size_t{1}, kQueryRowsMax);
   Option& csv = query->AddFlag("--csv", arguments->is_csv, "Print CSV: NULL is empty, a blob hexadecimal");

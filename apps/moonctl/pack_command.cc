@@ -110,11 +110,12 @@ ExitCode Pack(CommandContext& context, const PackArguments& arguments) {
   JsonWriter json;
   json.BeginObject().Key("file").String(arguments.file).Key("agent").String(arguments.agent);
   json.Key("file_count").Number(pack->files_size()).EndObject();
-  return context.Done(json.text(), "wrote " + arguments.file + ": " + std::to_string(pack->files_size()) +
-                                       " files of " + arguments.agent +
-                                       ". It holds secret keys: copy it over a trusted link and delete it afterwards\n"
-                                       "next, on the robot: moonctl config unpack " +
-                                       std::filesystem::path(arguments.file).filename().string());
+  return context.Done(json.text(),
+                      "wrote " + arguments.file + ": " + std::to_string(pack->files_size()) + " files of " +
+                          arguments.agent +
+                          ". The pack holds secret keys: copy it over a trusted link and delete it afterwards\n"
+                          "next, on the robot: moonctl config unpack " +
+                          std::filesystem::path(arguments.file).filename().string());
 }
 
 // --- config unpack ---
@@ -196,7 +197,7 @@ void AddPackCommands(Command& group, CommandContext& context) {
   Command& packed = add("pack", "Write all files of one agent into one file, with its secret keys",
                         {"moonctl config pack rover1 rover1.pack"}, Pack);
   packed.AddOption("agent", arguments->agent, "Name of the agent").TypeName("AGENT").Required();
-  packed.AddOption("file", arguments->file, "File to write").TypeName("FILE").Required();
+  packed.AddOption("file", arguments->file, "Pack file to write").TypeName("FILE").Required();
   packed.AddOption("--options", arguments->options, "Options of moondb_agent, for the service").TypeName("OPTIONS");
 
   Command& unpacked =

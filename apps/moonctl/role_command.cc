@@ -231,7 +231,7 @@ void AddRoleCommands(Command& app, CommandContext& context) {
   });
   Command& swap =
       AddCommand(role, "swap", "Exchange leader and survivor", {"moonctl role swap rover1 rover2 --dry-run"});
-  swap.AddOption("agents", arguments->words, "Expected leader and survivor; refuse if they differ")
+  swap.AddOption("agents", arguments->words, "Refuse the swap unless these two agents are leader and survivor")
       .TypeName("AGENT")
       .Expected(0, 2);
   add_common(swap);
