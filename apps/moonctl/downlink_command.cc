@@ -34,8 +34,7 @@ std::string Describe(const proto::DownlinkBundle& bundle) {
 }
 
 std::string LeftText(double left_count) {
-  return left_count == 0 ? "all records are in bundles"
-                         : FormatCount(left_count, "record") + (left_count == 1 ? " is" : " are") + " in no bundle yet";
+  return left_count == 0 ? "all records are in bundles" : "records in no bundle yet: " + FormatCount(left_count);
 }
 
 // Connects to the agent given with -a. Otherwise connects to the base station, or to the leader if the team has none.
@@ -162,8 +161,7 @@ ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arg
   json.BeginObject().Key("acknowledged").Number(arguments.number);
   json.Key("waiting").Number(reply->waiting_size()).Key("left").Number(reply->left_count()).EndObject();
   return context.Done(json.text(), "bundle " + std::to_string(arguments.number) + " is acknowledged; " +
-                                       FormatCount(reply->waiting_size(), "bundle") +
-                                       (reply->waiting_size() == 1 ? " is" : " are") + " unacknowledged, " +
+                                       "unacknowledged bundles: " + FormatCount(reply->waiting_size()) + "; " +
                                        LeftText(reply->left_count()));
 }
 

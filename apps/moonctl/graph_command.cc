@@ -137,8 +137,8 @@ std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply&
       (solve.prior_count() > 0 ? ", " + CountText(solve.prior_count(), solve.rejected_prior_count(), "prior") : "") +
       "\ncost " + FormatFixed(solve.initial_cost(), 2) + " to " + FormatFixed(solve.final_cost(), 2) + " in " +
       FormatCount(solve.iterations(), "iteration") + ", " + FormatFixed(solve.seconds(), 3) +
-      " s, started from: " + solve.initial_values() + "; " + FormatCount(solve.updated_pose_count(), "pose") +
-      " written\n";
+      " s, started from: " + solve.initial_values() + "; poses written: " + FormatCount(solve.updated_pose_count()) +
+      "\n";
   if (!solve.text().empty()) text += solve.text() + "\n";
   for (const proto::RefusedSet& set : solve.refused_sets()) text += RefusedText(team, set) + "\n";
   for (const proto::FarNode& far : solve.far_nodes()) {
@@ -286,8 +286,8 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
   if (!known) return context.Report(known.error());
   std::string text = stats->solve_count() == 0
                          ? target->agent->name() + " has not solved the graph since it started\n"
-                         : FormatCount(stats->solve_count(), "solve") + " since the agent started; the last one:\n" +
-                               SolveText(team, stats->last_solve());
+                         : "solves since the agent started: " + FormatCount(stats->solve_count()) +
+                               "; the last one:\n" + SolveText(team, stats->last_solve());
   // Only the leader matches maps.
   const auto registration = target->client->Registration({});
   if (registration) text += PlacesText(team, *registration);

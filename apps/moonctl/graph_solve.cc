@@ -122,7 +122,7 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
   json.Key("cost").Number(solution.cost).Key("initialisation").String(ToString(solution.initial_values));
   json.Key("iterations").Number(solution.iterations).Key("seconds").Number(seconds);
   json.Key("text").String(solution.text).EndObject();
-  std::string text = std::to_string(nodes) + " nodes, " + std::to_string(edges) + " edges, " +
+  std::string text = std::to_string(nodes) + " nodes, " + FormatCount(static_cast<double>(edges), "edge") + ", " +
                      std::to_string(graph->ranges.size()) + " ranges" +
                      (priors > 0 ? ", " + std::to_string(priors) + " priors" : "") + "\ncost " +
                      FormatDouble(solution.cost) + " after " + FormatCount(solution.iterations, "iteration") + ", " +
