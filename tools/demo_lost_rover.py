@@ -31,12 +31,12 @@ def let_records_flow(team_file):
 def wait_until_settled(team, names, away, limit_s):
     """Waits until nothing moves any more between these agents. Records may still wait for the agent `away`. Returns
     whether their maps are equal: a rover that is not placed shows its own map alone."""
-    rest = ("", f"{away} does not answer; the others have settled")
+    rest = ("", f"{away} does not answer; the other agents have settled")
     deadline, before = time.monotonic() + limit_s, None
     while time.monotonic() < deadline:
         time.sleep(POLL_S)
         why = json.loads(team.moonctl("--json", "status")).get("not_settled", "")
-        if why == "a solve is due":
+        if why == "a solve of the pose graph is due":
             team.moonctl("graph", "optimize")  # By itself the leader solves once a minute, which the demo does not await.
         hashes = [json.loads(team.moonctl("-a", name, "--json", "map", "stats"))["cells_hash"] for name in names]
         if why in rest and hashes == before:

@@ -132,8 +132,8 @@ Result<std::filesystem::path> FindDataFolder(const std::filesystem::path& root, 
   }
   if (found.size() > 1) {
     return Fail(ErrorCode::kRefused,
-                "holds data of agent " + std::to_string(agent.id()) + ", as " + found[1].filename().string() +
-                    " does: move one of them away",
+                "holds data of agent " + std::to_string(agent.id()) + "; so does the folder " +
+                    found[1].filename().string() + "; move one of the two elsewhere",
                 found[0].string());
   }
   if (!found.empty()) return found.front();

@@ -13,9 +13,10 @@ namespace {
 // `agent.endpoint`; nothing listens there. Empty: the process has not written the file.
 std::string WhyNot(const std::string& agent, pid_t pid, const std::string& endpoint) {
   const std::string runs = "agent " + agent + " runs as process " + std::to_string(pid);
-  if (endpoint.empty()) return runs + ", but has not said where its socket is; is its disk full?";
+  if (endpoint.empty())
+    return runs + ", but has not written the path of its socket to agent.endpoint; check that its disk is not full";
   return runs + ", but its socket " + endpoint.substr(std::min(std::strlen(kIpcScheme), endpoint.size())) +
-         " is gone; the agent recreates it within seconds if it can; otherwise restart the agent";
+         " is missing; the agent recreates the socket within seconds; if it does not, restart the agent";
 }
 
 }  // namespace

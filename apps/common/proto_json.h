@@ -15,7 +15,8 @@ namespace moondb {
 std::string ToJson(const google::protobuf::Message& message);
 
 // Returns a record of the data type `type` with the body `json`, for example "temperature" and {"celsius": 3}. The
-// timestamp is 0. Returns kInvalid, with protobuf's message, if `json` does not fit the type.
+// timestamp is 0. Returns kInvalid if `json` is not an object or does not fit the type. The error text names a field
+// that the type lacks and lists the type's fields.
 Result<proto::Record> RecordFromJson(const std::string& type, const std::string& json);
 
 // Like RecordFromJson, for the custom type `name` with the id `type`. `json` is {"payload": BASE64, "latest_key":

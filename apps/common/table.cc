@@ -86,7 +86,7 @@ std::string FormatFixed(double value, int digits) {
 
 std::string FormatCount(double count) { return Format("%.0f%s", count, ""); }
 
-std::string Counted(double count, const std::string& noun, const std::string& plural) {
+std::string FormatCount(double count, const std::string& noun, const std::string& plural) {
   return FormatCount(count) + " " + (count == 1 ? noun : plural.empty() ? noun + "s" : plural);
 }
 

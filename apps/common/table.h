@@ -42,7 +42,7 @@ std::string FormatUtc(std::int64_t timestamp_ns);
 std::string FormatFixed(double value, int digits);
 // Formats a whole number that is stored as a double: "12".
 std::string FormatCount(double count);
-// Returns "1 record" or "12 records". `plural` is needed if it is not the noun with an s.
-std::string Counted(double count, const std::string& noun, const std::string& plural = {});
+// Formats a whole number with its noun: "1 record", "12 records". `plural` is needed if it is not the noun with an s.
+std::string FormatCount(double count, const std::string& noun, const std::string& plural = {});
 
 }  // namespace moondb

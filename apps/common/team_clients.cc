@@ -16,8 +16,8 @@ constexpr std::size_t kSentBytesMax = 2'000'000;
 Result<std::string> KeyedEndpoint(const TeamFile& team, const proto::AgentConfig& agent, Client::Options* options) {
   if (agent.client_address().empty()) {
     return Fail(ErrorCode::kUnavailable, agent.name() +
-                                             " has no client_address in the team file, where a key could be "
-                                             "shown; give --via an agent that has, or leave the key out");
+                                             " has no client_address in the team file and accepts no client keys; give "
+                                             "--via an agent with a client_address, or omit the key");
   }
   const Result<std::string> key = ReadPublicKey(team.folder / agent.key());
   if (!key) return tl::unexpected(key.error());
@@ -44,7 +44,7 @@ Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, cons
 Result<const proto::AgentConfig*> MemberNamed(const proto::TeamConfig& team, const std::string& name) {
   auto named = AgentNamed(team, name);
   if (named && (*named)->left()) {
-    return Fail(ErrorCode::kRefused, name + " has left team " + team.team() + ": its team file says left: true");
+    return Fail(ErrorCode::kRefused, name + " has left team " + team.team() + " (left: true in the team file)");
   }
   return named;
 }

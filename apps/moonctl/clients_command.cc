@@ -28,7 +28,7 @@ namespace {
 constexpr char kHead[] =
     "# Clients that agents admit at their client_address, and their rights: view reads, share also inserts, shares and "
     "solves,\n"
-    "# command may do everything. Agents read it again when it changes; `moonctl clients` edits it.\n";
+    "# command may do everything. Agents reload this file when it changes; `moonctl clients` edits it.\n";
 
 struct ClientsArguments {
   std::string file;  // Path of the client list. Empty: clients.yaml beside the team file.
@@ -100,7 +100,8 @@ Result<std::string> HeadOf(const std::filesystem::path& file) {
     // In YAML, a '#' begins a comment only at the start of a line or after a blank. A key may contain '#', but no
     // blank.
     if (!line.starts_with("#") && line.find(" #") == line.npos && line.find("\t#") == line.npos) continue;
-    return Fail(ErrorCode::kRefused, "this comment would be lost: bring it to the head of the file, or edit it by hand",
+    return Fail(ErrorCode::kRefused,
+                "this comment would be lost: move it to the top of the file, or edit the file by hand",
                 FileLine(file.string(), number));
   }
   return head;
@@ -182,9 +183,8 @@ ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
   }
   const int index = IndexOf(edit->list, arguments.name);
   if (index >= 0 && !arguments.is_replacing) {
-    return context.Report({ErrorCode::kRefused,
-                           arguments.name + " is listed already; --replace puts a new key in the place of the old one",
-                           {}});
+    return context.Report(
+        {ErrorCode::kRefused, arguments.name + " is already listed; give --replace to replace its key", {}});
   }
   const auto secret_file = SecretFile(arguments);
   if (!secret_file) return context.Report(secret_file.error());
@@ -209,8 +209,10 @@ ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
   JsonWriter json;
   json.BeginObject().Key("name").String(arguments.name).Key("rights").String(arguments.rights);
   json.Key("key").String(*key).Key("secret_file").String(is_made ? secret_file->string() : "").EndObject();
-  std::string shown = arguments.name + " may " + arguments.rights + " at agents that have " + edit->file.string();
-  if (is_made) shown += "\n" + arguments.name + "'s secret key: " + secret_file->string() + "; for moonctl --key";
+  std::string shown =
+      arguments.name + " has the rights \"" + arguments.rights + "\" at the agents that use " + edit->file.string();
+  if (is_made)
+    shown += "\n" + arguments.name + "'s secret key is in " + secret_file->string() + "; use it with moonctl --key";
   return context.Done(json.text(), shown);
 }
 
@@ -250,19 +252,20 @@ ExitCode RevokeClient(CommandContext& context, const ClientsArguments& arguments
   if (auto written = WriteList(edit->file, *text); !written) return context.Report(written.error());
   JsonWriter json;
   json.BeginObject().Key("revoked").String(arguments.name).EndObject();
-  return context.Done(json.text(), arguments.name + " is revoked at all agents that have " + edit->file.string());
+  return context.Done(json.text(),
+                      arguments.name + " no longer has rights at the agents that use " + edit->file.string());
 }
 
 }  // namespace
 
 void AddClientsCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<ClientsArguments>();
-  Command& clients = app.AddSubcommand("clients", "Client keys and their rights");
+  Command& clients = app.AddSubcommand("clients", "Manage the keys and rights of clients");
   clients.RequireSubcommand();
   const auto command = [&](const char* name, const char* description, const CommandNote& note,
                            auto action) -> Command& {
     Command& added = AddCommand(clients, name, description, note);
-    added.AddOption("--file", arguments->file, "The list (default: clients.yaml beside the team file)")
+    added.AddOption("--file", arguments->file, "Client list (default: clients.yaml beside the team file)")
         .TypeName("FILE");
     added.Callback([&context, arguments, action] {
       context.action = [&context, arguments, action] { return action(context, *arguments); };
@@ -271,12 +274,13 @@ void AddClientsCommands(Command& app, CommandContext& context) {
   };
   Command& add = command("add", "Add a client, with a new key pair or with its own public key",
                          {"moonctl clients add anna --rights command"}, AddClient);
-  add.AddOption("name", arguments->name, "Its name in the team's event log").Required().TypeName("NAME");
-  add.AddOption("--rights", arguments->rights, "view, share (also insert, share, solve) or command (everything)")
+  add.AddOption("name", arguments->name, "Name of the client in the team's event log").Required().TypeName("NAME");
+  add.AddOption("--rights", arguments->rights,
+                "Rights: view, share (view, insert, share and solve) or command (everything)")
       .Required()
       .TypeName("{view,share,command}");
   Option& public_key = add.AddOption("--public-key", arguments->public_key_file,
-                                     "File of the client's own public key, in place of a new one")
+                                     "Add the public key in this file instead of creating a key pair")
                            .TypeName("FILE");
   add.AddOption("--out", arguments->out, "File for the new secret key (default: ~/.config/moondb/NAME.sec)")
       .TypeName("FILE")

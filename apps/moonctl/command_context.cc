@@ -12,6 +12,7 @@
 #include "model/team_member.h"
 #include "model/text.h"
 #include "runtime/team/curve_keys.h"
+#include "runtime/team/team_keys.h"
 
 namespace moondb {
 namespace {
@@ -107,7 +108,7 @@ void CommandContext::NoteConfigHash(const proto::AgentConfig& of, std::uint64_t 
 void CommandContext::NoteRelay(const proto::AgentConfig& by) {
   if (std::find(relays_.begin(), relays_.end(), by.name()) != relays_.end()) return;
   relays_.push_back(by.name());
-  if (!is_json) std::fprintf(stderr, "moonctl: through %s, over the radio\n", by.name().c_str());
+  if (!is_json) std::fprintf(stderr, "moonctl: requests are relayed by %s, over the radio\n", by.name().c_str());
 }
 
 void CommandContext::NoteRemark(const std::string& text) {
@@ -197,17 +198,17 @@ Result<AgentClient> CommandContext::ConnectToChosenOrLeader() {
 Result<AgentClient> CommandContext::ConnectToLeaderOf(const proto::RoleAssignment& roles) {
   auto team = Team();
   if (!team) return tl::unexpected(team.error());
-  if (roles.leader() == 0) return Fail(ErrorCode::kRefused, "nobody leads the team; see moonctl role set");
+  if (roles.leader() == 0) return Fail(ErrorCode::kRefused, "the team has no leader; name one with moonctl role set");
   const std::string name = AgentName((*team)->config, roles.leader());
   if (HasLeft((*team)->config, roles.leader())) {
     return Fail(ErrorCode::kRefused,
-                name + " leads the team, but has left it: name another leader by moonctl role set");
+                name + " leads the team, but has left it: name another leader with moonctl role set");
   }
   auto leader = Connect(name);
   // Suggest a new leader only if no other agent is connected to this leader. A connected leader is not lost.
   const proto::AgentConfig* named = FindAgent((*team)->config, static_cast<AgentId>(roles.leader()));
   if (!leader && IsUnreachable(leader.error()) && named != nullptr && !reach_->IsHeard(*named)) {
-    leader.error().text += "; it leads the team: if it is lost, let the survivor lead by moonctl role set";
+    leader.error().text += "; it is the leader: if it is lost, make the survivor the leader with moonctl role set";
   }
   return leader;
 }

@@ -54,8 +54,8 @@ void AddCommandLine(Command& app, CommandContext& context) {
   app.RequireSubcommand();
   app.Fallthrough();  // Global options may follow the command.
   app.AddOption("-t,--team", context.team_path, "Team file (default: $MOONDB_TEAM)").TypeName("FILE");
-  app.AddOption("-a,--agent", context.agent, "Ask this agent").TypeName("AGENT");
-  app.AddFlag("--json", context.is_json, "One JSON document on stdout");
+  app.AddOption("-a,--agent", context.agent, "Send the command to this agent").TypeName("AGENT");
+  app.AddFlag("--json", context.is_json, "Print one JSON document to stdout");
   app.AddOption(
          "--via", context.via,
          "Relay requests to all agents through this one, over the radio (default: $MOONDB_VIA; without it requests to "
@@ -67,7 +67,7 @@ void AddCommandLine(Command& app, CommandContext& context) {
       .TypeName("FILE");
   app.AddOption("--timeout", context.timeout, "Time limit for an answer: 3s, 500ms, 2m").TypeName("DURATION");
   app.AddFlag("--watch{2}", context.watch,
-              "Repeat every 2 s (--watch=10: every 10 s); for commands that only show something");
+              "Repeat the command every 2 s (--watch=10: every 10 s); only for commands that change nothing");
   app.AddVersionFlag("--version", "moonctl " MOONDB_VERSION);
   AddUpCommands(app, context);
   AddStatusCommand(app, context);

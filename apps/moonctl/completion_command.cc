@@ -16,7 +16,7 @@ constexpr char kFiles[] = ":files";
 
 // Each script calls `moonctl __complete` with the words up to the cursor. The answer has one line per candidate: the
 // word, a tab and its description. After a line ":files", the shell also completes paths.
-constexpr char kBash[] = R"(# bash completion for moonctl; put there by `moonctl completion bash`.
+constexpr char kBash[] = R"(# bash completion for moonctl; printed by `moonctl completion bash`.
 _moonctl() {
   local line program=${COMP_WORDS[0]/#\~/$HOME}
   COMPREPLY=()
@@ -32,7 +32,7 @@ complete -F _moonctl moonctl
 )";
 
 constexpr char kZsh[] = R"(#compdef moonctl
-# zsh completion for moonctl; put there by `moonctl completion zsh`.
+# zsh completion for moonctl; printed by `moonctl completion zsh`.
 _moonctl() {
   local line program=${words[1]/#\~/$HOME}
   local -a candidates
@@ -52,7 +52,7 @@ else
 fi
 )";
 
-constexpr char kFish[] = R"(# fish completion for moonctl; put there by `moonctl completion fish`.
+constexpr char kFish[] = R"(# fish completion for moonctl; printed by `moonctl completion fish`.
 function __moonctl_complete
   set -l before (commandline -opc)
   set -l typed (commandline -ct)

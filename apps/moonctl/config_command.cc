@@ -59,9 +59,9 @@ ExitCode FixConfig(CommandContext& context) {
   JsonWriter json;
   json.BeginObject().Key("file").String(file).Key("team").String((*team)->config.team());
   json.Key("team_id").String((*team)->config.team_id()).Key("is_changed").Bool(!id->empty()).EndObject();
-  const std::string text = id->empty()
-                               ? "has a team id; nothing to fix"
-                               : "has the team id " + *id + " now; copy it to every agent of the team and restart them";
+  const std::string text =
+      id->empty() ? "has a team id; nothing to fix"
+                  : "now has the team id " + *id + "; copy the file to every agent of the team and restart the agents";
   return context.Done(json.text(), file + ": " + text);
 }
 
@@ -90,13 +90,14 @@ ExitCode CheckConfig(CommandContext& context) {
   }
   json.EndArray().EndObject();
   if (!no_starts.empty()) {
-    text += "\nnote: no start for " + no_starts +
-            ": until something else places it, a rover's maps are not in the team's map (docs/SENSORS.md)";
+    text += "\nnote: no start pose for " + no_starts +
+            ": the maps of such a rover stay out of the team's map until ranges, map matches or priors place the rover "
+            "(docs/SENSORS.md)";
   }
   if (all_command) {
     text +=
-        "\nnote: command_from: all lets every agent command every other one and decide the roles: one robot that is "
-        "taken over commands the team";
+        "\nnote: command_from: all lets every agent command all others and assign roles: an attacker who controls one "
+        "robot controls the team";
   }
   const std::string radio = TeamMapText((*team)->config);
   if (!radio.empty()) text += "\n" + radio;
@@ -175,10 +176,11 @@ ExitCode InitLab(CommandContext& context, const ConfigArguments& arguments) {
   JsonWriter json;
   json.BeginObject().Key("file").String(arguments.file).EndObject();
   std::string text =
-      "wrote " + arguments.file + " and its keys: records and the team's map flow to all robots, without a command";
-  if (arguments.addresses.empty()) text += "\nnote: all agents are on this machine: give --address for robots";
+      "wrote " + arguments.file + " and its keys: records and the team's map are sent to all robots automatically";
+  if (arguments.addresses.empty())
+    text += "\nnote: all agents have addresses of this machine; give --address for agents on robots";
   if (team->agents_size() == 2) {
-    text += "\nnote: failover is manual, because of two agents that lose each other both would lead";
+    text += "\nnote: failover is manual, because two agents that lose contact would otherwise both become leader";
   }
   return context.Done(json.text(), text);
 }
@@ -192,14 +194,15 @@ ExitCode InitConfig(CommandContext& context, const ConfigArguments& arguments) {
   JsonWriter json;
   json.BeginObject().Key("file").String(arguments.file).EndObject();
   std::string text = "wrote " + arguments.file + " and its keys";
-  if (arguments.mission.empty()) text += "\nnote: records move on command; with --lab they move by themselves";
+  if (arguments.mission.empty())
+    text += "\nnote: agents send records only on command; with --lab they send them automatically";
   return context.Done(json.text(), text);
 }
 
 }  // namespace
 
 void AddConfigCommands(Command& app, CommandContext& context) {
-  Command& group = app.AddSubcommand("config", "The team file");
+  Command& group = app.AddSubcommand("config", "Create, check and distribute the team file");
   group.RequireSubcommand();
   auto arguments = std::make_shared<ConfigArguments>();
   // Adds a command that takes the team file as an argument: `config check FILE` equals `-t FILE config check`.
@@ -214,7 +217,7 @@ void AddConfigCommands(Command& app, CommandContext& context) {
     return command;
   };
   add_reader(
-      "check", "Check it and report all errors", {"moonctl config check team.yaml"},
+      "check", "Check the team file and report all errors", {"moonctl config check team.yaml"},
       [arguments](CommandContext& asked) { return arguments->is_fixing ? FixConfig(asked) : CheckConfig(asked); })
       .AddFlag("--fix", arguments->is_fixing, "Add the missing team id; change nothing else");
   add_reader("show", "Show all settings; defaults are marked", {"moonctl config show team.yaml"}, ShowConfig);
@@ -222,23 +225,23 @@ void AddConfigCommands(Command& app, CommandContext& context) {
              {"moonctl config schema > team.schema.json"})
       .Callback([&context] { context.action = [&context] { return ShowSchema(context); }; });
 
-  Command& init = AddCommand(group, "init", "Write a first team file, and its keys",
+  Command& init = AddCommand(group, "init", "Create a team file and its keys",
                              {"moonctl config init --agents 4 my-team/team.yaml"});
   init.AddOption("file", arguments->file, "Path of the new team file").TypeName("FILE").Required();
-  init.AddOption("--name", arguments->name, "The team's name (the folder's)").TypeName("NAME");
+  init.AddOption("--name", arguments->name, "Name of the team (default: name of the file's folder)").TypeName("NAME");
   init.AddOption("--agents", arguments->agent_count, "Number of agents; the last one is the base station")
       .Within(1, 64);
-  Option& mission = init.AddOption("--mission", arguments->mission, "Take the agents of this mission folder");
+  Option& mission = init.AddOption("--mission", arguments->mission, "Use the agents of this recorded mission");
   mission.TypeName("FOLDER");
   init.AddOption("--first-port", arguments->first_port, "First loopback port (7400)").Within(1, 65000);
   Option& lab = init.AddFlag("--lab", arguments->is_lab,
-                             "For robots on Wi-Fi: records and the team's map flow to all robots by themselves");
+                             "Set up robots on Wi-Fi: records and the team's map are sent to all robots automatically");
   lab.Excludes(mission);
   init.AddOption("--robots", arguments->robot_count, "Number of robots (2)").Within(1, 63).Needs(lab);
   init.AddOption("--address", arguments->addresses, "Address of an agent, such as rover1=10.0.0.11; may be repeated")
       .TypeName("NAME=HOST")
       .Needs(lab);
-  init.AddOption("--base", arguments->base, "Name of a base station, which gets the map too")
+  init.AddOption("--base", arguments->base, "Add a base station with this name, which also receives the map")
       .TypeName("NAME")
       .Needs(lab);
   init.Callback(

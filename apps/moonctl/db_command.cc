@@ -87,7 +87,7 @@ std::string HistoryText(const proto::StorageStatus& storage) {
 ExitCode ShowInfo(CommandContext& context) {
   const auto answers = context.AskEach([](Client& client) { return client.Status(); });
   if (!answers) return context.Report(answers.error());
-  Table table({"AGENT", "DATABASE", "BUDGET", "MAPS", "HISTORY", "OF IT WAL", "DISK FREE", "WRITTEN TODAY", "YESTERDAY",
+  Table table({"AGENT", "DATABASE", "BUDGET", "MAPS", "HISTORY", "WAL", "DISK FREE", "WRITTEN TODAY", "YESTERDAY",
                "MEAN A DAY", "PRUNED", "REFUSED"});
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
@@ -169,7 +169,7 @@ std::pair<Command*, std::shared_ptr<Arguments>> AddFileCommand(Command& group, C
                                                                FileCommand<Arguments> command) {
   auto arguments = std::make_shared<Arguments>();
   Command* added = &AddCommand(group, name, description, note);
-  added->AddOption("--data-dir", arguments->data_folder, "The same folder as for moonctl up");
+  added->AddOption("--data-dir", arguments->data_folder, "Folder of the agents' data folders, as given to moonctl up");
   added->Callback([&context, arguments, command] {
     context.action = [&context, arguments, command] { return command(context, *arguments); };
   });
@@ -178,9 +178,10 @@ std::pair<Command*, std::shared_ptr<Arguments>> AddFileCommand(Command& group, C
 
 void AddQuery(Command& group, CommandContext& context) {
   const auto [query, arguments] = AddFileCommand<QueryArguments>(
-      group, context, "query", "Run an SQL query on the database file of -a, on this machine; read-only",
+      group, context, "query", "Run a read-only SQL query on the database file of agent -a, on this machine",
       {"moonctl -a rover1 db query \"select * from v_event\" --csv --out events.csv", kShows}, QueryFile);
-  query->AddOption("sql", arguments->text, "One SELECT; views v_* are stable (docs/commands/records.md)").Required();
+  query->AddOption("sql", arguments->text, "SELECT statement; the views v_* are stable (docs/commands/records.md)")
+      .Required();
   query->AddOption("--limit", arguments->rows_max, "Maximum number of rows (1000; as CSV 1000000)")
       .Within(std::size_t{1}, kQueryRowsMax);
   Option& csv = query->AddFlag("--csv", arguments->is_csv, "Print CSV: NULL is empty, a blob hexadecimal");
@@ -189,7 +190,7 @@ void AddQuery(Command& group, CommandContext& context) {
 
 void AddBackUp(Command& group, CommandContext& context) {
   const auto [backup, arguments] = AddFileCommand<StoreFileArguments>(
-      group, context, "backup", "Copy the whole database of -a, on this machine, while the agent runs",
+      group, context, "backup", "Back up the database of agent -a, on this machine; the agent may keep running",
       {"moonctl -a rover1 db backup rover1.sqlite"}, BackUpFile);
   backup->AddOption("file", arguments->text, "Path of the copy; must not exist yet").Required();
 }
@@ -212,7 +213,7 @@ void AddDbCommands(Command& app, CommandContext& context) {
                  {"moonctl db holdings", kShows});
   holdings.AddFlag(
       "--maps", *is_for_maps,
-      "Only local maps, with the age of the newest; exit code 1 if an agent lacks maps that it should have");
+      "Show only local maps, with the age of the newest; exit code 1 if an agent lacks maps that it should have");
   holdings.Callback([&context, is_for_maps] {
     context.action = [&context, is_for_maps] {
       return *is_for_maps ? ShowMapHoldings(context) : ShowHoldings(context);
@@ -231,11 +232,9 @@ void AddDbCommands(Command& app, CommandContext& context) {
   });
 
   auto prune_arguments = std::make_shared<PruneArguments>();
-  Command& prune =
-      AddCommand(group, "prune",
-                 "Remove records of -a that leader and designated survivor have too; exit code 4 if they cannot "
-                 "be reached",
-                 {"moonctl -a rover2 db prune --older-than 30d --dry-run"});
+  Command& prune = AddCommand(
+      group, "prune", "Remove records of agent -a that leader and survivor also hold (exit code 4: unreachable)",
+      {"moonctl -a rover2 db prune --older-than 30d --dry-run"});
   prune.AddOption("--older-than", prune_arguments->older_than, "Remove records older than AGE (30d, 12h, 90m)")
       .TypeName("AGE");
   prune

@@ -100,8 +100,9 @@ std::string DifferencesText(const proto::TeamConfig& team, const Side& first, co
     for (const RecordKey& key : difference.differing) keys += ToString(key) + " differs\n";
     is_equal = is_equal && difference.is_equal();
   }
-  if (!keys.empty()) keys += "moonctl db verify shows on which side a record is damaged\n";
-  return table.Text() + keys + first.name() + " and " + second.name() + (is_equal ? " hold the same" : " differ");
+  if (!keys.empty()) keys += "moonctl db verify shows which agent's copy is damaged\n";
+  return table.Text() + keys + first.name() + " and " + second.name() +
+         (is_equal ? " hold the same records" : " differ");
 }
 
 std::string DifferencesJson(const proto::TeamConfig& team, const Side& first, const Side& second,

@@ -14,7 +14,10 @@ namespace {
 
 // Returns the path of the database file of the agent given with -a. The file is on this machine but may be missing.
 Result<std::filesystem::path> StoreOf(CommandContext& context, const std::string& data_folder) {
-  if (!context.via.empty()) return Fail(ErrorCode::kInvalid, "reads a file on this machine; run it there", "--via");
+  if (!context.via.empty()) {
+    return Fail(ErrorCode::kInvalid,
+                "cannot be used: this command reads a file on this machine; run it on the agent's machine", "--via");
+  }
   const auto chosen = context.ChosenOrOnlyHere();
   if (!chosen) return tl::unexpected(chosen.error());
   const TeamFile& team = **context.Team();
@@ -61,7 +64,7 @@ std::string TableOf(const QueryAnswer& answer) {
     for (const QueryCell& cell : row) texts.push_back(TextOf(cell));
     table.Add(std::move(texts));
   }
-  return table.Text() + (answer.is_cut ? "and more; see --limit\n" : "");
+  return table.Text() + (answer.is_cut ? "there are more rows; raise --limit\n" : "");
 }
 
 // Returns the rows as CSV. NULL becomes an empty field, and a blob becomes hexadecimal digits.
@@ -87,7 +90,8 @@ std::string CsvOf(const QueryAnswer& answer) {
 // Writes CSV to the file `out`, or to stdout if `out` is empty. Reports truncation on stderr, because a truncated CSV
 // looks complete.
 ExitCode PutOutCsv(CommandContext& context, const QueryAnswer& answer, const std::string& out) {
-  if (answer.is_cut) std::fputs("moonctl: there are more rows; see --limit\n", stderr);
+  if (answer.is_cut)
+    std::fputs("moonctl: the output is truncated, because there are more rows; raise --limit\n", stderr);
   const std::string csv = CsvOf(answer);
   if (out.empty()) return context.Done("", csv);
   if (auto written = WriteTextFile(out, csv); !written) return context.Report(written.error());
@@ -103,7 +107,8 @@ constexpr std::size_t kRowsShown = 1000;
 
 ExitCode QueryFile(CommandContext& context, const QueryArguments& arguments) {
   if (context.is_json && arguments.is_csv && arguments.out.empty()) {
-    return context.Report({ErrorCode::kInvalid, "stdout holds --json or --csv, not both; give --out FILE", "--csv"});
+    return context.Report({ErrorCode::kInvalid,
+                           "--json and --csv cannot both be printed to stdout; give --out FILE for the CSV", "--csv"});
   }
   const auto file = StoreOf(context, arguments.data_folder);
   if (!file) return context.Report(file.error());
@@ -126,7 +131,7 @@ ExitCode BackUpFile(CommandContext& context, const StoreFileArguments& arguments
   json.BeginObject().Key("file").String(arguments.text).Key("of").String(file->string());
   json.Key("bytes").Number(bytes).EndObject();
   return context.Done(json.text(),
-                      "wrote " + arguments.text + ": all of " + file->string() + ", " + FormatBytes(bytes));
+                      "wrote " + arguments.text + ", a copy of " + file->string() + ", " + FormatBytes(bytes));
 }
 
 }  // namespace moondb

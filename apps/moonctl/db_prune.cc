@@ -37,12 +37,13 @@ Result<proto::PruneOrder> OrderOf(const PruneArguments& arguments, const CustomT
   const bool is_limited = order.older_than_s() > 0 || order.occluded_maps() || order.is_history() ||
                           !order.data_types().empty() || order.content_bytes_max() > 0;
   if (is_limited) return order;
-  return Fail(ErrorCode::kInvalid,
-              "nothing selected: give at least one of --older-than, --type, --occluded-maps, --history or --max-mb");
+  return Fail(
+      ErrorCode::kInvalid,
+      "no records are selected: give at least one of --older-than, --type, --occluded-maps, --history or --max-mb");
 }
 
 std::string PrunedText(const proto::PruneReply& reply, bool is_dry_run, const CustomTypes& custom_types) {
-  Table table({"TYPE", is_dry_run ? "WOULD GO" : "GONE", "CONTENTS"});
+  Table table({"TYPE", is_dry_run ? "WOULD BE REMOVED" : "REMOVED", "CONTENTS"});
   double count = 0;
   double bytes = 0;
   for (const proto::PrunedType& pruned : reply.pruned()) {
@@ -52,10 +53,11 @@ std::string PrunedText(const proto::PruneReply& reply, bool is_dry_run, const Cu
     bytes += pruned.content_bytes();
   }
   table.Add({"all", FormatCount(count), FormatBytes(bytes)});
-  const std::string kept =
-      reply.unacknowledged_count() > 0
-          ? FormatCount(reply.unacknowledged_count()) + " more stay until leader and designated survivor have them"
-          : "";
+  const std::string kept = reply.unacknowledged_count() > 0
+                               ? FormatCount(reply.unacknowledged_count(), "more record") +
+                                     (reply.unacknowledged_count() == 1 ? " is" : " are") +
+                                     " kept until the leader and the designated survivor hold them"
+                               : "";
   return table.Text() + kept;
 }
 
@@ -63,7 +65,7 @@ std::string PrunedText(const proto::PruneReply& reply, bool is_dry_run, const Cu
 
 ExitCode PruneStore(CommandContext& context, const PruneArguments& arguments) {
   if (context.agent.empty()) {
-    return context.Report({ErrorCode::kInvalid, "whose store? Give its agent with -a", "--agent"});
+    return context.Report({ErrorCode::kInvalid, "which agent's store? Give -a rover1", "--agent"});
   }
   const auto team = context.Team();
   if (!team) return context.Report(team.error());

@@ -86,8 +86,9 @@ ExitCode Examine(CommandContext& context, const DoctorArguments& arguments) {
   }
   json.EndArray().Key("fault_count").Number(fault_count).EndObject();
   const std::string end = fault_count == 0 ? "no fault found on " + (*agent)->name()
-                                           : std::to_string(fault_count) + (fault_count == 1 ? " fault" : " faults") +
-                                                 ": correct before " + (*agent)->name() + " drives off";
+                                           : std::to_string(fault_count) +
+                                                 (fault_count == 1 ? " fault: correct it" : " faults: correct them") +
+                                                 " before " + (*agent)->name() + " drives off";
   return context.Print(fault_count == 0 ? ExitCode::kDone : ExitCode::kFailed, json.text(), table.Text() + end);
 }
 

@@ -29,12 +29,12 @@ void WriteBundle(const proto::DownlinkBundle& bundle, JsonWriter& json) {
 }
 
 std::string Describe(const proto::DownlinkBundle& bundle) {
-  return "bundle " + std::to_string(bundle.number()) + ": " + FormatCount(bundle.record_count()) + " records, " +
+  return "bundle " + std::to_string(bundle.number()) + ": " + FormatCount(bundle.record_count(), "record") + ", " +
          FormatBytes(bundle.bytes());
 }
 
 std::string LeftText(double left_count) {
-  return left_count == 0 ? "nothing is left" : FormatCount(left_count) + " records are in no bundle yet";
+  return left_count == 0 ? "all records are in bundles" : "records in no bundle yet: " + FormatCount(left_count);
 }
 
 // Connects to the agent given with -a. Otherwise connects to the base station, or to the leader if the team has none.
@@ -58,7 +58,7 @@ Result<void> KeepAnother(const std::string& path, const std::string& file) {
   if (!std::filesystem::exists(path)) return {};
   const auto present = ReadTextFile(path, kBundleBytesMax);
   if (present && *present == file) return {};
-  return Fail(ErrorCode::kRefused, "is there already and is another file; give --out", path);
+  return Fail(ErrorCode::kRefused, "already exists with other content; give another path with --out", path);
 }
 
 // Fetches a bundle from the agent, checks it and writes it to a file. Returns the file's path.
@@ -93,14 +93,14 @@ ExitCode MakeBundle(CommandContext& context, const DownlinkArguments& arguments)
   const std::string number = std::to_string(reply->made().number());
   auto file = Fetch(*target, reply->made().number(), arguments.out);
   if (!file) {
-    file.error().text += "; the bundle is made and waits: " + Typed(context, "get " + number);
+    file.error().text += "; the agent keeps the bundle; fetch it with " + Typed(context, "get " + number);
     return context.Report(file.error());
   }
   json.Key("bundle");
   WriteBundle(reply->made(), json);
   json.Key("file").String(*file).EndObject();
   return context.Done(json.text(), Describe(reply->made()) + "; " + LeftText(reply->left_count()) + "\nwrote " + *file +
-                                       "; after the ground station has received it: " +
+                                       "; after the ground station has received the file, run " +
                                        Typed(context, "ack " + number + " --file " + *file));
 }
 
@@ -118,7 +118,7 @@ ExitCode ListBundles(CommandContext& context) {
                FormatBytes(bundle.bytes()), HashText(bundle.hash())});
   }
   json.EndArray().Key("left").Number(reply->left_count()).EndObject();
-  const std::string waiting = reply->waiting().empty() ? "no bundle waits for its acknowledgment\n" : table.Text();
+  const std::string waiting = reply->waiting().empty() ? "no bundle waits for an acknowledgment\n" : table.Text();
   return context.Done(json.text(), waiting + LeftText(reply->left_count()));
 }
 
@@ -141,10 +141,10 @@ Result<void> CheckSame(Client& client, const DownlinkArguments& arguments) {
   for (const proto::DownlinkBundle& bundle : reply->waiting()) {
     if (bundle.number() != arguments.number) continue;
     if (bundle.hash() == HashOfBundle(*file)) return {};
-    return Fail(ErrorCode::kRefused, "is not the bundle " + std::to_string(bundle.number()) + " that waits there",
+    return Fail(ErrorCode::kRefused, "differs from the agent's bundle " + std::to_string(bundle.number()),
                 arguments.file);
   }
-  return Fail(ErrorCode::kNotFound, "no bundle " + std::to_string(arguments.number) + " waits there");
+  return Fail(ErrorCode::kNotFound, "the agent has no unacknowledged bundle " + std::to_string(arguments.number));
 }
 
 ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arguments) {
@@ -160,8 +160,8 @@ ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arg
   JsonWriter json;
   json.BeginObject().Key("acknowledged").Number(arguments.number);
   json.Key("waiting").Number(reply->waiting_size()).Key("left").Number(reply->left_count()).EndObject();
-  return context.Done(json.text(), "the ground station has bundle " + std::to_string(arguments.number) + "; " +
-                                       std::to_string(reply->waiting_size()) + " wait, " +
+  return context.Done(json.text(), "bundle " + std::to_string(arguments.number) + " is acknowledged; " +
+                                       "unacknowledged bundles: " + FormatCount(reply->waiting_size()) + "; " +
                                        LeftText(reply->left_count()));
 }
 
@@ -181,7 +181,7 @@ ExitCode ShowBundle(CommandContext& context, const DownlinkArguments& arguments)
   const auto head = ReadBundle(*file, [&](const proto::StoredRecord& stored) -> Result<void> {
     proto::Record record;
     if (!record.ParseFromString(stored.content())) {
-      return Fail(ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " does not decode");
+      return Fail(ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " cannot be decoded");
     }
     counts[DataTypeName(stored.key().data_type(), custom_types)] += 1;
     if (context.is_json) WriteRecord(stored, record, custom_types, records);
@@ -225,7 +225,7 @@ void AddDownlinkCommands(Command& app, CommandContext& context) {
       AddCommand(app, "downlink", "Make a bundle of records that the ground station lacks (at the base station, or -a)",
                  {"moonctl downlink --budget-kb 64"});
   group.AllowSubcommand();
-  group.AddOption("--budget-kb", arguments->budget_kb, "Maximum size of its file in kB (2 to 16000)")
+  group.AddOption("--budget-kb", arguments->budget_kb, "Maximum size of the bundle file in kB (2 to 16000)")
       .TypeName("KB")
       .Within(2u, 16000u);
   AddOut(group, *arguments);
@@ -242,7 +242,7 @@ void AddDownlinkCommands(Command& app, CommandContext& context) {
       AddCommand(group, "ack", "Acknowledge a bundle that the ground station has received, so that it is deleted",
                  {"moonctl downlink ack 7 --file pass-12.bundle"});
   AddNumber(ack, *arguments);
-  ack.AddOption("--file", arguments->file, "Acknowledge only if FILE is that bundle").TypeName("FILE");
+  ack.AddOption("--file", arguments->file, "Acknowledge only if FILE equals the bundle").TypeName("FILE");
   ack.Callback(act(AcknowledgeBundle));
   Command& show = AddCommand(group, "show", "Show the contents of a bundle file; --json prints its records",
                              {"moonctl downlink show pass-12.bundle --json"});

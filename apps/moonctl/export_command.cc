@@ -125,12 +125,12 @@ Result<void> WriteRecording(const proto::TeamConfig& team, const TeamRecording& 
 std::string LeftOutText(const proto::TeamConfig& team, const TeamRecording& recording) {
   std::string text;
   for (const auto& [agent, maps] : recording.unplaced()) {
-    text += AgentName(team, agent) + " is not placed: its poses and " + std::to_string(maps) +
-            " maps are left out; moonctl health says what to do\n";
+    text += AgentName(team, agent) + " is not placed in the team's map: its poses and " + std::to_string(maps) +
+            " maps are excluded; moonctl health gives the remedy\n";
   }
   if (recording.without_time_count() > 0) {
-    text += "left out " + std::to_string(recording.without_time_count()) +
-            " poses and events whose robot had no right clock, or outside of the years 1970 to 2038\n";
+    text += "excluded " + std::to_string(recording.without_time_count()) +
+            " poses and events with timestamps from a wrong clock or outside the years 1970 to 2038\n";
   }
   return text;
 }
@@ -158,14 +158,15 @@ ExitCode ExportMcap(CommandContext& context, const McapArguments& arguments) {
   const FileNotes notes =
       NotesOf(OriginOf(config, *target),
               {{"maps", std::to_string(recording->map_count())},
-               {"poses", "the newest; the map at a time holds the maps measured until then, at these poses"}});
+               {"poses",
+                "the newest; the merged map of each time contains the maps measured until then, at the newest poses"}});
   McapWriter::Metadata metadata(notes.begin(), notes.end());
   Result<void> written = WriteRecording(config, *recording, *writer, topics);
   if (written) written = writer->Close("moondb", metadata);
   if (written) written = WriteTogether(folder, {{folder / "metadata.yaml", topics.Yaml(name)}});
   if (!written) {
     return context.Report({written.error().code,
-                           written.error().text + "; the file is readable up to its last whole chunk",
+                           written.error().text + "; the file is readable up to its last complete chunk",
                            written.error().field});
   }
   const std::string file = (folder / name).string();
@@ -180,14 +181,15 @@ ExitCode ExportMcap(CommandContext& context, const McapArguments& arguments) {
 }  // namespace
 
 void AddExportCommands(Command& app, CommandContext& context) {
-  Command& group = app.AddSubcommand("export", "Write what an agent holds for other programs");
+  Command& group = app.AddSubcommand("export", "Export an agent's data to file formats of other programs");
   group.RequireSubcommand();
   auto arguments = std::make_shared<McapArguments>();
   Command& mcap = AddCommand(group, "mcap", "Write map, poses and events of the leader (or -a) for Foxglove and ROS 2",
                              {"moonctl export mcap recording --from 2h"});
   mcap.AddOption("folder", arguments->folder, "Output folder; created if missing").TypeName("FOLDER").Required();
-  mcap.AddOption("--from", arguments->from, "From this time on: 2h ago, or 2026-11-22T06:00Z").TypeName("TIME");
-  mcap.AddOption("--to", arguments->to, "Up to this time").TypeName("TIME");
+  mcap.AddOption("--from", arguments->from, "Start time: an age (2h) or a UTC time (2026-11-22T06:00Z)")
+      .TypeName("TIME");
+  mcap.AddOption("--to", arguments->to, "End time: an age or a UTC time").TypeName("TIME");
   mcap.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportMcap(context, *arguments); }; });
 }

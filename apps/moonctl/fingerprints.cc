@@ -72,7 +72,8 @@ Result<Fingerprint> FingerprintOf(Client& client, const StreamKey& stream, const
     whole.record_count += part->record_count();
     if (part->is_complete()) break;
     IntervalSet behind = Behind(left, std::max<std::uint64_t>(part->last_seq(), 1));
-    if (behind == left) return Fail(ErrorCode::kCorrupt, "the agent's fingerprints do not get on");
+    if (behind == left)
+      return Fail(ErrorCode::kCorrupt, "the agent's fingerprint reply covers no further record; retry");
     left = std::move(behind);
   }
   return whole;

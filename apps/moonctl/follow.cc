@@ -40,14 +40,15 @@ ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadReque
     if (!page && page.error().code != ErrorCode::kTimedOut) return context.Report(page.error());
     if (!page) {  // The radio lost a frame, or the agent is busy. Report the delay once.
       const bool is_reported = std::exchange(is_late, true);
-      if (!is_reported) std::fprintf(stderr, "moonctl: %s; going on\n", ToString(page.error()).c_str());
+      if (!is_reported)
+        std::fprintf(stderr, "moonctl: %s; still waiting for new records\n", ToString(page.error()).c_str());
       continue;
     }
     is_late = false;
     for (const proto::StoredRecord& stored : page->records()) {
       proto::Record record;
       if (!record.ParseFromString(stored.content())) {
-        return context.Report({ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " does not decode", {}});
+        return context.Report({ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " cannot be decoded", {}});
       }
       if (PrintLine(line_of(stored, record))) continue;
       if (errno == EPIPE) return ExitCode::kDone;

@@ -23,7 +23,7 @@ std::optional<NodeKey> KeyOf(std::uint64_t id, AgentId plain_agent) {
 Result<Matrix6d> InverseOf(const Matrix6d& matrix) {
   const Matrix6d inverse = matrix.inverse();
   if (inverse.allFinite()) return inverse;
-  return Fail(ErrorCode::kInvalid, "an edge's covariance or information has no inverse");
+  return Fail(ErrorCode::kInvalid, "the covariance or information matrix of an edge cannot be inverted");
 }
 
 // Rotates the covariance of a pose prior from the frame `map` into the frame of the measured pose, or back. g2o uses
@@ -43,7 +43,8 @@ Result<G2o> ToG2o(const Pyfg& pyfg) {
   G2o g2o;
   g2o.is_planar = pyfg.is_planar;
   for (const GraphNode& node : pyfg.graph.nodes) {
-    if (node.key.index > kIndexMax) return Fail(ErrorCode::kInvalid, "a node's number is beyond g2o's symbols (2^56)");
+    if (node.key.index > kIndexMax)
+      return Fail(ErrorCode::kInvalid, "a node's number exceeds the largest number of a g2o symbol (2^56)");
     g2o.vertices.push_back({SymbolOf(node.key), node.map_from_node});
   }
   const auto add = [&g2o](const auto& edges) -> Result<void> {
@@ -66,13 +67,14 @@ Result<G2o> ToG2o(const Pyfg& pyfg) {
 }
 
 Result<Pyfg> ToPyfg(const G2o& g2o, AgentId plain_agent) {
-  if (g2o.vertices.empty()) return Fail(ErrorCode::kInvalid, "the file has no vertex: nobody knows where to begin");
+  if (g2o.vertices.empty()) return Fail(ErrorCode::kInvalid, "the file has no vertex, so the first pose is unknown");
   Pyfg pyfg;
   pyfg.is_planar = g2o.is_planar;
   for (const G2oVertex& vertex : g2o.vertices) {
     const std::optional<NodeKey> key = KeyOf(vertex.id, plain_agent);
     if (!key) {
-      return Fail(ErrorCode::kInvalid, "vertex " + std::to_string(vertex.id) + " says no robot; name one with -a");
+      return Fail(ErrorCode::kInvalid,
+                  "vertex " + std::to_string(vertex.id) + " has an id that names no robot; name the robot with -a");
     }
     pyfg.graph.nodes.push_back({*key, 0, vertex.map_from_vertex});
   }

@@ -86,7 +86,7 @@ ExitCode ImportGraph(CommandContext& context, const std::string& file) {
                                        Count(import->odometry_count) + " odometry edges, " +
                                        Count(import->range_count) + " ranges, " + Count(import->closure_count) +
                                        " loop closures and " + Count(import->prior_count) + " priors at " +
-                                       Count(clients.size()) + " agents; left out " + Count(import->left_out_count));
+                                       Count(clients.size()) + " agents; excluded " + Count(import->left_out_count));
 }
 
 std::string AnchoringText(proto::Anchoring anchoring) {
@@ -112,8 +112,8 @@ std::string SigmaText(const proto::NodeCovariance& node, int coordinate, const c
   return FormatFixed(std::sqrt((*covariance)(coordinate, coordinate)), 3) + " " + unit;
 }
 
-std::string CountText(double count, double rejected, const std::string& what) {
-  return FormatCount(count) + " " + what + " (" + FormatCount(rejected) + " rejected)";
+std::string CountText(double count, double rejected, const std::string& noun) {
+  return FormatCount(count, noun) + " (" + FormatCount(rejected) + " rejected)";
 }
 
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedSet& set) {
@@ -128,22 +128,24 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedSet& 
 }
 
 std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply& solve) {
-  if (IsError(solve.error())) return "it failed: " + FromProto(solve.error()).text + "\n";
+  if (IsError(solve.error())) return "the solve failed: " + FromProto(solve.error()).text + "\n";
   std::string text =
-      FormatCount(solve.node_count()) + " nodes, " + FormatCount(solve.odometry_count()) + " odometry edges, " +
-      CountText(solve.range_count(), solve.rejected_range_count(), "ranges") +
+      FormatCount(solve.node_count(), "node") + ", " + FormatCount(solve.odometry_count(), "odometry edge") + ", " +
+      CountText(solve.range_count(), solve.rejected_range_count(), "range") +
       (solve.closure_count() > 0
-           ? ", " + CountText(solve.closure_count(), solve.rejected_closure_count(), "loop closures")
+           ? ", " + CountText(solve.closure_count(), solve.rejected_closure_count(), "loop closure")
            : "") +
-      (solve.prior_count() > 0 ? ", " + CountText(solve.prior_count(), solve.rejected_prior_count(), "priors") : "") +
+      (solve.prior_count() > 0 ? ", " + CountText(solve.prior_count(), solve.rejected_prior_count(), "prior") : "") +
       "\ncost " + FormatFixed(solve.initial_cost(), 2) + " to " + FormatFixed(solve.final_cost(), 2) + " in " +
-      FormatCount(solve.iterations()) + " iterations, " + FormatFixed(solve.seconds(), 3) +
-      " s, begun at: " + solve.initial_values() + "; " + FormatCount(solve.updated_pose_count()) + " poses written\n";
+      FormatCount(solve.iterations(), "iteration") + ", " + FormatFixed(solve.seconds(), 3) +
+      " s, started from: " + solve.initial_values() + "; poses written: " + FormatCount(solve.updated_pose_count()) +
+      "\n";
   if (!solve.text().empty()) text += solve.text() + "\n";
   for (const proto::RefusedSet& set : solve.refused_sets()) text += RefusedText(team, set) + "\n";
   for (const proto::FarNode& far : solve.far_nodes()) {
     text += "node " + NodeName(team, FromProto(far.node())) + " lies " + FormatFixed(far.distance_m() / 1000, 0) +
-            " km off: is its pose in metres? moonctl graph quarantine lets the solver place it\n";
+            " km from the team: check that its pose is in metres; after moonctl graph quarantine, the solver places "
+            "the node\n";
   }
   Table table({"ROVER", "NODES", "ANCHORED", "ODOMETRY SCALE", "NOTE"});
   for (const proto::RoverSolution& rover : solve.rovers()) {
@@ -231,7 +233,7 @@ FactorStats FindFactorStats(const PoseGraph& graph, const KnownGraph& known) {
 }
 
 std::string GroupsText(const proto::TeamConfig& team, const FactorStats& stats) {
-  if (stats.groups.empty()) return "no range, loop closure or prior is held here\n";
+  if (stats.groups.empty()) return "this agent holds no range, loop closure or prior\n";
   Table table({"KIND", "BETWEEN", "", "SOURCE", "HELD", "REJECTED", "NOT JUDGED", "WORST SIGMAS"});
   for (const auto& [key, group] : stats.groups) {
     const auto& [kind, agents, source] = key;
@@ -291,8 +293,8 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
   if (!known) return context.Report(known.error());
   std::string text = stats->solve_count() == 0
                          ? target->agent->name() + " has not solved the graph since it started\n"
-                         : FormatCount(stats->solve_count()) + " solves since the start; the last one:\n" +
-                               SolveText(team, stats->last_solve());
+                         : "solves since the agent started: " + FormatCount(stats->solve_count()) +
+                               "; the last one:\n" + SolveText(team, stats->last_solve());
   // Only the leader matches maps.
   const auto registration = target->client->Registration({});
   if (registration) text += PlacesText(team, *registration);
@@ -301,7 +303,8 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
   text += GroupsText(team, factors);
   if (known->quarantines().size() > 0) {
     text += std::to_string(known->quarantines().size()) +
-            " quarantines leave out parts of the graph; moonctl map stats lists them\n";
+            (known->quarantines().size() == 1 ? " quarantine excludes" : " quarantines exclude") +
+            " parts of the graph; moonctl map stats lists them\n";
   }
   if (has_edges) text += RejectedText(team, factors.rejected);
   JsonWriter json;
@@ -320,12 +323,12 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
 }  // namespace
 
 void AddGraphCommands(Command& app, CommandContext& context) {
-  Command& group = app.AddSubcommand("graph", "The team's pose graph");
+  Command& group = app.AddSubcommand("graph", "Import, solve, inspect and export the team's pose graph");
   group.RequireSubcommand();
 
   auto file = std::make_shared<std::string>();
   Command& imported =
-      AddCommand(group, "import", "Insert a PyFG or g2o file, each rover's part at its own agent (g2o: see -a)",
+      AddCommand(group, "import", "Import a PyFG or g2o file: insert each rover's part at its own agent (g2o: see -a)",
                  {"moonctl graph import mission.pyfg"});
   imported.AddOption("file", *file, "A .g2o file; anything else is read as PyFG").TypeName("FILE").Required();
   imported.Callback([&context, file] { context.action = [&context, file] { return ImportGraph(context, *file); }; });

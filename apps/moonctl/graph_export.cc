@@ -78,7 +78,7 @@ Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   std::map<AgentId, AgentId> letters;
   for (const auto& [letter, agent] : AgentsByLetter(team)) letters[agent] = letter;
   if (AgentsByLetter(team).rbegin()->first > 52)
-    return Fail(ErrorCode::kInvalid, "PyFG and g2o have letters for 52 agents at most");
+    return Fail(ErrorCode::kInvalid, "the graph has too many agents: PyFG and g2o name at most 52 agents by letters");
   bool is_named = true;
   const auto rename = [&](NodeKey key) {
     const auto letter = letters.find(key.agent);
@@ -104,7 +104,7 @@ Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   for (RangeEdge& edge : pyfg.graph.ranges) edge.from = rename(edge.from), edge.to = rename(edge.to);
   for (LoopClosure& edge : pyfg.graph.closures) edge.from = rename(edge.from), edge.to = rename(edge.to);
   for (NodePrior& prior : pyfg.graph.priors) prior.node = rename(prior.node);
-  if (!is_named) return Fail(ErrorCode::kInvalid, "the graph has nodes of agents that the team file does not name");
+  if (!is_named) return Fail(ErrorCode::kInvalid, "the graph has nodes of agents that the team file does not list");
   return pyfg;
 }
 
@@ -147,7 +147,8 @@ struct GraphFiles {
 };
 
 std::string PosesText(const ExportArguments& arguments) {
-  return arguments.poses == "raw" ? "raw" : "optimized, or carried on by odometry since; raw where neither exists";
+  return arguments.poses == "raw" ? "raw"
+                                  : "optimized; newer nodes extended by odometry; raw if a rover has no optimized pose";
 }
 
 FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {
@@ -163,10 +164,10 @@ FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {
                   {"rejected_priors", std::to_string(held.rejected_counts.at(FactorKind::kPrior))},
                   {"waiting_edges", std::to_string(held.waiting_edge_count)}};
   const auto point_priors = static_cast<std::size_t>(std::ranges::count_if(held.graph.priors, HasPoint));
-  if (arguments.format == "g2o") notes.emplace_back("left_out", "the ranges, which g2o does not have");
+  if (arguments.format == "g2o") notes.emplace_back("left_out", "ranges, because g2o has no range edges");
   if (point_priors > 0) {
     notes.emplace_back("left_out_priors",
-                       std::to_string(point_priors) + ", which measure another point than the body's origin");
+                       std::to_string(point_priors) + ", because they measure a point other than the body's origin");
   }
   return notes;
 }
@@ -194,7 +195,7 @@ GraphFiles PyfgFiles(const HeldGraph& held, const Pyfg& named, const std::string
   made.json.Key("rejected_loop_closures").Number(rejected(FactorKind::kLoopClosure));
   made.json.Key("priors").Number(static_cast<double>(held.graph.priors.size()));
   made.json.Key("rejected_priors").Number(rejected(FactorKind::kPrior));
-  made.text = "wrote " + file + " and beside it .verdicts.csv and .origin.txt\n";
+  made.text = "wrote " + file + ", " + verdicts + " and " + file + ".origin.txt\n";
   return made;
 }
 
@@ -210,7 +211,7 @@ Result<GraphFiles> G2oFiles(const HeldGraph& held, const Pyfg& named, const std:
   made.json.Key("loop_closures").Number(static_cast<double>(held.graph.closures.size()));
   made.json.Key("priors").Number(static_cast<double>(g2o->priors.size()));
   made.json.Key("left_out_ranges").Number(static_cast<double>(held.graph.ranges.size()));
-  made.text = "wrote " + file + " and beside it .origin.txt\n";
+  made.text = "wrote " + file + " and " + file + ".origin.txt\n";
   return made;
 }
 
@@ -238,7 +239,7 @@ GraphFiles TumFiles(const proto::TeamConfig& team, const HeldGraph& held, const 
     made.text += "wrote " + file.string() + ": " + std::to_string(track.poses.size()) + " poses\n";
   }
   made.json.EndArray();
-  if (tracks.empty()) made.text = "the graph has no node\n";
+  if (tracks.empty()) made.text = "the graph has no nodes\n";
   return made;
 }
 
@@ -272,17 +273,16 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
 
 void AddGraphExport(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<ExportArguments>();
-  Command& command = AddCommand(group, "export",
-                                "Write the graph of the leader (or -a); verdicts go to "
-                                "FILE.verdicts.csv, the origin of the data to "
-                                "FILE.origin.txt or (TUM) into the file",
-                                {"moonctl graph export graph.g2o --format g2o"});
-  command.AddOption("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
+  Command& command = AddCommand(
+      group, "export", "Export the graph of the leader (or -a); also writes FILE.verdicts.csv and FILE.origin.txt",
+      {"moonctl graph export graph.g2o --format g2o"});
+  command.AddOption("file", arguments->file, "Output file; for TUM a folder with one file per agent")
       .TypeName("FILE")
       .Required();
-  command.AddOption("--format", arguments->format, "pyfg, g2o (no ranges), or tum (only trajectories)")
+  command.AddOption("--format", arguments->format, "Format: pyfg, g2o (without ranges) or tum (only trajectories)")
       .OneOf({"pyfg", "g2o", "tum"});
-  command.AddOption("--poses", arguments->poses, "optimized (if available) or raw").OneOf({"optimized", "raw"});
+  command.AddOption("--poses", arguments->poses, "Poses to write: optimized (if available) or raw")
+      .OneOf({"optimized", "raw"});
   command.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportGraph(context, *arguments); }; });
 }

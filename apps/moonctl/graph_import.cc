@@ -114,7 +114,7 @@ class Importer {
     for (auto& [letter, nodes] : by_agent) {
       if (!agents_.contains(letter)) {
         return Fail(ErrorCode::kInvalid,
-                    std::string("no agent of the team stands for the letter ") + LetterOfAgent(letter));
+                    std::string("the letter ") + LetterOfAgent(letter) + " of the file names no agent of the team");
       }
       std::sort(nodes.begin(), nodes.end(), [](const auto* a, const auto* b) { return a->key < b->key; });
       if (auto added = AddRover(nodes, steps); !added) return added;
@@ -129,8 +129,8 @@ class Importer {
       if (!raw.contains(node->key)) {
         const auto step = steps.find(node->key);
         if (step == steps.end() || !raw.contains(step->second->from)) {
-          return Fail(ErrorCode::kInvalid, std::string("no odometry leads to node ") + LetterOfAgent(node->key.agent) +
-                                               std::to_string(node->key.index));
+          return Fail(ErrorCode::kInvalid, std::string("no odometry edge from an earlier node leads to node ") +
+                                               LetterOfAgent(node->key.agent) + std::to_string(node->key.index));
         }
         raw[node->key] = raw.at(step->second->from) * step->second->from_from_to;
       }

@@ -33,11 +33,12 @@ Result<std::chrono::milliseconds> WaitOf(const MatchesArguments& arguments) {
 std::optional<Error> WhyNotDone(const proto::RegistrationReply& state) {
   if (state.is_done()) return std::nullopt;
   if (!state.text().empty()) {
-    return Error{ErrorCode::kUnavailable, "ended before all maps were matched: " + state.text(), {}};
+    return Error{ErrorCode::kUnavailable, "map matching ended before all maps were matched: " + state.text(), {}};
   }
-  return Error{ErrorCode::kTimedOut,
-               "not all maps are matched in time: " + FormatCount(state.left_count()) + " pairs are left",
-               {}};
+  return Error{
+      ErrorCode::kTimedOut,
+      "the time limit passed before all maps were matched: " + FormatCount(state.left_count()) + " pairs are left",
+      {}};
 }
 
 ExitCode ShowMatches(CommandContext& context, const MatchesArguments& arguments) {
@@ -75,7 +76,7 @@ void AddGraphMatches(Command& group, CommandContext& context) {
                                 {"moonctl graph matches --wait 5m", kShows});
   command
       .AddOption("--wait", arguments->wait,
-                 "Match what is stored now, and wait at most this long until no pair is left")
+                 "Match the maps stored now, and wait at most this long until all pairs are matched")
       .TypeName("DURATION");
   command.AddFlag("--all", arguments->is_all, "List all matches, not only the first " + std::to_string(kRowsMax));
   command.Callback(

@@ -31,7 +31,7 @@ struct GraphFile {
 Result<GraphFile> ReadGraphFile(const std::string& file, bool is_isotropic) {
   GraphFile graph;
   graph.is_g2o = IsG2o(file);
-  if (is_isotropic && !graph.is_g2o) return Fail(ErrorCode::kInvalid, "is for .g2o files alone", "--isotropic");
+  if (is_isotropic && !graph.is_g2o) return Fail(ErrorCode::kInvalid, "applies only to .g2o files", "--isotropic");
   if (graph.is_g2o) {
     auto g2o = ReadG2o(file, is_isotropic ? InformationCheck::kBlocks : InformationCheck::kPositiveDefinite);
     if (!g2o) return tl::unexpected(g2o.error());
@@ -46,12 +46,13 @@ Result<GraphFile> ReadGraphFile(const std::string& file, bool is_isotropic) {
 
 Result<NodeKey> PyfgKey(const std::string& text) {
   if (const auto key = ParseKey(text)) return *key;
-  return Fail(ErrorCode::kInvalid, "'" + text + "' is no key of a letter and a number", "--fix");
+  return Fail(ErrorCode::kInvalid,
+              "'" + text + "' is not the key of a node, which is a letter and a number, such as L0", "--fix");
 }
 
 Result<NodeKey> G2oKey(const std::string& text) {
   if (const auto id = ParseUnsigned(text)) return NodeKey{0, *id};
-  return Fail(ErrorCode::kInvalid, "'" + text + "' is no id of a vertex", "--fix");
+  return Fail(ErrorCode::kInvalid, "'" + text + "' is not the id of a vertex, which is a number", "--fix");
 }
 
 // Converts the file to a graph. The solver keeps the nodes named by `fixed` at their poses in the file.
@@ -67,7 +68,7 @@ Result<StandaloneGraph> ToPlain(GraphFile& file, const std::vector<std::string>&
   for (const NodeKey& key : keys) {
     const bool is_there = std::any_of(graph.nodes.begin(), graph.nodes.end(),
                                       [&key](const PlainNode& node) { return node.key == key && node.is_fixed; });
-    if (!is_there) return Fail(ErrorCode::kInvalid, "the graph has no vertex of that name", "--fix");
+    if (!is_there) return Fail(ErrorCode::kInvalid, "the graph has no vertex with this name", "--fix");
   }
   return graph;
 }
@@ -90,7 +91,7 @@ Result<void> WriteSolved(GraphFile file, const StandaloneGraph& graph, const Pla
 
 ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
   if (!arguments.out.empty() && IsG2o(arguments.out) != IsG2o(arguments.file)) {
-    return context.Report(Error{ErrorCode::kInvalid, "must be of the same format as the file that is solved", "--out"});
+    return context.Report(Error{ErrorCode::kInvalid, "must have the same format as the input file", "--out"});
   }
   auto file = ReadGraphFile(arguments.file, arguments.is_isotropic);
   if (!file) return context.Report(InputError(file.error()));
@@ -121,11 +122,11 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
   json.Key("cost").Number(solution.cost).Key("initialisation").String(ToString(solution.initial_values));
   json.Key("iterations").Number(solution.iterations).Key("seconds").Number(seconds);
   json.Key("text").String(solution.text).EndObject();
-  std::string text = std::to_string(nodes) + " nodes, " + std::to_string(edges) + " edges, " +
+  std::string text = std::to_string(nodes) + " nodes, " + FormatCount(static_cast<double>(edges), "edge") + ", " +
                      std::to_string(graph->ranges.size()) + " ranges" +
                      (priors > 0 ? ", " + std::to_string(priors) + " priors" : "") + "\ncost " +
-                     FormatDouble(solution.cost) + " after " + std::to_string(solution.iterations) + " iterations, " +
-                     FormatFixed(seconds, 3) + " s; begun at: " + ToString(solution.initial_values);
+                     FormatDouble(solution.cost) + " after " + FormatCount(solution.iterations, "iteration") + ", " +
+                     FormatFixed(seconds, 3) + " s; started from: " + ToString(solution.initial_values);
   if (!solution.text.empty()) text += "\n" + solution.text;
   if (!arguments.out.empty()) text += "\nwrote " + arguments.out;
   return context.Done(json.text(), text);
@@ -144,7 +145,7 @@ void AddGraphSolve(Command& group, CommandContext& context) {
                   "Start from the file's vertices. By default they are ignored, since they are often the ground truth");
   command.AddFlag("--isotropic", arguments->is_isotropic,
                   "Accept information matrices that are not positive definite: use the trace of each block");
-  command.AddOption("--threads", arguments->threads, "Threads of the solver").Within(1, 64);
+  command.AddOption("--threads", arguments->threads, "Number of threads of the solver").Within(1, 64);
   command.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return SolveFile(context, *arguments); }; });
 }

@@ -52,45 +52,46 @@ void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status,
   if (status.has_unstored_roles()) {
     findings.push_back(UnstoredText(team, status.unstored_roles()));
   } else if (OrderOf(status.roles().term()) != OrderOf(newest.term())) {
-    findings.push_back("acts on the roles of term " + TermText(status.roles().term()) + ", where term " +
-                       TermText(newest.term()) + " is known");
+    findings.push_back("acts on the roles of term " + TermText(status.roles().term()) +
+                       ", but another agent knows term " + TermText(newest.term()));
   } else if (status.agent_id() == newest.leader() && newest.survivor() == 0) {
-    findings.push_back("leads without a designated survivor");
+    findings.push_back("leads without a designated survivor: name one with moonctl role set");
   }
   if (RevisionOf(newest.term()) >= kRevisionsOfAnEraMax && !newest.signature().empty()) {
-    findings.push_back("the roles changed " + FormatCount(static_cast<double>(RevisionOf(newest.term()))) +
-                       " times since an operator's word, and who joins has to fetch each: give moonctl role set once");
+    findings.push_back(
+        "the roles changed " + FormatCount(static_cast<double>(RevisionOf(newest.term()))) +
+        " times since the last operator command, and joining agents fetch every change: run moonctl role set once");
   }
-  if (newest.leader() == 0) findings.push_back("knows of no leader of team " + team.team());
+  if (newest.leader() == 0) findings.push_back("knows no leader of team " + team.team());
   for (const auto& [agent, role] : {std::pair(newest.leader(), "leader"), std::pair(newest.survivor(), "survivor")}) {
     if (!HasLeft(team, agent)) continue;
     const std::string name = AgentName(team, agent);
     findings.push_back(name + " is " + role + " in term " + TermText(newest.term()) +
-                       ", but has left the team: name another by moonctl role set");
+                       ", but has left the team: name another agent with moonctl role set");
   }
 }
 
 void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status, Findings& findings) {
   for (const proto::PeerStatus& peer : status.peers()) {
     if (peer.rejected_messages() > 0) {
-      findings.push_back("refused " + Counted(peer.rejected_messages(), "message") + " that " +
+      findings.push_back("refused " + FormatCount(peer.rejected_messages(), "message") + " that " +
                          AgentName(team, peer.agent_id()) + " may not send");
     }
     if (peer.cut_for_bytes() > 0) {
       findings.push_back("closed the link to " + AgentName(team, peer.agent_id()) + " " +
-                         Counted(peer.cut_for_bytes(), "time") + ": " + AgentName(team, peer.agent_id()) +
-                         " sends data over this agent's own link");
+                         FormatCount(peer.cut_for_bytes(), "time") + ": " + AgentName(team, peer.agent_id()) +
+                         " sent data over an outgoing connection of this agent");
     }
     if (peer.has_two_processes()) {
       const std::string name = AgentName(team, peer.agent_id());
       findings.push_back("two processes use " + name +
-                         "'s key, perhaps on a copied disk: stop one; only what the one at " + name +
-                         "'s address stores is sure to be shared");
+                         "'s key, perhaps on a copied disk: stop one of them; only records of the process at " + name +
+                         "'s address are sure to be shared");
     }
     if (peer.is_connected() || IsAsleep(status, peer.agent_id())) continue;
     const double silent_s = peer.seconds_since_heard();
     findings.push_back("does not reach " + AgentName(team, peer.agent_id()) +
-                       (silent_s < 0 ? ", never heard" : ", heard " + FormatSeconds(silent_s) + " ago"));
+                       (silent_s < 0 ? ", never heard" : ", last heard " + FormatSeconds(silent_s) + " ago"));
   }
 }
 
@@ -111,10 +112,11 @@ void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
   }
   for (const proto::ActorStatus& actor : status.actors()) {
     if (actor.restarts() > 0) {
-      findings.push_back(actor.name() + " failed and was restarted " + FormatCount(actor.restarts()) + " times");
+      findings.push_back(actor.name() + " failed and was restarted " + FormatCount(actor.restarts(), "time"));
     }
     if (actor.dropped() > 0) {
-      findings.push_back(actor.name() + " had no room for " + FormatCount(actor.dropped()) + " messages");
+      findings.push_back(actor.name() + " dropped " + FormatCount(actor.dropped(), "message") +
+                         " because its mailbox was full");
     }
   }
 }
@@ -125,9 +127,9 @@ void JudgeRisk(const proto::TeamConfig& team, const proto::StorageStatus& storag
   const bool is_many = limits.records() > 0 && one_copy.count() > limits.records();
   const bool is_old = limits.age_s() > 0 && one_copy.count() > 0 && one_copy.age_s() > limits.age_s();
   if (!is_many && !is_old) return;
-  findings.push_back(Counted(one_copy.count(), "record") + " exist on this disk alone, as far as it knows, one for " +
-                     FormatSeconds(one_copy.age_s()) +
-                     ": moonctl sync now and replicate now copy them, moonctl risk shows them");
+  findings.push_back("no other agent is known to hold " + FormatCount(one_copy.count(), "record") +
+                     ", the oldest for " + FormatSeconds(one_copy.age_s()) +
+                     ": copy with moonctl sync now and replicate now, list with moonctl risk");
 }
 
 // Adds a finding for each rover whose maps the agent should hold and lacks for longer than team_map_age_s. Compares
@@ -150,18 +152,20 @@ void JudgeMapAges(const proto::TeamConfig& team, const proto::AgentStatus& statu
     const bool is_known = times.last_ns() != 0 && known_ns != 0;
     if (origin == status.agent_id() || unplaced.contains(origin) || !is_known || behind_s <= limit_s) continue;
     findings.push_back(
-        (held == last_ns.end() ? "holds no map of " + AgentName(team, origin) + ", while the leader's span "
+        (held == last_ns.end() ? "holds no map of " + AgentName(team, origin) +
+                                     ", but the leader holds maps of that rover over a span of "
                                : "its newest map of " + AgentName(team, origin) + " is older than the leader's by ") +
-        FormatSeconds(behind_s) + ": moonctl db holdings --maps shows what it lacks, moonctl sync now brings it");
+        FormatSeconds(behind_s) + ": moonctl db holdings --maps shows the missing maps, moonctl sync now fetches them");
   }
 }
 
 void JudgeTimestamps(const proto::TeamConfig& team, const proto::StorageStatus& storage, Findings& findings) {
   if (!storage.has_suspect_timestamp()) return;
   const proto::SuspectTimestamp& suspect = storage.suspect_timestamp();
-  findings.push_back("its software has no right clock: " + DataTypeName(suspect.data_type(), team.custom_types()) +
-                     " has the timestamp " + FormatUtc(suspect.timestamp_ns()) +
-                     "; such records have no age and never win a cell because they are newer");
+  findings.push_back("its software uses a wrong clock: a record of type " +
+                     DataTypeName(suspect.data_type(), team.custom_types()) + " has the timestamp " +
+                     FormatUtc(suspect.timestamp_ns()) +
+                     "; records with such timestamps have no age, and their maps never win a cell by being newer");
 }
 
 bool IsFarOff(const proto::PeerClockOffset& clock) { return std::abs(clock.offset_s()) > kClockOffsetMax_s; }
@@ -194,17 +198,18 @@ void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status
 std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom& refused) {
   const std::string sender = AgentName(team, refused.agent_id());
   const std::string origin = refused.origin_agent() == 0 ? sender : AgentName(team, refused.origin_agent());
-  const std::string records = Counted(refused.count(), "record");
+  const std::string records = FormatCount(refused.count(), "record");
   switch (refused.cause()) {
     case proto::REFUSAL_CAUSE_COMMAND:
-      return "refused " + Counted(refused.count(), "command") + " relayed by " + sender +
+      return "refused " + FormatCount(refused.count(), "command") + " relayed by " + sender +
              ", which is not in command_from of the team file";
     case proto::REFUSAL_CAUSE_ORIGIN:
       return "refused " + records + " of " + origin + " sent by " + sender +
              ", which has never been leader or survivor";
     case proto::REFUSAL_CAUSE_OWN_EPOCH:
       return sender +
-             " reports records of this agent that its disk never had: if the disk was replaced or restored, 'moonctl "
+             " reports records of this agent that this agent's disk never held: if the disk was replaced or restored, "
+             "'moonctl "
              "sync now' returns them; otherwise " +
              sender + " reports false records";
     case proto::REFUSAL_CAUSE_STREAMS:
@@ -216,16 +221,17 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom&
       return "ignores " + records + " of " + sender + " (poses, verdicts, quarantines of others' maps): " + sender +
              " did not lead in their term and is not in command_from";
     case proto::REFUSAL_CAUSE_NO_ROOM:
-      return "leaves the oldest " + records + " of " + sender + " out of the map or the pose graph, because " + sender +
-             " exceeds its share of them; if they are wrong: moonctl map quarantine --agent " + sender;
+      return "excludes the oldest " + records + " of " + sender + " from the map or the pose graph, because " + sender +
+             " exceeds its share of the memory; if the records are wrong: moonctl map quarantine --agent " + sender;
     case proto::REFUSAL_CAUSE_DISK_ROOM:
       return "refused " + records + " of " + sender +
-             ": they exceed its share of this disk; once 'moonctl db prune' has made room, they are sent again";
+             ", which exceed its share of this disk: free space with 'moonctl db prune', then " + sender +
+             " sends them again";
     case proto::REFUSAL_CAUSE_ROLES:
-      return "refused " + Counted(refused.count(), "role assignment") + " of " + sender +
+      return "refused " + FormatCount(refused.count(), "role assignment") + " of " + sender +
              ", which may not assign these roles";
     default:
-      return "refused " + Counted(refused.count(), "message") + " of " + sender;
+      return "refused " + FormatCount(refused.count(), "message") + " of " + sender;
   }
 }
 
@@ -239,12 +245,13 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
                            AgentName(team, session.destination());
     const bool is_stuck =
         session.is_open() && session.waits_for().empty() && session.seconds_since_progress() > kNoProgressMax_s;
-    if (is_stuck) findings.push_back(to + " makes no progress for " + FormatSeconds(session.seconds_since_progress()));
+    if (is_stuck)
+      findings.push_back(to + " has made no progress for " + FormatSeconds(session.seconds_since_progress()));
     if (!session.other_schema_types().empty())
-      findings.push_back(to + " leaves out types that it understands otherwise");
+      findings.push_back(to + " excludes data types, because the schemas of both agents differ");
   }
   if (shares.rejected_records() > 0) {
-    findings.push_back("refused " + Counted(shares.rejected_records(), "record") + " of peers");
+    findings.push_back("refused " + FormatCount(shares.rejected_records(), "record") + " of peers");
   }
   for (const std::uint32_t other : shares.other_config_agents()) {
     findings.push_back(AgentName(team, other) + " has another team file");
@@ -269,8 +276,8 @@ void JudgeRefusedSets(const proto::TeamConfig& team, const proto::OptimizeReply&
   }
   for (const auto& [agent, text] : refused) {
     all[reports.contains(agent) ? agent : solver].push_back(
-        "the last solve refused " + text + ", which contradict the measurements of the others: check " +
-        AgentName(team, agent) + "'s sensors, or leave out what it inserted by 'moonctl graph quarantine --agent " +
+        "the last solve refused " + text + ", which contradict the measurements of other agents: check " +
+        AgentName(team, agent) + "'s sensors, or exclude its measurements with 'moonctl graph quarantine --agent " +
         AgentName(team, agent) + "'");
   }
 }
@@ -280,13 +287,14 @@ void JudgeSolve(const proto::TeamConfig& team, const proto::OptimizeReply& solve
                 std::map<std::uint32_t, Findings>& all) {
   for (const proto::RoverSolution& rover : solve.rovers()) {
     if (IsPlausibleOdometryScale(rover.odometry_scale())) continue;
-    all[rover.agent_id()].push_back("its odometry scale is " + FormatFixed(rover.odometry_scale(), 3) +
-                                    " in the last solve: an edge of it is no odometry, or its units are wrong");
+    all[rover.agent_id()].push_back(
+        "its odometry scale is " + FormatFixed(rover.odometry_scale(), 3) +
+        " in the last solve: check the units of its odometry, and that its software inserts only odometry as odometry");
   }
   for (const proto::FarNode& far : solve.far_nodes()) {
     const NodeKey node = FromProto(far.node());
     all[node.agent].push_back("node " + NodeName(team, node) + " lies " + FormatFixed(far.distance_m() / 1000, 0) +
-                              " km off in the last solve");
+                              " km from the team in the last solve: check that its pose is in metres");
   }
 }
 
@@ -307,8 +315,8 @@ void JudgeMap(const proto::TeamConfig& team, const proto::MapStatsReply& stats,
     all[stats.frame_of()].push_back("not placed in the team's map" + remedy(stats.frame_of()));
   }
   for (const proto::UnplacedRover& rover : stats.unplaced()) {
-    all[rover.agent_id()].push_back("not placed, " + Counted(rover.map_count(), "map") + " left out of the team's map" +
-                                    remedy(rover.agent_id()));
+    all[rover.agent_id()].push_back("not placed, " + FormatCount(rover.map_count(), "map") +
+                                    " excluded from the team's map" + remedy(rover.agent_id()));
   }
   for (const proto::ClearedHazards& cleared : stats.cleared()) {
     const std::string name = AgentName(team, cleared.agent_id());
@@ -316,11 +324,11 @@ void JudgeMap(const proto::TeamConfig& team, const proto::MapStatsReply& stats,
     const bool is_dated = cleared.from_ns() > 0;
     const std::string times =
         is_dated ? " --from " + FormatIso(cleared.from_ns()) + " --to " + FormatIso(cleared.to_ns() + 999'999'999) : "";
-    all[cleared.agent_id()].push_back("its maps of one minute make " + FormatCount(cleared.cell_count()) +
-                                      " of the others' " + FormatCount(cleared.hazard_count()) +
-                                      " hazard cells free: 'moonctl map why " + FormatFixed(cleared.x_m(), 2) + " " +
-                                      FormatFixed(cleared.y_m(), 2) +
-                                      "' shows one; if they are wrong: moonctl map quarantine --agent " + name + times);
+    all[cleared.agent_id()].push_back(
+        "its maps of one minute set " + FormatCount(cleared.cell_count()) + " of the other agents' " +
+        FormatCount(cleared.hazard_count()) + " hazard cells to free: 'moonctl map why " +
+        FormatFixed(cleared.x_m(), 2) + " " + FormatFixed(cleared.y_m(), 2) +
+        "' explains one of the cells; if the maps are wrong: moonctl map quarantine --agent " + name + times);
   }
 }
 
@@ -332,7 +340,8 @@ std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& ter
 
 std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored) {
   return "cannot store term " + TermText(unstored.term()) + " (leader " + AgentName(team, unstored.leader()) +
-         ", survivor " + AgentName(team, unstored.survivor()) + "): until it can it neither leads nor survives";
+         ", survivor " + AgentName(team, unstored.survivor()) +
+         "); until it stores the term, it acts neither as leader nor as survivor";
 }
 
 std::string OtherConfigText(std::uint64_t theirs, std::uint64_t here) {

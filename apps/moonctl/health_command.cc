@@ -63,7 +63,7 @@ ExitCode ShowHealth(CommandContext& context) {
     return asked.answer && !asked.answer->findings().empty();
   });
   const std::string hint =
-      has_news ? "what is not acknowledged stays until `moonctl health acknowledge` (or -a) says that it was read\n"
+      has_news ? "unacknowledged findings stay listed until `moonctl health acknowledge` (with -a: at one agent)\n"
                : "";
   std::string matching;
   for (const auto& [agent, report] : reports) {
@@ -135,7 +135,7 @@ void AddHealthCommand(Command& app, CommandContext& context) {
                                {"moonctl health --json", kShows});
   health.AllowSubcommand();
   AddCommand(health, "acknowledge",
-             "Acknowledge findings (or those of -a): lost peers, damage, crashes, refused commands",
+             "Acknowledge the findings of all agents (or -a): lost peers, damage, crashes, refused commands",
              {"moonctl health acknowledge -a rover2"})
       .Callback([&context] { context.action = [&context] { return AcknowledgeHealth(context); }; });
   health.Callback([&context, &health] {

@@ -34,7 +34,7 @@ struct KeysArguments {
 Result<std::filesystem::path> AgentKeyFolder(const CommandContext& context, const KeysArguments& arguments) {
   if (!arguments.out.empty()) return std::filesystem::path(arguments.out);
   if (!context.TeamPath().empty()) return context.TeamPath().parent_path();
-  return Fail(ErrorCode::kInvalid, "where to? Give -t team.yaml, set MOONDB_TEAM, or give --out FOLDER");
+  return Fail(ErrorCode::kInvalid, "which folder? Give -t team.yaml, set MOONDB_TEAM, or give --out FOLDER");
 }
 
 ExitCode MakeAgentKeys(const CommandContext& context, const KeysArguments& arguments) {
@@ -52,10 +52,10 @@ ExitCode MakeAgentKeys(const CommandContext& context, const KeysArguments& argum
   json.Key("secret_file").String(secret_file.string());
   json.Key("signing_file").String(SigningSecretPath(secret_file).string());
   json.Key("signing_key").String(signing.public_key()).EndObject();
-  return context.Done(json.text(),
-                      "wrote " + public_file.string() + ", " + secret_file.string() + " and " +
-                          SigningSecretPath(secret_file).string() + "; in the team file the agent has\n    key: \"" +
-                          public_file.filename().string() + "\"\n    signing_key: \"" + signing.public_key() + "\"");
+  return context.Done(
+      json.text(), "wrote " + public_file.string() + ", " + secret_file.string() + " and " +
+                       SigningSecretPath(secret_file).string() + "; add to the agent in the team file:\n    key: \"" +
+                       public_file.filename().string() + "\"\n    signing_key: \"" + signing.public_key() + "\"");
 }
 
 ExitCode MakeClientKeys(const CommandContext& context, const KeysArguments& arguments) {
@@ -75,10 +75,11 @@ ExitCode MakeClientKeys(const CommandContext& context, const KeysArguments& argu
   JsonWriter json;
   json.BeginObject().Key("name").String(arguments.name).Key("public_file").String(public_file.string());
   json.Key("secret_file").String(SecretKeyPath(public_file).string()).Key("key").String(keys->public_key).EndObject();
-  return context.Done(json.text(), arguments.name + "'s secret key: " + SecretKeyPath(public_file).string() +
-                                       "; for moonctl --key\nwho keeps the team's list runs, with " +
-                                       public_file.string() + ": moonctl clients add " + arguments.name +
-                                       " --rights command --public-key " + public_file.filename().string());
+  return context.Done(json.text(),
+                      arguments.name + "'s secret key is in " + SecretKeyPath(public_file).string() +
+                          "; use it with moonctl --key\nnext, where the team's client list is kept, with " +
+                          public_file.string() + ": moonctl clients add " + arguments.name +
+                          " --rights command --public-key " + public_file.filename().string());
 }
 
 ExitCode MakeKeys(CommandContext& context, const KeysArguments& arguments) {
@@ -104,7 +105,7 @@ SecretHere LookFor(const std::filesystem::path& file, const std::string& public_
   if (!std::filesystem::exists(file, error)) return {false, error ? file.string() + ": " + error.message() : ""};
   const Result<std::string> own = public_key_of(file);
   if (!own) return {true, own.error().text};
-  return {true, *own == public_key ? "" : file.string() + ": does not fit the public key"};
+  return {true, *own == public_key ? "" : file.string() + ": does not match the public key"};
 }
 
 SecretHere CurveSecretHere(const std::filesystem::path& file, const std::string& public_key) {
@@ -178,7 +179,7 @@ ExitCode ShowKeys(CommandContext& context) {
   if (!team) return context.Report(team.error());
   if ((*team)->config.insecure()) {
     return context.Report(
-        {ErrorCode::kInvalid, context.TeamPath().string() + ": insecure: true: the team has no keys", {}});
+        {ErrorCode::kInvalid, context.TeamPath().string() + ": the team has no keys (insecure: true)", {}});
   }
   const auto list = ReadClientList((*team)->folder / kClientsFile);
   if (!list && list.error().code != ErrorCode::kNotFound) return context.Report(list.error());
@@ -211,10 +212,10 @@ ExitCode ShowAdded(const CommandContext& context, const std::filesystem::path& f
     names += (names.empty() ? "" : ", ") + name;
   }
   json.EndArray().EndObject();
-  const std::string text = names.empty() ? "every agent has a signing key; nothing to add"
-                                         : "signing keys for " + names +
-                                               "; bring each NAME.sign to its agent, copy the file to all and "
-                                               "restart them";
+  const std::string text =
+      names.empty() ? "every agent has a signing key; nothing to add"
+                    : "added signing keys for " + names +
+                          "; copy each NAME.sign to its agent and the team file to all agents, then restart the agents";
   return context.Done(json.text(), file.string() + ": " + text);
 }
 
@@ -244,7 +245,7 @@ void AddKeysCommands(Command& app, CommandContext& context) {
   keys.RequireSubcommand();
   Command& made = AddCommand(keys, "new", "Make the keys of an agent or of a client", {"moonctl keys new rover4"});
   made.AddOption("name", arguments->name, "Name of the agent or client").Required().TypeName("NAME");
-  made.AddFlag("--client", arguments->is_client, "Make a client's public and secret key, in your own folder");
+  made.AddFlag("--client", arguments->is_client, "Make the keys of a client, in your own folder");
   made.AddOption("--out", arguments->out,
                  "Folder for the keys (default: beside the team file; for clients ~/.config/moondb)")
       .TypeName("FOLDER");

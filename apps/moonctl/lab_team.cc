@@ -22,7 +22,7 @@ Result<void> SetAddress(const std::string& given, int default_port, proto::TeamC
   }
   if (agent == team.mutable_agents()->end()) {
     return Fail(ErrorCode::kInvalid,
-                "'" + name + "' is no agent of this team: they are " + team.agents(0).name() + " to " +
+                "'" + name + "' is not an agent of this team; its agents are " + team.agents(0).name() + " to " +
                     team.agents().rbegin()->name(),
                 "--address");
   }

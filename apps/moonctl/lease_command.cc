@@ -67,7 +67,7 @@ void AddLeaseCommands(Command& app, CommandContext& context) {
       "drive", "Start or end a drive lease of agent -a: no bulk data (graph, maps) is shared while it drives");
   drive.RequireSubcommand();
   Command& on = AddCommand(drive, "on", "Start a drive lease", {"moonctl -a rover2 drive on --for 40"});
-  on.AddOption("--for", arguments->duration, "Time after which it expires: 40 (seconds), 10m, 2h")
+  on.AddOption("--for", arguments->duration, "Duration of the lease: 40 (seconds), 10m, 2h")
       .TypeName("DURATION")
       .Required();
   on.Callback([act] { act(proto::LEASE_KIND_DRIVING); });
@@ -76,8 +76,8 @@ void AddLeaseCommands(Command& app, CommandContext& context) {
   Command& sleep = AddCommand(app, "sleep", "Start or end a sleep lease of agent -a: nothing is shared while it sleeps",
                               {"moonctl -a rover2 sleep --until 2026-11-22T06:00Z"});
   sleep.AllowSubcommand();
-  Option& duration =
-      sleep.AddOption("--for", arguments->duration, "Length of the lease: 40 (seconds), 10m, 8h").TypeName("DURATION");
+  Option& duration = sleep.AddOption("--for", arguments->duration, "Duration of the lease: 40 (seconds), 10m, 8h")
+                         .TypeName("DURATION");
   sleep.AddOption("--until", arguments->until, "End of the lease in UTC: 2026-11-22T06:00Z")
       .TypeName("TIME")
       .Excludes(duration);

@@ -40,7 +40,7 @@ Result<std::vector<LoggedEvent>> EventsOf(const proto::ReadReply& page) {
   for (int i = 0; i < page.records_size() && i < page.row_ids_size(); ++i) {
     proto::Record record;
     if (!record.ParseFromString(page.records(i).content())) {
-      return Fail(ErrorCode::kCorrupt, "an event does not decode");
+      return Fail(ErrorCode::kCorrupt, "an event cannot be decoded");
     }
     events.push_back(LoggedEventOf(page.row_ids(i), page.records(i), record));
   }
@@ -112,7 +112,7 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
     for (const LoggedEvent& event : *events) json.Raw(JsonOf((*team)->config, event));
     const bool is_cut = !page->is_complete() && events->size() < arguments.events;
     return context.Done(json.EndArray().EndObject().text(),
-                        table.Text() + (is_cut ? "older ones do not fit into one answer\n" : ""));
+                        table.Text() + (is_cut ? "older events did not fit into the answer\n" : ""));
   }
   std::string json;  // One document per line.
   for (const LoggedEvent& event : *events) json += (json.empty() ? "" : "\n") + JsonOf((*team)->config, event);
@@ -127,7 +127,7 @@ void AddLogCommand(Command& app, CommandContext& context) {
   Command& log = AddCommand(app, "log", "Show the team's event log at the leader (or -a): commands, roles, failures",
                             {"moonctl log --events 20", kShows});
   log.AddOption("--events", arguments->events, "Number of newest events to show (50)").Within(1u, kEventsMax);
-  log.AddOption("--origin", arguments->origin, "Show only this agent's").TypeName("AGENT");
+  log.AddOption("--origin", arguments->origin, "Show only events of this agent").TypeName("AGENT");
   Option& follow =
       log.AddFlag("-f,--follow", arguments->follows, "Keep printing new events; with --json one document per line");
   AddTimeSpanOptions(log, arguments->times, follow);

@@ -21,24 +21,24 @@ The command line, the team file or an input is wrong.
 Some agents do not answer.
 .TP
 .B 4
-Refused: a role conflict, too old a state, not the leader.
+Refused: a role conflict, an outdated state, or not the leader.
 .TP
 .B 5
 Waiting for an acknowledgment or an answer took too long.
 .SH ENVIRONMENT
 .TP
 .B MOONDB_TEAM
-The team file, where \-t names none.
+The team file if \-t is not given.
 .TP
 .B MOONDB_VIA
-The agent through which all are asked, where \-\-via names none.
+The agent that relays all requests if \-\-via is not given.
 .TP
 .B MOONDB_CLIENT_KEY
-The client's secret key, where \-\-key names none.
+The client's secret key if \-\-key is not given.
 .TP
 .B MOONDB_RUN_DIR
 The folder of the agents' sockets; else XDG_RUNTIME_DIR/moondb, else /tmp/moondb\-UID. An agent that was started with
-another one is found by its data folder.
+another folder is found by its data folder.
 .TP
 .B NO_COLOR
 Set to anything: no colours.
@@ -112,7 +112,7 @@ std::string ManualPage(const Command& root, const std::string& version) {
   std::string text = ".TH MOONCTL 1 \"\" \"moondb " + Escaped(version) + "\" \"User Commands\"\n";
   text += ".SH NAME\nmoonctl \\- " + Escaped(root.description()) + "\n.SH SYNOPSIS\n.B moonctl\n";
   text +=
-      "[\\fIoptions\\fR] \\fIcommand\\fR [\\fIarguments\\fR]\n.SH OPTIONS\nThey may stand before or behind the "
+      "[\\fIoptions\\fR] \\fIcommand\\fR [\\fIarguments\\fR]\n.SH OPTIONS\nOptions may precede or follow the "
       "command.\n";
   text += OptionsText(root) + ".SH COMMANDS\n";
   VisitCommands(root, [&text, &root](const Command& command) {

@@ -31,7 +31,7 @@ Result<proto::MergeRequest> MakeRequest(const proto::TeamConfig& team, const Map
   }
   if (arguments.format != "geotiff" || team.has_site()) return request;
   return Fail(ErrorCode::kInvalid,
-              "the team file does not say where the map lies; GeoTIFF needs site: {lat_deg: .., lon_deg: .., "
+              "the team file gives no geographic position of the map; GeoTIFF needs site: {lat_deg: .., lon_deg: .., "
               "north_yaw_rad: ..}",
               "site");
 }
@@ -44,8 +44,9 @@ FileNotes NotesOn(const proto::TeamConfig& team, const MapArguments& arguments, 
       {"maps", FormatCount(reply.map_count())},
       {"waiting_maps", FormatCount(reply.waiting_map_count())},
       {"poses",
-       arguments.use_raw_poses ? "raw" : "optimized, or carried on by odometry since; raw before the first solve"}};
-  if (reply.frame_of() != 0) notes.push_back({"frame", AgentName(team, reply.frame_of()) + "'s own: it is not placed"});
+       arguments.use_raw_poses ? "raw" : "optimized; newer nodes extended by odometry; raw before the first solve"}};
+  if (reply.frame_of() != 0)
+    notes.push_back({"frame", AgentName(team, reply.frame_of()) + "'s own frame, because the rover is not placed"});
   if (!reply.unplaced().empty()) notes.push_back({"not_placed", UnplacedNames(team, reply.unplaced())});
   return notes;
 }
@@ -55,14 +56,14 @@ std::string LeftOutText(const proto::TeamConfig& team, const proto::MergeReply& 
   std::string text;
   for (const proto::LeftOutItems& items : reply.left_out()) {
     const std::string name = AgentName(team, items.agent_id());
-    const std::string repair = "; if they are wrong: moonctl map quarantine --agent " + name + "\n";
+    const std::string repair = "; if the maps are wrong: moonctl map quarantine --agent " + name + "\n";
     if (items.far_count() > 0) {
-      text += "left out " + FormatCount(items.far_count()) + " maps and footprints of " + name + " that lie " +
-              FormatFixed(items.distance_m(), 0) + " m or more from the team's middle: the map would be too large" +
-              repair;
+      text += "excluded " + FormatCount(items.far_count()) + " maps and footprints of " + name + " that lie " +
+              FormatFixed(items.distance_m(), 0) +
+              " m or more from the team's centre, because the map would be too large" + repair;
     }
     if (items.without_room_count() > 0) {
-      text += "left out the oldest " + FormatCount(items.without_room_count()) + " maps and footprints of " + name +
+      text += "excluded the oldest " + FormatCount(items.without_room_count()) + " maps and footprints of " + name +
               ", because they exceed its share of the merged map" + repair;
     }
   }
@@ -119,16 +120,16 @@ ExitCode ExportMap(CommandContext& context, const MapArguments& arguments) {
 }  // namespace
 
 void AddMapCommands(Command& app, CommandContext& context) {
-  Command& group = app.AddSubcommand("map", "The merged map");
+  Command& group = app.AddSubcommand("map", "Export, explain and check the merged map");
   group.RequireSubcommand();
   auto arguments = std::make_shared<MapArguments>();
-  Command& exported = AddCommand(group, "export", "Merge at the leader (or -a) and write the map",
+  Command& exported = AddCommand(group, "export", "Merge the maps at the leader (or -a) and write the merged map",
                                  {"moonctl map export maps --format geotiff"});
   exported.AddOption("folder", arguments->folder, "Output folder; created if missing").TypeName("FOLDER").Required();
   exported
-      .AddOption(
-          "--format", arguments->format,
-          "nav2 (map.yaml and map.pgm), png (with a world file), or geotiff (on the Moon; see site in the team file)")
+      .AddOption("--format", arguments->format,
+                 "Format: nav2 (map.yaml and map.pgm), png (with a world file), or geotiff (on the Moon; see site in "
+                 "the team file)")
       .OneOf({"nav2", "png", "geotiff"});
   exported.AddFlag("--raw-poses", arguments->use_raw_poses, "Ignore optimized poses");
   exported.AddOption("--agents", arguments->agents, "Merge only maps of these agents").TypeName("AGENT");

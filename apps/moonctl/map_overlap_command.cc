@@ -125,7 +125,7 @@ Result<Overlap> ReadOverlap(AgentClient& target, const proto::TeamConfig& team, 
   if (const std::optional<Pose> match = MatchOf(graph, nodes)) {
     overlap.placements.push_back({"match", map_from_first, map_from_first * *match});
   } else {
-    overlap.remarks.push_back("no match of these nodes is held");
+    overlap.remarks.push_back(agent + " holds no match of these nodes");
   }
   return overlap;
 }
@@ -187,11 +187,11 @@ void AddMapOverlap(Command& group, CommandContext& context) {
                  {"moonctl map overlap rover1:17 rover2:31 --out overlap.png"});
   command
       .AddOption("nodes", arguments->nodes,
-                 "Two nodes, such as rover1:17 rover2:31; or two rovers, of which the submaps that fit best are drawn")
+                 "Two nodes, such as rover1:17 rover2:31; or two rovers, whose best matching submaps are drawn")
       .TypeName("NODE")
       .Expected(2, 2)
       .Required();
-  command.AddOption("--out", arguments->file, "The picture, .png or .svg").TypeName("FILE").Required();
+  command.AddOption("--out", arguments->file, "Output picture, .png or .svg").TypeName("FILE").Required();
   command.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return DrawOverlap(context, *arguments); }; });
 }

@@ -49,11 +49,11 @@ ExitCode AskWhy(CommandContext& context, const Place& place) {
   const proto::TeamConfig& team = (*context.Team())->config;
   std::string text = "the cell at " + PlaceText(why->cell_x_m(), why->cell_y_m()) + " is " +
                      CellValueName(why->value()) + " at " + target->agent->name();
-  if (why->observations().empty()) return context.Print(ExitCode::kDone, ToJson(*why), text + ": no map knows it");
+  if (why->observations().empty()) return context.Print(ExitCode::kDone, ToJson(*why), text + ": no map covers it");
   Table table({"SAYS", "AGENT", "TIME", "LEVEL", "CELL M", "NODE", "AT", "MAP"});
   for (const proto::MapObservation& said : why->observations()) table.Add(ObservationRow(team, said));
   text += "; in order of precedence, the winner first:\n" + table.Text();
-  if (why->left_out_count() > 0) text += "and " + FormatCount(why->left_out_count()) + " more\n";
+  if (why->left_out_count() > 0) text += "and " + FormatCount(why->left_out_count()) + " more maps or footprints\n";
   return context.Print(ExitCode::kDone, ToJson(*why), text);
 }
 
@@ -65,7 +65,7 @@ std::string SpanText(const proto::MapQuarantine& quarantine, std::int64_t timest
 
 std::string QuarantinesText(const proto::TeamConfig& team, const proto::MapStatsReply& stats) {
   if (stats.quarantines().empty()) return "";
-  Table table({"QUARANTINE", "AGENT", "LEAVES OUT", "FROM", "TO", "MAPS", "REASON"});
+  Table table({"QUARANTINE", "AGENT", "EXCLUDES", "FROM", "TO", "MAPS", "REASON"});
   for (const proto::StandingQuarantine& standing : stats.quarantines()) {
     const proto::MapQuarantine& said = standing.quarantine();
     table.Add({ToString(FromProto(standing.record())), AgentName(team, said.agent_id()), QuarantinedText(team, said),
@@ -79,7 +79,7 @@ std::string FarText(const proto::TeamConfig& team, const proto::MapStatsReply& s
   std::string text;
   for (const proto::FarNode& far : stats.far_nodes()) {
     text += "node " + NodeName(team, FromProto(far.node())) + " lies " + FormatFixed(far.distance_m() / 1000, 0) +
-            " km off and is left out; moonctl graph quarantine lets the solver place it\n";
+            " km from the team and is excluded; after moonctl graph quarantine, the solver places it\n";
   }
   return text;
 }
@@ -119,7 +119,7 @@ const char* CellValueName(std::uint32_t value) {
 }
 
 std::string RemarkOn(const proto::MapObservation& said) {
-  if (said.is_footprint()) return "it stood there";
+  if (said.is_footprint()) return "the rover stood there";
   std::string remark = said.is_quarantined() ? "quarantined" : "";
   if (said.is_clock_suspect()) remark += std::string(remark.empty() ? "" : ", ") + "clock suspect";
   return remark;
@@ -133,8 +133,9 @@ void AddMapQuestions(Command& group, CommandContext& context) {
   why.AddOption("y", place->y_m, "y in metres, in the frame map").Required();
   why.Callback([&context, place] { context.action = [&context, place] { return AskWhy(context, *place); }; });
 
-  Command& stats = AddCommand(group, "stats", "Show which maps win cells, and quarantines, at the leader (or -a)",
-                              {"moonctl map stats", kShows});
+  Command& stats =
+      AddCommand(group, "stats", "Show how many maps win cells, and the quarantines, at the leader (or -a)",
+                 {"moonctl map stats", kShows});
   stats.Callback([&context] { context.action = [&context] { return ShowStats(context); }; });
 
   AddMapQuarantine(group, context);

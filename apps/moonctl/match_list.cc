@@ -80,32 +80,33 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
     count += one.count();
     counts += (counts.empty() ? ": " : ", ") + FormatCount(one.count()) + " " + one.verdict();
   }
-  std::string text = "matched " + FormatCount(count) + " pairs of " + FormatCount(state.map_count()) + " maps in " +
-                     FormatCount(state.pass_count()) + " passes" + counts + "; " + FormatCount(state.stored_count()) +
-                     " stored; " + FormatCount(state.left_count()) + " left; " + FormatFixed(state.seconds(), 1) + " s";
+  std::string text = "matched " + FormatCount(count, "pair") + " of " + FormatCount(state.map_count(), "map") + " in " +
+                     FormatCount(state.pass_count(), "pass", "passes") + counts + "; " +
+                     FormatCount(state.stored_count(), "match", "matches") + " stored; " +
+                     FormatCount(state.left_count(), "pair") + " left; " + FormatFixed(state.seconds(), 1) + " s";
   if (state.unposed_map_count() > 0) {
-    text += "; " + Counted(state.unposed_map_count(), "map") + " had no optimized pose yet";
+    text += "; " + FormatCount(state.unposed_map_count(), "map") + " had no optimized pose yet";
   }
   if (const double quarantined = state.other_map_count() - state.unposed_map_count(); quarantined > 0) {
-    text += "; " + Counted(quarantined, "map") + " quarantined, or newer than the last pass";
+    text += "; " + FormatCount(quarantined, "map") + " quarantined, or newer than the last pass";
   }
   if (state.is_due()) text += "; the next pass will begin";
   text += (state.text().empty() ? "" : "; " + state.text()) + "\n";
   for (const proto::LeftOutPairs& pairs : state.left_out()) {
     const bool is_one_agent = pairs.agent_id() == pairs.other_agent_id();
-    text += "left out " + FormatCount(pairs.count()) + " pairs of maps of " + AgentName(team, pairs.agent_id()) +
+    text += "excluded " + FormatCount(pairs.count()) + " pairs of maps of " + AgentName(team, pairs.agent_id()) +
             (is_one_agent ? "" : " and " + AgentName(team, pairs.other_agent_id())) +
-            " in the last pass, because they exceed their share of it\n";
+            " from the last pass, because they exceed their share of a pass\n";
   }
   if (state.removed_map_match_count() > 0) {
-    text += Counted(state.removed_map_match_count(), "stored match", "stored matches") +
+    text += FormatCount(state.removed_map_match_count(), "stored match", "stored matches") +
             " of maps that were removed since: the solver still uses them\n";
   }
   return text + PlacesText(team, state);
 }
 
 std::string MatchingLeftText(const proto::RegistrationReply& state) {
-  if (state.left_count() > 0) return Counted(state.left_count(), "pair") + " of maps left to match";
+  if (state.left_count() > 0) return FormatCount(state.left_count(), "pair") + " of maps left to match";
   return state.is_due() ? "the matching of maps will begin" : "";
 }
 
@@ -115,7 +116,7 @@ std::string VerdictText(const ListedMatch& match) {
 }
 
 std::string MatchesText(const proto::TeamConfig& team, const std::vector<ListedMatch>& matches, std::size_t rows_max) {
-  if (matches.empty()) return "no map match is held here\n";
+  if (matches.empty()) return "this agent holds no map match\n";
   Table table({"FROM", "TO", "OFFSET", "CORRECTION", "MATCHED", "OVERLAP", "SECOND BEST", "VERDICT"});
   const std::size_t rows = std::min(rows_max, matches.size());
   for (std::size_t i = 0; i < rows; ++i) {
@@ -124,8 +125,9 @@ std::string MatchesText(const proto::TeamConfig& team, const std::vector<ListedM
                match.correction ? OffsetText(*match.correction) : "-", FormatFixed(match.body.matched(), 2),
                FormatFixed(match.body.overlap(), 2), FormatFixed(match.body.second_best(), 2), VerdictText(match)});
   }
-  return table.Text() +
-         (rows == matches.size() ? "" : "and " + std::to_string(matches.size() - rows) + " more; --all lists them\n");
+  return table.Text() + (rows == matches.size()
+                             ? ""
+                             : "and " + std::to_string(matches.size() - rows) + " more matches; --all lists all\n");
 }
 
 void WriteMatches(const std::vector<ListedMatch>& matches, JsonWriter& json) {

@@ -15,7 +15,8 @@ Result<NodeKey> ParseNodeName(const proto::TeamConfig& team, const std::string& 
   for (const proto::AgentConfig& agent : team.agents()) {
     if (index && agent.name() == text.substr(0, colon)) return NodeKey{agent.id(), *index};
   }
-  return Fail(ErrorCode::kInvalid, "'" + text + "' is no node of the team, such as rover2:17", option);
+  return Fail(ErrorCode::kInvalid, "'" + text + "' is not a node of the team; expected AGENT:INDEX such as rover2:17",
+              option);
 }
 
 }  // namespace moondb

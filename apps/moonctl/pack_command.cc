@@ -85,10 +85,12 @@ ExitCode AddToTeam(CommandContext& context, const PackArguments& arguments) {
   JsonWriter json;
   json.BeginObject().Key("file").String(file.string()).Key("agent").String(agent.name());
   json.Key("agent_id").Number(agent.id()).EndObject();
-  return context.Done(json.text(), file.string() + ": added " + agent.name() + " (id " + std::to_string(agent.id()) +
-                                       (agent.has_start() ? ")" : "), with an unknown start") +
-                                       "\nnext: moonctl config pack " + agent.name() + " " + agent.name() +
-                                       ".pack; pack the other agents again too, unpack there, and restart them");
+  return context.Done(
+      json.text(),
+      file.string() + ": added " + agent.name() + " (id " + std::to_string(agent.id()) +
+          (agent.has_start() ? ")" : "), with an unknown start") + "\nnext: moonctl config pack " + agent.name() + " " +
+          agent.name() +
+          ".pack; also pack the other agents again, unpack each pack on its robot, and restart the agents");
 }
 
 // --- config pack ---
@@ -108,11 +110,12 @@ ExitCode Pack(CommandContext& context, const PackArguments& arguments) {
   JsonWriter json;
   json.BeginObject().Key("file").String(arguments.file).Key("agent").String(arguments.agent);
   json.Key("file_count").Number(pack->files_size()).EndObject();
-  return context.Done(json.text(), "wrote " + arguments.file + ": " + std::to_string(pack->files_size()) +
-                                       " files of " + arguments.agent +
-                                       ". It holds secret keys: copy it over a trusted link and delete it afterwards\n"
-                                       "next, on the robot: moonctl config unpack " +
-                                       std::filesystem::path(arguments.file).filename().string());
+  return context.Done(json.text(),
+                      "wrote " + arguments.file + ": " + std::to_string(pack->files_size()) + " files of " +
+                          arguments.agent +
+                          ". The pack holds secret keys: copy it over a trusted link and delete it afterwards\n"
+                          "next, on the robot: moonctl config unpack " +
+                          std::filesystem::path(arguments.file).filename().string());
 }
 
 // --- config unpack ---
@@ -154,8 +157,9 @@ ExitCode Unpack(CommandContext& context, const PackArguments& arguments) {
     names += (names.empty() ? "" : ", ") + name;
   }
   json.EndArray().Key("unit").String(*unit).EndObject();
-  std::string text = names.empty() ? arguments.folder + " holds all files of " + pack->agent() + "; nothing to change"
-                                   : "wrote to " + arguments.folder + ": " + names;
+  std::string text = names.empty()
+                         ? arguments.folder + " already holds all files of " + pack->agent() + "; nothing to change"
+                         : "wrote to " + arguments.folder + ": " + names;
   if (!unit->empty()) text += "\nwrote " + *unit;
   text += is_service
               ? "\nnext: systemctl enable --now moondb-agent@" + pack->agent() + " (if it runs: systemctl restart)"
@@ -179,27 +183,26 @@ void AddPackCommands(Command& group, CommandContext& context) {
   Command& added = add("add-agent", "Add a rover to the team file, and make its keys",
                        {"moonctl config add-agent rover4 --address tcp://10.0.0.14:7400"}, AddToTeam);
   added.AddOption("name", arguments->agent, "Name of the new agent").TypeName("NAME").Required();
-  added.AddOption("--address", arguments->address, "Address at which the others reach it: tcp://HOST:PORT")
+  added.AddOption("--address", arguments->address, "Address at which other agents reach the new agent: tcp://HOST:PORT")
       .TypeName("ADDRESS")
       .Required();
-  added
-      .AddOption("--listen", arguments->listen, "Address at which it listens, if it is another one: tcp://0.0.0.0:PORT")
+  added.AddOption("--listen", arguments->listen, "Address on which the agent listens, if different: tcp://0.0.0.0:PORT")
       .TypeName("ADDRESS");
   added.AddOption("--client-address", arguments->client_address, "Address for clients with a key: tcp://HOST:PORT")
       .TypeName("ADDRESS");
-  added.AddOption("--start", arguments->start, "Start pose x,y,yaw or x,y,z,yaw (m, rad); without it unknown")
+  added.AddOption("--start", arguments->start, "Start pose x,y,yaw or x,y,z,yaw (m, rad; default: unknown)")
       .TypeName("POSE");
-  added.AddOption("--id", arguments->id, "Id of the new agent (one more than the highest)").Within(1, 65535);
+  added.AddOption("--id", arguments->id, "Id of the new agent (default: one more than the highest)").Within(1, 65535);
 
   Command& packed = add("pack", "Write all files of one agent into one file, with its secret keys",
                         {"moonctl config pack rover1 rover1.pack"}, Pack);
   packed.AddOption("agent", arguments->agent, "Name of the agent").TypeName("AGENT").Required();
-  packed.AddOption("file", arguments->file, "File to write").TypeName("FILE").Required();
+  packed.AddOption("file", arguments->file, "Pack file to write").TypeName("FILE").Required();
   packed.AddOption("--options", arguments->options, "Options of moondb_agent, for the service").TypeName("OPTIONS");
 
   Command& unpacked =
       add("unpack", "Write the files of a pack on the robot", {"moonctl config unpack rover1.pack"}, Unpack);
-  unpacked.AddOption("file", arguments->file, "File of `moonctl config pack`").TypeName("FILE").Required();
+  unpacked.AddOption("file", arguments->file, "File written by `moonctl config pack`").TypeName("FILE").Required();
   unpacked.AddOption("folder", arguments->folder, "Folder of the team file (/var/lib/moondb)").TypeName("FOLDER");
 }
 

@@ -32,8 +32,8 @@ Result<void> CheckKeyName(const std::string& name) {
   if (!name.ends_with(kPublicKeyEnd) || name.starts_with('.') || !HasOnly(name, "-_.")) {
     return Fail(ErrorCode::kInvalid,
                 OneLine(name) +
-                    ": a pack holds only key files whose names consist of letters, digits, -, _ and ., begin "
-                    "with no . and end in .pub; rename the file and change the team file");
+                    ": a pack holds only key files whose names consist of letters, digits, -, _ and ., do not begin "
+                    "with . and end in .pub; rename the file and change the team file");
   }
   return {};
 }
@@ -46,7 +46,7 @@ Result<void> CheckSecrets(const proto::RobotPack& pack, const proto::AgentConfig
   const auto public_key = ParseKeyFile(ContentOf(pack, self.key()), self.key());
   if (!public_key) return tl::unexpected(public_key.error());
   if (const auto fitting = PublicKeyOf(*secret); !fitting || *fitting != *public_key) {
-    return Fail(ErrorCode::kInvalid, secret_path.string() + ": does not fit the public key " + self.key());
+    return Fail(ErrorCode::kInvalid, secret_path.string() + ": does not match the public key " + self.key());
   }
   const std::filesystem::path signing_path = SigningSecretPath(secret_path);
   const auto signing = ParseKeyFile(ContentOf(pack, signing_path), signing_path);
@@ -54,7 +54,7 @@ Result<void> CheckSecrets(const proto::RobotPack& pack, const proto::AgentConfig
   const std::optional<KeyBytes> seed = FromZ85(*signing);
   if (!seed || SigningKey::FromSeed(*seed).public_key() != self.signing_key()) {
     return Fail(ErrorCode::kInvalid,
-                signing_path.string() + ": does not fit the signing_key of " + self.name() + " in the team file");
+                signing_path.string() + ": does not match the signing_key of " + self.name() + " in the team file");
   }
   return {};
 }

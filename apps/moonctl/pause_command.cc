@@ -38,7 +38,7 @@ ExitCode SetPause(CommandContext& context, milliseconds duration) {
     if (reply) {
       const proto::AgentLease lease = LeaseOf(*agent, *reply);
       const std::string text = ToString(lease);
-      table.Add({agent->name(), text.empty() ? "goes on" : text});
+      table.Add({agent->name(), text.empty() ? "not paused" : text});
       json.Key("lease").Raw(ToJson(lease));
     } else {
       table.Add({agent->name(), WhyNoAnswer(reply.error())}, Tone::kBad);
@@ -57,7 +57,7 @@ void AddPauseCommands(Command& sync, CommandContext& context) {
       AddCommand(sync, "pause",
                  "Pause bulk data (graph, maps) with all agents, or with -a, until the pause expires or sync resume",
                  {"moonctl sync pause --for 10m"});
-  pause.AddOption("--for", *length, "Time after which it expires: 40 (seconds), 10m, 2h; at most 24 h")
+  pause.AddOption("--for", *length, "Duration of the pause: 40 (seconds), 10m, 2h; at most 24 h")
       .TypeName("DURATION")
       .DefaultShown();
   pause.Callback([&context, length] {
@@ -66,7 +66,7 @@ void AddPauseCommands(Command& sync, CommandContext& context) {
       return duration ? SetPause(context, *duration) : context.Report(duration.error());
     };
   });
-  AddCommand(sync, "resume", "Resume sharing", {"moonctl sync resume -a rover2"}).Callback([&context] {
+  AddCommand(sync, "resume", "Resume sharing after a pause", {"moonctl sync resume -a rover2"}).Callback([&context] {
     context.action = [&context] { return SetPause(context, milliseconds(0)); };
   });
 }

@@ -33,7 +33,8 @@ Result<std::int64_t> TimestampOf(const std::string& text, std::int64_t missing, 
 Result<void> SetMaps(const proto::TeamConfig& team, const QuarantineArguments& arguments,
                      proto::MapQuarantine& quarantine) {
   if (arguments.agent.empty()) {
-    return Fail(ErrorCode::kInvalid, "expected --agent NAME, or --lift ID of one that map stats shows");
+    return Fail(ErrorCode::kInvalid,
+                "expected --agent NAME, or --lift ID of a quarantine that moonctl map stats lists");
   }
   const auto agent = AgentNamed(team, arguments.agent);
   if (!agent) return tl::unexpected(agent.error());
@@ -41,7 +42,7 @@ Result<void> SetMaps(const proto::TeamConfig& team, const QuarantineArguments& a
   if (!from) return tl::unexpected(from.error());
   const Result<std::int64_t> to = TimestampOf(arguments.to, kEndOfTime, "--to");
   if (!to) return tl::unexpected(to.error());
-  if (*from > *to) return Fail(ErrorCode::kInvalid, "lies before --from", "--to");
+  if (*from > *to) return Fail(ErrorCode::kInvalid, "is earlier than --from", "--to");
   quarantine.set_agent_id((*agent)->id());
   quarantine.set_from_ns(*from);
   quarantine.set_to_ns(*to);
@@ -51,10 +52,9 @@ Result<void> SetMaps(const proto::TeamConfig& team, const QuarantineArguments& a
 Result<void> SetProducer(const proto::TeamConfig& team, const QuarantineArguments& arguments,
                          proto::MapQuarantine& quarantine) {
   if (!arguments.nodes.empty() || arguments.is_range) {
-    return Fail(
-        ErrorCode::kInvalid,
-        "selects all ranges, loop closures and priors of an agent, or those of its --source; leave the node out",
-        "--agent");
+    return Fail(ErrorCode::kInvalid,
+                "selects all ranges, loop closures and priors of an agent, or those of its --source; omit the node",
+                "--agent");
   }
   const auto agent = AgentNamed(team, arguments.agent);
   if (!agent) return tl::unexpected(agent.error());
@@ -107,7 +107,7 @@ Result<proto::Record> MakeQuarantine(CommandContext& context, const QuarantineAr
   quarantine.set_reason(arguments.reason);
   if (!arguments.lift.empty()) {
     if (!arguments.agent.empty() || !arguments.nodes.empty()) {
-      return Fail(ErrorCode::kInvalid, "needs no agent and no node", "--lift");
+      return Fail(ErrorCode::kInvalid, "cannot be combined with an agent or a node", "--lift");
     }
     const Result<RecordKey> key = ParseRecordKey(arguments.lift);
     if (!key) return Fail(ErrorCode::kInvalid, key.error().text, "--lift");
@@ -129,7 +129,8 @@ Result<void> CheckStands(Client& client, const proto::MapQuarantine& quarantine)
   for (const proto::StandingQuarantine& standing : stats->quarantines()) {
     if (FromProto(standing.record()) == FromProto(quarantine.lifts())) return {};
   }
-  return Fail(ErrorCode::kNotFound, "no quarantine of that ID stands; moonctl map stats shows those that do", "--lift");
+  return Fail(ErrorCode::kNotFound, "no quarantine in force has this ID; moonctl map stats lists the quarantines",
+              "--lift");
 }
 
 ExitCode SetQuarantine(CommandContext& context, const QuarantineArguments& arguments, SetPart set_part) {
@@ -147,16 +148,19 @@ ExitCode SetQuarantine(CommandContext& context, const QuarantineArguments& argum
   json.BeginObject().Key("agent").String(target->agent->name()).Key("key").String(key).EndObject();
   auto roles = target->client->Roles();
   const bool is_leader = roles && roles->roles().leader() == target->agent->id();
-  const std::string next = is_leader ? "moonctl sync now brings it to all others"
-                                     : "moonctl sync now brings it to the leader, and again to all others";
-  const std::string what = arguments.lift.empty() ? "quarantine " + key + " stands" : arguments.lift + " is lifted";
+  const std::string next = is_leader
+                               ? "moonctl sync now sends it to all other agents"
+                               : "moonctl sync now sends it to the leader; a second one sends it to all other agents";
+  const std::string what =
+      arguments.lift.empty() ? "quarantine " + key + " is in force" : arguments.lift + " is lifted";
   return context.Done(json.text(), what + " at " + target->agent->name() + "; " + next);
 }
 
 // Adds the options that both commands have.
 void AddCommonOptions(Command& command, QuarantineArguments& arguments) {
-  command.AddOption("--reason", arguments.reason, "Reason, kept in the record");
-  command.AddOption("--lift", arguments.lift, "Undo the quarantine of that ID, which map stats shows").TypeName("ID");
+  command.AddOption("--reason", arguments.reason, "Reason, stored with the quarantine");
+  command.AddOption("--lift", arguments.lift, "Lift the quarantine with this ID (see moonctl map stats)")
+      .TypeName("ID");
 }
 
 }  // namespace
@@ -164,9 +168,9 @@ void AddCommonOptions(Command& command, QuarantineArguments& arguments) {
 void AddMapQuarantine(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<QuarantineArguments>();
   Command& command =
-      AddCommand(group, "quarantine", "Leave an agent's maps out of all merged maps",
+      AddCommand(group, "quarantine", "Exclude an agent's maps from all merged maps",
                  {"moonctl map quarantine --agent rover2 --from 2026-11-21T10:00Z --reason \"wheel slip\""});
-  command.AddOption("--agent", arguments->agent, "Agent whose maps to leave out").TypeName("AGENT");
+  command.AddOption("--agent", arguments->agent, "Agent whose maps to exclude").TypeName("AGENT");
   command.AddOption("--from", arguments->from, "Start of the time range in UTC: 2026-11-22T06:00Z").TypeName("TIME");
   command.AddOption("--to", arguments->to, "End of the time range in UTC").TypeName("TIME");
   AddCommonOptions(command, *arguments);
@@ -177,15 +181,16 @@ void AddMapQuarantine(Command& group, CommandContext& context) {
 
 void AddGraphQuarantine(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<QuarantineArguments>();
-  Command& command = AddCommand(group, "quarantine", "Leave a node's pose, or measurements, out of all solves and maps",
+  Command& command = AddCommand(group, "quarantine", "Exclude a node's pose, or measurements, from all solves and maps",
                                 {"moonctl graph quarantine rover3:500 --reason \"wrong unit\"\n"
                                  "moonctl graph quarantine rover1:9 rover2:9 --range\n"
                                  "moonctl graph quarantine rover2:140 rover1:17 --source apriltag\n"
                                  "moonctl graph quarantine --agent rover2 --source slam_toolbox"});
   command.AddOption("node", arguments->nodes, "A node, or the two nodes of a range or loop closure").TypeName("NODE");
-  command.AddFlag("--range", arguments->is_range, "The range between the two nodes");
-  command.AddOption("--source", arguments->source, "The loop closure or prior of this source").TypeName("NAME");
-  command.AddOption("--agent", arguments->agent, "All ranges, loop closures and priors that this agent inserted")
+  command.AddFlag("--range", arguments->is_range, "Exclude the range between the two nodes");
+  command.AddOption("--source", arguments->source, "Exclude the loop closure or prior of this source").TypeName("NAME");
+  command
+      .AddOption("--agent", arguments->agent, "Exclude all ranges, loop closures and priors that this agent inserted")
       .TypeName("AGENT");
   AddCommonOptions(command, *arguments);
   command.Callback([&context, arguments] {

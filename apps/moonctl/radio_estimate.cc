@@ -40,13 +40,13 @@ double TeamMapPart(const proto::TeamConfig& team) {
 std::string TeamMapText(const proto::TeamConfig& team) {
   const double part = TeamMapPart(team);
   if (part == 0) return "";
-  const std::string text = "the team's map on every rover takes about " + FormatSeconds(part * 3600) +
-                           " of the leader's radio an hour (" + FormatFixed(part * 100, 1) + " % of " +
+  const std::string text = "sending the team's map to every rover takes about " + FormatSeconds(part * 3600) +
+                           " of the leader's radio time per hour (" + FormatFixed(part * 100, 1) + " % of " +
                            FormatDouble(team.radio().budget_kbps()) +
-                           " kbit/s), with a node and a map each 10 s and 12 solves an hour";
+                           " kbit/s), with a node and a map every 10 s and 12 solves per hour";
   if (part <= kTeamMapPartMax) return "note: " + text;
-  return "warning: " + text + ": more than " + FormatFixed(kTeamMapPartMax * 100, 0) +
-         " %; give a faster radio, or leave maps out of rovers (docs/MAPS.md)";
+  return "warning: " + text + "; this is more than " + FormatFixed(kTeamMapPartMax * 100, 0) +
+         " %: use a faster radio, or send rovers no maps (docs/MAPS.md)";
 }
 
 }  // namespace moondb

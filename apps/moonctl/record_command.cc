@@ -63,13 +63,14 @@ Result<proto::Record> MakeRecord(const TeamFile& team, const RecordArguments& ar
     if (has_file) return Fail(ErrorCode::kInvalid, "only custom types have a payload", "--payload-file");
     std::string text = *body;
     std::erase_if(text, [](char letter) { return std::isspace(static_cast<unsigned char>(letter)) != 0; });
-    if (text == "{}") return Fail(ErrorCode::kInvalid, "{} says nothing: name the fields, zeros too");
+    if (text == "{}")
+      return Fail(ErrorCode::kInvalid, "the JSON object is empty: give each field, also fields that are 0");
     return RecordFromJson(arguments.type, *body);
   }
   Result<proto::Record> record = CustomRecordFromJson(arguments.type, *type, has_file && body->empty() ? "{}" : *body);
   if (!record || !has_file) return record;
   if (!record->custom().payload().empty()) {
-    return Fail(ErrorCode::kInvalid, "the JSON object has a payload too", "--payload-file");
+    return Fail(ErrorCode::kInvalid, "cannot be combined with a payload in the JSON object", "--payload-file");
   }
   Result<std::string> payload = ReadTextFile(arguments.payload_file, kCustomPayloadBytesMax);
   if (!payload) return tl::unexpected(InputError(payload.error()));
@@ -110,7 +111,7 @@ std::string KeyOf(const proto::StoredRecord& stored) {
 Result<proto::Record> Decode(const proto::StoredRecord& stored) {
   proto::Record record;
   if (record.ParseFromString(stored.content())) return record;
-  return Fail(ErrorCode::kCorrupt, KeyOf(stored) + " does not decode");
+  return Fail(ErrorCode::kCorrupt, KeyOf(stored) + " cannot be decoded");
 }
 
 ExitCode GetRecord(CommandContext& context, const RecordArguments& arguments) {
@@ -195,7 +196,7 @@ void AddRecordCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<RecordArguments>();
 
   Command& insert = AddCommand(
-      group, "insert", "Insert one record as the agent's own",
+      group, "insert", "Insert one record, with agent -a as its origin",
       {"moonctl -a rover2 record insert temperature '{\"celsius\": -40.5}'\n"
        // A loop closure.
        "moonctl -a rover2 record insert pose_graph_edge '{\"from\": {\"agent_id\": 2, \"index\": 140}, \"to\": "
@@ -205,7 +206,7 @@ void AddRecordCommands(Command& app, CommandContext& context) {
        // A position by GNSS.
        "moonctl -a rover2 record insert pose_prior '{\"node\": {\"agent_id\": 2, \"index\": 140}, \"position_m\": "
        "{\"x\": 12.1, \"y\": 7.4}, \"covariance\": [0.01,0,0,0.01,0,0.04], \"source\": \"gnss\"}'"});
-  insert.AddOption("type", arguments->type, "Such as temperature, or a custom type of the team file")
+  insert.AddOption("type", arguments->type, "Data type, such as temperature, or a custom type of the team file")
       .TypeName("DATATYPE")
       .Required();
   insert.AddOption(
@@ -224,7 +225,7 @@ void AddRecordCommands(Command& app, CommandContext& context) {
 
   Command& get = AddCommand(group, "get", "Show one record as JSON",
                             {"moonctl -a rover1 record get 2.5f3c9a1e0b7d4c21.30.17", kShows});
-  get.AddOption("key", arguments->key, "Such as 2.5f3c9a1e0b7d4c21.30.17").Required();
+  get.AddOption("key", arguments->key, "Key of the record, such as 2.5f3c9a1e0b7d4c21.30.17").Required();
   get.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return GetRecord(context, *arguments); }; });
 
@@ -233,7 +234,7 @@ void AddRecordCommands(Command& app, CommandContext& context) {
   list.AddOption("type", arguments->type, "Data type to list").TypeName("DATATYPE");
   Option& follow = list.AddFlag("-f,--follow", arguments->follows,
                                 "Print new records, one per line (with --json one document each), until Ctrl-C");
-  list.AddOption("--origin", arguments->origin, "Show only this agent's").TypeName("AGENT");
+  list.AddOption("--origin", arguments->origin, "Show only records of this agent").TypeName("AGENT");
   list.AddFlag("--history", arguments->is_history,
                "List superseded states of the agent's own robot instead (`keep` in the team file)")
       .Excludes(follow);

@@ -64,14 +64,16 @@ ExitCode ShowRisk(CommandContext& context) {
     BeginAgent((*answers)[i], json);
     if (!have) {
       table.Add({agent->name(), WhyNoAnswer(have.error())}, Tone::kBad);
-      lost += agent->name() + " did not answer: its copies do not count, and what it alone holds is not known\n";
+      lost += agent->name() +
+              " did not answer: its copies are not counted, and the records that only it holds are unknown\n";
       json.EndObject();
       continue;
     }
     const auto text = [](std::uint64_t count) { return FormatCount(static_cast<double>(count)); };
     table.Add({agent->name(), text(counts[i].one), text(counts[i].two), text(counts[i].three_or_more)});
     if (counts[i].one > 0) {
-      lost += "without " + agent->name() + "'s disk these would be lost: " + LostText(team, counts[i].alone) + "\n";
+      lost +=
+          "if " + agent->name() + "'s disk is lost, these records are lost: " + LostText(team, counts[i].alone) + "\n";
     }
     json.Key("one_copy").Number(static_cast<double>(counts[i].one));
     json.Key("two_copies").Number(static_cast<double>(counts[i].two));
@@ -87,8 +89,7 @@ ExitCode ShowRisk(CommandContext& context) {
 }  // namespace
 
 void AddRiskCommand(Command& app, CommandContext& context) {
-  AddCommand(app, "risk",
-             "Show how many copies of its shared records each agent's disk has, and what would be lost with it",
+  AddCommand(app, "risk", "Show how many copies each agent's records have, and which are lost if its disk is lost",
              {"moonctl risk --json", kShows})
       .Callback([&context] { context.action = [&context] { return ShowRisk(context); }; });
 }

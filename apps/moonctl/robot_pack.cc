@@ -36,12 +36,15 @@ std::string HashOf(std::string_view message) {
 
 // Parses the bytes of a pack up to its files. Does not check the files.
 Result<proto::RobotPack> ParseMessage(std::string_view bytes) {
-  const auto damaged = [] { return Fail(ErrorCode::kCorrupt, "it is no pack of `moonctl config pack`, or damaged"); };
+  const auto damaged = [] {
+    return Fail(ErrorCode::kCorrupt, "not a pack written by `moonctl config pack`, or damaged");
+  };
   if (!bytes.starts_with(kMagic)) return damaged();
   bytes.remove_prefix(kMagic.size());
   if (!bytes.starts_with(kVersion)) {
-    return Fail(ErrorCode::kInvalid,
-                "it was made by another version of moondb; make it again with `moonctl config pack` of this version");
+    return Fail(
+        ErrorCode::kInvalid,
+        "this pack was made by another version of moondb; make it again with `moonctl config pack` of this version");
   }
   bytes.remove_prefix(kVersion.size());
   if (bytes.size() < kHashBytes || HashOf(bytes.substr(kHashBytes)) != bytes.substr(0, kHashBytes)) return damaged();
@@ -120,7 +123,7 @@ Result<proto::RobotPack> ParseRobotPack(const std::string& bytes) {
   const auto team = ParseTeamFile(ContentOf(*pack, kPackedTeamFile), kPackedTeamFile);
   if (!team) return tl::unexpected(team.error());
   if (FindAgent(team->config, pack->agent()) == nullptr) {
-    return Fail(ErrorCode::kInvalid, "its team file has no agent " + OneLine(pack->agent()));
+    return Fail(ErrorCode::kInvalid, "the team file in the pack has no agent " + OneLine(pack->agent()));
   }
   const auto names = PackedNames(team->config, pack->agent());
   if (!names) return tl::unexpected(names.error());
@@ -130,12 +133,12 @@ Result<proto::RobotPack> ParseRobotPack(const std::string& bytes) {
       return content.name == file.name() && content.is_secret == file.is_secret();
     });
     if (known == names->end() || !seen.insert(file.name()).second) {
-      return Fail(ErrorCode::kInvalid, "the file " + OneLine(file.name()) + " does not belong into this pack");
+      return Fail(ErrorCode::kInvalid, "the file " + OneLine(file.name()) + " does not belong to this pack");
     }
   }
   for (const PackedName& content : *names) {
     if (!content.is_optional && !seen.contains(content.name)) {
-      return Fail(ErrorCode::kInvalid, "it lacks the file " + content.name);
+      return Fail(ErrorCode::kInvalid, "the pack lacks the file " + content.name);
     }
   }
   if (const auto checked = CheckPackedContents(*pack, team->config); !checked) return tl::unexpected(checked.error());
@@ -152,8 +155,8 @@ Result<std::vector<std::string>> UnpackRobot(const proto::RobotPack& pack, const
       const auto present = ReadTextFile(path);
       if (present && *present == file.content()) continue;
       if (file.is_secret()) {
-        return Fail(ErrorCode::kRefused, path.string() + " holds another key of " + pack.agent() +
-                                             "; if the new one is right, remove it and unpack again");
+        return Fail(ErrorCode::kRefused, path.string() + " holds a different key of " + pack.agent() +
+                                             "; if the key in the pack is right, remove this file and unpack again");
       }
     }
     changed.push_back(&file);

@@ -65,7 +65,7 @@ ExitCode ShowHistory(CommandContext& context) {
   if (!shown) return context.Report(shown.error());
   const proto::TeamConfig& team = (*context.Team())->config;
   if (shown->history().empty()) {
-    return context.Done(ToJson(*shown), chosen->agent->name() + " knows only the team file's roles");
+    return context.Done(ToJson(*shown), chosen->agent->name() + " knows only the initial roles of the team file");
   }
   Table table({"TERM", "BY", "LEADER", "SURVIVOR", "WHEN", "REASON"});
   for (const proto::RoleAssignment& roles : shown->history()) {
@@ -109,8 +109,8 @@ Result<proto::RoleSetRequest> ParseSwap(const proto::TeamConfig& team, const std
   if (!a || !b) return tl::unexpected(!a ? a.error() : b.error());
   const std::set<AgentId> named{(*a)->id(), (*b)->id()};
   if (named != std::set<AgentId>{standing.leader(), standing.survivor()}) {
-    return Fail(ErrorCode::kRefused, "leader and survivor are " + AgentName(team, standing.leader()) + " and " +
-                                         AgentName(team, standing.survivor()));
+    return Fail(ErrorCode::kRefused, "the current leader and survivor are " + AgentName(team, standing.leader()) +
+                                         " and " + AgentName(team, standing.survivor()));
   }
   return request;
 }
@@ -186,12 +186,13 @@ ExitCode ChangeRoles(CommandContext& context, const ParseWords& parse, const Rol
   if (!shown) return context.Report(shown.error());
 
   const proto::RoleAssignment& roles = shown->roles();
-  std::string text = arguments.is_dry_run ? "would be: " : "";
+  std::string text = arguments.is_dry_run ? "dry run: the roles would be " : "";
   text += "term " + IssuedTermText(team, roles.term()) + ": leader " + AgentName(team, roles.leader()) + ", survivor " +
           AgentName(team, roles.survivor());
   std::string missing;
   for (const std::string& name : NotConfirmed(team, *shown)) missing += (missing.empty() ? "" : " and ") + name;
-  if (!missing.empty()) text += "; not confirmed yet by " + missing + ", which will hear of it when reached";
+  if (!missing.empty())
+    text += "; not yet confirmed by " + missing + ": an agent out of reach receives the assignment when it reconnects";
   return context.Print(missing.empty() ? ExitCode::kDone : ExitCode::kUnreachable, JsonOf(team, *shown), text);
 }
 
@@ -230,7 +231,7 @@ void AddRoleCommands(Command& app, CommandContext& context) {
   });
   Command& swap =
       AddCommand(role, "swap", "Exchange leader and survivor", {"moonctl role swap rover1 rover2 --dry-run"});
-  swap.AddOption("agents", arguments->words, "Expected leader and survivor; refuse if they differ")
+  swap.AddOption("agents", arguments->words, "Refuse the swap unless these two agents are leader and survivor")
       .TypeName("AGENT")
       .Expected(0, 2);
   add_common(swap);

@@ -11,16 +11,17 @@ namespace {
 std::string PercentText(double part) { return FormatFixed(100 * part, 0) + " %"; }
 
 std::string FiguresText(const proto::SearchedStart& start) {
-  return "evidence " + FormatFixed(start.evidence(), 1) + ", best other place " + FormatFixed(start.rival(), 1) +
+  return "evidence " + FormatFixed(start.evidence(), 1) + ", best alternative " + FormatFixed(start.rival(), 1) +
          ", matched " + PercentText(start.matched()) + ", contradicted " + PercentText(start.contradicted());
 }
 
 std::string StartText(const proto::TeamConfig& team, const proto::SearchedStart& start) {
   const std::string first = AgentName(team, start.agent_id());
   const std::string second = AgentName(team, start.other_agent_id());
-  if (start.is_accepted()) return "found how " + second + " lies to " + first + ": " + FiguresText(start) + "\n";
-  return "did not find how " + second + " lies to " + first + ": " + start.text() + " (" + FiguresText(start) + "); " +
-         start.remedy() + ", or give one a start\n";
+  if (start.is_accepted())
+    return "found the pose of " + second + " relative to " + first + ": " + FiguresText(start) + "\n";
+  return "did not find the pose of " + second + " relative to " + first + ": " + start.text() + " (" +
+         FiguresText(start) + "); " + start.remedy() + ", or give one of them a start\n";
 }
 
 }  // namespace
@@ -41,8 +42,8 @@ std::string SearchText(const proto::TeamConfig& team, const proto::RegistrationR
   }
   if (nearest == nullptr) return "";
   const AgentId other = nearest->agent_id() == rover ? nearest->other_agent_id() : nearest->agent_id();
-  return "its maps beside those of " + AgentName(team, other) + ": " + nearest->text() + " (" + FiguresText(*nearest) +
-         "); " + nearest->remedy();
+  return "its maps compared with those of " + AgentName(team, other) + ": " + nearest->text() + " (" +
+         FiguresText(*nearest) + "); " + nearest->remedy();
 }
 
 std::map<AgentId, std::string> FindContradicted(const proto::TeamConfig& team, const proto::RegistrationReply& state) {
@@ -69,7 +70,8 @@ std::map<AgentId, std::string> FindContradicted(const proto::TeamConfig& team, c
     name(agents, agents.other_agent_id(), agents.agent_id());
   }
   for (auto& [agent, text] : texts) {
-    text += ": is its start in the team file right? Correct it, or remove it: then the leader looks for the place";
+    text +=
+        ": check its start in the team file; correct the start, or remove it, and the leader searches for the place";
   }
   return texts;
 }

@@ -22,9 +22,10 @@ struct TeamActivity {
   proto::RegistrationReply registration;                        // The leader's.
 };
 
-// Returns why the team is not quiescent: "rover2 sends rover1 45 records", "a solve is due". Names what the others
-// still do before it names an agent that is away, because records wait for that agent until it comes back. Empty: each
-// agent has got the records that roles and policies bring it, and the leader has nothing to solve or match.
+// Returns why the team is not quiescent: "rover2 is sending records to rover1, 45 left", "a solve of the pose graph is
+// due". Names what the others still do before it names an agent that is away, because records wait for that agent until
+// it comes back. Empty: each agent has got the records that roles and policies bring it, and the leader has nothing to
+// solve or match.
 std::string WhyNotSettled(const proto::TeamConfig& team, const TeamActivity& activity);
 
 }  // namespace moondb

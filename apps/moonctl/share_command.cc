@@ -68,8 +68,8 @@ Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& r
   if (newest && OrderOf(held->roles().term()) != OrderOf(newest->term())) {
     const proto::TeamConfig& team = (*context.Team())->config;
     return Fail(ErrorCode::kRefused,
-                connected->agent->name() + " holds term " + IssuedTermText(team, held->roles().term()) +
-                    ", another agent term " + IssuedTermText(team, newest->term()),
+                connected->agent->name() + " acts on term " + IssuedTermText(team, held->roles().term()) +
+                    ", but another agent knows term " + IssuedTermText(team, newest->term()),
                 "expected_term");
   }
   *request.mutable_expected_term() = held->roles().term();
@@ -97,7 +97,7 @@ std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgres
   for (const proto::PairProgress& pair : progress.pairs()) {
     if (pair.is_complete()) continue;
     const bool is_known = pair.is_missing_known() && pair.missing() > 0;
-    const std::string left = is_known ? FormatCount(pair.missing()) + " records left" : "";
+    const std::string left = is_known ? FormatCount(pair.missing(), "record") + " left" : "";
     const std::string& detail = pair.why().empty() ? left : pair.why();
     pairs.push_back(AgentName(team, pair.sender()) + " to " + AgentName(team, pair.destination()) +
                     (detail.empty() ? "" : " (" + detail + ")"));
@@ -105,7 +105,7 @@ std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgres
   return Joined(pairs);
 }
 
-// Shows the progress of an order: "408 records left, 12.3 kB sent, about 4 s to go, 0 of 6 sessions complete, rover2
+// Shows the progress of an order: "408 records left, 12.3 kB sent, about 4 s left, 0 of 6 sessions complete, rover2
 // drives for 38 s more".
 class ShareProgressLine {
  public:
@@ -138,8 +138,8 @@ class ShareProgressLine {
     const double passed_s = std::chrono::duration<double>(now - since_).count();
     const double eta_s = gone > 0 ? passed_s * left / gone : 0;
     line_.Show(gone, most_left_,
-               FormatCount(missing) + " records left, " + FormatBytes(coded_bytes) + " sent" +
-                   (eta_s >= 1 ? ", about " + FormatSeconds(eta_s) + " to go" : "") + ", " + std::to_string(complete) +
+               FormatCount(missing, "record") + " left, " + FormatBytes(coded_bytes) + " sent" +
+                   (eta_s >= 1 ? ", about " + FormatSeconds(eta_s) + " left" : "") + ", " + std::to_string(complete) +
                    " of " + std::to_string(sessions) + " sessions complete" +
                    (waits_for.empty() ? "" : ", " + waits_for));
   }
@@ -200,14 +200,15 @@ class SharedReport {
   std::string Text() const {
     std::string text = std::string(KindName(kind_)) + " at " + asked_.name() + ": ";
     const std::string unreachable = Joined({unreachable_.begin(), unreachable_.end()}) + " (out of reach)";
-    if (complete_count_ == 0 && !unreachable_.empty()) return text + "nothing is shared with " + unreachable;
-    text += is_limited_ ? "what the limit allows is acknowledged, more is left" : "everything is acknowledged";
-    if (!unreachable_.empty()) text += ", but nothing is shared with " + unreachable;
+    if (complete_count_ == 0 && !unreachable_.empty()) return text + "no records are exchanged with " + unreachable;
+    text += is_limited_ ? "all records up to the limit are acknowledged, and more are left"
+                        : "all records are acknowledged";
+    if (!unreachable_.empty()) text += ", but no records are exchanged with " + unreachable;
     std::vector<std::string> others;
     for (const auto& [name, why] : not_gathered_) {
       if (!unreachable_.contains(name)) others.push_back(name + " (" + why + ")");
     }
-    if (!others.empty()) text += "; not there yet is what is held only by " + Joined(others);
+    if (!others.empty()) text += "; missing are records held only by " + Joined(others);
     return text;
   }
 
@@ -230,7 +231,8 @@ ExitCode ReportStarted(CommandContext& context, proto::SharingKind kind, const p
   json.BeginObject().Key("agent").String(asked.name()).Key("kind").String(KindName(kind));
   json.Key("session_count").Number(reply.session_count()).Key("is_acknowledged").Bool(false);
   json.Key("unreachable").BeginArray().EndArray().Key("not_gathered").BeginArray().EndArray().EndObject();
-  return context.Done(json.text(), std::string(KindName(kind)) + " at " + asked.name() + ": started, see moonctl " +
+  return context.Done(json.text(), std::string(KindName(kind)) + " at " + asked.name() +
+                                       ": started; watch it with moonctl " +
                                        (kind == proto::SHARING_KIND_SYNC ? "sync" : "replicate") + " status");
 }
 
@@ -262,12 +264,14 @@ ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareA
   if (!progress) return context.Report(progress.error());
   const SharedReport report(team, kind, *asked->agent, *progress);
   if (!progress->is_over()) {
-    return context.Report({ErrorCode::kTimedOut, "not acknowledged in time: " + MissingText(team, *progress), {}});
+    return context.Report(
+        {ErrorCode::kTimedOut, "not all records were acknowledged in time: " + MissingText(team, *progress), {}});
   }
   if (report.is_failed()) {
-    return context.Report({ErrorCode::kUnavailable,
-                           "ended before all was acknowledged: " + MissingText(team, *progress) + "; order it again",
-                           {}});
+    return context.Report(
+        {ErrorCode::kUnavailable,
+         "ended before all records were acknowledged: " + MissingText(team, *progress) + "; run the command again",
+         {}});
   }
   return context.Print(report.exit_code(), report.Json(), report.Text());
 }
@@ -306,11 +310,11 @@ void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const
     never.set_destination(destination);
     never.set_kind(kind);
     const std::optional<double> left = LeftOf(own, never);
-    table.Add({agent, AgentName(team, destination), "nothing sent since its start", "-", "-",
+    table.Add({agent, AgentName(team, destination), "nothing sent since the agent started", "-", "-",
                left ? FormatCount(*left) : "-"});
     WriteSession(team, never, left, json);
   } else if (shown.empty()) {
-    table.Add({agent, "-", "nothing sent since its start"});
+    table.Add({agent, "-", "nothing sent since the agent started"});
   }
   json.EndArray().Key("received_records").Number(status.received_records());
 }
@@ -333,7 +337,7 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus&
     if (session.kind() != kind) continue;
     for (const DataType type : session.other_schema_types()) {
       text += (text.empty() ? "" : ", ") + AgentName(team, session.destination()) + " gets no " +
-              DataTypeName(type, team.custom_types()) + ": it understands something else by that type";
+              DataTypeName(type, team.custom_types()) + ", because its schema of that type differs";
     }
   }
   return text;
@@ -349,7 +353,7 @@ std::string BacklogText(const proto::TeamConfig& team, const std::string& agent,
     for (const proto::TypeBacklog& type : session.backlog()) {
       types.push_back(FormatCount(type.records()) + " " + DataTypeName(type.data_type(), team.custom_types()));
     }
-    text += agent + " has left for " + AgentName(team, session.destination()) + ": " + Joined(types) + "\n";
+    text += agent + " still has to send to " + AgentName(team, session.destination()) + ": " + Joined(types) + "\n";
   }
   return text;
 }
@@ -404,9 +408,9 @@ Command& AddGroup(Command& app, CommandContext& context, proto::SharingKind kind
   group.RequireSubcommand();
   auto arguments = std::make_shared<ShareArguments>();
   const bool is_sync = kind == proto::SHARING_KIND_SYNC;
-  Command& now =
-      AddCommand(group, "now", "Start a session at the leader (or -a)",
-                 {is_sync ? "moonctl sync now --from rover2 --wait" : "moonctl replicate now --wait --timeout 10m"});
+  Command& now = AddCommand(
+      group, "now", is_sync ? "Start a sync at the leader (or -a)" : "Start a replication at the leader (or -a)",
+      {is_sync ? "moonctl sync now --from rover2 --wait" : "moonctl replicate now --wait --timeout 10m"});
   now.AddFlag("--wait", arguments->is_waiting, "Wait until all records are acknowledged");
   now.AddOption("--max-bytes", arguments->bytes_max, "Maximum number of coded bytes that a session sends")
       .TypeName("BYTES")

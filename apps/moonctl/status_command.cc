@@ -77,7 +77,7 @@ std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::
     leaders += (count++ == 0 ? "" : " and ") + AgentName(team, status.agent_id()) + " (term " +
                TermText(status.roles().term()) + ")";
   }
-  return count < 2 ? "" : leaders + " lead: they do not reach each other, or have not agreed yet\n";
+  return count < 2 ? "" : leaders + " lead: they do not reach each other, or do not know the newest roles yet\n";
 }
 
 // Lists the agents that drive, sleep or are paused, by their own reports. For an agent that does not answer, uses the
@@ -194,7 +194,7 @@ ExitCode ShowStatus(CommandContext& context) {
       const auto asked = AskWhyNotSettled(context, status);
       why = asked ? *asked : ToString(asked.error());
     }
-    settled = (why.empty() ? "settled: each agent has its records" : "not settled: " + why) + "\n";
+    settled = (why.empty() ? "settled: each agent has the records that it should have" : "not settled: " + why) + "\n";
     json.Key("is_settled").Bool(why.empty());
     if (!why.empty()) json.Key("not_settled").String(why);
   }

@@ -61,9 +61,9 @@ Result<Overlap> ReadSubmaps(AgentClient& target, const proto::TeamConfig& team, 
   const std::string names = AgentName(team, first) + " and " + AgentName(team, second);
   if (start == state->starts().end()) {
     return Fail(ErrorCode::kNotFound, "the leader has not searched for the relative pose of " + names +
-                                          ": it does so if one of them is not placed");
+                                          ": the leader searches only if one of them is not placed");
   }
-  if (!start->has_place()) return Fail(ErrorCode::kNotFound, "no two submaps of " + names + " fit");
+  if (!start->has_place()) return Fail(ErrorCode::kNotFound, "no two submaps of " + names + " match");
   const auto known = ReadGraphOf(*target.client, team);
   if (!known) return tl::unexpected(known.error());
   std::map<NodeKey, Pose> raw;

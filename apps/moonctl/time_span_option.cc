@@ -24,10 +24,14 @@ Result<std::int64_t> ParseTimeOrAge(const std::string& text, std::int64_t now_ns
 }
 
 void AddTimeSpanOptions(Command& command, TimeSpanArguments& arguments, Option& follow) {
-  command.AddOption("--since", arguments.since, "Only timestamps from this time on: 10m ago, or 2026-11-22T06:00Z")
+  command
+      .AddOption("--since", arguments.since,
+                 "Show only timestamps since an age (10m) or a UTC time (2026-11-22T06:00Z)")
       .TypeName("TIME")
       .Excludes(follow);
-  command.AddOption("--until", arguments.until, "Only timestamps up to this time").TypeName("TIME").Excludes(follow);
+  command.AddOption("--until", arguments.until, "Show only timestamps up to an age or a UTC time")
+      .TypeName("TIME")
+      .Excludes(follow);
 }
 
 Result<TimestampRange> ParseTimestampRange(const TimeText& from, const TimeText& to, std::int64_t now_ns,

@@ -44,8 +44,8 @@ std::string TraceText(const proto::TraceReply& reply) {
                  letter.from_agent() == 0 ? "" : Other(letter.from_agent(), letter.from_actor()),
                  FormatCount(letter.bytes()), letter.error().text()});
   }
-  return text + "\n" + FormatCount(reply.dead_letter_count()) + " failures of actors since the start; the last:\n" +
-         letters.Text();
+  return text + "\n" + FormatCount(reply.dead_letter_count(), "failure") +
+         " of actors since the agent started; the newest:\n" + letters.Text();
 }
 
 ExitCode ShowTrace(CommandContext& context, const TraceArguments& arguments) {

@@ -14,8 +14,8 @@ std::string MapsText(double map_count) {
 }  // namespace
 
 std::string CoincidingText(const proto::TeamConfig& team, AgentId rover, AgentId other) {
-  return "the start of " + AgentName(team, rover) + " lies within one footprint of that of " + AgentName(team, other) +
-         " and does not count: measure both, and fill them in";
+  return "the start of " + AgentName(team, rover) + " lies within one footprint of the start of " +
+         AgentName(team, other) + " and is ignored: measure both starts, and enter them in the team file";
 }
 
 std::string UnplacedNames(const proto::TeamConfig& team, const UnplacedRovers& unplaced) {
@@ -45,7 +45,7 @@ std::string CutText(const proto::TeamConfig& team, const google::protobuf::Repea
     if (rover.map_count() == 0) continue;
     text += AgentName(team, rover.agent_id()) + ": " + MapsText(rover.map_count()) + " for the next solve: from node " +
             std::to_string(rover.first_index()) +
-            " on, odometry is not connected with the last solve; moonctl graph optimize places them\n";
+            " on, its odometry is not connected to the last solve; moonctl graph optimize places them\n";
   }
   return text;
 }

@@ -101,8 +101,8 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     if (folder->filename() != agent.name()) local.remark = agent.name() + " keeps its data in " + folder->string();
     const auto status = AskStatus(context, local);
     if (status && status->name() != agent.name()) {
-      local.remark += (local.remark.empty() ? "" : "\n") + agent.name() + " is called " + OneLine(status->name()) +
-                      " until it is started again";
+      local.remark += (local.remark.empty() ? "" : "\n") + agent.name() + " still runs under the name " +
+                      OneLine(status->name()) + "; restart it to use the new name";
     }
     const pid_t answering = status ? static_cast<pid_t>(status->pid()) : 0;
     if (answering == 0 || answering == local.pid) continue;
@@ -111,8 +111,8 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     local.state = "process " + std::to_string(answering) + " runs this agent from another data folder";
   }
   if (agents.empty()) {
-    return Fail(ErrorCode::kInvalid, "the secret key of no agent of team " + (*team)->config.team() +
-                                         " is on this machine (\"moonctl keys show\" lists the files)");
+    return Fail(ErrorCode::kInvalid, "this machine has no secret key of an agent of team " + (*team)->config.team() +
+                                         " (\"moonctl keys show\" lists the files)");
   }
   return agents;
 }
@@ -254,7 +254,8 @@ std::vector<LocalAgent> TakeLeft(std::vector<LocalAgent>& agents) {
 Result<void> CheckHere(CommandContext& context) {
   context.StayHere();
   if (context.via.empty()) return {};
-  return Fail(ErrorCode::kInvalid, "is about processes of this machine; run it there", "--via");
+  return Fail(ErrorCode::kInvalid,
+              "cannot be used: this command starts and stops processes of this machine; run it on the robot", "--via");
 }
 
 ExitCode Up(CommandContext& context, const UpArguments& arguments) {
@@ -322,17 +323,20 @@ void AddUpCommands(Command& app, CommandContext& context) {
   Command& up = AddCommand(app, "up", "Start the agents whose secret keys are on this machine (or -a)", {"moonctl up"});
   up.AddOption("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)")
       .TypeName("FOLDER");
-  up.AddOption("--merge-backend", arguments->merge_backend, "auto, cpu or gl").TypeName("{auto,cpu,gl}");
+  up.AddOption("--merge-backend", arguments->merge_backend, "Backend of map merging: auto, cpu or gl")
+      .TypeName("{auto,cpu,gl}");
   up.AddOption("--log-format", arguments->log_format, "Format of agent.log: text, or json with one object per line")
       .TypeName("{text,json}")
       .OneOf({"text", "json"});
-  up.AddOption("--with", arguments->with, "ros: also start moondb_ros beside each rover; ros.yaml beside the team file")
+  up.AddOption("--with", arguments->with,
+               "Also start this program for each rover: ros (moondb_ros, with ros.yaml beside the team file)")
       .TypeName("{ros}")
       .OneOf({"ros"});
   up.Callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
   Command& down =
       AddCommand(app, "down", "Stop the agents whose secret keys are on this machine (or -a)", {"moonctl down"});
-  down.AddOption("--data-dir", arguments->data_folder, "The same folder as for moonctl up").TypeName("FOLDER");
+  down.AddOption("--data-dir", arguments->data_folder, "Folder of the agents' data folders, as given to moonctl up")
+      .TypeName("FOLDER");
   down.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return Down(context, *arguments); }; });
 }

@@ -17,7 +17,8 @@ std::filesystem::path FolderIn(const char* variable) {
 Result<std::filesystem::path> UserFolder() {
   if (const auto folder = FolderIn("XDG_CONFIG_HOME"); !folder.empty()) return folder / "moondb";
   if (const auto home = FolderIn("HOME"); !home.empty()) return home / ".config" / "moondb";
-  return Fail(ErrorCode::kInvalid, "neither XDG_CONFIG_HOME nor HOME names a folder; say by --out where the key goes");
+  return Fail(ErrorCode::kInvalid,
+              "neither XDG_CONFIG_HOME nor HOME names a folder; give the place of the key with --out");
 }
 
 }  // namespace moondb

@@ -27,17 +27,21 @@ ExitCode View(CommandContext& context, const ViewArguments& arguments) {
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
   ::execv(program.c_str(), argv.data());
-  return context.Report({ErrorCode::kInternal, program + " does not start: " + std::strerror(errno), {}});
+  return context.Report({ErrorCode::kInternal, program + " cannot be started: " + std::strerror(errno), {}});
 }
 
 }  // namespace
 
 void AddViewCommand(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<ViewArguments>();
-  Command& view = AddCommand(app, "view", "Show the team on a page for browsers, by one agent's records (or -a's)",
+  Command& view = AddCommand(app, "view", "Show the team on a web page, from the records of one agent (or -a)",
                              {"moonctl view --port 8600"});
-  view.AddOption("--port", arguments->port, "Port of the page; 0: any free port").Within(0u, 65535u).DefaultShown();
-  view.AddOption("--listen", arguments->listen, "IP address of the page").TypeName("ADDRESS").DefaultShown();
+  view.AddOption("--port", arguments->port, "Port on which the page is served; 0: any free port")
+      .Within(0u, 65535u)
+      .DefaultShown();
+  view.AddOption("--listen", arguments->listen, "IP address on which the page is served")
+      .TypeName("ADDRESS")
+      .DefaultShown();
   view.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return View(context, *arguments); }; });
 }

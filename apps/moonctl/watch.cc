@@ -39,12 +39,12 @@ ExitCode RunWatched(const Command& root, CommandContext& context) {
   const CommandNote* note = NoteOf(command);
   if (note == nullptr || !note->is_showing) {
     return context.Report(
-        {ErrorCode::kInvalid, PathOf(command) + " does more than show something: it is not repeated", "--watch"});
+        {ErrorCode::kInvalid, PathOf(command) + " is not a read-only command, so it cannot be repeated", "--watch"});
   }
   const auto period = ParseDuration(context.watch);
   if (!period || *period < std::chrono::milliseconds(100)) {
     return context.Report(
-        {ErrorCode::kInvalid, "expected seconds from 0.1 on, got \"" + context.watch + "\"", "--watch"});
+        {ErrorCode::kInvalid, "expected at least 0.1 seconds, got \"" + context.watch + "\"", "--watch"});
   }
   std::setvbuf(stdout, nullptr, _IOFBF, kBlockBytes);
   ::signal(SIGINT, EndWatch);

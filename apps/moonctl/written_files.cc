@@ -77,8 +77,8 @@ Result<Target> TargetOf(const std::filesystem::path& file) {
     if (!is_read || size < 0) return tl::unexpected(CannotWrite(file, failure).error());
     if (!is_link) return target;
     if (target.status.st_uid != ::geteuid() && target.status.st_uid != 0) {
-      return Fail(ErrorCode::kRefused, "is a link that another user made; remove the link, or name the file behind it",
-                  path.string());
+      return Fail(ErrorCode::kRefused,
+                  "is a symbolic link of another user; remove the link, or give the path of its target", path.string());
     }
     path = path.parent_path() / std::string(to.data(), static_cast<std::size_t>(size));
   }
@@ -96,7 +96,8 @@ Result<void> WriteTogether(const std::filesystem::path& folder, const std::vecto
   }
   if (auto done = WriteThenRename(files); !done) {
     for (const FileBytes& file : files) std::filesystem::remove(AsideOf(file), failure);
-    return Fail(done.error().code, done.error().text + "; choose another folder, or make room", done.error().field);
+    return Fail(done.error().code, done.error().text + "; choose another folder, or free disk space",
+                done.error().field);
   }
   return {};
 }

@@ -60,7 +60,7 @@ TEST_F(ClientKeysProcessTest, AKeyGrantsItsRightsUntilItIsRevoked) {
   // rover2 has no client_address, so moonctl reaches it through rover1.
   const Outcome through = Moonctl(With(KeyOf("anna"), {"status", "-a", "rover2"}));
   EXPECT_EQ(through.exit_code, 0) << through.out;
-  EXPECT_EQ(through.error, "moonctl: through rover1, over the radio\n");
+  EXPECT_EQ(through.error, "moonctl: requests are relayed by rover1, over the radio\n");
 
   MoonctlExpecting(4, {"clients", "add", "anna", "--rights", "share"});
   MoonctlExpecting(0, {"clients", "add", "anna", "--rights", "share", "--replace", "--out", folder_ / "new.sec"});

@@ -81,7 +81,8 @@ TEST_F(ExportTest, WritesProvenanceOfGraphsIfTheFormatAllowsComments) {
   const auto text_of = [this](const char* name) { return *ReadTextFile(folder_ / name); };
   const auto check = [](const std::string& notes) {
     EXPECT_THAT(notes, HasSubstr("agent: rover2\n"));
-    EXPECT_THAT(notes, HasSubstr("poses: optimized, or carried on by odometry since; raw where neither exists\n"));
+    EXPECT_THAT(
+        notes, HasSubstr("poses: optimized; newer nodes extended by odometry; raw if a rover has no optimized pose\n"));
     EXPECT_THAT(notes, HasSubstr("nodes: 1\n"));
     EXPECT_THAT(notes, HasSubstr("optimized_nodes: 0\n"));
     EXPECT_THAT(notes, HasSubstr("out_of_reach: rover3\n"));
@@ -156,7 +157,8 @@ TEST_F(ExportTest, ReportsEachErrorInOneLine) {
     EXPECT_EQ(outcome.out, "");
   };
   check(2, "did you mean \"export\"?", {"map", "exprot", folder_ / "x"});
-  check(2, "the team file does not say where the map lies", {"map", "export", folder_ / "x", "--format", "geotiff"});
+  check(2, "the team file gives no geographic position of the map",
+        {"map", "export", folder_ / "x", "--format", "geotiff"});
   check(2, "no such file", {"map", "export", folder_ / "x", "-t", folder_ / "none.yaml"});
   check(2, "no such file", {"config", "show", folder_ / "none.yaml"});
   check(3, "rover1 is not running", {"map", "export", folder_ / "x", "-a", "rover1"});

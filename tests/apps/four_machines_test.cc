@@ -18,7 +18,7 @@ using testing::HasSubstr;
 using testing::Not;
 using Words = std::vector<std::string>;
 
-constexpr char kThroughRover2[] = "moonctl: through rover2, over the radio\n";
+constexpr char kThroughRover2[] = "moonctl: requests are relayed by rover2, over the radio\n";
 const std::vector<std::string> kNames = {"rover1", "rover2", "rover3", "base"};
 
 // Each machine is a folder with the team file and with one agent's secret keys, data and sockets.
@@ -103,8 +103,8 @@ TEST_F(FourMachinesTest, CommandsOfTheReadmeWorkThroughOneAgentAndNameIt) {
   const std::vector<std::pair<Words, std::string>> commands = {
       {{"role", "swap"}, "leader rover2, survivor rover1"},
       {{"-a", "rover1", "role", "set", "rover1", "leader", "rover2", "survivor"}, "leader rover1, survivor rover2"},
-      {{"sync", "now", "--wait"}, "sync at rover1: everything is acknowledged"},
-      {{"replicate", "now", "--wait"}, "replication at rover1: everything is acknowledged"},
+      {{"sync", "now", "--wait"}, "sync at rover1: all records are acknowledged"},
+      {{"replicate", "now", "--wait"}, "replication at rover1: all records are acknowledged"},
       {{"-a", "rover1", "record", "list", "temperature"}, "3."},
       {{"status"}, "designated_survivor"},
       {{"health"}, "base    good"},
@@ -181,7 +181,8 @@ TEST_F(FourMachinesTest, ReportsWhichAgentsAreElsewhereAndWhichAreLost) {
   EndOn("rover1");
   const Outcome lost = AtRover2(3, {"sync", "now"});
   EXPECT_THAT(lost.error, HasSubstr("agent rover1 is not on this machine; rover2 has not heard it for "));
-  EXPECT_THAT(lost.error, HasSubstr("it leads the team: if it is lost, let the survivor lead by moonctl role set"));
+  EXPECT_THAT(lost.error,
+              HasSubstr("it is the leader: if it is lost, make the survivor the leader with moonctl role set"));
   const Outcome set = At("rover2", {"role", "set", "rover2", "leader", "rover3", "survivor"});
   EXPECT_THAT(set.out, HasSubstr("leader rover2")) << set.error;
 
@@ -211,7 +212,7 @@ TEST_F(FourMachinesTest, UpAndDownAffectOnlyAgentsWhoseSecretKeysAreHere) {
     std::filesystem::remove(MachineOf("rover3") / ("rover3" + std::string(ending)));
   const Outcome nothing = At("rover3", {"up"});
   EXPECT_EQ(nothing.exit_code, 2);
-  EXPECT_THAT(nothing.error, HasSubstr("the secret key of no agent of team moon is on this machine"));
+  EXPECT_THAT(nothing.error, HasSubstr("this machine has no secret key of an agent of team moon"));
 }
 
 TEST_F(FourMachinesTest, TheBaseStationGivesRolesOnceLeaderAndSurvivorAreLost) {
@@ -247,7 +248,7 @@ TEST_F(FourMachinesTest, FindsAnAgentWhoseSocketIsElsewhereAndSaysWhereItIsGone)
   agents_.at("rover2")->Signal(SIGSTOP);
   std::filesystem::remove_all(std::filesystem::path(path).parent_path());
   const std::string gone = "agent rover2 runs as process " + std::to_string(agents_.at("rover2")->pid()) +
-                           ", but its socket " + path + " is gone; ";
+                           ", but its socket " + path + " is missing; ";
   EXPECT_THAT(AtRover2(3, {"-a", "rover2", "status"}).out, HasSubstr(gone));
   agents_.at("rover2")->Signal(SIGCONT);
   EXPECT_TRUE(Until([&] { return At("rover2", {"-a", "rover2", "status"}).exit_code == 0; })) << "it listens again";

@@ -98,7 +98,7 @@ TEST_F(KeysProcessTest, ShowsPresentSecretsAndThoseThatDoNotMatch) {
   std::filesystem::copy(folder_ / "rover3.sec", folder_ / "rover2.sec");
   std::filesystem::permissions(folder_ / "base.sign", std::filesystem::perms(0644));
   EXPECT_THAT(MoonctlExpecting(1, {"keys", "show"}),
-              AllOf(HasSubstr("rover2.sec: does not fit the public key"), HasSubstr("run chmod 600 on it")));
+              AllOf(HasSubstr("rover2.sec: does not match the public key"), HasSubstr("run chmod 600 on it")));
 }
 
 TEST_F(KeysProcessTest, SigningKeysAreAddedToAFileThatHasNone) {
@@ -154,7 +154,7 @@ TEST_F(KeysProcessTest, ARemovedAgentIsNotStartedNotMissedAndNotObeyed) {
   const auto child = StartAgent("rover2");
   const Outcome refused = child->Wait();
   EXPECT_NE(refused.exit_code, 0);
-  EXPECT_THAT(refused.error, HasSubstr("rover2 has left team moon: its team file says left: true"));
+  EXPECT_THAT(refused.error, HasSubstr("rover2 has left team moon (left: true in the team file)"));
 }
 
 }  // namespace

@@ -108,8 +108,8 @@ TEST_F(ProcessTest, ExplainsACellAndExcludesQuarantinedMapsEverywhere) {
   const std::string why = MoonctlExpecting(0, {"map", "why", "3.99", "0.01"});
   EXPECT_THAT(why, HasSubstr("(3.975, 0.025) is free at rover1"));
   EXPECT_THAT(why, HasSubstr("2:0"));
-  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "1", "0"}), HasSubstr("it stood there"));
-  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "-500", "3"}), HasSubstr("no map knows it"));
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "1", "0"}), HasSubstr("the rover stood there"));
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "-500", "3"}), HasSubstr("no map covers it"));
 
   auto leader = Connect("rover1");
   proto::MapTilesRequest tiles;
@@ -200,7 +200,7 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
   EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge"}), HasSubstr("set aside"));
   // An acknowledgment does not hide that records are missing, unless other agents have already restored them.
   EXPECT_TRUE(Until([this] {
-    return Moonctl({"health", "-a", "rover3"}).out.find("records of this agent that its disk never had") !=
+    return Moonctl({"health", "-a", "rover3"}).out.find("records of this agent that this agent's disk never held") !=
                std::string::npos ||
            Moonctl({"record", "list", "temperature", "-a", "rover3"}).out.find("rover3") != std::string::npos;
   })) << Moonctl({"health", "-a", "rover3"}).out;
@@ -295,7 +295,7 @@ TEST_F(ProcessTest, TheSurvivorCanLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(0, {"record", "get", key, "-a", "rover2"});
   // Records that only rover1 holds cannot be replicated yet.
   EXPECT_THAT(MoonctlExpecting(3, {"replicate", "now", "--wait"}),
-              HasSubstr("everything is acknowledged; not there yet is what is held only by rover1 (is out of reach)"));
+              HasSubstr("all records are acknowledged; missing are records held only by rover1 (is out of reach)"));
 
   // The deposed leader receives the new roles when it restarts.
   const auto former = StartAgent("rover1");
@@ -327,7 +327,8 @@ TEST_F(ProcessTest, WaitsUntilALeaderThatLostItsDiskHasCollectedAllRecords) {
   ASSERT_TRUE(Until([&] { return Moonctl({"status", "-a", "rover1"}).exit_code == 0; }));
   const Outcome synced = Moonctl({"sync", "now", "--wait"});
   EXPECT_EQ(synced.exit_code, 3) << synced.error;
-  EXPECT_THAT(synced.out, HasSubstr("everything is acknowledged, but nothing is shared with rover3 (out of reach)"));
+  EXPECT_THAT(synced.out,
+              HasSubstr("all records are acknowledged, but no records are exchanged with rover3 (out of reach)"));
   EXPECT_THAT(KeysHeldBy("rover1"), IsSupersetOf(inserted));
   const auto replicated = MoonctlJson(3, {"replicate", "now", "--wait"}).fields();
   EXPECT_TRUE(replicated.at("is_acknowledged").bool_value());
@@ -351,7 +352,7 @@ TEST_F(ProcessTest, ReportsAgentsThatDidNotConfirmAChangeOfRoles) {
   MoonctlExpecting(0, {"up"});
   Kill("rover3");
   const std::vector<std::string> set = {"role", "set", "rover3", "survivor", "--timeout", "1s"};
-  EXPECT_THAT(MoonctlExpecting(3, set), HasSubstr("survivor rover3; not confirmed yet by rover3"));
+  EXPECT_THAT(MoonctlExpecting(3, set), HasSubstr("survivor rover3; not yet confirmed by rover3"));
   const auto shown = MoonctlJson(3, {"role", "set", "rover3", "survivor", "--timeout", "1s"}).fields();
   EXPECT_EQ(shown.at("not_confirmed").list_value().values(0).string_value(), "rover3");
   MoonctlExpecting(0, {"role", "set", "rover3", "survivor", "--no-wait"});
@@ -619,7 +620,7 @@ TEST_F(ProcessTest, AnOperatorPausesTheTeamAndOneAgentAndResumes) {
   const std::string node =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2"}));
   EXPECT_THAT(MoonctlExpecting(0, {"sync", "pause"}), HasSubstr("rover2  is paused for 600 s more"));
-  EXPECT_THAT(MoonctlExpecting(0, {"sync", "resume", "-a", "rover3"}), HasSubstr("rover3  goes on"));
+  EXPECT_THAT(MoonctlExpecting(0, {"sync", "resume", "-a", "rover3"}), HasSubstr("rover3  not paused"));
   const auto paused = MoonctlJson(0, {"sync", "pause", "--for", "2h", "-a", "rover2"});
   const auto& answers = paused.fields().at("agents").list_value();
   ASSERT_EQ(answers.values_size(), 1);
@@ -701,7 +702,8 @@ TEST_F(ProcessTest, ReportsErrorsInCommands) {
   EXPECT_THAT(Moonctl({"statsu"}).error, HasSubstr("did you mean \"status\"?"));
   EXPECT_EQ(Moonctl({"statsu"}).exit_code, 2);
   EXPECT_THAT(Moonctl({"role", "set", "rovr2", "leader"}).error, HasSubstr("did you mean \"rover2\"?"));
-  EXPECT_THAT(Moonctl({"record", "insert", "temperature", "{ }", "-a", "rover1"}).error, HasSubstr("{} says nothing"));
+  EXPECT_THAT(Moonctl({"record", "insert", "temperature", "{ }", "-a", "rover1"}).error,
+              HasSubstr("the JSON object is empty"));
   EXPECT_THAT(Moonctl({"record", "insert", "temperture", "{}", "-a", "rover1"}).error,
               HasSubstr("did you mean \"temperature\"?"));
   EXPECT_THAT(Moonctl({"record", "insert", "temperature", "{\"celsiu\": 1}", "-a", "rover1"}).error,

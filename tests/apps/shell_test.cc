@@ -46,9 +46,9 @@ TEST_F(ShellTest, FishCompletesCommandsAndAgents) {
   if (!HasProgram("fish")) GTEST_SKIP() << "fish is not installed";
   const Outcome outcome = RunIn("fish", R"("$MOONCTL" completion fish | source
 complete -C 'moonctl sta'; complete -C 'moonctl role set ro'; complete -C 'moonctl config ')");
-  EXPECT_THAT(outcome.out, HasSubstr("status\tOne row per configured agent"));
+  EXPECT_THAT(outcome.out, HasSubstr("status\tShow one row for each configured agent"));
   EXPECT_THAT(outcome.out, HasSubstr("rover3\tagent"));
-  EXPECT_THAT(outcome.out, HasSubstr("check\tSay all"));
+  EXPECT_THAT(outcome.out, HasSubstr("check\tCheck the team file"));
   EXPECT_EQ(outcome.error, "");
 }
 

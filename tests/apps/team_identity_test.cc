@@ -91,7 +91,7 @@ TEST_F(TeamIdentityTest, ARenamedAgentKeepsItsProcessAndItsData) {
   const pid_t pid = PidOf("rover1");
   const std::string up = MoonctlExpecting(0, {"-a", "scout", "up"});
   EXPECT_THAT(up, HasSubstr("was running"));
-  EXPECT_THAT(up, HasSubstr("scout is called rover1 until it is started again"));
+  EXPECT_THAT(up, HasSubstr("scout still runs under the name rover1; restart it to use the new name"));
   EXPECT_EQ(PidOf("rover1"), pid);
   EXPECT_EQ(TemperaturesOf(team_file_, "scout"), 1);
 
@@ -141,7 +141,8 @@ TEST_F(TeamIdentityTest, AddsAnIdToAFileAndChangesNothingElse) {
   EXPECT_EQ(agent.exit_code, 2);
   EXPECT_THAT(agent.error, HasSubstr(missing));
 
-  EXPECT_THAT(MoonctlExpecting(0, {"config", "check", "--fix", folder_ / "link.yaml"}), HasSubstr("copy it to every"));
+  EXPECT_THAT(MoonctlExpecting(0, {"config", "check", "--fix", folder_ / "link.yaml"}),
+              HasSubstr("copy the file to every"));
   const std::string fixed = *ReadTextFile(team_file_);
   const std::string new_id = ReadTeamFile(team_file_)->config.team_id();
   EXPECT_NE(new_id, id);

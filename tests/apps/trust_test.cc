@@ -80,7 +80,7 @@ class TrustTest : public ProcessTeam {
 
 TEST_F(TrustTest, ShowsSentAndAcknowledgedRecordsPerPair) {
   Start();
-  EXPECT_THAT(MoonctlExpecting(0, {"sync", "status", "-a", "base"}), HasSubstr("nothing sent since its start"));
+  EXPECT_THAT(MoonctlExpecting(0, {"sync", "status", "-a", "base"}), HasSubstr("nothing sent since the agent started"));
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   EXPECT_THAT(MoonctlExpecting(0, {"sync", "status"}),
               AllOf(HasSubstr("QUIET FOR"), HasSubstr("rover3  rover1  idle")));
@@ -131,7 +131,7 @@ TEST_F(TrustTest, ShowsHoldingsAndTheirDifferences) {
   const Struct holdings = OfNodes(List(MoonctlJson(0, {"db", "holdings"}), "holdings"));
   EXPECT_EQ(Number(List(holdings, "held_by")[1], "lacking"), kNodes);
   MoonctlExpecting(0, {"replicate", "now", "--wait"});
-  EXPECT_THAT(MoonctlExpecting(0, {"db", "diff", "rover2", "rover1"}), HasSubstr("hold the same"));
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "diff", "rover2", "rover1"}), HasSubstr("hold the same records"));
 
   // If a record changed at one agent, the counts are equal but the fingerprints differ.
   ChangeAByte("rover1", node_);
@@ -175,7 +175,7 @@ TEST_F(TrustTest, FindsDamageInAStore) {
 TEST_F(TrustTest, PrunesOnlyRecordsThatLeaderAndSurvivorHold) {
   Start();
   const std::vector<std::string> prune = {"-a", "rover3", "db", "prune", "--type", "pose_graph_node"};
-  EXPECT_THAT(MoonctlExpecting(0, prune), testing::ContainsRegex("all +0 +0 B\n.*2,?500 more stay until"));
+  EXPECT_THAT(MoonctlExpecting(0, prune), testing::ContainsRegex("all +0 +0 B\n.*2,?500 more records are kept until"));
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   MoonctlExpecting(0, {"replicate", "now", "--wait"});
   std::vector<std::string> dry_run = prune;
@@ -188,7 +188,7 @@ TEST_F(TrustTest, PrunesOnlyRecordsThatLeaderAndSurvivorHold) {
   EXPECT_THAT(MoonctlExpecting(0, {"db", "holdings"}),
               testing::ContainsRegex("rover3 +pose_graph_node +2500 +2500 +- "));
   MoonctlExpecting(0, {"replicate", "now", "--wait"});
-  EXPECT_THAT(MoonctlExpecting(0, {"db", "diff", "rover1", "rover2"}), HasSubstr("hold the same"));
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "diff", "rover1", "rover2"}), HasSubstr("hold the same records"));
   MoonctlExpecting(0, {"db", "verify", "-a", "rover3"});
   EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover3"}), HasSubstr("db prune pose_graph_node"));
 
@@ -200,7 +200,7 @@ TEST_F(TrustTest, PrunesOnlyRecordsThatLeaderAndSurvivorHold) {
 }
 
 TEST_F(TrustTest, ReportsErrorsOfAPrune) {
-  EXPECT_THAT(Moonctl({"db", "prune", "--max-mb", "1"}).error, HasSubstr("Give its agent with -a"));
+  EXPECT_THAT(Moonctl({"db", "prune", "--max-mb", "1"}).error, HasSubstr("which agent's store? Give -a rover1"));
   const auto error_of = [this](const std::vector<std::string>& more) {
     std::vector<std::string> arguments = {"-a", "rover3", "db", "prune"};
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -208,7 +208,7 @@ TEST_F(TrustTest, ReportsErrorsOfAPrune) {
     EXPECT_EQ(outcome.exit_code, 2) << outcome.error;
     return outcome.error;
   };
-  EXPECT_THAT(error_of({}), HasSubstr("nothing selected"));
+  EXPECT_THAT(error_of({}), HasSubstr("no records are selected"));
   EXPECT_THAT(error_of({"--older-than", "soon"}), HasSubstr("expected an age such as 30d"));
   EXPECT_THAT(error_of({"--older-than", "-3d"}), HasSubstr("--older-than"));
   EXPECT_THAT(error_of({"--type", "nodes"}), HasSubstr("no data type \"nodes\""));
@@ -218,7 +218,7 @@ TEST_F(TrustTest, ReportsErrorsOfAPrune) {
 TEST_F(TrustTest, ShowsSizes) {
   Start();
   EXPECT_THAT(MoonctlExpecting(0, {"db", "info"}),
-              AllOf(HasSubstr("OF IT WAL"), testing::ContainsRegex("pose_graph_node +0 +0 +2500")));
+              AllOf(HasSubstr("WAL"), testing::ContainsRegex("pose_graph_node +0 +0 +2500")));
   const auto agents = List(MoonctlJson(0, {"db", "info", "-a", "rover3"}), "agents");
   ASSERT_EQ(agents.size(), 1u);
   const Struct storage = Field(agents[0], "storage").struct_value();

@@ -74,7 +74,7 @@ TEST_F(WatchTest, RefusesCommandsThatChangeDataAndInvalidPeriods) {
     watched.push_back("--watch");
     const Outcome outcome = Moonctl(watched);
     EXPECT_EQ(outcome.exit_code, 2);
-    EXPECT_THAT(outcome.error, HasSubstr("is not repeated"));
+    EXPECT_THAT(outcome.error, HasSubstr("cannot be repeated"));
   }
   for (const char* option : {"--watch=0", "--watch=0.01", "--watch=x", "--watch=-1"}) {
     EXPECT_EQ(Moonctl({"status", option}).exit_code, 2) << option;

@@ -158,7 +158,7 @@ def endless_messages_over_links(team, scale):
         while time.monotonic() < end:
             with contextlib.suppress(TimeoutError):
                 threading.Thread(target=send_parts, args=(server.accept()[0],), daemon=True).start()
-    named_in_health(team, "sends data over this agent's own link")
+    named_in_health(team, "sent data over an outgoing connection of this agent")
 
 
 ATTACKERS = [floods_the_log, endless_messages_over_links, connections_of_one_key, more_connections_than_places,

@@ -207,7 +207,7 @@ def dense_graph(team, scale):
         time.sleep(0.5)
     else:
         raise Failure(f"the leader does not solve the pose graph: {solved.stderr.strip()[-300:]}")
-    named_in_health(team, "out of the map or the pose graph")
+    named_in_health(team, "from the map or the pose graph")
 
 
 def many_maps(team, scale):
@@ -227,7 +227,7 @@ def many_maps(team, scale):
     after = merged()
     if any(after[agent] < before[agent] for agent in (ROVER1, ROVER2)):
         raise Failure(f"maps of others are left out: {before} before, {after} after")
-    named_in_health(team, "out of the map or the pose graph")
+    named_in_health(team, "from the map or the pose graph")
 
 
 def far_apart_nodes(team, scale):
@@ -249,7 +249,7 @@ def far_apart_nodes(team, scale):
     exported = team.moonctl("map", "export", str(team.folder / "far")).stdout
     findings = team.moonctl("-a", "rover1", "health", check=False).stdout
     team.moonctl("map", "quarantine", "--lift", given.split()[1])
-    if "left out" in exported or "share of them" in findings:
+    if "excluded" in exported or "share of the memory" in findings:
         raise Failure(f"after a quarantine of rover3 something is left out: {exported[-300:]} {findings[-300:]}")
 
 

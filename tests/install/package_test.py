@@ -53,7 +53,7 @@ done
 wait $check
 moonctl down
 """
-SAYS = [r"rover1 +good", "sync at rover1: everything is acknowledged", r"2\.[0-9a-f]{16}\.1\.1 +temperature +rover2"]
+SAYS = [r"rover1 +good", "sync at rover1: all records are acknowledged", r"2\.[0-9a-f]{16}\.1\.1 +temperature +rover2"]
 
 
 class Failure(Exception):

@@ -37,12 +37,30 @@ TEST(ProtoJsonTest, ReadsItsOwnOutput) {
 }
 
 TEST(ProtoJsonTest, ReportsErrorsOfACustomRecord) {
-  EXPECT_EQ(ErrorOf(""), "soil: expected a JSON object");
-  EXPECT_THAT(ErrorOf("wet"), HasSubstr("soil: "));
-  EXPECT_THAT(ErrorOf(R"({"paylod": "x"})"), HasSubstr("paylod"));
+  EXPECT_EQ(ErrorOf(""), R"(soil: expected a JSON object such as {"payload_text": "wet"})");
+  EXPECT_EQ(ErrorOf("wet"), R"(soil: expected a JSON object such as {"payload_text": "wet"}, got 'wet')");
+  EXPECT_EQ(ErrorOf(R"({"paylod": "x"})"),
+            R"(soil: unknown field "paylod"; soil has: data_type, latest_key, payload, metadata, payload_text, )"
+            "latest_key_text");
   EXPECT_EQ(ErrorOf(R"({"payload_text": 3})"), "payload_text: expected text");
-  EXPECT_EQ(ErrorOf(R"({"payload_text": "a", "payload": "YQ=="})"), "payload_text: is given as payload too");
-  EXPECT_EQ(ErrorOf(R"({"data_type": 1001})"), "data_type: soil has the id 1000");
+  EXPECT_EQ(ErrorOf(R"({"payload_text": "a", "payload": "YQ=="})"), "payload_text: cannot be combined with payload");
+  EXPECT_EQ(ErrorOf(R"({"data_type": 1001})"), "data_type: must be 1000, the id of soil");
+}
+
+TEST(ProtoJsonTest, ListsTheFieldsOfABuiltInType) {
+  const auto error_of = [](const std::string& type, const std::string& json) {
+    return ToString(RecordFromJson(type, json).error());
+  };
+  EXPECT_EQ(error_of("temperature", R"({"temp": 20})"),
+            R"(temperature: unknown field "temp"; temperature has: celsius)");
+  EXPECT_EQ(error_of("temperature", "20"),
+            R"(temperature: expected a JSON object such as {"celsius": VALUE}, got '20')");
+  EXPECT_EQ(error_of("temperatur", "{}"), "temperatur: is not a built-in data type");
+  // A field of a nested message. A name in camelCase is known.
+  EXPECT_EQ(error_of("pose_graph_edge", R"({"from": {"agentId": 2, "idx": 140}})"),
+            R"(pose_graph_edge: unknown field "idx"; from has: agent_id, index)");
+  // A field that exists with a wrong value: protobuf's message.
+  EXPECT_THAT(error_of("temperature", R"({"celsius": "warm"})"), HasSubstr("celsius"));
 }
 
 }  // namespace

@@ -45,6 +45,8 @@ TEST(TableTest, FormatsForPeople) {
   EXPECT_EQ(FormatUtc(1'671'300'425'310'699'520), "2022-12-17 18:07:05 UTC");
   EXPECT_EQ(FormatUtc(0), "-");
   EXPECT_EQ(FormatCount(12), "12");
+  EXPECT_EQ(FormatCount(0, "record"), "0 records");
+  EXPECT_EQ(FormatCount(1, "record"), "1 record");
 }
 
 }  // namespace

@@ -89,7 +89,7 @@ TEST_F(DiagnosisTest, FindsADataFolderThatCannotBeUsed) {
 
 TEST_F(DiagnosisTest, FindsADataFolderInMemory) {
   facts_.is_memory_disk = true;
-  ExpectFault("data", "a restart loses all records");
+  ExpectFault("data", "a reboot loses all records");
 }
 
 TEST_F(DiagnosisTest, FindsAFullDisk) {
@@ -104,12 +104,12 @@ TEST_F(DiagnosisTest, FindsAClockThatWasNeverSet) {
 
 TEST_F(DiagnosisTest, FindsAClockThatDiffersFromAPeers) {
   facts_.peers[0].clock_offset_s = -11;
-  ExpectFault("clock", "differs by 11 s from that of rover2");
+  ExpectFault("clock", "differs by 11 s from the clock of rover2");
 }
 
 TEST_F(DiagnosisTest, AdvisesToSynchroniseTheClock) {
   facts_.is_clock_synchronised = false;
-  ExpectAdvice("clock", "nothing synchronises it");
+  ExpectAdvice("clock", "the clock is not synchronised");
 }
 
 TEST_F(DiagnosisTest, FindsLimitsOfTheProcess) {
@@ -133,11 +133,11 @@ TEST_F(DiagnosisTest, FindsAnAgentThatDoesNotAnswer) {
 TEST_F(DiagnosisTest, AdvisesToStartOrRestartTheAgent) {
   facts_.agent_version = "0.0.9";
   facts_.peers[0].version = "0.0.9";
-  ExpectAdvice("agent", "runs version 0.0.9");
+  ExpectAdvice("agent", "the running agent has version 0.0.9");
   facts_.agent_version.clear();
   facts_.peers[0].version.clear();
   facts_.is_running = false;
-  ExpectAdvice("agent", "does not run");
+  ExpectAdvice("agent", "is not running");
 }
 
 TEST_F(DiagnosisTest, FindsFaultsOfTheWayToAPeer) {
@@ -150,10 +150,10 @@ TEST_F(DiagnosisTest, FindsFaultsOfTheWayToAPeer) {
   ExpectFault("to rover2", "refused");
   peer = good;
   peer.loss = 0.25;
-  ExpectFault("to rover2", "25 % of echo requests");
+  ExpectFault("to rover2", "25 % of pings");
   peer = good;
   peer.other_team_file = "hash 1, here 2";
-  ExpectFault("to rover2", "team file differs");
+  ExpectFault("to rover2", "has a different team file");
   peer = good;
   peer.mtu_bytes = kMtuMin_bytes - 1;
   ExpectAdvice("to rover2", "1279 bytes");

@@ -67,7 +67,7 @@ TEST(G2oGraphTest, GivesPlainIdsToTheRoverThatIsNamed) {
   ASSERT_TRUE(g2o.has_value());
   const Result<Pyfg> nobodys = ToPyfg(*g2o, 0);
   ASSERT_FALSE(nobodys.has_value());
-  EXPECT_EQ(nobodys.error().text, "vertex 3 says no robot; name one with -a");
+  EXPECT_EQ(nobodys.error().text, "vertex 3 has an id that names no robot; name the robot with -a");
   const Result<Pyfg> pyfg = ToPyfg(*g2o, 2);
   ASSERT_TRUE(pyfg.has_value());
   EXPECT_EQ(pyfg->graph.nodes[1].key, (NodeKey{2, 4}));

@@ -42,9 +42,9 @@ TEST_F(HealthTest, FindsNothingInAHealthyTeam) { EXPECT_THAT(FindingsOn(team_, r
 
 TEST_F(HealthTest, FindsAgentsInAnOldTermAndLeadersWithoutASurvivor) {
   Status(2).mutable_roles()->mutable_term()->set_number(3);
-  EXPECT_THAT(Of(2), ElementsAre("acts on the roles of term 3, where term 4 is known"));
+  EXPECT_THAT(Of(2), ElementsAre("acts on the roles of term 3, but another agent knows term 4"));
   Status(1).mutable_roles()->clear_survivor();
-  EXPECT_THAT(Of(1), ElementsAre("leads without a designated survivor"));
+  EXPECT_THAT(Of(1), ElementsAre("leads without a designated survivor: name one with moonctl role set"));
 }
 
 TEST_F(HealthTest, FindsWhoCannotStoreItsRolesAndJudgesTheOthersByThem) {
@@ -54,8 +54,8 @@ TEST_F(HealthTest, FindsWhoCannotStoreItsRolesAndJudgesTheOthersByThem) {
   deposed.mutable_roles()->clear_survivor();  // Until agent 2 can store term 5, it has no role.
   *Status(1).mutable_roles() = deposed.unstored_roles();
   EXPECT_THAT(Of(1), IsEmpty());
-  EXPECT_THAT(Of(2), ElementsAre("cannot store term 5 (leader rover1, survivor rover2): until it can it neither leads "
-                                 "nor survives"));
+  EXPECT_THAT(Of(2), ElementsAre("cannot store term 5 (leader rover1, survivor rover2); until it stores the term, it "
+                                 "acts neither as leader nor as survivor"));
 }
 
 TEST_F(HealthTest, ReportsAFullDiskOnce) {
@@ -77,7 +77,7 @@ TEST_F(HealthTest, FindsUnreachablePeersThatDoNotSleep) {
   proto::PeerStatus& peer = *Status(1).mutable_peers(0);
   peer.set_is_connected(false);
   peer.set_seconds_since_heard(90);
-  EXPECT_THAT(Of(1), ElementsAre("does not reach rover2, heard 90 s ago"));
+  EXPECT_THAT(Of(1), ElementsAre("does not reach rover2, last heard 90 s ago"));
   peer.set_seconds_since_heard(-1);
   EXPECT_THAT(Of(1), ElementsAre("does not reach rover2, never heard"));
   proto::AgentLease& lease = *Status(1).add_leases();
@@ -102,7 +102,8 @@ TEST_F(HealthTest, FindsWhatAnAgentSuffersItself) {
   actor.set_restarts(2);
   actor.set_dropped(7);
   EXPECT_THAT(Of(1), ElementsAre("clock suspect: it jumped", "space low: 1 MB of disk are free",
-                                 "sync failed and was restarted 2 times", "sync had no room for 7 messages"));
+                                 "sync failed and was restarted 2 times",
+                                 "sync dropped 7 messages because its mailbox was full"));
 }
 
 TEST_F(HealthTest, FindsClocksThatDifferTooMuch) {
@@ -145,8 +146,8 @@ TEST_F(HealthTest, FindsAnOdometryScaleThatNoWheelHas) {
   solve.add_rovers()->set_agent_id(2);
   solve.mutable_rovers(1)->set_odometry_scale(0.044);
   EXPECT_THAT(Of(1), IsEmpty());
-  EXPECT_THAT(Of(2), ElementsAre("its odometry scale is 0.044 in the last solve: an edge of it is no odometry, or its "
-                                 "units are wrong"));
+  EXPECT_THAT(Of(2), ElementsAre("its odometry scale is 0.044 in the last solve: check the units of its odometry, and "
+                                 "that its software inserts only odometry as odometry"));
 }
 
 TEST_F(HealthTest, NamesANodeThatLiesFarAwayAtItsRover) {
@@ -154,7 +155,9 @@ TEST_F(HealthTest, NamesANodeThatLiesFarAwayAtItsRover) {
   *far.mutable_node() = ToProto(NodeKey{2, 500});
   far.set_distance_m(30'100);
   EXPECT_THAT(Of(1), IsEmpty());
-  EXPECT_THAT(Of(2), ElementsAre("node rover2:500 lies 30 km off in the last solve"));
+  EXPECT_THAT(
+      Of(2),
+      ElementsAre("node rover2:500 lies 30 km from the team in the last solve: check that its pose is in metres"));
 }
 
 TEST_F(HealthTest, NamesARoverWhoseMeasurementsTheLastSolveRefused) {
@@ -171,8 +174,8 @@ TEST_F(HealthTest, NamesARoverWhoseMeasurementsTheLastSolveRefused) {
   EXPECT_THAT(Of(1), IsEmpty());
   EXPECT_THAT(Of(3), IsEmpty());
   EXPECT_THAT(Of(2), ElementsAre("the last solve refused 1520 loop closures with rover1, 1 range with agent 3, which "
-                                 "contradict the measurements of the others: check rover2's sensors, or leave out what "
-                                 "it inserted by 'moonctl graph quarantine --agent rover2'"));
+                                 "contradict the measurements of other agents: check rover2's sensors, or exclude its "
+                                 "measurements with 'moonctl graph quarantine --agent rover2'"));
 
   // Rover2 was not asked, so the leader's report names it.
   const AgentReport of_rover2 = reports_.at(2);
@@ -193,7 +196,7 @@ TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {
   session.set_kind(proto::SHARING_KIND_SYNC);
   session.set_is_open(true);
   session.set_seconds_since_progress(120);
-  EXPECT_THAT(Of(2), ElementsAre("sync to rover1 makes no progress for 2 min"));
+  EXPECT_THAT(Of(2), ElementsAre("sync to rover1 has made no progress for 2 min"));
   session.set_waits_for("rover1 drives");
   EXPECT_THAT(Of(2), IsEmpty());
   reports_[2].shares->set_rejected_records(3);
@@ -211,21 +214,22 @@ TEST_F(HealthTest, AsksForAnOperatorsDecisionAfterAThousandChanges) {
       EXPECT_THAT(Of(2), IsEmpty());
     }
   }
-  EXPECT_THAT(Of(2),
-              ElementsAre("the roles changed 1000 times since an operator's word, and who joins has to fetch each: "
-                          "give moonctl role set once"));
+  EXPECT_THAT(Of(2), ElementsAre("the roles changed 1000 times since the last operator command, and joining agents "
+                                 "fetch every change: run moonctl role set once"));
 }
 
 TEST_F(HealthTest, FindsARemovedAgentWithARole) {
   team_.mutable_agents(0)->set_left(true);
   reports_.erase(1);
   Status(2).clear_peers();
-  EXPECT_THAT(Of(2),
-              ElementsAre("rover1 is leader in term 4, but has left the team: name another by moonctl role set"));
+  EXPECT_THAT(
+      Of(2),
+      ElementsAre("rover1 is leader in term 4, but has left the team: name another agent with moonctl role set"));
   Status(2).mutable_roles()->set_leader(2);
   Status(2).mutable_roles()->set_survivor(1);
-  EXPECT_THAT(Of(2),
-              ElementsAre("rover1 is survivor in term 4, but has left the team: name another by moonctl role set"));
+  EXPECT_THAT(
+      Of(2),
+      ElementsAre("rover1 is survivor in term 4, but has left the team: name another agent with moonctl role set"));
 }
 
 TEST_F(HealthTest, FindsRecordsThatOneDiskAloneHolds) {
@@ -236,10 +240,10 @@ TEST_F(HealthTest, FindsRecordsThatOneDiskAloneHolds) {
   one_copy.set_age_s(3600);
   EXPECT_THAT(Of(2), IsEmpty());
   one_copy.set_count(101);
-  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("101 records exist on this disk alone")));
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("no other agent is known to hold 101 records, the oldest for ")));
   one_copy.set_count(1);
   one_copy.set_age_s(7200);
-  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("1 record exist")));
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("no other agent is known to hold 1 record, ")));
   one_copy.set_count(0);
   EXPECT_THAT(Of(2), IsEmpty());
   team_.clear_at_risk();
@@ -261,7 +265,9 @@ TEST_F(HealthTest, FindsAgentsWhoseMapsOfOtherRoversAreOld) {
   add(1, 2, 1000, 2000);  // Its own maps are not rover2's to fetch.
   EXPECT_THAT(Of(2), IsEmpty()) << "no policy brings it maps of others";
   (*team_.mutable_rovers())["local_traversability_map"] = proto::POLICY_ALL;
-  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("holds no map of rover1, while the leader's span 17 min")));
+  EXPECT_THAT(
+      Of(2),
+      ElementsAre(HasSubstr("holds no map of rover1, but the leader holds maps of that rover over a span of 17 min")));
   proto::MapTimes& held = *add(2, 1, 1000, 1399);
   EXPECT_THAT(Of(2), ElementsAre(HasSubstr("its newest map of rover1 is older than the leader's by 10 min")));
   held.set_last_ns(1400 * kSecond_ns);
@@ -289,7 +295,7 @@ TEST_F(HealthTest, FindsRoversThatAreNotPlaced) {
   proto::MapStatsReply& stats = reports_[1].map_stats.emplace();
   stats.add_unplaced()->set_agent_id(2);
   stats.mutable_unplaced(0)->set_map_count(40);
-  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("not placed, 40 maps left out of the team's map: give it a start")));
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("not placed, 40 maps excluded from the team's map: give it a start")));
   EXPECT_THAT(Of(1), IsEmpty());
   stats.clear_unplaced();
   stats.set_frame_of(1);
@@ -311,9 +317,10 @@ TEST_F(HealthTest, SaysHowFarTheSearchForARoverCame) {
     start.set_text(evidence < 5 ? "too little looks alike" : "another place fits nearly as well");
     start.set_remedy("drive one of them on");
   }
-  EXPECT_THAT(Of(2), ElementsAre("not placed, 40 maps left out of the team's map; its maps beside those of rover1: "
-                                 "another place fits nearly as well (evidence 12.9, best other place 10.8, matched 97 "
-                                 "%, contradicted 0 %); drive one of them on, or give it a start"));
+  EXPECT_THAT(Of(2),
+              ElementsAre("not placed, 40 maps excluded from the team's map; its maps compared with those of rover1: "
+                          "another place fits nearly as well (evidence 12.9, best alternative 10.8, matched 97 "
+                          "%, contradicted 0 %); drive one of them on, or give it a start"));
 }
 
 TEST_F(HealthTest, NamesARoverWhoseStartTheMapsContradict) {
@@ -332,7 +339,7 @@ TEST_F(HealthTest, NamesARoverWhoseStartTheMapsContradict) {
   };
   add(1, 2, true);
   EXPECT_THAT(Of(1), ElementsAre(HasSubstr("its maps contradict those of rover2 (42 % of the common hazards; 2 % "
-                                           "within one rover's own maps): is its start in the team file right?")));
+                                           "within one rover's own maps): check its start in the team file; ")));
   EXPECT_THAT(Of(2), ElementsAre(HasSubstr("its maps contradict those of rover1 (42 %")));
   add(1, 3, false);
   EXPECT_THAT(Of(1), IsEmpty()) << "rover3's maps agree with it";
@@ -342,7 +349,7 @@ TEST_F(HealthTest, NamesARoverWhoseStartTheMapsContradict) {
 TEST_F(HealthTest, FindsStartsInOnePlace) {
   for (const double side_m : {0.75, 0.5}) team_.mutable_map()->add_footprint_m(side_m);
   for (proto::AgentConfig& agent : *team_.mutable_agents()) agent.mutable_start()->set_x(1);
-  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("the start of rover2 lies within one footprint of that of rover1")));
+  EXPECT_THAT(Of(2), ElementsAre(HasSubstr("the start of rover2 lies within one footprint of the start of rover1")));
   team_.mutable_agents(1)->mutable_start()->set_x(2);
   EXPECT_THAT(Of(2), IsEmpty());
 }
@@ -355,9 +362,11 @@ TEST_F(HealthTest, FindsMapsThatTakeTheOthersHazardsAwayAndSaysHowToRepair) {
   cleared.set_from_ns(1'795'000'000'000'000'000);
   cleared.set_to_ns(1'795'000'030'000'000'000);
   cleared.set_x_m(1.25);
-  EXPECT_THAT(Of(2), ElementsAre("its maps of one minute make 900 of the others' 1000 hazard cells free: 'moonctl map "
-                                 "why 1.25 0.00' shows one; if they are wrong: moonctl map quarantine --agent rover2 "
-                                 "--from 2026-11-18T11:06:40Z --to 2026-11-18T11:07:10Z"));
+  EXPECT_THAT(
+      Of(2),
+      ElementsAre("its maps of one minute set 900 of the other agents' 1000 hazard cells to free: 'moonctl map why "
+                  "1.25 0.00' explains one of the cells; if the maps are wrong: moonctl map quarantine --agent rover2 "
+                  "--from 2026-11-18T11:06:40Z --to 2026-11-18T11:07:10Z"));
 }
 
 }  // namespace

@@ -70,7 +70,7 @@ TEST(LabTeamTest, NamesTheAddressThatItCannotUse) {
   EXPECT_THAT(error("10.0.0.11").text, StartsWith("expected NAME=HOST or NAME=HOST:PORT, got '10.0.0.11'"));
   EXPECT_THAT(error("rover1=").text, StartsWith("expected NAME=HOST"));
   EXPECT_THAT(error("rover3=10.0.0.13").text,
-              HasSubstr("'rover3' is no agent of this team: they are rover1 to rover2"));
+              HasSubstr("'rover3' is not an agent of this team; its agents are rover1 to rover2"));
   EXPECT_EQ(error("rover3=10.0.0.13").field, "--address");
 }
 
@@ -83,7 +83,7 @@ TEST(RadioEstimateTest, GrowsWithTheSquareOfTheTeamAndWarnsAboveFivePercent) {
   }
   for (std::uint32_t id = 1; id <= 3; ++id) team.add_agents()->set_id(id);
   EXPECT_NEAR(TeamMapPart(team) * 3600, 18.5, 0.5) << "5.2 s of records, and 12 solves of 1.1 s";
-  EXPECT_THAT(TeamMapText(team), StartsWith("note: the team's map on every rover takes about 18 s"));
+  EXPECT_THAT(TeamMapText(team), StartsWith("note: sending the team's map to every rover takes about 18 s"));
   for (std::uint32_t id = 4; id <= 30; ++id) team.add_agents()->set_id(id);
   EXPECT_NEAR(TeamMapPart(team) * 3600, 1100 + 12 * 159, 60);
   EXPECT_THAT(TeamMapText(team), StartsWith("warning: "));

@@ -129,10 +129,10 @@ TEST_F(MatchListTest, ShowsOffsetAndCorrectionOfOdometry) {
 }
 
 TEST_F(MatchListTest, CountsTheRowsThatItLeavesOut) {
-  EXPECT_EQ(MatchesText(team_, {}, 50), "no map match is held here\n");
+  EXPECT_EQ(MatchesText(team_, {}, 50), "this agent holds no map match\n");
   for (const std::uint64_t index : {1, 2, 3}) AddMatch(index, 1);
   const std::vector<ListedMatch> list = held_.List(known_);
-  EXPECT_THAT(MatchesText(team_, list, 2), HasSubstr("and 1 more; --all lists them\n"));
+  EXPECT_THAT(MatchesText(team_, list, 2), HasSubstr("and 1 more matches; --all lists all\n"));
   EXPECT_THAT(MatchesText(team_, list, 2), Not(HasSubstr("rover1:3")));
   EXPECT_THAT(MatchesText(team_, list, 3), Not(HasSubstr("more")));
   JsonWriter json;
@@ -152,8 +152,9 @@ TEST(RegistrationTextTest, CountsResultsAndGivesTheReasonWhyNothingIsMatched) {
     state.add_counts()->set_verdict(verdict);
     state.mutable_counts()->rbegin()->set_count(count);
   }
-  EXPECT_EQ(RegistrationText({}, state),
-            "matched 13 pairs of 8 maps in 2 passes: 9 accepted, 4 few points; 7 stored; 3 left; 1.2 s\n");
+  EXPECT_EQ(
+      RegistrationText({}, state),
+      "matched 13 pairs of 8 maps in 2 passes: 9 accepted, 4 few points; 7 matches stored; 3 pairs left; 1.2 s\n");
   proto::RegistrationReply none;
   none.set_other_map_count(3);
   none.set_unposed_map_count(1);
@@ -161,7 +162,8 @@ TEST(RegistrationTextTest, CountsResultsAndGivesTheReasonWhyNothingIsMatched) {
   none.set_removed_map_match_count(1);
   none.set_text("the leader has not solved the pose graph yet");
   EXPECT_EQ(RegistrationText({}, none),
-            "matched 0 pairs of 0 maps in 0 passes; 0 stored; 0 left; 0.0 s; 1 map had no optimized pose yet; 2 maps "
+            "matched 0 pairs of 0 maps in 0 passes; 0 matches stored; 0 pairs left; 0.0 s; 1 map had no optimized pose "
+            "yet; 2 maps "
             "quarantined, or newer than the last pass; the next pass will begin; the leader has not solved the pose "
             "graph yet\n1 stored match of maps that were removed since: the solver still uses them\n");
   EXPECT_EQ(MatchingLeftText(none), "the matching of maps will begin");
@@ -194,10 +196,12 @@ TEST(RegistrationTextTest, SaysHowFarTheSearchForStartsCame) {
   EXPECT_THAT(
       RegistrationText(team, state),
       HasSubstr(
-          "found how rover2 lies to rover1: evidence 160.7, best other place 8.9, matched 92 %, contradicted 4 %\n"
-          "did not find how rover3 lies to rover1: too little looks alike (evidence 5.6, best other place 0.0, "
-          "matched 0 %, contradicted 0 %); drive one of them through places that the other has seen, or give "
-          "one a start\n"));
+          "found the pose of rover2 relative to rover1: evidence 160.7, best alternative 8.9, matched 92 %, "
+          "contradicted 4 %\n"
+          "did not find the pose of rover3 relative to rover1: too little looks alike (evidence 5.6, best alternative "
+          "0.0, "
+          "matched 0 %, contradicted 0 %); drive one of them through places that the other has seen, or give one of "
+          "them a start\n"));
 }
 
 TEST(RegistrationTextTest, NamesTheAgentsWhosePairsWereLeftOut) {
@@ -214,8 +218,8 @@ TEST(RegistrationTextTest, NamesTheAgentsWhosePairsWereLeftOut) {
     pairs.set_count(900);
   }
   EXPECT_THAT(RegistrationText(team, state),
-              HasSubstr("left out 900 pairs of maps of rover1 and rover3 in the last pass, because they exceed their "
-                        "share of it\nleft out 900 pairs of maps of rover3 in the last pass"));
+              HasSubstr("excluded 900 pairs of maps of rover1 and rover3 from the last pass, because they exceed their "
+                        "share of a pass\nexcluded 900 pairs of maps of rover3 from the last pass"));
 }
 
 }  // namespace

@@ -166,10 +166,10 @@ TEST_F(RobotPackTest, HoldsKeysInKeyFiles) {
   }
   proto::RobotPack wrong_signing_key = PackOf("rover1");
   FileIn(wrong_signing_key, "rover1.sign").set_content(FileIn(wrong_signing_key, "rover1.sec").content());
-  EXPECT_THAT(ErrorOf(wrong_signing_key).text, HasSubstr("rover1.sign: does not fit the signing_key of rover1"));
+  EXPECT_THAT(ErrorOf(wrong_signing_key).text, HasSubstr("rover1.sign: does not match the signing_key of rover1"));
   proto::RobotPack wrong_key = PackOf("rover1");
   FileIn(wrong_key, "rover1.sec").set_content(FileIn(wrong_key, "rover1.sign").content());
-  EXPECT_THAT(ErrorOf(wrong_key).text, HasSubstr("rover1.sec: does not fit the public key rover1.pub"));
+  EXPECT_THAT(ErrorOf(wrong_key).text, HasSubstr("rover1.sec: does not match the public key rover1.pub"));
 }
 
 TEST_F(RobotPackTest, HoldsAClientListAsClientList) {
@@ -242,7 +242,7 @@ TEST_F(RobotPackTest, RefusesBytesThatAreNoPackOfThisTeam) {
   EXPECT_THAT(ErrorOf(other_agent).text, HasSubstr("has no agent rover7"));
   proto::RobotPack outside = PackOf("rover1");
   outside.add_files()->set_name("../../etc/passwd");
-  EXPECT_THAT(ErrorOf(outside).text, HasSubstr("does not belong into this pack"));
+  EXPECT_THAT(ErrorOf(outside).text, HasSubstr("does not belong to this pack"));
   proto::RobotPack readable = PackOf("rover1");
   FileIn(readable, "rover1.sec").set_is_secret(false);
   EXPECT_THAT(ErrorOf(readable).text, HasSubstr("rover1.sec does not belong"));

@@ -26,21 +26,21 @@ class SettledTest : public testing::Test {
 TEST_F(SettledTest, SaysWhatStillMoves) {
   EXPECT_EQ(Why(), "");
   activity_.graph.set_is_due(true);
-  EXPECT_EQ(Why(), "a solve is due");
+  EXPECT_EQ(Why(), "a solve of the pose graph is due");
   activity_.graph.set_is_solving(true);
-  EXPECT_EQ(Why(), "the leader solves the pose graph");
+  EXPECT_EQ(Why(), "the leader is solving the pose graph");
   activity_.sharing[0].second.add_gathers_from(2);
-  EXPECT_EQ(Why(), "rover1 still gathers the records of rover2");
+  EXPECT_EQ(Why(), "rover1 is still fetching the records of rover2");
   activity_.sharing[0].second.add_due(2);
-  EXPECT_EQ(Why(), "rover1 has records for rover2");
+  EXPECT_EQ(Why(), "rover1 has records to send to rover2");
   proto::ShareSession& session = *activity_.sharing[0].second.add_sessions();
   session.set_destination(2);
-  EXPECT_EQ(Why(), "rover1 has records for rover2") << "a closed session";
+  EXPECT_EQ(Why(), "rover1 has records to send to rover2") << "a closed session";
   session.set_is_open(true);
-  EXPECT_EQ(Why(), "rover1 sends rover2 records, it has not answered yet");
+  EXPECT_EQ(Why(), "rover1 is sending records to rover2, which has not answered yet");
   session.set_is_remaining_known(true);
   session.set_remaining(45);
-  EXPECT_EQ(Why(), "rover1 sends rover2 records, 45 left");
+  EXPECT_EQ(Why(), "rover1 is sending records to rover2, 45 left");
 }
 
 TEST_F(SettledTest, NamesAnAgentThatIsAwayOnceTheOthersHaveSettled) {
@@ -51,14 +51,16 @@ TEST_F(SettledTest, NamesAnAgentThatIsAwayOnceTheOthersHaveSettled) {
   proto::ShareSession& session = *activity_.sharing[0].second.add_sessions();
   session.set_destination(2);
   session.set_is_open(true);
-  EXPECT_EQ(Why(), "rover2 does not answer; the others have settled");
+  EXPECT_EQ(Why(), "rover2 does not answer; the other agents have settled");
   activity_.graph.set_is_due(true);
-  EXPECT_EQ(Why(), "a solve is due");
+  EXPECT_EQ(Why(), "a solve of the pose graph is due");
 }
 
 TEST_F(SettledTest, WaitsForMatchingUnlessNothingIsMatched) {
+  activity_.registration.set_is_due(true);
+  EXPECT_EQ(Why(), "the leader is matching maps");
   activity_.registration.set_is_done(false);
-  EXPECT_EQ(Why(), "the leader matches maps");
+  EXPECT_EQ(Why(), "the leader is matching maps");
   activity_.registration.set_text("registration is off");
   EXPECT_EQ(Why(), "");
 }

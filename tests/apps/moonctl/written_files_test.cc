@@ -75,7 +75,7 @@ TEST_F(WrittenFilesTest, RefusesALinkThatAnotherUserMade) {
   const auto refused = ReplaceFile(link, "new");
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
-  EXPECT_THAT(refused.error().text, HasSubstr("link that another user made"));
+  EXPECT_THAT(refused.error().text, HasSubstr("is a symbolic link of another user"));
   ExpectVictimUnchanged();
 }
 

@@ -111,14 +111,14 @@ TEST_F(TeamPageTest, SaysThatMapsAreCurrentOnlyIfAllAgentsSaySo) {
   EXPECT_TRUE(MapsAnswer(team_, reports_).is_known);
   EXPECT_TRUE(MapsAnswer(team_, reports_).is_good);
   reports_.agents[3].report.shares->add_due(2);
-  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover3 has records for rover2");
+  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover3 has records to send to rover2");
   reports_.agents[3].report.shares->clear_due();
   reports_.agents[1].graph->set_is_due(true);
-  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: a solve is due");
+  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: a solve of the pose graph is due");
   reports_.agents[1].graph->set_is_due(false);
   reports_.agents.erase(3);
   Own().mutable_peers(1)->set_is_connected(false);
-  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover3 does not answer; the others have settled");
+  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover3 does not answer; the other agents have settled");
   team_.mutable_radio()->set_sync_period_s(0);
   EXPECT_FALSE(MapsAnswer(team_, reports_).is_known) << "records move on command";
 }
@@ -129,12 +129,12 @@ TEST_F(TeamPageTest, ASilentLeaderIsNotSaidToWork) {
   reports_.agents[4] = ReportBy(4);
   EXPECT_FALSE(MapsAnswer(team_, reports_).is_known);
   Own().mutable_peers(1)->set_is_connected(false);
-  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover3 does not answer; the others have settled");
+  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover3 does not answer; the other agents have settled");
 }
 
 TEST_F(TeamPageTest, OneAgentsOwnBacklogIsKnownWithoutAskingTheTeam) {
   reports_.agents[1].report.shares->add_due(2);
-  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover1 has records for rover2");
+  EXPECT_EQ(MapsAnswer(team_, reports_).text, "no: rover1 has records to send to rover2");
 }
 
 TEST_F(TeamPageTest, WhatNobodyReportedIsUnknownAndNotZero) {
