@@ -37,7 +37,7 @@ class MatchReport {
 
  private:
   bool is_planned_ = false;  // A pass was planned in this term.
-  Inputs inputs_;            // Of the last pass.
+  Inputs inputs_;            // Inputs of the last pass.
   std::size_t pass_count_ = 0;
   std::size_t stored_count_ = 0;
   std::map<MatchVerdict, std::size_t> counts_;

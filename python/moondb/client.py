@@ -1,9 +1,12 @@
 """A client of a moondb agent: the control protocol (proto/control.proto) over ZeroMQ.
 
 Needs pyzmq and protobuf, zstandard for merged maps, and PyYAML for team files (Debian: python3-zmq python3-protobuf
-python3-zstandard python3-yaml). Use one Client per thread. An error of the agent raises AgentError, an agent that does not answer TimeoutError, and an answer that
-is invalid or exceeds a limit AnswerError. The limits are those of the client in C++: an agent that somebody took over can
-neither fill this process's memory nor keep a call from ending.
+python3-zstandard python3-yaml). Use one Client per thread. A forked process, such as a worker of multiprocessing, needs a
+Client of its own: that of its parent raises RuntimeError there.
+
+An error of the agent raises AgentError, an agent that does not answer TimeoutError, and an answer that is invalid or exceeds
+a limit AnswerError. The limits are those of the client in C++: an agent that somebody took over can neither fill this
+process's memory nor keep a call from ending.
 """
 import dataclasses
 import getpass
@@ -72,7 +75,8 @@ class Client:
         self._endpoint, self._timeout_s, self._request_id = endpoint, timeout_s, 0
         self._keys = (server_key.encode(), secret_key.encode())
         self._team_id = bytes.fromhex(team_id)
-        self._by = f"{getpass.getuser()}@{socket.gethostname()}"
+        self._by = f"{_user_name()}@{socket.gethostname()}"
+        self._process = os.getpid()
         self._tiles: Dict[str, Any] = {}
         self._connect()
 
@@ -89,9 +93,14 @@ class Client:
             self._dealer.curve_publickey = zmq.curve_public(secret_key)
         self._dealer.connect(self._endpoint)
 
+    def _check_process(self) -> None:
+        """Raises RuntimeError in a forked process. libzmq's threads are not there: a call would wait forever."""
+        if self._process != os.getpid():
+            raise RuntimeError(f"this Client belongs to process {self._process}: make a Client in each process")
+
     def close(self) -> None:
-        """Closes the connection. A second call has no effect."""
-        if self._dealer.closed:
+        """Closes the connection. A second call has no effect, and a call in a forked process has none."""
+        if self._process != os.getpid() or self._dealer.closed:
             return
         self._dealer.disable_monitor()
         self._events.close()
@@ -119,13 +128,18 @@ class Client:
             return 0
 
     def __enter__(self) -> "Client":
+        self._check_process()
         return self
 
     def __exit__(self, *_: Any) -> None:
         self.close()
 
+    def __reduce__(self) -> Any:
+        raise TypeError("a Client cannot be sent to another process: make a Client in each process")
+
     def call(self, request: Any, timeout_s: Optional[float] = None) -> Any:
         """Sends a ControlRequest and returns the ControlReply. After a TimeoutError, the next call connects again."""
+        self._check_process()
         self._request_id += 1
         request.by, request.team_id = self._by, self._team_id
         frame = messages.ClientMessage(request_id=self._request_id, control_request=request).SerializeToString()
@@ -414,6 +428,14 @@ class Client:
             request.after.x, request.after.y = reply.tiles[-1].x, reply.tiles[-1].y
         self._tiles = {"merger_id": first.merger_id, "since_version": first.version}
         return MergedTiles(first.merger_id != merger_id, first.tile_cells, first.resolution_um / 1e6, tiles)
+
+
+def _user_name() -> str:
+    """Returns the name of this process's user, or its number if the system knows no name (docker run --user 54321)."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # OSError since Python 3.13.
+        return str(os.geteuid())
 
 
 def _decompress(frame: bytes, size: int) -> bytes:

@@ -1,17 +1,21 @@
 #!/usr/bin/env python3
-"""Tests the limits of the Python client against a fake agent that misbehaves.
+"""Tests the Python client against a fake agent: its limits if the agent misbehaves, and its use after a fork.
 
 Usage: client_test.py PYTHON [TEST...]    PYTHON is the folder of the package moondb.
 Exit codes: 0 passed, 1 failed, 77 skipped (a package of Python is missing).
 """
+import os
 import pathlib
+import pickle
 import socket
 import struct
+import subprocess
 import sys
 import tempfile
 import threading
 import time
 import unittest
+from unittest import mock
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "apps"))
 from python_example_test import MODULES, go_on_with  # noqa: E402
@@ -265,6 +269,152 @@ class ClientLimitsTest(unittest.TestCase):
                 asked.status()
             self.assertLess(time.monotonic() - begin, 20)
         self.assertLess(agent.sent, 400 << 20)
+
+
+# Programs that fork while they have a Client. Arguments: the folder of the package moondb, the endpoint, the team id.
+FORK_BEGIN = """
+import concurrent.futures, gc, multiprocessing, os, sys
+sys.path.insert(0, sys.argv[1])
+from moondb import Client, messages
+client = Client(sys.argv[2], sys.argv[3], timeout_s=20)
+client.status()
+parent = os.getpid()
+
+def is_refused(call):
+    try:
+        call()
+    except RuntimeError as error:
+        return str(error) == f"this Client belongs to process {parent}: make a Client in each process"
+    return False
+"""
+
+POOL = FORK_BEGIN + """
+def work(number):
+    return is_refused(lambda: client.insert([messages.Record(timestamp_ns=number)]))
+
+def work_with_own_client(number):
+    with Client(sys.argv[2], sys.argv[3], timeout_s=20) as own:
+        return len(own.insert([messages.Record(timestamp_ns=number)])) == 1
+
+pool = concurrent.futures.ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("fork"))
+with pool:
+    refused = [pool.submit(work, number) for number in range(20)]
+    own = [pool.submit(work_with_own_client, number) for number in range(5)]
+    for _ in range(20):
+        client.status()
+    print(all(future.result() for future in refused), all(future.result() for future in own))
+for number in range(10):
+    client.insert([messages.Record(timestamp_ns=number)])
+print("done")
+"""
+
+# The child leaves the block of the Client, which closes it, and ends by sys.exit, so finalizers and atexit run.
+FORK = FORK_BEGIN + """
+with client:
+    child = os.fork()
+    if child == 0:
+        refused = is_refused(client.status)
+        client.close()
+        sys.exit(0 if refused and is_refused(client.status) else 1)
+    for _ in range(20):
+        client.status()
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+    client.insert([messages.Record(timestamp_ns=1)])
+
+client = Client(sys.argv[2], sys.argv[3], timeout_s=20)
+client.status()
+child = os.fork()
+if child == 0:
+    client = None  # The finalizers of its sockets run.
+    gc.collect()
+    with Client(sys.argv[2], sys.argv[3], timeout_s=20) as own:
+        own.insert([messages.Record(timestamp_ns=1)])
+    sys.exit(0)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+for number in range(9):
+    client.insert([messages.Record(timestamp_ns=number)])
+print("done")
+"""
+
+METHODS = FORK_BEGIN + """
+node, covariance = (1, 0), [1.0] * 6
+calls = {
+    "__enter__": client.__enter__,
+    "call": lambda: client.call(messages.ControlRequest(status={})),
+    "feed": lambda: next(client.feed()),
+    "follow": lambda: next(client.follow([1])),
+    "get": lambda: client.get(messages.RecordKey()),
+    "insert": lambda: client.insert([]),
+    "insert_loop_closure": lambda: client.insert_loop_closure(node, node, (0, 0, 0), covariance, "a"),
+    "insert_prior": lambda: client.insert_prior(node, (0, 0, 0), [1.0] * 3, "a"),
+    "map_tiles": client.map_tiles,
+    "merged_map": client.merged_map,
+    "next_node_index": client.next_node_index,
+    "replicate": client.replicate,
+    "roles": client.roles,
+    "set_lease": lambda: client.set_lease(0, 0),
+    "set_roles": client.set_roles,
+    "status": client.status,
+    "swap_roles": client.swap_roles,
+    "sync": client.sync,
+}
+missing = {name for name in vars(Client) if not name.startswith("_")} - calls.keys() - {"close"}
+child = os.fork()
+if child == 0:
+    print("missing", *missing, "accepted", *(name for name, call in calls.items() if not is_refused(call)))
+    sys.exit(0)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+client.status()
+"""
+
+
+class ClientProcessTest(unittest.TestCase):
+    def run_program(self, program):
+        """Runs the program with an agent that stores everything. Returns its output, and the number of inserts."""
+        inserts = []
+
+        def answer(request):
+            if request.HasField("insert"):
+                inserts.append(request)
+                return messages.ControlReply(insert={"keys": [{}] * len(request.insert.records)})
+            return messages.ControlReply(status={"agent_id": 1})
+
+        with FakeAgent(answer) as agent:
+            python = pathlib.Path(client.__file__).parents[1]
+            done = subprocess.run([sys.executable, "-W", "ignore", "-c", program, python, agent.endpoint, TEAM_ID],
+                                  capture_output=True, text=True, timeout=50)
+        self.assertEqual((done.returncode, done.stderr), (0, ""), done.stdout)
+        return done.stdout, len(inserts)
+
+    def test_a_process_pool_cannot_use_the_client_of_its_parent(self):
+        self.assertEqual(self.run_program(POOL), ("True True\ndone\n", 15))
+
+    def test_a_forked_child_ends_without_disturbing_its_parent(self):
+        self.assertEqual(self.run_program(FORK), ("0\n0\ndone\n", 11))
+
+    def test_each_method_is_refused_in_a_forked_child(self):
+        self.assertEqual(self.run_program(METHODS), ("missing accepted\n0\n", 0))
+
+    def test_a_client_is_not_sent_to_another_process(self):
+        with client.Client("ipc:///tmp/moondb-none", TEAM_ID) as asked:
+            with self.assertRaisesRegex(TypeError, "make a Client in each process"):
+                pickle.dumps(asked)
+
+
+class UserNameTest(unittest.TestCase):
+    def test_a_user_without_a_name_is_named_by_its_number(self):
+        unnamed = {name: "" for name in ("LOGNAME", "USER", "LNAME", "USERNAME")}
+        requests = []
+
+        def answer(request):
+            requests.append(request)
+            return messages.ControlReply(status={})
+
+        with FakeAgent(answer) as agent, mock.patch.dict(os.environ, unnamed), \
+                mock.patch("pwd.getpwuid", side_effect=KeyError("uid not found")), \
+                mock.patch("os.geteuid", return_value=54321), client.Client(agent.endpoint, TEAM_ID) as asked:
+            asked.status()
+        self.assertEqual([request.by for request in requests], [f"54321@{socket.gethostname()}"])
 
 
 def main():
