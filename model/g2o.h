@@ -44,7 +44,7 @@ struct G2oPlace {
 struct G2oVertex {
   std::uint64_t id = 0;
   Pose map_from_vertex;
-  G2oPlace place;
+  G2oPlace place = {};
 };
 
 struct G2oEdge {
@@ -52,7 +52,7 @@ struct G2oEdge {
   std::uint64_t to = 0;
   Pose from_from_to;
   Matrix6d information = Matrix6d::Identity();
-  G2oPlace place;
+  G2oPlace place = {};
 };
 
 // An absolute measurement of a vertex.
@@ -85,7 +85,8 @@ struct EdgeSigmas {
 
 struct G2oOptions {
   InformationCheck check = InformationCheck::kPositiveDefinite;
-  std::optional<EdgeSigmas> edge_sigmas;  // For edges without an information matrix. Null: such edges are refused.
+  // For edges without an information matrix. Null: such edges are refused.
+  std::optional<EdgeSigmas> edge_sigmas = std::nullopt;
 };
 
 // Parses a g2o file. `name` is the file's name in errors. Fails with kInvalid and the field "file:line" for:

@@ -50,13 +50,13 @@ Result<G2o> ToG2o(const Pyfg& pyfg) {
       return Fail(ErrorCode::kInvalid, "the index of node " + FormatKey(node.key) +
                                            " is beyond the symbols of g2o (2^48): export the graph as pyfg");
     }
-    g2o.vertices.push_back({SymbolOf(node.key), node.map_from_node, {}});
+    g2o.vertices.push_back({SymbolOf(node.key), node.map_from_node});
   }
   const auto add = [&g2o](const auto& edges) -> Result<void> {
     for (const auto& edge : edges) {
       const Result<Matrix6d> information = InverseOf(edge.covariance);
       if (!information) return tl::unexpected(information.error());
-      g2o.edges.push_back({SymbolOf(edge.from), SymbolOf(edge.to), edge.from_from_to, *information, {}});
+      g2o.edges.push_back({SymbolOf(edge.from), SymbolOf(edge.to), edge.from_from_to, *information});
     }
     return {};
   };

@@ -56,7 +56,7 @@ Result<GraphFile> ReadGraphFile(const GraphFileArguments& arguments, Information
     graph.pyfg = *std::move(pyfg);
     return graph;
   }
-  G2oOptions options{.check = check, .edge_sigmas = {}};
+  G2oOptions options{.check = check};
   if (!arguments.edge_sigmas.empty()) {
     const Result<EdgeSigmas> sigmas = ParseEdgeSigmas(arguments.edge_sigmas);
     if (!sigmas) return tl::unexpected(sigmas.error());

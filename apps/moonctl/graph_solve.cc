@@ -66,7 +66,7 @@ Result<void> WriteSolved(GraphFile file, const StandaloneGraph& graph, const Pla
   poses.erase(kOriginKey);
   if (file.is_g2o) {
     file.g2o.vertices.clear();
-    for (const auto& [key, pose] : poses) file.g2o.vertices.push_back({key.index, pose, {}});
+    for (const auto& [key, pose] : poses) file.g2o.vertices.push_back({key.index, pose});
     return WriteG2o(file.g2o, out);
   }
   for (GraphNode& node : file.pyfg.graph.nodes) node.map_from_node = poses.at(node.key);
