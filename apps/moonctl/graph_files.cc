@@ -1,7 +1,6 @@
 #include "apps/moonctl/graph_files.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 
 #include "apps/moonctl/exit_code.h"
@@ -10,7 +9,6 @@
 namespace moondb {
 namespace {
 
-constexpr int kFilesMax = 1000;  // Far more than a team has robots.
 constexpr char kEdgeSigmas[] = "--edge-sigmas";
 // The square roots of kVarianceMin and kVarianceMax (model/pose_graph.h).
 constexpr double kSigmaMin = 1e-6;
@@ -33,8 +31,7 @@ Result<EdgeSigmas> ParseEdgeSigmas(const std::string& text) {
 void AddGraphFileOptions(Command& command, GraphFileArguments& arguments) {
   command.AddOption("file", arguments.files, "A PyFG file, or all .g2o files of one graph, such as one for each robot")
       .TypeName("FILE")
-      .Required()
-      .Expected(1, kFilesMax);
+      .Required();
   command
       .AddOption(kEdgeSigmas, arguments.edge_sigmas,
                  "For g2o edges without an information matrix: standard deviations of position (m) and rotation (rad)")
