@@ -178,7 +178,7 @@ Result<GraphRun> RunGraph(const fs::path& path, const GraphBenchOptions& options
   if (fs::is_directory(path)) return RunMission(path, options);
   const std::string name = path.stem().string();
   if (path.extension() == ".g2o") {
-    const Result<G2o> g2o = ReadG2o(path, InformationCheck::kBlocks);
+    const Result<G2o> g2o = ReadG2o(path, {.check = InformationCheck::kBlocks});
     if (!g2o) return tl::unexpected(g2o.error());
     return PlainRunner(ToStandaloneGraph(*g2o), /*has_truth=*/false, options).Run(name);
   }

@@ -38,7 +38,7 @@ Result<void> FeedStream(const TeamFile& team, const WireStream& stream) {
   for (std::size_t i = 0; i < records.size(); ++i) {
     if (!records[i].ParseFromString(stream.records[i].content())) return Fail(ErrorCode::kCorrupt, "no record");
   }
-  return InsertInBatches(**client, records, [](std::size_t) {});
+  return InsertInBatches(**client, records, [](std::size_t, const auto&) {});
 }
 
 Result<WireMission> Feed(const std::string& team_file, const std::string& name) {

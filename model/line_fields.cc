@@ -1,5 +1,6 @@
 #include "model/line_fields.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -14,6 +15,15 @@ constexpr double kQuaternionTolerance = 0.01;
 // A quaternion whose length differs from 1 by at most this is not normalised again, so that a normalised quaternion
 // reads back bit for bit.
 constexpr double kQuaternionUnitSlack = 1e-12;
+
+// Returns the error for a text that is no finite number. Programs with a locale that has decimal commas write "0,5".
+std::string NumberError(std::string_view text) {
+  std::string with_point(text);
+  std::replace(with_point.begin(), with_point.end(), ',', '.');
+  const std::string quoted = "'" + std::string(text) + "'";
+  if (ParseDouble(with_point)) return quoted + " has a decimal comma: write " + with_point;
+  return quoted + " is no finite number";
+}
 
 }  // namespace
 
@@ -34,7 +44,7 @@ std::string_view LineFields::Take() {
 double LineFields::Number() {
   const std::string_view text = Take();
   const std::optional<double> value = ParseDouble(text);
-  if (!value) Stop("'" + std::string(text) + "' is no finite number");
+  if (!value) Stop(NumberError(text));
   return value.value_or(0);
 }
 

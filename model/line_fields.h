@@ -27,6 +27,10 @@ class LineFields {
   void Stop(std::string error);
 
   std::string_view Take();
+  // Returns the field after the next `count` ones without reading it. Empty if the line ends before it.
+  std::string_view Peek(std::size_t count) const {
+    return left() > count ? fields_[next_ + count] : std::string_view();
+  }
   double Number();           // Reads a finite number.
   std::uint64_t Index();     // Reads an unsigned 64-bit integer.
   std::int64_t Timestamp();  // Reads a timestamp and returns nanoseconds (ParseTimestampNs in model/text.h).

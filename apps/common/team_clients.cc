@@ -61,7 +61,7 @@ Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::Age
 }
 
 Result<void> InsertInBatches(Client& client, const std::vector<proto::Record>& records,
-                             const std::function<void(std::size_t)>& inserted) {
+                             const std::function<void(std::size_t, const std::vector<RecordKey>&)>& inserted) {
   std::vector<proto::Record> batch;
   std::size_t bytes = 0;
   for (std::size_t i = 0; i < records.size(); ++i) {
@@ -69,8 +69,9 @@ Result<void> InsertInBatches(Client& client, const std::vector<proto::Record>& r
     batch.push_back(records[i]);
     const bool is_full = batch.size() >= kSentRecordsMax || bytes >= kSentBytesMax;
     if (!is_full && i + 1 < records.size()) continue;
-    if (auto keys = client.Insert(batch); !keys) return tl::unexpected(keys.error());
-    inserted(i + 1);
+    const auto keys = client.Insert(batch);
+    if (!keys) return tl::unexpected(keys.error());
+    inserted(i + 1, *keys);
     batch.clear();
     bytes = 0;
   }

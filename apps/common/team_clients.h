@@ -25,8 +25,8 @@ Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::Age
                                           Client::Options options, const proto::AgentConfig* via = nullptr);
 
 // Inserts the records in the given order, in batches of at most 512 records and about 2 MB. Calls `inserted` after each
-// batch with the number of records inserted so far. Stops at the first error.
+// batch with the number of records inserted so far and the keys of the batch. Stops at the first error.
 Result<void> InsertInBatches(Client& client, const std::vector<proto::Record>& records,
-                             const std::function<void(std::size_t)>& inserted);
+                             const std::function<void(std::size_t, const std::vector<RecordKey>&)>& inserted);
 
 }  // namespace moondb

@@ -1,23 +1,26 @@
 #include "apps/moonctl/g2o_graph.h"
 
 #include <Eigen/LU>
+#include <map>
 #include <optional>
+
+#include "model/g2o_id.h"
 
 namespace moondb {
 namespace {
 
-constexpr int kIndexBits = 56;
-constexpr std::uint64_t kIndexMax = (std::uint64_t{1} << kIndexBits) - 1;
-
-std::uint64_t SymbolOf(const NodeKey& key) {
-  return std::uint64_t{static_cast<unsigned char>(LetterOfAgent(key.agent))} << kIndexBits | key.index;
-}
-
-std::optional<NodeKey> KeyOf(std::uint64_t id, AgentId plain_agent) {
-  const AgentId agent = AgentOfLetter(static_cast<char>(id >> kIndexBits));
-  if (agent != 0) return NodeKey{agent, id & kIndexMax};
-  if (plain_agent == 0) return std::nullopt;
-  return NodeKey{plain_agent, id};
+// Returns the node of an id. Plain ids belong to `plain_agent`; 0 refuses them.
+Result<NodeKey> KeyOf(std::uint64_t id, AgentId plain_agent) {
+  const std::optional<NodeKey> node = NodeOfId(id);
+  if (!node) {
+    return Fail(ErrorCode::kInvalid,
+                "vertex " + std::to_string(id) +
+                    " names no node: an id is a GTSAM Symbol, a LabeledSymbol with the robot's letter as label, or an "
+                    "index below 2^32");
+  }
+  if (node->agent != 0) return *node;
+  if (plain_agent != 0) return NodeKey{plain_agent, id};
+  return Fail(ErrorCode::kInvalid, "vertex " + std::to_string(id) + " names no robot: name one with -a");
 }
 
 Result<Matrix6d> InverseOf(const Matrix6d& matrix) {
@@ -43,8 +46,10 @@ Result<G2o> ToG2o(const Pyfg& pyfg) {
   G2o g2o;
   g2o.is_planar = pyfg.is_planar;
   for (const GraphNode& node : pyfg.graph.nodes) {
-    if (node.key.index > kIndexMax)
-      return Fail(ErrorCode::kInvalid, "a node's number exceeds the largest number of a g2o symbol (2^56)");
+    if (node.key.index > kSymbolIndexMax) {
+      return Fail(ErrorCode::kInvalid, "the index of node " + FormatKey(node.key) +
+                                           " is beyond the symbols of g2o (2^48): export the graph as pyfg");
+    }
     g2o.vertices.push_back({SymbolOf(node.key), node.map_from_node});
   }
   const auto add = [&g2o](const auto& edges) -> Result<void> {
@@ -67,21 +72,31 @@ Result<G2o> ToG2o(const Pyfg& pyfg) {
 }
 
 Result<Pyfg> ToPyfg(const G2o& g2o, AgentId plain_agent) {
-  if (g2o.vertices.empty()) return Fail(ErrorCode::kInvalid, "the file has no vertex, so the first pose is unknown");
+  if (g2o.vertices.empty()) {
+    return Fail(ErrorCode::kInvalid,
+                "the graph has no vertex line: write one for each node, since the first vertex of a "
+                "robot is where it starts");
+  }
   Pyfg pyfg;
   pyfg.is_planar = g2o.is_planar;
+  std::map<NodeKey, std::uint64_t> id_of;
   for (const G2oVertex& vertex : g2o.vertices) {
-    const std::optional<NodeKey> key = KeyOf(vertex.id, plain_agent);
-    if (!key) {
+    const std::string place = PlaceText(g2o, vertex.place);
+    const Result<NodeKey> key = KeyOf(vertex.id, plain_agent);
+    if (!key) return Fail(key.error().code, key.error().text, place);
+    const auto [known, is_new] = id_of.emplace(*key, vertex.id);
+    if (!is_new) {
       return Fail(ErrorCode::kInvalid,
-                  "vertex " + std::to_string(vertex.id) + " has an id that names no robot; name the robot with -a");
+                  "the vertices " + std::to_string(known->second) + " and " + std::to_string(vertex.id) +
+                      " are both node " + FormatKey(*key),
+                  place);
     }
     pyfg.graph.nodes.push_back({*key, 0, vertex.map_from_vertex});
   }
+  // The reader of the file has checked that the nodes of edges and priors are vertices.
   for (const G2oEdge& edge : g2o.edges) {
     const Result<Matrix6d> covariance = InverseOf(edge.information);
-    if (!covariance) return tl::unexpected(covariance.error());
-    // The reader of the file has checked that both nodes of an edge are vertices.
+    if (!covariance) return Fail(covariance.error().code, covariance.error().text, PlaceText(g2o, edge.place));
     pyfg.graph.odometry.push_back(
         {*KeyOf(edge.from, plain_agent), *KeyOf(edge.to, plain_agent), 0, edge.from_from_to, *covariance});
   }

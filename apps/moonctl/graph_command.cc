@@ -4,20 +4,16 @@
 
 #include "apps/common/graph_reading.h"
 #include "apps/common/json_writer.h"
-#include "apps/common/progress.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
-#include "apps/moonctl/g2o_graph.h"
 #include "apps/moonctl/graph_commands.h"
-#include "apps/moonctl/graph_import.h"
 #include "apps/moonctl/match_list.h"
 #include "apps/moonctl/node_name.h"
 #include "apps/moonctl/quarantine.h"
 #include "apps/moonctl/refused_sets.h"
 #include "apps/moonctl/rover_places.h"
-#include "apps/moonctl/team_letters.h"
 #include "model/text.h"
 
 namespace moondb {
@@ -29,65 +25,6 @@ struct OptimizeArguments {
   bool has_covariance = false;
   std::vector<std::string> covariance_of;  // Names of nodes, such as "rover2:17".
 };
-
-std::string Count(std::size_t count) { return std::to_string(count); }
-
-// Reads a PyFG or g2o file. Converts g2o to PyFG.
-Result<Pyfg> ReadImported(CommandContext& context, const proto::TeamConfig& team, const std::string& file) {
-  if (std::filesystem::path(file).extension() != ".g2o") return ReadPyfg(file);
-  AgentId plain_agent = 0;
-  if (!context.agent.empty()) {
-    const auto chosen = context.ChosenAgents();
-    if (!chosen) return tl::unexpected(chosen.error());
-    for (const auto& [letter, agent] : AgentsByLetter(team)) {
-      if (agent == chosen->front()->id()) plain_agent = letter;
-    }
-  }
-  return ReadG2o(file).and_then([plain_agent](const G2o& g2o) { return ToPyfg(g2o, plain_agent); });
-}
-
-ExitCode ImportGraph(CommandContext& context, const std::string& file) {
-  auto team = context.Team();
-  if (!team) return context.Report(team.error());
-  auto pyfg = ReadImported(context, (*team)->config, file);
-  if (!pyfg) return context.Report(InputError(pyfg.error()));
-  auto import = PrepareImport((*team)->config, *pyfg);
-  if (!import) return context.Report(import.error());
-
-  // Connect to all agents before inserting the first record.
-  std::map<AgentId, AgentClient> clients;
-  std::size_t total = 0;
-  for (const auto& [agent, records] : import->records) {
-    auto connected = context.Connect(AgentName((*team)->config, agent));
-    if (!connected) return context.Report(connected.error());
-    clients.emplace(agent, std::move(*connected));
-    total += records.size();
-  }
-  Progress progress("import");
-  std::size_t before = 0;
-  for (const auto& [agent, records] : import->records) {
-    const auto show = [&](std::size_t count) {
-      progress.Show(static_cast<double>(before + count), static_cast<double>(total),
-                    Count(before + count) + " of " + Count(total) + " records");
-    };
-    if (auto done = InsertInBatches(*clients.at(agent).client, records, show); !done) {
-      return context.Report(done.error());
-    }
-    before += records.size();
-  }
-  JsonWriter json;
-  json.BeginObject().Key("nodes").Number(static_cast<double>(import->node_count));
-  json.Key("odometry").Number(static_cast<double>(import->odometry_count));
-  json.Key("ranges").Number(static_cast<double>(import->range_count));
-  json.Key("loop_closures").Number(static_cast<double>(import->closure_count));
-  json.Key("priors").Number(static_cast<double>(import->prior_count));
-  json.Key("left_out").Number(static_cast<double>(import->left_out_count)).EndObject();
-  return context.Done(json.text(), "inserted " + Count(import->node_count) + " nodes, " +
-                                       Count(import->odometry_count) + " odometry edges, " +
-                                       Count(import->range_count) + " ranges, " + Count(import->closure_count) +
-                                       " loop closures and " + Count(import->prior_count) + " priors at " +
-                                       Count(clients.size()) + " agents; excluded " + Count(import->left_out_count));
-}
 
 std::string AnchoringText(proto::Anchoring anchoring) {
   switch (anchoring) {
@@ -326,13 +263,7 @@ void AddGraphCommands(Command& app, CommandContext& context) {
   Command& group = app.AddSubcommand("graph", "Import, solve, inspect and export the team's pose graph");
   group.RequireSubcommand();
 
-  auto file = std::make_shared<std::string>();
-  Command& imported =
-      AddCommand(group, "import", "Import a PyFG or g2o file: insert each rover's part at its own agent (g2o: see -a)",
-                 {"moonctl graph import mission.pyfg"});
-  imported.AddOption("file", *file, "A .g2o file; anything else is read as PyFG").TypeName("FILE").Required();
-  imported.Callback([&context, file] { context.action = [&context, file] { return ImportGraph(context, *file); }; });
-
+  AddGraphImport(group, context);
   AddGraphExport(group, context);
 
   auto optimize = std::make_shared<OptimizeArguments>();

@@ -13,7 +13,7 @@ namespace {
 class Importer {
  public:
   Importer(const proto::TeamConfig& team, const Pyfg& pyfg)
-      : pyfg_(pyfg), agents_(AgentsByLetter(team)), base_(BaseStationOf(team)) {}
+      : team_(team), pyfg_(pyfg), agents_(AgentsByLetterOfAnyCase(team)), base_(BaseStationOf(team)) {}
 
   Result<GraphImport> Run() {
     AddLandmarks();
@@ -23,13 +23,13 @@ class Importer {
       const NodeKey to = *Translate(edge.to);
       if (from.agent != to.agent || IsLoopClosure(edge)) {
         const LoopClosure closure{from, to, edge.timestamp_ns, edge.from_from_to, edge.covariance, SourceOf(from, to)};
-        Add(from.agent, ToRecord(closure), import_.closure_count);
+        Add(from.agent, ToRecord(closure));
         continue;
       }
       OdometryEdge translated = edge;
       translated.from = from;
       translated.to = to;
-      Add(from.agent, ToRecord(translated), import_.odometry_count);
+      Add(from.agent, ToRecord(translated));
     }
     for (const RangeEdge& edge : pyfg_.graph.ranges) {
       RangeEdge translated = edge;
@@ -41,7 +41,7 @@ class Importer {
       }
       translated.from = *from;
       translated.to = *to;
-      Add(translated.from.agent, ToRecord(translated), import_.range_count);
+      Add(translated.from.agent, ToRecord(translated));
     }
     for (NodePrior prior : pyfg_.graph.priors) {
       const auto node = Translate(prior.node);
@@ -51,7 +51,7 @@ class Importer {
       }
       prior.node = *node;
       prior.source = SourceOf(*node, *node);
-      Add(node->agent, ToRecord(prior), import_.prior_count);
+      Add(node->agent, ToRecord(prior));
     }
     import_.left_out_count += pyfg_.sightings.size();
     return std::move(import_);
@@ -78,9 +78,9 @@ class Importer {
     return next != known_.end() && *next < last;
   }
 
-  void Add(AgentId agent, proto::Record record, std::size_t& count) {
+  void Add(AgentId agent, proto::Record record) {
+    import_.counts.Add(record);
     import_.records[agent].push_back(std::move(record));
-    ++count;
   }
 
   // Turns the landmark with the base station's letter into the base station's node. Leaves out other landmarks, because
@@ -97,7 +97,7 @@ class Importer {
       node.timestamp_ns = landmark.timestamp_ns.value_or(0);
       node.map_from_node.position_m = landmark.position_m;
       known_.insert(*key);
-      Add(base_, ToRecord(node), import_.node_count);
+      Add(base_, ToRecord(node));
     }
   }
 
@@ -111,10 +111,17 @@ class Importer {
       const OdometryEdge*& step = steps[edge.to];
       if (step == nullptr || step->from < edge.from) step = &edge;
     }
+    std::map<AgentId, AgentId> letters;
     for (auto& [letter, nodes] : by_agent) {
-      if (!agents_.contains(letter)) {
-        return Fail(ErrorCode::kInvalid,
-                    std::string("the letter ") + LetterOfAgent(letter) + " of the file names no agent of the team");
+      const std::string name(1, LetterOfAgent(letter));
+      const auto agent = agents_.find(letter);
+      if (agent == agents_.end()) {
+        return Fail(ErrorCode::kInvalid, "no agent stands for the letter " + name + ": " + LettersText(team_));
+      }
+      const auto [other, is_new] = letters.emplace(agent->second, letter);
+      if (!is_new) {
+        return Fail(ErrorCode::kInvalid, std::string("the letters ") + LetterOfAgent(other->second) + " and " + name +
+                                             " stand for the same agent: use one of them");
       }
       std::sort(nodes.begin(), nodes.end(), [](const auto* a, const auto* b) { return a->key < b->key; });
       if (auto added = AddRover(nodes, steps); !added) return added;
@@ -138,11 +145,12 @@ class Importer {
       translated.key = *Translate(node->key);
       translated.map_from_node = raw.at(node->key);
       known_.insert(translated.key);
-      Add(translated.key.agent, ToRecord(translated), import_.node_count);
+      Add(translated.key.agent, ToRecord(translated));
     }
     return {};
   }
 
+  const proto::TeamConfig& team_;
   const Pyfg& pyfg_;
   const std::map<AgentId, AgentId> agents_;
   const AgentId base_;
@@ -152,6 +160,21 @@ class Importer {
 };
 
 }  // namespace
+
+void GraphCounts::Add(const proto::Record& record) {
+  const proto::PoseGraphEdge& edge = record.pose_graph_edge();
+  if (record.has_pose_graph_node()) {
+    ++nodes;
+  } else if (record.has_pose_prior()) {
+    ++priors;
+  } else if (edge.has_range()) {
+    ++ranges;
+  } else if (edge.source().empty()) {
+    ++odometry;
+  } else {
+    ++closures;
+  }
+}
 
 Result<GraphImport> PrepareImport(const proto::TeamConfig& team, const Pyfg& pyfg) {
   return Importer(team, pyfg).Run();

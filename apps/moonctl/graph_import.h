@@ -18,21 +18,30 @@ namespace moondb {
 
 inline constexpr char kImportSource[] = "file";
 
+struct GraphCounts {
+  std::size_t nodes = 0;
+  std::size_t odometry = 0;
+  std::size_t ranges = 0;
+  // Relative poses between two rovers, or between nodes of one rover that are not consecutive.
+  std::size_t closures = 0;
+  std::size_t priors = 0;
+
+  void Add(const proto::Record& record);
+  std::size_t edges() const { return odometry + ranges + closures; }
+  std::size_t total() const { return nodes + edges() + priors; }
+};
+
 struct GraphImport {
   // Records by the agent that inserts them. The nodes of an agent precede its edges.
   std::map<AgentId, std::vector<proto::Record>> records;
-  std::size_t node_count = 0;
-  std::size_t odometry_count = 0;
-  std::size_t range_count = 0;
-  // Relative poses between two rovers, or between nodes of one rover that are not consecutive.
-  std::size_t closure_count = 0;
-  std::size_t prior_count = 0;
+  GraphCounts counts;
   // Number of skipped items: sightings, landmarks other than the base station, and ranges to and priors of landmarks.
   std::size_t left_out_count = 0;
 };
 
-// Returns the records for the graph. Returns kInvalid if a letter of the file belongs to no agent of the team, or if
-// the odometry does not lead from the first node of a rover to each of its other nodes.
+// Returns the records for the graph. Returns kInvalid if a letter of the file belongs to no agent of the team, or if a
+// rover has two letters (A and a). Also returns kInvalid if the odometry does not lead from the first node of a rover
+// to each of its other nodes.
 Result<GraphImport> PrepareImport(const proto::TeamConfig& team, const Pyfg& pyfg);
 
 }  // namespace moondb

@@ -5,13 +5,14 @@
 #include "apps/common/table.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/graph_commands.h"
+#include "apps/moonctl/graph_files.h"
 #include "model/text.h"
 
 namespace moondb {
 namespace {
 
 struct SolveArguments {
-  std::string file;
+  GraphFileArguments input;
   std::string out;
   std::vector<std::string> fixed;
   bool starts_at_vertices = false;
@@ -19,29 +20,14 @@ struct SolveArguments {
   int threads = 2;
 };
 
-bool IsG2o(const std::string& file) { return std::filesystem::path(file).extension() == ".g2o"; }
-
-// The content of a g2o file (`g2o`) or of a PyFG file (`pyfg`).
-struct GraphFile {
-  bool is_g2o = false;
-  G2o g2o;
-  Pyfg pyfg;
-};
-
-Result<GraphFile> ReadGraphFile(const std::string& file, bool is_isotropic) {
-  GraphFile graph;
-  graph.is_g2o = IsG2o(file);
-  if (is_isotropic && !graph.is_g2o) return Fail(ErrorCode::kInvalid, "applies only to .g2o files", "--isotropic");
-  if (graph.is_g2o) {
-    auto g2o = ReadG2o(file, is_isotropic ? InformationCheck::kBlocks : InformationCheck::kPositiveDefinite);
-    if (!g2o) return tl::unexpected(g2o.error());
-    graph.g2o = *std::move(g2o);
-  } else {
-    auto pyfg = ReadPyfg(file);
-    if (!pyfg) return tl::unexpected(pyfg.error());
-    graph.pyfg = *std::move(pyfg);
+Result<GraphFile> ReadInput(const SolveArguments& arguments) {
+  const bool is_g2o = IsG2o(arguments.input.files.front());
+  if (arguments.is_isotropic && !is_g2o) return Fail(ErrorCode::kInvalid, "applies only to .g2o files", "--isotropic");
+  if (!arguments.out.empty() && IsG2o(arguments.out) != is_g2o) {
+    return Fail(ErrorCode::kInvalid, "must have the same format as the input files", "--out");
   }
-  return graph;
+  return ReadGraphFile(arguments.input,
+                       arguments.is_isotropic ? InformationCheck::kBlocks : InformationCheck::kPositiveDefinite);
 }
 
 Result<NodeKey> PyfgKey(const std::string& text) {
@@ -90,11 +76,8 @@ Result<void> WriteSolved(GraphFile file, const StandaloneGraph& graph, const Pla
 }
 
 ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
-  if (!arguments.out.empty() && IsG2o(arguments.out) != IsG2o(arguments.file)) {
-    return context.Report(Error{ErrorCode::kInvalid, "must have the same format as the input file", "--out"});
-  }
-  auto file = ReadGraphFile(arguments.file, arguments.is_isotropic);
-  if (!file) return context.Report(InputError(file.error()));
+  auto file = ReadInput(arguments);
+  if (!file) return context.Report(file.error());
   const auto graph = ToPlain(*file, arguments.fixed);
   if (!graph) return context.Report(graph.error());
   PlainOptions options;
@@ -104,7 +87,7 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
       arguments.starts_at_vertices ? SolveFromVertices(*graph, options) : SolveStandaloneGraph(*graph, options);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   if (!solution.has_converged) {
-    return context.Report(Error{ErrorCode::kInternal, "no solution: " + solution.text, arguments.file});
+    return context.Report(Error{ErrorCode::kInternal, "no solution: " + solution.text, arguments.input.files.front()});
   }
   if (!arguments.out.empty()) {
     if (auto written = WriteSolved(*file, *graph, solution, arguments.out); !written) {
@@ -138,7 +121,7 @@ void AddGraphSolve(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<SolveArguments>();
   Command& command = AddCommand(group, "solve", "Solve a graph file with all its factors, without an agent",
                                 {"moonctl graph solve plaza.pyfg --fix L0 --out solved.pyfg"});
-  command.AddOption("file", arguments->file, "A .g2o file; anything else is read as PyFG").TypeName("FILE").Required();
+  AddGraphFileOptions(command, arguments->input);
   command.AddOption("--out", arguments->out, "Write the graph with the solved poses").TypeName("FILE");
   command.AddOption("--fix", arguments->fixed, "Vertex to hold fixed at its position in the file (L0, or a g2o id)");
   command.AddFlag("--vertices-as-start", arguments->starts_at_vertices,

@@ -57,7 +57,7 @@ Result<void> InsertDue(AgentFeed& feed, const Pace& pace) {
     return pace.TimeOf(record) <= Clock::now();
   });
   const std::vector<proto::Record> due(feed.records.begin(), end);
-  auto inserted = InsertInBatches(*feed.client, due, [](std::size_t) {});
+  auto inserted = InsertInBatches(*feed.client, due, [](std::size_t, const auto&) {});
   if (inserted) feed.records.erase(feed.records.begin(), end);
   return inserted;
 }
@@ -113,7 +113,7 @@ Result<void> FeedAtOnce(const AgentFeed& feed) {
   const Clock::time_point start = Clock::now();
   const std::size_t total = feed.records.size();
   Progress progress("feed " + feed.name);
-  const auto show = [&](std::size_t count) {
+  const auto show = [&](std::size_t count, const auto&) {
     progress.Show(static_cast<double>(count), static_cast<double>(total), RecordsText(count, total));
   };
   if (auto inserted = InsertInBatches(*feed.client, feed.records, show); !inserted) return inserted;

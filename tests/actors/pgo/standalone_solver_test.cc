@@ -300,7 +300,7 @@ TEST_P(PublicSetTest, ReachesTheBestKnownCost) {
   const std::filesystem::path file = std::filesystem::path(data) / "pose_graphs" / GetParam().file;
   StandaloneGraph graph;
   if (file.extension() == ".g2o") {
-    const Result<G2o> g2o = ReadG2o(file, GetParam().check);
+    const Result<G2o> g2o = ReadG2o(file, {.check = GetParam().check});
     ASSERT_TRUE(g2o) << ToString(g2o.error());
     graph = ToStandaloneGraph(*g2o);
   } else {

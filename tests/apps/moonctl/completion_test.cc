@@ -57,7 +57,8 @@ TEST_F(CompletionTest, KnowsChoicesDataTypesAndFiles) {
   EXPECT_TRUE(Complete(app_, {"graph", "import", ""}, team_).is_file);
   EXPECT_TRUE(Complete(app_, {"-t", ""}, team_).is_file);
   EXPECT_FALSE(Complete(app_, {"record", "insert", ""}, team_).is_file);
-  EXPECT_THAT(WordsFor({"graph", "import", "a.pyfg", ""}), IsEmpty()) << "it takes one";
+  EXPECT_TRUE(Complete(app_, {"graph", "import", "a.g2o", ""}, team_).is_file) << "it takes several";
+  EXPECT_FALSE(Complete(app_, {"graph", "export", "a.pyfg", ""}, team_).is_file) << "it takes one";
   EXPECT_THAT(WordsFor({}), Contains("status"));
 }
 

@@ -67,16 +67,31 @@ TEST(G2oGraphTest, GivesPlainIdsToTheRoverThatIsNamed) {
   ASSERT_TRUE(g2o.has_value());
   const Result<Pyfg> nobodys = ToPyfg(*g2o, 0);
   ASSERT_FALSE(nobodys.has_value());
-  EXPECT_EQ(nobodys.error().text, "vertex 3 has an id that names no robot; name the robot with -a");
+  EXPECT_EQ(nobodys.error().text, "vertex 3 names no robot: name one with -a");
+  EXPECT_EQ(nobodys.error().field, "test:1");
   const Result<Pyfg> pyfg = ToPyfg(*g2o, 2);
   ASSERT_TRUE(pyfg.has_value());
   EXPECT_EQ(pyfg->graph.nodes[1].key, (NodeKey{2, 4}));
   EXPECT_TRUE(pyfg->is_planar);
 }
 
+TEST(G2oGraphTest, RefusesTwoIdsOfOneNode) {
+  // LabeledSymbols of the robot A: a pose x and a landmark l with one index.
+  const std::uint64_t pose = std::uint64_t{'x'} << 56 | std::uint64_t{'A'} << 48;
+  const std::uint64_t landmark = std::uint64_t{'l'} << 56 | std::uint64_t{'A'} << 48;
+  const auto g2o = ParseG2o(
+      "VERTEX_SE2 " + std::to_string(pose) + " 0 0 0\nVERTEX_SE2 " + std::to_string(landmark) + " 0 0 0\n", "test");
+  ASSERT_TRUE(g2o.has_value());
+  const Result<Pyfg> pyfg = ToPyfg(*g2o, 0);
+  ASSERT_FALSE(pyfg.has_value());
+  EXPECT_EQ(pyfg.error().field, "test:2");
+  EXPECT_EQ(pyfg.error().text,
+            "the vertices " + std::to_string(pose) + " and " + std::to_string(landmark) + " are both node A0");
+}
+
 TEST(G2oGraphTest, RefusesUnnameableVerticesAndSingularMatrices) {
   Pyfg pyfg = TwoRovers();
-  pyfg.graph.nodes[0].key.index = std::uint64_t{1} << 56;
+  pyfg.graph.nodes[0].key.index = std::uint64_t{1} << 48;
   EXPECT_EQ(ToG2o(pyfg).error().code, ErrorCode::kInvalid);
   pyfg = TwoRovers();
   pyfg.graph.odometry[0].covariance.setZero();

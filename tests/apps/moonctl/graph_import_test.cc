@@ -14,6 +14,7 @@ proto::TeamConfig Team(int rovers, bool has_base) {
   for (int i = 1; i <= rovers + (has_base ? 1 : 0); ++i) {
     proto::AgentConfig& agent = *team.add_agents();
     agent.set_id(static_cast<std::uint32_t>(10 * i));
+    agent.set_name("agent" + std::to_string(i));
     if (i > rovers) agent.set_kind(proto::AGENT_KIND_BASE_STATION);
   }
   return team;
@@ -56,10 +57,10 @@ TEST(GraphImportTest, SeparatesOdometryFromLoopClosuresAndPriors) {
   ASSERT_TRUE(pyfg.has_value()) << ToString(pyfg.error());
   const auto import = PrepareImport(Team(2, true), *pyfg);
   ASSERT_TRUE(import.has_value()) << ToString(import.error());
-  EXPECT_EQ(import->odometry_count, 3u);
+  EXPECT_EQ(import->counts.odometry, 3u);
   // Two between A0 and A2, and two between A1 and B1.
-  EXPECT_EQ(import->closure_count, 4u);
-  EXPECT_EQ(import->prior_count, 1u);
+  EXPECT_EQ(import->counts.closures, 4u);
+  EXPECT_EQ(import->counts.priors, 1u);
   // The import leaves out the landmark M0, its range and its prior.
   EXPECT_EQ(import->left_out_count, 3u);
   std::vector<std::string> sources;
@@ -80,9 +81,9 @@ TEST(GraphImportTest, ComposesRawPosesFromOdometryAndNeverTakesLaterVertices) {
   ASSERT_TRUE(pyfg.has_value()) << ToString(pyfg.error());
   const auto import = PrepareImport(Team(2, true), *pyfg);
   ASSERT_TRUE(import.has_value()) << ToString(import.error());
-  EXPECT_EQ(import->node_count, 5u);
-  EXPECT_EQ(import->odometry_count, 2u);
-  EXPECT_EQ(import->range_count, 2u);
+  EXPECT_EQ(import->counts.nodes, 5u);
+  EXPECT_EQ(import->counts.odometry, 2u);
+  EXPECT_EQ(import->counts.ranges, 2u);
   EXPECT_EQ(import->left_out_count, 2u);  // The landmark M0 and its range.
 
   const auto& rover2 = import->records.at(20);
@@ -100,7 +101,25 @@ TEST(GraphImportTest, RefusesLettersWithoutAnAgent) {
   const auto pyfg = ParsePyfg(kGraph, "test");
   const auto import = PrepareImport(Team(1, true), *pyfg);
   ASSERT_FALSE(import.has_value());
-  EXPECT_NE(import.error().text.find("letter B"), std::string::npos);
+  EXPECT_EQ(import.error().text, "no agent stands for the letter B: A is agent1, L is agent2");
+}
+
+TEST(GraphImportTest, SmallLettersStandForRoversUnlessTheyHaveAgentsOfTheirOwn) {
+  const auto small = AgentsByLetterOfAnyCase(Team(2, true));
+  EXPECT_EQ(small.at(AgentOfLetter('a')), 10u);
+  EXPECT_EQ(small.at(AgentOfLetter('B')), 20u);
+  EXPECT_FALSE(small.contains(AgentOfLetter('l'))) << "a landmark, not the base station";
+  const auto large = AgentsByLetterOfAnyCase(Team(26, true));
+  EXPECT_EQ(large.at(AgentOfLetter('a')), 260u);
+  EXPECT_FALSE(large.contains(AgentOfLetter('b')));
+}
+
+TEST(GraphImportTest, RefusesARobotWithTwoLetters) {
+  const auto pyfg = ParsePyfg("VERTEX_SE2 0 A0 0 0 0\nVERTEX_SE2 1 a0 1 0 0\n", "test");
+  ASSERT_TRUE(pyfg.has_value()) << ToString(pyfg.error());
+  const auto import = PrepareImport(Team(1, false), *pyfg);
+  ASSERT_FALSE(import.has_value());
+  EXPECT_EQ(import.error().text, "the letters A and a stand for the same agent: use one of them");
 }
 
 TEST(GraphImportTest, RefusesANodeThatOdometryDoesNotReach) {
