@@ -210,7 +210,7 @@ void MergeActor::Take(const RecordKey& key, const proto::Record& record) {
     if (record.has_local_traversability_map()) ++unusable_map_count_;
     // The record validator accepted the record, but the map cannot be merged (for example, its cells are too fine for
     // the grid).
-    refused_log_.Warn("merge: leaves out record " + ToString(key) + ": " + ToString(added.error()));
+    refused_log_.Warn("merge: excludes record " + ToString(key) + ": " + ToString(added.error()));
   }
   is_current_ = false;
 }

@@ -380,7 +380,7 @@ Result<void> BatchDecoder::ContinueRun(std::uint64_t maps_before) {
     rows_before_.clear();
   }
   if (!run_ || maps_before != maps_before_)
-    return Fail(ErrorCode::kNotFound, "follows batches that are not here", "coded");
+    return Fail(ErrorCode::kNotFound, "depends on earlier batches that are missing here", "coded");
   return {};
 }
 
