@@ -151,7 +151,7 @@ Result<void> Client::Connection::WaitForPeer(Sockets& sockets, Duration timeout)
       case 0:
         break;
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
-        return Fail(ErrorCode::kRefused, agent + " does not let this key in");
+        return Fail(ErrorCode::kRefused, agent + " does not admit this key");
       default:
         return Fail(ErrorCode::kUnavailable, agent + " does not listen at " + endpoint_ + ", or has another key");
     }
@@ -168,7 +168,7 @@ Result<void> Client::Connection::Send(const std::string& frame) {
   } catch (const zmq::error_t&) {
   }
   Close();
-  return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " went away");
+  return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " disconnected");
 }
 
 Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline) {
@@ -183,7 +183,7 @@ Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline
       }
       if (!sockets_->is_writable()) {
         Close();
-        return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " went away during the call");
+        return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " disconnected during the call");
       }
       // maxmsgsize limits the size of a frame. Limit the number of frames of a message, too, because libzmq buffers
       // them all.

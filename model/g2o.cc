@@ -53,7 +53,7 @@ class G2oParser {
     if (word == "EDGE_SE3_XYZ_PRIOR") return ParsePrior(fields, false, PriorExtent::kPosition);
     if (word == "PARAMS_SE3OFFSET") return ParseOffset(fields);
     if (word == "FIX") return ParseFix(fields);
-    fields.Stop("'" + std::string(word) + "' is no keyword of g2o that is known here");
+    fields.Stop("'" + std::string(word) + "' is not a known keyword of g2o");
   }
 
   void ParseVertex(LineFields& fields, bool is_planar) {
@@ -63,7 +63,7 @@ class G2oParser {
     vertex.map_from_vertex = fields.PoseOf(is_planar);
     if (!fields.error().empty()) return;
     if (!vertices_.insert(vertex.id).second) {
-      fields.Stop("the vertex " + std::to_string(vertex.id) + " stands here a second time");
+      fields.Stop("the vertex " + std::to_string(vertex.id) + " occurs a second time");
     }
     g2o_.vertices.push_back(vertex);
   }

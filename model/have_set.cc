@@ -201,12 +201,12 @@ Result<HaveSet> FromProto(const proto::HaveSet& have) {
       return Fail(ErrorCode::kInvalid, "is no agent id", field + ".origin_agent");
     }
     const StreamKey key{stream.origin_agent(), stream.epoch(), stream.data_type()};
-    if (result.streams().count(key)) return Fail(ErrorCode::kInvalid, "stands twice", field);
+    if (result.streams().count(key)) return Fail(ErrorCode::kInvalid, "occurs twice", field);
     Result<IntervalSet> held = FromProto(stream.held(), field + ".held");
     if (!held) return tl::unexpected(held.error());
     Result<IntervalSet> dropped = FromProto(stream.dropped(), field + ".dropped");
     if (!dropped) return tl::unexpected(dropped.error());
-    if (held->Minus(*dropped) != *held) return Fail(ErrorCode::kInvalid, "is held and dropped", field);
+    if (held->Minus(*dropped) != *held) return Fail(ErrorCode::kInvalid, "is both held and dropped", field);
     result[key] = StreamHave{*std::move(held), *std::move(dropped)};
   }
   return result;

@@ -20,7 +20,7 @@ HaveSet HaveOf(const Query& query, int column) {
   if (parsed.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
     if (Result<HaveSet> have = FromProto(parsed)) return *std::move(have);
   }
-  spdlog::error("storage: a record of a bundle for the ground station is damaged and left out");
+  spdlog::error("storage: a record is damaged and excluded from the bundle for the ground station");
   return {};
 }
 

@@ -40,7 +40,7 @@ Result<std::string> CheckStore(const StorageActor::Options& options) {
   auto store = RecordStore::Open(std::move(store_options));
   if (!store) return tl::unexpected(store.error());
   const Result<void> written = (*store)->LogLastRun(UtcNowNs());
-  if (!written) spdlog::warn("how the process before ended is not written down: {}", ToString(written.error()));
+  if (!written) spdlog::warn("cannot store the event of how the previous process ended: {}", ToString(written.error()));
   return (*store)->set_aside();
 }
 

@@ -110,7 +110,8 @@ class TeamChecker {
     for (const auto& [name, policy] : policies) {
       const DataTypeRow* row = RowNamed(name);
       if (row != nullptr && row->rank == ShareRank::kRoles && policy != proto::POLICY_ALL) {
-        Add(section + "." + name, "expected all: whose records are taken depends on it");
+        Add(section + "." + name,
+            "expected all: every agent needs all role assignments to decide which records it accepts");
         continue;
       }
       if (policy != proto::POLICY_LATEST || row == nullptr || row->may_be_latest) continue;
@@ -342,11 +343,11 @@ class TeamChecker {
       if (std::find(names.begin(), names.end(), given[i]) == names.end()) {
         Add(path, "no agent is named " + Quoted(given[i]) + DidYouMean(given[i], names));
       } else if (given[i] == kAllMayCommand && given.size() > 1) {
-        Add(path, "all stands alone: it names every agent");
+        Add(path, "all must be the only entry, because it names every agent");
       } else if (first != given.begin() + i) {
         Add(path, given[i] + " is named twice");
       } else if (const auto* agent = FindAgent(team_, given[i]); agent != nullptr && agent->left()) {
-        Add(path, given[i] + " has left the team; nobody obeys what comes through it");
+        Add(path, given[i] + " has left the team; remove it from this list");
       }
     }
   }
@@ -359,7 +360,8 @@ class TeamChecker {
       return agent.kind() == proto::AGENT_KIND_BASE_STATION && agent.left();
     });
     if (!has_left || BaseStationOf(team_) != 0) return;
-    Add("command_from", "missing: the base station, which commands by default, has left; name who does, or all");
+    Add("command_from",
+        "missing: the base station, which commands by default, has left; name the agents that may command, or all");
   }
 
   const proto::AgentConfig* FindRover(const std::string& field, const std::string& name) {

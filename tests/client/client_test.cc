@@ -222,7 +222,7 @@ TEST(OrdersTest, ADeposedLeaderIsNotAskedAgain) {
   auto client = ConnectTo(agent);
   const auto progress = client->Sync({});
   ASSERT_FALSE(progress);
-  EXPECT_THAT(progress.error().text, HasSubstr("leads no longer"));
+  EXPECT_THAT(progress.error().text, HasSubstr("is no longer the leader"));
   EXPECT_EQ(sharing.orders, 1);
 }
 
@@ -403,7 +403,7 @@ TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
   custom.type = "sol";
   EXPECT_EQ(client->InsertCustom(custom).error().text, "no data type \"sol\"");
   custom.type = "power";
-  EXPECT_EQ(client->InsertCustom(custom).error().text, "power is no custom type");
+  EXPECT_EQ(client->InsertCustom(custom).error().text, "power is not a custom type");
 }
 
 TEST(ClientTest, InsertsLoopClosuresAndPriorsWithSigmasOrCovariances) {

@@ -129,12 +129,12 @@ TEST_F(MissionTest, ReadsBackAMapsGridsTheRightWayUp) {
 
 TEST_F(MissionTest, NamesFileAndLineOfAMistake) {
   Replace(folder_ / "agents.csv", "rover,B", "rover,A");
-  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:3: key A stands here a second time"));
+  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:3: key A occurs a second time"));
 }
 
 TEST_F(MissionTest, RefusesDoubledAgents) {
   Replace(folder_ / "agents.csv", "\n3,rover2", "\n7,rover2");
-  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:3: agent_id 7 stands here a second time"));
+  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:3: agent_id 7 occurs a second time"));
 }
 
 TEST_F(MissionTest, RefusesAnotherHeading) {

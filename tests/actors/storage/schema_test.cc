@@ -113,7 +113,7 @@ class RefusedFileTest : public testing::Test {
     const auto store = RecordStore::Open(StoreOptionsOf(2, path_));
     ASSERT_FALSE(store);
     EXPECT_EQ(store.error().code, ErrorCode::kRefused) << ToString(store.error());
-    EXPECT_NE(store.error().text.find("it is not touched"), std::string::npos) << store.error().text;
+    EXPECT_NE(store.error().text.find("it was not changed"), std::string::npos) << store.error().text;
     EXPECT_EQ(Bytes(""), before);
     EXPECT_EQ(Bytes("-wal"), log_before);
     EXPECT_FALSE(std::filesystem::exists(path_ + ".damaged-1"));
