@@ -34,14 +34,14 @@ std::string_view LineFields::Take() {
 double LineFields::Number() {
   const std::string_view text = Take();
   const std::optional<double> value = ParseDouble(text);
-  if (!value) Stop("'" + std::string(text) + "' is no finite number");
+  if (!value) Stop("'" + std::string(text) + "' is not a finite number");
   return value.value_or(0);
 }
 
 std::uint64_t LineFields::Index() {
   const std::string_view text = Take();
   const std::optional<std::uint64_t> value = ParseUnsigned(text);
-  if (!value) Stop("'" + std::string(text) + "' is no number of a vertex");
+  if (!value) Stop("'" + std::string(text) + "' is not the number of a vertex");
   return value.value_or(0);
 }
 

@@ -45,7 +45,7 @@ class CsvRow {
     const std::string_view text = fields_[next_++];
     const std::optional<double> value = ParseDouble(text);
     if (!value) {
-      Stop(std::string(column) + ": '" + std::string(text) + "' is no finite number");
+      Stop(std::string(column) + ": '" + std::string(text) + "' is not a finite number");
     } else if (*value < least || *value > most) {
       Stop(std::string(column) + " must lie between " + FormatDouble(least) + " and " + FormatDouble(most));
     }
@@ -117,7 +117,7 @@ MissionAgent ReadAgent(CsvRow& row) {
   agent.is_base_station = kind == "base_station";
   if (kind != "rover" && kind != "base_station") row.Stop("kind: '" + kind + "' must be rover or base_station");
   const std::string key = row.Text("key");
-  if (key.size() != 1 || AgentOfLetter(key.front()) == 0) row.Stop("key: '" + key + "' is no letter");
+  if (key.size() != 1 || AgentOfLetter(key.front()) == 0) row.Stop("key: '" + key + "' is not a letter");
   agent.letter = key.empty() ? '?' : key.front();
   const double x_m = row.Number("start_x_m", -kCoordinateMax_m, kCoordinateMax_m);
   const double y_m = row.Number("start_y_m", -kCoordinateMax_m, kCoordinateMax_m);

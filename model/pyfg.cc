@@ -30,7 +30,7 @@ struct EdgeEnds {
 NodeKey TakeKey(LineFields& fields) {
   const std::string_view text = fields.Take();
   const std::optional<NodeKey> key = ParseKey(text);
-  if (!key) fields.Stop("'" + std::string(text) + "' is no key of a letter and a number");
+  if (!key) fields.Stop("'" + std::string(text) + "' is not a key (a letter and a number)");
   return key.value_or(NodeKey{});
 }
 

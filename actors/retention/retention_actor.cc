@@ -376,7 +376,7 @@ void RetentionActor::Ask(Context& context, const char* actor, proto::Message mes
   message.set_request_id(request_id_);
   const SendResult sent = context.Send({options_.self, actor}, std::move(message));
   if (sent == SendResult::kAccepted) return;
-  GiveUp(context, {ErrorCode::kUnavailable, std::string(actor) + " cannot be asked: " + ToString(sent), {}});
+  GiveUp(context, {ErrorCode::kUnavailable, std::string(actor) + " does not accept requests: " + ToString(sent), {}});
 }
 
 void RetentionActor::Refuse(Context& context, const std::string& text) {

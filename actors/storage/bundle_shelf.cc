@@ -74,7 +74,7 @@ Result<void> SaveBundle(Database& database, const proto::SaveBundleRequest& requ
     known << bundle.number();
     const Result<bool> row = known.Step();
     if (!row) return tl::unexpected(row.error());
-    if (*row) return Fail(ErrorCode::kInvalid, "was given before", "bundle.number");
+    if (*row) return Fail(ErrorCode::kInvalid, "is the number of an earlier bundle", "bundle.number");
     Query insert = database.Prepare(
         "INSERT INTO downlink_bundle(number, made_ns, record_count, bytes, hash, have, file) VALUES(?, ?, ?, ?, ?, ?, "
         "?)");

@@ -338,7 +338,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     if (HasRecordsOf(request.destination(), *reply)) ReportEpochs(context, request.destination());
     *message.mutable_missing_reply() = *std::move(reply);
   } else {
-    Note(context, "what is missing", reply.error());
+    Note(context, "cannot list missing records", reply.error());
     // Return no records and 1 remaining record, so the session asks again.
     message.mutable_missing_reply()->set_remaining(1);
   }
@@ -594,7 +594,7 @@ void StorageActor::OnBundle(Context& context, const proto::Message& message) {
 void StorageActor::Scrub(Context& context) {
   const Result<proto::VerifyReply> reply = store_->Verify(next_scrub_);
   if (!reply) {
-    Note(context, "reading through the store", reply.error());
+    Note(context, "cannot verify the store", reply.error());
     (void)context.AfterTimer(options_.scrub_period, kScrub);
     return;
   }
@@ -603,7 +603,7 @@ void StorageActor::Scrub(Context& context) {
     const Error damage{ErrorCode::kCorrupt, which + finding.text(), ""};
     // Other agents do not have this agent's local records, so a restart could not repair a damaged local record.
     const bool is_local = finding.has_key() && finding.key().seq() == 0;
-    if (!is_local) return Note(context, "reading through the store", damage);
+    if (!is_local) return Note(context, "verification of the store", damage);
     spdlog::error("storage: a local record is damaged: {}", ToString(damage));
   }
   (void)context.AfterTimer(MoveScrubOn(*reply) ? options_.scrub_period : options_.scrub_pause, kScrub);

@@ -46,7 +46,7 @@ Result<GraphFile> ReadGraphFile(const std::string& file, bool is_isotropic) {
 
 Result<NodeKey> PyfgKey(const std::string& text) {
   if (const auto key = ParseKey(text)) return *key;
-  return Fail(ErrorCode::kInvalid, "'" + text + "' is no key of a letter and a number", "--fix");
+  return Fail(ErrorCode::kInvalid, "'" + text + "' is not a key (a letter and a number)", "--fix");
 }
 
 Result<NodeKey> G2oKey(const std::string& text) {

@@ -124,9 +124,9 @@ class TeamChecker {
     if (row == nullptr || policy == proto::POLICY_NONE) return;
     const std::string field = "rovers." + name;
     if (row->leader_sends == LeaderSends::kToAllRovers) {
-      return Add(field, "the leader sends this type to all rovers anyway; leave it out");
+      return Add(field, "the leader sends this type to all rovers anyway; remove it here");
     }
-    if (row->type == proto::AGENT_EVENT) return Add(field, "events are not sent to rovers; leave it out");
+    if (row->type == proto::AGENT_EVENT) return Add(field, "events are not sent to rovers; remove it here");
     const auto given = team_.share().find(name);
     const bool is_given = given != team_.share().end() && given->second != proto::POLICY_UNSPECIFIED;
     CheckNotWider(field, policy, is_given ? given->second : row->share, "share." + name);

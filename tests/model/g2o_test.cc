@@ -118,14 +118,14 @@ TEST(G2oTest, NamesTheLineOfEachError) {
   EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 1 0 0 0\n"), "graph.g2o:4: the vertex 1 occurs a second time");
   EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 5 0 0 0 1 0 0 1 0 1\n"), "graph.g2o:4: no vertex has the id 5");
   EXPECT_EQ(ErrorOf(text + "EDGE_SE2 1 1 0 0 0 1 0 0 1 0 1\n"), "graph.g2o:4: the edge joins a vertex with itself");
-  EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 1 0 0 nan 1 0 0 1 0 1\n"), "graph.g2o:4: 'nan' is no finite number");
+  EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 1 0 0 nan 1 0 0 1 0 1\n"), "graph.g2o:4: 'nan' is not a finite number");
   EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 1 0 0 0 1 0 0 -1 0 1\n"),
             "graph.g2o:4: the information is not positive definite");
   EXPECT_EQ(ErrorOf(text + "VERTEX_SE3:QUAT 2 0 0 0 0 0 0 1\n"), "graph.g2o:4: 2-D and 3-D are mixed in one file");
   EXPECT_EQ(ErrorOf(text + "FIX 9\n"), "graph.g2o:4: no vertex has the id 9");
   EXPECT_EQ(ErrorOf(text + "FIX\n"), "graph.g2o:4: the line ends too early");
   EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 2 0 0 0 0\n"), "graph.g2o:4: the line has too many fields");
-  EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 -2 0 0 0\n"), "graph.g2o:4: '-2' is no number of a vertex");
+  EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 -2 0 0 0\n"), "graph.g2o:4: '-2' is not the number of a vertex");
   EXPECT_EQ(ErrorOf(text + "VERTEX_XYZ 2 0 0 0\n"), "graph.g2o:4: 'VERTEX_XYZ' is not a known keyword of g2o");
 }
 

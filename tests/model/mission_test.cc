@@ -150,7 +150,7 @@ TEST_F(MissionTest, RefusesATruncatedRow) {
 
 TEST_F(MissionTest, RefusesNumbersThatAreNotFinite) {
   Replace(folder_ / "agents.csv", "A,1,0,0", "A,nan,0,0");
-  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:2: start_x_m: 'nan' is no finite number"));
+  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:2: start_x_m: 'nan' is not a finite number"));
 }
 
 TEST_F(MissionTest, RefusesAMapOfAMissingNode) {

@@ -249,7 +249,7 @@ TEST_F(RoleWaitTest, IsRefusedIfAnotherChangeHappensFirst) {
   }
   ASSERT_EQ(errors.size(), 1u);
   EXPECT_EQ(errors[0].code, ErrorCode::kRefused);
-  EXPECT_EQ(errors[0].text, "another change came after this one: leader agent3, survivor agent1");
+  EXPECT_EQ(errors[0].text, "a later change replaced this one: leader agent3, survivor agent1");
 }
 
 TEST_F(RoleWaitTest, TooManyWaitingSwapsAreRefused) {
