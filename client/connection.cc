@@ -153,7 +153,8 @@ Result<void> Client::Connection::WaitForPeer(Sockets& sockets, Duration timeout)
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
         return Fail(ErrorCode::kRefused, agent + " does not admit this key");
       default:
-        return Fail(ErrorCode::kUnavailable, agent + " does not listen at " + endpoint_ + ", or has another key");
+        return Fail(ErrorCode::kUnavailable,
+                    agent + " does not listen at " + endpoint_ + ", or has another key than expected");
     }
     if (SteadyClock::now() >= deadline) {
       return Fail(ErrorCode::kUnavailable, agent + " does not answer at " + endpoint_);

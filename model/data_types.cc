@@ -29,7 +29,7 @@ void CheckCovariance(const google::protobuf::RepeatedField<double>& upper_triang
   const Result<Matrix6d> covariance = FromUpperTriangle(upper_triangle, size);
   const bool is_valid =
       covariance && covariance->allFinite() && Eigen::LLT<Matrix6d>(*covariance).info() == Eigen::Success;
-  std::string text = "must be " + std::to_string(size * (size + 1) / 2) + " numbers, positive definite";
+  std::string text = "must be " + std::to_string(size * (size + 1) / 2) + " numbers of a positive definite matrix";
   for (int i = size - 1; covariance && i >= 0; --i) {
     const double variance = (*covariance)(i, i);
     if (variance > 0 && std::isfinite(variance)) continue;

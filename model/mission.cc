@@ -382,7 +382,7 @@ Result<Pyfg> PyfgOf(const Mission& mission) {
     const MissionAgent* agent = FindAgent(mission, node.key.agent);
     if (!agent || AgentOfLetter(agent->letter) == 0 || truth == mission.truth.end()) {
       return Fail(ErrorCode::kInvalid,
-                  "node " + KeyText(mission, node.key) + " has no agent with a letter or no truth");
+                  "node " + KeyText(mission, node.key) + " has no ground truth, or its agent has no letter");
     }
     if (agent->is_base_station) {
       pyfg.landmarks.push_back(PyfgLandmark{to_letter(node.key), std::nullopt, truth->second.position_m});

@@ -394,7 +394,8 @@ Result<void> RoleLogic::CheckExpected(const proto::RoleSetRequest& request) cons
   };
   return Fail(ErrorCode::kRefused,
               name(options_.self) + " holds " + term(current_.term()) + ": " + name(current_.leader()) + " leads, " +
-                  name(current_.survivor()) + " survives; the request relies on " + term(expected.term()),
+                  name(current_.survivor()) + " is the designated survivor; the request expects " +
+                  term(expected.term()),
               "expected");
 }
 

@@ -51,7 +51,8 @@ void DownlinkActor::OnOrder(Context& context, const proto::Message& message) {
   if (orders_.size() >= options_.orders_max) {
     checked = Fail(ErrorCode::kFull, "too many orders wait for bundles; try again later");
   } else if (request.bytes_max() != 0 && request.acknowledge() != 0) {
-    checked = Fail(ErrorCode::kInvalid, "make a bundle or acknowledge one, not both", "acknowledge");
+    checked = Fail(ErrorCode::kInvalid, "cannot be combined with bytes_max: either make a bundle or acknowledge one",
+                   "acknowledge");
   } else if (request.bytes_max() != 0 &&
              (request.bytes_max() < kBundleBytesMin || request.bytes_max() > kBundleBytesMax)) {
     checked = Fail(ErrorCode::kInvalid, "must lie between 1 KiB and 16 MiB", "bytes_max");

@@ -151,7 +151,7 @@ proto::PairProgress SharingActor::IncomingRow(const Context& context, std::uint6
     row.set_is_stopped(true);
     if (end->is_limited()) row.set_why("stopped at the order's byte limit; more records remain to be sent");
     if (end->not_taken() > 0) {
-      row.set_why("the destination did not take " + std::to_string(end->not_taken()) + " records");
+      row.set_why("the destination did not accept " + std::to_string(end->not_taken()) + " records");
     }
     return row;
   }

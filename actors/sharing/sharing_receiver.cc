@@ -31,7 +31,7 @@ SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
 }
 
 SharingActions RefuseUnknown(AgentId sender, std::uint64_t session_id) {
-  return Refuse(sender, session_id, Error{ErrorCode::kNotFound, "no such session is open here", ""});
+  return Refuse(sender, session_id, Error{ErrorCode::kNotFound, "this agent has no open session with this id", ""});
 }
 
 Result<void> CheckDropped(const proto::Batch& batch) {
@@ -89,7 +89,7 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   // before this agent's disk was lost, so the session must start over.
   if (have_from != RecordKey() && !(is_known && age == 0)) return RefuseUnknown(sender, hello.session_id());
   if (!is_known && !MakeRoom(now)) {
-    return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});
+    return RefuseHello(sender, hello, Error{ErrorCode::kFull, "this agent has too many open sessions", ""});
   }
   Incoming& incoming = incoming_[sender];
   // Each sender has at most one HaveRequest at storage, however many Hellos it sends.

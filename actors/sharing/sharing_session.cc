@@ -320,7 +320,7 @@ void SharingSession::Complete(SharingActions& actions) {
     // If records were refused, report the order as closed, so its client does not assume that all records are
     // acknowledged.
     order_.End(refused == 0 ? Ending::kCompleted : Ending::kClosed);
-    last_error_ = refused == 0 ? "" : "the destination did not take " + std::to_string(refused) + " records";
+    last_error_ = refused == 0 ? "" : "the destination did not accept " + std::to_string(refused) + " records";
   }
   notes_.NoteClosed(actions);
 }

@@ -697,7 +697,7 @@ Result<void> RecordStore::CheckConsecutive(const proto::PoseGraphEdge& edge, con
     if (next == nodes->end() || *next >= last) continue;
     return Fail(ErrorCode::kInvalid,
                 "node " + std::to_string(options_.self) + ":" + std::to_string(*next) +
-                    " lies between: odometry joins a node to the next one, and a loop closure states its source",
+                    " lies between: odometry must join consecutive nodes; for a loop closure, set the source",
                 "pose_graph_edge.to");
   }
   return {};

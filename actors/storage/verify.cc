@@ -133,7 +133,7 @@ Result<HaveSet> ReadStream(const proto::FingerprintRequest& request) {
   *single.add_streams() = request.stream();
   single.mutable_streams(0)->clear_dropped();
   if (FindRecordTable(request.stream().data_type()) == nullptr) {
-    return Fail(ErrorCode::kInvalid, "is not known here", "stream.data_type");
+    return Fail(ErrorCode::kInvalid, "is unknown to this agent", "stream.data_type");
   }
   return FromProto(single);
 }
@@ -149,7 +149,7 @@ Result<proto::VerifyReply> Verify(Database& database, const HaveSet& have, const
     case proto::VERIFY_PART_HELD:
       return VerifyHeld(database, have, FromProto(request.after_key()));
     default:
-      return Fail(ErrorCode::kInvalid, "is not known here", "part");
+      return Fail(ErrorCode::kInvalid, "is unknown to this agent", "part");
   }
 }
 

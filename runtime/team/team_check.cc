@@ -204,7 +204,7 @@ class TeamChecker {
       } else if (!errors_.Has(path) && !IsSigningKey(agent.signing_key())) {
         Add(path, "expected 40 characters in Z85 of an Ed25519 key");
       } else if (team_.insecure()) {
-        Add(path, "needs keys, which `insecure: true` does without");
+        Add(path, "needs keys, but the team is `insecure: true`");
       }
     }
   }
@@ -223,7 +223,7 @@ class TeamChecker {
       return Add(field, "expected tcp://HOST:PORT, got " + Quoted(agent.client_address()));
     }
     if (const std::string why = WhyNoAddress(agent.client_address(), "clients"); !why.empty()) return Add(field, why);
-    if (team_.insecure()) Add(field, "needs keys, which `insecure: true` does without");
+    if (team_.insecure()) Add(field, "needs keys, but the team is `insecure: true`");
   }
 
   // Checks that a base station has a position and no start pose, and that a rover has no position.

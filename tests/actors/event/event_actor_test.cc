@@ -137,7 +137,7 @@ proto::ControlReply ReplyWithRefusing() {
   proto::ShareStatus& status = *reply.mutable_share_status();
   proto::ShareSession& session = *status.add_sessions();
   session.set_destination(2);
-  session.set_last_error("the destination did not take 7 records");
+  session.set_last_error("the destination did not accept 7 records");
   status.add_refusing(2);
   return reply;
 }

@@ -96,7 +96,7 @@ const BadFile kBadFiles[] = {
     {"ClientWildcard", Good("7401\"}", "7401\", client_address: \"tcp://0.0.0.0:7500\"}"),
      "t:5:76: agents[1].client_address: clients connect to this address, so it cannot be \"0.0.0.0\""},
     {"ClientsWithoutKeys", Good("7401\"}", "7401\", client_address: \"tcp://10.0.0.1:7500\"}"),
-     "t:5:76: agents[1].client_address: needs keys, which `insecure: true` does without"},
+     "t:5:76: agents[1].client_address: needs keys, but the team is `insecure: true`"},
     {"RelativeSocket", Good("tcp://127.0.0.1:7401", "ipc://x"),
      "t:5:36: agents[1].address: expected an absolute path after ipc://"},
     {"BadEnum", Good("base_station", "base_staton"),
@@ -186,7 +186,7 @@ const BadFile kBadFiles[] = {
     {"Latitude", GoodAnd("site: {lat_deg: 91}"), "t:8:17: site.lat_deg: expected -90 to 90, got 91"},
     {"SigningKeyInATeamWithoutKeys",
      Good("name: rover2,", "name: rover2, signing_key: \"eBQVrmV@gcGAmNE7f?TwAVN(=Iy!Obr?$HC.M#d>\","),
-     "t:5:40: agents[1].signing_key: needs keys, which `insecure: true` does without"},
+     "t:5:40: agents[1].signing_key: needs keys, but the team is `insecure: true`"},
     {"Missing", "insecure: true\n",
      "t:1:1: team: missing\n"
      "t:1:1: team_id: missing: `moonctl config check --fix` gives the file one\n"
@@ -634,7 +634,7 @@ TEST(SigningKeyLinesTest, AreAddedToEachAgentAndTheRestIsKept) {
 TEST(SigningKeyLinesTest, AreAddedForAgentsWhoseKeyIsFound) {
   const std::string key = SigningKey::FromSeed({1}).public_key();
   EXPECT_THAT(WithSigningKeys("team: test\nagents: [{id: 1, name: one}]\n", {{"one", key}}).error().text,
-              HasSubstr("no place for the signing_key of \"one\" is found"));
+              HasSubstr("cannot insert the signing_key of \"one\""));
   EXPECT_FALSE(WithSigningKeys("team: [\n", {{"one", key}}));
   const std::string windows = "agents:\r\n- name: one\r\n  key: one.pub";
   EXPECT_EQ(WithSigningKeys(windows, {{"one", key}}).value(), windows + "\n  signing_key: \"" + key + "\"\n");
