@@ -34,7 +34,7 @@ Result<void> CheckListener(const std::string& endpoint, const std::string& agent
     case ENOENT:
       return Fail(ErrorCode::kUnavailable, absent + "no socket " + path + ")");
     case ECONNREFUSED:
-      return Fail(ErrorCode::kUnavailable, absent + "nobody listens at " + path + ")");
+      return Fail(ErrorCode::kUnavailable, absent + "no process listens at " + path + ")");
     default:
       return Fail(ErrorCode::kUnavailable, "agent " + agent_name + ": " + path + ": " + std::strerror(error));
   }

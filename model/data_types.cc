@@ -71,8 +71,9 @@ void CheckEdge(const Record& record, FieldChecker& check) {
   switch (edge.measurement_case()) {
     case proto::PoseGraphEdge::kRelativePose:
       if (edge.source().empty()) {
-        check.Require(is_one_agent, "pose_graph_edge.to.agent_id",
-                      "must be the agent of from for odometry; for a loop closure, set the source");
+        check.Require(
+            is_one_agent, "pose_graph_edge.to.agent_id",
+            "must be the agent of from, since odometry joins nodes of one agent; for a loop closure, set the source");
       } else {
         CheckSource(edge.source(), "pose_graph_edge.source", check);
       }
@@ -151,7 +152,7 @@ void CheckQuarantinedFactor(const proto::QuarantinedFactor& factor, AgentId agen
   check.Node(factor.from(), "map_quarantine.factor.from");
   check.Node(factor.to(), "map_quarantine.factor.to");
   check.Require(factor.from().agent_id() == agent || factor.to().agent_id() == agent, "map_quarantine.factor",
-                "must have an end at agent_id");
+                "must join a node of map_quarantine.agent_id");
   check.Require(!factor.is_range() || !factor.is_prior(), "map_quarantine.factor.is_prior",
                 "cannot be combined with is_range");
   check.Size(factor.source(), kSourceBytesMax, "map_quarantine.factor.source");

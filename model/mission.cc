@@ -56,7 +56,7 @@ class CsvRow {
     const std::string_view text = fields_[next_++];
     const std::optional<std::uint64_t> value = ParseUnsigned(text);
     if (!value || *value < least || *value > most) {
-      Stop(std::string(column) + ": '" + std::string(text) + "' is no whole number from " + std::to_string(least) +
+      Stop(std::string(column) + ": '" + std::string(text) + "' is not a whole number from " + std::to_string(least) +
            " to " + std::to_string(most));
     }
     return value.value_or(least);

@@ -114,12 +114,11 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
   }
   if (rover.anchoring == Anchoring::kYawFree) {
     say("no measurement determines its rotation about the base station: give one rover a start in the team file, or "
-        "two GNSS "
-        "priors a few metres apart");
+        "two GNSS priors a few metres apart");
   }
   if (rover.anchoring == Anchoring::kAmbiguous) {
-    say("ambiguous: its measurements fit another place nearly as well: give it a start in the team file, or two GNSS "
-        "priors");
+    say("ambiguous: its measurements fit another place nearly as well: give it a start in the team file, "
+        "or two GNSS priors");
   }
   SayIfContradicted(counts.ranges, "ranges", ": check its start, those of other rovers, and the radios", say);
   SayIfContradicted(counts.closures, "loop closures", "", say);

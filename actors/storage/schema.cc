@@ -100,7 +100,7 @@ Result<void> CheckSchema(Database& database) {
     return *has_all ? Result<void>() : Damaged(database, "its schema differs from that of store version " + version);
   }
   if (*has_all) return Damaged(database, "its application id is not that of a moondb store");
-  return Refused(database, " is no store of a released moondb (application id " +
+  return Refused(database, " was not written by a released moondb (application id " +
                                std::to_string(identity->application_id) + ", version " + version + ")");
 }
 

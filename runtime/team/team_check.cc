@@ -295,8 +295,8 @@ class TeamChecker {
     }
     if (share == proto::POLICY_LATEST || rule->IsOfAnyAge()) return;
     const std::string policy = YamlName(*proto::Policy_descriptor()->FindValueByNumber(share));
-    Add(field, "nothing of it is superseded, since " + share_field + " is " + policy + ": expected all, got " +
-                   Quoted(text) + " (retention.keep_days lets old records go)");
+    Add(field, "records of this type are never superseded, since " + share_field + " is " + policy +
+                   ": expected all, got " + Quoted(text) + " (retention.keep_days removes old records)");
   }
 
   void CheckCustomTypes() {

@@ -38,8 +38,8 @@ constexpr char kTwoAgents[] = "\n# Failover is manual: of two agents that lose e
 
 constexpr char kTail[] =
     R"(
-# Initial leader and survivor (term 0); roles that were set later win. failover: manual or automatic (the survivor takes
-# over from a leader that is silent for leader_timeout_s).
+# Initial leader and survivor (term 0); later role changes replace them. failover: manual or automatic (the survivor
+# takes over from a leader that is silent for leader_timeout_s).
 roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 
 # Agents that may relay commands to others and change roles as an operator: names, or all.

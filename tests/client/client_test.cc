@@ -65,7 +65,7 @@ TEST(ClientTest, ReportsADeadAgentThatLeftItsSocket) {
   const auto client = Client::Connect(agent.endpoint(), "rover1", {});
   ASSERT_FALSE(client.has_value());
   EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
-  EXPECT_THAT(client.error().text, HasSubstr("nobody listens"));
+  EXPECT_THAT(client.error().text, HasSubstr("no process listens"));
 }
 
 TEST(ClientTest, ReturnsTheReplyOrTheAgentsError) {

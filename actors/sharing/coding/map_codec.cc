@@ -307,7 +307,7 @@ Result<void> MapRunDecoder::Decode(std::string_view coded, std::vector<std::vect
     const Result<void> done = DecodeMap(coder, *layers);
     if (!done) return done;
   }
-  if (!coder.IsAtEnd()) return Fail(ErrorCode::kCorrupt, "has bytes behind its end", "map");
+  if (!coder.IsAtEnd()) return Fail(ErrorCode::kCorrupt, "has bytes after its end", "map");
   has_failed_ = false;
   return {};
 }

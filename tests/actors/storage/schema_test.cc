@@ -97,7 +97,7 @@ TEST(SchemaTest, RefusesAnotherProgramsFile) {
   const Result<void> refused = CheckSchema(*database);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
-  EXPECT_NE(refused.error().text.find("is no store"), std::string::npos) << refused.error().text;
+  EXPECT_NE(refused.error().text.find("was not written by"), std::string::npos) << refused.error().text;
   ASSERT_TRUE(MakeSchema(*database));
   EXPECT_EQ(*database->Number("SELECT count(*) FROM sqlite_master"), 1);
   EXPECT_EQ(*database->Number("PRAGMA user_version"), 7);

@@ -224,14 +224,15 @@ const BadFile kBadFiles[] = {
      "t:8:44: keep.mode: expected all, latest or a duration such as 7d or 12h, got \"0d\"\n"
      "t:8:56: keep.health: expected all, latest or a duration such as 7d or 12h, got \"forever\""},
     {"KeepOfWhatIsNotSuperseded", GoodAnd("share: {power: all}\nkeep: {power: 7d, mode: 7d}"),
-     "t:9:15: keep.power: nothing of it is superseded, since share.power is all: expected all, got \"7d\" "
-     "(retention.keep_days lets old records go)"},
+     "t:9:15: keep.power: records of this type are never superseded, since share.power is all: expected all, got "
+     "\"7d\" "
+     "(retention.keep_days removes old records)"},
     {"KeepOfAnotherType", GoodAnd("keep: {temprature: all}"),
      "t:8:8: keep.temprature: no such field; did you mean \"temperature\"?"},
     {"CustomKeep",
      GoodAnd("custom_types: [{id: 1000, name: soil, keep: 7d}, {id: 1001, name: core, share: latest, keep: 7w}]"),
-     "t:8:45: custom_types[0].keep: nothing of it is superseded, since custom_types[0].share is all: expected all, got "
-     "\"7d\" (retention.keep_days lets old records go)\n"
+     "t:8:45: custom_types[0].keep: records of this type are never superseded, since custom_types[0].share is all: "
+     "expected all, got \"7d\" (retention.keep_days removes old records)\n"
      "t:8:94: custom_types[1].keep: expected all, latest or a duration such as 7d or 12h, got \"7w\""},
     {"HistoryLimit", GoodAnd("retention: {history_mb_max: -1}"),
      "t:8:29: retention.history_mb_max: expected 0 to 1000000, got -1"},
@@ -352,7 +353,7 @@ TEST(TeamConfigTest, ReadsHowLongRobotsKeepSupersededStates) {
   EXPECT_EQ(KeepRuleOf(config, proto::TEMPERATURE).at_most, std::chrono::hours(36));
   EXPECT_FALSE(KeepRuleOf(config, proto::POWER).KeepsAny());
   EXPECT_TRUE(KeepRuleOf(config, proto::MODE).IsOfAnyAge());
-  EXPECT_EQ(config.keep().at("optimized_pose"), "all") << "nothing of it is superseded";
+  EXPECT_EQ(config.keep().at("optimized_pose"), "all") << "records of this type are never superseded";
   EXPECT_EQ(KeepRuleOf(config, 1000).at_most, std::chrono::minutes(90));
   EXPECT_TRUE(KeepRuleOf(config, 1001).IsOfAnyAge());
   EXPECT_EQ(config.retention().history_mb_max(), 0);
