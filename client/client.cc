@@ -125,8 +125,9 @@ Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, D
 Result<void> Client::CheckTeam(const proto::ControlReply& reply) const {
   const std::string own = TeamIdBytes(options_.team_id);
   if (own.empty() || reply.team_id() == own) return {};
-  return Fail(ErrorCode::kRefused, "what answers for agent " + agent_name_ + " is of another team: its team id is " +
-                                       TeamIdStart(reply.team_id()) + ", this team's " + TeamIdStart(own));
+  return Fail(ErrorCode::kRefused, "the process at the address of agent " + agent_name_ +
+                                       " belongs to another team: its team id is " + TeamIdStart(reply.team_id()) +
+                                       ", that of this team " + TeamIdStart(own));
 }
 
 Result<proto::AgentStatus> Client::Status() {
@@ -150,7 +151,7 @@ Result<std::vector<RecordKey>> Client::Insert(const std::vector<proto::Record>& 
 Result<RecordKey> Client::InsertCustom(Custom custom, bool is_local) {
   const Result<DataType> type = TypeNamed(custom.type);
   if (!type) return tl::unexpected(type.error());
-  if (!IsCustom(*type)) return Fail(ErrorCode::kInvalid, custom.type + " is no custom type", "type");
+  if (!IsCustom(*type)) return Fail(ErrorCode::kInvalid, custom.type + " is not a custom type", "type");
   proto::Record record;
   record.set_timestamp_ns(custom.timestamp_ns);
   proto::CustomRecord& body = *record.mutable_custom();
@@ -164,7 +165,7 @@ Result<RecordKey> Client::InsertCustom(Custom custom, bool is_local) {
 Result<RecordKey> Client::InsertOne(const proto::Record& record, bool is_local) {
   const Result<std::vector<RecordKey>> keys = Insert({record}, is_local);
   if (!keys) return tl::unexpected(keys.error());
-  if (keys->size() != 1) return Fail(ErrorCode::kCorrupt, "the agent's answer has not one key for each record");
+  if (keys->size() != 1) return Fail(ErrorCode::kCorrupt, "the agent's answer does not have one key for each record");
   return keys->front();
 }
 
@@ -207,7 +208,7 @@ Result<void> Client::ReadAll(proto::ReadRequest request, const Visit& visit) {
     auto page = Read(request);
     if (!page) return tl::unexpected(page.error());
     if (page->row_ids_size() != page->records_size()) {
-      return Fail(ErrorCode::kCorrupt, "the agent's page has not one row id for each record");
+      return Fail(ErrorCode::kCorrupt, "the agent's page does not have one row id for each record");
     }
     if (!Advances(*page, request)) {
       return Fail(ErrorCode::kCorrupt, "the agent sends rows out of order, so reading might not end");

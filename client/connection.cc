@@ -34,7 +34,7 @@ Result<void> CheckListener(const std::string& endpoint, const std::string& agent
     case ENOENT:
       return Fail(ErrorCode::kUnavailable, absent + "no socket " + path + ")");
     case ECONNREFUSED:
-      return Fail(ErrorCode::kUnavailable, absent + "nobody listens at " + path + ")");
+      return Fail(ErrorCode::kUnavailable, absent + "no process listens at " + path + ")");
     default:
       return Fail(ErrorCode::kUnavailable, "agent " + agent_name + ": " + path + ": " + std::strerror(error));
   }
@@ -151,9 +151,10 @@ Result<void> Client::Connection::WaitForPeer(Sockets& sockets, Duration timeout)
       case 0:
         break;
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
-        return Fail(ErrorCode::kRefused, agent + " does not let this key in");
+        return Fail(ErrorCode::kRefused, agent + " does not admit this key");
       default:
-        return Fail(ErrorCode::kUnavailable, agent + " does not listen at " + endpoint_ + ", or has another key");
+        return Fail(ErrorCode::kUnavailable,
+                    agent + " does not listen at " + endpoint_ + ", or has another key than expected");
     }
     if (SteadyClock::now() >= deadline) {
       return Fail(ErrorCode::kUnavailable, agent + " does not answer at " + endpoint_);
@@ -168,7 +169,7 @@ Result<void> Client::Connection::Send(const std::string& frame) {
   } catch (const zmq::error_t&) {
   }
   Close();
-  return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " went away");
+  return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " disconnected");
 }
 
 Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline) {
@@ -183,7 +184,7 @@ Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline
       }
       if (!sockets_->is_writable()) {
         Close();
-        return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " went away during the call");
+        return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " disconnected during the call");
       }
       // maxmsgsize limits the size of a frame. Limit the number of frames of a message, too, because libzmq buffers
       // them all.

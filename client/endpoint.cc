@@ -22,7 +22,7 @@ bool IsSafe(const std::string& endpoint) {
 
 std::string WhyNot(const std::string& agent, const std::string& path, int error) {
   if (error == ENOENT) return "agent " + agent + " is not running (no socket " + path + ")";
-  if (error == ECONNREFUSED) return "agent " + agent + " is not running (nobody listens at " + path + ")";
+  if (error == ECONNREFUSED) return "agent " + agent + " is not running (no process listens at " + path + ")";
   return "agent " + agent + ": " + path + ": " + std::strerror(error);
 }
 

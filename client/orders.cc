@@ -120,7 +120,7 @@ Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSet
       const bool is_behind = held && IsNewer(standing.term(), held->roles().term());
       if (!is_behind || Clock::now() >= end) return Fail(error.code, error.text);
     } else if (Clock::now() >= end) {
-      return Fail(error.code, error.text + "; whether the roles have changed is not known: see moonctl role show");
+      return Fail(error.code, error.text + "; the roles may or may not have changed: run moonctl role show");
     }
     std::this_thread::sleep_for(kRolesPeriod);
   }
@@ -149,7 +149,8 @@ Result<proto::ShareProgress> Client::ShareFromHere(proto::SharingKind kind, cons
     const bool is_leading = status->roles().leader() == status->agent_id();
     if (was_leading && !is_leading) {
       // Without the lead, this agent would share only its own records.
-      return Fail(ErrorCode::kRefused, agent_name_ + " leads no longer: ask the leader of now");
+      return Fail(ErrorCode::kRefused,
+                  agent_name_ + " is no longer the leader: send the command to the current leader");
     }
     was_leading = is_leading;
     if (given.destination() == 0) *given.mutable_expected_term() = status->roles().term();

@@ -38,7 +38,7 @@ Result<proto::ReadReply> RecordFeed::Next(Client::Duration timeout) {
     if (!reply) return tl::unexpected(reply.error());
     proto::ReadReply& page = *reply->mutable_read();
     if (page.records_size() != page.row_ids_size()) {
-      return Fail(ErrorCode::kCorrupt, "the agent's answer has not one row id for each record");
+      return Fail(ErrorCode::kCorrupt, "the agent's answer does not have one row id for each record");
     }
     if (!page.row_ids().empty()) {
       request_.set_after_row_id(page.row_ids(page.row_ids_size() - 1));

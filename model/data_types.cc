@@ -29,12 +29,12 @@ void CheckCovariance(const google::protobuf::RepeatedField<double>& upper_triang
   const Result<Matrix6d> covariance = FromUpperTriangle(upper_triangle, size);
   const bool is_valid =
       covariance && covariance->allFinite() && Eigen::LLT<Matrix6d>(*covariance).info() == Eigen::Success;
-  std::string text = "must be " + std::to_string(size * (size + 1) / 2) + " numbers, positive definite";
+  std::string text = "must be " + std::to_string(size * (size + 1) / 2) + " numbers of a positive definite matrix";
   for (int i = size - 1; covariance && i >= 0; --i) {
     const double variance = (*covariance)(i, i);
     if (variance > 0 && std::isfinite(variance)) continue;
     text = "the variance of " + AxisName(i, size) + " is " + FormatDouble(variance) +
-           "; if the driver states none, state what fits the sensor (docs/SENSORS.md)";
+           "; if the driver gives none, set one that fits the sensor (docs/SENSORS.md)";
   }
   check.Require(is_valid, field, text);
 }
@@ -51,7 +51,8 @@ void CheckRelativePose(const proto::RelativePose& pose, const std::string& field
 
 // Requires the key of a record that agents share.
 void CheckSharedKey(const proto::RecordKey& key, const std::string& field, FieldChecker& check) {
-  check.Require(key.epoch() != 0 && key.seq() >= 1 && key.seq() <= kSeqMax, field, "names no shared record");
+  check.Require(key.epoch() != 0 && key.seq() >= 1 && key.seq() <= kSeqMax, field,
+                "must be the key of a shared record");
 }
 
 void CheckRange(const proto::Range& range, FieldChecker& check) {
@@ -65,20 +66,22 @@ void CheckEdge(const Record& record, FieldChecker& check) {
   const proto::PoseGraphEdge& edge = record.pose_graph_edge();
   check.Node(edge.from(), "pose_graph_edge.from");
   check.Node(edge.to(), "pose_graph_edge.to");
-  check.Require(FromProto(edge.from()) != FromProto(edge.to()), "pose_graph_edge.to", "is the same node as from");
+  check.Require(FromProto(edge.from()) != FromProto(edge.to()), "pose_graph_edge.to", "must be another node than from");
   const bool is_one_agent = edge.from().agent_id() == edge.to().agent_id();
   switch (edge.measurement_case()) {
     case proto::PoseGraphEdge::kRelativePose:
       if (edge.source().empty()) {
-        check.Require(is_one_agent, "pose_graph_edge.to.agent_id",
-                      "odometry joins nodes of one agent; a loop closure states its source");
+        check.Require(
+            is_one_agent, "pose_graph_edge.to.agent_id",
+            "must be the agent of from, since odometry joins nodes of one agent; for a loop closure, set the source");
       } else {
         CheckSource(edge.source(), "pose_graph_edge.source", check);
       }
       return CheckRelativePose(edge.relative_pose(), "pose_graph_edge.relative_pose", check);
     case proto::PoseGraphEdge::kRange:
       check.Require(edge.source().empty(), "pose_graph_edge.source", "must be empty for a range");
-      check.Require(!is_one_agent, "pose_graph_edge.to.agent_id", "a range joins nodes of two agents");
+      check.Require(!is_one_agent, "pose_graph_edge.to.agent_id",
+                    "must be another agent than that of from: a range joins two agents");
       return CheckRange(edge.range(), check);
     case proto::PoseGraphEdge::MEASUREMENT_NOT_SET:
       check.Require(false, "pose_graph_edge.measurement", "is missing");
@@ -113,7 +116,8 @@ void CheckVerdict(const Record& record, FieldChecker& check) {
   check.Node(verdict.to(), "edge_verdict.to");
   check.Finite(verdict.residual_sigmas(), "edge_verdict.residual_sigmas");
   check.Size(verdict.source(), kSourceBytesMax, "edge_verdict.source");
-  check.Require(!verdict.is_range() || !verdict.is_prior(), "edge_verdict.is_prior", "excludes is_range");
+  check.Require(!verdict.is_range() || !verdict.is_prior(), "edge_verdict.is_prior",
+                "cannot be combined with is_range");
   check.Term(verdict.term(), "edge_verdict.term");
 }
 
@@ -121,7 +125,7 @@ void CheckVerdict(const Record& record, FieldChecker& check) {
 void CheckMatchedMap(const proto::RecordKey& map, const proto::NodeKey& node, const std::string& field,
                      FieldChecker& check) {
   check.Require(map.data_type() == proto::LOCAL_TRAVERSABILITY_MAP, field + ".data_type",
-                "must be that of a local traversability map");
+                "must be local_traversability_map");
   check.Require(map.origin_agent() == node.agent_id(), field + ".origin_agent", "must be the agent of the node");
   CheckSharedKey(map, field, check);
 }
@@ -130,7 +134,7 @@ void CheckMatch(const Record& record, FieldChecker& check) {
   const proto::MapMatch& match = record.map_match();
   check.Node(match.from(), "map_match.from");
   check.Node(match.to(), "map_match.to");
-  check.Require(FromProto(match.from()) != FromProto(match.to()), "map_match.to", "is the same node as from");
+  check.Require(FromProto(match.from()) != FromProto(match.to()), "map_match.to", "must be another node than from");
   CheckRelativePose(match.relative_pose(), "map_match.relative_pose", check);
   const proto::Vector3& position_m = match.relative_pose().from_from_to().position_m();
   const double distance_m = std::hypot(position_m.x(), position_m.y(), position_m.z());
@@ -148,8 +152,9 @@ void CheckQuarantinedFactor(const proto::QuarantinedFactor& factor, AgentId agen
   check.Node(factor.from(), "map_quarantine.factor.from");
   check.Node(factor.to(), "map_quarantine.factor.to");
   check.Require(factor.from().agent_id() == agent || factor.to().agent_id() == agent, "map_quarantine.factor",
-                "must have an end at agent_id");
-  check.Require(!factor.is_range() || !factor.is_prior(), "map_quarantine.factor.is_prior", "excludes is_range");
+                "must join a node of map_quarantine.agent_id");
+  check.Require(!factor.is_range() || !factor.is_prior(), "map_quarantine.factor.is_prior",
+                "cannot be combined with is_range");
   check.Size(factor.source(), kSourceBytesMax, "map_quarantine.factor.source");
 }
 
@@ -161,14 +166,14 @@ void CheckQuarantine(const Record& record, FieldChecker& check) {
     const proto::RecordKey& lifted = quarantine.lifts();
     check.Agent(lifted.origin_agent(), "map_quarantine.lifts.origin_agent");
     check.Require(lifted.data_type() == proto::MAP_QUARANTINE, "map_quarantine.lifts.data_type",
-                  "must be that of a quarantine");
+                  "must be map_quarantine");
     return CheckSharedKey(lifted, "map_quarantine.lifts", check);
   }
   check.Agent(quarantine.agent_id(), "map_quarantine.agent_id");
-  check.Require(quarantine.from_ns() <= quarantine.to_ns(), "map_quarantine.to_ns", "lies before from_ns");
+  check.Require(quarantine.from_ns() <= quarantine.to_ns(), "map_quarantine.to_ns", "must not be before from_ns");
   if (quarantine.has_node()) {
     check.Require(quarantine.node().agent_id() == quarantine.agent_id(), "map_quarantine.node.agent_id",
-                  "must be agent_id");
+                  "must equal map_quarantine.agent_id");
   }
   if (quarantine.has_factor()) CheckQuarantinedFactor(quarantine.factor(), quarantine.agent_id(), check);
   check.Size(quarantine.producer().source(), kSourceBytesMax, "map_quarantine.producer.source");
@@ -180,7 +185,7 @@ void CheckAssignment(const Record& record, FieldChecker& check) {
   check.Agent(roles.term().issuer(), "role_assignment.term.issuer");
   check.Agent(roles.leader(), "role_assignment.leader");
   if (roles.survivor() != 0) check.Agent(roles.survivor(), "role_assignment.survivor");
-  check.Require(roles.leader() != roles.survivor(), "role_assignment.survivor", "is the leader too");
+  check.Require(roles.leader() != roles.survivor(), "role_assignment.survivor", "must not be the leader");
   check.Text(roles.reason(), kRoleReasonBytesMax, "role_assignment.reason");
   check.Size(roles.follows(), kSignatureBytes, "role_assignment.follows");
   check.Size(roles.signature(), kSignatureBytes, "role_assignment.signature");

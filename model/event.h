@@ -32,10 +32,10 @@ inline constexpr std::size_t kFindingsMax = 32;
 // Text of the event of EVENT_KIND_DAMAGE of an agent whose disk lacks records of its own that other agents know.
 inline constexpr char kDiskReplaced[] =
     "other agents know records of this agent that its disk does not have: the disk was replaced or restored; "
-    "'moonctl sync now' returns what they hold, and what nobody else held is lost";
+    "'moonctl sync now' returns what they hold, and records that no other agent holds are lost";
 // Texts of events of EVENT_KIND_LOST. BackPeerText says that a lost peer has returned; in the findings, it replaces the
 // LostPeerText of the same peer.
-inline constexpr char kEndedWithoutStopping[] = "the process before ended without stopping";
+inline constexpr char kEndedWithoutStopping[] = "the previous process ended without a clean stop";
 std::string LostPeerText(const std::string& peer);
 std::string BackPeerText(const std::string& peer, double away_s);
 // Returns whether the text of a finding says that this peer was lost and has not returned.

@@ -41,7 +41,7 @@ void FieldChecker::Node(const proto::NodeKey& node, const std::string& field) {
 
 void FieldChecker::Term(const proto::Term& term, const std::string& field) {
   Agent(term.issuer(), field + ".issuer");
-  Require(term.number() <= kTermNumberMax, field + ".number", "is from the far future");
+  Require(term.number() <= kTermNumberMax, field + ".number", "is above the largest term number");
 }
 
 void FieldChecker::Position(const proto::Vector3& position_m, const std::string& field) {

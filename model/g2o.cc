@@ -73,7 +73,7 @@ class G2oParser {
     for (const char* keyword : {"VERTEX_SE3:QUAT", "EDGE_SE3:QUAT"}) {
       if (joined.starts_with(keyword)) return "a blank within '" + std::string(keyword) + "': write it as one word";
     }
-    return "'" + std::string(word) + "' is no keyword of g2o that is known here";
+    return "'" + std::string(word) + "' is not a known keyword of g2o";
   }
 
   void ParseVertex(LineFields& fields, bool is_planar) {
@@ -89,7 +89,7 @@ class G2oParser {
   }
 
   std::string RepetitionError(std::uint64_t id, std::size_t file) const {
-    if (file == place_.file) return "the vertex " + NameOfId(id) + " stands here a second time";
+    if (file == place_.file) return "the vertex " + NameOfId(id) + " occurs a second time";
     const std::string text = "the vertex " + NameOfId(id) + " is also in " + g2o_.files[file];
     return id > kPlainIdMax ? text : text + ": import files with plain ids one by one, each with -a";
   }

@@ -70,7 +70,7 @@ Result<Grid> UnpackCells(std::int32_t width, std::int32_t height, std::string_vi
   }
   const std::size_t used = count % kCellsPerByte;
   if (used != 0 && static_cast<unsigned char>(bytes.back()) >> (2 * used) != 0) {
-    return Fail(ErrorCode::kInvalid, "has bits set behind its last cell");
+    return Fail(ErrorCode::kInvalid, "has bits set after its last cell");
   }
   return grid;
 }

@@ -198,15 +198,15 @@ Result<HaveSet> FromProto(const proto::HaveSet& have) {
     interval_count += static_cast<std::size_t>(stream.held_size()) + static_cast<std::size_t>(stream.dropped_size());
     if (interval_count > kHaveIntervalsMax) return Fail(ErrorCode::kInvalid, "has too many intervals", "streams");
     if (stream.origin_agent() < 1 || stream.origin_agent() > kAgentIdMax) {
-      return Fail(ErrorCode::kInvalid, "is no agent id", field + ".origin_agent");
+      return Fail(ErrorCode::kInvalid, "is not an agent id", field + ".origin_agent");
     }
     const StreamKey key{stream.origin_agent(), stream.epoch(), stream.data_type()};
-    if (result.streams().count(key)) return Fail(ErrorCode::kInvalid, "stands twice", field);
+    if (result.streams().count(key)) return Fail(ErrorCode::kInvalid, "occurs twice", field);
     Result<IntervalSet> held = FromProto(stream.held(), field + ".held");
     if (!held) return tl::unexpected(held.error());
     Result<IntervalSet> dropped = FromProto(stream.dropped(), field + ".dropped");
     if (!dropped) return tl::unexpected(dropped.error());
-    if (held->Minus(*dropped) != *held) return Fail(ErrorCode::kInvalid, "is held and dropped", field);
+    if (held->Minus(*dropped) != *held) return Fail(ErrorCode::kInvalid, "is both held and dropped", field);
     result[key] = StreamHave{*std::move(held), *std::move(dropped)};
   }
   return result;

@@ -48,13 +48,13 @@ Result<void> CheckEdge(const proto::PoseGraphEdge& edge) {
 
 Result<void> CheckQuarantine(const proto::MapQuarantine& quarantine, bool is_local) {
   if (is_local) {
-    return Fail(ErrorCode::kInvalid, "holds for the whole team or not at all: it cannot be local", "map_quarantine");
+    return Fail(ErrorCode::kInvalid, "cannot be local: a quarantine applies to the whole team", "map_quarantine");
   }
   if (!quarantine.signature().empty()) {
-    return Fail(ErrorCode::kInvalid, "is made by this agent: leave it out", "map_quarantine.signature");
+    return Fail(ErrorCode::kInvalid, "must be empty: this agent signs the record", "map_quarantine.signature");
   }
   if (quarantine.has_term()) {
-    return Fail(ErrorCode::kInvalid, "is given by this agent: leave it out", "map_quarantine.term");
+    return Fail(ErrorCode::kInvalid, "must be absent: this agent sets it", "map_quarantine.term");
   }
   return {};
 }

@@ -22,7 +22,7 @@ std::string NumberError(std::string_view text) {
   std::replace(with_point.begin(), with_point.end(), ',', '.');
   const std::string quoted = "'" + std::string(text) + "'";
   if (ParseDouble(with_point)) return quoted + " has a decimal comma: write " + with_point;
-  return quoted + " is no finite number";
+  return quoted + " is not a finite number";
 }
 
 }  // namespace
@@ -51,7 +51,7 @@ double LineFields::Number() {
 std::uint64_t LineFields::Index() {
   const std::string_view text = Take();
   const std::optional<std::uint64_t> value = ParseUnsigned(text);
-  if (!value) Stop("'" + std::string(text) + "' is no number of a vertex");
+  if (!value) Stop("'" + std::string(text) + "' is not the number of a vertex");
   return value.value_or(0);
 }
 

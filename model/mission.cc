@@ -45,7 +45,7 @@ class CsvRow {
     const std::string_view text = fields_[next_++];
     const std::optional<double> value = ParseDouble(text);
     if (!value) {
-      Stop(std::string(column) + ": '" + std::string(text) + "' is no finite number");
+      Stop(std::string(column) + ": '" + std::string(text) + "' is not a finite number");
     } else if (*value < least || *value > most) {
       Stop(std::string(column) + " must lie between " + FormatDouble(least) + " and " + FormatDouble(most));
     }
@@ -56,7 +56,7 @@ class CsvRow {
     const std::string_view text = fields_[next_++];
     const std::optional<std::uint64_t> value = ParseUnsigned(text);
     if (!value || *value < least || *value > most) {
-      Stop(std::string(column) + ": '" + std::string(text) + "' is no whole number from " + std::to_string(least) +
+      Stop(std::string(column) + ": '" + std::string(text) + "' is not a whole number from " + std::to_string(least) +
            " to " + std::to_string(most));
     }
     return value.value_or(least);
@@ -115,9 +115,9 @@ MissionAgent ReadAgent(CsvRow& row) {
   agent.name = row.Text("name");
   const std::string kind = row.Text("kind");
   agent.is_base_station = kind == "base_station";
-  if (kind != "rover" && kind != "base_station") row.Stop("kind: '" + kind + "' is neither rover nor base_station");
+  if (kind != "rover" && kind != "base_station") row.Stop("kind: '" + kind + "' must be rover or base_station");
   const std::string key = row.Text("key");
-  if (key.size() != 1 || AgentOfLetter(key.front()) == 0) row.Stop("key: '" + key + "' is no letter");
+  if (key.size() != 1 || AgentOfLetter(key.front()) == 0) row.Stop("key: '" + key + "' is not a letter");
   agent.letter = key.empty() ? '?' : key.front();
   const double x_m = row.Number("start_x_m", -kCoordinateMax_m, kCoordinateMax_m);
   const double y_m = row.Number("start_y_m", -kCoordinateMax_m, kCoordinateMax_m);
@@ -137,9 +137,9 @@ Result<std::vector<MissionAgent>> ReadAgents(const std::filesystem::path& file) 
   const Result<void> done = ReadCsv(file, kAgentsHeading, [&agents](CsvRow& row) {
     MissionAgent agent = ReadAgent(row);
     for (const MissionAgent& other : agents) {
-      if (other.id == agent.id) row.Stop("agent_id " + std::to_string(agent.id) + " stands here a second time");
-      if (other.name == agent.name) row.Stop("name " + agent.name + " stands here a second time");
-      if (other.letter == agent.letter) row.Stop(std::string("key ") + agent.letter + " stands here a second time");
+      if (other.id == agent.id) row.Stop("agent_id " + std::to_string(agent.id) + " occurs a second time");
+      if (other.name == agent.name) row.Stop("name " + agent.name + " occurs a second time");
+      if (other.letter == agent.letter) row.Stop(std::string("key ") + agent.letter + " occurs a second time");
     }
     if (agents.size() >= kAgentsMax) row.Stop("too many agents");
     agents.push_back(std::move(agent));
@@ -200,7 +200,7 @@ Result<std::map<NodeKey, Pose>> ComposeRawPoses(const Mission& mission, const st
     if (edge->from.agent != edge->to.agent || edge->to < edge->from) {
       return Fail(ErrorCode::kInvalid,
                   "odometry from " + KeyText(mission, edge->from) + " to " + KeyText(mission, edge->to) +
-                      " is no step forward of one rover",
+                      " does not lead from a node to a later node of one rover",
                   file);
     }
     const auto from = poses.find(edge->from);
@@ -216,8 +216,8 @@ Result<void> TakeBaseStations(const Pyfg& pyfg, const std::string& file, Mission
   for (const PyfgLandmark& landmark : pyfg.landmarks) {
     const MissionAgent* agent = FindAgent(mission, landmark.key.agent);
     if (!agent->is_base_station || landmark.key.index != 0) {
-      return Fail(ErrorCode::kInvalid, KeyText(mission, landmark.key) + " is a fixed station, but no base station's 0",
-                  file);
+      return Fail(ErrorCode::kInvalid,
+                  KeyText(mission, landmark.key) + " is a fixed point, but not node 0 of a base station", file);
     }
     mission.truth[landmark.key] = Pose{landmark.position_m, agent->start.orientation};
   }
@@ -240,7 +240,8 @@ Result<void> TakeGraph(Pyfg pyfg, const std::string& file, Mission& mission) {
   mission.graph = std::move(pyfg.graph);
   for (const GraphNode& node : mission.graph.nodes) {
     if (FindAgent(mission, node.key.agent)->is_base_station) {
-      return Fail(ErrorCode::kInvalid, KeyText(mission, node.key) + " is a base station's, but no fixed point", file);
+      return Fail(ErrorCode::kInvalid,
+                  KeyText(mission, node.key) + " belongs to a base station, but is not a fixed point", file);
     }
     mission.truth[node.key] = node.map_from_node;
   }
@@ -299,7 +300,7 @@ Result<void> ReadMaps(const std::filesystem::path& file, Mission& mission) {
   std::set<std::string> ids;
   const Result<void> done = ReadCsv(file, kMapsHeading, [&](CsvRow& row) {
     MissionMap map = ReadMap(row, mission);
-    if (!ids.insert(map.id).second) row.Stop("map_id " + map.id + " stands here a second time");
+    if (!ids.insert(map.id).second) row.Stop("map_id " + map.id + " occurs a second time");
     mission.maps.push_back(std::move(map));
   });
   std::stable_sort(mission.maps.begin(), mission.maps.end(),
@@ -381,7 +382,7 @@ Result<Pyfg> PyfgOf(const Mission& mission) {
     const MissionAgent* agent = FindAgent(mission, node.key.agent);
     if (!agent || AgentOfLetter(agent->letter) == 0 || truth == mission.truth.end()) {
       return Fail(ErrorCode::kInvalid,
-                  "node " + KeyText(mission, node.key) + " has no agent with a letter or no truth");
+                  "node " + KeyText(mission, node.key) + " has no ground truth, or its agent has no letter");
     }
     if (agent->is_base_station) {
       pyfg.landmarks.push_back(PyfgLandmark{to_letter(node.key), std::nullopt, truth->second.position_m});

@@ -80,7 +80,7 @@ Result<Image> ReadPng(const std::filesystem::path& file) {
   if (const Result<void> is_file = CheckRegularFile(file); !is_file) return tl::unexpected(is_file.error());
   PngImage png;
   if (!png_image_begin_read_from_file(png.get(), file.c_str())) {
-    return Fail(ErrorCode::kCorrupt, std::string("is no readable PNG: ") + png->message, file.string());
+    return Fail(ErrorCode::kCorrupt, std::string("is not a readable PNG: ") + png->message, file.string());
   }
   if ((png->format & PNG_FORMAT_FLAG_LINEAR) != 0) {
     return Fail(ErrorCode::kInvalid, "has 16 bits a channel instead of 8", file.string());
@@ -110,7 +110,7 @@ Result<std::string> PngBytes(const Image& image, const PngExtras& extras) {
     return Fail(ErrorCode::kInvalid, "the picture's size is wrong or too large");
   }
   if (!extras.palette.empty() && (image.channels != 1 || extras.palette.size() > 256)) {
-    return Fail(ErrorCode::kInvalid, "the picture has a palette that it cannot have");
+    return Fail(ErrorCode::kInvalid, "the picture's palette does not fit its kind of pixels");
   }
   PngImage png;
   png->width = static_cast<png_uint_32>(image.width);

@@ -30,7 +30,7 @@ struct EdgeEnds {
 NodeKey TakeKey(LineFields& fields) {
   const std::string_view text = fields.Take();
   const std::optional<NodeKey> key = ParseKey(text);
-  if (!key) fields.Stop("'" + std::string(text) + "' is no key of a letter and a number");
+  if (!key) fields.Stop("'" + std::string(text) + "' is not a key (a letter and a number)");
   return key.value_or(NodeKey{});
 }
 
@@ -80,7 +80,7 @@ class PyfgParser {
     if (word == "VERTEX_SE3:QUAT:PRIOR") return ParsePosePrior(fields, false);
     if (word == "VERTEX_XY:PRIOR") return ParsePositionPrior(fields, true);
     if (word == "VERTEX_XYZ:PRIOR") return ParsePositionPrior(fields, false);
-    fields.Stop("'" + std::string(word) + "' is no keyword of PyFG");
+    fields.Stop("'" + std::string(word) + "' is not a keyword of PyFG");
   }
 
   void ParsePose(LineFields& fields, bool is_planar) {
@@ -178,8 +178,7 @@ class PyfgParser {
 
   void AddVertex(LineFields& fields, NodeKey key, VertexKind kind) {
     if (!fields.error().empty()) return;
-    if (!vertices_.emplace(key, kind).second)
-      fields.Stop("the vertex " + FormatKey(key) + " stands here a second time");
+    if (!vertices_.emplace(key, kind).second) fields.Stop("the vertex " + FormatKey(key) + " occurs a second time");
   }
 
   // Checks that the ends of all edges exist. Call it after the last line, because edges may precede their vertices.
@@ -193,7 +192,7 @@ class PyfgParser {
         if (edge.is_of_any) continue;
         const bool is_landmark = vertex->second == VertexKind::kLandmark;
         if (is_landmark != (edge.is_to_landmark && end == edge.to)) {
-          return Stop(edge.line, FormatKey(end) + (is_landmark ? " is a landmark" : " is no landmark"));
+          return Stop(edge.line, FormatKey(end) + (is_landmark ? " is a landmark" : " is not a landmark"));
         }
       }
     }

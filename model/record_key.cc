@@ -49,7 +49,7 @@ Result<RecordKey> ParseRecordKey(std::string_view text) {
   std::string_view rest = text;
   if (!TakeNumber(rest, '.', 10, key.stream.origin) || !TakeNumber(rest, '.', 16, key.stream.epoch) ||
       !TakeNumber(rest, '.', 10, key.stream.type) || !TakeNumber(rest, '\0', 10, key.seq)) {
-    return Fail(ErrorCode::kInvalid, "'" + std::string(text) + "' is no record key (AGENT.EPOCH.TYPE.SEQ)");
+    return Fail(ErrorCode::kInvalid, "'" + std::string(text) + "' is not a record key (AGENT.EPOCH.TYPE.SEQ)");
   }
   return key;
 }

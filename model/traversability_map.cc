@@ -53,7 +53,7 @@ proto::LocalTraversabilityMap ToProto(const TraversabilityMap& map) {
 
 Result<TraversabilityMap> FromProto(const proto::LocalTraversabilityMap& map) {
   if (map.node().agent_id() < 1 || map.node().agent_id() > kAgentIdMax) {
-    return Fail(ErrorCode::kInvalid, "is no agent id", "node.agent_id");
+    return Fail(ErrorCode::kInvalid, "is not an agent id", "node.agent_id");
   }
   const Result<Pose> node_from_map = FromProto(map.node_from_map());
   if (!node_from_map) {

@@ -354,7 +354,7 @@ void ActorSystem::Impl::CheckHealth() {
                    std::chrono::duration<double>(handler_time).count());
     }
     if (cell->PingTime() > options_.stuck_after) {
-      OnBeyondHelp(cell->self(), {ErrorCode::kTimedOut, "it got no turn for too long", {}});
+      OnBeyondHelp(cell->self(), {ErrorCode::kTimedOut, "it did not answer the watchdog in time", {}});
     }
     cell->Ping();
   }

@@ -113,7 +113,8 @@ void RecordReader::Ask(Context& context) {
   request.set_content_bytes_max(options_.page_bytes_max);
   const SendResult sent = context.Send(StorageOf(context), std::move(message));
   if (sent != SendResult::kAccepted) {
-    return Finish(context, Fail(ErrorCode::kUnavailable, std::string("storage cannot be asked: ") + ToString(sent)));
+    return Finish(context,
+                  Fail(ErrorCode::kUnavailable, std::string("storage does not accept requests: ") + ToString(sent)));
   }
   timer_ = context.AfterTimer(options_.answer_timeout, kTimerKind, question_id_);
 }
@@ -140,7 +141,8 @@ void RecordReader::Finish(Context& context, Result<void> result) {
   state_ = State::kIdle;
   result_ = std::move(result);
   if (result_ || !is_following_) return;
-  trouble_log_.Warn(ToString(context.self()) + ": reads again soon: " + ToString(result_.error()));
+  trouble_log_.Warn(ToString(context.self()) +
+                    ": cannot read records and tries again soon: " + ToString(result_.error()));
   AskAfter(context, options_.retry_delay);
 }
 

@@ -30,7 +30,8 @@ void RecordWriter::WriteChunk(Context& context) {
   sent_count_ += count;
   const SendResult sent = context.Send({context.self().agent, actor_name::kStorage}, std::move(message));
   if (sent != SendResult::kAccepted) {
-    return Finish(context, Fail(ErrorCode::kUnavailable, std::string("storage cannot be asked: ") + ToString(sent)));
+    return Finish(context,
+                  Fail(ErrorCode::kUnavailable, std::string("storage does not accept requests: ") + ToString(sent)));
   }
   timeout_ = context.AfterTimer(options_.answer_timeout, kTimerKind, request_id_);
 }

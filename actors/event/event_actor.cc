@@ -282,7 +282,7 @@ void EventActor::OnShareStatus(Context& context, const std::string& actor, const
   LogRise(context, proto::EVENT_KIND_REJECTED, actor, "messages", status.damaged_messages(),
           "messages from peers were damaged");
   LogRise(context, proto::EVENT_KIND_REJECTED, actor, "hellos", status.refused_hellos(),
-          "beginnings of sharing were refused (another team, version or kind)");
+          "requests to open a sharing session were refused (another team, version or kind of sharing)");
   std::set<AgentId>& refusing = refusing_[actor];
   const std::set<AgentId> before = std::exchange(refusing, {status.refusing().begin(), status.refusing().end()});
   for (const proto::ShareSession& session : status.sessions()) {
@@ -290,15 +290,15 @@ void EventActor::OnShareStatus(Context& context, const std::string& actor, const
     const std::string to = AgentName(options_.team, destination);
     if (refusing.contains(destination) && !before.contains(destination)) {
       Log(context, proto::EVENT_KIND_SHARING,
-          to + " does not take all records, and the rest waits: " + session.last_error());
+          to + " does not accept all records; the others wait to be sent again: " + session.last_error());
     }
     // A destination may also leave `refusing` because the roles have changed.
     if (before.contains(destination) && !refusing.contains(destination) && session.last_error().empty()) {
-      Log(context, proto::EVENT_KIND_SHARING, to + " takes records again");
+      Log(context, proto::EVENT_KIND_SHARING, to + " accepts records again");
     }
     const std::string why = session.last_error().empty() ? "" : ": " + session.last_error();
     LogRise(context, proto::EVENT_KIND_SHARING, actor, "to " + to, session.closed_sessions(),
-            "sharings to " + to + " ended before all was acknowledged" + why);
+            "sharing sessions to " + to + " ended before all records were acknowledged" + why);
   }
   heard_.insert(actor);
 }

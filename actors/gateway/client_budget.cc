@@ -26,10 +26,10 @@ Result<void> CheckRequestCount(const ClientLimits& limits, const ClientLoad& loa
                 "too many requests of this client wait for an answer of " + relayed_to + "; try again later");
   }
   if (is_wait && load.waits >= limits.waits_max) {
-    return Fail(ErrorCode::kFull, "too many requests wait for something to happen; try again later");
+    return Fail(ErrorCode::kFull, "too many requests with a wait time are open at this agent; try again later");
   }
   if (is_wait && load.own_waits >= limits.waits_of_client_max) {
-    return Fail(ErrorCode::kFull, "too many requests of this client wait for something to happen; try again later");
+    return Fail(ErrorCode::kFull, "too many requests of this client with a wait time are open; try again later");
   }
   return {};
 }

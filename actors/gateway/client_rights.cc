@@ -31,9 +31,9 @@ Result<void> CheckRelayRights(const proto::TeamConfig& team, AgentId self, const
   for (const std::string& name : team.command_from()) names += (names.empty() ? "" : ", ") + name;
   const std::string sender = AgentName(team, from);
   return Fail(ErrorCode::kRefused,
-              AgentName(team, self) + " takes no commands through " + sender + ": command_from of its team file (" +
-                  names + ") would have to name " + sender + "; ask through an agent that it names, or " +
-                  AgentName(team, self) + " itself",
+              AgentName(team, self) + " takes no commands relayed by " + sender + ": command_from of its team file (" +
+                  names + ") does not name " + sender +
+                  "; send the command through an agent in command_from, or directly to " + AgentName(team, self),
               "command_from");
 }
 

@@ -19,7 +19,7 @@ CommandLog::Added CommandLog::Add(Kind kind, const std::string& text, const std:
 std::optional<proto::Record> CommandLog::OnPeriodEnd(Kind kind, std::int64_t utc_now_ns) {
   const Commands commands = std::exchange(commands_[kind], {});
   if (commands.left_out == 0) return std::nullopt;
-  const std::string text = commands.last_text + ": the last of " + std::to_string(commands.left_out) + " more";
+  const std::string text = commands.last_text + ": the last of " + std::to_string(commands.left_out) + " more commands";
   return MakeEvent(options_.event_kind, text, commands.last_by, utc_now_ns);
 }
 

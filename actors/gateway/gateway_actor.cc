@@ -106,7 +106,8 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   const Address client = context.sender();
   const bool is_for_self = request.for_agent() == options_.self || (request.for_agent() == 0 && !IsPeer(client.agent));
   if (IsPeer(client.agent) && !is_for_self) {
-    const Error error{ErrorCode::kRefused, "another agent's request must be for this agent", "for_agent"};
+    const Error error{ErrorCode::kRefused, "a request that another agent relays must be addressed to this agent",
+                      "for_agent"};
     return Answer(context, client, message.request_id(), ErrorReply(error));
   }
   if (auto same = CheckTeamOf(request, options_.team); !same) {
@@ -303,8 +304,8 @@ Result<void> GatewayActor::Relay(Context& context, proto::ControlRequest request
     case SendResult::kAccepted:
       return {};
     case SendResult::kFull:
-      return Fail(ErrorCode::kFull,
-                  "too much waits on the way to " + AgentName(options_.team, pending.relayed_to) + "; try again later");
+      return Fail(ErrorCode::kFull, "too many messages wait to be sent to " +
+                                        AgentName(options_.team, pending.relayed_to) + "; try again later");
     default:
       return Fail(ErrorCode::kUnavailable, AgentName(options_.team, pending.relayed_to) + " cannot be reached from " +
                                                AgentName(options_.team, options_.self));
@@ -320,9 +321,9 @@ Result<void> GatewayActor::Ask(Context& context, const std::string& actor, proto
       pending.waiting_for.insert(actor);
       return {};
     case SendResult::kFull:
-      return Fail(ErrorCode::kFull, actor + " is busy; try again later");
+      return Fail(ErrorCode::kFull, "the actor " + actor + " is busy; try again later");
     default:
-      return Fail(ErrorCode::kUnavailable, "this agent runs without " + actor);
+      return Fail(ErrorCode::kUnavailable, "this agent runs without the actor " + actor);
   }
 }
 
@@ -341,7 +342,8 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
   if (context.sender().agent != options_.self) return;
   if (pending.waiting_for.erase(context.sender().actor) == 0) return;
   if (!TakeAnswer(pending.request, message, pending.reply)) {
-    const Error error{ErrorCode::kInternal, context.sender().actor + " gave an answer of another kind", {}};
+    const Error error{
+        ErrorCode::kInternal, context.sender().actor + " answered with an unexpected type of message", {}};
     *pending.reply.mutable_error() = ToProto(error);
   }
   if (pending.waiting_for.empty() && !KeepsWaiting(context, found->first, pending)) Finish(context, found->first);
@@ -407,7 +409,7 @@ void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
 void GatewayActor::OnPeerLost(Context& context, AgentId peer) {
   FailAll(
       context, [peer](const Pending& pending) { return pending.relayed_to == peer; },
-      AgentName(options_.team, peer) + " was lost before it answered; whether it did what it was asked is not known");
+      AgentName(options_.team, peer) + " disconnected before it answered; it may or may not have executed the request");
 }
 
 void GatewayActor::OnActorLost(Context& context, const std::string& actor) {
@@ -491,7 +493,7 @@ void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t
   // If the queue to another agent is full, send a short error instead. After any other failure the client is gone.
   if (sent != SendResult::kFull || !IsPeer(client.agent)) return;
   const std::string text =
-      "too much waits on the way back to " + AgentName(options_.team, client.agent) + "; try again later";
+      "too many messages wait to be sent back to " + AgentName(options_.team, client.agent) + "; try again later";
   (void)context.Send(client, AnswerOf(request_id, ErrorReply(Error{ErrorCode::kFull, text, {}})));
 }
 

@@ -24,7 +24,7 @@ bool IsMember(const proto::TeamConfig& team, std::uint64_t id) {
 
 Result<void> CheckMember(const proto::TeamConfig& team, std::uint64_t id, const std::string& field) {
   if (IsMember(team, id)) return {};
-  return Fail(ErrorCode::kInvalid, "agent " + std::to_string(id) + " is not of team " + team.team(), field);
+  return Fail(ErrorCode::kInvalid, "agent " + std::to_string(id) + " is not in team " + team.team(), field);
 }
 
 template <typename List>
@@ -83,7 +83,7 @@ Result<void> CheckPose(const proto::Pose& pose, const std::string& field) {
   const proto::Quaternion& q = pose.orientation();
   const double norm = std::hypot(std::hypot(q.x(), q.y()), std::hypot(q.z(), q.w()));
   if (pose.has_orientation() && !(std::abs(norm - 1) <= kQuaternionErrorMax)) {
-    return Fail(ErrorCode::kInvalid, "must be of length 1, within 1 %", field + ".orientation");
+    return Fail(ErrorCode::kInvalid, "must be a quaternion of length 1 (tolerance 1 %)", field + ".orientation");
   }
   for (const double metres : {pose.position_m().x(), pose.position_m().y(), pose.position_m().z()}) {
     if (auto checked = CheckCoordinate(metres, field + ".position_m"); !checked) return checked;
@@ -125,15 +125,16 @@ Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertReque
   for (int i = 0; i < insert.records_size(); ++i) {
     const std::string at = "insert.records[" + std::to_string(i) + "]";
     if (insert.records(i).has_agent_event()) {
-      return Fail(ErrorCode::kInvalid, "only agents themselves write down what happened", at + ".agent_event");
+      return Fail(ErrorCode::kInvalid, "cannot be inserted: agents write their events themselves", at + ".agent_event");
     }
     if (insert.records(i).has_role_assignment()) {
-      return Fail(ErrorCode::kInvalid, "only agents themselves insert these; `role set` changes roles",
+      return Fail(ErrorCode::kInvalid,
+                  "cannot be inserted: agents write role assignments themselves; change roles with `role set`",
                   at + ".role_assignment");
     }
     const DataTypeRow* row = FindDataType(TypeOf(insert.records(i)));
     if (row != nullptr && row->speaker == Speaker::kLeader) {
-      return Fail(ErrorCode::kInvalid, "the leader derives these from nodes, edges and maps: insert those",
+      return Fail(ErrorCode::kInvalid, "cannot be inserted: the leader computes it; insert nodes, edges and maps",
                   at + "." + DataTypeName(row->type));
     }
     if (auto checked = CheckAgentsOfRecord(team, insert.records(i), at); !checked) return checked;
@@ -167,7 +168,7 @@ Result<void> CheckRead(const proto::ReadRequest& read) {
   }
   if (!read.data_types().empty() || !read.origin_agents().empty() || has_from || has_to || read.is_newest_first() ||
       read.wait_s() > 0 || read.is_history()) {
-    return Fail(ErrorCode::kInvalid, "can be combined with after_row_id and limits of the page alone", "read.keys");
+    return Fail(ErrorCode::kInvalid, "can be combined only with after_row_id and the limits of a page", "read.keys");
   }
   return {};
 }
@@ -196,11 +197,11 @@ Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto
   if (share.destination() != 0) {
     if (auto checked = CheckMember(team, share.destination(), "share.destination"); !checked) return checked;
     if (share.destination() == self) {
-      return Fail(ErrorCode::kInvalid, "is this agent itself", "share.destination");
+      return Fail(ErrorCode::kInvalid, "is this agent itself; name another agent", "share.destination");
     }
   }
   if (auto checked = CheckTerm(team, share.expected_term(), "share.expected_term"); !checked) return checked;
-  if (share.order() != 0) return Fail(ErrorCode::kInvalid, "is given by agents alone", "share.order");
+  if (share.order() != 0) return Fail(ErrorCode::kInvalid, "must be 0: agents number orders", "share.order");
   if (auto checked = CheckWait(share.wait_s(), kOrderWaitMax_s, "share.wait_s"); !checked) return checked;
   return CheckMembers(team, share.from_agents(), "share.from_agents");
 }
@@ -216,7 +217,7 @@ Result<void> CheckRegistration(const proto::RegistrationRequest& registration) {
 
 Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize) {
   if (optimize.from_scratch() && optimize.window_nodes() > 0) {
-    return Fail(ErrorCode::kInvalid, "goes on from the last solution, which from_scratch leaves out",
+    return Fail(ErrorCode::kInvalid, "cannot be combined with from_scratch: a window continues the last solution",
                 "optimize.window_nodes");
   }
   if (optimize.covariance_of_size() > kCovariancesMax) {
@@ -241,10 +242,10 @@ Result<void> CheckPrune(const proto::PruneOrder& prune) {
     return Fail(ErrorCode::kInvalid, "too many data types", "prune.data_types");
   }
   if (prune.occluded_maps() && !prune.data_types().empty()) {
-    return Fail(ErrorCode::kInvalid, "fully occluded maps are maps: name no data types with them", "prune.data_types");
+    return Fail(ErrorCode::kInvalid, "must be empty with occluded_maps, which removes only maps", "prune.data_types");
   }
   if (prune.occluded_maps() && prune.is_history()) {
-    return Fail(ErrorCode::kInvalid, "maps are never superseded: no history of them is kept", "prune.is_history");
+    return Fail(ErrorCode::kInvalid, "cannot be combined with occluded_maps: maps have no history", "prune.is_history");
   }
   return {};
 }
@@ -253,7 +254,7 @@ Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles) {
   if (auto checked = CheckWait(tiles.wait_s(), kMapWaitMax_s, "map_tiles.wait_s"); !checked) return checked;
   if (std::abs(static_cast<double>(tiles.after().x())) > kMapTileMax ||
       std::abs(static_cast<double>(tiles.after().y())) > kMapTileMax) {
-    return Fail(ErrorCode::kInvalid, "is no tile of the map", "map_tiles.after");
+    return Fail(ErrorCode::kInvalid, "is outside the range of tile numbers", "map_tiles.after");
   }
   if (!tiles.has_region()) return {};
   const proto::MapRegion& region = tiles.region();
@@ -262,7 +263,7 @@ Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles) {
   if (auto checked = CheckCoordinate(region.x_max_m(), "map_tiles.region.x_max_m"); !checked) return checked;
   if (auto checked = CheckCoordinate(region.y_max_m(), "map_tiles.region.y_max_m"); !checked) return checked;
   if (region.x_min_m() <= region.x_max_m() && region.y_min_m() <= region.y_max_m()) return {};
-  return Fail(ErrorCode::kInvalid, "ends before it begins", "map_tiles.region");
+  return Fail(ErrorCode::kInvalid, "has a minimum above its maximum", "map_tiles.region");
 }
 
 Result<void> CheckMerge(const proto::TeamConfig& team, const proto::MergeRequest& merge) {
@@ -289,12 +290,13 @@ Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRe
 Result<void> CheckTeamOf(const proto::ControlRequest& request, const proto::TeamConfig& team) {
   if (request.team_id().empty()) return {};
   if (request.team_id().size() != kTeamIdBytes) {
-    return Fail(ErrorCode::kInvalid, "must have 16 bytes, or none", "team_id");
+    return Fail(ErrorCode::kInvalid, "must have 16 bytes or be empty", "team_id");
   }
   const std::string own = TeamIdBytes(team.team_id());
   if (request.team_id() == own) return {};
-  return Fail(ErrorCode::kRefused, "this agent is of another team: " + team.team() + " with the team id " +
-                                       TeamIdStart(own) + ", the request is for " + TeamIdStart(request.team_id()));
+  return Fail(ErrorCode::kRefused, "this agent belongs to another team: " + team.team() + " with the team id " +
+                                       TeamIdStart(own) + "; the request is for the team id " +
+                                       TeamIdStart(request.team_id()));
 }
 
 void BoundPage(proto::ReadRequest& request, bool is_relayed) {

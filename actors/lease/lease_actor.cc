@@ -123,7 +123,7 @@ void LeaseActor::OnControlRequest(Context& context, const proto::Message& messag
 
 void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::LeaseAnnounce& announce) {
   if (auto checked = CheckAnnouncement(announce); !checked) {
-    refused_log_.Warn(ToString(context.self()) + ": refused what agent " + std::to_string(from) +
+    refused_log_.Warn(ToString(context.self()) + ": refused the leases that agent " + std::to_string(from) +
                       " announced: " + ToString(checked.error()));
     return;
   }

@@ -139,8 +139,8 @@ Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::
     const MapLayer& layer = map.layers[level];
     if (layer.resolution_um == 0 || std::uint64_t{layer.resolution_um} * kStepCellsMax < grid.resolution_um) {
       return Fail(ErrorCode::kInvalid,
-                  "cells of " + std::to_string(layer.resolution_um) + " um are too fine for a merged map of " +
-                      std::to_string(grid.resolution_um) + " um",
+                  "cells of " + std::to_string(layer.resolution_um) +
+                      " um are too fine for a merged map with cells of " + std::to_string(grid.resolution_um) + " um",
                   "layers[" + std::to_string(level) + "].resolution_um");
     }
     local->layers.push_back(

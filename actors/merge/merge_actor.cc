@@ -122,7 +122,8 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
 void MergeActor::OnQuestion(Context& context, const proto::Message& message) {
   Waiting waiting{context.sender(), message.request_id(), message, context.now()};
   if (waiting_.size() + subscribed_.size() >= options_.requests_max) {
-    const std::string text = std::to_string(options_.requests_max) + " questions about the map wait already";
+    const std::string text =
+        std::to_string(options_.requests_max) + " requests for the map wait already; try again later";
     return Answer(context, waiting, ErrorReply(message, {ErrorCode::kFull, text, {}}));
   }
   if (message.map_tiles_request().wait_s() > 0) {
@@ -210,7 +211,7 @@ void MergeActor::Take(const RecordKey& key, const proto::Record& record) {
     if (record.has_local_traversability_map()) ++unusable_map_count_;
     // The record validator accepted the record, but the map cannot be merged (for example, its cells are too fine for
     // the grid).
-    refused_log_.Warn("merge: leaves out record " + ToString(key) + ": " + ToString(added.error()));
+    refused_log_.Warn("merge: excludes record " + ToString(key) + ": " + ToString(added.error()));
   }
   is_current_ = false;
 }
@@ -346,7 +347,7 @@ Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Select
   const std::vector<Error> refusals = merger.Assign(selected.maps, selected.footprints);
   if (&merger == merger_.get()) refused_count_ = refusals.size();
   for (const Error& refused : refusals) {
-    refused_log_.Warn(ToString(context.self()) + ": leaves out " + ToString(refused));
+    refused_log_.Warn(ToString(context.self()) + ": excludes " + ToString(refused));
   }
   const Result<MergeSummary> merged = merger.Merge([&context] { return context.stop_requested(); });
   ReportBackend(context);
@@ -357,7 +358,7 @@ Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Select
 void MergeActor::Answer(Context& context, const Waiting& waiting, proto::Message reply) {
   reply.set_request_id(waiting.request_id);
   if (context.Send(waiting.sender, std::move(reply)) == SendResult::kAccepted) return;
-  dropped_log_.Warn(ToString(context.self()) + ": " + ToString(waiting.sender) + " is gone, its answer is dropped");
+  dropped_log_.Warn(ToString(context.self()) + ": " + ToString(waiting.sender) + " is gone, so its answer is dropped");
 }
 
 }  // namespace moondb

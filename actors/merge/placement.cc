@@ -30,7 +30,9 @@ bool IsNear(const PlanarPose& pose, const MergeGrid& grid) {
   return std::abs(pose.x_m) < bound_m && std::abs(pose.y_m) < bound_m;
 }
 
-auto TooFar() { return Fail(ErrorCode::kInvalid, "is not finite or lies beyond the pages' numbers", "map_from_node"); }
+auto TooFar() {
+  return Fail(ErrorCode::kInvalid, "is not finite or lies outside the range of page numbers", "map_from_node");
+}
 
 PlacedRectangle PlaceBlock(const PlanarPose& pose, const LocalLayer& layer, const LayerBlock& block,
                            std::uint32_t grid_um) {

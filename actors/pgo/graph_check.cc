@@ -14,8 +14,8 @@ namespace moondb {
 
 namespace {
 
-constexpr const char* kVarianceText = "within 1e-12 and 1e8";
-constexpr const char* kDoubled = "is there more than once";
+constexpr const char* kVarianceText = "between 1e-12 and 1e8";
+constexpr const char* kDoubled = "occurs more than once";
 
 void LeaveOut(CheckedGraph& checked, AgentId agent, const std::string& what, const std::string& why) {
   LeftOut& left_out = checked.left_out[agent];
@@ -163,7 +163,7 @@ std::string WhyNot(const NodePrior& prior) {
 }
 
 std::string WhyNot(const RangeEdge& edge) {
-  if (edge.from.agent == edge.to.agent) return "is within one agent";
+  if (edge.from.agent == edge.to.agent) return "joins two nodes of one agent";
   const bool is_distance = edge.range_m >= 0 && edge.range_m <= kRangeMax_m;  // False for NaN.
   if (!is_distance) return "is not a distance below 1e6 m";
   const bool is_variance = edge.variance_m2 >= kVarianceMin && edge.variance_m2 <= kVarianceMax;
@@ -187,9 +187,9 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
     std::string why = WhyNot(edge);
     const std::optional<std::size_t> from = checked.Find(edge.from);
     const std::optional<std::size_t> to = checked.Find(edge.to);
-    if (why.empty() && !from) why = ToString(edge.from) + " is not known here";
-    if (why.empty() && !to) why = ToString(edge.to) + " is not known here";
-    if (why.empty() && checked.nodes[*from].is_fixed && checked.nodes[*to].is_fixed) why = "both ends stand fixed";
+    if (why.empty() && !from) why = ToString(edge.from) + " has no node record";
+    if (why.empty() && !to) why = ToString(edge.to) + " has no node record";
+    if (why.empty() && checked.nodes[*from].is_fixed && checked.nodes[*to].is_fixed) why = "both nodes are fixed";
     if (!why.empty()) {
       LeaveOut(checked, edge.from.agent, EdgeName(kind, edge.from, edge.to), why);
       continue;
@@ -207,7 +207,7 @@ void LeaveOutClosuresToBaseStations(CheckedGraph& checked) {
     if (!checked.nodes[closure.from].is_fixed && !checked.nodes[closure.to].is_fixed) return false;
     const LoopClosure& edge = *closure.edge;
     LeaveOut(checked, edge.from.agent, EdgeName("loop closure", edge.from, edge.to),
-             "a base station has no heading; state a prior");
+             "a base station has no heading; insert a pose prior instead");
     return true;
   });
 }
@@ -217,7 +217,7 @@ void CheckPriors(const std::vector<NodePrior>& priors, CheckedGraph& checked) {
   for (const NodePrior& prior : priors) {
     std::string why = WhyNot(prior);
     const std::optional<std::size_t> node = checked.Find(prior.node);
-    if (why.empty() && !node) why = "the node is not known here";
+    if (why.empty() && !node) why = "the node has no record";
     if (why.empty() && checked.nodes[*node].is_fixed) why = "the node is fixed";
     if (why.empty()) {
       checked.priors.push_back({*node, &prior});

@@ -89,13 +89,14 @@ void PgoActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   if (is_new_term) AwaitQuiet(context);  // Earlier leaders may have left records that no solve has used.
   if (phase_ == Phase::kIdle) return;
   if (const std::optional<Error> error = WhyNotLeader()) return FinishWith(context, *error);
-  if (is_new_term) FinishWith(context, Error{ErrorCode::kRefused, "the roles changed meanwhile; ask again", {}});
+  if (is_new_term) FinishWith(context, Error{ErrorCode::kRefused, "the roles changed during the solve; try again", {}});
 }
 
 std::optional<Error> PgoActor::WhyNotLeader() const {
   if (!roles_) return Error{ErrorCode::kRefused, "this agent does not know the team's roles yet; try again", {}};
   if (roles_->leader() == options_.self) return std::nullopt;
-  if (roles_->leader() == 0) return Error{ErrorCode::kRefused, "nobody leads: the leader solves the pose graph", {}};
+  if (roles_->leader() == 0)
+    return Error{ErrorCode::kRefused, "only the leader solves the pose graph, and the team has no leader", {}};
   const std::string name = AgentName(options_.team, roles_->leader());
   return Error{ErrorCode::kRefused, "the leader solves the pose graph, and " + name + " leads; ask there", {}};
 }
@@ -109,7 +110,8 @@ void PgoActor::OnOptimizeRequest(Context& context, const proto::Message& message
     return Answer(context, requester, refusal);
   }
   if (requesters_.size() >= options_.requesters_max) {
-    *refusal.mutable_error() = ToProto(Error{ErrorCode::kFull, "too many wait for this solve; try again later", {}});
+    *refusal.mutable_error() =
+        ToProto(Error{ErrorCode::kFull, "too many requests wait for this solve; try again later", {}});
     return Answer(context, requester, refusal);
   }
   requesters_.push_back(requester);

@@ -121,7 +121,7 @@ Publication MakePublication(const Solution& solution, const KnownGraph& known, c
 proto::OptimizeReply ToReply(const Solution& solution) {
   proto::OptimizeReply reply;
   if (!solution.is_accepted) {
-    const std::string text = "the solve was not accepted, the old poses stand: " + solution.text;
+    const std::string text = "the solve was rejected, the previous poses stay valid: " + solution.text;
     *reply.mutable_error() = ToProto(Error{ErrorCode::kInternal, text, {}});
   } else if (solution.rovers.empty()) {
     *reply.mutable_error() = ToProto(Error{ErrorCode::kNotFound, solution.text, {}});

@@ -86,9 +86,9 @@ std::map<AgentId, FactorCounts> CountFactors(const std::vector<FactorVerdict>& v
 std::string WhereElse(const RoverResult& rover, const FactorCounts& counts) {
   const bool has_poses = counts.closures_to_others + counts.priors.accepted() > 0;
   const std::string what = rover.range_count == 0 ? "measurements" : has_poses ? "ranges and measurements" : "ranges";
-  if (rover.anchoring != Anchoring::kUnanchored) return ": its " + what + " say where it is";
-  if (rover.range_count == 0 && !has_poses) return ": begins at its raw pose";
-  return ": its " + what + " say how it stands to other rovers";
+  if (rover.anchoring != Anchoring::kUnanchored) return ": its " + what + " determine where it is";
+  if (rover.range_count == 0 && !has_poses) return ": it starts at the pose of its first node";
+  return ": its " + what + " determine only its pose relative to other rovers";
 }
 
 // Adds a line if more than a third of the factors of one kind are rejected.
@@ -107,27 +107,28 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
   if (!why_not_placed.empty() && rover.anchoring == Anchoring::kUnanchored) say("not placed: " + why_not_placed);
   if (rover.anchoring == Anchoring::kNoRanges) {
     const std::string which = rover.range_count > 0 ? "no accepted range to a rover in the map" : "no accepted range";
-    say(which + ": start pose and odometry alone");
+    say(which + ": only its start pose and odometry determine its poses");
   }
   if (rover.anchoring == Anchoring::kUnanchored) {
-    say("nothing ties it to the map: give it a start in the team file, or two GNSS priors a few metres apart");
+    say("no measurement places it in the map: give it a start in the team file, or two GNSS priors a few metres apart");
   }
   if (rover.anchoring == Anchoring::kYawFree) {
-    say("nothing says how it is turned about the base station: give one rover a start in the team file, or two GNSS "
-        "priors a few metres apart");
+    say("no measurement determines its rotation about the base station: give one rover a start in the team file, or "
+        "two GNSS priors a few metres apart");
   }
   if (rover.anchoring == Anchoring::kAmbiguous) {
-    say("ambiguous: it would stand nearly as well elsewhere: give it a start in the team file, or two GNSS priors");
+    say("ambiguous: its measurements fit another place nearly as well: give it a start in the team file, "
+        "or two GNSS priors");
   }
-  SayIfContradicted(counts.ranges, "ranges", ": is its start right, or another rover's, are the radios?", say);
+  SayIfContradicted(counts.ranges, "ranges", ": check its start, those of other rovers, and the radios", say);
   SayIfContradicted(counts.closures, "loop closures", "", say);
-  SayIfContradicted(counts.priors, "priors", ": are they in the frame map?", say);
+  SayIfContradicted(counts.priors, "priors", ": check that they are in the frame map", say);
   if (!IsPlausibleOdometryScale(rover.odometry_scale)) {
-    say("its odometry scale is implausible: are all its edges odometry, in metres?");
+    say("its odometry scale is implausible: check that all its edges are odometry, in metres");
   }
   if (part_count > 1) say("its odometry is interrupted in " + std::to_string(part_count - 1) + " places");
   if (const auto found = graph.left_out.find(rover.agent); found != graph.left_out.end()) {
-    say(std::to_string(found->second.count) + " records left out, first: " + found->second.first);
+    say(std::to_string(found->second.count) + " records excluded, first: " + found->second.first);
   }
   return text;
 }

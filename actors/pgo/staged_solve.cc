@@ -65,7 +65,7 @@ StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph, co
   result.initial_cost = terms.Cost(result.is_inlier, terms.initial());
   result.final_cost = terms.Cost(result.is_inlier, result.state);
   result.is_accepted = std::isfinite(result.final_cost) && !IsHigher(result.final_cost, result.initial_cost);
-  if (!result.is_accepted) result.text = "the cost did not fall";
+  if (!result.is_accepted) result.text = "the cost did not decrease";
   return result;
 }
 

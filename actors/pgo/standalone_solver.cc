@@ -323,9 +323,9 @@ class StandaloneSolver {
     if (!solution_.has_converged) say(IsStopped() ? "stopped" : "did not converge");
     const std::size_t parts = CountLooseParts(graph_, joined_);
     if (parts > 1) {
-      say(std::to_string(parts) + " parts that nothing joins: how they stand to each other is not known");
+      say(std::to_string(parts) + " parts that no edge joins: their poses relative to each other are unknown");
     }
-    if (lowest_.size() > 1) say("ambiguous: another shape fits as well");
+    if (lowest_.size() > 1) say("ambiguous: another solution fits as well");
     return std::move(solution_);
   }
 

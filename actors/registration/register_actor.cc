@@ -175,7 +175,7 @@ std::optional<Error> RegisterActor::WhyNot() const {
   }
   if (Leads()) return std::nullopt;
   if (!roles_ || roles_->leader() == 0) {
-    return Error{ErrorCode::kRefused, "the leader matches maps, and this agent knows of none", {}};
+    return Error{ErrorCode::kRefused, "only the leader matches maps, and this agent knows no leader", {}};
   }
   const std::string name = AgentName(options_.team, roles_->leader());
   return Error{ErrorCode::kRefused, "the leader matches maps, and " + name + " leads; ask there", {}};
@@ -419,7 +419,8 @@ void RegisterActor::OnRequest(Context& context, const proto::Message& message) {
   const Duration wait = BoundedWait(message.registration_request().wait_s(), kRegistrationWaitMax_s);
   if (wait <= Duration::zero()) return Answer(context, waiting, State());
   if (waiting_.size() >= options_.requests_max) {
-    *refusal.mutable_error() = ToProto(Error{ErrorCode::kFull, "too many wait for matches; try again later", {}});
+    *refusal.mutable_error() =
+        ToProto(Error{ErrorCode::kFull, "too many requests wait for matches; try again later", {}});
     return Answer(context, waiting, refusal);
   }
   (void)context.AfterTimer(wait, kWaitEnd, waiting.timer);

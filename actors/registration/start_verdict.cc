@@ -146,7 +146,7 @@ std::string RemedyOf(StartVerdict verdict) {
     case StartVerdict::kRival:
       return "drive one of them on, to where its surroundings differ from those that look alike";
     case StartVerdict::kContradicted:
-      return "drive one of them through other places that the other has seen, or leave out maps that show what has "
+      return "drive one of them through other places that the other has seen, or quarantine maps of things that have "
              "moved since";
   }
   return "";

@@ -151,7 +151,8 @@ bool RetentionActor::IsDryRun() const { return !job_.plan.empty() && job_.plan.f
 // two agents ask each other at the same time, the agent with the larger id gives up its prune.
 void RetentionActor::OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id) {
   const bool asks_peer = stage_ == Stage::kPeers && job_.peers.contains(peer);
-  if (asks_peer && peer < options_.self) Refuse(context, AgentName(options_.team, peer) + " removes something, too");
+  if (asks_peer && peer < options_.self)
+    Refuse(context, AgentName(options_.team, peer) + " is pruning its own records now");
   if (stage_ != Stage::kIdle && stage_ != Stage::kStatus && !IsDryRun()) {
     return Vouch(context, peer, request_id, proto::HaveReply());
   }
@@ -210,19 +211,18 @@ void RetentionActor::OnOrder(Context& context, const proto::Message& message) {
 Result<void> RetentionActor::CheckOrder(const proto::PruneOrder& order) const {
   const auto events = std::find(order.data_types().begin(), order.data_types().end(), proto::AGENT_EVENT);
   if (events != order.data_types().end() && !order.is_history()) {
-    return Fail(
-        ErrorCode::kInvalid,
-        "agent_event goes by the limits of the team file alone (retention.keep_event_days): it says who ordered "
-        "what",
-        "prune.data_types[" + std::to_string(events - order.data_types().begin()) + "]");
+    return Fail(ErrorCode::kInvalid,
+                "agent_event cannot be pruned on command, as it records who commanded what: set "
+                "retention.keep_event_days in the team file",
+                "prune.data_types[" + std::to_string(events - order.data_types().begin()) + "]");
   }
   for (int i = 0; i < order.data_types_size() && !order.is_history(); ++i) {
     const DataType type = order.data_types(i);
     if (SharePolicyOf(options_.team, type) == proto::POLICY_ALL) continue;
     return Fail(ErrorCode::kInvalid,
                 DataTypeName(type, options_.team.custom_types()) +
-                    " is not kept under the policy all: nothing of it is "
-                    "ever pruned",
+                    " does not have the share policy all: only types with that "
+                    "policy are pruned",
                 "prune.data_types[" + std::to_string(i) + "]");
   }
   if (stage_ == Stage::kIdle) return {};
@@ -283,10 +283,10 @@ void RetentionActor::OnPeersHave(Context& context, AgentId peer, const proto::Ha
   const auto awaited = job_.awaited.find(peer);
   if (awaited == job_.awaited.end()) return;
   if (covered.has_roles() && !HaveOneRoles(covered.roles(), job_.roles)) {
-    return Refuse(context, awaited->second + ", acts on other roles");
+    return Refuse(context, awaited->second + ", acts on other role assignments");
   }
   const Result<HaveSet> have = FromProto(covered.have());
-  if (!have) return Refuse(context, awaited->second + ", says what cannot be: " + ToString(have.error()));
+  if (!have) return Refuse(context, awaited->second + ", sent an invalid have-set: " + ToString(have.error()));
   job_.peers[peer] = *have;
   job_.awaited.erase(awaited);
   if (job_.awaited.empty()) DoStep(context);
@@ -376,7 +376,7 @@ void RetentionActor::Ask(Context& context, const char* actor, proto::Message mes
   message.set_request_id(request_id_);
   const SendResult sent = context.Send({options_.self, actor}, std::move(message));
   if (sent == SendResult::kAccepted) return;
-  GiveUp(context, {ErrorCode::kUnavailable, std::string(actor) + " cannot be asked: " + ToString(sent), {}});
+  GiveUp(context, {ErrorCode::kUnavailable, std::string(actor) + " does not accept requests: " + ToString(sent), {}});
 }
 
 void RetentionActor::Refuse(Context& context, const std::string& text) {
@@ -423,7 +423,7 @@ void RetentionActor::Finish(Context& context) {
     return;
   }
   if (CountOf(job.reply) > 0) {
-    spdlog::info("{}: removed {:.0f} records, {:.0f} bytes; {:.0f} had to stay for leader or survivor",
+    spdlog::info("{}: removed {:.0f} records, {:.0f} bytes; {:.0f} were kept because leader or survivor lacks them",
                  ToString(context.self()), CountOf(job.reply), BytesOf(job.reply), job.reply.unacknowledged_count());
   }
   const std::string refusal = IsError(job.reply.error()) ? ToString(FromProto(job.reply.error())) : job.reply.text();

@@ -351,7 +351,7 @@ std::optional<Result<proto::RoleShowReply>> RoleActor::AnswerTo(const Waiting& w
   const AgentId leader = waiting.roles.leader();
   const AgentId survivor = waiting.roles.survivor();
   if (shown.roles().leader() != leader || shown.roles().survivor() != survivor) {
-    return Fail(ErrorCode::kRefused, "another change came after this one: leader " +
+    return Fail(ErrorCode::kRefused, "a later change replaced this one: leader " +
                                          AgentName(options_.team, shown.roles().leader()) + ", survivor " +
                                          AgentName(options_.team, shown.roles().survivor()));
   }

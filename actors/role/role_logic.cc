@@ -43,8 +43,9 @@ RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> histor
 Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const {
   if (!is_loaded_) return Fail(ErrorCode::kUnavailable, "the stored roles are still being read; try again");
   if (unstored_) {
-    return Fail(ErrorCode::kRefused, "term " + TermText(unstored_->term()) +
-                                         " is known here but cannot be stored; ask another agent, with -a");
+    return Fail(ErrorCode::kRefused,
+                "term " + TermText(unstored_->term()) +
+                    " is known but this agent cannot store it; send the command to another agent with -a");
   }
   if (saving_) return Fail(ErrorCode::kUnavailable, "another change is being stored; try again");
   if (request.reason().size() > kRoleReasonBytesMax) {
@@ -55,10 +56,10 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
   proto::RoleAssignment roles;
   if (request.is_swap()) {
     if (request.leader() != 0 || request.survivor() != 0) {
-      return Fail(ErrorCode::kInvalid, "exchanges the present two; name no leader or survivor with it", "is_swap");
+      return Fail(ErrorCode::kInvalid, "exchanges leader and survivor: do not name either of them", "is_swap");
     }
     if (current_.survivor() == 0) {
-      return Fail(ErrorCode::kRefused, "no designated survivor is assigned to change places with", "is_swap");
+      return Fail(ErrorCode::kRefused, "needs a designated survivor, and none is assigned", "is_swap");
     }
     roles.set_leader(current_.survivor());
     roles.set_survivor(current_.leader());
@@ -77,13 +78,13 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
 
 Result<proto::RoleAssignment> RoleLogic::ProposeStepDown(const std::set<AgentId>& connected, const std::string& reason,
                                                          std::int64_t now_ns) const {
-  if (unstored_) return Fail(ErrorCode::kNotFound, "this agent has given its role up already");
+  if (unstored_) return Fail(ErrorCode::kNotFound, "this agent has already given up its role");
   if (!is_loaded_ || saving_) return Fail(ErrorCode::kUnavailable, "the roles are being read or stored");
   if (current_.leader() != options_.self && current_.survivor() != options_.self) {
     return Fail(ErrorCode::kNotFound, "this agent has no role to give up");
   }
   std::optional<proto::RoleAssignment> roles = WithoutOwnRole(connected);
-  if (!roles) return Fail(ErrorCode::kUnavailable, "nobody who could take the role is connected");
+  if (!roles) return Fail(ErrorCode::kUnavailable, "no connected agent can take the role");
   roles->set_timestamp_ns(now_ns);
   roles->set_reason(reason.substr(0, kRoleReasonBytesMax));
   return Issue(*std::move(roles), /*is_command=*/false);
@@ -121,14 +122,14 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
   Actions actions;
   if (!is_loaded_) return actions;  // The sender will repeat the announcement.
   if (!IsMember(from) || HasLeft(from) || from == options_.self) {
-    return Fail(ErrorCode::kRefused, "is not of this team", "sender");
+    return Fail(ErrorCode::kRefused, "is not in this team", "sender");
   }
   if (Result<void> checked = CheckAnnounced(announce.roles()); !checked) return tl::unexpected(checked.error());
   const proto::RoleAssignment& theirs = announce.roles();
   if (OrderOf(theirs.term()) == OrderOf(current_.term())) {
     if (theirs.leader() != current_.leader() || theirs.survivor() != current_.survivor() ||
         theirs.signature() != current_.signature()) {
-      return Fail(ErrorCode::kRefused, "another assignment stands here in the same term", "roles");
+      return Fail(ErrorCode::kRefused, "this agent has a different assignment for the same term", "roles");
     }
     if (!announce.is_reply()) Notify(from, /*is_reply=*/true, actions);
     Confirm(from, actions);
@@ -146,7 +147,7 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
         AskForChain(from, theirs, actions);
         break;
       case RoleChain::Standing::kNever:
-        return Fail(ErrorCode::kRefused, "does not count: " + WhyNever(theirs), "roles");
+        return Fail(ErrorCode::kRefused, "is invalid: " + WhyNever(theirs), "roles");
     }
   }
   return actions;
@@ -189,12 +190,14 @@ Result<RoleLogic::Actions> RoleLogic::OnChainReply(AgentId from, const proto::Ro
   const bool is_passed = !IsNewer(asked.announced.term(), current_.term()) ||
                          (unstored_ && IsNewer(unstored_->term(), asked.announced.term()));
   if (saving_ || is_passed) return actions;
-  if (reply.chain().empty()) return Fail(ErrorCode::kRefused, "lacks what it announced follows", "chain");
+  if (reply.chain().empty())
+    return Fail(ErrorCode::kRefused, "lacks the predecessor of the announced assignment", "chain");
   const proto::RoleAssignment* later = asked.chain.empty() ? &asked.announced : &asked.chain.back();
   std::string follows = later->follows();
   bool is_joined = false;
   for (const proto::RoleAssignment& roles : reply.chain()) {
-    if (roles.signature() != follows) return Fail(ErrorCode::kRefused, "is not what was asked for", "chain");
+    if (roles.signature() != follows)
+      return Fail(ErrorCode::kRefused, "contains an assignment that was not requested", "chain");
     if (Result<void> checked = CheckIssued(roles); !checked) return tl::unexpected(checked.error());
     is_joined = chain_.StandingOf(roles) == RoleChain::Standing::kCounts;
     if (chain_.Find(roles.signature()) == nullptr) asked.chain.push_back(roles);
@@ -214,7 +217,7 @@ Result<RoleLogic::Actions> RoleLogic::OnChainReply(AgentId from, const proto::Ro
   std::for_each(asked.chain.rbegin(), asked.chain.rend(),
                 [this](const proto::RoleAssignment& roles) { (void)chain_.Add(roles); });
   if (chain_.StandingOf(asked.announced) != RoleChain::Standing::kCounts) {
-    return Fail(ErrorCode::kRefused, "does not count: " + WhyNever(asked.announced), "roles");
+    return Fail(ErrorCode::kRefused, "is invalid: " + WhyNever(asked.announced), "roles");
   }
   AdoptAnnounced(from, asked.announced, actions);
   return actions;
@@ -263,7 +266,7 @@ std::vector<proto::RoleAssignment> RoleLogic::SavingChain() const {
 
 std::string RoleLogic::WhyNever(const proto::RoleAssignment& roles) const {
   return options_.name_of(roles.term().issuer()) +
-         " neither leads nor survives in what it follows, nor does command_from of the team file name it";
+         " is neither leader nor survivor in the assignment before it, nor named in command_from of the team file";
 }
 
 RoleLogic::Actions RoleLogic::OnSaved() {
@@ -391,7 +394,8 @@ Result<void> RoleLogic::CheckExpected(const proto::RoleSetRequest& request) cons
   };
   return Fail(ErrorCode::kRefused,
               name(options_.self) + " holds " + term(current_.term()) + ": " + name(current_.leader()) + " leads, " +
-                  name(current_.survivor()) + " survives; the request relies on " + term(expected.term()),
+                  name(current_.survivor()) + " is the designated survivor; the request expects " +
+                  term(expected.term()),
               "expected");
 }
 
@@ -407,22 +411,22 @@ Result<void> RoleLogic::CheckMayDecide() const {
 Result<void> RoleLogic::CheckIssued(const proto::RoleAssignment& roles) const {
   const proto::Term& term = roles.term();
   if (term.number() > 0 && !IsMember(term.issuer())) {
-    return Fail(ErrorCode::kRefused, "is not of this team", "roles.term.issuer");
+    return Fail(ErrorCode::kRefused, "is not in this team", "roles.term.issuer");
   }
   if (term.number() == 0 && (term.issuer() != 0 || term.issuer_epoch() != 0)) {
-    return Fail(ErrorCode::kRefused, "number 0 is the team file's", "roles.term");
+    return Fail(ErrorCode::kRefused, "number 0 is reserved for the initial roles in the team file", "roles.term");
   }
   const std::uint64_t number_max =
       has_keys() ? kTermNumberMax : std::min(highest_number_ + kTermJumpMax, kTermNumberMax);
   if (term.number() > number_max) {
-    return Fail(ErrorCode::kRefused, "is from the far future", "roles.term.number");
+    return Fail(ErrorCode::kRefused, "is too far above the highest known term number", "roles.term.number");
   }
   if (roles.reason().size() > kRoleReasonBytesMax) {
     return Fail(ErrorCode::kRefused, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes",
                 "roles.reason");
   }
   if (has_keys() && term.number() > 0 && !options_.is_signed(roles)) {
-    return Fail(ErrorCode::kRefused, "is not its issuer's", "roles.signature");
+    return Fail(ErrorCode::kRefused, "does not match its issuer's signing key", "roles.signature");
   }
   return {};
 }

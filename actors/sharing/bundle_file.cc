@@ -85,8 +85,7 @@ std::string BundleWriter::Finish() {
 Result<proto::BundleFile> ReadBundle(std::string_view file, const VisitBundled& visit) {
   const std::size_t version_at = kMagic.size() - 2;
   if (!file.starts_with(kMagic.substr(0, version_at))) return Corrupt("is not a moondb bundle");
-  if (!file.starts_with(kMagic))
-    return Corrupt("is a bundle of another version than 1, which is what this moondb reads");
+  if (!file.starts_with(kMagic)) return Corrupt("has an unknown bundle version; this moondb reads version 1");
   if (file.size() > kBundleBytesMax) return Corrupt("is larger than a bundle may be (16 MiB)");
   const std::string_view body = file.substr(std::min(kMagic.size() + kHashBytes, file.size()));
   proto::BundleFile bundle;
@@ -104,7 +103,7 @@ Result<proto::BundleFile> ReadBundle(std::string_view file, const VisitBundled& 
     }
   }
   const Result<HaveSet> have = FromProto(bundle.have());
-  if (!have || *have != seen) return Corrupt("holds other records than it says");
+  if (!have || *have != seen) return Corrupt("contains other records than its header lists");
   bundle.clear_parts();
   return bundle;
 }

@@ -89,14 +89,14 @@ Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view code
   if (record_count > kBatchRecordsMax) return Fail(ErrorCode::kCorrupt, "is above 4096", "record_count");
   if (codec == proto::CODEC_PLAIN) return Parse(coded, record_count);
   if (codec == proto::CODEC_COMPACT) return run.Decode(coded, record_count);
-  if (codec != proto::CODEC_ZSTD) return Fail(ErrorCode::kCorrupt, "is not known here", "codec");
+  if (codec != proto::CODEC_ZSTD) return Fail(ErrorCode::kCorrupt, "is unknown to this agent", "codec");
   const Result<std::string> plain = DecompressFrame(coded, kDecodedBytesMax);
   if (!plain) return tl::unexpected(plain.error());
   return Parse(*plain, record_count);
 }
 
 Result<proto::RecordBatch> DecodePaperSql(const PaperSql& paper_sql, std::string_view sql, std::string_view record_id) {
-  if (!paper_sql.record_of) return Fail(ErrorCode::kCorrupt, "is not known here", "codec");
+  if (!paper_sql.record_of) return Fail(ErrorCode::kCorrupt, "is unknown to this agent", "codec");
   const Result<RecordKey> key = ParseRecordKey(record_id);
   if (!key) return Fail(ErrorCode::kCorrupt, key.error().text, "record_id");
   Result<proto::StoredRecord> record = paper_sql.record_of(sql, *key);

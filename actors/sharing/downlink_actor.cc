@@ -51,12 +51,13 @@ void DownlinkActor::OnOrder(Context& context, const proto::Message& message) {
   if (orders_.size() >= options_.orders_max) {
     checked = Fail(ErrorCode::kFull, "too many orders wait for bundles; try again later");
   } else if (request.bytes_max() != 0 && request.acknowledge() != 0) {
-    checked = Fail(ErrorCode::kInvalid, "make a bundle or acknowledge one, not both", "acknowledge");
+    checked = Fail(ErrorCode::kInvalid, "cannot be combined with bytes_max: either make a bundle or acknowledge one",
+                   "acknowledge");
   } else if (request.bytes_max() != 0 &&
              (request.bytes_max() < kBundleBytesMin || request.bytes_max() > kBundleBytesMax)) {
     checked = Fail(ErrorCode::kInvalid, "must lie between 1 KiB and 16 MiB", "bytes_max");
   } else if (GroundRecords(options_.team).data_types().empty()) {
-    checked = Fail(ErrorCode::kRefused, "the team file's `ground` asks for nothing");
+    checked = Fail(ErrorCode::kRefused, "the team file's `ground` selects no data type: set a policy there");
   }
   if (!checked) {
     proto::Message reply;
@@ -119,7 +120,7 @@ void DownlinkActor::AskForRecords(Context& context) {
 
 void DownlinkActor::OnMissing(Context& context, const proto::MissingReply& reply) {
   if (reply.records().empty() && reply.remaining() > 0) {
-    return EndWithError(context, {ErrorCode::kUnavailable, "storage cannot read what is missing", {}});
+    return EndWithError(context, {ErrorCode::kUnavailable, "storage cannot read the missing records", {}});
   }
   if (writer_) return Fill(context, reply);
   reply_.set_left_count(static_cast<double>(reply.remaining()) + reply.records_size());
@@ -137,7 +138,7 @@ void DownlinkActor::Fill(Context& context, const proto::MissingReply& reply) {
   }
   if (writer_->record_count() == 0 && is_full) {
     return EndWithError(context, {ErrorCode::kInvalid,
-                                  "is too little for the next record alone, which has " +
+                                  "is too small: the next record alone has " +
                                       std::to_string(reply.records(0).content().size()) + " bytes before coding",
                                   "bytes_max"});
   }

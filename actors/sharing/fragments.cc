@@ -58,7 +58,7 @@ Result<std::optional<std::string>> FragmentCollector::Take(AgentId sender, const
     // If the hash matches but the size does not, discard the part. Otherwise the receiver would report this part again,
     // and the sender would send the same fragment again.
     if (!is_known && part != nullptr && part->hash == fragment.hash()) Forget(sender);
-    return Fail(ErrorCode::kNotFound, "what comes before this fragment is not here", "fragment");
+    return Fail(ErrorCode::kNotFound, "the bytes before this fragment have not arrived", "fragment");
   }
   if (end <= part->bytes.size()) return std::optional<std::string>();
   part->bytes.append(batch.coded(), part->bytes.size() - fragment.first_byte());
@@ -72,7 +72,7 @@ Result<std::optional<std::string>> FragmentCollector::Take(AgentId sender, const
   std::string whole = std::move(part->bytes);
   Forget(sender);
   if (HashOf(whole) != fragment.hash())
-    return Fail(ErrorCode::kCorrupt, "the whole is not what its hash says", "fragment");
+    return Fail(ErrorCode::kCorrupt, "the joined fragments do not match their hash", "fragment");
   return std::optional<std::string>(std::move(whole));
 }
 

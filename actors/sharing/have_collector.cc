@@ -25,14 +25,14 @@ Result<HaveSet> HaveCollector::Check(const proto::Have& page) const {
   const bool is_last = !page.has_have_next();
   const RecordKey end = FromProto(page.have_next());
   if (!is_last && (end <= next_ || have->streams().empty() || page_count_ + 1 >= kHavePagesMax)) {
-    return Fail(ErrorCode::kInvalid, "comes to no end", "have_next");
+    return Fail(ErrorCode::kInvalid, "does not advance, or there are too many pages", "have_next");
   }
   for (const auto& [key, stream] : have->streams()) {
     const IntervalSet covered = stream.Covered();
     const RecordKey first{key, covered.is_empty() ? UINT64_MAX : covered.intervals().front().first};
     const RecordKey last{key, covered.Max()};
     if (first < next_ || (!is_last && last >= end)) {
-      return Fail(ErrorCode::kInvalid, "names what it does not speak of", "have");
+      return Fail(ErrorCode::kInvalid, "lists records outside the range of its page", "have");
     }
   }
   if (const Result<void> fits = have_.CheckJoins(*have); !fits) return tl::unexpected(fits.error());

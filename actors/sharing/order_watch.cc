@@ -28,7 +28,7 @@ void OrderWatch::Add(Order order) {
 }
 
 Result<void> OrderWatch::Wait(Request request) {
-  if (Find(request.order) == nullptr) return Fail(ErrorCode::kNotFound, "no such order is known here", "order");
+  if (Find(request.order) == nullptr) return Fail(ErrorCode::kNotFound, "this agent knows no such order", "order");
   if (requests_.size() >= kRequestsMax) {
     return Fail(ErrorCode::kFull, "too many requests wait for orders at this agent; try again later");
   }

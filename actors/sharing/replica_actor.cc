@@ -19,9 +19,12 @@ constexpr Duration kPatienceMax = std::chrono::hours(1);
 
 Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& request, bool is_leaders) {
   if (!request.from_agents().empty()) {
-    return Fail(ErrorCode::kInvalid, "is for sync; replication goes from the leader to the survivor", "from_agents");
+    return Fail(ErrorCode::kInvalid,
+                "must be empty: only sync collects from agents, replication copies from leader to survivor",
+                "from_agents");
   }
-  if (request.destination() == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
+  if (request.destination() == self())
+    return Fail(ErrorCode::kInvalid, "is this agent itself; name another agent", "destination");
   if (request.destination() != 0) {
     Open(context, request.destination(), proto::RecordFilter(),
          /*is_by_role=*/is_leaders && request.destination() == context.sender().agent, request.bytes_max());
@@ -29,11 +32,12 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
   }
   if (!is_leading()) {
     return Fail(ErrorCode::kRefused,
-                NameOf(self()) + " does not lead, " + NameOf(roles().leader()) + " does: give the command there");
+                NameOf(self()) + " does not lead: send the command to the leader, " + NameOf(roles().leader()));
   }
   if (roles().survivor() == 0) return Fail(ErrorCode::kRefused, "no designated survivor is assigned");
   if (HasLeft(team(), roles().survivor())) {
-    return Fail(ErrorCode::kRefused, NameOf(roles().survivor()) + " survives, but has left the team");
+    return Fail(ErrorCode::kRefused,
+                NameOf(roles().survivor()) + " is the designated survivor, but has left the team; assign another one");
   }
   Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, request.bytes_max());
   // An order with a byte limit does not continue with records that are gathered later.

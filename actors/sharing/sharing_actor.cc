@@ -182,12 +182,12 @@ void SharingActor::OnHello(Context& context, const proto::Hello& hello) {
   const bool was_other_config = receiver_->other_configs().contains(peer);
   SharingActions answer = receiver_->OnHello(peer, hello, context.now());
   if (!answer.empty() && answer.front().message.has_refusal()) {
-    refused_log_.Warn(ToString(context.self()) + ": refused a hello of " + NameOf(peer) + ": " +
+    refused_log_.Warn(ToString(context.self()) + ": refused to open a session with " + NameOf(peer) + ": " +
                       ToString(FromProto(answer.front().message.refusal().error())));
     return Perform(context, std::move(answer));
   }
   if (!was_other_config && receiver_->other_configs().contains(peer)) {
-    refused_log_.Warn(ToString(context.self()) + ": " + NameOf(peer) + " runs with another team configuration");
+    refused_log_.Warn(ToString(context.self()) + ": " + NameOf(peer) + " runs with another team file");
   }
   Perform(context, std::move(answer));
 }
@@ -374,14 +374,16 @@ Result<void> SharingActor::CheckOrderer(const Context& context, const proto::Ter
   const bool may_order = from == roles_.leader() || from == roles_.survivor() || MayCommand(options_.team, from);
   if (is_from_here(context) || may_order || !HasSigningKeys(options_.team)) return {};
   if (IsNewer(term, roles_.term())) {
-    return Fail(ErrorCode::kUnavailable, NameOf(options_.self) + " does not know yet of term " + TermText(term));
+    return Fail(ErrorCode::kUnavailable,
+                NameOf(options_.self) + " does not know term " + TermText(term) + " yet; try again");
   }
-  return Fail(ErrorCode::kRefused, NameOf(from) + " neither leads nor survives in term " + TermText(roles_.term()) +
-                                       ", nor does command_from of the team file name it");
+  return Fail(ErrorCode::kRefused, NameOf(from) + " is neither leader nor survivor in term " + TermText(roles_.term()) +
+                                       ", nor named in command_from of the team file");
 }
 
 Result<void> SharingActor::CheckShareRequest(const proto::ShareRequest& request) const {
-  if (request.kind() != kind_) return Fail(ErrorCode::kInvalid, "is not this actor's", "kind");
+  if (request.kind() != kind_)
+    return Fail(ErrorCode::kInvalid, "is not the kind of sharing that this actor does", "kind");
   const auto check_agent = [this](AgentId agent, const std::string& field) -> Result<void> {
     if (FindAgent(options_.team, agent) == nullptr) {
       return Fail(ErrorCode::kInvalid, "no agent has the id " + std::to_string(agent), field);
@@ -404,7 +406,7 @@ Result<void> SharingActor::CheckExpectedTerm(const Context& context, const proto
   if (!is_relied_on || OrderOf(request.expected_term()) == OrderOf(roles_.term())) return {};
   return Fail(ErrorCode::kRefused,
               "the roles have changed: " + NameOf(options_.self) + " acts on term " + TermText(roles_.term()) +
-                  ", the order relies on term " + TermText(request.expected_term()),
+                  ", but the order requires term " + TermText(request.expected_term()),
               "expected_term");
 }
 
@@ -479,7 +481,7 @@ std::optional<std::uint64_t> SharingActor::CloseByRole(Context& context) {
       const bool is_unlimited = left == 0 || bytes_left == 0;
       bytes_left = is_unlimited ? 0 : std::max(bytes_left.value_or(0), left);
     }
-    outgoing.session.NoteError("ended as the roles changed");
+    outgoing.session.NoteError("ended because the roles changed");
     Perform(context, outgoing, outgoing.session.Close());
   }
   return bytes_left;

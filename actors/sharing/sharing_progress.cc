@@ -129,7 +129,7 @@ proto::PairProgress SharingActor::OutgoingRow(const Context& context, std::uint6
       [[fallthrough]];
     default:
       row.set_is_stopped(true);
-      row.set_why(status.last_error().empty() ? "another order took its place" : status.last_error());
+      row.set_why(status.last_error().empty() ? "a newer order replaced it" : status.last_error());
       return row;
   }
 }
@@ -149,9 +149,9 @@ proto::PairProgress SharingActor::IncomingRow(const Context& context, std::uint6
   if (end && HasReached(end->order(), order)) {
     row.set_is_limited(end->is_limited());
     row.set_is_stopped(true);
-    if (end->is_limited()) row.set_why("ended with the order's bytes; more is left to share");
+    if (end->is_limited()) row.set_why("stopped at the order's byte limit; more records remain to be sent");
     if (end->not_taken() > 0) {
-      row.set_why("the destination did not take " + std::to_string(end->not_taken()) + " records");
+      row.set_why("the destination did not accept " + std::to_string(end->not_taken()) + " records");
     }
     return row;
   }

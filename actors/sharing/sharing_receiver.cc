@@ -31,7 +31,7 @@ SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
 }
 
 SharingActions RefuseUnknown(AgentId sender, std::uint64_t session_id) {
-  return Refuse(sender, session_id, Error{ErrorCode::kNotFound, "no such session is open here", ""});
+  return Refuse(sender, session_id, Error{ErrorCode::kNotFound, "this agent has no open session with this id", ""});
 }
 
 Result<void> CheckDropped(const proto::Batch& batch) {
@@ -89,7 +89,7 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   // before this agent's disk was lost, so the session must start over.
   if (have_from != RecordKey() && !(is_known && age == 0)) return RefuseUnknown(sender, hello.session_id());
   if (!is_known && !MakeRoom(now)) {
-    return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});
+    return RefuseHello(sender, hello, Error{ErrorCode::kFull, "this agent has too many open sessions", ""});
   }
   Incoming& incoming = incoming_[sender];
   // Each sender has at most one HaveRequest at storage, however many Hellos it sends.
@@ -287,22 +287,23 @@ const SharingReceiver::Heard& SharingReceiver::heard(AgentId sender) const {
 Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
   if (hello.wire_version() != kWireVersion) {
     return Fail(ErrorCode::kRefused,
-                "this agent speaks wire version " + std::to_string(kWireVersion) + ", the Hello is of version " +
-                    std::to_string(hello.wire_version()) + ": install one moondb on both",
+                "this agent uses protocol version " + std::to_string(kWireVersion) + ", the sender uses version " +
+                    std::to_string(hello.wire_version()) + ": install the same moondb on both",
                 "wire_version");
   }
   if (hello.team_id() != options_.team_id) {
     return Fail(ErrorCode::kRefused,
-                "this agent is of another team: " + options_.team + " with the team id " +
-                    TeamIdStart(options_.team_id) + ", the Hello's is " + TeamIdStart(hello.team_id()),
+                "this agent belongs to another team: " + options_.team + " with the team id " +
+                    TeamIdStart(options_.team_id) + "; the sender's team id is " + TeamIdStart(hello.team_id()),
                 "team_id");
   }
-  if (hello.kind() != options_.kind) return Fail(ErrorCode::kRefused, "is not this actor's", "kind");
+  if (hello.kind() != options_.kind)
+    return Fail(ErrorCode::kRefused, "is not the kind of sharing that this actor does", "kind");
   if (hello.session_id() == 0) return Fail(ErrorCode::kRefused, "is missing", "session_id");
   if (hello.origin_agents().size() > static_cast<int>(kAgentIdMax))
-    return Fail(ErrorCode::kRefused, "are too many", "origin_agents");
+    return Fail(ErrorCode::kRefused, "has too many entries", "origin_agents");
   if (hello.everyones_types().size() > kEveryonesTypesMax)
-    return Fail(ErrorCode::kRefused, "are too many", "everyones_types");
+    return Fail(ErrorCode::kRefused, "has too many entries", "everyones_types");
   return {};
 }
 

@@ -123,7 +123,7 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
 Result<void> SharingSession::CheckBatchNumber(const proto::Have& have) const {
   const bool is_of_a_batch = have.batch_number() != 0 || !have.is_whole();
   if (is_of_a_batch && (have.batch_number() == 0 || have.batch_number() >= maker_.next_number())) {
-    return Fail(ErrorCode::kInvalid, "was never sent", "batch_number");
+    return Fail(ErrorCode::kInvalid, "is above that of the last batch sent", "batch_number");
   }
   return {};
 }
@@ -199,7 +199,8 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   SharingActions actions;
   if (phase_ != Phase::kAsking || request_id != request_id_) return actions;
   if (reply.records().empty() && reply.remaining() > 0) {
-    NoteError("storage cannot say what is missing");  // The phase stays kAsking; at the deadline the session restarts.
+    NoteError(
+        "storage cannot list the missing records");  // The phase stays kAsking; at the deadline the session restarts.
     return actions;
   }
   const bool is_all = maker_.Make(reply, BatchBytesMax(), /*is_part_of_order=*/order_.is_for_states());
@@ -319,7 +320,7 @@ void SharingSession::Complete(SharingActions& actions) {
     // If records were refused, report the order as closed, so its client does not assume that all records are
     // acknowledged.
     order_.End(refused == 0 ? Ending::kCompleted : Ending::kClosed);
-    last_error_ = refused == 0 ? "" : "the destination did not take " + std::to_string(refused) + " records";
+    last_error_ = refused == 0 ? "" : "the destination did not accept " + std::to_string(refused) + " records";
   }
   notes_.NoteClosed(actions);
 }
@@ -344,7 +345,7 @@ void SharingSession::EndLimited(Time now, SharingActions& actions) {
     maker_.MakeEmpty(BatchBytesMax());
     return SendReady(now, actions);
   }
-  NoteError("ended with its order's bytes; more is left to share");
+  NoteError("stopped at its order's byte limit; more records remain to be sent");
   End(Ending::kLimited, actions);
 }
 

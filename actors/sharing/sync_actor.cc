@@ -44,7 +44,8 @@ Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& reques
   if (!is_from_here(context)) {
     const AgentId requester = context.sender().agent;
     const AgentId destination = request.destination() == 0 ? requester : request.destination();
-    if (destination == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
+    if (destination == self())
+      return Fail(ErrorCode::kInvalid, "is this agent itself; name another agent", "destination");
     Open(context, destination, OwnRecords(), /*is_by_role=*/is_leaders && destination == requester,
          request.bytes_max());
     return 1;
@@ -55,14 +56,17 @@ Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& reques
     return 1;
   }
   if (!request.from_agents().empty()) {
-    return Fail(ErrorCode::kRefused, "only the leader, " + NameOf(roles().leader()) + ", asks other agents",
+    return Fail(ErrorCode::kRefused,
+                "only the leader, " + NameOf(roles().leader()) + ", collects from other agents: send the command there",
                 "from_agents");
   }
   if (roles().leader() == 0) return Fail(ErrorCode::kRefused, "the team has no leader now", "destination");
   if (request.destination() == 0 && HasLeft(team(), roles().leader())) {
-    return Fail(ErrorCode::kRefused, NameOf(roles().leader()) + " leads, but has left the team", "destination");
+    return Fail(ErrorCode::kRefused,
+                NameOf(roles().leader()) + " is the leader, but has left the team; assign another one", "destination");
   }
-  if (request.destination() == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
+  if (request.destination() == self())
+    return Fail(ErrorCode::kInvalid, "is this agent itself; name another agent", "destination");
   const AgentId destination = request.destination() == 0 ? roles().leader() : request.destination();
   Open(context, destination, OwnRecords(), /*is_by_role=*/request.destination() == 0, request.bytes_max());
   return 1;

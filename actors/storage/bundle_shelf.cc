@@ -20,7 +20,7 @@ HaveSet HaveOf(const Query& query, int column) {
   if (parsed.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
     if (Result<HaveSet> have = FromProto(parsed)) return *std::move(have);
   }
-  spdlog::error("storage: a record of a bundle for the ground station is damaged and left out");
+  spdlog::error("storage: a record is damaged and excluded from the bundle for the ground station");
   return {};
 }
 
@@ -74,7 +74,7 @@ Result<void> SaveBundle(Database& database, const proto::SaveBundleRequest& requ
     known << bundle.number();
     const Result<bool> row = known.Step();
     if (!row) return tl::unexpected(row.error());
-    if (*row) return Fail(ErrorCode::kInvalid, "was given before", "bundle.number");
+    if (*row) return Fail(ErrorCode::kInvalid, "is the number of an earlier bundle", "bundle.number");
     Query insert = database.Prepare(
         "INSERT INTO downlink_bundle(number, made_ns, record_count, bytes, hash, have, file) VALUES(?, ?, ?, ?, ?, ?, "
         "?)");

@@ -80,15 +80,18 @@ Result<void> DiskGuard::CheckRoom(Database& database, Kind kind) const {
   const bool is_short = room->bytes < RecordFloor(room->reserve_bytes) ||
                         room->disk_bytes + room->log_bytes < LogFloor(room->reserve_bytes);
   if (is_short) {
-    return Fail(ErrorCode::kFull, "the disk is full (" + DiskMegabytes(room->disk_bytes) +
-                                      " are free): no records are taken, what is left is for roles; " + Advice());
+    return Fail(ErrorCode::kFull,
+                "the disk is full (" + DiskMegabytes(room->disk_bytes) +
+                    " are free): no records are accepted, the rest is reserved for role assignments; " + Advice());
   }
   const std::string nearly_full = "the disk is nearly full (" + DiskMegabytes(room->disk_bytes) + " are free): ";
   if (kind != Kind::kRecord && room->bytes < MapFloor(room->reserve_bytes)) {
-    return Fail(ErrorCode::kFull, nearly_full + "no more maps are taken, what is left is for states; " + Advice());
+    return Fail(ErrorCode::kFull,
+                nearly_full + "no more maps are accepted, the rest is reserved for states; " + Advice());
   }
   if (kind == Kind::kOthersMap && room->bytes < OthersMapFloor(room->reserve_bytes)) {
-    return Fail(ErrorCode::kFull, nearly_full + "no more maps of other agents are taken, what is left is for this " +
+    return Fail(ErrorCode::kFull, nearly_full +
+                                      "no more maps of other agents are accepted, the rest is reserved for this " +
                                       "agent's own records; " + Advice());
   }
   return {};
@@ -146,7 +149,7 @@ void DiskGuard::Describe(Database& database, proto::StorageStatus& status) const
 
 std::string DiskGuard::Advice() const {
   const std::string files = is_on_disk_ ? DeletableFiles(path_) : "";
-  const std::string prune = "make room: moonctl -a " + agent_ + " db prune";
+  const std::string prune = "free space: moonctl -a " + agent_ + " db prune";
   return files.empty() ? prune : prune + ", or delete " + files;
 }
 

@@ -327,7 +327,7 @@ Result<proto::ReadReply> History::Read(Database& database, const proto::ReadRequ
   }
   return ReadMerged(std::move(queries), request, [this](const Query& query) {
     if (IsSound(self_, query)) return true;
-    spdlog::error("storage: a row of the history is damaged and left out: {} of {}", query.Unsigned(0),
+    spdlog::error("storage: a row of the history is damaged and excluded: {} of {}", query.Unsigned(0),
                   DataTypeName(static_cast<DataType>(query.Integer(6))));
     return false;
   });

@@ -80,7 +80,7 @@ std::string FindLogDamage(const std::string& database_path) {
     const bool is_of_this_log = frame_salts == salts;
     if (damaged_at && is_committed && is_of_this_log) {
       return "the write-ahead log is damaged at byte " + std::to_string(*damaged_at) +
-             ": what was stored later, and no other agent has, is lost";
+             ": records stored after it are lost unless another agent has them";
     }
     if (!damaged_at) {
       checksum.Add(bytes.first(8));

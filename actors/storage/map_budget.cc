@@ -15,15 +15,16 @@ Result<std::uint64_t> UsedByRecords(Database& database, std::uint64_t history_by
 Result<void> CheckBudgetForOwnMaps(std::uint64_t used_bytes, std::uint64_t bytes_max) {
   if (used_bytes < bytes_max) return {};
   return Fail(ErrorCode::kFull,
-              "the store's budget (retention.store_mb_max) is used up: no more maps are taken, and what is left of the "
-              "disk is for states");
+              "the store's budget (retention.store_mb_max) is used up: no more maps are accepted, and the rest of the "
+              "disk is reserved for states");
 }
 
 Result<void> CheckBudgetForOthersMaps(std::uint64_t used_bytes, std::uint64_t bytes_max) {
   if (static_cast<double>(used_bytes) <= kOthersMapsPartMax * static_cast<double>(bytes_max)) return {};
-  return Fail(ErrorCode::kFull,
-              "the store's budget (retention.store_mb_max) is nearly used up: no more maps of other agents are taken, "
-              "what is left is for this agent's own");
+  return Fail(
+      ErrorCode::kFull,
+      "the store's budget (retention.store_mb_max) is nearly used up: no more maps of other agents are accepted, "
+      "the rest is reserved for this agent's own maps");
 }
 
 }  // namespace moondb

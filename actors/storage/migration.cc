@@ -64,7 +64,7 @@ void CopyBeforeMigration(Database& database) {
   // The migration itself writes a part of the store twice.
   const bool has_room = used && space && space->free_bytes > 4 * *used;
   const Result<void> copied = has_room ? BackUpStore(database.path(), copy)
-                                       : Result<void>(Fail(ErrorCode::kFull, "the disk has no room for it"));
+                                       : Result<void>(Fail(ErrorCode::kFull, "the disk has no space for the copy"));
   if (copied) {
     spdlog::info("storage: {}: copied to {} before the migration", database.path(), copy);
   } else {

@@ -375,8 +375,8 @@ Result<void> Run(std::string_view sql, PaperTable& table, sqlite3* database) {
   const int result = sqlite3_prepare_v2(database, sql.data(), static_cast<int>(sql.size()), &prepared, &tail);
   const SqlStatement statement(prepared);
   if (result != SQLITE_OK || !statement) return tl::unexpected(Corrupt(kNoInsert));
-  if (tail != sql.data() + sql.size()) return tl::unexpected(Corrupt("has something behind its statement"));
-  if (sqlite3_step(prepared) != SQLITE_DONE) return tl::unexpected(Corrupt("does not run"));
+  if (tail != sql.data() + sql.size()) return tl::unexpected(Corrupt("has text after its statement"));
+  if (sqlite3_step(prepared) != SQLITE_DONE) return tl::unexpected(Corrupt("cannot be executed"));
   if (sqlite3_changes(database) != 1) return tl::unexpected(Corrupt("does not insert exactly one row"));
   sqlite3_set_authorizer(database, nullptr, nullptr);
   sqlite3_progress_handler(database, 0, nullptr, nullptr);
@@ -394,17 +394,17 @@ Result<proto::Record> ReadRow(const PaperTable& table, const RecordKey& key, sql
   const std::string select = "SELECT * FROM \"" + table.name + "\"";
   const int result = sqlite3_prepare_v2(database, select.c_str(), -1, &prepared, nullptr);
   const SqlStatement row(prepared);
-  if (result != SQLITE_OK || sqlite3_step(prepared) != SQLITE_ROW) return tl::unexpected(Corrupt("makes no row"));
+  if (result != SQLITE_OK || sqlite3_step(prepared) != SQLITE_ROW) return tl::unexpected(Corrupt("inserts no row"));
   const bool is_announced = IsText(prepared, 0, ToString(key)) && sqlite3_column_type(prepared, 1) == SQLITE_INTEGER &&
                             sqlite3_column_int64(prepared, 1) == std::int64_t{key.stream.origin};
-  if (!is_announced) return tl::unexpected(Corrupt("makes another row than the announced one"));
+  if (!is_announced) return tl::unexpected(Corrupt("inserts a row with another key than announced"));
   proto::Record record;
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
     const int number = static_cast<int>(i) + 2;
     if (sqlite3_column_type(prepared, number) == SQLITE_NULL) continue;
     if (!Take(prepared, number, table.columns[i], record)) return tl::unexpected(Corrupt("leaves out a value"));
   }
-  if (sqlite3_step(prepared) != SQLITE_DONE) return tl::unexpected(Corrupt("makes more than one row"));
+  if (sqlite3_step(prepared) != SQLITE_DONE) return tl::unexpected(Corrupt("inserts more than one row"));
   return record;
 }
 
@@ -441,11 +441,11 @@ Result<proto::StoredRecord> RecordOf(std::string_view sql, const RecordKey& key)
   if (!table) return tl::unexpected(Corrupt("is of a type that has no table"));
   if (!IsShortOutsideQuotes(sql, *table)) return tl::unexpected(Corrupt(kNoInsert));
   const DatabaseHandle database = OpenFor(*table);
-  if (!database) return Fail(ErrorCode::kInternal, "no database in memory can be made", "sql");
+  if (!database) return Fail(ErrorCode::kInternal, "a database in memory cannot be created", "sql");
   if (const Result<void> run = Run(sql, *table, database.get()); !run) return tl::unexpected(run.error());
   Result<proto::Record> record = ReadRow(*table, key, database.get());
   if (!record) return tl::unexpected(record.error());
-  if (!GatherCells(*record)) return tl::unexpected(Corrupt("has cells that are none"));
+  if (!GatherCells(*record)) return tl::unexpected(Corrupt("has invalid map cells"));
   proto::StoredRecord stored;
   *stored.mutable_key() = ToProto(key);
   stored.set_content(record->SerializeAsString());

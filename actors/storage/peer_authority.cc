@@ -90,7 +90,7 @@ Result<void> PeerAuthority::CheckOrigin(AgentId sender, const StreamKey& stream)
   CountRefused(sender, Cause::kOrigin, stream.origin);
   return Fail(ErrorCode::kRefused,
               "is agent " + std::to_string(stream.origin) + "'s, and agent " + std::to_string(sender) +
-                  " never led nor survived",
+                  " was never leader or survivor, so it may send only its own records",
               "key.origin_agent");
 }
 
@@ -99,7 +99,8 @@ Result<void> PeerAuthority::CheckRoom(AgentId sender, const StreamKey& stream, c
   const bool is_known = !ledger.Get(stream).Covered().is_empty();
   if (is_known || HasRoom(stream.origin, options_.team, kHaveStreamsMax, used_by)) return {};
   CountRefused(sender, Cause::kStreams, stream.origin);
-  return Fail(ErrorCode::kRefused, "agent " + std::to_string(stream.origin) + " has used up its streams", "key.epoch");
+  return Fail(ErrorCode::kRefused,
+              "agent " + std::to_string(stream.origin) + " has reached its limit of record streams", "key.epoch");
 }
 
 Result<void> PeerAuthority::CheckDiskRoom(AgentId origin, const std::map<AgentId, std::uint64_t>& used_bytes,
@@ -111,13 +112,14 @@ Result<void> PeerAuthority::CheckDiskRoom(AgentId origin, const std::map<AgentId
   if (origin == options_.self || HasRoom(origin, options_.team, room_bytes, used_by)) return {};
   CountRefused(origin, Cause::kDiskRoom, 0);
   return Fail(ErrorCode::kRefused,
-              "agent " + std::to_string(origin) + "'s records have used up their part of this agent's disk", "content");
+              "agent " + std::to_string(origin) + "'s records have reached their share of this agent's disk",
+              "content");
 }
 
 Result<void> PeerAuthority::CheckAssignment(AgentId sender, const proto::RoleAssignment& roles) {
   if (!options_.roles.has_keys || options_.is_signed(roles)) return {};
   CountRefused(sender, Cause::kOrigin, roles.term().issuer());
-  return Fail(ErrorCode::kRefused, "is not that of its issuer", "role_assignment.signature");
+  return Fail(ErrorCode::kRefused, "does not match its issuer's signing key", "role_assignment.signature");
 }
 
 Result<void> PeerAuthority::CheckOwnQuarantine(const proto::Record& record) const {
@@ -126,7 +128,7 @@ Result<void> PeerAuthority::CheckOwnQuarantine(const proto::Record& record) cons
   if (has_role || IsNamedIn(record, options_.self)) return {};
   return Fail(
       ErrorCode::kRefused,
-      "is about another agent, and this agent neither leads nor is in command_from of the team file: give it at "
+      "names another agent, and this agent is neither leader nor in command_from of the team file: insert it at "
       "the leader or at an agent of command_from",
       record.map_quarantine().has_lifts() ? "map_quarantine.lifts" : "map_quarantine.agent_id");
 }
@@ -135,7 +137,7 @@ Result<void> PeerAuthority::CheckOwnPrior(const proto::Record& record) const {
   const bool may_command = !options_.roles.has_keys || options_.roles.may_command(options_.self);
   if (may_command || IsNamedIn(record, options_.self)) return {};
   return Fail(ErrorCode::kRefused,
-              "is about another agent's node, and this agent is not in command_from of the team file: give it at that "
+              "names another agent's node, and this agent is not in command_from of the team file: insert it at that "
               "agent or at an agent of command_from",
               "pose_prior.node.agent_id");
 }

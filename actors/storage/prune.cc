@@ -28,7 +28,8 @@ Result<std::vector<HaveSet>> ReadAcknowledged(const proto::PruneRequest& request
     if (!have) return tl::unexpected(have.error());
     acknowledged.push_back(*std::move(have));
   }
-  if (acknowledged.empty()) return Fail(ErrorCode::kInvalid, "nobody has said what he has", "acknowledged");
+  if (acknowledged.empty())
+    return Fail(ErrorCode::kInvalid, "no other agent has reported its have-set", "acknowledged");
   return acknowledged;
 }
 

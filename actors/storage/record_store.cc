@@ -67,7 +67,7 @@ bool HasRoomForIndex(const RecordStore::Options& options) {
 
 std::string SetAsideText(const std::string& aside) {
   return "the store was damaged and is set aside as " + aside +
-         "; an empty one was begun, and what no other agent had is in that file alone";
+         "; a new store is in use, and records that no other agent holds are only in that file";
 }
 
 // Returns whether `states` contains a shared state (seq is not 0) of a greater order. Requires: all states have the
@@ -209,7 +209,7 @@ Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
   if (store || store.error().code != ErrorCode::kCorrupt || options.is_checked) return store;
   const Result<std::string> aside = Database::SetAside(options.path, options.vfs);
   if (!aside) return tl::unexpected(aside.error());
-  spdlog::error("storage: {}; it is set aside as {}, and an empty one begun", ToString(store.error()), *aside);
+  spdlog::error("storage: {}; it is set aside as {}, and a new store is in use", ToString(store.error()), *aside);
   store = OpenFile(options);
   if (store) {
     (*store)->set_aside_ = *aside;
@@ -245,7 +245,7 @@ Result<void> RecordStore::LogLastRun(std::int64_t utc_now_ns) {
 }
 
 Result<void> RecordStore::WriteDownStop(std::int64_t utc_now_ns) {
-  return WriteDown(proto::EVENT_KIND_STOPPED, "stopped, as it was asked to", utc_now_ns);
+  return WriteDown(proto::EVENT_KIND_STOPPED, "stopped on request", utc_now_ns);
 }
 
 Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& options) {
@@ -253,7 +253,7 @@ Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& option
   if (store || !IsOfTheDisk(store.error())) return store;
   const bool is_full = store.error().code == ErrorCode::kFull || !HasRoomForIndex(options);
   if (is_full && ReserveFile(options.path, options.vfs).GiveUp()) {
-    spdlog::warn("storage: the disk is full: gave up the reserve beside {} to start", options.path);
+    spdlog::warn("storage: the disk is full: deleted the reserved space beside {} to start", options.path);
     store = OpenFile(options, Database::Access::kShared);
     if (store || !IsOfTheDisk(store.error())) return store;
   }
@@ -295,7 +295,7 @@ Result<void> RecordStore::Load() {
   if (!checked) {
     const Result<void> rebuilt = database_->Execute("REINDEX");
     if (!rebuilt) return IsOfTheDisk(rebuilt.error()) ? rebuilt : checked;
-    damage_.emplace_back("an index of the store was damaged; all indexes are built again from their tables");
+    damage_.emplace_back("an index of the store was damaged; all indexes are rebuilt from their tables");
   }
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
   if (const Result<void> loaded = own_epochs_.Load(*database_); !loaded) return loaded;
@@ -332,7 +332,7 @@ Result<void> RecordStore::Repair() {
   if (audit->is_sound() && is_row_id_sound) return {};
   if (!is_row_id_sound) {
     next_row_id_ = audit->row_id_max() + 1;
-    damage_.emplace_back("the store's number of the next row was wrong and is set right");
+    damage_.emplace_back("the store's next row number was wrong and was corrected");
   }
   Result<Transaction> transaction = Transaction::Begin(*database_);
   if (!transaction) return tl::unexpected(transaction.error());
@@ -492,11 +492,11 @@ proto::RecordsStored RecordStore::TakeReissued() { return std::exchange(reissued
 
 Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport& report) {
   if (report.epochs_size() > kEpochReportMax) {
-    return Fail(ErrorCode::kInvalid, "has more than " + std::to_string(kEpochReportMax), "epochs");
+    return Fail(ErrorCode::kInvalid, "has more than " + std::to_string(kEpochReportMax) + " entries", "epochs");
   }
   std::uint64_t last = 0;
   for (const std::uint64_t epoch : report.epochs()) {
-    if (epoch <= last) return Fail(ErrorCode::kInvalid, "are not in rising order from 1", "epochs");
+    if (epoch <= last) return Fail(ErrorCode::kInvalid, "must be at least 1 and in rising order", "epochs");
     last = epoch;
   }
   std::vector<RecordKey> unknown;
@@ -697,7 +697,7 @@ Result<void> RecordStore::CheckConsecutive(const proto::PoseGraphEdge& edge, con
     if (next == nodes->end() || *next >= last) continue;
     return Fail(ErrorCode::kInvalid,
                 "node " + std::to_string(options_.self) + ":" + std::to_string(*next) +
-                    " lies between: odometry joins a node to the next one, and a loop closure states its source",
+                    " lies between: odometry must join consecutive nodes; for a loop closure, set the source",
                 "pose_graph_edge.to");
   }
   return {};
@@ -740,8 +740,10 @@ std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequ
     Result<proto::Record> record = OpenStored(stored, options_.team);
     const bool is_forged = key.stream.origin == options_.self && key.stream.epoch == epoch_ && epoch_ != 0 &&
                            key.seq > ledger_.have().Get(key.stream).Covered().Max();
-    if (record && is_forged) record = Fail(ErrorCode::kInvalid, "was never given by this agent", "key.seq");
-    if (record && !IsPossible(key.stream)) record = Fail(ErrorCode::kInvalid, "is from the far future", "key.epoch");
+    if (record && is_forged)
+      record = Fail(ErrorCode::kInvalid, "is above the last number that this agent assigned", "key.seq");
+    if (record && !IsPossible(key.stream))
+      record = Fail(ErrorCode::kInvalid, "is too far ahead of this agent's epoch", "key.epoch");
     if (record) {
       const Result<void> brought = CheckBrought(request.sender(), key, *record);
       if (!brought) record = tl::unexpected(brought.error());
@@ -858,7 +860,7 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::op
     const Result<std::optional<RecordTable::Row>> held = table.Find(*database_, opened.key);
     if (!held) return tl::unexpected(held.error());
     if (*held && (*held)->hash != opened.stored->hash()) {
-      Reject(Error{ErrorCode::kInvalid, ToString(opened.key) + ": is held with other content", "hash"}, result);
+      Reject(Error{ErrorCode::kInvalid, ToString(opened.key) + ": is stored with different content", "hash"}, result);
     }
     return {};
   }
@@ -907,10 +909,11 @@ Result<void> RecordStore::CheckDropped(AgentId sender, const proto::StreamHave& 
     return Fail(ErrorCode::kInvalid, "is not in the team", "dropped.origin_agent");
   if (const Result<void> checked = authority_.CheckOrigin(sender, stream); !checked) return checked;
   if (stream.epoch == 0) return Fail(ErrorCode::kInvalid, "is missing", "dropped.epoch");
-  if (!IsPossible(stream)) return Fail(ErrorCode::kInvalid, "is from the far future", "dropped.epoch");
+  if (!IsPossible(stream)) return Fail(ErrorCode::kInvalid, "is too far ahead of this agent's epoch", "dropped.epoch");
   const bool is_present_own = stream.origin == options_.self && stream.epoch == epoch_;
   const std::uint64_t seq_max = is_present_own ? ledger_.have().Get(stream).Covered().Max() : kSeqMax;
-  if (seqs.Max() > seq_max) return Fail(ErrorCode::kInvalid, "names seqs that never were", "dropped.dropped");
+  if (seqs.Max() > seq_max)
+    return Fail(ErrorCode::kInvalid, "lists sequence numbers above the last one of the stream", "dropped.dropped");
   accepted[stream].dropped.Add(seqs);
   return {};
 }

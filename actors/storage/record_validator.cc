@@ -42,7 +42,7 @@ Result<proto::Record> OpenStored(const proto::StoredRecord& stored, const std::s
   }
   if (stored.content().size() > kRecordContentBytesMax) return Fail(ErrorCode::kCorrupt, "is too long", "content");
   if (HashRecord(key, stored.content()) != stored.hash()) {
-    return Fail(ErrorCode::kCorrupt, "does not fit key and content", "hash");
+    return Fail(ErrorCode::kCorrupt, "does not match key and content", "hash");
   }
   proto::Record record;
   if (!ParseBounded(stored.content(), &record)) return Fail(ErrorCode::kCorrupt, "does not parse", "content");

@@ -54,7 +54,7 @@ Result<proto::LoadRolesReply> LoadRoles(Database& database) {
     if (query.Unsigned(1) == HashOf(content) && roles.ParseFromString(content)) {
       *reply.add_history() = std::move(roles);
     } else {
-      spdlog::error("storage: a role assignment in {} is damaged and left out", database.path());
+      spdlog::error("storage: a role assignment in {} is damaged and excluded", database.path());
     }
   }
 }

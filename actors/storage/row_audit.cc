@@ -80,12 +80,12 @@ std::vector<std::string> RowAudit::Findings() const {
   std::vector<std::string> findings;
   if (!damaged_history_.empty()) {
     findings.push_back(std::to_string(damaged_history_.size()) +
-                       " superseded states of the store's history were damaged and are removed; nobody else has them");
+                       " superseded states in the store's history were damaged and removed; no other agent has them");
   }
   if (!is_ledger_sound_ || !damaged_rows_.empty()) {
-    findings.push_back("the store was damaged within: " + std::to_string(damaged_rows_.size()) + " records were wrong" +
-                       (is_ledger_sound_ ? "" : ", and so was its have-set") +
-                       "; other agents are asked for what it lacks, and what none of them had is lost");
+    findings.push_back("the store was damaged: " + std::to_string(damaged_rows_.size()) + " records were wrong" +
+                       (is_ledger_sound_ ? "" : ", and its have-set was wrong") +
+                       "; other agents are asked for the missing records, and records that none of them has are lost");
   }
   return findings;
 }

@@ -67,7 +67,7 @@ tl::unexpected<Error> Damaged(const Database& database, const std::string& what)
 
 tl::unexpected<Error> Refused(const Database& database, const std::string& why) {
   return Fail(ErrorCode::kRefused,
-              "database " + database.path() + why + "; it is not touched; move it away to begin an empty store");
+              "database " + database.path() + why + "; it was not changed; move it away to start with an empty store");
 }
 
 }  // namespace
@@ -97,10 +97,10 @@ Result<void> CheckSchema(Database& database) {
   const Result<bool> has_all = HasAllStatements(database, identity->IsStore() ? identity->version : kStoreVersion);
   if (!has_all) return tl::unexpected(has_all.error());
   if (identity->IsStore()) {
-    return *has_all ? Result<void>() : Damaged(database, "its schema is not that of store version " + version);
+    return *has_all ? Result<void>() : Damaged(database, "its schema differs from that of store version " + version);
   }
-  if (*has_all) return Damaged(database, "its application id is not a store's");
-  return Refused(database, " is no store of a released moondb (application id " +
+  if (*has_all) return Damaged(database, "its application id is not that of a moondb store");
+  return Refused(database, " was not written by a released moondb (application id " +
                                std::to_string(identity->application_id) + ", version " + version + ")");
 }
 

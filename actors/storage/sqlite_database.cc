@@ -55,7 +55,7 @@ Result<std::string> FreeAsidePath(const std::string& path) {
     const std::string file = AsidePath(path, number);
     std::error_code error;
     const bool is_taken = std::filesystem::exists(file, error);
-    if (error) return Fail(ErrorCode::kInternal, "cannot look at " + file + ": " + error.message());
+    if (error) return Fail(ErrorCode::kInternal, "cannot inspect " + file + ": " + error.message());
     if (!is_taken) return file;
     std::uintmax_t bytes = std::filesystem::file_size(file, error);
     const std::uintmax_t log_bytes = std::filesystem::file_size(file + "-wal", error);
@@ -65,7 +65,7 @@ Result<std::string> FreeAsidePath(const std::string& path) {
       smallest = number;
     }
   }
-  spdlog::error("storage: {} damaged stores lie beside {}: look at the disk; the smallest of them is removed",
+  spdlog::error("storage: {} damaged stores lie beside {}: check the disk; the smallest of them is removed",
                 Database::kDamagedMax, path);
   for (const char* ending : {"-wal", ""}) {
     std::error_code error;
@@ -347,7 +347,7 @@ int Database::OnSteps(void* database) {
 tl::unexpected<Error> Database::FailWith(int code) const {
   if (code == SQLITE_INTERRUPT) {
     return Fail(ErrorCode::kCorrupt,
-                "database " + path_ + ": a statement does not end: somebody else wrote to the file");
+                "database " + path_ + ": a statement does not end: another program changed the file");
   }
   const bool is_full = (code & 0xFF) == SQLITE_IOERR && connection_ != nullptr &&
                        (sqlite3_system_errno(connection_) == ENOSPC || sqlite3_system_errno(connection_) == EDQUOT);

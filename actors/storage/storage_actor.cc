@@ -48,7 +48,7 @@ void DropHistoryWhereShort(const DiskGuard& disk, RecordStore& store) {
   const Result<void> room = disk.CheckRoom(store.database(), DiskGuard::Kind::kOthersMap);
   if (room || room.error().code != ErrorCode::kFull) return;
   const Result<std::uint64_t> freed = store.DropHistory(kHistoryDropBytes);
-  if (freed && *freed > 0) spdlog::warn("storage: the disk is short: {} bytes of history were removed", *freed);
+  if (freed && *freed > 0) spdlog::warn("storage: the disk is nearly full: {} bytes of history were removed", *freed);
 }
 
 bool HasRecordsOf(AgentId agent, const proto::MissingReply& reply) {
@@ -69,7 +69,7 @@ StorageActor::~StorageActor() {
       store_ && options_.stopped_at_ns ? options_.stopped_at_ns() : std::nullopt;
   if (!stopped_at_ns) return;
   const Result<void> written = store_->WriteDownStop(*stopped_at_ns);
-  if (!written) spdlog::warn("storage: that it stopped is not written down: {}", ToString(written.error()));
+  if (!written) spdlog::warn("storage: cannot store the event that this agent stopped: {}", ToString(written.error()));
 }
 
 RecordStore::Options StorageActor::StoreOptions(const Options& options) {
@@ -203,7 +203,7 @@ void StorageActor::OnFromPeer(Context& context, const proto::Message& message) {
   }
   const Result<void> noted = store_->NoteEpochReport(peer, message.epoch_report());
   if (!noted && noted.error().code == ErrorCode::kInvalid) {
-    return rejected_log_.Warn("storage: rejected from agent " + std::to_string(peer) + ": " +
+    return rejected_log_.Warn("storage: rejected data from agent " + std::to_string(peer) + ": " +
                               OneLine(ToString(noted.error())));
   }
   if (!noted) Note(context, "a report of epochs", noted.error());
@@ -277,11 +277,11 @@ RecordStore::Stored StorageActor::StoreWhereRoomSeems(const proto::StoreRequest&
 void StorageActor::OnStore(Context& context, const proto::StoreRequest& request) {
   RecordStore::Stored stored = StoreAsRoomAllows(request);
   for (const Error& rejection : stored.rejections) {
-    rejected_log_.Warn("storage: rejected from agent " + std::to_string(request.sender()) + ": " +
+    rejected_log_.Warn("storage: rejected data from agent " + std::to_string(request.sender()) + ": " +
                        OneLine(ToString(rejection)));
   }
   if (IsError(stored.reply.error())) {
-    failed_log_.Error("storage: did not store all from agent " + std::to_string(request.sender()) + ": " +
+    failed_log_.Error("storage: did not store all records from agent " + std::to_string(request.sender()) + ": " +
                       stored.reply.error().text());
     FailIfDamaged(context, FromProto(stored.reply.error()));
   }
@@ -338,7 +338,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     if (HasRecordsOf(request.destination(), *reply)) ReportEpochs(context, request.destination());
     *message.mutable_missing_reply() = *std::move(reply);
   } else {
-    Note(context, "what is missing", reply.error());
+    Note(context, "cannot list missing records", reply.error());
     // Return no records and 1 remaining record, so the session asks again.
     message.mutable_missing_reply()->set_remaining(1);
   }
@@ -389,9 +389,10 @@ auto StorageActor::WriteInAnyCase(Write write) -> decltype(write()) {
 
 void StorageActor::NoteWrite(const Result<void>& written) {
   if (written) {
-    if (disk_.NoteSuccess()) spdlog::info("storage: the disk takes writes again");
+    if (disk_.NoteSuccess()) spdlog::info("storage: the disk accepts writes again");
   } else if (disk_.NoteFailure(store_->database(), written.error())) {
-    trouble_log_.Error("storage: nothing can be written: " + disk_.trouble() + "; what is there is read and shared");
+    trouble_log_.Error("storage: nothing can be written: " + disk_.trouble() +
+                       "; stored records are still read and shared");
   }
 }
 
@@ -462,8 +463,8 @@ std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {
   // RetentionActor prunes the store to below this part. If the store takes more, too few records could be removed.
   if (budget > 0 && status.database_bytes() - status.wal_bytes() > kOthersMapsPartMax * budget) {
     return "the store takes " + Megabytes(status.database_bytes() - status.wal_bytes()) + " of the " +
-           Megabytes(budget) + " of retention.store_mb_max, and nothing more of it may go yet" +
-           (store_->CheckRoomForOthersMaps() ? "" : "; no more maps of other agents are taken");
+           Megabytes(budget) + " of retention.store_mb_max, and no more records may be removed yet" +
+           (store_->CheckRoomForOthersMaps() ? "" : "; no more maps of other agents are accepted");
   }
   return "";
 }
@@ -473,7 +474,7 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
   proto::Message message;
   proto::PruneReply& reply = *message.mutable_prune_reply();
   if (request.older_than_s() > 0 && IsClockSuspect(context)) {
-    reply.set_text("this agent's clock is suspect, and so is the age of records: " + clock_.suspect());
+    reply.set_text("this agent's clock is suspect, so no records are removed by age: " + clock_.suspect());
     reply.set_is_complete(true);
     return Answer(context, std::move(message));
   }
@@ -593,7 +594,7 @@ void StorageActor::OnBundle(Context& context, const proto::Message& message) {
 void StorageActor::Scrub(Context& context) {
   const Result<proto::VerifyReply> reply = store_->Verify(next_scrub_);
   if (!reply) {
-    Note(context, "reading through the store", reply.error());
+    Note(context, "cannot verify the store", reply.error());
     (void)context.AfterTimer(options_.scrub_period, kScrub);
     return;
   }
@@ -602,7 +603,7 @@ void StorageActor::Scrub(Context& context) {
     const Error damage{ErrorCode::kCorrupt, which + finding.text(), ""};
     // Other agents do not have this agent's local records, so a restart could not repair a damaged local record.
     const bool is_local = finding.has_key() && finding.key().seq() == 0;
-    if (!is_local) return Note(context, "reading through the store", damage);
+    if (!is_local) return Note(context, "verification of the store", damage);
     spdlog::error("storage: a local record is damaged: {}", ToString(damage));
   }
   (void)context.AfterTimer(MoveScrubOn(*reply) ? options_.scrub_period : options_.scrub_pause, kScrub);
@@ -631,9 +632,8 @@ void StorageActor::PublishReissued(Context& context) {
   }
   const proto::RecordsStored reissued = store_->TakeReissued();
   if (reissued.last_row_id() == 0) return;
-  reissued_log_.Info(
-      "storage: a peer knows a later epoch of this agent's, of a disk that was lost or put back: newest " +
-      std::string("states are stored once more"));
+  reissued_log_.Info("storage: a peer knows a later epoch of this agent, from a lost or restored disk: newest " +
+                     std::string("states are stored again"));
   Publish(context, reissued);
 }
 

@@ -155,7 +155,7 @@ Result<QueryAnswer> QueryStore(const std::filesystem::path& file, const std::str
 Result<void> BackUpStore(const std::filesystem::path& file, const std::filesystem::path& to) {
   std::error_code error;
   if (std::filesystem::exists(to, error)) {
-    return Fail(ErrorCode::kInvalid, "is there already; a backup never writes over anything", to.string());
+    return Fail(ErrorCode::kInvalid, "already exists; a backup never overwrites a file", to.string());
   }
   const std::filesystem::path folder = std::filesystem::absolute(to).parent_path();
   if (!std::filesystem::is_directory(folder, error)) {

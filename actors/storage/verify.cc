@@ -60,11 +60,11 @@ Result<proto::VerifyReply> VerifyRows(Database& database, const HaveSet& have, s
     const RecordKey key = FromProto(record.key());
     if (HashRecord(key, record.content()) != record.hash()) {
       reply.set_damaged_count(reply.damaged_count() + 1);
-      NoteFinding(record.key(), "its content is not what its hash says", reply);
+      NoteFinding(record.key(), "its content does not match its hash", reply);
     }
     if (key.seq != 0 && !have.Get(key.stream).held.Contains(key.seq)) {
       reply.set_orphaned_count(reply.orphaned_count() + 1);
-      NoteFinding(record.key(), "there is a row, but it is not held", reply);
+      NoteFinding(record.key(), "a row exists, but the have-set does not list it", reply);
     }
   }
   reply.set_checked_count(page->records_size());
@@ -78,7 +78,7 @@ void NoteMissing(const StreamKey& stream, const IntervalSet& missing, proto::Ver
   for (const IntervalSet::Interval& interval : missing.intervals()) {
     for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
       if (reply.findings_size() >= kVerifyFindingsMax) return;
-      NoteFinding(ToProto(RecordKey{stream, seq}), "it is held, but there is no row", reply);
+      NoteFinding(ToProto(RecordKey{stream, seq}), "the have-set lists it, but no row exists", reply);
     }
   }
 }
@@ -133,7 +133,7 @@ Result<HaveSet> ReadStream(const proto::FingerprintRequest& request) {
   *single.add_streams() = request.stream();
   single.mutable_streams(0)->clear_dropped();
   if (FindRecordTable(request.stream().data_type()) == nullptr) {
-    return Fail(ErrorCode::kInvalid, "is not known here", "stream.data_type");
+    return Fail(ErrorCode::kInvalid, "is unknown to this agent", "stream.data_type");
   }
   return FromProto(single);
 }
@@ -149,7 +149,7 @@ Result<proto::VerifyReply> Verify(Database& database, const HaveSet& have, const
     case proto::VERIFY_PART_HELD:
       return VerifyHeld(database, have, FromProto(request.after_key()));
     default:
-      return Fail(ErrorCode::kInvalid, "is not known here", "part");
+      return Fail(ErrorCode::kInvalid, "is unknown to this agent", "part");
   }
 }
 

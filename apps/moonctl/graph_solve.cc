@@ -107,7 +107,7 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
   json.Key("text").String(solution.text).EndObject();
   std::string text = std::to_string(nodes) + " nodes, " + FormatCount(static_cast<double>(edges), "edge") + ", " +
                      std::to_string(graph->ranges.size()) + " ranges" +
-                     (priors > 0 ? ", " + std::to_string(priors) + " priors" : "") + "\ncost " +
+                     (priors > 0 ? ", " + FormatCount(static_cast<double>(priors), "prior") : "") + "\ncost " +
                      FormatDouble(solution.cost) + " after " + FormatCount(solution.iterations, "iteration") + ", " +
                      FormatFixed(seconds, 3) + " s; started from: " + ToString(solution.initial_values);
   if (!solution.text.empty()) text += "\n" + solution.text;

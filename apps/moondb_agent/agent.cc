@@ -40,7 +40,7 @@ Result<std::string> CheckStore(const StorageActor::Options& options) {
   auto store = RecordStore::Open(std::move(store_options));
   if (!store) return tl::unexpected(store.error());
   const Result<void> written = (*store)->LogLastRun(UtcNowNs());
-  if (!written) spdlog::warn("how the process before ended is not written down: {}", ToString(written.error()));
+  if (!written) spdlog::warn("cannot store the event of how the previous process ended: {}", ToString(written.error()));
   return (*store)->set_aside();
 }
 
@@ -52,7 +52,7 @@ Result<void> CheckOwnActors(const TeamFile& team, const std::vector<OwnActor>& a
     Check(actor.factory != nullptr, "an own actor has a factory");
     if (actor.name.empty() || actor.name.size() > kActorNameMax ||
         actor.name.find_first_not_of(kActorNameLetters) != std::string::npos) {
-      return Fail(ErrorCode::kInvalid, "\"" + actor.name + "\" is no actor's name", "own_actors");
+      return Fail(ErrorCode::kInvalid, "\"" + actor.name + "\" is not a valid name of an actor", "own_actors");
     }
     if (!names.insert(actor.name).second) {
       return Fail(ErrorCode::kInvalid, "an actor " + actor.name + " runs already", "own_actors");

@@ -146,8 +146,9 @@ void RaiseOpenFiles() {
     (void)::setrlimit(RLIMIT_NOFILE, &files);
   }
   if (files.rlim_cur >= kOpenFilesLeast) return;
-  spdlog::warn("may open {} files, {} would be safe: many connections at once can end this agent (ulimit -Hn)",
-               files.rlim_cur, kOpenFilesLeast);
+  spdlog::warn(
+      "this process may open only {} files; raise the limit (ulimit -Hn) to {}, or many connections can end this agent",
+      files.rlim_cur, kOpenFilesLeast);
 }
 
 // Reads the command line. Returns the exit code if the program must end now, otherwise nothing.
@@ -187,7 +188,7 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   auto folder = DataFolderOf(arguments, *team, **named);
   if (!folder) return Complain(program, kFailed, ToString(folder.error()));
   if (arguments.data_folder.empty() && folder->filename() != arguments.agent) {
-    spdlog::info("the data stay in {}: an agent is found by its id", folder->string());
+    spdlog::info("the data stay in {}: a data folder belongs to an agent's id, not to its name", folder->string());
   }
   options.data_folder = *std::move(folder);
   if (program.make_actors) {

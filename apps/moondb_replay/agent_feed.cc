@@ -26,7 +26,7 @@ constexpr auto kShownEvery = std::chrono::milliseconds(200);
 void PrintFed(const AgentFeed& feed, std::size_t count, Clock::time_point start) {
   const std::chrono::duration<double> seconds = Clock::now() - start;
   std::printf("%s: %zu records in %.2f s%s\n", feed.name.c_str(), count, seconds.count(),
-              feed.left_out == 0 ? "" : (", " + std::to_string(feed.left_out) + " were there already").c_str());
+              feed.left_out == 0 ? "" : (", " + std::to_string(feed.left_out) + " existed already").c_str());
   std::fflush(stdout);
 }
 
@@ -83,11 +83,12 @@ Result<void> FeedOne(AgentFeed& feed, const Pace& pace, std::atomic<std::size_t>
       return done;
     } else if (!refused_since) {
       refused_since = Clock::now();
-      std::fprintf(stderr, "%s takes no records now (%s); they wait\n", feed.name.c_str(), done.error().text.c_str());
+      std::fprintf(stderr, "%s accepts no records now (%s); the records wait\n", feed.name.c_str(),
+                   done.error().text.c_str());
     } else if (Clock::now() - *refused_since > kGivenUpAfter) {
-      return Fail(ErrorCode::kUnavailable, feed.name + " has taken no record for a minute (" + done.error().text +
+      return Fail(ErrorCode::kUnavailable, feed.name + " has accepted no record for a minute (" + done.error().text +
                                                "); " + std::to_string(feed.records.size()) +
-                                               " records are not inserted: once it runs, repeat the command");
+                                               " records are not inserted: once the agent runs, repeat the command");
     }
   }
   PrintFed(feed, planned, pace.start);

@@ -89,7 +89,7 @@ void AgentLink::Insert(RobotMapper::Made made, const Pose& track_from_node) {
   }
   const std::size_t dropped = outbox_.Add(std::move(made));
   if (dropped > 0 && !std::exchange(has_dropped_maps_, true)) {
-    print_("the agent takes no records: the oldest maps that wait are dropped");
+    print_("the agent accepts no records: the oldest waiting maps are dropped");
   }
 }
 
@@ -121,7 +121,7 @@ std::optional<Error> AgentLink::Refusal() const {
 void AgentLink::SaveState(const proto::RosState& state) {
   const WriteOptions options{0600, {}, false};
   if (const auto saved = WriteWholeFile(state_file_, state.SerializeAsString(), options); !saved) {
-    print_(ToString(saved.error()) + ": after a restart the step to the next node will be unsure");
+    print_(ToString(saved.error()) + ": after a restart, the odometry to the next node will get a large covariance");
   }
 }
 

@@ -111,7 +111,7 @@ Result<void> GridMapper::Set(std::size_t topic, RosGrid grid) {
     set.newest.reset();
     return Fail(ErrorCode::kInvalid,
                 std::to_string(kFullyKnownMax) +
-                    " grids in turn had no unknown cell, so cells that nobody saw count as free: set "
+                    " grids in turn had no unknown cell, so cells that no sensor saw count as free: set "
                     "track_unknown_space: true");
   }
   set.newest = std::move(grid);

@@ -134,7 +134,7 @@ int Run(int argc, char** argv) {
   bool is_lidar = settings.odometry_kind == proto::ODOMETRY_KIND_LIDAR;
   Command app("moondb_ros", "Joins a robot's ROS 2 graph to its moondb agent.");
   app.Fallthrough().AllowSubcommand();
-  Command& check = app.AddSubcommand("check", "Listen for 10 s, and say what each topic becomes (needs no agent)");
+  Command& check = app.AddSubcommand("check", "Listen for 10 s, and print how each topic is used (needs no agent)");
   app.AddOption("--config", config, "YAML file with the names of these options");
   app.AddOption("-t,--team", settings.team, "Team file").EnvName("MOONDB_TEAM");
   app.AddOption("-a,--agent", settings.agent, "This robot's agent");
@@ -143,12 +143,17 @@ int Run(int argc, char** argv) {
   app.AddOption("--scan", settings.scan_topic, "Topic of sensor_msgs/LaserScan, for the local maps").DefaultShown();
   app.AddOption("--grid", settings.grid_topics, "Topics of nav_msgs/OccupancyGrid, in place of the scan");
   app.AddOption("--namespace", settings.name_space, "Prefix of all topics, such as robot1");
-  app.AddOption("--node-distance-m", settings.rule.distance_m, "A new node at least after this way")
+  app.AddOption("--node-distance-m", settings.rule.distance_m, "Distance after which a new node is inserted")
       .Within(0.1, 100.0)
       .DefaultShown();
-  app.AddOption("--node-turn-deg", settings.rule.turn_deg, "... or this turn").Within(1.0, 180.0).DefaultShown();
-  app.AddOption("--node-age-s", settings.rule.age_s, "... or this time").Within(1.0, 86400.0).DefaultShown();
-  app.AddFlag("--lidar-odometry", is_lidar, "Odometry is corrected by a lidar or cameras: 1 % of error and not 5 %");
+  app.AddOption("--node-turn-deg", settings.rule.turn_deg, "Turn after which a new node is inserted")
+      .Within(1.0, 180.0)
+      .DefaultShown();
+  app.AddOption("--node-age-s", settings.rule.age_s, "Time after which a new node is inserted")
+      .Within(1.0, 86400.0)
+      .DefaultShown();
+  app.AddFlag("--lidar-odometry", is_lidar,
+              "Odometry comes from a lidar or cameras: its error is 1 % of the distance, not 5 %");
   app.AddFlag("--publish-as-map", settings.is_published_as_map, "Publish /map, for robots without localization");
   app.AddFlag("--sim-time", settings.is_simulated_time, "Timestamps are simulated time, from 0");
   app.AddOption("--domain-id", settings.domain_id, "DDS domain")

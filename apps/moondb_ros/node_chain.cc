@@ -37,7 +37,7 @@ Result<std::vector<proto::Record>> NodeChain::Next(const PlannedNode& node, cons
   if (last_ && node.timestamp_ns <= last_->timestamp_ns) {
     return Fail(ErrorCode::kInvalid,
                 "odometry is older than node " + std::to_string(last_->index) +
-                    " in the store: time began again. Set the clock right, or begin a new team folder for a new "
+                    " in the store: the clock went back. Set the clock right, or create a new team folder for a new "
                     "simulation");
   }
   const NodeKey key{agent_, last_ ? last_->index + 1 : 0};

@@ -33,7 +33,7 @@ void RobotMapper::Continue() {
     chain_.Continue(*odom_from_node);
   } else {
     log_.Note(options_.odometry_topic, "does not continue from node " + std::to_string(stored_->index) +
-                                           ": the step to the next node is unsure (5 m, 60 degrees)");
+                                           ": the odometry to the next node gets a large covariance (5 m, 60 degrees)");
   }
 }
 
@@ -46,7 +46,8 @@ std::optional<RobotMapper::Made> RobotMapper::OnOdometry(const RosOdometry& mess
   }
   if (is_first) Continue();
   if (track_.JumpsUntil(track_.newest_ns()) != jump_count) {
-    log_.Note(options_.odometry_topic, "jumped: the step to the next node is unsure (5 m, 60 degrees)");
+    log_.Note(options_.odometry_topic,
+              "jumped: the odometry to the next node gets a large covariance (5 m, 60 degrees)");
   }
   const std::optional<PlannedNode> node = planner_.Next(track_, has_room);
   if (!node) return std::nullopt;

@@ -131,7 +131,7 @@ void RosBridge::PublishTransform(Time now) {
   if (IsMapOfOthers()) {
     return log_.Note(options_.settings.MapTopic(),
                      "not published, because another program publishes it or the parent of " + mapper_.track().frame() +
-                         ": leave out --publish-as-map");
+                         ": remove --publish-as-map");
   }
   const std::optional<Pose> map_from_root = MapFromRoot(root);
   if (!map_from_root) return;

@@ -124,7 +124,8 @@ class Listener {
     }
     const RosInterfaces interfaces = FindRosInterfaces();
     for (const std::string& name : interfaces.left_out) {
-      std::printf("the network interface %s is left out: only %zu have room\n", name.c_str(), kRosInterfacesMax);
+      std::printf("the network interface %s is not used: moondb_ros can use at most %zu\n", name.c_str(),
+                  kRosInterfacesMax);
     }
     if (works()) std::printf("odometry and maps work\n");
   }

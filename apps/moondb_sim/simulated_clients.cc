@@ -300,7 +300,7 @@ void SimulatedClients::SendAnyWay(AgentId agent, proto::ControlRequest request, 
   }
   request.set_for_agent(agent);
   calls_.Ask(other, request, [this, then = std::move(then)](const Answer& answer) {
-    if (answer.reply.error().text().find("was lost before it answered") != std::string::npos) {
+    if (answer.reply.error().text().find("disconnected before it answered") != std::string::npos) {
       world_.rare_states.Count("relay_lost");
     }
     if (then) then(answer);

@@ -53,12 +53,12 @@ void FoxgloveViewer::Say(Level level, const std::string& text) {
 }
 
 void FoxgloveViewer::OnMessage(const Frame& frame) {
-  if (frame.is_binary) return Say(Level::kError, "this server takes no data from its viewers");
+  if (frame.is_binary) return Say(Level::kError, "this server accepts no data from its viewers");
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
   foxglove::ClientRequest request;
   if (!google::protobuf::util::JsonStringToMessage(frame.bytes, &request, options).ok()) {
-    return Say(Level::kError, "a request is no JSON object of this protocol");
+    return Say(Level::kError, "a request is not a JSON object of this protocol");
   }
   if (request.op() == "subscribe") {
     for (const auto& wanted : request.subscriptions()) Subscribe(wanted.id(), wanted.channel_id());
@@ -143,7 +143,7 @@ std::optional<SocketPeer::Frame> FoxgloveViewer::NextMessageOf(bool is_bulk) {
     if (subscription.is_bulk != is_bulk) continue;
     auto found = channels_.FindNext(subscription.channel, subscription.after);
     if (!found) continue;
-    if (found->has_skipped) Say(Level::kWarning, "this connection is too slow: events were left out");
+    if (found->has_skipped) Say(Level::kWarning, "this connection is too slow: events were dropped");
     subscription.after = found->message.version;
     last_sent_[is_bulk] = id;
     Frame frame{std::string(1, static_cast<char>(kMessageData)), true};

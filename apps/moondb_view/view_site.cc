@@ -121,7 +121,7 @@ void ViewSite::Handle(const HttpRequest& request, HttpServer::Respond respond) {
   if (request.path == "/tiles") return HandleTiles(request, respond);
   if (request.path.starts_with("/api/")) {
     const Board::Bytes part = board_.Find(request.path.substr(5));
-    if (part == nullptr) return respond(Refusal(404, "there is no such part, or not yet"));
+    if (part == nullptr) return respond(Refusal(404, "this part of the page does not exist yet"));
     return respond({200, "application/json", part, true});
   }
   const auto file = std::ranges::find(kPageFiles, request.path, &PageFile::path);
@@ -193,12 +193,12 @@ void ViewSite::HandleWhy(const HttpRequest& request, HttpServer::Respond respond
   const auto y = NumberOf<double>(request, "y");
   if (!x || !y) return respond(Refusal(400, "expected /api/why?x=METRES&y=METRES"));
   const std::lock_guard lock(mutex_);
-  if (watch_ == nullptr) return respond(Refusal(503, "the program starts or ends"));
+  if (watch_ == nullptr) return respond(Refusal(503, "the program is starting or stopping"));
   const bool is_taken = watch_->Ask([this, x = *x, y = *y, respond](const Result<Client*>& client) {
     const auto why = client ? (*client)->MapWhy(x, y) : tl::unexpected(client.error());
     respond(why ? Json(200, WhyJson(team_, *why)) : Refusal(502, ToString(why.error())));
   });
-  if (!is_taken) respond(Refusal(503, "too many questions wait for the agent; try again"));
+  if (!is_taken) respond(Refusal(503, "too many requests wait for the agent; try again"));
 }
 
 void ViewSite::HandleAsk(const HttpRequest& request, const HttpServer::Respond& respond) {
@@ -209,7 +209,7 @@ void ViewSite::HandleAsk(const HttpRequest& request, const HttpServer::Respond& 
     return respond(Refusal(400, "expected POST with {\"is_on\":true} or {\"is_on\":false} as application/json"));
   }
   const std::lock_guard lock(mutex_);
-  if (watch_ == nullptr) return respond(Refusal(503, "the program starts or ends"));
+  if (watch_ == nullptr) return respond(Refusal(503, "the program is starting or stopping"));
   watch_->AskTeam(is_on);
   respond(Json(200, request.body));
 }

@@ -338,7 +338,7 @@ class Client:
                 status = self.status()
                 is_leading = status.roles.leader == status.agent_id
                 if was_leading and not is_leading:
-                    raise TeamError(f"{self._endpoint} leads no longer: ask the leader of now")
+                    raise TeamError(f"{self._endpoint} is no longer the leader: send the command to the current leader")
                 was_leading = is_leading
                 request = {"kind": kind, **order}
                 if not order.get("destination"):

@@ -53,7 +53,7 @@ class ClientListChecker {
       Add(path + ".key", "expected a public key (40 characters in Z85), got " + Quoted(client.key()));
     }
     if (Require(path + ".rights") && client.rights() == proto::CLIENT_RIGHTS_NONE) {
-      Add(path + ".rights", "expected view, share or command, got \"none\"; leave the client out instead");
+      Add(path + ".rights", "expected view, share or command, got \"none\"; remove the client from the list instead");
     }
   }
 

@@ -110,7 +110,8 @@ class TeamChecker {
     for (const auto& [name, policy] : policies) {
       const DataTypeRow* row = RowNamed(name);
       if (row != nullptr && row->rank == ShareRank::kRoles && policy != proto::POLICY_ALL) {
-        Add(section + "." + name, "expected all: whose records are taken depends on it");
+        Add(section + "." + name,
+            "expected all: every agent needs all role assignments to decide which records it accepts");
         continue;
       }
       if (policy != proto::POLICY_LATEST || row == nullptr || row->may_be_latest) continue;
@@ -123,9 +124,9 @@ class TeamChecker {
     if (row == nullptr || policy == proto::POLICY_NONE) return;
     const std::string field = "rovers." + name;
     if (row->leader_sends == LeaderSends::kToAllRovers) {
-      return Add(field, "the leader sends this type to all rovers anyway; leave it out");
+      return Add(field, "the leader sends this type to all rovers anyway; remove it here");
     }
-    if (row->type == proto::AGENT_EVENT) return Add(field, "events are not sent to rovers; leave it out");
+    if (row->type == proto::AGENT_EVENT) return Add(field, "events are not sent to rovers; remove it here");
     const auto given = team_.share().find(name);
     const bool is_given = given != team_.share().end() && given->second != proto::POLICY_UNSPECIFIED;
     CheckNotWider(field, policy, is_given ? given->second : row->share, "share." + name);
@@ -203,7 +204,7 @@ class TeamChecker {
       } else if (!errors_.Has(path) && !IsSigningKey(agent.signing_key())) {
         Add(path, "expected 40 characters in Z85 of an Ed25519 key");
       } else if (team_.insecure()) {
-        Add(path, "needs keys, which `insecure: true` does without");
+        Add(path, "needs keys, but the team is `insecure: true`");
       }
     }
   }
@@ -222,7 +223,7 @@ class TeamChecker {
       return Add(field, "expected tcp://HOST:PORT, got " + Quoted(agent.client_address()));
     }
     if (const std::string why = WhyNoAddress(agent.client_address(), "clients"); !why.empty()) return Add(field, why);
-    if (team_.insecure()) Add(field, "needs keys, which `insecure: true` does without");
+    if (team_.insecure()) Add(field, "needs keys, but the team is `insecure: true`");
   }
 
   // Checks that a base station has a position and no start pose, and that a rover has no position.
@@ -294,8 +295,8 @@ class TeamChecker {
     }
     if (share == proto::POLICY_LATEST || rule->IsOfAnyAge()) return;
     const std::string policy = YamlName(*proto::Policy_descriptor()->FindValueByNumber(share));
-    Add(field, "nothing of it is superseded, since " + share_field + " is " + policy + ": expected all, got " +
-                   Quoted(text) + " (retention.keep_days lets old records go)");
+    Add(field, "records of this type are never superseded, since " + share_field + " is " + policy +
+                   ": expected all, got " + Quoted(text) + " (retention.keep_days removes old records)");
   }
 
   void CheckCustomTypes() {
@@ -342,11 +343,11 @@ class TeamChecker {
       if (std::find(names.begin(), names.end(), given[i]) == names.end()) {
         Add(path, "no agent is named " + Quoted(given[i]) + DidYouMean(given[i], names));
       } else if (given[i] == kAllMayCommand && given.size() > 1) {
-        Add(path, "all stands alone: it names every agent");
+        Add(path, "all must be the only entry, because it names every agent");
       } else if (first != given.begin() + i) {
         Add(path, given[i] + " is named twice");
       } else if (const auto* agent = FindAgent(team_, given[i]); agent != nullptr && agent->left()) {
-        Add(path, given[i] + " has left the team; nobody obeys what comes through it");
+        Add(path, given[i] + " has left the team; remove it from this list");
       }
     }
   }
@@ -359,7 +360,8 @@ class TeamChecker {
       return agent.kind() == proto::AGENT_KIND_BASE_STATION && agent.left();
     });
     if (!has_left || BaseStationOf(team_) != 0) return;
-    Add("command_from", "missing: the base station, which commands by default, has left; name who does, or all");
+    Add("command_from",
+        "missing: the base station, which commands by default, has left; name the agents that may command, or all");
   }
 
   const proto::AgentConfig* FindRover(const std::string& field, const std::string& name) {

@@ -38,7 +38,7 @@ void CheckKeyFiles(const TeamFile& team, const Places& places, PlacedErrors* err
     if (owner == owners.end()) continue;
     const std::string field = "agents[" + std::to_string(i) + "].signing_key";
     errors->Add(PlaceOf(places, field), field,
-                "is the CURVE key of " + owner->second + ": expected a signing key, which is another one");
+                "is the CURVE key of " + owner->second + ": expected a signing key, which is a different key");
   }
 }
 

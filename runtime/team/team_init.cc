@@ -38,8 +38,8 @@ constexpr char kTwoAgents[] = "\n# Failover is manual: of two agents that lose e
 
 constexpr char kTail[] =
     R"(
-# Initial leader and survivor (term 0); roles that were set later win. failover: manual or automatic (the survivor takes
-# over from a leader that is silent for leader_timeout_s).
+# Initial leader and survivor (term 0); later role changes replace them. failover: manual or automatic (the survivor
+# takes over from a leader that is silent for leader_timeout_s).
 roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 
 # Agents that may relay commands to others and change roles as an operator: names, or all.
@@ -321,7 +321,7 @@ Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_
     (void)ReadLeniently(fixed, &found);
     if (SerializeInOrder(found) == SerializeInOrder(wanted)) return fixed;
   }
-  return Fail(ErrorCode::kInvalid, "no place for a line is found; add  team_id: \"" + team_id + "\"  by hand");
+  return Fail(ErrorCode::kInvalid, "cannot insert the team id; add  team_id: \"" + team_id + "\"  by hand");
 }
 
 Result<std::string> WithSigningKeys(const std::string& yaml, const std::map<std::string, std::string>& keys) {
@@ -345,8 +345,8 @@ Result<std::string> WithSigningKeys(const std::string& yaml, const std::map<std:
     };
     const auto right = std::find_if(candidates.begin(), candidates.end(), is_right);
     if (right == candidates.end()) {
-      return Fail(ErrorCode::kInvalid, "no place for the signing_key of " + Quoted(name) +
-                                           " is found; bring its `key` to a line of its own");
+      return Fail(ErrorCode::kInvalid,
+                  "cannot insert the signing_key of " + Quoted(name) + ": move its `key` to a line of its own");
     }
     fixed = *right;
   }
@@ -410,7 +410,7 @@ Result<std::string> AddAgent(const std::string& yaml, const std::filesystem::pat
   proto::TeamConfig found;
   (void)ReadLeniently(longer, &found);
   if (SerializeInOrder(found) != SerializeInOrder(wanted)) {
-    return Fail(ErrorCode::kInvalid, file.string() + ": no place for another agent is found; add it by hand");
+    return Fail(ErrorCode::kInvalid, file.string() + ": cannot insert another agent; add it by hand");
   }
   if (const auto read = ParseTeamFile(longer, file.string()); !read) return tl::unexpected(read.error());
   if (!wanted.insecure()) {

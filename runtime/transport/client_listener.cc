@@ -38,7 +38,7 @@ constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr std::chrono::milliseconds kHeldPeriod(20);  // Interval between retries of a held reply.
 constexpr std::chrono::minutes kHeldMax(2);
 constexpr char kIpc[] = "ipc://";
-constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
+constexpr char kDropsReply[] = "transport: dropped a reply: the client does not read its replies";
 constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of clients over tcp://.
 
 // Connections that wait for libzmq to accept them. A client that finds no place tries again after 100 ms. While clients
@@ -87,7 +87,7 @@ Result<std::uint32_t> FirstNumberOf(const ZmqContext& context, ZmqSocket& router
   ZmqReceived received;
   const bool is_there = dealer->Send(&frame) == ZmqSend::kSent && router.Receive(&received);
   const std::optional<std::uint32_t> number = is_there ? NumberOf(received.route.text()) : std::nullopt;
-  if (!number) return Fail(ErrorCode::kUnavailable, "this libzmq does not number its connections");
+  if (!number) return Fail(ErrorCode::kUnavailable, "this build of libzmq does not number its connections");
   router.Unbind(endpoint);
   return *number;
 }

@@ -115,13 +115,13 @@ void ConnectionLimiter::Count(const ConnectionRules::Cut& cut) {
   switch (cut.cause) {
     case ConnectionRules::Cause::kTooMuch:
       ++cut_for_bytes_;
-      return bytes_log_.Warn(who + ": it sends a message without an end");
+      return bytes_log_.Warn(who + ": it sends a message without end");
     case ConnectionRules::Cause::kTooMany:
       ++cut_for_number_;
-      return number_log_.Warn(who + ": there are too many from there");
+      return number_log_.Warn(who + ": this address has too many connections");
     case ConnectionRules::Cause::kTooManyOfKey:
       ++cut_for_number_;
-      return number_log_.Warn(who + ": there are too many of its key");
+      return number_log_.Warn(who + ": its key has too many connections");
     case ConnectionRules::Cause::kClaimedId:
       ++cut_for_claimed_id_;
       return claimed_id_log_.Warn(who + ": it chose its own routing id; clients over TCP leave ZMQ_ROUTING_ID unset");

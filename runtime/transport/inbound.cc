@@ -54,7 +54,8 @@ using ParseFunction = bool (*)(std::string_view bytes, google::protobuf::Message
 Result<void> Parse(std::string_view bytes, ParseFunction parse, proto::Message* message) {
   if (!parse(bytes, message)) return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
   DropUnknownFields(message);
-  if (!MayComeFromOutside(*message)) return Fail(ErrorCode::kRefused, "sent a message that must not leave its agent");
+  if (!MayComeFromOutside(*message))
+    return Fail(ErrorCode::kRefused, "sent a message that is valid only within one agent");
   return {};
 }
 
@@ -101,7 +102,7 @@ Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::op
       return Fail(ErrorCode::kRefused, "sent a frame with messages of several senders");
     }
     if (message->has_link_report() && !(messages.empty() && frame.empty())) {
-      return Fail(ErrorCode::kCorrupt, "sent a report among other messages");
+      return Fail(ErrorCode::kCorrupt, "sent a link report in one frame with other messages");
     }
     message->clear_client_rights();
     message->clear_client_name();
@@ -115,7 +116,7 @@ Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string&
   OwnedMessage received;
   proto::Message& message = *received;
   if (const auto parsed = Parse(frame, ParseBounded, &message); !parsed) return tl::unexpected(parsed.error());
-  if (message.has_link_report()) return Fail(ErrorCode::kRefused, "sent a message that only peers' transports send");
+  if (message.has_link_report()) return Fail(ErrorCode::kRefused, "sent a link report, which only agents may send");
   message.set_agent_id(self);
   message.set_hop_sender(kClients);
   message.set_source_actor(connection);

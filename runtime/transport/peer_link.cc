@@ -253,7 +253,7 @@ void PeerLink::OnEvent(const ZmqEvent& event, MonotonicTime now) {
       return;
     default:
       log_.Warn("transport: " + options_.name + " at " + options_.connection.address +
-                " does not take our key, or does not hold the one of the team file");
+                " does not admit this agent's key, or does not hold its own key of the team file");
   }
 }
 

@@ -16,7 +16,9 @@ enum Part : std::size_t { kVersion, kRequestId, kDomain, kPeerAddress, kRoutingI
 
 // ZAP status code and text for each ZapHandler::Admission.
 constexpr std::array<std::pair<const char*, const char*>, 3> kStatus = {
-    {{"200", "OK"}, {"400", "this key is not known here"}, {"300", "this key has all its connections for now"}}};
+    {{"200", "OK"},
+     {"400", "this key is not listed at this agent"},
+     {"300", "this key has reached its limit of connections"}}};
 
 }  // namespace
 

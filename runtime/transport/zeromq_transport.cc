@@ -394,7 +394,7 @@ class ZeroMqTransport::Impl {
     if (is_client) {
       refused_.client_log.Warn("transport: refused a client whose key is not listed");
     } else {
-      refused_.agent_log.Warn("transport: refused a connection whose key is not of this team, or has left it");
+      refused_.agent_log.Warn("transport: refused a connection whose key belongs to no present agent of this team");
     }
   }
 

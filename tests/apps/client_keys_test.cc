@@ -68,8 +68,8 @@ TEST_F(ClientKeysProcessTest, AKeyGrantsItsRightsUntilItIsRevoked) {
     return Moonctl(With(folder_ / "new.sec", {"sync", "now", "-a", "rover1"})).exit_code == 0;
   }));
   EXPECT_THAT(MoonctlExpecting(4, With(KeyOf("anna"), {"status", "-a", "rover1"})),
-              HasSubstr("refused: agent rover1 does not let this key in"));
-  EXPECT_THAT(Moonctl(With(KeyOf("anna"), {"role", "swap"})).error, HasSubstr("does not let this key in"));
+              HasSubstr("refused: agent rover1 does not admit this key"));
+  EXPECT_THAT(Moonctl(With(KeyOf("anna"), {"role", "swap"})).error, HasSubstr("does not admit this key"));
   EXPECT_THAT(MoonctlExpecting(0, {"log"}), HasSubstr("sync now (anna (key))"));
 
   MoonctlExpecting(0, {"clients", "revoke", "anna"});

@@ -142,7 +142,7 @@ TEST_F(FourMachinesTest, AnAgentOutsideCommandFromRelaysOnlyQueries) {
   EXPECT_EQ(At("rover3", {"status"}).exit_code, 0);
   const Outcome refused = At("rover3", {"-a", "rover1", "record", "insert", "temperature", "{\"celsius\": 1}"});
   EXPECT_EQ(refused.exit_code, 4);
-  EXPECT_THAT(refused.error, HasSubstr("rover1 takes no commands through rover3: command_from of its team file"));
+  EXPECT_THAT(refused.error, HasSubstr("rover1 takes no commands relayed by rover3: command_from of its team file"));
   EXPECT_EQ(At("rover3", {"role", "swap", "-a", "rover3"}).exit_code, 4) << "it neither leads nor survives";
   EXPECT_EQ(At("rover3", {"-a", "rover3", "record", "insert", "temperature", "{\"celsius\": 1}"}).exit_code, 0);
   EXPECT_THAT(At("rover2", {"log"}).out, HasSubstr("refused insert through rover3"));

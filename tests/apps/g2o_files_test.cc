@@ -100,7 +100,7 @@ TEST_F(G2oFilesTest, EdgesWithoutAMatrixGetTheGivenSigmas) {
                                 "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 0 0 0 0 1\n"
                                 "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1\n");
   EXPECT_THAT(MoonctlExpecting(0, {"graph", "solve", file, "--edge-sigmas", "0.1,0.05"}),
-              HasSubstr("2 nodes, 1 edges"));
+              HasSubstr("2 nodes, 1 edge"));
   MoonctlExpecting(0, {"graph", "import", file, "--edge-sigmas", "0.1,0.05", "-a", "rover2"});
   EXPECT_EQ(HeldBy("rover2"), (std::array<double, 3>{2, 1, 0}));
   for (const std::string wrong : {"0.1", "0.1,0", "0.1,0.05,1", "-1,1", "nan,1", "1,1e5", "a,b", ""}) {
@@ -114,8 +114,8 @@ TEST_F(G2oFilesTest, ReadsPriorsThatRepeatTheirVertexAndLastLinesWithoutAnEnd) {
   MoonctlExpecting(0, {"up"});
   const std::string file = File("rtabmap.g2o", RowOf(0, 2) + "EDGE_SE3_PRIOR 1 1 1 0 0 0 0 0 1" + kInformation +
                                                    "PARAMS_SE3OFFSET 0 0 0 0 0 0 0 1");
-  EXPECT_THAT(MoonctlExpecting(0, {"graph", "solve", file}), HasSubstr("2 nodes, 1 edges, 0 ranges, 1 priors"));
-  EXPECT_THAT(MoonctlExpecting(0, {"graph", "import", file, "-a", "rover2"}), HasSubstr("and 1 priors"));
+  EXPECT_THAT(MoonctlExpecting(0, {"graph", "solve", file}), HasSubstr("2 nodes, 1 edge, 0 ranges, 1 prior"));
+  EXPECT_THAT(MoonctlExpecting(0, {"graph", "import", file, "-a", "rover2"}), HasSubstr("and 1 prior"));
 }
 
 TEST_F(G2oFilesTest, FilesOfSeveralRobotsAreOneGraph) {

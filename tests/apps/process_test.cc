@@ -172,7 +172,7 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
   MoonctlExpecting(0, {"down"});
   MoonctlExpecting(0, {"up"});
   ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; })) << "all were stopped in order";
-  EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover3"}), HasSubstr("stopped, as it was asked to"));
+  EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover3"}), HasSubstr("stopped on request"));
 
   MoonctlExpecting(0, {"down", "-a", "rover3"});
   constexpr std::uint64_t kSeed = 20261122;
@@ -193,9 +193,9 @@ TEST_F(ProcessTest, DamageAndUncleanShutdownAreReportedUntilAcknowledged) {
 
   Kill("rover2");
   MoonctlExpecting(0, {"up"});
-  EXPECT_THAT(Moonctl({"health", "-a", "rover2"}).out, HasSubstr("the process before ended without stopping"));
-  EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge", "-a", "rover2"}), HasSubstr("ended without stopping"));
-  EXPECT_THAT(Moonctl({"health", "-a", "rover2"}).out, Not(HasSubstr("ended without stopping")));
+  EXPECT_THAT(Moonctl({"health", "-a", "rover2"}).out, HasSubstr("the previous process ended without a clean stop"));
+  EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge", "-a", "rover2"}), HasSubstr("ended without a clean stop"));
+  EXPECT_THAT(Moonctl({"health", "-a", "rover2"}).out, Not(HasSubstr("ended without a clean stop")));
   EXPECT_THAT(Moonctl({"health", "-a", "rover3"}).out, HasSubstr("set aside")) << "rover2's alone were";
   EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge"}), HasSubstr("set aside"));
   // An acknowledgment does not hide that records are missing, unless other agents have already restored them.

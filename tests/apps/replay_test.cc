@@ -104,7 +104,7 @@ TEST_F(ReplayTest, FeedsAtTheMissionsPaceAndWaitsForAnAgentThatIsAway) {
   const Outcome fed = feeding.get();
   EXPECT_EQ(fed.exit_code, 0) << fed.error;
   EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::seconds(4)) << "100 s of the mission";
-  EXPECT_THAT(fed.error, HasSubstr("rover2 takes no records now"));
+  EXPECT_THAT(fed.error, HasSubstr("rover2 accepts no records now"));
   const Outcome again = Replay({"feed", "--mission", mission_, "--to", "100"});
   EXPECT_THAT(again.out, AllOf(HasSubstr("rover1: 0 records"), HasSubstr("rover2: 0 records")));
   EXPECT_EQ(Replay({"feed", "--mission", mission_, "--speed", "0"}).exit_code, 2);

@@ -75,7 +75,7 @@ TEST_F(TeamIdentityTest, AnAgentOfAnotherTeamReceivesNoRequests) {
     command.insert(command.end(), words.begin(), words.end());
     const Outcome refused = Moonctl(command);
     EXPECT_NE(refused.exit_code, 0);
-    EXPECT_THAT(refused.out + refused.error, HasSubstr("is of another team: its team id is " + id.substr(0, 8)));
+    EXPECT_THAT(refused.out + refused.error, HasSubstr("belongs to another team: its team id is " + id.substr(0, 8)));
     if (words.size() > 1) {
       EXPECT_EQ(refused.exit_code, 4) << refused.out << refused.error;
     }

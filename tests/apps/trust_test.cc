@@ -155,7 +155,7 @@ TEST_F(TrustTest, FindsDamageInAStore) {
   EXPECT_THAT(MoonctlExpecting(1, {"db", "verify"}),
               AllOf(testing::ContainsRegex("rover1 +25[0-9]+ +1 +0 +0 .* DAMAGED\n"),
                     testing::ContainsRegex("rover3 +25[0-9]+ +0 +0 +0 .* sound\n"),
-                    HasSubstr("rover1: " + ToString(node_) + ": its content is not what its hash says\n")));
+                    HasSubstr("rover1: " + ToString(node_) + ": its content does not match its hash\n")));
   const auto agents = List(MoonctlJson(1, {"db", "verify"}), "agents");
   ASSERT_EQ(agents.size(), 4u);
   EXPECT_FALSE(Field(agents[0], "is_sound").bool_value());

@@ -65,7 +65,7 @@ TEST(ClientTest, ReportsADeadAgentThatLeftItsSocket) {
   const auto client = Client::Connect(agent.endpoint(), "rover1", {});
   ASSERT_FALSE(client.has_value());
   EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
-  EXPECT_THAT(client.error().text, HasSubstr("nobody listens"));
+  EXPECT_THAT(client.error().text, HasSubstr("no process listens"));
 }
 
 TEST(ClientTest, ReturnsTheReplyOrTheAgentsError) {
@@ -222,7 +222,7 @@ TEST(OrdersTest, ADeposedLeaderIsNotAskedAgain) {
   auto client = ConnectTo(agent);
   const auto progress = client->Sync({});
   ASSERT_FALSE(progress);
-  EXPECT_THAT(progress.error().text, HasSubstr("leads no longer"));
+  EXPECT_THAT(progress.error().text, HasSubstr("is no longer the leader"));
   EXPECT_EQ(sharing.orders, 1);
 }
 
@@ -403,7 +403,7 @@ TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
   custom.type = "sol";
   EXPECT_EQ(client->InsertCustom(custom).error().text, "no data type \"sol\"");
   custom.type = "power";
-  EXPECT_EQ(client->InsertCustom(custom).error().text, "power is no custom type");
+  EXPECT_EQ(client->InsertCustom(custom).error().text, "power is not a custom type");
 }
 
 TEST(ClientTest, InsertsLoopClosuresAndPriorsWithSigmasOrCovariances) {

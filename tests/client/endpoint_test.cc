@@ -94,7 +94,7 @@ TEST_F(EndpointTest, SaysWhyNobodyAnswers) {
   EXPECT_EQ(missing.error().code, ErrorCode::kUnavailable);
   EXPECT_THAT(missing.error().text, HasSubstr("agent rover1 is not running (no socket "));
   { const Listener agent(socket_); }
-  EXPECT_THAT(FindEndpoint(agent_).error().text, HasSubstr("nobody listens at " + socket_.string()));
+  EXPECT_THAT(FindEndpoint(agent_).error().text, HasSubstr("no process listens at " + socket_.string()));
   std::filesystem::permissions(socket_.parent_path(), std::filesystem::perms(0755));
   EXPECT_EQ(FindEndpoint(agent_).error().code, ErrorCode::kInvalid);
 }

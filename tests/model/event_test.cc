@@ -67,7 +67,7 @@ TEST(FindingsTest, APeersReturnReplacesItsLoss) {
 TEST(FindingsTest, CountWhatHappensAgainAndAreBounded) {
   std::vector<OwnEvent> events;
   for (int i = 1; i <= 5; ++i) events.push_back(Lost(i, kEndedWithoutStopping));
-  EXPECT_THAT(TextsOf(events), ElementsAre("the process before ended without stopping (5 times)"));
+  EXPECT_THAT(TextsOf(events), ElementsAre("the previous process ended without a clean stop (5 times)"));
   for (int i = 0; i < 100; ++i) events.push_back(Damage(10 + i, std::to_string(i)));
   EXPECT_EQ(FindingsOf(events).size(), kFindingsMax);
   EXPECT_EQ(FindingsOf(events).back().text(), "99");

@@ -122,19 +122,18 @@ TEST(G2oTest, TakesAMatrixByItsBlocksWhereAsked) {
 
 TEST(G2oTest, NamesTheLineOfEachError) {
   const std::string text = kPlanar;
-  EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 1 0 0 0\n"), "graph.g2o:4: the vertex 1 stands here a second time");
+  EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 1 0 0 0\n"), "graph.g2o:4: the vertex 1 occurs a second time");
   EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 5 0 0 0 1 0 0 1 0 1\n"), std::string("graph.g2o:4: vertex 5") + kInNoVertexLine);
   EXPECT_EQ(ErrorOf(text + "EDGE_SE2 1 1 0 0 0 1 0 0 1 0 1\n"), "graph.g2o:4: the edge joins a vertex with itself");
-  EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 1 0 0 nan 1 0 0 1 0 1\n"), "graph.g2o:4: 'nan' is no finite number");
+  EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 1 0 0 nan 1 0 0 1 0 1\n"), "graph.g2o:4: 'nan' is not a finite number");
   EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 1 0 0 0 1 0 0 -1 0 1\n"),
             "graph.g2o:4: the information is not positive definite");
   EXPECT_EQ(ErrorOf(text + "VERTEX_SE3:QUAT 2 0 0 0 0 0 0 1\n"), "graph.g2o:4: 2-D and 3-D are mixed in one file");
   EXPECT_EQ(ErrorOf(text + "FIX 9\n"), std::string("graph.g2o:4: vertex 9") + kInNoVertexLine);
   EXPECT_EQ(ErrorOf(text + "FIX\n"), "graph.g2o:4: the line ends too early");
   EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 2 0 0 0 0\n"), "graph.g2o:4: the line has too many fields");
-  EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 -2 0 0 0\n"), "graph.g2o:4: '-2' is no number of a vertex");
-  EXPECT_EQ(ErrorOf(text + "VERTEX_XYZ 2 0 0 0\n"),
-            "graph.g2o:4: 'VERTEX_XYZ' is no keyword of g2o that is known here");
+  EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 -2 0 0 0\n"), "graph.g2o:4: '-2' is not the number of a vertex");
+  EXPECT_EQ(ErrorOf(text + "VERTEX_XYZ 2 0 0 0\n"), "graph.g2o:4: 'VERTEX_XYZ' is not a known keyword of g2o");
 }
 
 TEST(G2oTest, RefusesEdgesWithoutAMatrixUnlessSigmasAreGiven) {
@@ -167,7 +166,7 @@ TEST(G2oTest, SaysHowManyNumbersOfAMatrixThereAre) {
 
 TEST(G2oTest, NamesDecimalCommasAndBlanksWithinKeywords) {
   EXPECT_EQ(ErrorOf("VERTEX_SE2 0 -0,5 1 0\n"), "graph.g2o:1: '-0,5' has a decimal comma: write -0.5");
-  EXPECT_EQ(ErrorOf("VERTEX_SE2 0 1,2,3 1 0\n"), "graph.g2o:1: '1,2,3' is no finite number");
+  EXPECT_EQ(ErrorOf("VERTEX_SE2 0 1,2,3 1 0\n"), "graph.g2o:1: '1,2,3' is not a finite number");
   for (const char* split : {"VERTEX_SE3 : QUAT", "VERTEX_SE3: QUAT", "VERTEX_SE3 :QUAT"}) {
     EXPECT_EQ(ErrorOf(std::string(split) + " 0 0 0 0 0 0 0 1\n"),
               "graph.g2o:1: a blank within 'VERTEX_SE3:QUAT': write it as one word");

@@ -129,12 +129,12 @@ TEST_F(MissionTest, ReadsBackAMapsGridsTheRightWayUp) {
 
 TEST_F(MissionTest, NamesFileAndLineOfAMistake) {
   Replace(folder_ / "agents.csv", "rover,B", "rover,A");
-  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:3: key A stands here a second time"));
+  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:3: key A occurs a second time"));
 }
 
 TEST_F(MissionTest, RefusesDoubledAgents) {
   Replace(folder_ / "agents.csv", "\n3,rover2", "\n7,rover2");
-  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:3: agent_id 7 stands here a second time"));
+  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:3: agent_id 7 occurs a second time"));
 }
 
 TEST_F(MissionTest, RefusesAnotherHeading) {
@@ -150,7 +150,7 @@ TEST_F(MissionTest, RefusesATruncatedRow) {
 
 TEST_F(MissionTest, RefusesNumbersThatAreNotFinite) {
   Replace(folder_ / "agents.csv", "A,1,0,0", "A,nan,0,0");
-  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:2: start_x_m: 'nan' is no finite number"));
+  EXPECT_THAT(ErrorOfReading(), HasSubstr("agents.csv:2: start_x_m: 'nan' is not a finite number"));
 }
 
 TEST_F(MissionTest, RefusesAMapOfAMissingNode) {

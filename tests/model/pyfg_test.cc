@@ -176,13 +176,13 @@ TEST(PyfgTest, NamesTheLineOfEachMistake) {
       {"VERTEX_SE3:QUAT 1 A2 2e9 0 0 0 0 0 1", "1e9"},
       {"VERTEX_SE3:QUAT 1 A2 0 0 0 0 0 0 0", "length 0"},
       {"VERTEX_SE3:QUAT 1 A2 0 0 0 0 0 0 1 9", "too many"},
-      {"VERTEX_SE3:QUAT 1 A1 0 0 0 0 0 0 1", "A1 stands here a second time"},
-      {"VERTEX_XYZ L0 0 0 0", "L0 stands here a second time"},
+      {"VERTEX_SE3:QUAT 1 A1 0 0 0 0 0 0 1", "A1 occurs a second time"},
+      {"VERTEX_XYZ L0 0 0 0", "L0 occurs a second time"},
       {"VERTEX_SE3:QUAT x A2 0 0 0 0 0 0 1", "stamp"},
       {"VERTEX_SE3:QUAT 1 22 0 0 0 0 0 0 1", "key"},
       {"VERTEX_SE3:QUAT 1 A 0 0 0 0 0 0 1", "key"},
       {"VERTEX_SE3:QUAT 1 A-1 0 0 0 0 0 0 1", "key"},
-      {"VERTEX_SE3 1 A2 0 0 0 0 0 0 1", "no keyword"},
+      {"VERTEX_SE3 1 A2 0 0 0 0 0 0 1", "not a keyword"},
       {"VERTEX_SE2 1 A2 0 0 0", "mixed"},
       {"EDGE_RANGE 1 A0 A9 1 1", "no vertex has the key A9"},
       {"EDGE_RANGE 1 A0 A0 1 1", "with itself"},
@@ -191,7 +191,7 @@ TEST(PyfgTest, NamesTheLineOfEachMistake) {
       {"EDGE_RANGE 1 A0 A1 1 -0.5", "variance"},
       {"EDGE_SE3:QUAT 10 A0 L0 1 0 0 0 0 0 1 2 0 0 0 0 0 2 0 0 0 0 2 0 0 0 3 0 0 3 0 3", "L0 is a landmark"},
       {"EDGE_SE3:QUAT 10 A0 A1 1 0 0 0 0 0 1 -2 0 0 0 0 0 2 0 0 0 0 2 0 0 0 3 0 0 3 0 3", "positive definite"},
-      {"EDGE_SE3_XYZ 10 A0 A1 1 0 0 1 0 0 1 0 1", "A1 is no landmark"},
+      {"EDGE_SE3_XYZ 10 A0 A1 1 0 0 1 0 0 1 0 1", "A1 is not a landmark"},
   };
   for (const auto& [line, expected] : cases) {
     SCOPED_TRACE(line);

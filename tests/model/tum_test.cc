@@ -43,7 +43,7 @@ TEST(TumTest, NamesTheLineOfEachError) {
   const std::string text = kText;
   EXPECT_EQ(ErrorOf(text + "1 2 3\n"), "rover1.tum:5: the line ends too early");
   EXPECT_EQ(ErrorOf(text + "1 2 3 4 0 0 0 1 9\n"), "rover1.tum:5: the line has too many fields");
-  EXPECT_EQ(ErrorOf(text + "1 2 nan 4 0 0 0 1\n"), "rover1.tum:5: 'nan' is no finite number");
+  EXPECT_EQ(ErrorOf(text + "1 2 nan 4 0 0 0 1\n"), "rover1.tum:5: 'nan' is not a finite number");
   EXPECT_EQ(ErrorOf(text + "x 2 3 4 0 0 0 1\n"), "rover1.tum:5: 'x' is not a timestamp in seconds");
   EXPECT_EQ(ErrorOf(text + "1 2 3 4 0 0 0 2\n"), "rover1.tum:5: the quaternion has the length 2, not 1");
 }

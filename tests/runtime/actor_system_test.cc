@@ -771,7 +771,7 @@ TEST_F(ActorSystemTest, WatchdogEndsTheProcessForAnActorThatGetsNoTurn) {
   system.Start(nullptr);
   EXPECT_EQ(healthy.Next(), 1);
   ASSERT_EQ(system.Post("stuck", {}), SendResult::kAccepted);
-  EXPECT_THAT(heard_.Next(), HasSubstr("1/stuck has failed permanently: it got no turn for too long"));
+  EXPECT_THAT(heard_.Next(), HasSubstr("1/stuck has failed permanently: it did not answer the watchdog in time"));
   const int count_at_the_failure = healthy_count;
   ASSERT_EQ(system.Post("ticker", {}), SendResult::kAccepted);
   EXPECT_TRUE(ticked.Next());

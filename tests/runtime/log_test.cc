@@ -94,7 +94,7 @@ std::string Field(const google::protobuf::Struct& line, const std::string& name)
 
 TEST_F(LogTest, WritesOneJsonObjectPerLine) {
   ASSERT_TRUE(InitLog("debug", "rover1", path_, LogFormat::kJson));
-  spdlog::warn("2/lease: refused what agent 3 announced: driving_s: expected");
+  spdlog::warn("2/lease: refused the leases that agent 3 announced: driving_s: expected");
   spdlog::info("transport: rover2 is connected");
   spdlog::debug("actor 1/sync failed: why");
   spdlog::error("/data/moondb.sqlite: is damaged");
@@ -105,7 +105,7 @@ TEST_F(LogTest, WritesOneJsonObjectPerLine) {
   EXPECT_EQ(Field(lines[0], "level"), "warning");
   EXPECT_EQ(Field(lines[0], "agent"), "rover1");
   EXPECT_EQ(Field(lines[0], "actor"), "lease");
-  EXPECT_EQ(Field(lines[0], "text"), "refused what agent 3 announced: driving_s: expected");
+  EXPECT_EQ(Field(lines[0], "text"), "refused the leases that agent 3 announced: driving_s: expected");
   EXPECT_EQ(Field(lines[1], "actor"), "transport");
   EXPECT_EQ(Field(lines[2], "actor"), "sync");
   EXPECT_EQ(Field(lines[2], "text"), "actor 1/sync failed: why");

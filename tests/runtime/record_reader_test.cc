@@ -450,7 +450,7 @@ TEST_F(RecordReaderTest, AReadingEndsAtOnceIfStorageCannotBeReached) {
   Post({kSelf, "test"}, kReader, std::move(order));
   Post({kSelf, "test"}, kStorage, Numbered(1));
   team_.RunUntilIdle();
-  EXPECT_THAT(seen_->results, ElementsAre("storage cannot be asked: full"));
+  EXPECT_THAT(seen_->results, ElementsAre("storage does not accept requests: full"));
 }
 
 TEST_F(RecordReaderTest, ARefusedRecordEndsTheReadingAndIsPassedAgain) {

@@ -188,7 +188,7 @@ Result<proto::RecordBatch> ToBatch(Rows rows) {
 Result<proto::RecordBatch> DecodeRows(ByteReader& reader, std::uint32_t record_count) {
   Result<Rows> rows = TakeRowsOf(reader, record_count, {});
   if (!rows) return tl::unexpected(rows.error());
-  if (!reader.IsAtEnd()) return tl::unexpected(Corrupt("has bytes behind its end"));
+  if (!reader.IsAtEnd()) return tl::unexpected(Corrupt("has bytes after its end"));
   return ToBatch(*std::move(rows));
 }
 
@@ -380,7 +380,7 @@ Result<void> BatchDecoder::ContinueRun(std::uint64_t maps_before) {
     rows_before_.clear();
   }
   if (!run_ || maps_before != maps_before_)
-    return Fail(ErrorCode::kNotFound, "follows batches that are not here", "coded");
+    return Fail(ErrorCode::kNotFound, "depends on earlier batches that are missing here", "coded");
   return {};
 }
 

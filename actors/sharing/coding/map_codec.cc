@@ -294,7 +294,7 @@ void MapRunEncoder::Code(const std::optional<Reference>& reference, const CodedL
 }
 
 Result<void> MapRunDecoder::Decode(std::string_view coded, std::vector<std::vector<MapLayer>*>& maps) {
-  if (has_failed_) return Fail(ErrorCode::kCorrupt, "follows what did not decode", "map");
+  if (has_failed_) return Fail(ErrorCode::kCorrupt, "depends on earlier maps that did not decode", "map");
   has_failed_ = true;
   std::uint64_t cell_count = 0;
   for (const std::vector<MapLayer>* layers : maps) {
@@ -307,7 +307,7 @@ Result<void> MapRunDecoder::Decode(std::string_view coded, std::vector<std::vect
     const Result<void> done = DecodeMap(coder, *layers);
     if (!done) return done;
   }
-  if (!coder.IsAtEnd()) return Fail(ErrorCode::kCorrupt, "has bytes behind its end", "map");
+  if (!coder.IsAtEnd()) return Fail(ErrorCode::kCorrupt, "has bytes after its end", "map");
   has_failed_ = false;
   return {};
 }
@@ -320,7 +320,7 @@ Result<void> MapRunDecoder::DecodeMap(RangeDecoder& coder, std::vector<MapLayer>
     reference.emplace();
     reference->maps_back = CodeBits(coder, 0, kMapsBackBits) + 1;
     if (reference->maps_back > earlier_.size())
-      return Fail(ErrorCode::kCorrupt, "refers to a map that is not here", "map");
+      return Fail(ErrorCode::kCorrupt, "refers to a map that is missing here", "map");
     reference->placement = CodePlacement(coder, {});
   }
   CodeCells(reference, cells, coder, model_, cells);

@@ -71,7 +71,7 @@ std::optional<SplitMap> SplitMapRecord(std::string_view content) {
 
 Result<std::vector<MapLayer>> LayersOfFrame(std::string_view frame) {
   proto::Record record;
-  if (!ParseMap(frame, record)) return Fail(ErrorCode::kCorrupt, "is no map", "coded");
+  if (!ParseMap(frame, record)) return Fail(ErrorCode::kCorrupt, "is not a map", "coded");
   std::optional<std::vector<MapLayer>> layers = ShapeOf(record.local_traversability_map());
   if (!layers) return Fail(ErrorCode::kCorrupt, "is larger than a coded map may be", "coded");
   return *std::move(layers);
@@ -81,7 +81,7 @@ Result<std::string> JoinMap(std::string_view frame, const std::vector<MapLayer>&
   proto::Record record;
   if (!ParseMap(frame, record) ||
       static_cast<std::size_t>(record.local_traversability_map().layers_size()) != layers.size()) {
-    return Fail(ErrorCode::kCorrupt, "is no map of these layers", "coded");
+    return Fail(ErrorCode::kCorrupt, "is not a map with the announced layers", "coded");
   }
   proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
   for (int i = 0; i < map.layers_size(); ++i) {

@@ -38,7 +38,7 @@ Result<std::string> DecompressFrame(std::string_view frame, std::size_t plain_by
   if (!context) return Fail(ErrorCode::kInternal, "zstd has no memory left", "coded");
   const unsigned long long size = ZSTD_getFrameContentSize(frame.data(), frame.size());
   if (size == ZSTD_CONTENTSIZE_ERROR || size == ZSTD_CONTENTSIZE_UNKNOWN) {
-    return Fail(ErrorCode::kCorrupt, "no zstd frame that states its size", "coded");
+    return Fail(ErrorCode::kCorrupt, "is not a zstd frame that states its size", "coded");
   }
   if (size > plain_bytes_max) {
     return Fail(ErrorCode::kCorrupt, "would decode to more than " + std::to_string(plain_bytes_max >> 20) + " MiB",

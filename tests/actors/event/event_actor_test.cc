@@ -123,8 +123,10 @@ TEST_F(EventActorTest, ReportsSessionsThatEndedEarlyAndWhy) {
   session.set_closed_sessions(2);
   session.set_last_error("the roles changed");
   Post(actor_name::kSync, MessageOf(reply));
-  EXPECT_THAT(Notified(), ElementsAre("1 messages from peers were damaged",
-                                      "2 sharings to rover2 ended before all was acknowledged: the roles changed"));
+  EXPECT_THAT(
+      Notified(),
+      ElementsAre("1 messages from peers were damaged",
+                  "2 sharing sessions to rover2 ended before all records were acknowledged: the roles changed"));
   Post(actor_name::kReplica, MessageOf(reply));
   EXPECT_THAT(Notified(), IsEmpty());
 }
@@ -135,7 +137,7 @@ proto::ControlReply ReplyWithRefusing() {
   proto::ShareStatus& status = *reply.mutable_share_status();
   proto::ShareSession& session = *status.add_sessions();
   session.set_destination(2);
-  session.set_last_error("the destination did not take 7 records");
+  session.set_last_error("the destination did not accept 7 records");
   status.add_refusing(2);
   return reply;
 }
@@ -144,14 +146,16 @@ TEST_F(EventActorTest, ReportsOnceThatAnAgentDoesNotTakeAllRecordsAndOnceThatItD
   (void)Notified();
   proto::ControlReply reply = ReplyWithRefusing();
   Post(actor_name::kSync, MessageOf(reply));
-  EXPECT_THAT(Notified(), ElementsAre("rover2 does not take all records, and the rest waits: the destination did not "
-                                      "take 7 records"));
+  EXPECT_THAT(
+      Notified(),
+      ElementsAre("rover2 does not accept all records; the others wait to be sent again: the destination did not "
+                  "take 7 records"));
   Post(actor_name::kSync, MessageOf(reply));
   EXPECT_THAT(Notified(), IsEmpty());
   reply.mutable_share_status()->clear_refusing();
   reply.mutable_share_status()->mutable_sessions(0)->clear_last_error();
   Post(actor_name::kSync, MessageOf(reply));
-  EXPECT_THAT(Notified(), ElementsAre("rover2 takes records again"));
+  EXPECT_THAT(Notified(), ElementsAre("rover2 accepts records again"));
 }
 
 TEST_F(EventActorTest, DoesNotReportThatAFormerDestinationTakesRecordsAgain) {

@@ -432,7 +432,7 @@ TEST_F(GatewayActorTest, LogsSomeOfManyCommandsOfAKindAndTheNumberOfTheRest) {
   Request(Optimize());
   EXPECT_EQ(texts(), std::vector<std::string>{"graph optimize"}) << "of another kind";
   team_.AdvanceTime(seconds(61));
-  EXPECT_EQ(texts(), std::vector<std::string>{"sync now: the last of 80 more"});
+  EXPECT_EQ(texts(), std::vector<std::string>{"sync now: the last of 80 more commands"});
   Request(share);
   EXPECT_EQ(texts(), std::vector<std::string>{"sync now"}) << "in the next minute";
   team_.AdvanceTime(seconds(61));
@@ -648,7 +648,7 @@ TEST_F(FeedTest, LimitsThePendingRequestsOfEachClient) {
     return answers.empty() ? "" : ReplyIn(answers.front()).error().text();
   };
   EXPECT_EQ(ask("k1", "anna", Feed(30)), "");
-  EXPECT_THAT(ask("k2", "anna", Feed(30)), testing::HasSubstr("too many requests of this client wait for something"));
+  EXPECT_THAT(ask("k2", "anna", Feed(30)), testing::HasSubstr("too many requests of this client with a wait time"));
   EXPECT_EQ(ask("k2", "anna", Optimize()), "");
   EXPECT_THAT(ask("k3", "anna", Optimize()), testing::HasSubstr("too many requests of this client"));
   EXPECT_EQ(ask("k4", "bob", Feed(30)), "");
@@ -1015,8 +1015,9 @@ TEST_F(GatewayActorTest, RefusesARequestForAnotherTeam) {
     Request(request);
     const proto::ControlReply reply = OnlyAnswer();
     EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
-    EXPECT_EQ(reply.error().text(),
-              "this agent is of another team: test with the team id 00112233, the request is for ff112233");
+    EXPECT_EQ(
+        reply.error().text(),
+        "this agent belongs to another team: test with the team id 00112233; the request is for the team id ff112233");
     EXPECT_EQ(reply.team_id(), TeamIdBytes(team_config_.team_id()));
     for (const AgentId asked : {1u, 2u}) EXPECT_TRUE(team_.TakeMessages({asked, actor_name::kStorage}).empty());
   }

@@ -54,7 +54,7 @@ TEST_F(GraphCheckTest, LeavesOutDamagedRecordsAndReportsWhy) {
   ASSERT_EQ(checked.left_out.size(), 2u);
   EXPECT_EQ(checked.left_out.at(1).count, 10u);
   EXPECT_EQ(checked.left_out.at(1).first,
-            "odometry from agent 1, node 1 to agent 1, node 7: agent 1, node 7 is not known here");
+            "odometry from agent 1, node 1 to agent 1, node 7: agent 1, node 7 has no node record");
   EXPECT_EQ(checked.left_out.at(3).first, "agent 3, node 0: its pose is not finite or not a rotation");
 }
 
@@ -72,7 +72,7 @@ TEST_F(GraphCheckTest, KeepsTheSameDuplicateInAnyOrderOfArrival) {
     ASSERT_EQ(checked.ranges.size(), 1u);
     EXPECT_EQ(checked.ranges[0].edge->range_m, 3);
     EXPECT_EQ(checked.left_out.at(1).count, 2u);
-    EXPECT_EQ(checked.left_out.at(1).first, "agent 1, node 1: is there more than once");
+    EXPECT_EQ(checked.left_out.at(1).first, "agent 1, node 1: occurs more than once");
   }
 }
 

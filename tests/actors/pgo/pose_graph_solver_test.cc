@@ -237,7 +237,7 @@ TEST_F(PoseGraphSolverTest, LeavesOutDamagedRecordsAndSolvesTheRest) {
   const Solution solution = Solve(scenario);
   ASSERT_TRUE(solution.is_accepted) << solution.text;
   EXPECT_EQ(solution.left_out.at(1).count, 3u);
-  EXPECT_THAT(solution.rovers[0].text, testing::StartsWith("3 records left out, first: odometry from agent 1, node 4"));
+  EXPECT_THAT(solution.rovers[0].text, testing::StartsWith("3 records excluded, first: odometry from agent 1, node 4"));
   EXPECT_NEAR(TrajectoryErrorM(scenario, solution.poses), clean_m, 1e-9);
 }
 
@@ -440,7 +440,7 @@ TEST_F(PoseGraphSolverTest, ReportsThatATeamWithoutStartsMayRotateAboutTheBaseSt
   ASSERT_TRUE(solution.is_accepted) << solution.text;
   for (const RoverResult& rover : solution.rovers) {
     EXPECT_EQ(rover.anchoring, Anchoring::kYawFree);
-    EXPECT_THAT(rover.text, testing::HasSubstr("turned about the base station"));
+    EXPECT_THAT(rover.text, testing::HasSubstr("rotation about the base station"));
   }
 }
 
@@ -518,12 +518,12 @@ INSTANTIATE_TEST_SUITE_P(
                [](PoseGraph& g) {
                  AddRange(g, {1, 4}, 3, 0.01);
                },
-               "within one agent"},
+               "two nodes of one agent"},
         Damage{"UnknownNode",
                [](PoseGraph& g) {
                  AddRange(g, {2, 4000}, 3, 0.01);
                },
-               "is not known here"},
+               "has no node record"},
         Damage{
             "NaNStep",
             [](PoseGraph& g) {
@@ -544,12 +544,12 @@ INSTANTIATE_TEST_SUITE_P(
                [](PoseGraph& g) {
                  g.nodes.insert(g.nodes.begin(), GraphNode{{1, 4}, 1'000'000'000'000, Pose::FromPlanar(900, 9, 1)});
                },
-               "agent 1, node 4: is there more than once"},
+               "agent 1, node 4: occurs more than once"},
         Damage{"DoubledRange",
                [](PoseGraph& g) {
                  g.ranges.insert(g.ranges.begin(), RangeEdge{{1, 4}, {2, 4}, 1'000'000'000'000, 900, 0.01});
                },
-               "range from agent 1, node 4 to agent 2, node 4: is there more than once"}),
+               "range from agent 1, node 4 to agent 2, node 4: occurs more than once"}),
     [](const auto& test) { return std::string(test.param.name); });
 
 TEST_P(PoseGraphSolverDamageTest, DamageIsNamedAndDoesNotChangeTheRest) {
@@ -572,7 +572,7 @@ TEST_F(PoseGraphSolverTest, SolvesEachDisconnectedPart) {
   ASSERT_TRUE(solution.is_accepted) << solution.text;
   EXPECT_EQ(solution.rovers[0].anchoring, Anchoring::kAnchored);
   EXPECT_EQ(solution.rovers[2].anchoring, Anchoring::kNoRanges);
-  EXPECT_EQ(solution.rovers[2].text, "no accepted range: start pose and odometry alone");
+  EXPECT_EQ(solution.rovers[2].text, "no accepted range: only its start pose and odometry determine its poses");
 }
 
 TEST_F(PoseGraphSolverTest, SolvesATeamWithoutRanges) {

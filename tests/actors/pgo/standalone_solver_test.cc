@@ -158,7 +158,7 @@ TEST_P(StandaloneSolverTest, SolvesDisconnectedParts) {
   EXPECT_TRUE(solution.has_converged);
   EXPECT_LT(solution.cost, 1e-9);
   EXPECT_EQ(solution.poses.size(), 21u);
-  EXPECT_EQ(solution.text, "3 parts that nothing joins: how they stand to each other is not known");
+  EXPECT_EQ(solution.text, "3 parts that no edge joins: their poses relative to each other are unknown");
 }
 
 // The graph has only landmarks, which are connected by ranges.
@@ -195,7 +195,7 @@ TEST_P(StandaloneSolverTest, ReportsThatAMirroredShapeFitsAsWell) {
   }
   const PlainSolution solution = SolveStandaloneGraph(drive.graph(), OneThread());
   EXPECT_TRUE(solution.has_converged);
-  EXPECT_EQ(solution.text, "ambiguous: another shape fits as well");
+  EXPECT_EQ(solution.text, "ambiguous: another solution fits as well");
 }
 
 TEST_P(StandaloneSolverTest, SolvesGraphsOfOneAndNoNode) {

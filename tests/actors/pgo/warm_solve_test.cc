@@ -122,7 +122,7 @@ TEST_F(WarmSolveTest, DoesNotMoveAnArrangedRover) {
   const Solution second = Solve(scenario, ToLast(first));
   ASSERT_TRUE(second.is_accepted) << second.text;
   EXPECT_LT(LargestMoveM(first.poses, second.poses), 0.01);
-  EXPECT_THAT(second.rovers[1].text, testing::HasSubstr("its ranges say where it is"));
+  EXPECT_THAT(second.rovers[1].text, testing::HasSubstr("its ranges determine where it is"));
 }
 
 TEST_F(WarmSolveTest, CorrectsARoverThatDriftedWithoutRanges) {

@@ -329,7 +329,7 @@ TEST_F(RetentionActorTest, RefusesAnInvalidHaveSet) {
   (void)team_.Post({kLeader, actor_name::kRetention}, {kRover, actor_name::kRetention}, std::move(message));
   const auto answer = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
   ASSERT_TRUE(answer);
-  EXPECT_TRUE(answer->prune_reply().text().starts_with("rover1, the leader, says what cannot be: "))
+  EXPECT_TRUE(answer->prune_reply().text().starts_with("rover1, the leader, sent an invalid have-set: "))
       << answer->prune_reply().text();
   EXPECT_EQ(RecordsOf(kRover).size(), 1u);
 }

@@ -94,7 +94,7 @@ TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndRepor
 
   // While its storage fails, agent 1 refuses a swap and refers the operator to another agent.
   Swap(1);
-  EXPECT_THAT(Refusal(1).text, testing::HasSubstr("ask another agent"));
+  EXPECT_THAT(Refusal(1).text, testing::HasSubstr("to another agent"));
   team_.AdvanceTime(minutes(5));
   EXPECT_TRUE(Notified(1).empty()) << "what it cannot store it does not publish again and again";
 
@@ -249,7 +249,7 @@ TEST_F(RoleWaitTest, IsRefusedIfAnotherChangeHappensFirst) {
   }
   ASSERT_EQ(errors.size(), 1u);
   EXPECT_EQ(errors[0].code, ErrorCode::kRefused);
-  EXPECT_EQ(errors[0].text, "another change came after this one: leader agent3, survivor agent1");
+  EXPECT_EQ(errors[0].text, "a later change replaced this one: leader agent3, survivor agent1");
 }
 
 TEST_F(RoleWaitTest, TooManyWaitingSwapsAreRefused) {

@@ -125,9 +125,9 @@ TEST_F(RoleLogicTest, RefusesARequestThatExpectsOtherRoles) {
   ASSERT_FALSE(repeated) << "it would undo itself";
   EXPECT_EQ(repeated.error().code, ErrorCode::kRefused);
   EXPECT_EQ(repeated.error().field, "expected");
-  EXPECT_EQ(
-      repeated.error().text,
-      "agent 2 holds term 6 by agent 2: agent 2 leads, agent 1 survives; the request relies on term 5 by agent 1");
+  EXPECT_EQ(repeated.error().text,
+            "agent 2 holds term 6 by agent 2: agent 2 leads, agent 1 is the designated survivor; the request expects "
+            "term 5 by agent 1");
   swap.mutable_expected()->mutable_term()->set_number(6);
   swap.mutable_expected()->mutable_term()->set_issuer(kSelf);
   swap.mutable_expected()->mutable_term()->set_issuer_epoch(77);

@@ -263,7 +263,7 @@ TEST(SignedRolesTest, CannotBeChangedByARoverWithoutARole) {
   SignedTeam team(3, /*has_base=*/true);
   const std::string before = team.Term(1);
   team.Announce(3, ForgedAfter(team.Of(1), 3, 3, 2));
-  EXPECT_THAT(team.last_refusal(), HasSubstr("agent 3 neither leads nor survives in what it follows"));
+  EXPECT_THAT(team.last_refusal(), HasSubstr("agent 3 is neither leader nor survivor in the assignment before it"));
   team.Announce(3, ForgedAfter(team.Of(1), 3, 3, 2, /*is_command=*/true));
   proto::RoleAssignment far = ForgedAfter(team.Of(1), 3, 3, 2);
   far.mutable_term()->set_number(kTermNumberMax);
@@ -272,7 +272,7 @@ TEST(SignedRolesTest, CannotBeChangedByARoverWithoutARole) {
   proto::RoleAssignment another = ForgedAfter(team.Of(1), 3, 3, 2);
   another.mutable_term()->set_issuer(1);
   team.Announce(3, another);
-  EXPECT_THAT(team.last_refusal(), HasSubstr("is not its issuer's"));
+  EXPECT_THAT(team.last_refusal(), HasSubstr("does not match its issuer's signing key"));
   for (const AgentId agent : {1, 2, 3, 9}) EXPECT_EQ(team.Term(agent), before) << agent;
   EXPECT_EQ(team.refusals(), 12);
 }

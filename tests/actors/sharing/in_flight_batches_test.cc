@@ -131,7 +131,7 @@ TEST_F(InFlightBatchesTest, DoesNotResendRecordsThatTheDestinationRejects) {
   ASSERT_EQ(Status().orders_size(), 1);
   EXPECT_EQ(Status().orders(0).completed(), 0u) << "a client that waits must not read that all is acknowledged";
   EXPECT_EQ(Status().orders(0).closed(), 7u);
-  EXPECT_EQ(Status().last_error(), "the destination did not take 1 records");
+  EXPECT_EQ(Status().last_error(), "the destination did not accept 1 records");
 }
 
 TEST_F(InFlightBatchesTest, RefusesAnAcknowledgmentOfRecordsThatWereNeverSent) {

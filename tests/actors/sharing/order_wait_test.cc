@@ -338,7 +338,7 @@ TEST_F(OrderWaitTest, ReportsRecordsThatADestinationRejected) {
   const proto::PairProgress pair = PairOf(Await(kLeader, seconds(60)), kRover, kLeader);
   EXPECT_FALSE(pair.is_complete());
   EXPECT_TRUE(pair.is_stopped());
-  EXPECT_EQ(pair.why(), "the destination did not take 4 records");
+  EXPECT_EQ(pair.why(), "the destination did not accept 4 records");
 }
 
 TEST_F(OrderWaitTest, ARoverWaitsOnlyForItsOwnRecords) {

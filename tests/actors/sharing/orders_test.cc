@@ -64,7 +64,7 @@ TEST_F(SharingOrdersTest, AnOrderOfAnotherTermIsRefusedWithTheCurrentRoles) {
       EXPECT_EQ(refused.error().code(), proto::ERROR_CODE_REFUSED);
       EXPECT_EQ(refused.error().field(), "expected_term");
       EXPECT_EQ(refused.error().text(),
-                "the roles have changed: rover1 acts on term 3 by rover1, the order relies on term " +
+                "the roles have changed: rover1 acts on term 3 by rover1, but the order requires term " +
                     std::to_string(other) + " by rover1");
       EXPECT_EQ(refused.roles().term().number(), 3u);
     }

@@ -57,7 +57,7 @@ TEST_F(ReplicaActorTest, DoesNotReturnRecordsThatTheirOriginStillHas) {
 TEST_F(ReplicaActorTest, NamesTheLeaderWhenAnotherAgentGetsTheOrder) {
   const auto reply = Share(team_, 3, ShareOrder(proto::SHARING_KIND_REPLICATION));
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
-  EXPECT_EQ(reply.error().text(), "rover3 does not lead, rover1 does: give the command there");
+  EXPECT_EQ(reply.error().text(), "rover3 does not lead: send the command to the leader, rover1");
   EXPECT_EQ(Share(team_, 3, ShareOrder(proto::SHARING_KIND_REPLICATION, 2)).session_count(), 1u);
 }
 
@@ -119,7 +119,7 @@ TEST(ReplicaActorLeftTest, ANewLeaderGathersFromNoAgentThatHasLeft) {
   EXPECT_TRUE(status.gathers_from().empty()) << status.ShortDebugString();
   NotifyRoles(team, config, 3, Roles(3, 1, 4));
   EXPECT_EQ(Share(team, 3, ShareOrder(proto::SHARING_KIND_REPLICATION)).error().text(),
-            "rover1 survives, but has left the team");
+            "rover1 is the designated survivor, but has left the team; assign another one");
 }
 
 // Agents 2 (the survivor) and 3 both hold all 30 records of the leader.

@@ -224,8 +224,8 @@ TEST_F(SharingReceiverTest, RefusesAnotherWireVersionAndNamesBoth) {
     const SharingActions refused = receiver_.OnHello(2, hello, now_);
     EXPECT_EQ(RefusalOf(refused), ErrorCode::kRefused);
     const std::string text = refused.at(0).message.refusal().error().text();
-    EXPECT_NE(text.find("wire version " + std::to_string(kWireVersion) + ","), std::string::npos) << text;
-    EXPECT_NE(text.find("of version " + std::to_string(version) + ":"), std::string::npos) << text;
+    EXPECT_NE(text.find("protocol version " + std::to_string(kWireVersion) + ","), std::string::npos) << text;
+    EXPECT_NE(text.find("uses version " + std::to_string(version) + ":"), std::string::npos) << text;
   }
   EXPECT_EQ(receiver_.counts().refused_hellos, 2);
 }

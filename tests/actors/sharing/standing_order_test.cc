@@ -221,7 +221,7 @@ TEST_F(StandingOrderTest, ALimitedOrderEndsWhenItsBytesAreUsedUp) {
   EXPECT_GE(Status().coded_bytes(), 10'000);
   EXPECT_LE(Status().coded_bytes(), 10'000 + 1200);
   EXPECT_EQ(Status().acknowledged_records(), Status().sent_records());
-  EXPECT_NE(Status().last_error().find("its order's bytes"), std::string::npos) << Status().last_error();
+  EXPECT_NE(Status().last_error().find("its order's byte limit"), std::string::npos) << Status().last_error();
 
   // The remaining records fit into the limit.
   Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/1'000'000));

@@ -115,7 +115,8 @@ TEST(SyncActorLeftTest, DoesNotAskAnAgentThatHasLeftButForwardsItsRecords) {
   order.mutable_share_request()->add_from_agents(3);
   EXPECT_EQ(Share(team, kLeader, order).error().field(), "from_agents[0]");
   NotifyRoles(team, config, 2, Roles(3, 2, 3));
-  EXPECT_EQ(Share(team, 2, ShareOrder(proto::SHARING_KIND_SYNC)).error().text(), "rover3 leads, but has left the team");
+  EXPECT_EQ(Share(team, 2, ShareOrder(proto::SHARING_KIND_SYNC)).error().text(),
+            "rover3 is the leader, but has left the team; assign another one");
 }
 
 TEST_F(SyncActorTest, CollectsFromNamedAgentsOnly) {

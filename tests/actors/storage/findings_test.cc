@@ -87,7 +87,7 @@ TEST_F(LastRunTest, FindsNothingIfTheProcessStopped) {
   }
   auto store = Start();
   EXPECT_THAT(Findings(*store), IsEmpty());
-  EXPECT_EQ(Story(*store).back(), "stopped, as it was asked to");
+  EXPECT_EQ(Story(*store).back(), "stopped on request");
 }
 
 TEST_F(LastRunTest, FindsNothingInARestoredBackup) {

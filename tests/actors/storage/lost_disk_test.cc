@@ -337,9 +337,9 @@ TEST_F(LostDiskTest, RefusesAMalformedEpochReport) {
     return noted ? std::string() : ToString(noted.error());
   };
   EXPECT_EQ(note({}), "");
-  EXPECT_EQ(note({own + 5, own + 4}), "epochs: are not in rising order from 1");
-  EXPECT_EQ(note({own + 5, own + 5}), "epochs: are not in rising order from 1");
-  EXPECT_EQ(note({0, own + 5}), "epochs: are not in rising order from 1");
+  EXPECT_EQ(note({own + 5, own + 4}), "epochs: must be at least 1 and in rising order");
+  EXPECT_EQ(note({own + 5, own + 5}), "epochs: must be at least 1 and in rising order");
+  EXPECT_EQ(note({0, own + 5}), "epochs: must be at least 1 and in rising order");
   std::vector<std::uint64_t> many;
   for (std::uint64_t i = 1; i <= 65; ++i) many.push_back(own + i);
   EXPECT_EQ(note(many), "epochs: has more than 64");

@@ -97,7 +97,7 @@ TEST(SchemaTest, RefusesAnotherProgramsFile) {
   const Result<void> refused = CheckSchema(*database);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
-  EXPECT_NE(refused.error().text.find("is no store"), std::string::npos) << refused.error().text;
+  EXPECT_NE(refused.error().text.find("was not written by"), std::string::npos) << refused.error().text;
   ASSERT_TRUE(MakeSchema(*database));
   EXPECT_EQ(*database->Number("SELECT count(*) FROM sqlite_master"), 1);
   EXPECT_EQ(*database->Number("PRAGMA user_version"), 7);
@@ -113,7 +113,7 @@ class RefusedFileTest : public testing::Test {
     const auto store = RecordStore::Open(StoreOptionsOf(2, path_));
     ASSERT_FALSE(store);
     EXPECT_EQ(store.error().code, ErrorCode::kRefused) << ToString(store.error());
-    EXPECT_NE(store.error().text.find("it is not touched"), std::string::npos) << store.error().text;
+    EXPECT_NE(store.error().text.find("it was not changed"), std::string::npos) << store.error().text;
     EXPECT_EQ(Bytes(""), before);
     EXPECT_EQ(Bytes("-wal"), log_before);
     EXPECT_FALSE(std::filesystem::exists(path_ + ".damaged-1"));

@@ -113,8 +113,8 @@ TEST_F(VerifyTest, FindsAChangedByteInSharedAndLocalRecords) {
   EXPECT_EQ(found.damaged, 2);
   EXPECT_EQ(found.missing + found.orphaned, 0);
   const std::string epoch = ToString(RecordKey{{2, store_->GetHave().epoch(), proto::POSE_GRAPH_NODE}, 3});
-  EXPECT_THAT(found.findings, ElementsAre(epoch + ": its content is not what its hash says",
-                                          "2.0000000000000000.20.0: its content is not what its hash says"));
+  EXPECT_THAT(found.findings, ElementsAre(epoch + ": its content does not match its hash",
+                                          "2.0000000000000000.20.0: its content does not match its hash"));
 }
 
 TEST_F(VerifyTest, FindsMissingRowsAndOrphanedRows) {
@@ -133,8 +133,9 @@ TEST_F(VerifyTest, FindsMissingRowsAndOrphanedRows) {
   EXPECT_EQ(found.orphaned, 1);
   // The orphaned row counts as damaged too, because its hash was computed for another key.
   EXPECT_EQ(found.damaged, 1);
-  EXPECT_THAT(found.findings, testing::IsSupersetOf({ToString({nodes, 2}) + ": it is held, but there is no row",
-                                                     ToString({nodes, 5}) + ": it is held, but there is no row"}));
+  EXPECT_THAT(found.findings,
+              testing::IsSupersetOf({ToString({nodes, 2}) + ": the have-set lists it, but no row exists",
+                                     ToString({nodes, 5}) + ": the have-set lists it, but no row exists"}));
 }
 
 TEST_F(VerifyTest, CountsMoreFindingsThanItNames) {

@@ -62,10 +62,10 @@ TEST_F(HealthTest, ReportsAFullDiskOnce) {
   proto::StorageStatus& storage = *Status(1).mutable_storage();
   storage.set_space_low("3 MB of disk are free");
   EXPECT_THAT(Of(1), ElementsAre("space low: 3 MB of disk are free"));
-  storage.set_refused_inserts("the disk is nearly full: no more maps are taken");
-  EXPECT_THAT(Of(1), ElementsAre("the disk is nearly full: no more maps are taken"));
-  storage.set_write_trouble("the disk is full: make room: moonctl -a rover1 db prune");
-  EXPECT_THAT(Of(1), ElementsAre("stores nothing: the disk is full: make room: moonctl -a rover1 db prune"));
+  storage.set_refused_inserts("the disk is nearly full: no more maps are accepted");
+  EXPECT_THAT(Of(1), ElementsAre("the disk is nearly full: no more maps are accepted"));
+  storage.set_write_trouble("the disk is full: free space: moonctl -a rover1 db prune");
+  EXPECT_THAT(Of(1), ElementsAre("stores nothing: the disk is full: free space: moonctl -a rover1 db prune"));
 }
 
 TEST_F(HealthTest, FindsTwoProcessesWithOneKey) {

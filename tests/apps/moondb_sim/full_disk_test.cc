@@ -142,7 +142,7 @@ TEST_F(FullDiskTest, MakesAReserveOfIncompressibleBytes) {
 
 TEST_F(FullDiskTest, RefusesMapsBeforeTheLastMegabytesThenEveryRecord) {
   disk_.SetRoom(kFolder, 900 * 1024);
-  EXPECT_THAT(Insert(Map(kSelf)).error().text(), HasSubstr("no more maps are taken"));
+  EXPECT_THAT(Insert(Map(kSelf)).error().text(), HasSubstr("no more maps are accepted"));
   EXPECT_THAT(Insert(Map(kSelf)).error().text(), HasSubstr("moonctl -a rover2 db prune"));
   EXPECT_EQ(Insert(Map(kSelf)).error().code(), proto::ERROR_CODE_FULL);
   EXPECT_FALSE(IsError(Insert(Node(kSelf, 1)).error()));
@@ -151,7 +151,7 @@ TEST_F(FullDiskTest, RefusesMapsBeforeTheLastMegabytesThenEveryRecord) {
 
   disk_.SetRoom(kFolder, 100 * 1024);
   EXPECT_EQ(Insert(Node(kSelf, 2)).error().code(), proto::ERROR_CODE_FULL);
-  EXPECT_THAT(Status().refused_inserts(), HasSubstr("no records are taken"));
+  EXPECT_THAT(Status().refused_inserts(), HasSubstr("no records are accepted"));
   EXPECT_FALSE(IsError(SaveRoles(1).error()));
 
   disk_.SetRoom(kFolder, std::nullopt);
@@ -163,7 +163,7 @@ TEST_F(FullDiskTest, RefusesMapsOfOtherAgentsBeforeOwnOnes) {
   disk_.SetRoom(kFolder, 1300 * 1024);
   const proto::StoreReply reply = Store({Node(1, 1), Map(1)});
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_FULL);
-  EXPECT_THAT(reply.error().text(), HasSubstr("no more maps of other agents are taken"));
+  EXPECT_THAT(reply.error().text(), HasSubstr("no more maps of other agents are accepted"));
   EXPECT_FALSE(Have().Get({1, 1, proto::POSE_GRAPH_NODE}).held.is_empty());
   EXPECT_TRUE(Have().Get({1, 1, proto::LOCAL_TRAVERSABILITY_MAP}).held.is_empty());
   EXPECT_FALSE(IsError(Insert(Map(kSelf)).error()));

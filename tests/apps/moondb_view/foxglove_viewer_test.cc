@@ -112,7 +112,7 @@ TEST_F(FoxgloveViewerTest, ASlowViewerGetsNewStatesAndHearsOfEventsThatAreGone) 
   }
   EXPECT_THAT(NextData(), HasSubstr("state 511"));
   EXPECT_THAT(NextData(), HasSubstr("event 256"));
-  EXPECT_THAT(NextText(), HasSubstr("too slow: events were left out"));
+  EXPECT_THAT(NextText(), HasSubstr("too slow: events were dropped"));
   EXPECT_THAT(NextData(), HasSubstr("event 257"));
 }
 

@@ -96,7 +96,7 @@ const BadFile kBadFiles[] = {
     {"ClientWildcard", Good("7401\"}", "7401\", client_address: \"tcp://0.0.0.0:7500\"}"),
      "t:5:76: agents[1].client_address: clients connect to this address, so it cannot be \"0.0.0.0\""},
     {"ClientsWithoutKeys", Good("7401\"}", "7401\", client_address: \"tcp://10.0.0.1:7500\"}"),
-     "t:5:76: agents[1].client_address: needs keys, which `insecure: true` does without"},
+     "t:5:76: agents[1].client_address: needs keys, but the team is `insecure: true`"},
     {"RelativeSocket", Good("tcp://127.0.0.1:7401", "ipc://x"),
      "t:5:36: agents[1].address: expected an absolute path after ipc://"},
     {"BadEnum", Good("base_station", "base_staton"),
@@ -148,25 +148,27 @@ const BadFile kBadFiles[] = {
     {"QuarantinePolicy", GoodAnd("share: {map_quarantine: latest}"),
      "t:8:25: share.map_quarantine: expected none or all, got \"latest\""},
     {"RolesPolicy", GoodAnd("share: {role_assignment: none}"),
-     "t:8:26: share.role_assignment: expected all: whose records are taken depends on it"},
+     "t:8:26: share.role_assignment: expected all: every agent needs all role assignments to decide which records it "
+     "accepts"},
     {"CommandFromNobody", GoodAnd("command_from: []"), "t:8:15: command_from: expected names of agents, or all"},
     {"CommandFromStranger", GoodAnd("command_from: [base, rover11]"),
      "t:8:22: command_from[1]: no agent is named \"rover11\"; did you mean \"rover1\"?"},
     {"CommandFromWord", GoodAnd("command_from: alll"),
      "t:8:15: command_from: no agent is named \"alll\"; did you mean \"all\"?"},
     {"CommandFromAllAndOne", GoodAnd("command_from: [all, base]"),
-     "t:8:16: command_from[0]: all stands alone: it names every agent"},
+     "t:8:16: command_from[0]: all must be the only entry, because it names every agent"},
     {"LeftAndLeader", Replaced(GoodAnd("roles: {leader: rover2}"), "name: rover2", "name: rover2, left: true"),
      "t:8:17: roles.leader: rover2 has left the team; name another rover"},
     {"LeftAndSurvivor", Replaced(GoodAnd("roles: {survivor: rover2}"), "name: rover2", "name: rover2, left: true"),
      "t:8:19: roles.survivor: rover2 has left the team; name another rover"},
     {"LeftAndCommands", Replaced(GoodAnd("command_from: [base, rover2]"), "name: rover2", "name: rover2, left: true"),
-     "t:8:22: command_from[1]: rover2 has left the team; nobody obeys what comes through it"},
+     "t:8:22: command_from[1]: rover2 has left the team; remove it from this list"},
     {"AllRoversLeft",
      Replaced(Good("name: rover1", "name: rover1, left: true"), "name: rover2", "name: rover2, left: true"),
      "t:4:3: agents: expected at least one rover that has not left"},
     {"BaseThatCommandsLeft", Good("name: base", "name: base, left: true"),
-     "t:1:1: command_from: missing: the base station, which commands by default, has left; name who does, or all"},
+     "t:1:1: command_from: missing: the base station, which commands by default, has left; name the agents that may "
+     "command, or all"},
     {"CommandFromTwice", GoodAnd("command_from: [base, base]"), "t:8:22: command_from[1]: base is named twice"},
     {"Codec", GoodAnd("radio: {codec: gzip}"),
      "t:8:16: radio.codec: expected plain, zstd, compact or paper_sql, got \"gzip\""},
@@ -184,7 +186,7 @@ const BadFile kBadFiles[] = {
     {"Latitude", GoodAnd("site: {lat_deg: 91}"), "t:8:17: site.lat_deg: expected -90 to 90, got 91"},
     {"SigningKeyInATeamWithoutKeys",
      Good("name: rover2,", "name: rover2, signing_key: \"eBQVrmV@gcGAmNE7f?TwAVN(=Iy!Obr?$HC.M#d>\","),
-     "t:5:40: agents[1].signing_key: needs keys, which `insecure: true` does without"},
+     "t:5:40: agents[1].signing_key: needs keys, but the team is `insecure: true`"},
     {"Missing", "insecure: true\n",
      "t:1:1: team: missing\n"
      "t:1:1: team_id: missing: `moonctl config check --fix` gives the file one\n"
@@ -222,14 +224,15 @@ const BadFile kBadFiles[] = {
      "t:8:44: keep.mode: expected all, latest or a duration such as 7d or 12h, got \"0d\"\n"
      "t:8:56: keep.health: expected all, latest or a duration such as 7d or 12h, got \"forever\""},
     {"KeepOfWhatIsNotSuperseded", GoodAnd("share: {power: all}\nkeep: {power: 7d, mode: 7d}"),
-     "t:9:15: keep.power: nothing of it is superseded, since share.power is all: expected all, got \"7d\" "
-     "(retention.keep_days lets old records go)"},
+     "t:9:15: keep.power: records of this type are never superseded, since share.power is all: expected all, got "
+     "\"7d\" "
+     "(retention.keep_days removes old records)"},
     {"KeepOfAnotherType", GoodAnd("keep: {temprature: all}"),
      "t:8:8: keep.temprature: no such field; did you mean \"temperature\"?"},
     {"CustomKeep",
      GoodAnd("custom_types: [{id: 1000, name: soil, keep: 7d}, {id: 1001, name: core, share: latest, keep: 7w}]"),
-     "t:8:45: custom_types[0].keep: nothing of it is superseded, since custom_types[0].share is all: expected all, got "
-     "\"7d\" (retention.keep_days lets old records go)\n"
+     "t:8:45: custom_types[0].keep: records of this type are never superseded, since custom_types[0].share is all: "
+     "expected all, got \"7d\" (retention.keep_days removes old records)\n"
      "t:8:94: custom_types[1].keep: expected all, latest or a duration such as 7d or 12h, got \"7w\""},
     {"HistoryLimit", GoodAnd("retention: {history_mb_max: -1}"),
      "t:8:29: retention.history_mb_max: expected 0 to 1000000, got -1"},
@@ -350,7 +353,7 @@ TEST(TeamConfigTest, ReadsHowLongRobotsKeepSupersededStates) {
   EXPECT_EQ(KeepRuleOf(config, proto::TEMPERATURE).at_most, std::chrono::hours(36));
   EXPECT_FALSE(KeepRuleOf(config, proto::POWER).KeepsAny());
   EXPECT_TRUE(KeepRuleOf(config, proto::MODE).IsOfAnyAge());
-  EXPECT_EQ(config.keep().at("optimized_pose"), "all") << "nothing of it is superseded";
+  EXPECT_EQ(config.keep().at("optimized_pose"), "all") << "records of this type are never superseded";
   EXPECT_EQ(KeepRuleOf(config, 1000).at_most, std::chrono::minutes(90));
   EXPECT_TRUE(KeepRuleOf(config, 1001).IsOfAnyAge());
   EXPECT_EQ(config.retention().history_mb_max(), 0);
@@ -632,7 +635,7 @@ TEST(SigningKeyLinesTest, AreAddedToEachAgentAndTheRestIsKept) {
 TEST(SigningKeyLinesTest, AreAddedForAgentsWhoseKeyIsFound) {
   const std::string key = SigningKey::FromSeed({1}).public_key();
   EXPECT_THAT(WithSigningKeys("team: test\nagents: [{id: 1, name: one}]\n", {{"one", key}}).error().text,
-              HasSubstr("no place for the signing_key of \"one\" is found"));
+              HasSubstr("cannot insert the signing_key of \"one\""));
   EXPECT_FALSE(WithSigningKeys("team: [\n", {{"one", key}}));
   const std::string windows = "agents:\r\n- name: one\r\n  key: one.pub";
   EXPECT_EQ(WithSigningKeys(windows, {{"one", key}}).value(), windows + "\n  signing_key: \"" + key + "\"\n");
