@@ -2,15 +2,22 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
+#include <sys/statfs.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
+#include <cstdio>
 
 namespace moondb {
 namespace {
 
 constexpr mode_t kExportedFile = 0644;
 constexpr mode_t kExportedFolder = 0755;
+
+// f_type of statfs(2): FAT, exFAT, NTFS by the kernel, and FUSE (NTFS by ntfs-3g).
+constexpr std::array<std::uint32_t, 4> kWithoutPermissions = {0x4d44, 0x2011bab0, 0x7366746e, 0x65735546};
 
 std::error_code LastError() { return {errno, std::generic_category()}; }
 
@@ -52,6 +59,25 @@ std::error_code WriteTemporary(const std::filesystem::path& path, std::string_vi
                                const WriteOptions& options) {
   if (unlink(path.c_str()) != 0 && errno != ENOENT) return LastError();
   return WriteNew(path, content, options);
+}
+
+std::error_code MoveToNew(const std::filesystem::path& from, const std::filesystem::path& to) {
+  const auto lacks_support = [] {
+    return errno == EINVAL || errno == ENOSYS || errno == EPERM || errno == EOPNOTSUPP || errno == EMLINK;
+  };
+  if (renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return {};
+  if (!lacks_support()) return LastError();
+  if (link(from.c_str(), to.c_str()) == 0) return unlink(from.c_str()) == 0 ? std::error_code() : LastError();
+  if (!lacks_support()) return LastError();
+  // The name is taken by an empty file of this process, which the rename replaces.
+  if (const std::error_code taken = WriteNew(to, "", {.mode = 0600})) return taken;
+  return rename(from.c_str(), to.c_str()) == 0 ? std::error_code() : LastError();
+}
+
+bool HasPermissions(const std::filesystem::path& path) {
+  struct statfs system {};
+  if (statfs(path.c_str(), &system) != 0) return true;
+  return std::ranges::find(kWithoutPermissions, static_cast<std::uint32_t>(system.f_type)) == kWithoutPermissions.end();
 }
 
 Result<void> WriteWholeFile(const std::filesystem::path& file, std::string_view content, const WriteOptions& options) {

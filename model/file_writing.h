@@ -35,6 +35,14 @@ std::error_code WriteNew(const std::filesystem::path& path, std::string_view con
 std::error_code WriteTemporary(const std::filesystem::path& path, std::string_view content,
                                const WriteOptions& options);
 
+// Renames the finished file `from` to `to`. Fails with EEXIST if anything is called `to`. Atomic, except on file
+// systems that have neither RENAME_NOREPLACE nor hard links: there, `to` is an empty file for a moment.
+std::error_code MoveToNew(const std::filesystem::path& from, const std::filesystem::path& to);
+
+// Returns false if `path` is on a file system that stores no permissions of files, as FAT, exFAT and NTFS on memory
+// sticks: every file there has the permissions that the mount gives to all.
+bool HasPermissions(const std::filesystem::path& path);
+
 // Replaces a file atomically: writes the temporary file `file`.part and renames it. If `file` itself is a link,
 // replaces the link. Fails with kInternal; the error's field is the path.
 Result<void> WriteWholeFile(const std::filesystem::path& file, std::string_view content, const WriteOptions& options);

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "actors/storage/own_epochs.h"
+#include "model/file_writing.h"
 
 namespace moondb {
 
@@ -113,12 +114,13 @@ Result<void> ForgetIncarnation(sqlite3* copy, const std::filesystem::path& to) {
 // Renames the finished copy `part` to `to`, so that a file named `to` is always complete. Fails if `to` exists.
 Result<void> Publish(const std::filesystem::path& part, const std::filesystem::path& to) {
   const std::filesystem::path folder = to.has_parent_path() ? to.parent_path() : ".";
-  std::error_code error;
-  if (SyncToDisk(part) && link(part.c_str(), to.c_str()) == 0) {
-    std::filesystem::remove(part, error);
-    if (SyncToDisk(folder)) return {};
+  std::string why = "the disk does not accept the data";
+  if (SyncToDisk(part)) {
+    const std::error_code failure = MoveToNew(part, to);
+    if (!failure && SyncToDisk(folder)) return {};
+    if (failure) why = failure.message();
   }
-  return Fail(ErrorCode::kInternal, "cannot be written", to.string());
+  return Fail(ErrorCode::kInternal, "cannot be written: " + why, to.string());
 }
 
 }  // namespace
@@ -189,5 +191,7 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   if (!done) std::filesystem::remove(part, error);
   return done;
 }
+
+int SqliteVersion() { return sqlite3_libversion_number(); }
 
 }  // namespace moondb

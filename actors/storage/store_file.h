@@ -46,4 +46,7 @@ inline constexpr std::size_t kQueryBytesMax = 64 * 1024 * 1024;
 // if the disk is full, and with kInternal if `file` is not a store.
 Result<void> BackUpStore(const std::filesystem::path& file, const std::filesystem::path& to);
 
+// Returns the version of the SQLite library that this program uses: 3040001 for 3.40.1.
+int SqliteVersion();
+
 }  // namespace moondb

@@ -1,5 +1,9 @@
 #include "apps/common/local_endpoint.h"
 
+#include <pwd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstring>
 
@@ -13,6 +17,14 @@ namespace {
 // `agent.endpoint`; nothing listens there. Empty: the process has not written the file.
 std::string WhyNot(const std::string& agent, pid_t pid, const std::string& endpoint) {
   const std::string runs = "agent " + agent + " runs as process " + std::to_string(pid);
+  struct stat process {};
+  const bool is_anothers = ::geteuid() != 0 && ::stat(("/proc/" + std::to_string(pid)).c_str(), &process) == 0 &&
+                           process.st_uid != ::geteuid();
+  if (is_anothers) {
+    const passwd* user = ::getpwuid(process.st_uid);
+    return runs + " of the user " + (user == nullptr ? std::to_string(process.st_uid) : user->pw_name) +
+           ", and this user cannot use its socket: run moonctl as that user, or with --key";
+  }
   if (endpoint.empty())
     return runs + ", but has not written the path of its socket to agent.endpoint; check that its disk is not full";
   return runs + ", but its socket " + endpoint.substr(std::min(std::strlen(kIpcScheme), endpoint.size())) +

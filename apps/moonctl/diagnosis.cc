@@ -13,6 +13,9 @@ namespace {
 using Kind = RobotCheck::Kind;
 
 constexpr double kMegabyte_bytes = 1e6;
+// The WAL-reset bug (docs/SPACE.md, "Other programs at the store"): 3.7.0 to 3.51.2.
+constexpr int kWalResetBugFirst = 3'007'000;
+constexpr int kWalResetBugLast = 3'051'002;
 
 RobotCheck Good(std::string what, std::string text) { return {std::move(what), Kind::kGood, std::move(text), ""}; }
 
@@ -34,6 +37,10 @@ RobotCheck KeysCheck(const proto::TeamConfig& team, const proto::AgentConfig& ag
                   "the team file has `insecure: true`: any program that reaches the ports can impersonate any agent",
                   "create a team with keys: moonctl config init");
   }
+  if (facts.is_elsewhere) {
+    return Fault("keys", "the secret keys of " + agent.name() + " are not on this computer, but another agent's are",
+                 "run moonctl doctor on the computer of " + agent.name() + "; do not copy its secret keys here");
+  }
   if (facts.keys_error.empty())
     return Good("keys", "the keys match the team file, and no other user can read the secret keys");
   return Fault(
@@ -50,6 +57,16 @@ RobotCheck DataCheck(const RobotFacts& facts) {
                  "choose a folder on a disk: --data-dir");
   }
   return Good("data", facts.data_folder + " is writable");
+}
+
+// SQLite can lose committed data if two connections write or checkpoint a store at the same moment.
+RobotCheck SqliteCheck(const RobotFacts& facts) {
+  const int version = facts.sqlite_version;
+  const std::string name = "SQLite " + std::to_string(version / 1'000'000) + "." +
+                           std::to_string(version / 1000 % 1000) + "." + std::to_string(version % 1000);
+  if (version < kWalResetBugFirst || version > kWalResetBugLast) return Good("sqlite", "the store uses " + name);
+  return Good("sqlite", "the store uses " + name +
+                            ", which has the WAL-reset bug: let no other program write or checkpoint the store");
 }
 
 RobotCheck DiskCheck(const proto::TeamConfig& team, const RobotFacts& facts) {
@@ -83,7 +100,21 @@ RobotCheck ClockCheck(const RobotFacts& facts) {
   return Good("clock", "the clock is synchronised");
 }
 
-RobotCheck PortCheck(const proto::AgentConfig& agent, const RobotFacts& facts) {
+bool IsLoopback(const std::string& endpoint) {
+  return endpoint.starts_with("tcp://127.") || endpoint.starts_with("tcp://localhost:") ||
+         endpoint.starts_with("tcp://[::1]:");
+}
+
+RobotCheck PortCheck(const proto::TeamConfig& team, const proto::AgentConfig& agent, const RobotFacts& facts) {
+  const bool has_others = std::ranges::any_of(team.agents(), [&](const proto::AgentConfig& other) {
+    return other.id() != agent.id() && other.address().starts_with("tcp://") && !IsLoopback(other.address());
+  });
+  if (!facts.listen_loopback.empty() && has_others) {
+    return Fault("address",
+                 ListenAddressOf(agent) + " is " + facts.listen_loopback +
+                     " on this computer (see /etc/hosts), so no other computer reaches the agent",
+                 "give " + agent.name() + " `listen: tcp://0.0.0.0:PORT` in the team file, or a number as address");
+  }
   if (facts.listen_error.empty()) {
     return Good("address", ListenAddressOf(agent) + (facts.is_running ? " is in use by the agent" : " is free"));
   }
@@ -169,13 +200,9 @@ void AddPeerChecks(const PeerFacts& peer, const RobotFacts& facts, std::vector<R
 
 std::vector<RobotCheck> Diagnose(const proto::TeamConfig& team, const proto::AgentConfig& agent,
                                  const RobotFacts& facts) {
-  std::vector<RobotCheck> checks{KeysCheck(team, agent, facts),
-                                 DataCheck(facts),
-                                 DiskCheck(team, facts),
-                                 ClockCheck(facts),
-                                 LimitsCheck(facts),
-                                 PortCheck(agent, facts),
-                                 AgentCheck(agent, facts)};
+  std::vector<RobotCheck> checks{KeysCheck(team, agent, facts), DataCheck(facts),        SqliteCheck(facts),
+                                 DiskCheck(team, facts),        ClockCheck(facts),       LimitsCheck(facts),
+                                 PortCheck(team, agent, facts), AgentCheck(agent, facts)};
   for (const PeerFacts& peer : facts.peers) AddPeerChecks(peer, facts, checks);
   return checks;
 }

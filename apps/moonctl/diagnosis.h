@@ -35,7 +35,8 @@ struct PeerFacts {
 
 // Facts about this computer and its agent.
 struct RobotFacts {
-  std::string keys_error;  // Why the keys cannot be used; empty: they can.
+  std::string keys_error;     // Why the keys cannot be used; empty: they can.
+  bool is_elsewhere = false;  // True if other agents' secret keys are on this computer, and not this agent's.
   std::string data_folder;
   std::string data_folder_error;  // Why the data folder cannot be used; empty: it can.
   std::optional<std::uint64_t> disk_free_bytes;
@@ -43,8 +44,10 @@ struct RobotFacts {
   std::int64_t year = 0;                      // The clock shows this year (UTC).
   std::optional<bool> is_clock_synchronised;  // The kernel's own state. Null: not known.
   bool is_running = false;                    // The agent answers.
-  std::string agent_error;   // Why a running process does not answer; empty: it does, or there is none.
-  std::string listen_error;  // Why the agent could not listen at its address; empty: it could, or it does.
+  std::string agent_error;      // Why a running process does not answer; empty: it does, or there is none.
+  std::string listen_error;     // Why the agent could not listen at its address; empty: it could, or it does.
+  std::string listen_loopback;  // "127.0.1.1" if the host at which the agent listens is only a loopback address here.
+  int sqlite_version = 0;       // 3040001 for 3.40.1.
   std::uint64_t open_files_max = 0;
   std::optional<std::uint64_t> memory_available_bytes;
   std::string version;           // Version of this moonctl.

@@ -22,6 +22,7 @@
 #include <future>
 #include <utility>
 
+#include "actors/storage/store_file.h"
 #include "apps/common/data_folder.h"
 #include "model/team_member.h"
 #include "model/text.h"
@@ -57,27 +58,44 @@ class Descriptor {
   int descriptor_;
 };
 
-// Returns the IPv4 address and port of tcp://HOST:PORT. The error is the resolver's.
-Result<sockaddr_in> Resolve(const std::string& endpoint) {
+struct SocketAddress {
+  sockaddr_storage storage{};
+  socklen_t size = 0;
+
+  int family() const { return storage.ss_family; }
+  const sockaddr* get() const { return reinterpret_cast<const sockaddr*>(&storage); }
+  std::string text() const {
+    char buffer[NI_MAXHOST] = "";
+    (void)::getnameinfo(get(), size, buffer, sizeof(buffer), nullptr, 0, NI_NUMERICHOST);
+    return buffer;
+  }
+};
+
+// Returns the address and port of tcp://HOST:PORT, as the agent would: IPv6 only in brackets. The error is the
+// resolver's.
+Result<SocketAddress> Resolve(const std::string& endpoint) {
   const std::size_t colon = endpoint.rfind(':');
-  const std::string host = endpoint.substr(6, colon - 6);
+  std::string host = endpoint.substr(6, colon - 6);
   addrinfo hints{};
   hints.ai_family = AF_INET;
   hints.ai_socktype = SOCK_STREAM;
+  if (host.starts_with("[") && host.ends_with("]")) {
+    host = host.substr(1, host.size() - 2);
+    hints.ai_family = AF_INET6;
+  }
   addrinfo* found = nullptr;
   const int error = ::getaddrinfo(host.c_str(), endpoint.substr(colon + 1).c_str(), &hints, &found);
   if (error != 0) return Fail(ErrorCode::kUnavailable, gai_strerror(error));
-  sockaddr_in address{};
-  std::memcpy(&address, found->ai_addr, sizeof(address));
+  SocketAddress address;
+  address.size = found->ai_addrlen;
+  std::memcpy(&address.storage, found->ai_addr, address.size);
   ::freeaddrinfo(found);
   return address;
 }
 
-const sockaddr* Plain(const sockaddr_in& address) { return reinterpret_cast<const sockaddr*>(&address); }
-
-std::string ConnectError(const sockaddr_in& address) {
-  const Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  if (::connect(socket.get(), Plain(address), sizeof(address)) == 0) return "";
+std::string ConnectError(const SocketAddress& address) {
+  const Descriptor socket(::socket(address.family(), SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (::connect(socket.get(), address.get(), address.size) == 0) return "";
   if (errno != EINPROGRESS) return TextOf(errno);
   pollfd ready{socket.get(), POLLOUT, 0};
   if (::poll(&ready, 1, kConnectLimit_ms) == 0) return "no answer within 2 s";
@@ -87,12 +105,14 @@ std::string ConnectError(const sockaddr_in& address) {
   return error == 0 ? "" : TextOf(error);
 }
 
-std::optional<int> MtuTo(const sockaddr_in& address) {
-  const Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+std::optional<int> MtuTo(const SocketAddress& address) {
+  const Descriptor socket(::socket(address.family(), SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const bool is_6 = address.family() == AF_INET6;
   int mtu = 0;
   socklen_t size = sizeof(mtu);
-  const bool is_known = ::connect(socket.get(), Plain(address), sizeof(address)) == 0 &&
-                        ::getsockopt(socket.get(), IPPROTO_IP, IP_MTU, &mtu, &size) == 0;
+  const bool is_known =
+      ::connect(socket.get(), address.get(), address.size) == 0 &&
+      ::getsockopt(socket.get(), is_6 ? IPPROTO_IPV6 : IPPROTO_IP, is_6 ? IPV6_MTU : IP_MTU, &mtu, &size) == 0;
   return is_known ? std::optional(mtu) : std::nullopt;
 }
 
@@ -108,15 +128,17 @@ std::uint16_t ChecksumOf(const std::array<char, kEchoBytes>& bytes) {
   return static_cast<std::uint16_t>(~sum);
 }
 
-// Sends echo requests and returns the fraction without an answer. Null: this user may not.
-std::optional<double> LossTo(const sockaddr_in& address) {
+// Sends echo requests and returns the fraction without an answer. Null: this user may not, or the address is of IPv6.
+std::optional<double> LossTo(const SocketAddress& address) {
+  if (address.family() != AF_INET) return std::nullopt;
   constexpr int kFlags = SOCK_NONBLOCK | SOCK_CLOEXEC;
   const int unprivileged = ::socket(AF_INET, SOCK_DGRAM | kFlags, IPPROTO_ICMP);
   // A raw socket, for root, receives the IP header too, and the echo replies of other programs.
   const bool is_raw = unprivileged < 0;
   const Descriptor socket(is_raw ? ::socket(AF_INET, SOCK_RAW | kFlags, IPPROTO_ICMP) : unprivileged);
-  if (socket.get() < 0 || ::connect(socket.get(), Plain(address), sizeof(address)) != 0) return std::nullopt;
-  const auto id = static_cast<std::uint16_t>(::getpid() ^ address.sin_port);
+  if (socket.get() < 0 || ::connect(socket.get(), address.get(), address.size) != 0) return std::nullopt;
+  const std::uint16_t port = reinterpret_cast<const sockaddr_in*>(address.get())->sin_port;
+  const auto id = static_cast<std::uint16_t>(::getpid() ^ port);
   std::array<bool, kEchoCount> is_answered{};
   const auto hear = [&](milliseconds limit) {
     const auto end = std::chrono::steady_clock::now() + limit;
@@ -224,12 +246,24 @@ std::string ListenError(const proto::AgentConfig& agent) {
   if (!endpoint.starts_with("tcp://")) return "";
   const auto address = Resolve(endpoint);
   if (!address) return endpoint + ": " + address.error().text;
-  const Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const Descriptor socket(::socket(address->family(), SOCK_STREAM | SOCK_CLOEXEC, 0));
   const int yes = 1;
   ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-  if (::bind(socket.get(), Plain(*address), sizeof(*address)) == 0 && ::listen(socket.get(), 1) == 0) return "";
+  if (::bind(socket.get(), address->get(), address->size) == 0 && ::listen(socket.get(), 1) == 0) return "";
   if (errno == EADDRNOTAVAIL) return endpoint + ": this computer has no such address";
   return endpoint + ": " + TextOf(errno);
+}
+
+// Returns "127.0.1.1" if the name at which the agent listens has this address here, as Debian's /etc/hosts gives it to
+// a computer's own name: other computers do not reach it. Empty: the name has another address, or is a loopback one.
+std::string LoopbackOf(const proto::AgentConfig& agent) {
+  const std::string& endpoint = ListenAddressOf(agent);
+  if (!endpoint.starts_with("tcp://") || endpoint.starts_with("tcp://127.") || endpoint.starts_with("tcp://localhost:"))
+    return "";
+  const auto address = Resolve(endpoint);
+  if (!address || address->family() != AF_INET) return "";
+  const std::string text = address->text();
+  return text.starts_with("127.") ? text : "";
 }
 
 void AddClock(RobotFacts& facts) {
@@ -264,6 +298,12 @@ RobotFacts GatherFacts(const TeamFile& team, const proto::AgentConfig& agent, co
   AddDataFolder(team, agent, data_folder, facts);
   AddClock(facts);
   if (!facts.is_running) facts.listen_error = ListenError(agent);
+  facts.listen_loopback = LoopbackOf(agent);
+  facts.sqlite_version = SqliteVersion();
+  facts.is_elsewhere = !HasSecretKey(team.config, team.folder, agent) &&
+                       std::ranges::any_of(team.config.agents(), [&](const proto::AgentConfig& other) {
+                         return HasSecretKey(team.config, team.folder, other);
+                       });
   rlimit files{};
   if (::getrlimit(RLIMIT_NOFILE, &files) == 0) facts.open_files_max = files.rlim_max;
   facts.memory_available_bytes = AvailableMemory();

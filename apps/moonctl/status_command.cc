@@ -80,6 +80,19 @@ std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::
   return count < 2 ? "" : leaders + " lead: they do not reach each other, or do not know the newest roles yet\n";
 }
 
+// Returns who leads by the newest assignment that an agent reports, if that agent does not answer. Otherwise empty.
+std::string SilentLeaderText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
+  const proto::RoleAssignment* newest = nullptr;
+  for (const proto::AgentStatus& status : statuses) {
+    if (newest == nullptr || OrderOf(newest->term()) < OrderOf(status.roles().term())) newest = &status.roles();
+  }
+  if (newest == nullptr || newest->leader() == 0) return "";
+  const bool has_answered = std::ranges::any_of(
+      statuses, [&](const proto::AgentStatus& status) { return status.agent_id() == newest->leader(); });
+  if (has_answered) return "";
+  return AgentName(team, newest->leader()) + " leads (term " + TermText(newest->term()) + "), but does not answer\n";
+}
+
 // Lists the agents that drive, sleep or are paused, by their own reports. For an agent that does not answer, uses the
 // reports of other agents.
 std::string LeasesText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
@@ -201,11 +214,13 @@ ExitCode ShowStatus(CommandContext& context) {
   json.EndObject();
   const std::string leases = LeasesText((*context.Team())->config, statuses);
   const std::string leaders = LeadersText((*context.Team())->config, statuses);
+  const std::string silent =
+      context.agent.empty() ? SilentLeaderText((*context.Team())->config, statuses) : std::string();
   for (const proto::AgentStatus& status : statuses) {
     if (status.role() == proto::ROLE_LEADER) remarks += UnplacedLines(context, status);
   }
   const ExitCode code = leaders.empty() ? ExitCodeOf(*answers) : ExitCode::kFailed;
-  return context.Print(code, json.text(), table.Text() + leases + leaders + remarks + settled);
+  return context.Print(code, json.text(), table.Text() + silent + leases + leaders + remarks + settled);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "model/curve_key.h"
+#include "model/file_writing.h"
 #include "runtime/team/trusted_file.h"
 
 namespace moondb {
@@ -76,7 +77,11 @@ Result<std::string> ReadSecretKey(const std::filesystem::path& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) return Fail(ErrorCode::kInvalid, path.string() + ": cannot be read");
   if ((status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
-    return Fail(ErrorCode::kInvalid, path.string() + ": others can read this secret; run chmod 600 on it");
+    return Fail(ErrorCode::kInvalid,
+                path.string() + ": others can read this secret; " +
+                    (HasPermissions(path) ? "run chmod 600 on it"
+                                          : "its file system (FAT or similar) hides no file: use a disk with "
+                                            "permissions, such as ext4"));
   }
   return ReadKey(path);
 }

@@ -48,9 +48,10 @@ void NewFiles::TakeBack() {
 
 Result<void> NewFiles::Publish() {
   for (std::size_t i = 0; i < files_.size(); ++i) {
-    // Link, not rename: a rename would silently replace a file that appeared since Add.
-    if (link(files_[i].aside.c_str(), files_[i].path.c_str()) == 0) continue;
-    const Result<void> failure = FailureAt(files_[i].path, errno);
+    // A plain rename would silently replace a file that appeared since Add.
+    const std::error_code failed = MoveToNew(files_[i].aside, files_[i].path);
+    if (!failed) continue;
+    const Result<void> failure = FailureAt(files_[i].path, failed.value());
     for (std::size_t j = 0; j < i; ++j) (void)unlink(files_[j].path.c_str());
     return failure;
   }

@@ -1,5 +1,8 @@
 #include "runtime/team/team_check.h"
 
+#include <arpa/inet.h>
+#include <net/if.h>
+
 #include <algorithm>
 #include <cctype>
 #include <charconv>
@@ -32,15 +35,34 @@ bool IsTypeName(const std::string& name) {
   return IsPlainName(name) && std::islower(static_cast<unsigned char>(name[0])) && name.find('-') == std::string::npos;
 }
 
-bool IsHost(const std::string& host) {
-  if (host.size() > 2 && host.front() == '[' && host.back() == ']') {
-    return host.find_first_not_of("0123456789abcdefABCDEF:.", 1) == host.size() - 1;
+bool IsHostCharacter(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '.' || c == '_';
+}
+
+// Returns why the text between the brackets of [ADDRESS] or [ADDRESS%INTERFACE] is no IPv6 address, or "" if it is one.
+// A link-local address (fe80::/10) needs an interface: without one, the kernel does not know which link is meant.
+std::string WhyNoNumber6(const std::string& text) {
+  const std::size_t percent = text.find('%');
+  const std::string number = text.substr(0, percent);
+  in6_addr parsed{};
+  if (inet_pton(AF_INET6, number.c_str(), &parsed) != 1) return "expected an IPv6 address, got " + Quoted(number);
+  if (percent == std::string::npos) {
+    if (!IN6_IS_ADDR_LINKLOCAL(&parsed)) return "";
+    return "a link-local address needs its interface, such as [" + number + "%wlan0]";
   }
-  const auto is_host_character = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '.';
-  };
-  return !host.empty() && host.size() <= 253 && host.front() != '-' &&
-         std::all_of(host.begin(), host.end(), is_host_character);
+  const std::string interface = text.substr(percent + 1);
+  const bool is_interface = !interface.empty() && interface.size() < IF_NAMESIZE &&
+                            std::all_of(interface.begin(), interface.end(), IsHostCharacter);
+  return is_interface ? "" : "expected a network interface after %, got " + Quoted(interface);
+}
+
+// Returns why `host` is neither a name nor an address, or "" if it is one.
+std::string WhyNoHost(const std::string& host) {
+  if (host.size() > 2 && host.front() == '[' && host.back() == ']')
+    return WhyNoNumber6(host.substr(1, host.size() - 2));
+  const bool is_host = !host.empty() && host.size() <= 253 && host.front() != '-' &&
+                       std::all_of(host.begin(), host.end(), IsHostCharacter);
+  return is_host ? "" : "expected a host name or an IP address, got " + Quoted(host);
 }
 
 // Returns why `address` is invalid for listening and connecting, or "" if `address` is valid. The text calls the
@@ -61,7 +83,7 @@ std::string WhyNoAddress(const std::string& address, const std::string& who) {
   if (is_any && !who.empty()) {
     return who + " connect to this address, so it cannot be " + Quoted(host);
   }
-  if (!is_any && !IsHost(host)) return "expected a host's name or number, got " + Quoted(host);
+  if (const std::string why = is_any ? "" : WhyNoHost(host); !why.empty()) return why;
   int port = 0;
   const char* end = address.data() + address.size();
   const auto [stop, error] = std::from_chars(address.data() + colon + 1, end, port);

@@ -6,6 +6,8 @@
 #include <string>
 #include <system_error>
 
+#include "model/file_writing.h"
+
 namespace moondb {
 namespace {
 
@@ -18,7 +20,11 @@ Result<void> CheckEntry(const std::filesystem::path& path, const struct stat& st
   const bool is_of_own_group = status.st_gid == ::getegid();
   const bool others_write = (status.st_mode & S_IWOTH) != 0 || ((status.st_mode & S_IWGRP) != 0 && !is_of_own_group);
   if (!others_write || (S_ISDIR(status.st_mode) && (status.st_mode & S_ISVTX) != 0)) return {};
-  return Fail(ErrorCode::kInvalid, path.string() + ": other users may write it: chmod go-w " + path.string());
+  const std::string remedy = HasPermissions(path)
+                                 ? "chmod go-w " + path.string()
+                                 : "its file system (FAT or similar) has no permissions: use a disk with them, such as "
+                                   "ext4";
+  return Fail(ErrorCode::kInvalid, path.string() + ": other users may write it: " + remedy);
 }
 
 // Checks the folder in which `path` is an entry.

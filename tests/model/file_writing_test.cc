@@ -71,6 +71,17 @@ TEST_F(FileWritingTest, CreatesNoFileWhereAnythingExists) {
   ExpectVictimUnchanged();
 }
 
+TEST_F(FileWritingTest, MovesAFileOnlyToANewName) {
+  const auto from = folder_.File("from");
+  ASSERT_TRUE(WriteTextFile(from, "text"));
+  EXPECT_EQ(MoveToNew(from, victim_).value(), EEXIST);
+  ExpectVictimUnchanged();
+  EXPECT_EQ(MoveToNew(from, folder_.File("none/to")).value(), ENOENT);
+  EXPECT_FALSE(MoveToNew(from, folder_.File("to")));
+  EXPECT_EQ(*ReadTextFile(folder_.File("to")), "text");
+  EXPECT_FALSE(std::filesystem::exists(from));
+}
+
 TEST_F(FileWritingTest, GivesExactModesWhateverTheUmask) {
   for (const mode_t mask : {0000, 0022, 0077}) {
     const ScopedUmask umask(mask);

@@ -125,6 +125,31 @@ TEST_F(DiagnosisTest, FindsAnAddressThatIsTaken) {
   ExpectFault("address", "in use");
 }
 
+TEST_F(DiagnosisTest, FindsANameThatIsALoopbackAddressOnThisComputer) {
+  facts_.listen_loopback = "127.0.1.1";
+  EXPECT_EQ(Diagnose(team_, agent_, facts_).at(6).kind, RobotCheck::Kind::kGood) << "no agent is elsewhere";
+  team_.add_agents()->set_address("tcp://10.0.0.12:7400");
+  team_.mutable_agents(0)->set_id(2);
+  ExpectFault("address", "is 127.0.1.1 on this computer");
+}
+
+TEST_F(DiagnosisTest, NamesTheComputerOfAnAgentThatIsElsewhere) {
+  facts_.is_elsewhere = true;
+  facts_.keys_error = "rover1.sec: no such file";
+  ExpectFault("keys", "not on this computer, but another agent's are");
+  EXPECT_THAT(OnlyFinding().remedy, HasSubstr("on the computer of rover1"));
+}
+
+TEST_F(DiagnosisTest, NamesTheVersionsOfSqliteThatHaveTheWalResetBug) {
+  const auto text = [this](int version) {
+    facts_.sqlite_version = version;
+    return Diagnose(team_, agent_, facts_).at(2).text;
+  };
+  EXPECT_EQ(text(3'051'003), "the store uses SQLite 3.51.3");
+  EXPECT_THAT(text(3'051'002), HasSubstr("SQLite 3.51.2, which has the WAL-reset bug"));
+  EXPECT_THAT(text(3'040'001), HasSubstr("let no other program write or checkpoint"));
+}
+
 TEST_F(DiagnosisTest, FindsAnAgentThatDoesNotAnswer) {
   facts_.agent_error = "no answer within 3 s";
   ExpectFault("agent", "no answer");
