@@ -432,7 +432,7 @@ Result<std::string> Client::FetchBundle(std::uint32_t number,
   }
 }
 
-Result<google::protobuf::Any> Client::AskActor(const std::string& actor, const google::protobuf::Any& question) {
+Result<google::protobuf::Any> Client::RequestActor(const std::string& actor, const google::protobuf::Any& question) {
   proto::ControlRequest request;
   request.mutable_custom()->set_actor(actor);
   *request.mutable_custom()->mutable_body() = question;

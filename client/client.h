@@ -225,7 +225,7 @@ class Client {
   Result<std::string> FetchBundle(std::uint32_t number, const std::function<void(double bytes, double all)>& fetched);
   // Sends a question to one of the user's actors on the agent and returns the actor's answer. Fails with kNotFound if
   // no user's actor has that name.
-  Result<google::protobuf::Any> AskActor(const std::string& actor, const google::protobuf::Any& question);
+  Result<google::protobuf::Any> RequestActor(const std::string& actor, const google::protobuf::Any& question);
   // Asks the agent's process to stop. Returns when the agent has replied; the process ends shortly after.
   Result<void> Stop();
 

@@ -151,7 +151,7 @@ Result<void> Client::Connection::WaitForPeer(Sockets& sockets, Duration timeout)
       case 0:
         break;
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
-        return Fail(ErrorCode::kRefused, agent + " does not admit this key");
+        return Fail(ErrorCode::kRefused, agent + " does not admit this key: add the key with moonctl clients add");
       default:
         return Fail(ErrorCode::kUnavailable,
                     agent + " does not listen at " + endpoint_ + ", or has another key than expected");
@@ -190,7 +190,9 @@ Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline
       // them all.
       if (sockets_->ReceivedBytes() > received_before + 2 * message_bytes_max_) {
         Close();
-        return Fail(ErrorCode::kCorrupt, "agent " + agent_name_ + " sends a message that does not end");
+        return Fail(
+            ErrorCode::kCorrupt,
+            "agent " + agent_name_ + " sent a message that is too long, and was disconnected: check its version");
       }
       const auto left = Until(deadline);
       if (left.count() == 0) return Fail(ErrorCode::kTimedOut, "agent " + agent_name_ + " did not answer in time");

@@ -11,7 +11,7 @@ namespace {
 constexpr std::string_view kUnnamed = "type_";
 
 std::string KnownTypes(const CustomTypes& types) {
-  if (types.empty()) return "the team file declares none";
+  if (types.empty()) return "the team file declares no data type of its own";
   std::string text = "known are ";
   for (int i = 0; i < types.size(); ++i) {
     text += (i > 0 ? ", " : "") + types[i].name() + " (" + std::to_string(types[i].id()) + ")";

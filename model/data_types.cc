@@ -106,7 +106,7 @@ void CheckPrior(const Record& record, FieldChecker& check) {
       check.Require(!prior.has_point_m(), "pose_prior.point_m", "must be absent for a pose");
       return CheckCovariance(prior.covariance(), 6, "pose_prior.covariance", check);
     case proto::PosePrior::MEASUREMENT_NOT_SET:
-      check.Require(false, "pose_prior.measurement", "is missing: position_m, position_yaw or pose");
+      check.Require(false, "pose_prior.measurement", "must be one of position_m, position_yaw and pose");
   }
 }
 

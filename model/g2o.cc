@@ -131,7 +131,9 @@ class G2oParser {
     offsets_.insert(fields.Index());
     const Pose offset = fields.PoseOf(/*is_planar=*/false);
     const bool is_identity = offset.position_m.isZero(0) && std::abs(offset.orientation.w()) == 1;
-    if (!is_identity) fields.Stop("the offset is not the identity");
+    if (!is_identity)
+      fields.Stop(
+          "only the identity is supported as an offset of a sensor: give the measurements in the frame of the robot");
   }
 
   void ParsePrior(LineFields& fields, bool is_planar, PriorExtent extent) {

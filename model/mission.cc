@@ -217,7 +217,8 @@ Result<void> TakeBaseStations(const Pyfg& pyfg, const std::string& file, Mission
     const MissionAgent* agent = FindAgent(mission, landmark.key.agent);
     if (!agent->is_base_station || landmark.key.index != 0) {
       return Fail(ErrorCode::kInvalid,
-                  KeyText(mission, landmark.key) + " is a fixed point, but not node 0 of a base station", file);
+                  KeyText(mission, landmark.key) + " is a fixed point, but only node 0 of a base station may be one",
+                  file);
     }
     mission.truth[landmark.key] = Pose{landmark.position_m, agent->start.orientation};
   }

@@ -96,7 +96,7 @@ void RecordReader::OnRecordsStored(Context& context, const proto::RecordsStored&
 void RecordReader::OnDown(Context& context, const proto::Down& down) {
   const Address lost{down.agent(), down.actor()};
   if (lost != StorageOf(context) || down.is_final()) return;
-  if (is_following_ || is_reading()) AskAfter(context, Duration::zero());
+  if (is_following_ || is_reading()) RequestAfter(context, Duration::zero());
 }
 
 void RecordReader::Ask(Context& context) {
@@ -119,7 +119,7 @@ void RecordReader::Ask(Context& context) {
   timer_ = context.AfterTimer(options_.answer_timeout, kTimerKind, question_id_);
 }
 
-void RecordReader::AskAfter(Context& context, Duration delay) {
+void RecordReader::RequestAfter(Context& context, Duration delay) {
   context.Cancel(timer_);
   state_ = State::kPausing;
   timer_ = context.AfterTimer(delay, kTimerKind, ++question_id_);
@@ -143,7 +143,7 @@ void RecordReader::Finish(Context& context, Result<void> result) {
   if (result_ || !is_following_) return;
   trouble_log_.Warn(ToString(context.self()) +
                     ": cannot read records and tries again soon: " + ToString(result_.error()));
-  AskAfter(context, options_.retry_delay);
+  RequestAfter(context, options_.retry_delay);
 }
 
 bool RecordReader::Reads(const proto::RecordsStored& stored) const {

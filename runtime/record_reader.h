@@ -101,7 +101,7 @@ class RecordReader {
   void OnDown(Context& context, const proto::Down& down);
 
   void Ask(Context& context);
-  void AskAfter(Context& context, Duration delay);
+  void RequestAfter(Context& context, Duration delay);
   Result<void> TakePage(Context& context, const proto::ReadReply& page);
   void Finish(Context& context, Result<void> result);
 

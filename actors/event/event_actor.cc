@@ -118,7 +118,7 @@ void EventActor::OnPeriod(Context& context) {
   std::erase_if(acknowledgments_, [&context](const auto& waiting) {
     return context.now() - waiting.second.asked_at > kAcknowledgmentTimeout;
   });
-  AskFindings(context);  // Repeats the request if storage did not answer the last one.
+  RequestFindings(context);  // Repeats the request if storage did not answer the last one.
 }
 
 void EventActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
@@ -187,10 +187,10 @@ void EventActor::OnRequester(Context& context, std::uint64_t request_id, std::op
   if (known_version_ == findings_version_ || requesters_.size() >= kRequestersMax)
     return AnswerRequester(context, requester);
   requesters_.push_back(requester);
-  AskFindings(context);
+  RequestFindings(context);
 }
 
-void EventActor::AskFindings(Context& context) {
+void EventActor::RequestFindings(Context& context) {
   if (known_version_ == findings_version_) return;
   asked_version_ = findings_version_;
   findings_request_id_ = next_request_id_++;
@@ -247,7 +247,7 @@ void EventActor::Acknowledge(Context& context, const Requester& requester) {
   // If the send fails, the acknowledgment times out.
   (void)context.Send({options_.self, actor_name::kStorage}, std::move(insert));
   ++findings_version_;
-  AskFindings(context);
+  RequestFindings(context);
 }
 
 void EventActor::OnInserted(Context& context, std::uint64_t request_id, const proto::InsertReply& inserted) {
@@ -328,7 +328,7 @@ void EventActor::LogAt(Context& context, proto::EventKind kind, const std::strin
   (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
   if (kind != proto::EVENT_KIND_LOST) return;
   ++findings_version_;
-  AskFindings(context);
+  RequestFindings(context);
 }
 
 }  // namespace moondb

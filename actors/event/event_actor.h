@@ -97,7 +97,7 @@ class EventActor final : public Actor {
   // Handles a request of the message's sender. `until_ns`: null to report the findings; otherwise all findings with
   // timestamps up to this time are acknowledged.
   void OnRequester(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
-  void AskFindings(Context& context);
+  void RequestFindings(Context& context);
   void AnswerRequester(Context& context, const Requester& requester);
   void Acknowledge(Context& context, const Requester& requester);
   static void Reply(Context& context, const Address& to, std::uint64_t request_id, const proto::ControlReply& reply);

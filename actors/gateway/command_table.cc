@@ -34,24 +34,24 @@ const std::string& ActorOf(const Request& request, int i = 0) {
 }
 
 // Returns a list with one question. A braced list would copy the message.
-std::vector<Question> AskOne(const std::string& actor, proto::Message message) {
+std::vector<Question> RequestOne(const std::string& actor, proto::Message message) {
   std::vector<Question> questions;
   questions.push_back({actor, std::move(message)});
   return questions;
 }
 
-std::vector<Question> AskForPage(Request& request, bool is_relayed) {
+std::vector<Question> RequestPage(Request& request, bool is_relayed) {
   proto::Message message;
   message.mutable_read_request()->Swap(request.mutable_read());
   BoundPage(*message.mutable_read_request(), is_relayed);
-  return AskOne(ActorOf(request), std::move(message));
+  return RequestOne(ActorOf(request), std::move(message));
 }
 
 // Requests this agent's complete have-set.
-std::vector<Question> AskForHave(Request& request, bool) {
+std::vector<Question> RequestHave(Request& request, bool) {
   proto::Message message;
   message.mutable_have_request();
-  return AskOne(ActorOf(request), std::move(message));
+  return RequestOne(ActorOf(request), std::move(message));
 }
 
 // Returns the name of the actor for `kind`: SyncActor or ReplicaActor.
@@ -59,25 +59,25 @@ const std::string& ActorOfKind(const Request& request, proto::SharingKind kind) 
   return ActorOf(request, kind == proto::SHARING_KIND_SYNC ? 0 : 1);
 }
 
-std::vector<Question> AskToShare(Request& request, bool) {
+std::vector<Question> RequestShare(Request& request, bool) {
   const std::string& actor = ActorOfKind(request, request.share().kind());
   proto::Message message;
   message.mutable_share_request()->Swap(request.mutable_share());
-  return AskOne(actor, std::move(message));
+  return RequestOne(actor, std::move(message));
 }
 
-std::vector<Question> AskForProgress(Request& request, bool is_relayed) {
+std::vector<Question> RequestProgress(Request& request, bool is_relayed) {
   const std::string& actor = ActorOfKind(request, request.share_progress().kind());
   proto::Message message;
   message.mutable_share_progress_request()->Swap(request.mutable_share_progress());
   message.mutable_share_progress_request()->set_is_relayed(is_relayed);
-  return AskOne(actor, std::move(message));
+  return RequestOne(actor, std::move(message));
 }
 
-std::vector<Question> AskOwnActor(Request& request, bool) {
+std::vector<Question> RequestOwnActor(Request& request, bool) {
   proto::Message message;
   message.mutable_custom()->Swap(request.mutable_custom()->mutable_body());
-  return AskOne(request.custom().actor(), std::move(message));
+  return RequestOne(request.custom().actor(), std::move(message));
 }
 
 // --- Answers that are merged in a special way ---
@@ -111,7 +111,7 @@ constexpr Command kCommands[] = {
      .check = [](const Team& team, AgentId, const Request& request) { return CheckInsert(team, request.insert()); }},
     {.request = Request::kRead,
      .check = [](const Team&, AgentId, const Request& request) { return CheckRead(request.read()); },
-     .ask = AskForPage},
+     .ask = RequestPage},
     {.request = Request::kRoleSet,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckRoleSet(team, request.role_set()); },
      .text = [](const Team& team, const Request& request) { return RoleText(team, request.role_set()); }},
@@ -119,11 +119,11 @@ constexpr Command kCommands[] = {
      .check = [](const Team& team, AgentId asked,
                  const Request& request) { return CheckShare(team, asked, request.share()); },
      .text = [](const Team& team, const Request& request) { return ShareText(team, request.share()); },
-     .ask = AskToShare},
+     .ask = RequestShare},
     {.request = Request::kShareStatus, .merge = MergeShareStatus},
     {.request = Request::kShareProgress,
      .check = [](const Team&, AgentId, const Request& request) { return CheckShareProgress(request.share_progress()); },
-     .ask = AskForProgress},
+     .ask = RequestProgress},
     {.request = Request::kOptimize,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckOptimize(team, request.optimize()); },
      .text = [](const Team&, const Request& request) { return OptimizeText(request.optimize()); }},
@@ -131,10 +131,10 @@ constexpr Command kCommands[] = {
      .check = [](const Team&, AgentId, const Request& request) { return CheckRegistration(request.registration()); }},
     {.request = Request::kMerge,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckMerge(team, request.merge()); }},
-    {.request = Request::kCustom, .ask = AskOwnActor},
+    {.request = Request::kCustom, .ask = RequestOwnActor},
     {.request = Request::kLease,
      .text = [](const Team&, const Request& request) { return LeaseText(request.lease()); }},
-    {.request = Request::kHave, .ask = AskForHave},
+    {.request = Request::kHave, .ask = RequestHave},
     {.request = Request::kMapWhy,
      .check = [](const Team&, AgentId, const Request& request) { return CheckMapWhy(request.map_why()); }},
     {.request = Request::kMapTiles,
@@ -238,7 +238,7 @@ std::vector<Question> QuestionsOf(Request request, bool is_relayed) {
   const Command* command = FindCommand(request.request_case());
   if (command != nullptr && command->ask != nullptr) return command->ask(request, is_relayed);
   const auto& actors = CommandOptionsOf(request.request_case()).actors();
-  if (actors.size() == 1) return AskOne(actors.Get(0), TakeMessageOf(request));
+  if (actors.size() == 1) return RequestOne(actors.Get(0), TakeMessageOf(request));
   std::vector<Question> questions;
   for (const std::string& actor : actors) questions.push_back({actor, MessageOf(request)});
   return questions;

@@ -167,8 +167,8 @@ void GatewayActor::RefuseRelayed(Context& context, const proto::Message& message
                                  const Error& error) {
   const AgentId from = context.sender().agent;
   ++refused_commands_[from];
-  const std::string text = "refused " + RequestName(request.request_case()) + " through " +
-                           AgentName(options_.team, from) + ", which command_from does not name";
+  const std::string text = "refused " + RequestName(request.request_case()) + " relayed by " +
+                           AgentName(options_.team, from) + ": command_from of the team file does not name this agent";
   WriteDownRefused(context, text, request.by());
   Answer(context, context.sender(), message.request_id(), ErrorReply(error));
 }
@@ -257,13 +257,13 @@ Result<void> GatewayActor::Forward(Context& context, proto::ControlRequest reque
     return Fail(ErrorCode::kNotFound, "this agent has no actor of its own named \"" + own_actor + "\"", "custom.actor");
   }
   for (Question& question : QuestionsOf(std::move(request), IsPeer(pending.client.agent))) {
-    auto asked = AskInTurn(context, std::move(question), id, pending);
+    auto asked = RequestInTurn(context, std::move(question), id, pending);
     if (!asked) return asked;
   }
   return {};
 }
 
-Result<void> GatewayActor::AskInTurn(Context& context, Question question, std::uint64_t id, Pending& pending) {
+Result<void> GatewayActor::RequestInTurn(Context& context, Question question, std::uint64_t id, Pending& pending) {
   if (!pending.takes_turns) return Ask(context, question.actor, std::move(question.message), id, pending);
   pending.queue = pending.owner + " " + question.actor;
   if (turns_.Add(pending.queue, id)) return Ask(context, question.actor, std::move(question.message), id, pending);
@@ -354,14 +354,14 @@ bool GatewayActor::KeepsWaiting(Context& context, std::uint64_t id, Pending& pen
   if (!pending.feed || !is_empty) return false;
   EndTurn(context, id, pending);
   pending.feed->OnEmptyPage(pending.reply.read().is_complete());
-  if (pending.feed->is_stale()) AskFeed(context, id, pending);
+  if (pending.feed->is_stale()) RequestFeed(context, id, pending);
   return !pending.reply.has_error();
 }
 
-void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending) {
+void GatewayActor::RequestFeed(Context& context, std::uint64_t id, Pending& pending) {
   proto::Message message;
   *message.mutable_read_request() = pending.feed->Ask(last_row_id_);
-  const auto asked = AskInTurn(context, {actor_name::kStorage, std::move(message)}, id, pending);
+  const auto asked = RequestInTurn(context, {actor_name::kStorage, std::move(message)}, id, pending);
   if (!asked) *pending.reply.mutable_error() = ToProto(asked.error());
 }
 
@@ -372,7 +372,7 @@ void GatewayActor::OnRecordsStored(Context& context, const proto::RecordsStored&
     if (!pending.feed || !pending.feed->Wants(stored)) continue;
     pending.feed->SetStale();
     if (!pending.waiting_for.empty()) continue;  // The read is repeated when the current answer arrives.
-    AskFeed(context, id, pending);
+    RequestFeed(context, id, pending);
     if (pending.reply.has_error()) failed.push_back(id);
   }
   for (const std::uint64_t id : failed) Finish(context, id);

@@ -121,7 +121,7 @@ class GatewayActor final : public Actor {
   // Handles the complete answer to `pending`. Returns false if the caller must send the reply to the client. Returns
   // true if `pending` is a feed with an empty page: the feed continues to wait, or has sent its read again.
   bool KeepsWaiting(Context& context, std::uint64_t id, Pending& pending);
-  void AskFeed(Context& context, std::uint64_t id, Pending& pending);
+  void RequestFeed(Context& context, std::uint64_t id, Pending& pending);
   // Ends a feed whose wait_s has passed. Returns true if the caller must answer with an empty page. Returns false if a
   // read is in flight; the answer to that read then goes to the client.
   bool EndsFeed(Context& context, std::uint64_t id, Pending& pending);
@@ -141,7 +141,7 @@ class GatewayActor final : public Actor {
   Result<void> Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
                    Pending& pending);
   // Sends a question, or lets it wait until its client's earlier page request to the same actor is answered.
-  Result<void> AskInTurn(Context& context, Question question, std::uint64_t id, Pending& pending);
+  Result<void> RequestInTurn(Context& context, Question question, std::uint64_t id, Pending& pending);
   // Ends the turn of a request, or its wait for one, and sends the client's next question.
   void EndTurn(Context& context, std::uint64_t id, Pending& pending);
   void CompleteStatus(Context& context, proto::AgentStatus& status) const;

@@ -145,10 +145,12 @@ Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertReque
 
 Result<void> CheckRead(const proto::ReadRequest& read) {
   if (read.data_types_size() > kFilterEntriesMax) {
-    return Fail(ErrorCode::kInvalid, "too many data types", "read.data_types");
+    return Fail(ErrorCode::kInvalid, "has more than " + std::to_string(kFilterEntriesMax) + " data types",
+                "read.data_types");
   }
   if (read.origin_agents_size() > kFilterEntriesMax) {
-    return Fail(ErrorCode::kInvalid, "too many agents", "read.origin_agents");
+    return Fail(ErrorCode::kInvalid, "has more than " + std::to_string(kFilterEntriesMax) + " agents",
+                "read.origin_agents");
   }
   if (auto checked = CheckWait(read.wait_s(), kReadWaitMax_s, "read.wait_s"); !checked) return checked;
   if (read.wait_s() > 0 && read.is_newest_first()) {

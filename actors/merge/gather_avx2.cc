@@ -42,7 +42,7 @@ class Avx2View {
   }
 
   Seen See(std::int64_t u, std::int64_t v, std::uint64_t wanted) const {
-    if (!is_small_) return SeeOneByOne(block_, u, v, wanted);
+    if (!is_small_) return ObserveOneByOne(block_, u, v, wanted);
     Seen seen;
     for (int y = 0; y < 8; ++y) {
       if ((wanted >> (y * 8) & 255) == 0) continue;

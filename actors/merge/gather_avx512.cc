@@ -88,9 +88,9 @@ class Avx512View {
   }
 
   Seen See(std::int64_t u, std::int64_t v, std::uint64_t wanted) const {
-    if (way_ == Way::kWindow) return SeeWindow(u, v);
-    if (way_ == Way::kGather) return SeeByGathers(u, v);
-    return SeeOneByOne(block_, u, v, wanted);
+    if (way_ == Way::kWindow) return ObserveWindow(u, v);
+    if (way_ == Way::kGather) return ReadByGathers(u, v);
+    return ObserveOneByOne(block_, u, v, wanted);
   }
 
   static void StoreWinners(std::uint16_t* winners, std::uint64_t taken, std::uint16_t winner) {
@@ -126,7 +126,7 @@ class Avx512View {
 
   // Looks up the 64 cells of one square in a window of 16 rows of two neighbouring strips. Requires: the square touches
   // the block. The window then starts at most 15 rows and one strip before the block.
-  Seen SeeWindow(std::int64_t u, std::int64_t v) const {
+  Seen ObserveWindow(std::int64_t u, std::int64_t v) const {
     const auto first_column = static_cast<std::int32_t>((u + reach_.u_low) >> (kFraction + 4)) * 16;
     const auto first_row = static_cast<std::int32_t>((v + reach_.v_low) >> kFraction);
     const __m512i left = _mm512_loadu_si512(Strip(first_column >> 4, first_row));
@@ -157,7 +157,7 @@ class Avx512View {
     return seen;
   }
 
-  Seen SeeByGathers(std::int64_t first_u, std::int64_t first_v) const {
+  Seen ReadByGathers(std::int64_t first_u, std::int64_t first_v) const {
     const __m512i width = _mm512_set1_epi32(static_cast<int>(block_.width_q));
     const __m512i height = _mm512_set1_epi32(static_cast<int>(block_.height_q));
     Seen seen;

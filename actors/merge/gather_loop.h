@@ -60,8 +60,8 @@ struct SquareReach {
 
 // Returns the block's values for the `wanted` cells of a square. Looks up each cell separately, which works for steps
 // of any size. The bits of cells outside `wanted` are unspecified.
-[[maybe_unused]] inline Seen SeeOneByOne(const KernelBlock& block, std::int64_t first_u, std::int64_t first_v,
-                                         std::uint64_t wanted) {
+[[maybe_unused]] inline Seen ObserveOneByOne(const KernelBlock& block, std::int64_t first_u, std::int64_t first_v,
+                                             std::uint64_t wanted) {
   Seen seen;
   for (int y = 0; y < 8; ++y) {
     if ((wanted >> (y * 8) & 255) == 0) continue;

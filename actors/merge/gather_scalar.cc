@@ -10,7 +10,7 @@ class ScalarView {
   static std::uint64_t Touched(const KernelBlock& block, const SquareReach& reach) {
     return TouchedOneByOne(block, reach);
   }
-  Seen See(std::int64_t u, std::int64_t v, std::uint64_t wanted) const { return SeeOneByOne(block_, u, v, wanted); }
+  Seen See(std::int64_t u, std::int64_t v, std::uint64_t wanted) const { return ObserveOneByOne(block_, u, v, wanted); }
   static void StoreWinners(std::uint16_t* winners, std::uint64_t taken, std::uint16_t winner) {
     StoreWinnersOneByOne(winners, taken, winner);
   }

@@ -25,7 +25,7 @@ class Sse2View {
   }
 
   Seen See(std::int64_t u, std::int64_t v, std::uint64_t wanted) const {
-    if (!is_small_) return SeeOneByOne(block_, u, v, wanted);
+    if (!is_small_) return ObserveOneByOne(block_, u, v, wanted);
     Seen seen;
     for (int four = 0; four < 16; ++four) {
       const int at = four * 4;

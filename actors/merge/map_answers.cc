@@ -60,9 +60,9 @@ proto::MapObservation ToProto(const MapCollection& collection, const Observation
 
 // Returns the observation that a quarantined map would contribute to the cell (x, y). Returns nullopt if the map does
 // not know the cell or cannot be placed.
-std::optional<proto::MapObservation> AskQuarantined(const MapCollection& collection, const MergeGrid& grid,
-                                                    const std::shared_ptr<const LocalMap>& map, std::int64_t x,
-                                                    std::int64_t y) {
+std::optional<proto::MapObservation> RequestQuarantined(const MapCollection& collection, const MergeGrid& grid,
+                                                        const std::shared_ptr<const LocalMap>& map, std::int64_t x,
+                                                        std::int64_t y) {
   const ValidPose* pose = collection.PoseOf(map->node);
   if (pose == nullptr) return std::nullopt;
   const Result<std::unique_ptr<PlacedThing>> placed = PlaceMap({map, pose->map_from_node}, grid);
@@ -130,7 +130,7 @@ proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, 
   }
   if (reply.observations_size() > 0) reply.set_value(reply.observations(0).value());
   for (const auto& map : collection.Select({}).quarantined_maps) {
-    if (auto said = AskQuarantined(collection, merger.grid(), map, x, y)) add(*std::move(said));
+    if (auto said = RequestQuarantined(collection, merger.grid(), map, x, y)) add(*std::move(said));
   }
   return reply;
 }

@@ -166,23 +166,23 @@ void MergeActor::ReportLeftOut(Context& context) {
 void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kLook) {
     is_look_due_ = false;
-    return LookAgain(context);
+    return EvaluateAgain(context);
   }
   if (timer.kind() == kSubscriptionEnd) AnswerExpired(context);
 }
 
 void MergeActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
   reader_.OnRecordsStored(stored);
-  if (stored.is_pruned() || reader_.Reads(stored)) LookSoon(context);
+  if (stored.is_pruned() || reader_.Reads(stored)) EvaluateSoon(context);
 }
 
-void MergeActor::LookSoon(Context& context) {
+void MergeActor::EvaluateSoon(Context& context) {
   if (subscribed_.empty() || is_look_due_) return;
   is_look_due_ = true;
   (void)context.AfterTimer(options_.look_period, kLook);
 }
 
-void MergeActor::LookAgain(Context& context) {
+void MergeActor::EvaluateAgain(Context& context) {
   if (subscribed_.empty()) return;
   for (Waiting& subscription : std::exchange(subscribed_, {})) waiting_.push_back(std::move(subscription));
   if (!reader_.is_reading()) StartReading(context);

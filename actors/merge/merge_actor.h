@@ -76,8 +76,8 @@ class MergeActor final : public Actor {
 
   void OnQuestion(Context& context, const proto::Message& message);
   void OnRead(Context& context);
-  // Starts a timer that calls LookAgain, if there are subscriptions and no such timer is running.
-  void LookSoon(Context& context);
+  // Starts a timer that calls EvaluateAgain, if there are subscriptions and no such timer is running.
+  void EvaluateSoon(Context& context);
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);
 
@@ -86,7 +86,7 @@ class MergeActor final : public Actor {
   void AnswerCovered(Context& context);
   // Schedules all subscriptions for another evaluation, which follows a read of the new records from storage. Starts
   // this read unless a read is in progress.
-  void LookAgain(Context& context);
+  void EvaluateAgain(Context& context);
   void AnswerExpired(Context& context);
   void Take(const RecordKey& key, const proto::Record& record);
   void Forget();

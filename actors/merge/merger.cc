@@ -166,7 +166,7 @@ Result<MergeSummary> Merger::Merge(const StopPredicate& stop) {
     }
     ++version_;
     const Result<void> gathered = backend_->Gather(order_, *works, stop);
-    NoteChanges(*works, summary);
+    ObserveChanges(*works, summary);
     if (!gathered) return tl::unexpected(gathered.error());
     dirty_.clear();
   }
@@ -330,7 +330,7 @@ Result<std::vector<GatherWork>> Merger::MakeWorks() {
   return works;
 }
 
-void Merger::NoteChanges(std::span<const GatherWork> works, MergeSummary& summary) {
+void Merger::ObserveChanges(std::span<const GatherWork> works, MergeSummary& summary) {
   for (const GatherWork& work : works) {
     summary.gathered_tiles += static_cast<std::size_t>(std::popcount(work.tiles));
     summary.changed_tiles += static_cast<std::size_t>(std::popcount(work.changed));

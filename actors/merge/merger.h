@@ -170,7 +170,7 @@ class Merger {
   Page* FindPage(const PageKey& key) const;
   bool IsMostlyNew() const;
   Result<std::vector<GatherWork>> MakeWorks();
-  void NoteChanges(std::span<const GatherWork> works, MergeSummary& summary);
+  void ObserveChanges(std::span<const GatherWork> works, MergeSummary& summary);
   // Returns the number of cells that each map or footprint wins.
   std::unordered_map<const PlacedThing*, std::uint64_t> CountCells() const;
   template <typename Visit>

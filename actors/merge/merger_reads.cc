@@ -49,8 +49,8 @@ Result<void> CheckBox(const CellBox& box, const MergeGrid& grid) {
   if (box.width() <= grid.side_cells_max && box.height() <= grid.side_cells_max) return {};
   return Fail(ErrorCode::kFull, "the maps span " + std::to_string(box.width()) + " x " + std::to_string(box.height()) +
                                     " cells of " + std::to_string(grid.resolution_um) +
-                                    " um; a merged map holds at most " + std::to_string(grid.side_cells_max) +
-                                    " a side: merge fewer agents, or quarantine maps that lie far away");
+                                    " um; a merged map has at most " + std::to_string(grid.side_cells_max) +
+                                    " cells a side: merge fewer agents, or quarantine maps that lie far away");
 }
 
 // Copies the tile's cells in row `y`, from part.first_x to part.last_x, to `row`.

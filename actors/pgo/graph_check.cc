@@ -217,7 +217,7 @@ void CheckPriors(const std::vector<NodePrior>& priors, CheckedGraph& checked) {
   for (const NodePrior& prior : priors) {
     std::string why = WhyNot(prior);
     const std::optional<std::size_t> node = checked.Find(prior.node);
-    if (why.empty() && !node) why = "the node has no record";
+    if (why.empty() && !node) why = "its node is not among the stored nodes";
     if (why.empty() && checked.nodes[*node].is_fixed) why = "the node is fixed";
     if (why.empty()) {
       checked.priors.push_back({*node, &prior});

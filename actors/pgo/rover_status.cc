@@ -92,8 +92,8 @@ std::string WhereElse(const RoverResult& rover, const FactorCounts& counts) {
 }
 
 // Adds a line if more than a third of the factors of one kind are rejected.
-void SayIfContradicted(const FactorCount& counts, const std::string& what, const std::string& question,
-                       const std::function<void(const std::string&)>& say) {
+void ReportIfContradicted(const FactorCount& counts, const std::string& what, const std::string& question,
+                          const std::function<void(const std::string&)>& say) {
   if (3 * counts.rejected <= counts.usable) return;
   say(std::to_string(counts.rejected) + " of its " + std::to_string(counts.usable) + " " + what +
       " contradict the rest" + question);
@@ -120,9 +120,9 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
     say("ambiguous: its measurements fit another place nearly as well: give it a start in the team file, "
         "or two GNSS priors");
   }
-  SayIfContradicted(counts.ranges, "ranges", ": check its start, those of other rovers, and the radios", say);
-  SayIfContradicted(counts.closures, "loop closures", "", say);
-  SayIfContradicted(counts.priors, "priors", ": check that they are in the frame map", say);
+  ReportIfContradicted(counts.ranges, "ranges", ": check its start, those of other rovers, and the radios", say);
+  ReportIfContradicted(counts.closures, "loop closures", "", say);
+  ReportIfContradicted(counts.priors, "priors", ": check that they are in the frame map", say);
   if (!IsPlausibleOdometryScale(rover.odometry_scale)) {
     say("its odometry scale is implausible: check that all its edges are odometry, in metres");
   }

@@ -64,7 +64,7 @@ class StandaloneSolver {
     if (graph_.nodes.empty()) {
       solution_.has_converged = true;
       solution_.cost = 0;
-      solution_.text = "the graph has no node";
+      solution_.text = "the graph has no node: give a file with vertices";
       return std::move(solution_);
     }
     if (graph_.ranges.empty()) {
@@ -77,7 +77,7 @@ class StandaloneSolver {
         if (IsStopped() || (solution_.starts_at_lowest > 1 && first < kFirstPrefixes[0])) break;
         RunStarts(first, kGrowth);
       }
-      if (solution_.starts_at_lowest < 2 && !best_.empty()) LookBeside();
+      if (solution_.starts_at_lowest < 2 && !best_.empty()) SearchBeside();
     }
     if (!solution_.has_converged && !IsStopped()) Polish();
     return Finish();
@@ -163,7 +163,7 @@ class StandaloneSolver {
 
   // Places each part of the lowest-cost solution elsewhere in turn, while the other parts stay in place. This helps,
   // for example, if a landmark tied only by ranges is on the wrong side of the trajectory.
-  void LookBeside() {
+  void SearchBeside() {
     const std::vector<std::size_t> heads = FindHeads(graph_, all_);
     const std::vector<bool> standing = FirstPlaced(all_, heads);
     int left = kParallelStartsMax;

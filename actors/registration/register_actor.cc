@@ -106,7 +106,7 @@ void RegisterActor::OnMessage(Context& context, const proto::Message& message) {
       return;
     case proto::Message::kDown:
       // A restarted PgoActor does not know the question.
-      if (phase_ == Phase::kAsking && message.down().actor() == actor_name::kPgo) AskAgainLater(context);
+      if (phase_ == Phase::kAsking && message.down().actor() == actor_name::kPgo) RequestAgainLater(context);
       return;
     case proto::Message::kRegistrationRequest:
       return OnRequest(context, message);
@@ -130,7 +130,7 @@ void RegisterActor::OnTimer(Context& context, const proto::Timer& timer) {
       if (timer.value() == request_id_ && phase_ == Phase::kIdle) StartPass(context);
       return;
     case kAskPgo:
-      if (timer.value() == request_id_ && phase_ == Phase::kAsking) AskPgo(context);
+      if (timer.value() == request_id_ && phase_ == Phase::kAsking) RequestPgo(context);
       return;
     case kWaitEnd: {
       const auto waiting = std::ranges::find(waiting_, timer.value(), &Waiting::timer);
@@ -217,26 +217,26 @@ void RegisterActor::OnRead(Context& context) {
     return StopPass(context, ToString(reader_.result().error()));
   }
   reader_.Report(context, known_.CountLeftOut());
-  AskPgo(context);
+  RequestPgo(context);
 }
 
-void RegisterActor::AskPgo(Context& context) {
+void RegisterActor::RequestPgo(Context& context) {
   phase_ = Phase::kAsking;
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(++request_id_);
   message.mutable_graph_stats_request();
   if (context.Send({options_.self, actor_name::kPgo}, std::move(message)) != SendResult::kAccepted) {
-    AskAgainLater(context);
+    RequestAgainLater(context);
   }
 }
 
-void RegisterActor::AskAgainLater(Context& context) {
+void RegisterActor::RequestAgainLater(Context& context) {
   (void)context.AfterTimer(options_.retry_delay, kAskPgo, request_id_);
 }
 
 void RegisterActor::OnGraphStats(Context& context, const proto::GraphStatsReply& stats) {
-  if (stats.is_solving()) return AskAgainLater(context);
+  if (stats.is_solving()) return RequestAgainLater(context);
   if (!pass_.is_begun()) {
     PlanPass(stats);
     run_ = 1 + known_.LastRun(roles_->term());
@@ -324,7 +324,7 @@ void RegisterActor::MatchSome(Context& context) {
     }
   }
   report_.OnTime(context.now() - begin);
-  if (left_count() > 0 && !is_full()) return AskPgo(context);
+  if (left_count() > 0 && !is_full()) return RequestPgo(context);
   StoreMatches(context);
 }
 
@@ -381,7 +381,11 @@ void RegisterActor::OnWritten(Context& context) {
   const std::size_t stored_count = writer_.stored_count();
   Check(stored_count <= records_.size(), "storage accepts no more matches than it was sent");
   report_.OnStored(stored_count);
-  if (stored_count > 0) report_.SetTrouble("");
+  if (stored_count > 0) {
+    report_.SetTrouble("");
+    // Poses that are older than these matches start no pass: the next solve uses the matches.
+    if (!has_news_) quiet_.Stop();
+  }
   records_.erase(records_.begin(), records_.begin() + static_cast<std::ptrdiff_t>(stored_count));
   if (!writer_.result()) {
     // Storage would refuse these records again.
@@ -389,7 +393,7 @@ void RegisterActor::OnWritten(Context& context) {
     return StopPass(context, writer_.result().error().text);
   }
   Check(records_.empty(), "all matches are stored");
-  if (left_count() > 0) return AskPgo(context);
+  if (left_count() > 0) return RequestPgo(context);
   Finish(context);
 }
 

@@ -96,8 +96,8 @@ class RegisterActor final : public Actor {
   void AwaitQuiet(Context& context);
   void StartPass(Context& context);
   void StoreMatches(Context& context);
-  void AskPgo(Context& context);
-  void AskAgainLater(Context& context);
+  void RequestPgo(Context& context);
+  void RequestAgainLater(Context& context);
   void PlanPass(const proto::GraphStatsReply& stats);
   void MatchSome(Context& context);
   void PlanStarts(const std::vector<RegisteredMap>& maps);

@@ -47,11 +47,11 @@ void RetentionActor::OnStart(Context& context) {
   // Start at a random id. A late reply to a request from before a restart then matches no current request.
   request_id_ = context.rng()();
   context.Watch(Topic::kRoles);
-  LookLater(context);
+  InspectLater(context);
 }
 
 // A random delay prevents the agents of a team from checking their limits at the same time.
-void RetentionActor::LookLater(Context& context) {
+void RetentionActor::InspectLater(Context& context) {
   const double part = std::uniform_real_distribution(0.5, 1.0)(context.rng());
   (void)context.AfterTimer(std::chrono::duration_cast<Duration>(part * options_.period), kLook);
 }
@@ -116,7 +116,7 @@ void RetentionActor::OnControlReply(Context& context, const proto::Message& mess
 
 void RetentionActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kLook) {
-    LookLater(context);
+    InspectLater(context);
     if (stage_ != Stage::kIdle || !HasLimits(options_.team.retention())) return;
     Enter(context, Stage::kStatus, options_.own_timeout);
     proto::ControlRequest question;
@@ -233,10 +233,10 @@ void RetentionActor::Begin(Context& context, Job job) {
   job_ = std::move(job);
   if (job_.plan.empty()) return Finish(context);
   if (IsOfHistory()) return DoStep(context);
-  AskRoles(context);
+  RequestRoles(context);
 }
 
-void RetentionActor::AskRoles(Context& context) {
+void RetentionActor::RequestRoles(Context& context) {
   Enter(context, Stage::kRoles, options_.own_timeout);
   proto::Message question;
   question.mutable_role_show_request();
@@ -309,7 +309,7 @@ void RetentionActor::DoStep(Context& context) {
     Ask(context, actor_name::kMerge, std::move(message));
     return;
   }
-  if (!IsOfHistory() && context.now() - job_.asked_at > options_.vouched_for) return AskRoles(context);
+  if (!IsOfHistory() && context.now() - job_.asked_at > options_.vouched_for) return RequestRoles(context);
   proto::PruneRequest& request = *message.mutable_prune_request();
   request = step.request;
   HaveSet held;

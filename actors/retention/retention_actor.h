@@ -92,14 +92,14 @@ class RetentionActor final : public Actor {
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnOrder(Context& context, const proto::Message& message);
   Result<void> CheckOrder(const proto::PruneOrder& order) const;
-  void LookLater(Context& context);
+  void InspectLater(Context& context);
   // Called when MergeActor fails. If the prune applies the team file's limits, skips the fully occluded maps and
   // returns true. If an operator ordered the prune, returns false.
   bool SkipsOccludedMaps(Context& context);
   bool IsDryRun() const;
   bool IsOfHistory() const;
   void Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply covered);
-  void AskRoles(Context& context);
+  void RequestRoles(Context& context);
   void OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id);
   void OnOwnHave(Context& context, const proto::Message& message);
   void OnPeersHave(Context& context, AgentId peer, const proto::HaveReply& covered);

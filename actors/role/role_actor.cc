@@ -63,7 +63,7 @@ void RoleActor::OnStart(Context& context) {
   // Start at a random id. Otherwise a late reply to a request from before a restart could match a new request.
   storage_request_id_ = context.rng()();
   context.WatchPeers();
-  AskStorage(context);
+  RequestStorage(context);
 }
 
 void RoleActor::OnMessage(Context& context, const proto::Message& message) {
@@ -115,7 +115,7 @@ void RoleActor::OnTimer(Context& context, const proto::Timer& timer) {
     case kStorage:
       storage_timer_ = 0;
       Perform(context, logic_.OnSaveLate());
-      return AskStorage(context);
+      return RequestStorage(context);
     case kStore:
       store_timer_ = 0;
       return Perform(context, logic_.OnStoreTimer());
@@ -265,7 +265,7 @@ void RoleActor::StepDownIfDue(Context& context) {
 void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {
   if (actions.save) {
     ++storage_request_id_;
-    AskStorage(context);
+    RequestStorage(context);
   }
   if (actions.apply) Apply(context, *actions.apply);
   if (actions.question) {
@@ -303,7 +303,7 @@ void RoleActor::Apply(Context& context, const proto::RoleAssignment& roles) {
   context.Publish(std::move(message));
 }
 
-void RoleActor::AskStorage(Context& context) {
+void RoleActor::RequestStorage(Context& context) {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(storage_request_id_);

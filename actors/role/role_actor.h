@@ -80,7 +80,7 @@ class RoleActor final : public Actor {
   void StepDownIfDue(Context& context);
   void Perform(Context& context, RoleLogic::Actions actions);
   void Apply(Context& context, const proto::RoleAssignment& roles);
-  void AskStorage(Context& context);  // Sends a LoadRolesRequest; once loaded, a SaveRolesRequest for saving().
+  void RequestStorage(Context& context);  // Sends a LoadRolesRequest; once loaded, a SaveRolesRequest for saving().
   void AnswerRequester(Context& context, std::optional<Error> error);
   void Answer(Context& context, const Requester& requester, const Result<proto::RoleShowReply>& reply);
   void AnswerWhoWaits(Context& context);

@@ -21,8 +21,8 @@ RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> histor
   for (const proto::RoleAssignment& roles : history_) {
     highest_number_ = std::max(highest_number_, roles.term().number());
   }
-  for (const proto::RoleAssignment& roles : history_) NoteStored(roles);
-  for (const proto::RoleAssignment& roles : known) NoteStored(roles);
+  for (const proto::RoleAssignment& roles : history_) ObserveStored(roles);
+  for (const proto::RoleAssignment& roles : known) ObserveStored(roles);
   const proto::RoleAssignment stored = has_keys() || history_.empty() ? chain_.newest() : history_.back();
   current_ = options_.check(stored) ? stored : options_.initial;
   confirmed_ = {options_.self};
@@ -144,7 +144,7 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
         AdoptAnnounced(from, theirs, actions);
         break;
       case RoleChain::Standing::kLacksPredecessor:
-        AskForChain(from, theirs, actions);
+        RequestChain(from, theirs, actions);
         break;
       case RoleChain::Standing::kNever:
         return Fail(ErrorCode::kRefused, "is invalid: " + WhyNever(theirs), "roles");
@@ -164,7 +164,7 @@ void RoleLogic::AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs
 
 // --- Chains ---
 
-void RoleLogic::AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
+void RoleLogic::RequestChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
   // Request only one chain at a time; other agents will repeat their announcements. A newer announcement of the same
   // agent replaces the request.
   if (chain_asked_ && chain_asked_->from != from) return;
@@ -225,7 +225,7 @@ Result<RoleLogic::Actions> RoleLogic::OnChainReply(AgentId from, const proto::Ro
 
 RoleLogic::Actions RoleLogic::OnRecord(const proto::RoleAssignment& roles) {
   Actions actions;
-  NoteStored(roles);
+  ObserveStored(roles);
   AdoptNewestKnown(actions);
   return actions;
 }
@@ -247,7 +247,7 @@ bool RoleLogic::TakeChange(AgentId issuer) {
   return !has_keys() || issuer == options_.self || changes_.Takes(issuer, now_);
 }
 
-void RoleLogic::NoteStored(const proto::RoleAssignment& roles) {
+void RoleLogic::ObserveStored(const proto::RoleAssignment& roles) {
   if (chain_.Add(roles) != RoleChain::Standing::kNever) stored_.insert(roles.signature());
 }
 
@@ -272,10 +272,10 @@ std::string RoleLogic::WhyNever(const proto::RoleAssignment& roles) const {
 RoleLogic::Actions RoleLogic::OnSaved() {
   Actions actions;
   if (!saving_) return actions;
-  for (const proto::RoleAssignment& roles : SavingChain()) NoteStored(roles);
+  for (const proto::RoleAssignment& roles : SavingChain()) ObserveStored(roles);
   Saving saved = *std::exchange(saving_, std::nullopt);
   current_ = std::move(saved.roles);
-  NoteStored(current_);
+  ObserveStored(current_);
   history_.push_back(current_);
   if (history_.size() > kHistoryMax) history_.erase(history_.begin());
   confirmed_ = std::move(saved.holders);
@@ -402,10 +402,10 @@ Result<void> RoleLogic::CheckExpected(const proto::RoleSetRequest& request) cons
 Result<void> RoleLogic::CheckMayDecide() const {
   const bool has_role = current_.leader() == options_.self || current_.survivor() == options_.self;
   if (!has_keys() || has_role || options_.may_command(options_.self)) return {};
-  return Fail(ErrorCode::kRefused, options_.name_of(options_.self) + " may not change roles: ask the leader, " +
-                                       options_.name_of(current_.leader()) + ", the survivor, " +
-                                       options_.name_of(current_.survivor()) +
-                                       ", or an agent that command_from of the team file names");
+  return Fail(ErrorCode::kRefused,
+              options_.name_of(options_.self) + " may not change roles: send the command to the leader (" +
+                  options_.name_of(current_.leader()) + "), to the survivor (" + options_.name_of(current_.survivor()) +
+                  ") or to an agent that command_from of the team file names");
 }
 
 Result<void> RoleLogic::CheckIssued(const proto::RoleAssignment& roles) const {

@@ -172,8 +172,8 @@ class RoleLogic {
   void AdoptNewestKnown(Actions& actions);
   // Takes one change from the issuer's budget. Returns false if the budget is used up.
   bool TakeChange(AgentId issuer);
-  void NoteStored(const proto::RoleAssignment& roles);
-  void AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
+  void ObserveStored(const proto::RoleAssignment& roles);
+  void RequestChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
   // Fails if options_.check refuses the roles, or if the new leader or survivor has left the team.
   Result<void> CheckNew(const proto::RoleAssignment& roles) const;
   bool IsMember(AgentId agent) const;  // Returns whether the team file names the agent, even if it has left.

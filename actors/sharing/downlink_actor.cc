@@ -90,7 +90,7 @@ void DownlinkActor::OnLoaded(Context& context, const proto::LoadBundlesReply& re
   taken_ = *std::move(taken);
   *reply_.mutable_waiting() = reply.waiting();
   const std::uint64_t bytes_max = orders_.front().request.bytes_max();
-  if (bytes_max == 0) return AskForRecords(context);
+  if (bytes_max == 0) return RequestRecords(context);
   if (reply.waiting_size() >= kBundlesWaitingMax) {
     return EndWithError(context, {ErrorCode::kRefused,
                                   std::to_string(reply.waiting_size()) +
@@ -105,10 +105,10 @@ void DownlinkActor::OnLoaded(Context& context, const proto::LoadBundlesReply& re
   head.set_number(bundle_.number());
   head.set_made_ns(bundle_.made_ns());
   writer_.emplace(std::move(head), bytes_max);
-  AskForRecords(context);
+  RequestRecords(context);
 }
 
-void DownlinkActor::AskForRecords(Context& context) {
+void DownlinkActor::RequestRecords(Context& context) {
   proto::Message message;
   proto::MissingRequest& request = *message.mutable_missing_request();
   *request.mutable_destination_have() = ToProto(taken_);
@@ -134,7 +134,7 @@ void DownlinkActor::Fill(Context& context, const proto::MissingReply& reply) {
   const bool is_full = added < reply.records_size();
   if (!is_full && reply.remaining() > 0) {
     taken_.Merge(writer_->have());
-    return AskForRecords(context);
+    return RequestRecords(context);
   }
   if (writer_->record_count() == 0 && is_full) {
     return EndWithError(context, {ErrorCode::kInvalid,

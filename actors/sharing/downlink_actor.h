@@ -62,7 +62,7 @@ class DownlinkActor final : public Actor {
   void OnMissing(Context& context, const proto::MissingReply& reply);
   void OnSaved(Context& context, const proto::SaveBundleReply& reply);
   void Load(Context& context);
-  void AskForRecords(Context& context);
+  void RequestRecords(Context& context);
   void Fill(Context& context, const proto::MissingReply& reply);
   void Save(Context& context);
   void Ask(Context& context, proto::Message message);

@@ -29,7 +29,7 @@ std::vector<AgentId> FlowSchedule::TakeDue(Time now, const StateOf& state_of) {
     if (!destination.is_due) continue;
     const State state = state_of(agent);
     if (!state.is_ready) continue;
-    NoteOutcome(destination, state);
+    ObserveOutcome(destination, state);
     if (now < destination.next) continue;
     destination.next = now + period_;
     if (state.is_busy) continue;
@@ -41,7 +41,7 @@ std::vector<AgentId> FlowSchedule::TakeDue(Time now, const StateOf& state_of) {
   return due;
 }
 
-void FlowSchedule::NoteOutcome(Destination& destination, const State& state) {
+void FlowSchedule::ObserveOutcome(Destination& destination, const State& state) {
   if (destination.is_counted || !state.has_refused) return;
   destination.is_counted = true;
   destination.refusals = *state.has_refused ? destination.refusals + 1 : 0;

@@ -63,7 +63,7 @@ class FlowSchedule {
     bool is_counted = true;  // The outcome of the last session is part of `refusals`.
   };
 
-  static void NoteOutcome(Destination& destination, const State& state);
+  static void ObserveOutcome(Destination& destination, const State& state);
 
   const Duration period_;
   std::map<AgentId, Destination> destinations_;

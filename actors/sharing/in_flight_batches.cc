@@ -76,7 +76,7 @@ InFlightBatches::Acknowledged InFlightBatches::Acknowledge(std::uint32_t number)
       ++it;
       continue;
     }
-    NoteRefused(batch);
+    ObserveRefused(batch);
     ++acknowledged.batches;
     acknowledged.records += covered;
     acknowledged.bytes += batch.bytes;
@@ -85,7 +85,7 @@ InFlightBatches::Acknowledged InFlightBatches::Acknowledge(std::uint32_t number)
   return acknowledged;
 }
 
-void InFlightBatches::NoteRefused(const BatchContents& batch) {
+void InFlightBatches::ObserveRefused(const BatchContents& batch) {
   for (const RecordKey& key : batch.keys) {
     if (!Has(have_, key)) refused_[key.stream].held.Add(key.seq);
   }

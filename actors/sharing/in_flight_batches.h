@@ -78,7 +78,7 @@ class InFlightBatches {
   using Batches = std::map<std::uint32_t, BatchContents>;
 
   Batches::iterator Remove(Batches::iterator batch);
-  void NoteRefused(const BatchContents& batch);
+  void ObserveRefused(const BatchContents& batch);
 
   Batches batches_;                // The batches in flight, by number.
   HaveSet have_;                   // Reported by the destination.

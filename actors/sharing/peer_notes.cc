@@ -33,13 +33,13 @@ proto::Message& MessageIn(SharingActions& actions) {
 PeerNotes::PeerNotes(proto::SharingKind kind, AgentId destination, std::uint64_t first_number)
     : kind_(kind), destination_(destination), number_(first_number) {}
 
-void PeerNotes::NoteAnswer(const HaveSet& have, const std::set<AgentId>& origins, SharingActions& actions) {
+void PeerNotes::ObserveAnswer(const HaveSet& have, const std::set<AgentId>& origins, SharingActions& actions) {
   is_answered_ = true;
   origins_ = origins;
-  NoteAll(have, actions);
+  ObserveAll(have, actions);
 }
 
-void PeerNotes::NoteAcknowledged(const HaveSet& heard, const HaveSet& known, SharingActions& actions) {
+void PeerNotes::ObserveAcknowledged(const HaveSet& heard, const HaveSet& known, SharingActions& actions) {
   const HaveSet news = NewsOf(heard, known);
   if (news.streams().empty()) return;
   proto::PeerHave& note = NumberedNoteIn(actions);
@@ -47,22 +47,22 @@ void PeerNotes::NoteAcknowledged(const HaveSet& heard, const HaveSet& known, Sha
   *note.mutable_acknowledged() = ToProto(news);
 }
 
-void PeerNotes::NoteHandedOver(const std::vector<RecordKey>& keys, SharingActions& actions) const {
+void PeerNotes::ObserveHandedOver(const std::vector<RecordKey>& keys, SharingActions& actions) const {
   if (keys.empty()) return;
   proto::PeerHave& note = NoteIn(actions);
   for (const RecordKey& key : keys) *note.add_handed_over() = ToProto(key);
 }
 
-void PeerNotes::NoteClosed(SharingActions& actions) const { NoteIn(actions).set_is_session_closed(true); }
+void PeerNotes::ObserveClosed(SharingActions& actions) const { NoteIn(actions).set_is_session_closed(true); }
 
-void PeerNotes::NoteAllAgain(std::uint64_t unused_number, const HaveSet& have, const std::vector<RecordKey>& in_flight,
-                             SharingActions& actions) {
+void PeerNotes::ObserveAllAgain(std::uint64_t unused_number, const HaveSet& have,
+                                const std::vector<RecordKey>& in_flight, SharingActions& actions) {
   if (!is_answered_ || unused_number < number_of_all_) return;
-  NoteAll(have, actions);
-  NoteHandedOver(in_flight, actions);
+  ObserveAll(have, actions);
+  ObserveHandedOver(in_flight, actions);
 }
 
-void PeerNotes::NoteAll(const HaveSet& have, SharingActions& actions) {
+void PeerNotes::ObserveAll(const HaveSet& have, SharingActions& actions) {
   proto::PeerHave& note = NumberedNoteIn(actions);
   number_of_all_ = number_;
   *note.mutable_acknowledged() = ToProto(have);

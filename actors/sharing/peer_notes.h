@@ -25,27 +25,27 @@ class PeerNotes {
   // note.
   PeerNotes(proto::SharingKind kind, AgentId destination, std::uint64_t first_number);
 
-  // Call when the session starts over. NoteAllAgain then does nothing until the next call of NoteAnswer.
+  // Call when the session starts over. ObserveAllAgain then does nothing until the next call of ObserveAnswer.
   void StartOver() { is_answered_ = false; }
   // Adds a note with the destination's whole have-set, for the streams of `origins`, or for all streams if `origins` is
   // empty.
-  void NoteAnswer(const HaveSet& have, const std::set<AgentId>& origins, SharingActions& actions);
+  void ObserveAnswer(const HaveSet& have, const std::set<AgentId>& origins, SharingActions& actions);
   // Adds a note with the records that `heard` covers and `known` does not. `known` is the have-set in earlier notes.
   // Adds no note if there are no such records.
-  void NoteAcknowledged(const HaveSet& heard, const HaveSet& known, SharingActions& actions);
-  void NoteHandedOver(const std::vector<RecordKey>& keys, SharingActions& actions) const;
-  void NoteClosed(SharingActions& actions) const;
+  void ObserveAcknowledged(const HaveSet& heard, const HaveSet& known, SharingActions& actions);
+  void ObserveHandedOver(const std::vector<RecordKey>& keys, SharingActions& actions) const;
+  void ObserveClosed(SharingActions& actions) const;
   // Adds a note with the whole have-set and the records in flight, since storage could not use the note
   // `unused_number`. Does nothing if the destination has not answered yet, or if a later note contained the whole
   // have-set.
-  void NoteAllAgain(std::uint64_t unused_number, const HaveSet& have, const std::vector<RecordKey>& in_flight,
-                    SharingActions& actions);
+  void ObserveAllAgain(std::uint64_t unused_number, const HaveSet& have, const std::vector<RecordKey>& in_flight,
+                       SharingActions& actions);
 
  private:
   proto::PeerHave& NoteIn(SharingActions& actions) const;
   // Returns the PeerHave message in `actions`, with the next number set.
   proto::PeerHave& NumberedNoteIn(SharingActions& actions);
-  void NoteAll(const HaveSet& have, SharingActions& actions);
+  void ObserveAll(const HaveSet& have, SharingActions& actions);
 
   proto::SharingKind kind_;
   AgentId destination_;

@@ -33,7 +33,7 @@ class RadioShare {
   // Returns true if the last notification to the other sharing actor contained another number than `moving`, or if
   // there was no notification yet.
   bool MustNotify(std::size_t moving) const { return notified_ != moving; }
-  void NoteNotified(std::size_t moving) { notified_ = moving; }
+  void ObserveNotified(std::size_t moving) { notified_ = moving; }
 
  private:
   double bytes_per_second_;

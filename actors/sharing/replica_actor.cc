@@ -105,10 +105,10 @@ void ReplicaActor::BeginGathering(Context& context) {
       }
     }
   }
-  AskNext(context);
+  RequestNext(context);
 }
 
-void ReplicaActor::AskNext(Context& context) {
+void ReplicaActor::RequestNext(Context& context) {
   ++step_;
   const auto next = std::find_if(to_ask_.begin(), to_ask_.end(),
                                  [this, &context](AgentId agent) { return CanBeAsked(context, agent); });
@@ -123,14 +123,14 @@ void ReplicaActor::PassOver(Context& context) {
   CancelOrder(context, asked_);
   std::erase(to_ask_, asked_);
   to_ask_.push_back(asked_);
-  AskNext(context);
+  RequestNext(context);
 }
 
 void ReplicaActor::CrossOff(Context& context, AgentId agent) {
   if (std::erase(to_ask_, agent) == 0) return;
   NotifySyncActor(context);
   if (order_to_bring_on_ != 0) OpenAgain(context, order_to_bring_on_, roles().survivor(), proto::RecordFilter());
-  if (agent == asked_) AskNext(context);
+  if (agent == asked_) RequestNext(context);
 }
 
 void ReplicaActor::OnGathering(Context& context, const proto::Gathering&) { NotifySyncActor(context); }
@@ -184,13 +184,13 @@ void ReplicaActor::OnStepTimer(Context& context, std::uint64_t step) {
 
 void ReplicaActor::OnPeerEvent(Context& context, AgentId peer) {
   if (!is_sync_notified_) NotifySyncActor(context);
-  if (asked_ == 0) return AskNext(context);
+  if (asked_ == 0) return RequestNext(context);
   if (peer == asked_ && !is_connected(peer)) PassOver(context);
 }
 
 void ReplicaActor::OnWindowsChanged(Context& context) {
   if (!is_sync_notified_) NotifySyncActor(context);
-  if (asked_ == 0) return AskNext(context);
+  if (asked_ == 0) return RequestNext(context);
   if (!IsWindowOpen(context, asked_)) PassOver(context);
 }
 

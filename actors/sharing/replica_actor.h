@@ -49,7 +49,7 @@ class ReplicaActor final : public SharingActor {
   void NotifySyncActor(Context& context);
   bool CanBeAsked(const Context& context, AgentId agent) const;
   void BeginGathering(Context& context);
-  void AskNext(Context& context);
+  void RequestNext(Context& context);
   void PassOver(Context& context);
   void CrossOff(Context& context, AgentId agent);
 
@@ -63,7 +63,7 @@ class ReplicaActor final : public SharingActor {
   AgentId asked_ = 0;
   MonotonicTime last_progress_{};
   Duration patience_{};           // If the asked agent makes no progress for this time, the next agent is asked.
-  std::uint64_t step_ = 0;        // Counts the calls of AskNext. A timer with an earlier count is ignored.
+  std::uint64_t step_ = 0;        // Counts the calls of RequestNext. A timer with an earlier count is ignored.
   bool is_sync_notified_ = true;  // False if the last notification did not fit into SyncActor's mailbox.
 };
 

@@ -26,14 +26,14 @@ class ResendDelay {
   }
 
   // Call when the destination refused a batch.
-  void NoteRefusal() { ++refusals_; }
+  void ObserveRefusal() { ++refusals_; }
   void ForgetRefusals() { refusals_ = 0; }
   // True if the destination refused at least two batches in a row.
   bool is_refused_again() const { return refusals_ > 1; }
   // Call when a batch was acknowledged, or when a page of the have-set arrived. `has_records`: the acknowledged batch
   // contained records, not only a fragment. A destination acknowledges fragments even if it cannot store their record,
   // so after a refusal only acknowledged records count as progress.
-  void NoteProgress(bool has_records) {
+  void ObserveProgress(bool has_records) {
     if (has_records || refusals_ == 0) Reset();
   }
   // Call when the destination has forgotten the session. Returns true if the session may start over immediately, which

@@ -4,25 +4,25 @@
 
 namespace moondb {
 
-void SessionCounts::NoteAnswer(Time now) {
+void SessionCounts::ObserveAnswer(Time now) {
   answered_ = now;
   records_since_answer_ = 0;
   bytes_since_answer_ = 0;
 }
 
-void SessionCounts::NoteSent(std::size_t records, std::size_t coded_bytes, proto::Codec codec) {
+void SessionCounts::ObserveSent(std::size_t records, std::size_t coded_bytes, proto::Codec codec) {
   sent_records_ += static_cast<double>(records);
   coded_bytes_ += static_cast<double>(coded_bytes);
   codec_ = codec;
 }
 
-void SessionCounts::NoteAcknowledged(std::size_t records, std::size_t coded_bytes) {
+void SessionCounts::ObserveAcknowledged(std::size_t records, std::size_t coded_bytes) {
   acknowledged_records_ += static_cast<double>(records);
   records_since_answer_ += static_cast<double>(records);
   bytes_since_answer_ += static_cast<double>(coded_bytes);
 }
 
-void SessionCounts::NoteEnd(Ending ending, Time last_progress) {
+void SessionCounts::ObserveEnd(Ending ending, Time last_progress) {
   if (ending == Ending::kCompleted) {
     ++completed_;
     last_end_ = last_progress;

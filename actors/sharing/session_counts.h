@@ -21,12 +21,12 @@ class SessionCounts {
  public:
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
-  void NoteAnswer(Time now);  // The destination answered a Hello.
-  void NoteSent(std::size_t records, std::size_t coded_bytes, proto::Codec codec);
-  void NoteAcknowledged(std::size_t records, std::size_t coded_bytes);
-  void NoteResends(std::size_t batches) { resends_ += static_cast<double>(batches); }
-  void NoteRefusedHave() { ++refused_haves_; }
-  void NoteEnd(Ending ending, Time last_progress);
+  void ObserveAnswer(Time now);  // The destination answered a Hello.
+  void ObserveSent(std::size_t records, std::size_t coded_bytes, proto::Codec codec);
+  void ObserveAcknowledged(std::size_t records, std::size_t coded_bytes);
+  void ObserveResends(std::size_t batches) { resends_ += static_cast<double>(batches); }
+  void ObserveRefusedHave() { ++refused_haves_; }
+  void ObserveEnd(Ending ending, Time last_progress);
 
   void AddTo(proto::ShareSession& status, Time now) const;
   // Adds the counters since the destination's last answer. Requires: the destination has answered the session's last

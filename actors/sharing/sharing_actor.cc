@@ -481,7 +481,7 @@ std::optional<std::uint64_t> SharingActor::CloseByRole(Context& context) {
       const bool is_unlimited = left == 0 || bytes_left == 0;
       bytes_left = is_unlimited ? 0 : std::max(bytes_left.value_or(0), left);
     }
-    outgoing.session.NoteError("ended because the roles changed");
+    outgoing.session.KeepError("ended because the roles changed");
     Perform(context, outgoing, outgoing.session.Close());
   }
   return bytes_left;
@@ -580,7 +580,7 @@ void SharingActor::Perform(Context& context, Outgoing& outgoing, SharingActions 
         is_to_peer ? Address{action.to, context.self().actor} : Address{options_.self, actor_name::kStorage};
     const SendResult sent = context.Send(to, std::move(action.message));
     if (sent != SendResult::kAccepted) {
-      outgoing.session.NoteError("sending to " + ToString(to) + ": " + ToString(sent));
+      outgoing.session.KeepError("sending to " + ToString(to) + ": " + ToString(sent));
     }
   }
   ArmSessionTimer(context, outgoing);
@@ -645,7 +645,7 @@ void SharingActor::NotifyOfLoad(Context& context, std::size_t moving) {
   load.mutable_sharing_load()->set_moving_sessions(static_cast<std::uint32_t>(moving));
   const char* other = kind_ == proto::SHARING_KIND_SYNC ? actor_name::kReplica : actor_name::kSync;
   const SendResult sent = context.Send({options_.self, other}, std::move(load));
-  if (sent != SendResult::kFull) radio_share_.NoteNotified(moving);
+  if (sent != SendResult::kFull) radio_share_.ObserveNotified(moving);
 }
 
 }  // namespace moondb

@@ -149,7 +149,8 @@ proto::PairProgress SharingActor::IncomingRow(const Context& context, std::uint6
   if (end && HasReached(end->order(), order)) {
     row.set_is_limited(end->is_limited());
     row.set_is_stopped(true);
-    if (end->is_limited()) row.set_why("stopped at the order's byte limit; more records remain to be sent");
+    if (end->is_limited())
+      row.set_why("stopped at the byte limit of this request; repeat it to send the other records");
     if (end->not_taken() > 0) {
       row.set_why("the destination did not accept " + std::to_string(end->not_taken()) + " records");
     }

@@ -104,10 +104,10 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   incoming.is_at_end = false;
   incoming.is_other_schema = hello.schema_hash() != schema_hash_;
   incoming.have_from = have_from;
-  return AskForPage(incoming, hello);
+  return RequestPage(incoming, hello);
 }
 
-SharingActions SharingReceiver::AskForPage(Incoming& incoming, const proto::Hello& hello) {
+SharingActions SharingReceiver::RequestPage(Incoming& incoming, const proto::Hello& hello) {
   if (++next_request_id_ == 0) ++next_request_id_;
   incoming.have_request_id = next_request_id_;
   SharingAction action;
@@ -243,7 +243,7 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
     if (IsError(reply.error())) {
       return RefuseBatch(sender, incoming.session_id, Error{ErrorCode::kUnavailable, reply.error().text(), ""});
     }
-    NoteStored(sender, stored, reply);
+    ObserveStored(sender, stored, reply);
     SharingAction action{sender, std::move(stored.acknowledgment)};
     counts_.received_records += reply.stored_count();
     counts_.rejected_records += reply.rejected_count() - reply.untrusted_count();
@@ -261,7 +261,7 @@ SharingActions SharingReceiver::RefuseBatch(AgentId sender, std::uint64_t sessio
   return Refuse(sender, session_id, std::move(error));
 }
 
-void SharingReceiver::NoteStored(AgentId sender, const WaitingStore& stored, const proto::StoreReply& reply) {
+void SharingReceiver::ObserveStored(AgentId sender, const WaitingStore& stored, const proto::StoreReply& reply) {
   Heard& heard = heard_[sender];
   heard.refusals = 0;
   if (stored.order_end.order() == 0) return;

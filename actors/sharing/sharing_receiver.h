@@ -137,11 +137,11 @@ class SharingReceiver {
   };
 
   Result<void> CheckHello(const proto::Hello& hello) const;
-  SharingActions AskForPage(Incoming& incoming, const proto::Hello& hello);
+  SharingActions RequestPage(Incoming& incoming, const proto::Hello& hello);
   // Adds the fields that only the last page of an answer has.
   void CompleteAnswer(AgentId sender, const Incoming& incoming, proto::Have& have);
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
-  void NoteStored(AgentId sender, const WaitingStore& stored, const proto::StoreReply& reply);
+  void ObserveStored(AgentId sender, const WaitingStore& stored, const proto::StoreReply& reply);
   SharingActions RefuseBatch(AgentId sender, std::uint64_t session_id, Error error);
   bool MakeRoom(Time now);
   // `whole`: the joined bytes of all fragments; nullopt if the batch is not fragmented.

@@ -40,7 +40,7 @@ SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::
   is_limit_reported_ = false;
   resend_delay_.ForgetRefusals();
   order_.Set(std::move(filter), bytes_max, id, /*is_added=*/is_ordered());
-  LookAgain(now, actions);
+  EvaluateAgain(now, actions);
   return actions;
 }
 
@@ -50,19 +50,19 @@ SharingActions SharingSession::SharePeriodic(const proto::RecordFilter& filter, 
   const bool is_replaced = order_.is_periodic() && (!is_for_states || order_.is_waiting_for_states());
   if (!is_open() || is_replaced) {
     order_.SetPeriodic(filter, is_for_states);
-    LookAgain(now, actions);
+    EvaluateAgain(now, actions);
     return actions;
   }
   // Ask storage again only in two cases: the session is sending batches, or the order has been held back and the window
   // to the destination admits only states.
   const bool is_sending = is_answered() && phase_ != Phase::kAsking && !maker_.has_reported_end();
-  if (order_.is_waiting() ? order_.is_waiting_for_states() : is_sending) LookAgain(now, actions);
+  if (order_.is_waiting() ? order_.is_waiting_for_states() : is_sending) EvaluateAgain(now, actions);
   return actions;
 }
 
-void SharingSession::LookAgain(Time now, SharingActions& actions) {
+void SharingSession::EvaluateAgain(Time now, SharingActions& actions) {
   const bool was_waiting = order_.is_waiting();
-  order_.LookAgain();
+  order_.EvaluateAgain();
   if (!is_open()) {
     last_progress_ = now;
     Start(now, actions);
@@ -72,7 +72,7 @@ void SharingSession::LookAgain(Time now, SharingActions& actions) {
     // If the destination is silent and the delay has grown, do not let the new order wait until the delay has passed.
     if (resend_delay_.has_grown()) GoOn(now, actions);
   } else {
-    AskAgain();
+    RequestAgain();
     Fill(now, actions);
   }
 }
@@ -87,13 +87,13 @@ SharingActions SharingSession::Close() {
 }
 
 void SharingSession::End(Ending ending, SharingActions& actions) {
-  if (!order_.is_periodic()) counts_.NoteEnd(ending, last_progress_);
+  if (!order_.is_periodic()) counts_.ObserveEnd(ending, last_progress_);
   order_.End(ending);
   phase_ = Phase::kClosed;
   pages_.Clear();
   ForgetInFlight();
   maker_.ForgetMissing();
-  notes_.NoteClosed(actions);
+  notes_.ObserveClosed(actions);
 }
 
 SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
@@ -103,8 +103,8 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   const Result<void> taken =
       phase_ == Phase::kAwaitingHave ? TakePage(have, now, actions) : TakeTouchedStreams(have, actions);
   if (!taken) {
-    counts_.NoteRefusedHave();
-    NoteError("the destination's have-set was refused: " + ToString(taken.error()));
+    counts_.ObserveRefusedHave();
+    KeepError("the destination's have-set was refused: " + ToString(taken.error()));
   }
   if (!taken || phase_ == Phase::kAwaitingHave) return actions;
   TakeGrant(have, now);
@@ -135,18 +135,18 @@ Result<void> SharingSession::TakePage(const proto::Have& have, Time now, Sharing
   if (*taken == HaveCollector::Taken::kLastPage) TakeAnswer(have, now, actions);
   if (*taken == HaveCollector::Taken::kPage) {
     last_progress_ = now;
-    resend_delay_.NoteProgress(/*has_records=*/false);
-    AskForPage(now, actions);
+    resend_delay_.ObserveProgress(/*has_records=*/false);
+    RequestPage(now, actions);
   }
   return {};
 }
 
 void SharingSession::TakeAnswer(const proto::Have& have, Time now, SharingActions& actions) {
   in_flight_.SetHave(pages_.TakeWhole());
-  notes_.NoteAnswer(in_flight_.have(), order_.asked_origins(), actions);
+  notes_.ObserveAnswer(in_flight_.have(), order_.asked_origins(), actions);
   order_.SetOtherSchemaTypes(TypesNotFor(options_.schemas, have.schemas()));
   maker_.TakeAnswer(have);
-  counts_.NoteAnswer(now);
+  counts_.ObserveAnswer(now);
   phase_ = Phase::kSending;
   last_progress_ = now;
   SetDeadline(now);
@@ -157,7 +157,7 @@ Result<void> SharingSession::TakeTouchedStreams(const proto::Have& have, Sharing
   const Result<HaveSet> heard = FromProto(have.have());
   if (!heard) return tl::unexpected(heard.error());
   if (const Result<void> joins = in_flight_.have().CheckJoins(*heard); !joins) return joins;
-  notes_.NoteAcknowledged(*heard, in_flight_.have(), actions);
+  notes_.ObserveAcknowledged(*heard, in_flight_.have(), actions);
   in_flight_.Join(*heard);
   return {};
 }
@@ -171,9 +171,9 @@ void SharingSession::TakeGrant(const proto::Have& have, Time now) {
 void SharingSession::TakeAcknowledgment(std::uint32_t batch_number, Time now) {
   const InFlightBatches::Acknowledged acknowledged = in_flight_.Acknowledge(batch_number);
   if (acknowledged.batches > 0) {
-    counts_.NoteAcknowledged(acknowledged.records, acknowledged.bytes);
+    counts_.ObserveAcknowledged(acknowledged.records, acknowledged.bytes);
     last_progress_ = now;
-    resend_delay_.NoteProgress(/*has_records=*/acknowledged.records > 0);
+    resend_delay_.ObserveProgress(/*has_records=*/acknowledged.records > 0);
     SetDeadline(now);
   }
   GiveUp(in_flight_.GiveUpBefore(batch_number));
@@ -189,8 +189,8 @@ SharingActions SharingSession::OnRefusal(const proto::Refusal& refusal, Time now
     Restart(now, actions);
     return actions;
   }
-  resend_delay_.NoteRefusal();
-  NoteError("the destination refused: " + OneLine(ToString(error)));
+  resend_delay_.ObserveRefusal();
+  KeepError("the destination refused: " + OneLine(ToString(error)));
   if (error.code == ErrorCode::kRefused || error.code == ErrorCode::kInvalid) return Close();
   return actions;
 }
@@ -199,7 +199,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   SharingActions actions;
   if (phase_ != Phase::kAsking || request_id != request_id_) return actions;
   if (reply.records().empty() && reply.remaining() > 0) {
-    NoteError(
+    KeepError(
         "storage cannot list the missing records");  // The phase stays kAsking; at the deadline the session restarts.
     return actions;
   }
@@ -211,7 +211,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
 
 SharingActions SharingSession::OnPeerHaveRequest(std::uint64_t request_id) {
   SharingActions actions;
-  notes_.NoteAllAgain(request_id, in_flight_.have(), in_flight_.Keys(), actions);
+  notes_.ObserveAllAgain(request_id, in_flight_.have(), in_flight_.Keys(), actions);
   return actions;
 }
 
@@ -239,8 +239,8 @@ SharingActions SharingSession::OnTimer(Time now) {
   if (!is_open() || order_.is_waiting() || now < deadline_) return actions;
   resend_delay_.Grow();
   if (IsCollecting()) {
-    counts_.NoteResends(1);
-    AskForPage(now, actions);
+    counts_.ObserveResends(1);
+    RequestPage(now, actions);
   } else {
     Restart(now, actions);
   }
@@ -277,16 +277,16 @@ void SharingSession::Start(Time now, SharingActions& actions) {
 void SharingSession::GoOn(Time now, SharingActions& actions) {
   if (!IsCollecting() || order_.NeedsNewStart()) return Start(now, actions);
   resend_delay_.Reset();
-  AskForPage(now, actions);
+  RequestPage(now, actions);
 }
 
-void SharingSession::AskForPage(Time now, SharingActions& actions) {
+void SharingSession::RequestPage(Time now, SharingActions& actions) {
   SetDeadline(now);
-  if (!order_.is_waiting()) SayHello(actions);
+  if (!order_.is_waiting()) SendHello(actions);
 }
 
 void SharingSession::Restart(Time now, SharingActions& actions) {
-  if (is_open() && !order_.is_waiting()) counts_.NoteResends(1);
+  if (is_open() && !order_.is_waiting()) counts_.ObserveResends(1);
   phase_ = Phase::kAwaitingHave;
   ++session_id_;
   if (session_id_ == 0) ++session_id_;
@@ -295,10 +295,10 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
   is_limit_reported_ = false;
   order_.StartOver();
   notes_.StartOver();
-  AskForPage(now, actions);
+  RequestPage(now, actions);
 }
 
-void SharingSession::SayHello(SharingActions& actions) {
+void SharingSession::SendHello(SharingActions& actions) {
   SharingAction action{destination_, {}};
   action.message.set_ms_type(proto::CONTROL);
   proto::Hello& hello = *action.message.mutable_hello();
@@ -316,13 +316,13 @@ void SharingSession::Complete(SharingActions& actions) {
   const std::uint64_t refused = in_flight_.RefusedCount();
   has_refused_ = refused != 0;
   if (!order_.is_periodic()) {
-    counts_.NoteEnd(Ending::kCompleted, last_progress_);
+    counts_.ObserveEnd(Ending::kCompleted, last_progress_);
     // If records were refused, report the order as closed, so its client does not assume that all records are
     // acknowledged.
     order_.End(refused == 0 ? Ending::kCompleted : Ending::kClosed);
     last_error_ = refused == 0 ? "" : "the destination did not accept " + std::to_string(refused) + " records";
   }
-  notes_.NoteClosed(actions);
+  notes_.ObserveClosed(actions);
 }
 
 void SharingSession::Fill(Time now, SharingActions& actions) {
@@ -334,7 +334,7 @@ void SharingSession::Fill(Time now, SharingActions& actions) {
     if (in_flight_.is_empty()) EndLimited(now, actions);
     return;
   }
-  if (phase_ == Phase::kSending && !maker_.ready()) AskForMissing(actions);
+  if (phase_ == Phase::kSending && !maker_.ready()) RequestMissing(actions);
   if (phase_ == Phase::kEnding && is_idle) Complete(actions);
 }
 
@@ -345,7 +345,7 @@ void SharingSession::EndLimited(Time now, SharingActions& actions) {
     maker_.MakeEmpty(BatchBytesMax());
     return SendReady(now, actions);
   }
-  NoteError("stopped at its order's byte limit; more records remain to be sent");
+  KeepError("stopped at its order's byte limit; more records remain to be sent");
   End(Ending::kLimited, actions);
 }
 
@@ -375,9 +375,9 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   }
   pacer_.Spend(bytes + kBatchOverheadBytes, now);
   order_.SpendBytes(bytes);
-  counts_.NoteSent(batch.contents.keys.size(), bytes, batch.message.batch().codec());
+  counts_.ObserveSent(batch.contents.keys.size(), bytes, batch.message.batch().codec());
   actions.push_back({destination_, std::move(batch.message)});
-  notes_.NoteHandedOver(batch.contents.keys, actions);
+  notes_.ObserveHandedOver(batch.contents.keys, actions);
   in_flight_.Add(number, std::move(batch.contents));
   SetDeadline(now);
 }
@@ -398,7 +398,7 @@ std::size_t SharingSession::BatchBytesMax() const {
   return std::min(options_.batch_bytes_max, std::max(left, kBatchBytesMin));
 }
 
-void SharingSession::AskForMissing(SharingActions& actions) {
+void SharingSession::RequestMissing(SharingActions& actions) {
   phase_ = Phase::kAsking;
   SharingAction action;
   action.message.set_ms_type(proto::CONTROL);
@@ -416,15 +416,15 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   actions.push_back(std::move(action));
 }
 
-void SharingSession::AskAgain() {
+void SharingSession::RequestAgain() {
   if (is_answered()) phase_ = Phase::kSending;
   maker_.PutOffEnd();
 }
 
 void SharingSession::GiveUp(std::size_t batches) {
   if (batches == 0) return;
-  counts_.NoteResends(batches);
-  AskAgain();
+  counts_.ObserveResends(batches);
+  RequestAgain();
 }
 
 void SharingSession::ForgetInFlight() {

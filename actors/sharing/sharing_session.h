@@ -109,7 +109,7 @@ class SharingSession {
   SharingActions OnTimer(Time now);
 
   // Call if the actor could not send a message of this session. Status then contains `text`.
-  void NoteError(std::string text) { last_error_ = std::move(text); }
+  void KeepError(std::string text) { last_error_ = std::move(text); }
 
   // Time at which OnTimer must be called next. Nullopt while the session is closed or waits for the window to open.
   std::optional<Time> deadline() const;
@@ -142,7 +142,7 @@ class SharingSession {
   bool is_answered() const { return phase_ != Phase::kClosed && phase_ != Phase::kAwaitingHave; }
   // True if some, but not all, pages of the destination's have-set have arrived.
   bool IsCollecting() const { return phase_ == Phase::kAwaitingHave && pages_.is_begun(); }
-  void LookAgain(Time now, SharingActions& actions);
+  void EvaluateAgain(Time now, SharingActions& actions);
   Result<void> CheckBatchNumber(const proto::Have& have) const;
   Result<void> TakePage(const proto::Have& have, Time now, SharingActions& actions);
   void TakeAnswer(const proto::Have& last_page, Time now, SharingActions& actions);
@@ -154,10 +154,10 @@ class SharingSession {
   // Start.
   void GoOn(Time now, SharingActions& actions);
   // Sets the deadline and requests the next page with a Hello. While order_.is_waiting(), sends no Hello.
-  void AskForPage(Time now, SharingActions& actions);
+  void RequestPage(Time now, SharingActions& actions);
   // Starts over under a new session id. Forgets the batches in flight and requests the first page.
   void Restart(Time now, SharingActions& actions);
-  void SayHello(SharingActions& actions);
+  void SendHello(SharingActions& actions);
   void Complete(SharingActions& actions);
   void End(Ending ending, SharingActions& actions);  // Ends the session before all records are acknowledged.
   void Fill(Time now, SharingActions& actions);
@@ -168,8 +168,8 @@ class SharingSession {
   void EndLimited(Time now, SharingActions& actions);
   bool MayLeave(const MadeBatch& batch) const;
   std::size_t BatchBytesMax() const;
-  void AskForMissing(SharingActions& actions);
-  void AskAgain();  // Asks storage again, since records may have become missing after its last answer.
+  void RequestMissing(SharingActions& actions);
+  void RequestAgain();  // Asks storage again, since records may have become missing after its last answer.
   void GiveUp(std::size_t batches);
   void ForgetInFlight();
   void SetPace(Time now);

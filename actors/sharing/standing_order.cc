@@ -77,7 +77,7 @@ bool StandingOrder::SetWindow(Window window) {
   return true;
 }
 
-void StandingOrder::LookAgain() {
+void StandingOrder::EvaluateAgain() {
   if (window_ != Window::kStatesOnly) return;
   const bool is_for_more = is_periodic_ && scope_ == Scope::kAll;
   is_waiting_ = is_for_more || StatesMeant().data_types().empty();

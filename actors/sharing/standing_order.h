@@ -52,10 +52,10 @@ class StandingOrder {
   void End(Ending ending);
 
   // Sets the window and returns true if it changed. An open window admits all records. With any other window the
-  // session sends nothing, not even states, until LookAgain is called.
+  // session sends nothing, not even states, until EvaluateAgain is called.
   bool SetWindow(Window window);
   // In a window of kStatesOnly, lets the session send again if the order's filter includes a state type.
-  void LookAgain();
+  void EvaluateAgain();
   // Call when all states were sent. The order's other records then wait until the window opens.
   void HoldBackTheRest() { is_waiting_ = true; }
   bool is_waiting() const { return is_waiting_; }  // True while nothing may be sent.

@@ -95,19 +95,19 @@ void SyncActor::OnReceived(Context& context, AgentId sender, const Received& rec
     if (std::ranges::any_of(received.types, is_wanted)) lacking_.insert(agent.id());
   }
   if (!received.is_all) return;
-  if (is_any_order_open()) return BringOnSoon(context);
-  BringOn(context);
+  if (is_any_order_open()) return ForwardSoon(context);
+  Forward(context);
 }
 
 // An agent that is lost in the middle of its records may have brought in some.
-void SyncActor::OnPeerEvent(Context& context, AgentId) { BringOnSoon(context); }
+void SyncActor::OnPeerEvent(Context& context, AgentId) { ForwardSoon(context); }
 
-void SyncActor::BringOnSoon(Context& context) {
+void SyncActor::ForwardSoon(Context& context) {
   if (lacking_.empty() || std::exchange(is_bring_timer_running_, true)) return;
   StartStepTimer(context, kBringOnAfter, kBringOn);
 }
 
-void SyncActor::BringOn(Context& context) {
+void SyncActor::Forward(Context& context) {
   for (const AgentId destination : std::exchange(lacking_, {})) {
     OpenAgain(context, collecting_order_, destination, LeadersRecordsFor(destination));
   }
@@ -217,7 +217,7 @@ void SyncActor::StartStatesTimer(Context& context) {
 void SyncActor::OnStepTimer(Context& context, std::uint64_t step) {
   if (step == kBringOn) {
     is_bring_timer_running_ = false;
-    return BringOn(context);
+    return Forward(context);
   }
   StartStatesTimer(context);
   const AgentId leader = roles().leader();

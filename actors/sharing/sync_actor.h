@@ -56,8 +56,8 @@ class SyncActor final : public SharingActor {
   // Returns whether the leader sends a destination the records of this type of all origins.
   bool IsForAll(AgentId destination, DataType type) const;
   // Sends records that agents have brought in on to those that may lack them.
-  void BringOn(Context& context);
-  void BringOnSoon(Context& context);
+  void Forward(Context& context);
+  void ForwardSoon(Context& context);
   void OpenAsLeader(Context& context, AgentId destination, bool is_by_role, std::uint64_t bytes_max = 0);
   void StartStatesTimer(Context& context);
   void SetFlow(const Context& context);

@@ -26,7 +26,7 @@ bool IsSuspectTimestamp(std::int64_t timestamp_ns, std::int64_t utc_ns) {
          timestamp_ns - std::chrono::nanoseconds(kTimestampAheadMax).count() > utc_ns;
 }
 
-void ClockJudge::NotePeer(AgentId peer, std::int64_t utc_ns, Time now) {
+void ClockJudge::ObservePeer(AgentId peer, std::int64_t utc_ns, Time now) {
   if (IsPlausible(utc_ns)) {
     peers_[peer] = {utc_ns - now.time_since_epoch().count(), now};
   } else {

@@ -41,7 +41,7 @@ class ClockJudge {
 
   // Remembers that the clock of `peer` shows `utc_ns` (since 1970) now. An implausible value removes the peer's last
   // report.
-  void NotePeer(AgentId peer, std::int64_t utc_ns, Time now);
+  void ObservePeer(AgentId peer, std::int64_t utc_ns, Time now);
 
   // PeerOffsets returns the offset of each peer's clock from this agent's clock, which shows `utc_ns`. An offset is
   // positive if the peer's clock is ahead.

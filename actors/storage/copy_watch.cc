@@ -42,12 +42,12 @@ CopyWatch::CopyWatch(AgentId self, const proto::TeamConfig& team)
   }
 }
 
-void CopyWatch::NoteRoles(const proto::RoleAssignment& roles) {
+void CopyWatch::ObserveRoles(const proto::RoleAssignment& roles) {
   leader_ = roles.leader();
   survivor_ = roles.survivor();
 }
 
-void CopyWatch::NoteTime(Time now, std::uint64_t next_row_id) {
+void CopyWatch::ObserveTime(Time now, std::uint64_t next_row_id) {
   if (times_.size() > 1 && times_.back().second == next_row_id) times_.pop_back();  // Nothing was stored since then.
   times_.emplace_back(now, next_row_id);
   if (times_.size() <= kTimesMax) return;

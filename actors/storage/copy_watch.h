@@ -37,10 +37,10 @@ class CopyWatch {
   CopyWatch(AgentId self, const proto::TeamConfig& team);
 
   // Call when this agent acts on other roles.
-  void NoteRoles(const proto::RoleAssignment& roles);
+  void ObserveRoles(const proto::RoleAssignment& roles);
   // Call now and then with the row id that the next record will get. The ages depend on these calls: a record counts as
   // stored at the last call before it. Calls that lie far back are thinned out, so an age is up to 1/32 too large.
-  void NoteTime(Time now, std::uint64_t next_row_id);
+  void ObserveTime(Time now, std::uint64_t next_row_id);
 
   // Fills in one_copy and backlogs. Errors are those of Database.
   Result<void> Describe(RecordStore& store, Time now, proto::StorageStatus& status) const;
@@ -58,7 +58,7 @@ class CopyWatch {
   bool is_limited_ = false;  // True if the team file limits what agents keep.
   AgentId leader_ = 0;
   AgentId survivor_ = 0;
-  // Times of NoteTime with the row id at each, ascending. Their distance grows with their age, so there are few.
+  // Times of ObserveTime with the row id at each, ascending. Their distance grows with their age, so there are few.
   std::deque<std::pair<Time, std::uint64_t>> times_;
 };
 

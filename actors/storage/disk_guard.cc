@@ -80,19 +80,23 @@ Result<void> DiskGuard::CheckRoom(Database& database, Kind kind) const {
   const bool is_short = room->bytes < RecordFloor(room->reserve_bytes) ||
                         room->disk_bytes + room->log_bytes < LogFloor(room->reserve_bytes);
   if (is_short) {
-    return Fail(ErrorCode::kFull,
-                "the disk is full (" + DiskMegabytes(room->disk_bytes) +
-                    " are free): no records are accepted, the rest is reserved for role assignments; " + Advice());
+    return Fail(
+        ErrorCode::kFull,
+        "the disk is full (" + DiskMegabytes(room->disk_bytes) +
+            " are free): no records are accepted, because the remaining space is reserved for role assignments; " +
+            Advice());
   }
   const std::string nearly_full = "the disk is nearly full (" + DiskMegabytes(room->disk_bytes) + " are free): ";
   if (kind != Kind::kRecord && room->bytes < MapFloor(room->reserve_bytes)) {
-    return Fail(ErrorCode::kFull,
-                nearly_full + "no more maps are accepted, the rest is reserved for states; " + Advice());
+    return Fail(
+        ErrorCode::kFull,
+        nearly_full + "no more maps are accepted, because the remaining space is reserved for states; " + Advice());
   }
   if (kind == Kind::kOthersMap && room->bytes < OthersMapFloor(room->reserve_bytes)) {
-    return Fail(ErrorCode::kFull, nearly_full +
-                                      "no more maps of other agents are accepted, the rest is reserved for this " +
-                                      "agent's own records; " + Advice());
+    return Fail(ErrorCode::kFull,
+                nearly_full +
+                    "no more maps of other agents are accepted, because the remaining space is reserved for this " +
+                    "agent's own records; " + Advice());
   }
   return {};
 }
@@ -112,7 +116,7 @@ bool DiskGuard::GiveUpReserve(Database& database) {
   return was_there || is_moved;
 }
 
-bool DiskGuard::NoteFailure(const Database& database, const Error& error) {
+bool DiskGuard::ObserveFailure(const Database& database, const Error& error) {
   if (!IsOfTheDisk(error)) return false;
   std::string text = error.text;
   if (error.code == ErrorCode::kFull) text = "the disk is full";
@@ -122,7 +126,7 @@ bool DiskGuard::NoteFailure(const Database& database, const Error& error) {
   return std::exchange(trouble_, text) != text;
 }
 
-bool DiskGuard::NoteSuccess() { return !std::exchange(trouble_, std::string()).empty(); }
+bool DiskGuard::ObserveSuccess() { return !std::exchange(trouble_, std::string()).empty(); }
 
 bool DiskGuard::Tend(Database& database, std::mt19937_64& random) {
   if (database.access() == Database::Access::kReadOnly || !trouble_.empty() || is_reserve_whole_) return false;

@@ -53,10 +53,10 @@ class DiskGuard {
   // file. Returns true if this freed space; the caller should then repeat the write.
   bool GiveUpReserve(Database& database);
 
-  // Call NoteFailure or NoteSuccess after every write. NoteFailure returns true if the disk caused the error and the
-  // failure differs from the last one.
-  bool NoteFailure(const Database& database, const Error& error);
-  bool NoteSuccess();  // Returns true if a disk failure was noted since the last success.
+  // Call ObserveFailure or ObserveSuccess after every write. ObserveFailure returns true if the disk caused the error
+  // and the failure differs from the last one.
+  bool ObserveFailure(const Database& database, const Error& error);
+  bool ObserveSuccess();  // Returns true if a disk failure was noted since the last success.
   const std::string& trouble() const { return trouble_; }
 
   // Call periodically. Adds one part to the reserve if there is room. Returns true if a part was added; the caller

@@ -232,7 +232,7 @@ Result<void> OwnEpochs::Write(Database& database, const Next& begun) const {
   return query.Run();
 }
 
-void OwnEpochs::NoteBegun(const Next& begun) {
+void OwnEpochs::ObserveBegun(const Next& begun) {
   tag_ = begun.tag;
   begun_.insert(begun.epoch);
 }

@@ -64,7 +64,7 @@ class OwnEpochs {
   std::uint64_t highest() const;  // The highest known epoch; 0 if none is known.
   // Call once, when all own epochs in this agent's database file are known. From then on, IsPossible compares epochs
   // that peers claim with the highest epoch known at this call.
-  void NoteStart() {
+  void ObserveStart() {
     highest_at_start_ = highest();
     has_learned_ = false;
   }
@@ -87,7 +87,7 @@ class OwnEpochs {
   };
   Danger Endangered() const;
 
-  // An epoch above all known epochs. The caller passes it to Write and, after the commit, to NoteBegun.
+  // An epoch above all known epochs. The caller passes it to Write and, after the commit, to ObserveBegun.
   struct Next {
     std::uint64_t epoch = 0;
     std::uint32_t tag = 0;  // The tag of this incarnation; drawn now if the incarnation had none.
@@ -95,7 +95,7 @@ class OwnEpochs {
   // Returns the epoch that this agent can begin next. Fails with kInternal if no epochs are left.
   Result<Next> Draw(std::mt19937_64& random) const;
   Result<void> Write(Database& database, const Next& begun) const;
-  void NoteBegun(const Next& begun);
+  void ObserveBegun(const Next& begun);
 
  private:
   std::uint32_t DrawTag(std::mt19937_64& random) const;

@@ -402,7 +402,7 @@ Result<proto::Record> ReadRow(const PaperTable& table, const RecordKey& key, sql
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
     const int number = static_cast<int>(i) + 2;
     if (sqlite3_column_type(prepared, number) == SQLITE_NULL) continue;
-    if (!Take(prepared, number, table.columns[i], record)) return tl::unexpected(Corrupt("leaves out a value"));
+    if (!Take(prepared, number, table.columns[i], record)) return tl::unexpected(Corrupt("lacks a value of the row"));
   }
   if (sqlite3_step(prepared) != SQLITE_DONE) return tl::unexpected(Corrupt("inserts more than one row"));
   return record;

@@ -49,20 +49,20 @@ Result<void> PeerAuthority::Load(Database& database) {
   if (!options_.roles.has_keys) return {};
   const Result<proto::LoadRolesReply> acted_on = LoadRoles(database);
   if (!acted_on) return tl::unexpected(acted_on.error());
-  for (const proto::RoleAssignment& roles : acted_on->history()) NoteAssignment(roles, /*is_record=*/false);
+  for (const proto::RoleAssignment& roles : acted_on->history()) ObserveAssignment(roles, /*is_record=*/false);
   const Result<std::vector<proto::RoleAssignment>> records = LoadRoleRecords(database);
   if (!records) return tl::unexpected(records.error());
-  for (const proto::RoleAssignment& roles : *records) NoteAssignment(roles, /*is_record=*/true);
+  for (const proto::RoleAssignment& roles : *records) ObserveAssignment(roles, /*is_record=*/true);
   return {};
 }
 
-void PeerAuthority::NoteAssignment(const proto::RoleAssignment& roles, bool is_record) {
+void PeerAuthority::ObserveAssignment(const proto::RoleAssignment& roles, bool is_record) {
   (void)chain_.Add(roles);
   if (is_record) held_as_records_.insert(roles.signature());
 }
 
-void PeerAuthority::NoteIfSigned(const proto::RoleAssignment& roles) {
-  if (options_.roles.has_keys && options_.is_signed(roles)) NoteAssignment(roles, /*is_record=*/false);
+void PeerAuthority::ObserveIfSigned(const proto::RoleAssignment& roles) {
+  if (options_.roles.has_keys && options_.is_signed(roles)) ObserveAssignment(roles, /*is_record=*/false);
 }
 
 std::vector<proto::RoleAssignment> PeerAuthority::NotHeldAsRecords(const proto::RoleAssignment& roles) const {
@@ -142,13 +142,13 @@ Result<void> PeerAuthority::CheckOwnPrior(const proto::Record& record) const {
               "pose_prior.node.agent_id");
 }
 
-void PeerAuthority::NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) {
+void PeerAuthority::AddExcluded(const std::string& reader, const proto::LeftOutReport& report) {
   left_out_[reader] = report;
 }
 
 void PeerAuthority::CountRefused(AgentId sender, Cause cause, AgentId origin) { ++refused_[{sender, cause, origin}]; }
 
-void PeerAuthority::NoteOwnBeyond(AgentId peer, const std::vector<RecordKey>& beyond, bool is_all) {
+void PeerAuthority::ObserveOwnBeyond(AgentId peer, const std::vector<RecordKey>& beyond, bool is_all) {
   std::map<StreamKey, std::uint64_t>& noted = own_beyond_[peer];
   if (is_all) noted.clear();
   for (const RecordKey& key : beyond) {

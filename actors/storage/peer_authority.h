@@ -45,7 +45,7 @@ class PeerAuthority {
   // Returns whether records of the type are signed. Any agent may supply signed records.
   static bool IsSignedType(DataType type) { return type == proto::ROLE_ASSIGNMENT || type == proto::MAP_QUARANTINE; }
 
-  static constexpr std::size_t kOwnBeyondMax = 64;  // Maximum number of keys per peer (NoteOwnBeyond).
+  static constexpr std::size_t kOwnBeyondMax = 64;  // Maximum number of keys per peer (ObserveOwnBeyond).
 
   struct Options {
     AgentId self = 0;
@@ -65,8 +65,8 @@ class PeerAuthority {
   // records.
   Result<void> Load(Database& database);
   // Call after an assignment is committed. `is_record` is true if the assignment was stored as a record.
-  void NoteAssignment(const proto::RoleAssignment& roles, bool is_record);
-  void NoteIfSigned(const proto::RoleAssignment& roles);
+  void ObserveAssignment(const proto::RoleAssignment& roles, bool is_record);
+  void ObserveIfSigned(const proto::RoleAssignment& roles);
   // Returns `roles` and its predecessors of the same era (RoleChain), newest first. If one of these assignments is held
   // as a record, the list ends before that assignment.
   std::vector<proto::RoleAssignment> NotHeldAsRecords(const proto::RoleAssignment& roles) const;
@@ -101,12 +101,12 @@ class PeerAuthority {
   void CountStatement(AgentId origin) { CountRefused(origin, Cause::kStatement, 0); }
   // Remembers the report of a reader (an actor): how many stored records of each origin the reader ignores because of
   // the origin's role. Replaces the reader's last report.
-  void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report);
+  void AddExcluded(const std::string& reader, const proto::LeftOutReport& report);
 
   // Remembers own records of this agent that `peer` reported although this disk never held them. Each key is the last
   // such record of a stream; type and seq are 0 if only the epoch is known. If `is_all`, `beyond` replaces earlier
   // reports of the peer. At most kOwnBeyondMax keys are remembered per peer.
-  void NoteOwnBeyond(AgentId peer, const std::vector<RecordKey>& beyond, bool is_all);
+  void ObserveOwnBeyond(AgentId peer, const std::vector<RecordKey>& beyond, bool is_all);
 
   // Fills in the counts of refused records by sender, and the own records that peers reported and `have` does not
   // cover.
@@ -119,7 +119,7 @@ class PeerAuthority {
   RoleChain chain_;
   std::set<std::string> held_as_records_;  // Signatures of the assignments held as records.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // Counts by sender, cause and origin.
-  // By peer and stream: the last seq that NoteOwnBeyond received; 0 if only the epoch is known.
+  // By peer and stream: the last seq that ObserveOwnBeyond received; 0 if only the epoch is known.
   std::map<AgentId, std::map<StreamKey, std::uint64_t>> own_beyond_;
   // The last LeftOutReport of each actor that reads records, by the actor's name.
   std::map<std::string, proto::LeftOutReport> left_out_;

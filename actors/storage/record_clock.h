@@ -29,7 +29,7 @@ class RecordClock {
 
   explicit RecordClock(AgentId base_station) : judge_(base_station) {}
 
-  void NotePeer(AgentId peer, std::int64_t utc_ns, Time now) { judge_.NotePeer(peer, utc_ns, now); }
+  void ObservePeer(AgentId peer, std::int64_t utc_ns, Time now) { judge_.ObservePeer(peer, utc_ns, now); }
   // Judges this agent's clock, which shows `utc_ns`. Logs a change. Returns true if the clock jumped since the last
   // call.
   bool Judge(std::int64_t utc_ns, Time now);

@@ -164,7 +164,7 @@ class RecordStore::Writing {
     store_.used_bytes_ = std::move(used_bytes_);
     if (has_removed_nodes_) store_.own_nodes_.reset();
     if (store_.own_nodes_) store_.own_nodes_->insert(nodes_.begin(), nodes_.end());
-    if (begun_) store_.own_epochs_.NoteBegun(*begun_);
+    if (begun_) store_.own_epochs_.ObserveBegun(*begun_);
     store_.epoch_ = epoch_;
     return {};
   }
@@ -303,7 +303,7 @@ Result<void> RecordStore::Load() {
   for (const auto& [stream, have] : ledger_.have().streams()) {
     if (stream.origin == options_.self) own_epochs_.Learn(stream.epoch);
   }
-  own_epochs_.NoteStart();
+  own_epochs_.ObserveStart();
   if (const Result<void> loaded = peer_log_.Load(*database_); !loaded) return loaded;
   if (const Result<void> loaded = authority_.Load(*database_); !loaded) return loaded;
   const Result<std::int64_t> next_row_id = database_->Number("SELECT value FROM meta WHERE name = 'next_row_id'");
@@ -406,7 +406,7 @@ Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& cla
     for (const proto::Interval& interval : stream.dropped()) last = std::max(last, interval.last());
     if (last > ledger_.have().Get(key).Covered().Max()) beyond.push_back({key, last});
   }
-  authority_.NoteOwnBeyond(peer, beyond, is_all);
+  authority_.ObserveOwnBeyond(peer, beyond, is_all);
   return LearnOwnEpochs(BelievedEpochs(peer, epochs));
 }
 
@@ -490,7 +490,7 @@ Result<void> RecordStore::ReissueOne(const RecordKey& old_key, Writing& writing)
 
 proto::RecordsStored RecordStore::TakeReissued() { return std::exchange(reissued_, {}); }
 
-Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport& report) {
+Result<void> RecordStore::ObserveEpochReport(AgentId peer, const proto::EpochReport& report) {
   if (report.epochs_size() > kEpochReportMax) {
     return Fail(ErrorCode::kInvalid, "has more than " + std::to_string(kEpochReportMax) + " entries", "epochs");
   }
@@ -505,7 +505,7 @@ Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport
   }
   // `unknown` must be computed before LearnOwnEpochs: a learned epoch counts as known, even if no peer has returned any
   // of its records yet.
-  authority_.NoteOwnBeyond(peer, unknown, /*is_all=*/false);
+  authority_.ObserveOwnBeyond(peer, unknown, /*is_all=*/false);
   return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }
 
@@ -640,7 +640,9 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
       return {};
     }
     if (*named) {
-      const char* as = !is_same ? "with other content" : is_local ? "and is shared" : "and is local";
+      const char* as = !is_same   ? "with other content"
+                       : is_local ? "and is shared with other agents"
+                                  : "and is not shared (--local)";
       return Fail(ErrorCode::kInvalid, name + " already exists " + as, table.name());
     }
   }
@@ -724,11 +726,11 @@ void RecordStore::Reject(Error error, Stored& result) {
 
 // Notes the signed assignments in the request. Call before the records are checked, because an assignment may decide
 // which records are accepted.
-void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
+void RecordStore::ObserveAssignmentsIn(const proto::StoreRequest& request) {
   for (const proto::StoredRecord& stored : request.records()) {
     if (stored.key().data_type() != proto::ROLE_ASSIGNMENT) continue;
     const Result<proto::Record> record = OpenStored(stored, options_.team);
-    if (record) authority_.NoteIfSigned(record->role_assignment());
+    if (record) authority_.ObserveIfSigned(record->role_assignment());
   }
 }
 
@@ -766,7 +768,7 @@ std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequ
 
 RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   Stored result;
-  NoteAssignmentsIn(request);
+  ObserveAssignmentsIn(request);
   const std::vector<Opened> opened = OpenBrought(request, result);
   std::set<StreamKey> touched;
   for (const Opened& record : opened) touched.insert(record.key.stream);
@@ -842,7 +844,7 @@ Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& op
   if (const Result<void> done = writing->Commit(result.stored); !done) return done;
   for (const Opened& record : opened) {
     if (record.record.has_role_assignment())
-      authority_.NoteAssignment(record.record.role_assignment(), /*is_record=*/true);
+      authority_.ObserveAssignment(record.record.role_assignment(), /*is_record=*/true);
   }
   return {};
 }
@@ -1053,8 +1055,8 @@ Result<proto::RecordsStored> RecordStore::SaveRoles(const proto::SaveRolesReques
   const Result<bool> added = AddRoles(*database_, roles);
   if (!added) return tl::unexpected(added.error());
   const bool has_role = roles.leader() == options_.self || roles.survivor() == options_.self;
-  for (const proto::RoleAssignment& before : request.chain()) authority_.NoteAssignment(before, /*is_record=*/false);
-  authority_.NoteAssignment(roles, /*is_record=*/false);
+  for (const proto::RoleAssignment& before : request.chain()) authority_.ObserveAssignment(before, /*is_record=*/false);
+  authority_.ObserveAssignment(roles, /*is_record=*/false);
   std::vector<proto::RoleAssignment> records;
   if (*added && has_role) records = authority_.NotHeldAsRecords(roles);
   std::reverse(records.begin(), records.end());
@@ -1068,7 +1070,7 @@ Result<proto::RecordsStored> RecordStore::SaveRoles(const proto::SaveRolesReques
   }
   proto::RecordsStored stored;
   if (const Result<void> done = writing->Commit(stored); !done) return tl::unexpected(done.error());
-  for (const proto::RoleAssignment& before : records) authority_.NoteAssignment(before, /*is_record=*/true);
+  for (const proto::RoleAssignment& before : records) authority_.ObserveAssignment(before, /*is_record=*/true);
   return stored;
 }
 
@@ -1081,7 +1083,7 @@ Result<proto::LoadRolesReply> RecordStore::LoadRoles() {
   return reply;
 }
 
-Result<bool> RecordStore::NotePeerHave(const proto::PeerHave& note) {
+Result<bool> RecordStore::ObservePeerHave(const proto::PeerHave& note) {
   const auto& origins = note.origin_agents();
   const bool speaks_of_self =
       origins.empty() || std::find(origins.begin(), origins.end(), options_.self) != origins.end();

@@ -141,7 +141,7 @@ class RecordStore {
   // Accepts a peer's report about this agent's own epochs. Fails with kInvalid, and accepts nothing, if the report has
   // more than kEpochReportMax epochs, contains epoch 0, or does not list the epochs in strictly rising order.
   // Impossible epochs are skipped and counted as rejected.
-  Result<void> NoteEpochReport(AgentId peer, const proto::EpochReport& report);
+  Result<void> ObserveEpochReport(AgentId peer, const proto::EpochReport& report);
   // Returns the highest epochs of `origin` in this store's have-set, at most kEpochReportMax, to be sent to `origin`.
   proto::EpochReport ReportEpochs(AgentId origin) const;
   static constexpr int kEpochReportMax = 64;
@@ -159,15 +159,15 @@ class RecordStore {
   // this agent leader or survivor, it is also stored as a record, with its predecessors that are not yet records. Peers
   // need these records to check that this agent may supply other agents' records.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
-  // Remembers the number of records that a reader ignores; see PeerAuthority::NoteLeftOut.
-  void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) {
-    authority_.NoteLeftOut(reader, report);
+  // Remembers the number of records that a reader ignores; see PeerAuthority::AddExcluded.
+  void AddExcluded(const std::string& reader, const proto::LeftOutReport& report) {
+    authority_.AddExcluded(reader, report);
   }
   // Fills in the number of refused records per peer; see PeerAuthority::Describe.
   void DescribeRefused(proto::AgentStatus& status) const { authority_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();
   // Applies a session's report of the records that a peer has; see PeerLog::Store.
-  Result<bool> NotePeerHave(const proto::PeerHave& note);
+  Result<bool> ObservePeerHave(const proto::PeerHave& note);
   // `day` is today, in days since 1970. StorageStatus shows the bytes written per day.
   Result<proto::StorageStatus> GetStatus(std::uint32_t day = 0);
   // Call once a minute. Saves the count of bytes written, if it changed.
@@ -273,7 +273,7 @@ class RecordStore {
                         Stored& result);
   Result<void> ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing);
   Result<void> CheckDropped(AgentId sender, const proto::StreamHave& dropped, HaveSet& accepted);
-  void NoteAssignmentsIn(const proto::StoreRequest& request);
+  void ObserveAssignmentsIn(const proto::StoreRequest& request);
   Result<void> CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record);
   void Reject(Error error, Stored& result);
   // If `failure` is kFull, removes history. Returns true if rows were removed; the caller should then retry.

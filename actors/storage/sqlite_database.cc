@@ -65,7 +65,7 @@ Result<std::string> FreeAsidePath(const std::string& path) {
       smallest = number;
     }
   }
-  spdlog::error("storage: {} damaged stores lie beside {}: check the disk; the smallest of them is removed",
+  spdlog::error("storage: {} damaged stores lie beside {}: the smallest of them is removed now; check the disk",
                 Database::kDamagedMax, path);
   for (const char* ending : {"-wal", ""}) {
     std::error_code error;

@@ -130,11 +130,11 @@ bool StorageActor::OpenStore(Context& context) {
     return false;
   }
   store_ = *std::move(store);
-  copies_.NoteTime(context.now(), store_->next_row_id());
+  copies_.ObserveTime(context.now(), store_->next_row_id());
   if (store_->database().access() == Database::Access::kReadOnly) {
-    NoteWrite(CheckRoom(DiskGuard::Kind::kRecord));
+    ObserveWrite(CheckRoom(DiskGuard::Kind::kRecord));
   } else if (store_->start_trouble()) {
-    NoteWrite(tl::unexpected(*store_->start_trouble()));
+    ObserveWrite(tl::unexpected(*store_->start_trouble()));
   }
   return true;
 }
@@ -163,7 +163,7 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kLoadRolesRequest:
       return OnLoadRoles(context);
     case proto::Message::kLeftOutReport:
-      return store_->NoteLeftOut(context.sender().actor, message.left_out_report());
+      return store_->AddExcluded(context.sender().actor, message.left_out_report());
     case proto::Message::kPeerHave:
       return OnPeerHave(context, message.peer_have());
     case proto::Message::kControlRequest:
@@ -171,7 +171,7 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kFindingsRequest:
       return OnFindings(context);
     case proto::Message::kPeerClock:
-      return clock_.NotePeer(message.peer_clock().peer(), message.peer_clock().utc_ns(), context.now());
+      return clock_.ObservePeer(message.peer_clock().peer(), message.peer_clock().utc_ns(), context.now());
     case proto::Message::kVerifyRequest:
       return OnVerify(context, message.verify_request());
     case proto::Message::kTimer:
@@ -201,7 +201,7 @@ void StorageActor::OnFromPeer(Context& context, const proto::Message& message) {
     return spdlog::debug("storage: ignored a message of kind {} from agent {}", static_cast<int>(message.body_case()),
                          peer);
   }
-  const Result<void> noted = store_->NoteEpochReport(peer, message.epoch_report());
+  const Result<void> noted = store_->ObserveEpochReport(peer, message.epoch_report());
   if (!noted && noted.error().code == ErrorCode::kInvalid) {
     return rejected_log_.Warn("storage: rejected data from agent " + std::to_string(peer) + ": " +
                               OneLine(ToString(noted.error())));
@@ -225,7 +225,7 @@ void StorageActor::ReportEpochs(Context& context, AgentId peer) {
 }
 
 void StorageActor::OnPeerHave(Context& context, const proto::PeerHave& note) {
-  const Result<bool> noted = store_->NotePeerHave(note);
+  const Result<bool> noted = store_->ObservePeerHave(note);
   if (!noted) Note(context, "replication log", noted.error());
   if (noted && !*noted) {
     proto::Message request;
@@ -263,14 +263,14 @@ Result<void> StorageActor::CheckRoom(DiskGuard::Kind kind) {
 RecordStore::Inserted StorageActor::InsertWhereRoomSeems(const proto::InsertRequest& request) {
   RecordStore::Inserted inserted = store_->Insert(request);
   if (GivesUpReserveFor(inserted.reply.error())) inserted = store_->Insert(request);
-  NoteWrite(inserted.reply.error(), inserted.stored);
+  ObserveWrite(inserted.reply.error(), inserted.stored);
   return inserted;
 }
 
 RecordStore::Stored StorageActor::StoreWhereRoomSeems(const proto::StoreRequest& request) {
   RecordStore::Stored stored = store_->Store(request);
   if (GivesUpReserveFor(stored.reply.error())) stored = store_->Store(request);
-  NoteWrite(stored.reply.error(), stored.stored);
+  ObserveWrite(stored.reply.error(), stored.stored);
   return stored;
 }
 
@@ -368,7 +368,7 @@ void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& 
   }
   Answer(context, std::move(reply));
   if (!saved) return;
-  copies_.NoteRoles(request.roles());
+  copies_.ObserveRoles(request.roles());
   Publish(context, *saved);
 }
 
@@ -382,15 +382,15 @@ template <typename Write>
 auto StorageActor::WriteInAnyCase(Write write) -> decltype(write()) {
   auto done = write();
   if (!done && GivesUpReserveFor(ToProto(done.error()))) done = write();
-  NoteWrite(done ? Result<void>() : tl::unexpected(done.error()));
+  ObserveWrite(done ? Result<void>() : tl::unexpected(done.error()));
   if (!done && done.error().code == ErrorCode::kFull) done.error().text += "; " + disk_.Advice();
   return done;
 }
 
-void StorageActor::NoteWrite(const Result<void>& written) {
+void StorageActor::ObserveWrite(const Result<void>& written) {
   if (written) {
-    if (disk_.NoteSuccess()) spdlog::info("storage: the disk accepts writes again");
-  } else if (disk_.NoteFailure(store_->database(), written.error())) {
+    if (disk_.ObserveSuccess()) spdlog::info("storage: the disk accepts writes again");
+  } else if (disk_.ObserveFailure(store_->database(), written.error())) {
     trouble_log_.Error("storage: nothing can be written: " + disk_.trouble() +
                        "; stored records are still read and shared");
   }
@@ -398,9 +398,9 @@ void StorageActor::NoteWrite(const Result<void>& written) {
 
 // Notes the result of storing records. Ignores errors that do not come from the disk, and requests that stored no row,
 // because neither shows whether the disk works.
-void StorageActor::NoteWrite(const proto::Error& error, const proto::RecordsStored& stored) {
-  if (IsError(error)) return NoteWrite(tl::unexpected(FromProto(error)));
-  if (stored.last_row_id() != 0) NoteWrite(Result<void>());
+void StorageActor::ObserveWrite(const proto::Error& error, const proto::RecordsStored& stored) {
+  if (IsError(error)) return ObserveWrite(tl::unexpected(FromProto(error)));
+  if (stored.last_row_id() != 0) ObserveWrite(Result<void>());
 }
 
 void StorageActor::OnLoadRoles(Context& context) {
@@ -410,7 +410,7 @@ void StorageActor::OnLoadRoles(Context& context) {
     context.Fail(loaded.error());
     return;
   }
-  if (!loaded->history().empty()) copies_.NoteRoles(*loaded->history().rbegin());
+  if (!loaded->history().empty()) copies_.ObserveRoles(*loaded->history().rbegin());
   proto::Message reply;
   *reply.mutable_load_roles_reply() = *std::move(loaded);
   Answer(context, std::move(reply));
@@ -482,7 +482,7 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
   if (!pruned && pruned.error().code == ErrorCode::kFull) {
     pruned = WriteInAnyCase([&] { return store_->Prune(request, context.utc_now_ns(), kRowsOnFullDisk); });
   } else if (pruned && !pruned->pruned().empty() && !request.is_dry_run()) {
-    NoteWrite(Result<void>());
+    ObserveWrite(Result<void>());
   }
   if (pruned) {
     reply = *std::move(pruned);
@@ -498,13 +498,13 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
 
 // Periodically checks the file, its disk and the reserve, which can change without a message.
 void StorageActor::Tend(Context& context) {
-  copies_.NoteTime(context.now(), store_->next_row_id());
+  copies_.ObserveTime(context.now(), store_->next_row_id());
   if (const Result<void> there = store_->database().CheckInPlace(); !there) return Note(context, "", there.error());
   const bool is_writable = store_->database().access() != Database::Access::kReadOnly;
   if (!is_writable && !store_->database().IsOnReadOnlyFileSystem()) return Reopen(context);
   if (is_writable && !disk_.trouble().empty()) {
     const Result<void> written = store_->TryToWrite();
-    NoteWrite(written);
+    ObserveWrite(written);
     if (!written) FailIfDamaged(context, written.error());
     // Reopen the store, so that other processes can read the file again.
     const bool is_alone = store_->database().access() == Database::Access::kAlone && options_.vfs.empty();
@@ -519,7 +519,7 @@ void StorageActor::Tend(Context& context) {
 void StorageActor::Reopen(Context& context) {
   spdlog::info("storage: the disk can be written again; reopens {}", options_.path);
   store_.reset();
-  disk_.NoteSuccess();
+  disk_.ObserveSuccess();
   if (OpenStore(context)) (void)context.AfterTimer(options_.tend_period, kTend);
 }
 

@@ -112,8 +112,8 @@ class StorageActor final : public Actor {
   // Calls `write`. If the disk is full, gives up the reserve and calls `write` once more.
   template <typename Write>
   auto WriteInAnyCase(Write write) -> decltype(write());
-  void NoteWrite(const Result<void>& written);
-  void NoteWrite(const proto::Error& error, const proto::RecordsStored& stored);
+  void ObserveWrite(const Result<void>& written);
+  void ObserveWrite(const proto::Error& error, const proto::RecordsStored& stored);
   RecordStore::Stored StoreAsRoomAllows(const proto::StoreRequest& request);
   void SaveWritten(Context& context);
   void TrimHistory(Context& context);

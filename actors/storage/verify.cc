@@ -23,7 +23,7 @@ IntervalSet Behind(const IntervalSet& seqs, std::uint64_t seq) {
 
 IntervalSet UpTo(const IntervalSet& seqs, std::uint64_t seq) { return seqs.Minus(Behind(seqs, seq)); }
 
-void NoteFinding(const proto::RecordKey& key, const std::string& text, proto::VerifyReply& reply) {
+void AddFinding(const proto::RecordKey& key, const std::string& text, proto::VerifyReply& reply) {
   if (reply.findings_size() >= kVerifyFindingsMax) return;
   proto::VerifyFinding& finding = *reply.add_findings();
   *finding.mutable_key() = key;
@@ -60,11 +60,11 @@ Result<proto::VerifyReply> VerifyRows(Database& database, const HaveSet& have, s
     const RecordKey key = FromProto(record.key());
     if (HashRecord(key, record.content()) != record.hash()) {
       reply.set_damaged_count(reply.damaged_count() + 1);
-      NoteFinding(record.key(), "its content does not match its hash", reply);
+      AddFinding(record.key(), "its content does not match its hash", reply);
     }
     if (key.seq != 0 && !have.Get(key.stream).held.Contains(key.seq)) {
       reply.set_orphaned_count(reply.orphaned_count() + 1);
-      NoteFinding(record.key(), "a row exists, but the have-set does not list it", reply);
+      AddFinding(record.key(), "a row exists, but the have-set does not list it", reply);
     }
   }
   reply.set_checked_count(page->records_size());
@@ -73,12 +73,12 @@ Result<proto::VerifyReply> VerifyRows(Database& database, const HaveSet& have, s
   return reply;
 }
 
-void NoteMissing(const StreamKey& stream, const IntervalSet& missing, proto::VerifyReply& reply) {
+void AddMissing(const StreamKey& stream, const IntervalSet& missing, proto::VerifyReply& reply) {
   reply.set_missing_count(reply.missing_count() + static_cast<double>(missing.Count()));
   for (const IntervalSet::Interval& interval : missing.intervals()) {
     for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
       if (reply.findings_size() >= kVerifyFindingsMax) return;
-      NoteFinding(ToProto(RecordKey{stream, seq}), "the have-set lists it, but no row exists", reply);
+      AddFinding(ToProto(RecordKey{stream, seq}), "the have-set lists it, but no row exists", reply);
     }
   }
 }
@@ -118,7 +118,7 @@ Result<proto::VerifyReply> VerifyHeld(Database& database, const HaveSet& have, c
     if (!found) return tl::unexpected(found.error());
     const IntervalSet expected = UpTo(held, found->last_seq);
     reply.set_checked_count(reply.checked_count() + static_cast<double>(expected.Count()));
-    NoteMissing(stream, expected.Minus(found->seqs), reply);
+    AddMissing(stream, expected.Minus(found->seqs), reply);
     looked_at += static_cast<std::uint32_t>(found->seqs.Count()) + 1;
     *reply.mutable_last_key() = ToProto(RecordKey{stream, found->last_seq});
     if (looked_at >= kVerifyRecordsMax) return reply;

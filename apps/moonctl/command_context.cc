@@ -96,7 +96,7 @@ std::uint64_t CommandContext::ConfigHashOf(AgentId of) const {
   return hash == config_hashes_.end() ? 0 : hash->second;
 }
 
-void CommandContext::NoteConfigHash(const proto::AgentConfig& of, std::uint64_t hash) {
+void CommandContext::ObserveConfigHash(const proto::AgentConfig& of, std::uint64_t hash) {
   const std::uint64_t known = std::exchange(config_hashes_[of.id()], hash);
   if (hash == 0 || hash == known || hash == team_->hash) return;
   std::fprintf(stderr, "moonctl: %s runs with another team file: %s\n", of.name().c_str(),
@@ -105,13 +105,13 @@ void CommandContext::NoteConfigHash(const proto::AgentConfig& of, std::uint64_t 
 
 // Prints on stderr, once per relay, that `by` relays requests. With --json, prints nothing: the document names the
 // relays.
-void CommandContext::NoteRelay(const proto::AgentConfig& by) {
+void CommandContext::ObserveRelay(const proto::AgentConfig& by) {
   if (std::find(relays_.begin(), relays_.end(), by.name()) != relays_.end()) return;
   relays_.push_back(by.name());
   if (!is_json) std::fprintf(stderr, "moonctl: requests are relayed by %s, over the radio\n", by.name().c_str());
 }
 
-void CommandContext::NoteRemark(const std::string& text) {
+void CommandContext::AddRemark(const std::string& text) {
   if (remarks_.insert(text).second) std::fprintf(stderr, "moonctl: %s\n", text.c_str());
 }
 
@@ -126,9 +126,9 @@ Result<TeamReach*> CommandContext::Reach() {
   TeamReach::Options reach;
   reach.client = *std::move(options);
   reach.via = *through;
-  reach.on_config_hash = [this](const proto::AgentConfig& of, std::uint64_t hash) { NoteConfigHash(of, hash); };
-  reach.on_relay = [this](const proto::AgentConfig& by) { NoteRelay(by); };
-  reach.on_remark = [this](const std::string& text) { NoteRemark(text); };
+  reach.on_config_hash = [this](const proto::AgentConfig& of, std::uint64_t hash) { ObserveConfigHash(of, hash); };
+  reach.on_relay = [this](const proto::AgentConfig& by) { ObserveRelay(by); };
+  reach.on_remark = [this](const std::string& text) { AddRemark(text); };
   reach_ = std::make_unique<TeamReach>(**team, std::move(reach));
   return reach_.get();
 }

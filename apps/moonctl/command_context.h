@@ -92,7 +92,7 @@ class CommandContext {
   // Calls `ask`, which takes a Client& and returns a Result<T>, for each of ChosenAgents(). The entry of an agent that
   // cannot be reached is an error. Returns kInvalid if the key cannot be read.
   template <typename Ask>
-  auto AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>>;
+  auto CallEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>>;
 
   // Connects to the agent given with -a, otherwise to the leader in the assignment with the newest term that any agent
   // reports.
@@ -110,9 +110,9 @@ class CommandContext {
   Result<std::string> SecretKey();          // Empty: the client has no key.
   Result<const proto::AgentConfig*> Via();  // The relay chosen by the user. Null: none.
   Result<TeamReach*> Reach();
-  void NoteConfigHash(const proto::AgentConfig& of, std::uint64_t hash);
-  void NoteRelay(const proto::AgentConfig& by);
-  void NoteRemark(const std::string& text);
+  void ObserveConfigHash(const proto::AgentConfig& of, std::uint64_t hash);
+  void ObserveRelay(const proto::AgentConfig& by);
+  void AddRemark(const std::string& text);
   std::string WithVia(std::string_view json) const;  // Adds the names in `relays_` as `via` to the document.
 
   std::filesystem::path program_folder_;
@@ -127,7 +127,7 @@ class CommandContext {
 };
 
 template <typename Ask>
-auto CommandContext::AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>> {
+auto CommandContext::CallEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>> {
   const auto agents = ChosenAgents();
   if (!agents) return tl::unexpected(agents.error());
   if (auto key = SecretKey(); !key) return tl::unexpected(key.error());

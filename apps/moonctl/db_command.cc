@@ -85,7 +85,7 @@ std::string HistoryText(const proto::StorageStatus& storage) {
 }
 
 ExitCode ShowInfo(CommandContext& context) {
-  const auto answers = context.AskEach([](Client& client) { return client.Status(); });
+  const auto answers = context.CallEach([](Client& client) { return client.Status(); });
   if (!answers) return context.Report(answers.error());
   Table table({"AGENT", "DATABASE", "BUDGET", "MAPS", "HISTORY", "WAL", "DISK FREE", "WRITTEN TODAY", "YESTERDAY",
                "MEAN A DAY", "PRUNED", "REFUSED"});
@@ -123,7 +123,7 @@ std::string HoldingText(const Holding& holding) {
 }
 
 ExitCode ShowHoldings(CommandContext& context) {
-  const auto answers = context.AskEach([](Client& client) { return client.GetHaveSet(); });
+  const auto answers = context.CallEach([](Client& client) { return client.GetHaveSet(); });
   if (!answers) return context.Report(answers.error());
   const proto::TeamConfig& team = (*context.Team())->config;
   JsonWriter json;
@@ -238,8 +238,9 @@ void AddDbCommands(Command& app, CommandContext& context) {
   prune.AddOption("--older-than", prune_arguments->older_than, "Remove records older than AGE (30d, 12h, 90m)")
       .TypeName("AGE");
   prune
-      .AddOption("--type", prune_arguments->types,
-                 "Remove records of this data type; may be repeated. The pose graph and quarantines must be named")
+      .AddOption(
+          "--type", prune_arguments->types,
+          "Remove records of this data type; may be repeated. The pose graph and quarantines are removed only if named")
       .TypeName("DATATYPE");
   Option& occluded_maps = prune.AddFlag("--occluded-maps", prune_arguments->occluded_maps,
                                         "Remove only maps that win no cell of the merged map");

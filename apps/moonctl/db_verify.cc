@@ -103,7 +103,7 @@ std::string FindingsText(const std::string& agent, const Verification& found) {
 }  // namespace
 
 ExitCode VerifyStores(CommandContext& context) {
-  const auto answers = context.AskEach(VerifyStore);
+  const auto answers = context.CallEach(VerifyStore);
   if (!answers) return context.Report(answers.error());
   Table table({"AGENT", "ROWS", "DAMAGED", "MISSING", "STRAY", "FILE CHECK", "TOOK", "VERDICT"});
   JsonWriter json;

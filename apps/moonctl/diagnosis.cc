@@ -38,7 +38,7 @@ RobotCheck KeysCheck(const proto::TeamConfig& team, const proto::AgentConfig& ag
                   "create a team with keys: moonctl config init");
   }
   if (facts.is_elsewhere) {
-    return Fault("keys", "the secret keys of " + agent.name() + " are not on this computer, but another agent's are",
+    return Fault("keys", "this computer has the secret keys of another agent, but not those of " + agent.name(),
                  "run moonctl doctor on the computer of " + agent.name() + "; do not copy its secret keys here");
   }
   if (facts.keys_error.empty())

@@ -23,7 +23,7 @@ struct DoctorArguments {
 Result<void> AddReports(CommandContext& context, const TeamFile& team, const proto::AgentConfig& agent,
                         RobotFacts& facts) {
   context.agent.clear();
-  const auto statuses = context.AskEach([](Client& client) { return client.Status(); });
+  const auto statuses = context.CallEach([](Client& client) { return client.Status(); });
   if (!statuses) return tl::unexpected(statuses.error());
   std::map<AgentId, PeerFacts*> peers;
   for (PeerFacts& peer : facts.peers) peers[peer.agent] = &peer;

@@ -181,7 +181,9 @@ ExitCode ShowBundle(CommandContext& context, const DownlinkArguments& arguments)
   const auto head = ReadBundle(*file, [&](const proto::StoredRecord& stored) -> Result<void> {
     proto::Record record;
     if (!record.ParseFromString(stored.content())) {
-      return Fail(ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " cannot be decoded");
+      return Fail(ErrorCode::kCorrupt,
+                  ToString(FromProto(stored.key())) +
+                      " cannot be decoded: fetch the bundle again, or read it with the version of moondb that made it");
     }
     counts[DataTypeName(stored.key().data_type(), custom_types)] += 1;
     if (context.is_json) WriteRecord(stored, record, custom_types, records);

@@ -28,7 +28,7 @@ std::pair<IntervalSet, IntervalSet> Halves(const IntervalSet& seqs) {
 
 class Comparison {
  public:
-  Comparison(const AskFingerprint& first, const AskFingerprint& second, std::size_t keys_max)
+  Comparison(const RequestFingerprint& first, const RequestFingerprint& second, std::size_t keys_max)
       : first_(first), second_(second), keys_max_(keys_max) {}
 
   Result<void> Compare(const StreamKey& stream, const IntervalSet& seqs) {
@@ -50,8 +50,8 @@ class Comparison {
   std::vector<RecordKey> TakeDiffering() { return std::move(differing_); }
 
  private:
-  const AskFingerprint& first_;
-  const AskFingerprint& second_;
+  const RequestFingerprint& first_;
+  const RequestFingerprint& second_;
   const std::size_t keys_max_;
   std::vector<RecordKey> differing_;
 };
@@ -79,8 +79,8 @@ Result<Fingerprint> FingerprintOf(Client& client, const StreamKey& stream, const
   return whole;
 }
 
-Result<std::vector<RecordKey>> FindDiffering(const HaveSet& held, const AskFingerprint& first,
-                                             const AskFingerprint& second, std::size_t keys_max) {
+Result<std::vector<RecordKey>> FindDiffering(const HaveSet& held, const RequestFingerprint& first,
+                                             const RequestFingerprint& second, std::size_t keys_max) {
   Comparison comparison(first, second, keys_max);
   for (const auto& [stream, have] : held.streams()) {
     if (have.held.is_empty()) continue;

@@ -19,7 +19,7 @@ struct Fingerprint {
 };
 
 // Requests from an agent the fingerprint of the records of `stream` whose sequence numbers are in `seqs`.
-using AskFingerprint = std::function<Result<Fingerprint>(const StreamKey& stream, const IntervalSet& seqs)>;
+using RequestFingerprint = std::function<Result<Fingerprint>(const StreamKey& stream, const IntervalSet& seqs)>;
 
 // Requests from the agent the fingerprint of the records of `stream` whose sequence numbers are in `seqs`. If an answer
 // covers only some of these records, sends further requests. Returns the errors of Client, and kCorrupt if the agent's
@@ -29,7 +29,7 @@ Result<Fingerprint> FingerprintOf(Client& client, const StreamKey& stream, const
 // Compares the records in `held`, which both agents hold. Returns the keys of the records whose contents differ: the
 // smallest keys, at most `keys_max`. Sends each agent about 2 log2(n) requests per differing record if `held` has n
 // records.
-Result<std::vector<RecordKey>> FindDiffering(const HaveSet& held, const AskFingerprint& first,
-                                             const AskFingerprint& second, std::size_t keys_max);
+Result<std::vector<RecordKey>> FindDiffering(const HaveSet& held, const RequestFingerprint& first,
+                                             const RequestFingerprint& second, std::size_t keys_max);
 
 }  // namespace moondb

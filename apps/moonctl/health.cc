@@ -325,8 +325,8 @@ void JudgeMap(const proto::TeamConfig& team, const proto::MapStatsReply& stats,
     const std::string times =
         is_dated ? " --from " + FormatIso(cleared.from_ns()) + " --to " + FormatIso(cleared.to_ns() + 999'999'999) : "";
     all[cleared.agent_id()].push_back(
-        "its maps of one minute set " + FormatCount(cleared.cell_count()) + " of the other agents' " +
-        FormatCount(cleared.hazard_count()) + " hazard cells to free: 'moonctl map why " +
+        "within one minute, its maps marked as free " + FormatCount(cleared.cell_count()) + " of the " +
+        FormatCount(cleared.hazard_count()) + " cells that other agents hold as hazards: 'moonctl map why " +
         FormatFixed(cleared.x_m(), 2) + " " + FormatFixed(cleared.y_m(), 2) +
         "' explains one of the cells; if the maps are wrong: moonctl map quarantine --agent " + name + times);
   }

@@ -13,9 +13,9 @@ namespace moondb {
 namespace {
 
 ExitCode ShowHealth(CommandContext& context) {
-  const auto statuses = context.AskEach([](Client& client) { return client.Status(); });
+  const auto statuses = context.CallEach([](Client& client) { return client.Status(); });
   if (!statuses) return context.Report(statuses.error());
-  const auto shares = context.AskEach([](Client& client) { return client.ShareStatus(); });
+  const auto shares = context.CallEach([](Client& client) { return client.ShareStatus(); });
   if (!shares) return context.Report(shares.error());
   std::map<std::uint32_t, AgentReport> reports;
   for (const auto& [agent, status] : *statuses) {
@@ -98,7 +98,7 @@ Result<Acknowledged> AcknowledgeAt(Client& client) {
 }
 
 ExitCode AcknowledgeHealth(CommandContext& context) {
-  const auto answers = context.AskEach(AcknowledgeAt);
+  const auto answers = context.CallEach(AcknowledgeAt);
   if (!answers) return context.Report(answers.error());
   Table table({"AGENT", "ACKNOWLEDGED"});
   JsonWriter json;

@@ -100,7 +100,7 @@ struct SecretHere {
 // Checks whether `file` exists and holds the secret key that belongs to `public_key`. `public_key_of` reads a secret
 // key and returns its public key.
 template <typename PublicKeyOf>
-SecretHere LookFor(const std::filesystem::path& file, const std::string& public_key, PublicKeyOf public_key_of) {
+SecretHere InspectSecret(const std::filesystem::path& file, const std::string& public_key, PublicKeyOf public_key_of) {
   std::error_code error;
   if (!std::filesystem::exists(file, error)) return {false, error ? file.string() + ": " + error.message() : ""};
   const Result<std::string> own = public_key_of(file);
@@ -109,14 +109,14 @@ SecretHere LookFor(const std::filesystem::path& file, const std::string& public_
 }
 
 SecretHere CurveSecretHere(const std::filesystem::path& file, const std::string& public_key) {
-  return LookFor(file, public_key, [](const std::filesystem::path& path) -> Result<std::string> {
+  return InspectSecret(file, public_key, [](const std::filesystem::path& path) -> Result<std::string> {
     const Result<std::string> secret = ReadSecretKey(path);
     return secret ? PublicKeyOf(*secret) : secret;
   });
 }
 
 SecretHere SigningSecretHere(const std::filesystem::path& file, const std::string& public_key) {
-  return LookFor(file, public_key, [](const std::filesystem::path& path) -> Result<std::string> {
+  return InspectSecret(file, public_key, [](const std::filesystem::path& path) -> Result<std::string> {
     const Result<SigningKey> key = SigningKey::Read(path);
     if (!key) return tl::unexpected(key.error());
     return key->public_key();

@@ -72,7 +72,7 @@ ExitCode ShowMapHoldings(CommandContext& context) {
   if (!leader) return context.Report(leader.error());
   const auto leaders = leader->client->GetHaveSet();
   if (!leaders) return context.Report(leaders.error());
-  const auto answers = context.AskEach([](Client& client) { return ReadHeldMaps(client); });
+  const auto answers = context.CallEach([](Client& client) { return ReadHeldMaps(client); });
   if (!answers) return context.Report(answers.error());
   const proto::TeamConfig& team = (*context.Team())->config;
   Table table({"AGENT", "MAPS OF", "HELD", "LACKS", "NEWEST"});

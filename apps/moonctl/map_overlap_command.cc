@@ -151,8 +151,8 @@ ExitCode ReportOverlap(CommandContext& context, const Overlap& overlap, const st
     json.Key("matched").Number(static_cast<double>(share.matched_count)).EndObject();
   }
   json.EndArray().Key("remarks").BeginArray();
-  std::string text = "wrote " + file + ": hazards of " + overlap.maps.first_name + " in the known area of " +
-                     overlap.maps.second_name + "\n" + table.Text();
+  std::string text = "wrote " + file + ": the hazards of " + overlap.maps.first_name +
+                     " drawn over the known area of " + overlap.maps.second_name + "\n" + table.Text();
   for (const std::string& remark : overlap.remarks) {
     text += remark + "\n";
     json.String(remark);

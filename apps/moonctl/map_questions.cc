@@ -41,7 +41,7 @@ std::vector<std::string> ObservationRow(const proto::TeamConfig& team, const pro
           ToString(FromProto(said.record())) + (remark.empty() ? "" : " " + remark)};
 }
 
-ExitCode AskWhy(CommandContext& context, const Place& place) {
+ExitCode RequestWhy(CommandContext& context, const Place& place) {
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
   auto why = target->client->MapWhy(place.x_m, place.y_m);
@@ -131,7 +131,7 @@ void AddMapQuestions(Command& group, CommandContext& context) {
                             {"moonctl map why 10 -5.25", kShows});
   why.AddOption("x", place->x_m, "x in metres, in the frame map").Required();
   why.AddOption("y", place->y_m, "y in metres, in the frame map").Required();
-  why.Callback([&context, place] { context.action = [&context, place] { return AskWhy(context, *place); }; });
+  why.Callback([&context, place] { context.action = [&context, place] { return RequestWhy(context, *place); }; });
 
   Command& stats =
       AddCommand(group, "stats", "Show how many maps win cells, and the quarantines, at the leader (or -a)",

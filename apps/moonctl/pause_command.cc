@@ -27,7 +27,7 @@ proto::AgentLease LeaseOf(const proto::AgentConfig& agent, const proto::LeaseRep
 // Pauses each chosen agent for `duration`, or resumes it if `duration` is 0. Continues if an agent is unreachable.
 ExitCode SetPause(CommandContext& context, milliseconds duration) {
   const auto answers =
-      context.AskEach([duration](Client& client) { return client.SetLease(proto::LEASE_KIND_PAUSED, duration); });
+      context.CallEach([duration](Client& client) { return client.SetLease(proto::LEASE_KIND_PAUSED, duration); });
   if (!answers) return context.Report(answers.error());
   Table table({"AGENT", "SHARING"});
   JsonWriter json;

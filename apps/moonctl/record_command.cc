@@ -236,7 +236,7 @@ void AddRecordCommands(Command& app, CommandContext& context) {
                                 "Print new records, one per line (with --json one document each), until Ctrl-C");
   list.AddOption("--origin", arguments->origin, "Show only records of this agent").TypeName("AGENT");
   list.AddFlag("--history", arguments->is_history,
-               "List superseded states of the agent's own robot instead (`keep` in the team file)")
+               "List the superseded states of the agent's own robot that `keep` in the team file retains")
       .Excludes(follow);
   AddTimeSpanOptions(list, arguments->times, follow);
   list.AddOption("--limit", arguments->limit, "Maximum number of records (20)").Within(1u, kListMax);

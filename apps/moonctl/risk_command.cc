@@ -49,7 +49,7 @@ void WriteKeys(const proto::TeamConfig& team, const HaveSet& records, JsonWriter
 }
 
 ExitCode ShowRisk(CommandContext& context) {
-  const auto answers = context.AskEach([](Client& client) { return client.GetHaveSet(); });
+  const auto answers = context.CallEach([](Client& client) { return client.GetHaveSet(); });
   if (!answers) return context.Report(answers.error());
   const proto::TeamConfig& team = (*context.Team())->config;
   std::vector<HaveSet> haves;

@@ -29,7 +29,7 @@ struct RoleArguments {
 
 // Shows the role assignment that each agent holds. Different assignments reveal a split team.
 ExitCode ShowRoles(CommandContext& context) {
-  const auto answers = context.AskEach([](Client& client) { return client.Roles(); });
+  const auto answers = context.CallEach([](Client& client) { return client.Roles(); });
   if (!answers) return context.Report(answers.error());
   const proto::TeamConfig& team = (*context.Team())->config;
   Table table({"AGENT", "OWN ROLE", "TERM", "LEADER", "SURVIVOR", "REASON"});

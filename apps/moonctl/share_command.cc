@@ -369,9 +369,9 @@ void WriteRefused(const proto::TeamConfig& team, const proto::ShareStatus& statu
 }
 
 ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
-  const auto answers = context.AskEach([](Client& client) { return client.ShareStatus(); });
+  const auto answers = context.CallEach([](Client& client) { return client.ShareStatus(); });
   if (!answers) return context.Report(answers.error());
-  const auto statuses = context.AskEach([](Client& client) { return client.Status(); });
+  const auto statuses = context.CallEach([](Client& client) { return client.Status(); });
   if (!statuses) return context.Report(statuses.error());
   const auto status_of = [&statuses](const proto::AgentConfig& agent) -> const proto::AgentStatus* {
     for (const auto& [asked, status] : *statuses) {

@@ -144,10 +144,10 @@ std::string UnplacedLines(CommandContext& context, const proto::AgentStatus& lea
 }
 
 // Asks all agents whether the team is quiescent. Requires: records flow by themselves.
-Result<std::string> AskWhyNotSettled(CommandContext& context, const proto::AgentStatus& leader) {
+Result<std::string> FindWhyNotSettled(CommandContext& context, const proto::AgentStatus& leader) {
   const proto::TeamConfig& team = (*context.Team())->config;
   TeamActivity activity;
-  const auto sharing = context.AskEach([](Client& client) { return client.ShareStatus(); });
+  const auto sharing = context.CallEach([](Client& client) { return client.ShareStatus(); });
   if (!sharing) return tl::unexpected(sharing.error());
   for (const auto& [agent, status] : *sharing) {
     if (status) {
@@ -169,7 +169,7 @@ Result<std::string> AskWhyNotSettled(CommandContext& context, const proto::Agent
 }
 
 ExitCode ShowStatus(CommandContext& context) {
-  const auto answers = context.AskEach([](Client& client) { return client.Status(); });
+  const auto answers = context.CallEach([](Client& client) { return client.Status(); });
   if (!answers) return context.Report(answers.error());
   Table table({"AGENT", "ID", "ROLE", "TERM", "RECORDS", "ONE COPY", "DATABASE", "PEERS", "UP", "PID", "MERGES BY"});
   JsonWriter json;
@@ -204,7 +204,7 @@ ExitCode ShowStatus(CommandContext& context) {
     std::string why = "the leader does not answer";
     for (const proto::AgentStatus& status : statuses) {
       if (status.role() != proto::ROLE_LEADER) continue;
-      const auto asked = AskWhyNotSettled(context, status);
+      const auto asked = FindWhyNotSettled(context, status);
       why = asked ? *asked : ToString(asked.error());
     }
     settled = (why.empty() ? "settled: each agent has the records that it should have" : "not settled: " + why) + "\n";

@@ -43,9 +43,9 @@ std::string CutText(const proto::TeamConfig& team, const google::protobuf::Repea
   std::string text;
   for (const proto::CutRover& rover : cut) {
     if (rover.map_count() == 0) continue;
-    text += AgentName(team, rover.agent_id()) + ": " + MapsText(rover.map_count()) + " for the next solve: from node " +
-            std::to_string(rover.first_index()) +
-            " on, its odometry is not connected to the last solve; moonctl graph optimize places them\n";
+    text += AgentName(team, rover.agent_id()) + ": " + MapsText(rover.map_count()) +
+            " for the next solve, because from node " + std::to_string(rover.first_index()) +
+            " on the odometry is not connected to the last solve; to place the maps: moonctl graph optimize\n";
   }
   return text;
 }

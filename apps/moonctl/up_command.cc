@@ -55,7 +55,7 @@ struct LocalAgent {
   RosOutcome ros;
 };
 
-Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& agent) {
+Result<proto::AgentStatus> RequestStatus(CommandContext& context, const LocalAgent& agent) {
   auto connected = context.ConnectHere(agent.name);
   if (!connected) return tl::unexpected(connected.error());
   return connected->client->Status();
@@ -63,7 +63,7 @@ Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& 
 
 // Returns the id of the process that answers requests for the agent. 0: no process answers.
 pid_t AnsweringProcess(CommandContext& context, const LocalAgent& agent) {
-  const auto status = AskStatus(context, agent);
+  const auto status = RequestStatus(context, agent);
   return status ? static_cast<pid_t>(status->pid()) : 0;
 }
 
@@ -99,7 +99,7 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
       continue;
     }
     if (folder->filename() != agent.name()) local.remark = agent.name() + " keeps its data in " + folder->string();
-    const auto status = AskStatus(context, local);
+    const auto status = RequestStatus(context, local);
     if (status && status->name() != agent.name()) {
       local.remark += (local.remark.empty() ? "" : "\n") + agent.name() + " still runs under the name " +
                       OneLine(status->name()) + "; restart it to use the new name";
@@ -132,7 +132,7 @@ std::filesystem::path LogFor(const LocalAgent& agent) {
 bool IsAgreed(CommandContext& context, std::vector<LocalAgent>& agents) {
   std::set<std::tuple<std::uint64_t, std::uint32_t, std::uint64_t>> terms;
   for (LocalAgent& agent : agents) {
-    const auto status = AskStatus(context, agent);
+    const auto status = RequestStatus(context, agent);
     if (!status) return false;
     agent.role = RoleName(status->role());
     terms.insert(OrderOf(status->roles().term()));

@@ -55,7 +55,7 @@ Result<void> CheckOwnActors(const TeamFile& team, const std::vector<OwnActor>& a
       return Fail(ErrorCode::kInvalid, "\"" + actor.name + "\" is not a valid name of an actor", "own_actors");
     }
     if (!names.insert(actor.name).second) {
-      return Fail(ErrorCode::kInvalid, "an actor " + actor.name + " runs already", "own_actors");
+      return Fail(ErrorCode::kInvalid, "an actor " + actor.name + " is already spawned", "own_actors");
     }
   }
   return {};

@@ -48,8 +48,8 @@ Result<void> CheckOptions(const MissionOptions& options) {
   if (good) good = CheckBetween(options.terrain.rock_area_share, 0.005, 0.1, "rock_share");
   if (good) good = CheckBetween(options.terrain.crater_share, 0, 2, "crater_share");
   if (good && NodeCount(options) * options.rover_count > kMapsMax) {
-    return Fail(ErrorCode::kInvalid, "the mission would have more than " + std::to_string(kMapsMax) + " maps",
-                "minutes");
+    return Fail(ErrorCode::kInvalid,
+                "the mission would have more than " + std::to_string(kMapsMax) + " maps; make it shorter", "minutes");
   }
   return good;
 }

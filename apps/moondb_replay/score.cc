@@ -127,7 +127,9 @@ Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, 
   const Poses newest = held.graph.FindNewestPoses(held.graph.graph().nodes);
   const Poses truth = TruePoses(mission, raw);
   if (truth.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no node of this mission");
-  if (held.maps.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no map");
+  if (held.maps.empty())
+    return Fail(ErrorCode::kNotFound,
+                "the agent holds no map: score an agent that has received the maps, such as the leader");
 
   auto at_truth = MergeAt(team, held, truth);
   if (!at_truth) return tl::unexpected(at_truth.error());

@@ -39,7 +39,7 @@ class AgentRestarts {
   void Restart(AgentId agent);
 
   // Call before an injected fault makes an actor of the agent fail. Otherwise CheckFailures reports the failure.
-  void NoteFailure(AgentId agent) { ++failures_[agent]; }
+  void ObserveFailure(AgentId agent) { ++failures_[agent]; }
   bool is_damaged(AgentId agent) const { return damaged_.contains(agent); }
   void CheckFailures(AgentId agent);
   void CheckMailboxes(AgentId agent);

@@ -18,10 +18,10 @@ void QuiescenceChecks::CheckHistory(AgentId agent, const HaveSet& have) {
   proto::Message question;
   question.mutable_read_request()->set_is_history(true);
   question.mutable_read_request()->set_records_max(10'000);
-  const proto::Message answer = world_.AskActor(agent, actor_name::kStorage, std::move(question));
+  const proto::Message answer = world_.RequestActor(agent, actor_name::kStorage, std::move(question));
   proto::ControlRequest request;
   request.mutable_status();
-  const auto sums = ControlReplyOf(world_.AskActor(agent, actor_name::kStorage, MessageOf(request)));
+  const auto sums = ControlReplyOf(world_.RequestActor(agent, actor_name::kStorage, MessageOf(request)));
   const proto::StorageStatus& status = sums ? sums->status().storage() : proto::StorageStatus::default_instance();
   std::string wrong;
   for (const proto::StoredRecord& record : answer.read_reply().records()) {
@@ -78,7 +78,7 @@ std::optional<proto::RoleAssignment> QuiescenceChecks::CheckRoles() {
     proto::Message question;
     question.mutable_role_show_request();
     const proto::Message answer = world_.team.is_running(agent)
-                                      ? world_.AskActor(agent, actor_name::kRole, std::move(question))
+                                      ? world_.RequestActor(agent, actor_name::kRole, std::move(question))
                                       : proto::Message();
     if (!answer.has_role_show_reply() || !world_.roles.contains(agent)) {
       world_.Violate(world_.team.is_running(agent) ? "one_leader" : "starts",
@@ -133,7 +133,7 @@ void QuiescenceChecks::CheckSessions(AgentId agent) {
   for (const char* actor : {actor_name::kSync, actor_name::kReplica}) {
     proto::ControlRequest request;
     request.mutable_share_status();
-    const auto answer = ControlReplyOf(world_.AskActor(agent, actor, MessageOf(request)));
+    const auto answer = ControlReplyOf(world_.RequestActor(agent, actor, MessageOf(request)));
     if (!answer) continue;
     const proto::ShareStatus& status = answer->share_status();
     for (const proto::ShareSession& session : status.sessions()) {

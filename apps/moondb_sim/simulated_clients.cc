@@ -49,12 +49,15 @@ void SimulatedClients::Start() {
 
 void SimulatedClients::Work() {
   static constexpr Ask kKinds[] = {
-      &SimulatedClients::AskToInsert,   &SimulatedClients::AskToInsert,    &SimulatedClients::AskToInsert,
-      &SimulatedClients::AskForPage,    &SimulatedClients::AskForPage,     &SimulatedClients::AskForNews,
-      &SimulatedClients::AskWhatStands, &SimulatedClients::AskWhatStands,  &SimulatedClients::AskForSights,
-      &SimulatedClients::AskForMaps,    &SimulatedClients::AskForNewTiles, &SimulatedClients::AskToSolve,
-      &SimulatedClients::AskToSwap,     &SimulatedClients::AskForLease,    &SimulatedClients::AskToPrune,
-      &SimulatedClients::AskForBundles, &SimulatedClients::AskWrongly,     &SimulatedClients::AskToInsertTooMuch,
+      &SimulatedClients::RequestInsert,     &SimulatedClients::RequestInsert,
+      &SimulatedClients::RequestInsert,     &SimulatedClients::RequestPage,
+      &SimulatedClients::RequestPage,       &SimulatedClients::RequestChanges,
+      &SimulatedClients::RequestWhatStands, &SimulatedClients::RequestWhatStands,
+      &SimulatedClients::RequestSights,     &SimulatedClients::RequestMaps,
+      &SimulatedClients::RequestNewTiles,   &SimulatedClients::RequestSolve,
+      &SimulatedClients::RequestSwap,       &SimulatedClients::RequestLease,
+      &SimulatedClients::RequestPrune,      &SimulatedClients::RequestBundles,
+      &SimulatedClients::RequestWrongly,    &SimulatedClients::RequestTooManyInserts,
   };
   if (world_.is_quiet) return;
   world_.In(world_.DrawDuration(2 * kAskPeriod), [this] { Work(); });
@@ -66,7 +69,7 @@ void SimulatedClients::Work() {
   asks_several_ = false;
 }
 
-void SimulatedClients::AskToInsert(AgentId agent) {
+void SimulatedClients::RequestInsert(AgentId agent) {
   proto::ControlRequest request;
   for (std::uint64_t i = 0; i <= world_.rng() % kSamplesMax; ++i) {
     *request.mutable_insert()->add_records() = Sample(std::to_string(world_.rng()));
@@ -74,7 +77,7 @@ void SimulatedClients::AskToInsert(AgentId agent) {
   SendAnyWay(agent, request);
 }
 
-void SimulatedClients::AskToInsertTooMuch(AgentId agent) {
+void SimulatedClients::RequestTooManyInserts(AgentId agent) {
   proto::ControlRequest request;
   *request.mutable_insert()->add_records() = Sample("good");
   *request.mutable_insert()->add_records() = Sample(std::string(kSampleBytesMax + 1, 'x'));
@@ -83,7 +86,7 @@ void SimulatedClients::AskToInsertTooMuch(AgentId agent) {
   });
 }
 
-void SimulatedClients::AskForPage(AgentId agent) {
+void SimulatedClients::RequestPage(AgentId agent) {
   static constexpr DataType kTypes[] = {kSample, kBeacon, proto::POWER, proto::AGENT_EVENT, proto::POSE_GRAPH_NODE};
   proto::ControlRequest request;
   request.mutable_read()->add_data_types(kTypes[world_.rng() % std::size(kTypes)]);
@@ -97,7 +100,7 @@ void SimulatedClients::AskForPage(AgentId agent) {
 }
 
 // Requests the newest sample, then waits for newer samples.
-void SimulatedClients::AskForNews(AgentId agent) {
+void SimulatedClients::RequestChanges(AgentId agent) {
   proto::ControlRequest request;
   request.mutable_read()->add_data_types(kSample);
   request.mutable_read()->set_records_max(1);
@@ -115,7 +118,7 @@ void SimulatedClients::AskForNews(AgentId agent) {
   });
 }
 
-void SimulatedClients::AskWhatStands(AgentId agent) {
+void SimulatedClients::RequestWhatStands(AgentId agent) {
   proto::ControlRequest request;
   switch (world_.rng() % 3) {
     case 0:
@@ -131,7 +134,7 @@ void SimulatedClients::AskWhatStands(AgentId agent) {
 }
 
 // Sends a random request of a kind whose answers are not checked.
-void SimulatedClients::AskForSights(AgentId agent) {
+void SimulatedClients::RequestSights(AgentId agent) {
   proto::ControlRequest request;
   switch (world_.rng() % 7) {
     case 0:
@@ -160,13 +163,13 @@ void SimulatedClients::AskForSights(AgentId agent) {
 }
 
 // Sends the requests one at a time, so each answer can be checked.
-void SimulatedClients::AskForMaps(AgentId) {
+void SimulatedClients::RequestMaps(AgentId) {
   calls_.Run();
   asks_several_ = false;
   for (AgentId agent = 1; agent <= world_.base; ++agent) CheckMap(agent);
 }
 
-void SimulatedClients::AskForNewTiles(AgentId agent) {
+void SimulatedClients::RequestNewTiles(AgentId agent) {
   proto::ControlRequest request;
   *request.mutable_map_tiles() = maps_.NextTiles(agent);
   request.mutable_map_tiles()->set_wait_s(60 * world_.Draw());
@@ -176,7 +179,7 @@ void SimulatedClients::AskForNewTiles(AgentId agent) {
   });
 }
 
-void SimulatedClients::AskToSolve(AgentId agent) {
+void SimulatedClients::RequestSolve(AgentId agent) {
   const std::set<AgentId> leaders = world_.Leaders();
   const AgentId asked = leaders.empty() || world_.rng() % 4 == 0 ? agent : *leaders.begin();
   proto::ControlRequest request;
@@ -186,7 +189,7 @@ void SimulatedClients::AskToSolve(AgentId agent) {
   });
 }
 
-void SimulatedClients::AskToSwap(AgentId agent) {
+void SimulatedClients::RequestSwap(AgentId agent) {
   if (agent == world_.byzantine) return;  // Honest operators change no roles through the Byzantine agent.
   proto::ControlRequest request;
   request.mutable_role_set()->set_is_swap(true);
@@ -195,11 +198,11 @@ void SimulatedClients::AskToSwap(AgentId agent) {
   const std::set<AgentId> leaders = world_.Leaders();
   if (leaders.empty() || request.role_set().is_dry_run() || world_.rng() % 2 == 0) return SendAnyWay(agent, request);
   asks_several_ = true;
-  AskAmidChange(*leaders.begin(), request);
+  RequestAmidChange(*leaders.begin(), request);
 }
 
 // Makes the leader solve, merge and execute `change` at the same instant.
-void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest& change) {
+void SimulatedClients::RequestAmidChange(AgentId leader, const proto::ControlRequest& change) {
   proto::ControlRequest solve;
   solve.mutable_optimize();
   proto::ControlRequest merge;
@@ -229,14 +232,14 @@ void SimulatedClients::SwapAmidFragments(AgentId leader) {
   asks_several_ = false;
 }
 
-void SimulatedClients::AskForLease(AgentId agent) {
+void SimulatedClients::RequestLease(AgentId agent) {
   proto::ControlRequest request;
   request.mutable_lease()->set_kind(agent == world_.base ? proto::LEASE_KIND_PAUSED : proto::LEASE_KIND_DRIVING);
   request.mutable_lease()->set_seconds(static_cast<double>(world_.rng() % 60));
   SendAnyWay(agent, request);
 }
 
-void SimulatedClients::AskToPrune(AgentId agent) {
+void SimulatedClients::RequestPrune(AgentId agent) {
   static const FaultKind kPrune = *std::find_if(FaultKinds().begin(), FaultKinds().end(),
                                                 [](const FaultKind& kind) { return kind.name == "prune"; });
   proto::ControlRequest request;
@@ -248,7 +251,7 @@ void SimulatedClients::AskToPrune(AgentId agent) {
 }
 
 // Sends a request that cannot succeed or that clients may not send.
-void SimulatedClients::AskWrongly(AgentId agent) {
+void SimulatedClients::RequestWrongly(AgentId agent) {
   proto::ControlRequest request;
   switch (world_.rng() % 8) {
     case 0:
@@ -361,7 +364,7 @@ void SimulatedClients::CheckMap(AgentId agent) {
 // --- Bundles ---
 
 // Sends a random downlink request, mostly to the base station, which has the link to the ground station.
-void SimulatedClients::AskForBundles(AgentId agent) {
+void SimulatedClients::RequestBundles(AgentId agent) {
   const AgentId asked = world_.rng() % 4 == 0 ? agent : world_.base;
   proto::DownlinkRequest order;
   const std::uint64_t draw = world_.rng() % 8;

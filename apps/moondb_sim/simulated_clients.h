@@ -39,22 +39,22 @@ class SimulatedClients {
   void Work();
 
   // Each of these functions sends one kind of request.
-  void AskToInsert(AgentId agent);
-  void AskToInsertTooMuch(AgentId agent);
-  void AskForPage(AgentId agent);
-  void AskForNews(AgentId agent);
-  void AskWhatStands(AgentId agent);
-  void AskForSights(AgentId agent);
-  void AskForMaps(AgentId agent);  // Requests the maps of all agents; ignores `agent`.
-  void AskForNewTiles(AgentId agent);
-  void AskToSolve(AgentId agent);
-  void AskToSwap(AgentId agent);
+  void RequestInsert(AgentId agent);
+  void RequestTooManyInserts(AgentId agent);
+  void RequestPage(AgentId agent);
+  void RequestChanges(AgentId agent);
+  void RequestWhatStands(AgentId agent);
+  void RequestSights(AgentId agent);
+  void RequestMaps(AgentId agent);  // Requests the maps of all agents; ignores `agent`.
+  void RequestNewTiles(AgentId agent);
+  void RequestSolve(AgentId agent);
+  void RequestSwap(AgentId agent);
   void SwapAmidFragments(AgentId leader);
-  void AskAmidChange(AgentId leader, const proto::ControlRequest& change);
-  void AskForLease(AgentId agent);
-  void AskToPrune(AgentId agent);
-  void AskForBundles(AgentId agent);
-  void AskWrongly(AgentId agent);
+  void RequestAmidChange(AgentId leader, const proto::ControlRequest& change);
+  void RequestLease(AgentId agent);
+  void RequestPrune(AgentId agent);
+  void RequestBundles(AgentId agent);
+  void RequestWrongly(AgentId agent);
 
   void Send(AgentId agent, proto::ControlRequest request, ClientCalls::Then then = {});
   // Sends the request to `agent`, sometimes through another agent that relays it.

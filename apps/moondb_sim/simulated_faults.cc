@@ -40,7 +40,7 @@ void SimulatedFaults::End() {
 Fault SimulatedFaults::AtHandler(AgentId agent) {
   if (fail_next_ != agent || world_.is_asking) return Fault::kNone;
   fail_next_ = 0;
-  restarts_.NoteFailure(agent);
+  restarts_.ObserveFailure(agent);
   constexpr Fault kFaults[] = {Fault::kBeforeHandler, Fault::kAtFirstSend, Fault::kAfterFirstSend,
                                Fault::kAfterHandler};
   return kFaults[world_.rng() % std::size(kFaults)];

@@ -201,7 +201,7 @@ class Mission {
         actor.agent, static_cast<std::uint64_t>(message.body_case()), message.request_id(),
         static_cast<std::uint64_t>(world_.team.now().time_since_epoch().count())};
     hash_ = XXH64(step.data(), sizeof step, hash_);
-    world_.NoteEvent(actor, message);
+    world_.AddEvent(actor, message);
     byzantine_.OnHandle(actor, message);
     See(actor, message);
     WatchWindows(actor, message);
@@ -265,7 +265,7 @@ class Mission {
         for (const proto::PrunedType& pruned : message.prune_reply().pruned()) {
           if (actor.actor == actor_name::kRetention) world_.report.pruned += pruned.record_count();
         }
-        NoteFreed(actor, message.prune_reply());
+        ObserveFreed(actor, message.prune_reply());
         break;
       case proto::Message::kHave:
         if (IsByzantine(static_cast<AgentId>(message.hop_sender()))) break;
@@ -295,7 +295,7 @@ class Mission {
     }
   }
 
-  void NoteFreed(const Address& actor, const proto::PruneReply& reply) {
+  void ObserveFreed(const Address& actor, const proto::PruneReply& reply) {
     const auto known = world_.freed_on_full_disk.find(actor.agent);
     if (actor.actor != actor_name::kRetention || known == world_.freed_on_full_disk.end()) return;
     SimulatedWorld::FreedOnFullDisk& freed = known->second;
@@ -335,11 +335,11 @@ class Mission {
     leases.OnHandle(actor.actor, message, world_.team.now());
     FailoverChecker& failover = failovers_.at(actor.agent);
     const std::optional<std::string> wrong = failover.OnHandle(actor.actor, message, leases, world_.team.now());
-    if (FailoverChecker::IsFailover(actor.actor, message)) NoteFailover();
+    if (FailoverChecker::IsFailover(actor.actor, message)) ObserveFailover();
     if (wrong) Violate("failover_has_cause", actor.agent, "takes the lead, but " + *wrong);
   }
 
-  void NoteFailover() {
+  void ObserveFailover() {
     ++world_.report.failovers;
     world_.rare_states.Count("failover");
   }
@@ -426,7 +426,7 @@ class Mission {
   void CheckSteppedDown(AgentId agent) {
     proto::Message question;
     question.mutable_role_show_request();
-    const proto::Message answer = world_.AskActor(agent, actor_name::kRole, std::move(question));
+    const proto::Message answer = world_.RequestActor(agent, actor_name::kRole, std::move(question));
     if (!answer.role_show_reply().has_unstored() || !world_.roles.contains(agent)) return;
     const proto::RoleAssignment& roles = world_.roles[agent];
     if (roles.leader() != agent && roles.survivor() != agent) return;

@@ -269,7 +269,7 @@ void SimulatedRobots::TakeInsertReplies(AgentId agent) {
     const auto asked = robot.asked.find(message.request_id());
     const std::optional<proto::InsertReply> reply = InsertReplyIn(message);
     if (!reply || asked == robot.asked.end()) continue;
-    NoteInserted(agent, asked->second, *reply);
+    ObserveInserted(agent, asked->second, *reply);
     robot.asked.erase(asked);
   }
   // Insert unanswered nodes and edges again. Do not repeat other records, because storage might store them twice.
@@ -281,8 +281,8 @@ void SimulatedRobots::TakeInsertReplies(AgentId agent) {
   robot.asked.clear();
 }
 
-void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Record>& records,
-                                   const proto::InsertReply& reply) {
+void SimulatedRobots::ObserveInserted(AgentId agent, const std::vector<proto::Record>& records,
+                                      const proto::InsertReply& reply) {
   const bool is_map = records.front().has_local_traversability_map();
   if (reply.error().code() == proto::ERROR_CODE_FULL && !is_map && world_.MustStore(agent)) {
     world_.Violate("stores_after_prune", "agent " + std::to_string(agent) + ": " + reply.error().text());

@@ -58,7 +58,7 @@ class SimulatedRobots {
   proto::Record MapAt(AgentId rover, std::uint64_t index);
   char DrawCells();
   void Insert(AgentId agent, std::vector<proto::Record> records);
-  void NoteInserted(AgentId agent, const std::vector<proto::Record>& records, const proto::InsertReply& reply);
+  void ObserveInserted(AgentId agent, const std::vector<proto::Record>& records, const proto::InsertReply& reply);
 
   SimulatedWorld& world_;
   SimulatedDrive drive_;

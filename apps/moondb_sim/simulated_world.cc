@@ -60,7 +60,7 @@ AgentId SimulatedWorld::DrawOther(AgentId agent) {
 
 bool SimulatedWorld::HasEnough() const { return report.violations.size() >= kViolationsMax; }
 
-void SimulatedWorld::NoteEvent(const Address& actor, const proto::Message& message) {
+void SimulatedWorld::AddEvent(const Address& actor, const proto::Message& message) {
   events_.push_back({NowS(), actor.actor, actor.agent, message.body_case(), message.hop_sender()});
   if (events_.size() > kLastEvents) events_.pop_front();
 }
@@ -99,7 +99,7 @@ std::set<AgentId> SimulatedWorld::Leaders() const {
   return leaders;
 }
 
-proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto::Message question) {
+proto::Message SimulatedWorld::RequestActor(AgentId agent, const char* actor, proto::Message question) {
   const Address requester{agent, "checker"};
   (void)team.TakeMessages(requester);
   // Let gateways forward pending messages first. If the actor handled them after `question`, its answer could be
@@ -116,7 +116,7 @@ proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto:
 std::optional<HaveSet> SimulatedWorld::HaveOf(AgentId agent) {
   proto::Message question;
   question.mutable_have_request();
-  const proto::Message answer = AskActor(agent, actor_name::kStorage, std::move(question));
+  const proto::Message answer = RequestActor(agent, actor_name::kStorage, std::move(question));
   if (!answer.has_have_reply()) return std::nullopt;
   return *FromProto(answer.have_reply().have());
 }
@@ -126,7 +126,7 @@ Records SimulatedWorld::ReadAll(AgentId agent) {
   for (std::uint64_t after = 0;;) {
     proto::Message question;
     question.mutable_read_request()->set_after_row_id(after);
-    const proto::Message answer = AskActor(agent, actor_name::kStorage, std::move(question));
+    const proto::Message answer = RequestActor(agent, actor_name::kStorage, std::move(question));
     const proto::ReadReply& reply = answer.read_reply();
     for (const proto::StoredRecord& record : reply.records()) {
       invariants.ObserveRecord(FromProto(record.key()), record.content(), agent);

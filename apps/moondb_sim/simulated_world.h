@@ -49,7 +49,7 @@ class SimulatedWorld {
   // messages before the first violation.
   void Violate(const std::string& rule, std::string text);
   bool HasEnough() const;  // Returns whether there are enough violations to end the run early.
-  void NoteEvent(const Address& actor, const proto::Message& message);
+  void AddEvent(const Address& actor, const proto::Message& message);
 
   // Returns the agent's present team file.
   const proto::TeamConfig& ConfigOf(AgentId agent) const {
@@ -64,7 +64,7 @@ class SimulatedWorld {
   std::set<AgentId> Leaders() const;  // Returns the running agents that act as leader.
   // Sends `question` to the actor, and runs the team until it is idle. Returns the actor's last answer; an empty
   // message if there is none.
-  proto::Message AskActor(AgentId agent, const char* actor, proto::Message question);
+  proto::Message RequestActor(AgentId agent, const char* actor, proto::Message question);
   std::optional<HaveSet> HaveOf(AgentId agent);
   Records ReadAll(AgentId agent);  // Returns all shared records that the agent holds.
 
@@ -87,7 +87,7 @@ class SimulatedWorld {
   std::map<AgentId, FreedOnFullDisk> freed_on_full_disk;  // Bytes that the prune of each full disk has freed.
   std::set<AgentId> keeps_all_notes;                      // Agents whose team file keeps all notes.
   bool is_quiet = false;                                  // Faults and inserts have ended.
-  bool is_asking = false;                                 // True during AskActor, when no fault makes an actor fail.
+  bool is_asking = false;  // True during RequestActor, when no fault makes an actor fail.
   SimulatedDisk disk;
   Invariants invariants;
   RareStates rare_states;

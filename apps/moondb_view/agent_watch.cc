@@ -56,7 +56,7 @@ AgentWatch::AgentWatch(Options options, const proto::TeamConfig& team, AgentId a
   threads_.emplace_back([this] { Repeat("pose graph", [this](Client& client) { return FollowGraph(client); }); });
   threads_.emplace_back([this] { Repeat("map", [this](Client& client) { return FollowMap(client); }); });
   threads_.emplace_back([this] { Repeat("events", [this](Client& client) { return FollowEvents(client); }); });
-  threads_.emplace_back([this] { AskOthers(); });
+  threads_.emplace_back([this] { RequestOthers(); });
   threads_.emplace_back([this] { AnswerQuestions(); });
 }
 
@@ -309,7 +309,7 @@ Result<void> AgentWatch::FollowEvents(Client& client) {
   }
 }
 
-void AgentWatch::AskTeam(bool is_on) {
+void AgentWatch::RequestTeam(bool is_on) {
   {
     const std::lock_guard lock(mutex_);
     asks_team_ = is_on;
@@ -325,7 +325,7 @@ void AgentWatch::Wake() {
   woken_.notify_all();
 }
 
-void AgentWatch::AskOthers() {
+void AgentWatch::RequestOthers() {
   while (true) {
     {
       std::unique_lock lock(mutex_);

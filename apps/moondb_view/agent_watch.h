@@ -1,6 +1,6 @@
 // AgentWatch: follows one agent and keeps the board current, and asks it questions.
 //
-// The object reads from that agent alone, which costs no radio. Only while AskTeam is on, it asks the other agents,
+// The object reads from that agent alone, which costs no radio. Only while RequestTeam is on, it asks the other agents,
 // once a period. Six threads: four that follow the agent, each with its own connection, because a call of Client
 // blocks; one that asks the other agents; one that asks questions. Thread-safe.
 #pragma once
@@ -44,7 +44,7 @@ class AgentWatch {
   AgentWatch(const AgentWatch&) = delete;
   AgentWatch& operator=(const AgentWatch&) = delete;
 
-  void AskTeam(bool is_on);
+  void RequestTeam(bool is_on);
   // Calls `ask` with a client of the agent, on another thread. Returns false if too many questions wait.
   bool Ask(std::function<void(Result<Client*>)> ask);
   // Wakes the reading of states, which is slow while nobody looks.
@@ -72,7 +72,7 @@ class AgentWatch {
   Result<void> FollowGraph(Client& client);
   Result<void> FollowMap(Client& client);
   Result<void> FollowEvents(Client& client);
-  void AskOthers();
+  void RequestOthers();
   void AnswerQuestions();
   Result<void> ReadBatteries(Client& client);
   // Asks an agent for what the page shows. Adds the size of the answers to `bytes`.
@@ -97,7 +97,7 @@ class AgentWatch {
   std::map<AgentId, bool> is_placed_;
   double answer_bytes_ = 0;  // Size of the own agent's last answers.
   double spent_bytes_ = 0;
-  std::string ask_trouble_;  // AskState::trouble.
+  std::string ask_trouble_;  // RequestState::trouble.
   Timeline timeline_;
   Clock::time_point timeline_at_{};
   std::deque<std::function<void(Result<Client*>)>> questions_;

@@ -33,7 +33,7 @@ struct ReportedBattery {
 };
 
 // The switch "ask the team".
-struct AskState {
+struct RequestState {
   bool is_on = false;
   double cost_bytes = 0;   // Bytes that one round is expected to send over the radio.
   double spent_bytes = 0;  // Bytes that all rounds have sent.
@@ -48,7 +48,7 @@ struct TeamReports {
   std::map<AgentId, ReportedBattery> batteries;
   std::map<AgentId, bool> is_placed;  // By the graph; absent: unknown.
   std::uint64_t viewers = 0;
-  AskState ask;
+  RequestState ask;
   double now_s = 0;  // Seconds since 1970.
 };
 

@@ -149,7 +149,7 @@ void ViewSite::HandleChanges(const HttpRequest& request, HttpServer::Respond res
     if (watch_ != nullptr) watch_->Wake();
   }
   if (board_.version() > *since) {
-    NoteViewers(1);
+    SetViewers(1);
     return respond(Json(200, board_.ChangesJson(*since)));
   }
   {
@@ -157,10 +157,10 @@ void ViewSite::HandleChanges(const HttpRequest& request, HttpServer::Respond res
     if (is_ended_) return;
     waiting_.push_back({*since, Clock::now() + kChangesWaitMax, std::move(respond)});
   }
-  NoteViewers(0);
+  SetViewers(0);
 }
 
-void ViewSite::NoteViewers(std::uint64_t more) {
+void ViewSite::SetViewers(std::uint64_t more) {
   const std::lock_guard lock(mutex_);
   waited_.emplace_back(Clock::now(), waiting_.size() + more);
   while (waited_.size() > kWaitedMax) waited_.pop_front();
@@ -210,7 +210,7 @@ void ViewSite::HandleAsk(const HttpRequest& request, const HttpServer::Respond& 
   }
   const std::lock_guard lock(mutex_);
   if (watch_ == nullptr) return respond(Refusal(503, "the program is starting or stopping"));
-  watch_->AskTeam(is_on);
+  watch_->RequestTeam(is_on);
   respond(Json(200, request.body));
 }
 

@@ -49,7 +49,7 @@ class ViewSite {
   void HandleChanges(const HttpRequest& request, HttpServer::Respond respond);
   void HandleWhy(const HttpRequest& request, HttpServer::Respond respond);
   void HandleAsk(const HttpRequest& request, const HttpServer::Respond& respond);
-  void NoteViewers(std::uint64_t more);
+  void SetViewers(std::uint64_t more);
   void RespondToChanges();
 
   const proto::TeamConfig& team_;

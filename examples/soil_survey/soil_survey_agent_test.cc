@@ -38,7 +38,7 @@ class SoilSurveyAgentTest : public testing::Test {
   }
 
   // Sends AverageRequest as a client until the reply contains an average, for at most 30 s. Returns the last reply.
-  static AverageReply AskUntilThereIsAnAverage(const moondb::Agent& agent) {
+  static AverageReply RequestUntilThereIsAnAverage(const moondb::Agent& agent) {
     AverageReply reply;
     const auto client = moondb::Client::Connect(agent.client_endpoint(), "rover1", {});
     EXPECT_TRUE(client.has_value()) << ToString(client.error());
@@ -46,7 +46,7 @@ class SoilSurveyAgentTest : public testing::Test {
     question.PackFrom(AverageRequest());
     const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
     while (client && reply.averages().empty() && std::chrono::steady_clock::now() < deadline) {
-      const auto answer = (*client)->AskActor(kActorName, question);
+      const auto answer = (*client)->RequestActor(kActorName, question);
       EXPECT_TRUE(answer.has_value() && answer->UnpackTo(&reply));
     }
     return reply;
@@ -59,7 +59,7 @@ class SoilSurveyAgentTest : public testing::Test {
 TEST_F(SoilSurveyAgentTest, AnswersAClient) {
   auto agent = moondb::Agent::Start(file_, OptionsWithTheActor());
   ASSERT_TRUE(agent.has_value()) << ToString(agent.error());
-  const AverageReply reply = AskUntilThereIsAnAverage(**agent);
+  const AverageReply reply = RequestUntilThereIsAnAverage(**agent);
   ASSERT_EQ(reply.averages_size(), 1);
   EXPECT_EQ(reply.averages(0).agent_id(), 1u);
   EXPECT_NEAR(reply.averages(0).water_ratio(), 0.3, 1e-9);
@@ -83,7 +83,7 @@ TEST_F(SoilSurveyAgentTest, TakesMeasurementsFromAThreadOfTheProgram) {
     record.mutable_custom()->set_payload(moisture.SerializeAsString());
     EXPECT_EQ((*agent)->Post(moondb::actor_name::kStorage, message), moondb::SendResult::kAccepted);
   });
-  const AverageReply reply = AskUntilThereIsAnAverage(**agent);
+  const AverageReply reply = RequestUntilThereIsAnAverage(**agent);
   driver.join();
   ASSERT_EQ(reply.averages_size(), 1);
   EXPECT_NEAR(reply.averages(0).water_ratio(), 0.2, 1e-9);
@@ -94,7 +94,7 @@ TEST_F(SoilSurveyAgentTest, RefusesClientRequestsToStandardActors) {
   ASSERT_TRUE(agent.has_value()) << ToString(agent.error());
   const auto client = moondb::Client::Connect((*agent)->client_endpoint(), "rover1", {});
   ASSERT_TRUE(client.has_value()) << ToString(client.error());
-  EXPECT_EQ((*client)->AskActor("storage", {}).error().code, moondb::ErrorCode::kNotFound);
+  EXPECT_EQ((*client)->RequestActor("storage", {}).error().code, moondb::ErrorCode::kNotFound);
 }
 
 TEST_F(SoilSurveyAgentTest, RefusesTheNameOfAStandardActor) {

@@ -331,8 +331,8 @@ class TeamChecker {
   void CheckCustomType(const proto::CustomType& type, const std::string& path) {
     if (IsRead(path + ".name")) {
       if (!IsTypeName(type.name())) {
-        Add(path + ".name",
-            "expected at most 32 lower-case letters, digits and _, from a letter on, got " + Quoted(type.name()));
+        Add(path + ".name", "expected a lower-case letter, then at most 31 lower-case letters, digits and _, got " +
+                                Quoted(type.name()));
       } else if (DataTypeFromName(type.name(), {})) {
         Add(path + ".name", type.name() + " is a name of moondb's own");
       }

@@ -21,7 +21,7 @@ namespace {
 
 constexpr char kHead[] =
     "# The team's configuration: the same file on every agent. `moonctl config check` checks it.\n"
-    "# Lengths are metres, angles radians. Settings that are left out have their defaults.\n";
+    "# Lengths are metres, angles radians. Missing settings have their defaults.\n";
 
 constexpr char kKeyNote[] =
     "# key: file of the agent's public key, which every agent needs. Its secrets, NAME.sec and NAME.sign, stay on its "

@@ -43,7 +43,7 @@ ConnectionLimiter::ConnectionLimiter(std::unique_ptr<TcpConnections> connections
 void ConnectionLimiter::OnAccepted(int file, MonotonicTime now) {
   connections_->OnAccepted(file);
   local_.OnAccepted(file, now);
-  LookSoon(now);
+  EvaluateSoon(now);
 }
 
 void ConnectionLimiter::CutLocal(MonotonicTime now) {
@@ -58,15 +58,15 @@ void ConnectionLimiter::CutLocal(MonotonicTime now) {
 void ConnectionLimiter::OnLinkConnected(AgentId peer, int file, MonotonicTime now) {
   links_.erase(peer);
   if (const std::optional<TcpConnection> connection = connections_->Read(file)) links_[peer] = *connection;
-  LookSoon(now);
+  EvaluateSoon(now);
 }
 
 void ConnectionLimiter::OnReadable(MonotonicTime now) {
   connections_->Drain();
-  LookSoon(now);
+  EvaluateSoon(now);
 }
 
-void ConnectionLimiter::LookSoon(MonotonicTime now) {
+void ConnectionLimiter::EvaluateSoon(MonotonicTime now) {
   next_look_after_ = kLookAfter;
   looks_at_ = std::min(looks_at_, now + kLookAfter);
 }
@@ -93,12 +93,12 @@ void ConnectionLimiter::Inspect(MonotonicTime now) {
     Count(cut);
     TcpConnections::ShutDown(cut.connection);
   }
-  LookAtLinks();
+  InspectLinks();
 }
 
 // Adds flooded links to flooded_links_. Stops watching flooded links, closed links, and links whose descriptor now
 // belongs to another connection.
-void ConnectionLimiter::LookAtLinks() {
+void ConnectionLimiter::InspectLinks() {
   std::erase_if(links_, [&](const auto& entry) {
     const auto& [peer, opened] = entry;
     const std::optional<TcpConnection> now = connections_->Inspect(opened.file);

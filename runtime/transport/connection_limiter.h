@@ -83,9 +83,9 @@ class ConnectionLimiter {
   ConnectionLimiter(std::unique_ptr<TcpConnections> connections,
                     std::map<std::uint16_t, ConnectionRules::Listener> listeners, const std::string& local_socket);
 
-  void LookSoon(MonotonicTime now);
+  void EvaluateSoon(MonotonicTime now);
   void Inspect(MonotonicTime now);
-  void LookAtLinks();
+  void InspectLinks();
   void Count(const ConnectionRules::Cut& cut);
 
   const std::unique_ptr<TcpConnections> connections_;

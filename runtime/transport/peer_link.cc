@@ -268,7 +268,7 @@ void PeerLink::CheckHealth(MonotonicTime now) {
     case LinkHealth::Step::kNone:
       return;
     case LinkHealth::Step::kAsk:
-      reports_.AskPeer();
+      reports_.RequestPeer();
       return;
     case LinkHealth::Step::kStalled:
     case LinkHealth::Step::kLost:

@@ -18,8 +18,8 @@ class ReportState {
   void OnOpened();
   bool is_opening_due() const { return is_opening_due_; }
 
-  void Request() { is_due_ = true; }          // Makes a report due: the peer requested one, or enough bytes arrived.
-  void AskPeer() { is_asking_peer_ = true; }  // Makes a report due that requests a report from the peer.
+  void Request() { is_due_ = true; }  // Makes a report due: the peer requested one, or enough bytes arrived.
+  void RequestPeer() { is_asking_peer_ = true; }  // Makes a report due that requests a report from the peer.
 
   bool IsDue(const LinkCredit& credit) const {
     return is_opening_due_ || is_asking_peer_ || is_due_ || reported_credit_bytes_ != credit.credit_bytes();

@@ -99,8 +99,7 @@ TEST_F(G2oFilesTest, EdgesWithoutAMatrixGetTheGivenSigmas) {
   const std::string file = File("sc_lio_sam.g2o",
                                 "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 0 0 0 0 0 1\n"
                                 "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1\n");
-  EXPECT_THAT(MoonctlExpecting(0, {"graph", "solve", file, "--edge-sigmas", "0.1,0.05"}),
-              HasSubstr("2 nodes, 1 edge"));
+  EXPECT_THAT(MoonctlExpecting(0, {"graph", "solve", file, "--edge-sigmas", "0.1,0.05"}), HasSubstr("2 nodes, 1 edge"));
   MoonctlExpecting(0, {"graph", "import", file, "--edge-sigmas", "0.1,0.05", "-a", "rover2"});
   EXPECT_EQ(HeldBy("rover2"), (std::array<double, 3>{2, 1, 0}));
   for (const std::string wrong : {"0.1", "0.1,0", "0.1,0.05,1", "-1,1", "nan,1", "1,1e5", "a,b", ""}) {
@@ -150,8 +149,8 @@ TEST_F(G2oFilesTest, CountsOnlyNewRecordsAsInserted) {
   MoonctlExpecting(0, {"up"});
   MoonctlExpecting(0, {"graph", "import", File("short.g2o", RowOf(kSmallA, 2))});
   EXPECT_THAT(MoonctlExpecting(0, {"graph", "import", File("long.g2o", RowOf(kSmallA, 4))}),
-              HasSubstr("inserted 2 nodes, 2 odometry edges, 0 ranges, 0 loop closures and 0 priors at 1 agents; left "
-                        "out 0; 3 records were stored already"));
+              HasSubstr("inserted 2 nodes, 2 odometry edges, 0 ranges, 0 loop closures and 0 priors at 1 agents; "
+                        "excluded 0; 3 records were stored already"));
 }
 
 }  // namespace

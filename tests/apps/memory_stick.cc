@@ -1,5 +1,5 @@
-// A library for LD_PRELOAD that simulates a memory stick with FAT in tests with real processes: there are no hard links
-// and no RENAME_NOREPLACE anywhere, and the folder named by MOONDB_MEMORY_STICK has the file system FAT.
+// A library for LD_PRELOAD that simulates a memory stick with FAT in tests with real processes. There are no hard links
+// and no RENAME_NOREPLACE. The folder named by MOONDB_MEMORY_STICK has the file system FAT.
 #ifndef _GNU_SOURCE
 #define _GNU_SOURCE
 #endif

@@ -45,7 +45,7 @@ TEST(CustomTypesTest, ListsDeclaredTypes) {
   EXPECT_EQ(ToString(CheckDeclared(custom, Declared()).error()),
             "custom.data_type: no custom type 1001; known are soil (1000), core (1999)");
   EXPECT_EQ(ToString(CheckDeclared(custom, {}).error()),
-            "custom.data_type: no custom type 1001; the team file declares none");
+            "custom.data_type: no custom type 1001; the team file declares no data type of its own");
 }
 
 }  // namespace

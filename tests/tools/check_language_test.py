@@ -38,6 +38,13 @@ class CheckLanguageTest(unittest.TestCase):
                                 text=True)
         self.assertEqual(result.stdout, "a.cc:2: cannot read {}: is it a file?\n")
 
+    def test_finds_faults_of_printed_texts(self):
+        self.assert_finds("1: word: ", "a.cc", 'Fail("it leaves out the maps");\n')
+        self.assert_finds("1: word: ", "a.cc", 'Fail("Stray rows are removed");\n')
+        self.assert_finds("1: verb: ", "a.cc", 'return Fail("the agent of this machine");\n')
+        self.assert_finds("1: word: ", "a.h", "void NoteSent(int count);\n")
+        self.assertEqual(self.check("tests/a.cc", 'Fail("the agent of this machine");\n'), [])
+
     def test_takes_plain_text(self):
         self.assertEqual(self.check("a.cc", "// The receiver drops the batch.\nint a = 1;  // Bytes.\n"), [])
         self.assertEqual(self.check("a.md", "# Words\n\nThe leader sends records. Where do they go?\n"), [])

@@ -126,7 +126,7 @@ Result<Rows> TakeRowsOf(ByteReader& batch, std::uint32_t record_count, std::stri
   Rows rows;
   rows.plain = *std::move(plain);
   ByteReader reader(rows.plain);
-  if (reader.Varint() != record_count) return tl::unexpected(Corrupt("does not hold as many records as it should"));
+  if (reader.Varint() != record_count) return tl::unexpected(Corrupt("has another number of records than it states"));
   rows.checksum = static_cast<std::uint32_t>(reader.Fixed(kChecksumBytes));
   for (const auto column : Columns::kAll) rows.columns.*column = TakeColumn(record_count, reader);
   rows.contents = TakeRows(kBatchContentBytesMax, reader);
@@ -366,7 +366,7 @@ Result<proto::RecordBatch> BatchDecoder::Decode(std::string_view coded, std::uin
 Result<void> BatchDecoder::BeginRun(const MapReference& wanted, const proto::StoredRecord* held) {
   const bool is_held = held && FromProto(held->key()) == wanted.key && held->hash() == wanted.hash;
   const std::optional<SplitMap> map = is_held ? SplitMapRecord(held->content()) : std::nullopt;
-  if (!map) return Fail(ErrorCode::kNotFound, "refers to a map that is not held", "coded");
+  if (!map) return Fail(ErrorCode::kNotFound, "refers to a map that the receiver does not hold", "coded");
   run_.emplace(&map->layers);
   maps_before_ = 0;
   rows_before_.clear();

@@ -113,7 +113,7 @@ class RosGraph::Dds {
   };
 
   dds_entity_t TopicOf(const std::string& topic, Type type);
-  void NotePublishers();
+  void ObservePublishers();
   // Makes the reader of an input, or makes it again, if it does not fit the publishers.
   void FitReader(std::size_t input);
   void Take(std::size_t input);
@@ -178,12 +178,12 @@ dds_entity_t RosGraph::Dds::TopicOf(const std::string& topic, Type type) {
 void RosGraph::Dds::Spin(std::chrono::milliseconds timeout) {
   std::array<dds_attach_t, 1> triggered;
   (void)dds_waitset_wait(waitset_, triggered.data(), triggered.size(), DDS_MSECS(timeout.count()));
-  NotePublishers();
+  ObservePublishers();
   for (std::size_t input = 0; input < readers_.size(); ++input) Take(input);
   (void)RewriteMapForNewReaders();  // If a reader does not read, the map is written again later.
 }
 
-void RosGraph::Dds::NotePublishers() {
+void RosGraph::Dds::ObservePublishers() {
   dds_guid_t own{};
   (void)dds_get_guid(participant_, &own);
   std::array<void*, kTaken> samples{};

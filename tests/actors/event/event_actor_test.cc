@@ -149,7 +149,7 @@ TEST_F(EventActorTest, ReportsOnceThatAnAgentDoesNotTakeAllRecordsAndOnceThatItD
   EXPECT_THAT(
       Notified(),
       ElementsAre("rover2 does not accept all records; the others wait to be sent again: the destination did not "
-                  "take 7 records"));
+                  "accept 7 records"));
   Post(actor_name::kSync, MessageOf(reply));
   EXPECT_THAT(Notified(), IsEmpty());
   reply.mutable_share_status()->clear_refusing();

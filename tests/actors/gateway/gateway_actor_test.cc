@@ -188,12 +188,12 @@ TEST_F(GatewayActorTest, CombinesTheStatusOfStorageRolesLeasesAndTheSystem) {
   AnswerAs(actor_name::kLease, Asked(actor_name::kLease), MessageOf(leases));
   EXPECT_TRUE(Answers().empty());
   proto::ControlReply findings;
-  findings.mutable_status()->add_findings()->set_text("rover2 was lost");
+  findings.mutable_status()->add_findings()->set_text("rover2 disconnected before it answered");
   AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), MessageOf(findings));
 
   const proto::AgentStatus status = OnlyAnswer().status();
   ASSERT_EQ(status.findings_size(), 1);
-  EXPECT_EQ(status.findings(0).text(), "rover2 was lost");
+  EXPECT_EQ(status.findings(0).text(), "rover2 disconnected before it answered");
   EXPECT_EQ(status.name(), "rover1");
   EXPECT_EQ(status.team(), "test");
   EXPECT_EQ(status.role(), proto::ROLE_LEADER);
@@ -806,7 +806,7 @@ class CommandFromTest : public GatewayActorTest {
 
   // Requests the status of agent 1 and answers for each of its other actors with an empty status. Returns the gateway's
   // reply.
-  proto::ControlReply AskForStatus() {
+  proto::ControlReply RequestStatus() {
     proto::ControlRequest status;
     status.mutable_status();
     Request(status, 77);
@@ -826,7 +826,8 @@ TEST_F(CommandFromTest, IsCheckedBeforeARelayedCommandIsCarriedOut) {
   EXPECT_TRUE(team_.TakeMessages({1, actor_name::kRole}).empty());
   const proto::Record written = Asked(actor_name::kStorage).insert_request().records(0);
   EXPECT_EQ(written.agent_event().kind(), proto::EVENT_KIND_REJECTED);
-  EXPECT_EQ(written.agent_event().text(), "refused role_set through rover2, which command_from does not name");
+  EXPECT_EQ(written.agent_event().text(),
+            "refused role_set relayed by rover2: command_from of the team file does not name this agent");
 
   Relay(3, SetLeader());
   EXPECT_TRUE(Asked(actor_name::kRole).has_role_set_request());
@@ -839,7 +840,7 @@ TEST_F(CommandFromTest, CountsRefusedCommandsAndLogsAFewPerMinute) {
   const proto::Record rest = Asked(actor_name::kStorage).insert_request().records(0);
   EXPECT_THAT(rest.agent_event().text(), testing::HasSubstr("the last of 48 more"));
 
-  const proto::ControlReply reply = AskForStatus();
+  const proto::ControlReply reply = RequestStatus();
   ASSERT_EQ(reply.status().refused_size(), 1);
   EXPECT_EQ(reply.status().refused(0).agent_id(), 2u);
   EXPECT_EQ(reply.status().refused(0).cause(), proto::REFUSAL_CAUSE_COMMAND);
@@ -858,7 +859,7 @@ TEST_F(CommandFromTest, RestartsTheCountOfRefusedCommandsAfterAnAcknowledgment) 
   AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), MessageOf(done));
   (void)OnlyAnswer(76);
 
-  EXPECT_EQ(AskForStatus().status().refused_size(), 0);
+  EXPECT_EQ(RequestStatus().status().refused_size(), 0);
 }
 
 TEST_F(GatewayActorTest, LogsARefusedCommand) {
@@ -964,7 +965,7 @@ TEST_F(GatewayActorTest, NamesTheAgentThatCannotBeReachedOrWasLost) {
   team_.AdvanceTime(seconds(1));
   proto::Error error = OnlyAnswer().error();
   EXPECT_EQ(error.code(), proto::ERROR_CODE_UNAVAILABLE);
-  EXPECT_THAT(error.text(), testing::HasSubstr("rover2 was lost"));
+  EXPECT_THAT(error.text(), testing::HasSubstr("rover2 disconnected before it answered"));
   Request(ReadAtTwo());
   error = OnlyAnswer().error();
   EXPECT_EQ(error.code(), proto::ERROR_CODE_UNAVAILABLE);

@@ -153,7 +153,7 @@ class MergeActorTest : public testing::Test {
   proto::RecordKey LastKey() const { return store_->records.back().key(); }
 
   // Sends `question` to MergeActor. Returns the answer, or nullopt if the actor has not answered yet.
-  std::optional<proto::Message> AskAnything(proto::Message question) {
+  std::optional<proto::Message> RequestAnything(proto::Message question) {
     question.set_request_id(78);
     EXPECT_EQ(team_.Post(kRequester, {kSelf, actor_name::kMerge}, std::move(question)), SendResult::kAccepted);
     team_.RunUntilIdle();
@@ -172,13 +172,13 @@ class MergeActorTest : public testing::Test {
     proto::Message question;
     question.mutable_map_why_request()->set_x_m(x_m);
     question.mutable_map_why_request()->set_y_m(y_m);
-    return AskAnything(std::move(question))->map_why_reply();
+    return RequestAnything(std::move(question))->map_why_reply();
   }
 
   proto::MapStatsReply Stats() {
     proto::Message question;
     question.mutable_map_stats_request();
-    return AskAnything(std::move(question))->map_stats_reply();
+    return RequestAnything(std::move(question))->map_stats_reply();
   }
 
   // Returns the tiles that changed since the last call, or nullopt if the actor has not answered yet.
@@ -186,7 +186,7 @@ class MergeActorTest : public testing::Test {
     tiles_request_.set_wait_s(wait_s);
     proto::Message question;
     *question.mutable_map_tiles_request() = tiles_request_;
-    const auto answer = AskAnything(std::move(question));
+    const auto answer = RequestAnything(std::move(question));
     if (!answer) return std::nullopt;
     return Note(answer->map_tiles_reply());
   }
@@ -585,11 +585,11 @@ TEST_F(MergeActorTest, NamesSharedMapsThatWinNoCell) {
   Start();
   proto::Message question;
   question.mutable_occluded_maps_request()->set_records_max(10);
-  const proto::OccludedMapsReply reply = AskAnything(question)->occluded_maps_reply();
+  const proto::OccludedMapsReply reply = RequestAnything(question)->occluded_maps_reply();
   ASSERT_EQ(reply.records_size(), 1) << reply.DebugString();
   EXPECT_EQ(reply.records(0).seq(), occluded.seq());
   question.mutable_occluded_maps_request()->set_records_max(0);
-  EXPECT_TRUE(AskAnything(question)->occluded_maps_reply().records().empty());
+  EXPECT_TRUE(RequestAnything(question)->occluded_maps_reply().records().empty());
 }
 
 // A map at a raw pose moves with the next solve: nothing is removed for a guess.
@@ -603,9 +603,9 @@ TEST_F(MergeActorTest, NamesNoOccludedMapWhereAMapLiesAtARawPose) {
   Start();
   proto::Message question;
   question.mutable_occluded_maps_request()->set_records_max(10);
-  EXPECT_TRUE(AskAnything(question)->occluded_maps_reply().records().empty());
+  EXPECT_TRUE(RequestAnything(question)->occluded_maps_reply().records().empty());
   StoreOptimizedPose(1, 1, 2);
-  EXPECT_EQ(AskAnything(question)->occluded_maps_reply().records_size(), 1);
+  EXPECT_EQ(RequestAnything(question)->occluded_maps_reply().records_size(), 1);
 }
 
 TEST_F(MergeActorTest, ReportsAnErrorOfTheRequestForFullyOccludedMaps) {
@@ -614,7 +614,7 @@ TEST_F(MergeActorTest, ReportsAnErrorOfTheRequestForFullyOccludedMaps) {
   Start();
   proto::Message question;
   question.mutable_occluded_maps_request()->set_records_max(10);
-  const Result<void> answered = CheckControlReply(*AskAnything(question));
+  const Result<void> answered = CheckControlReply(*RequestAnything(question));
   ASSERT_FALSE(answered);
   EXPECT_EQ(answered.error().text, "no disk");
 }

@@ -488,32 +488,32 @@ INSTANTIATE_TEST_SUITE_P(
                [](PoseGraph& g) {
                  AddRange(g, {2, 4}, 3, 1e-20);
                },
-               "variance is not within"},
+               "variance is not between"},
         Damage{"VarianceBelowAllNumbers",
                [](PoseGraph& g) {
                  AddRange(g, {2, 4}, 3, 1e-320);
                },
-               "variance is not within"},
+               "variance is not between"},
         Damage{"CovarianceNextToNothing",
                [](PoseGraph& g) {
                  g.odometry.push_back(OdometryEdge{{1, 4}, {1, 5}, 0, {}, 1e-20 * Matrix6d::Identity()});
                },
-               "variances are not within"},
+               "variances are not between"},
         Damage{"ZeroVariance",
                [](PoseGraph& g) {
                  AddRange(g, {2, 4}, 3, 0);
                },
-               "variance is not within"},
+               "variance is not between"},
         Damage{"NegativeVariance",
                [](PoseGraph& g) {
                  AddRange(g, {2, 4}, 3, -1);
                },
-               "variance is not within"},
+               "variance is not between"},
         Damage{"NaNVariance",
                [](PoseGraph& g) {
                  AddRange(g, {2, 4}, 3, kNaN);
                },
-               "variance is not within"},
+               "variance is not between"},
         Damage{"RangeWithItself",
                [](PoseGraph& g) {
                  AddRange(g, {1, 4}, 3, 0.01);

@@ -202,7 +202,7 @@ TEST_P(StandaloneSolverTest, SolvesGraphsOfOneAndNoNode) {
   Drive drive(GetParam());
   const PlainSolution nothing = SolveStandaloneGraph(drive.graph(), OneThread());
   EXPECT_TRUE(nothing.has_converged);
-  EXPECT_EQ(nothing.text, "the graph has no node");
+  EXPECT_EQ(nothing.text, "the graph has no node: give a file with vertices");
   drive.AddRobot(1, Pose{}, 1);
   const PlainSolution one = SolveStandaloneGraph(drive.graph(), OneThread());
   EXPECT_TRUE(one.has_converged) << one.text;

@@ -222,6 +222,16 @@ class RegisterActorTest : public testing::Test {
     }
     FAIL() << "RegisterActor asks without end";
   }
+  // Answers at most `count` questions.
+  void AnswerAsPgo(int count) {
+    for (int i = 0; i < count; ++i) {
+      proto::Message answer;
+      *answer.mutable_graph_stats_reply() = stats_;
+      answer.set_request_id(team_.TakeMessages(pgo_).back().request_id());
+      ASSERT_EQ(team_.Post(pgo_, register_, answer), SendResult::kAccepted);
+      team_.RunUntilIdle();
+    }
+  }
   void Pass() {
     team_.AdvanceTime(seconds(3));
     AnswerAsPgo();
@@ -765,13 +775,7 @@ TEST_F(RegisterActorTest, MatchesAreStoredDuringAPassAndOutliveAChangeOfLeader) 
   SpawnAll();
   StoreDrive();
   team_.AdvanceTime(seconds(3));
-  for (int i = 0; i < 20; ++i) {
-    proto::Message answer;
-    *answer.mutable_graph_stats_reply() = stats_;
-    answer.set_request_id(team_.TakeMessages(pgo_).back().request_id());
-    ASSERT_EQ(team_.Post(pgo_, register_, answer), SendResult::kAccepted);
-    team_.RunUntilIdle();
-  }
+  AnswerAsPgo(20);
   ASSERT_GT(State().left_count(), 0);
   const std::size_t stored = Matches().size();
   EXPECT_GE(stored, 5u);
@@ -812,6 +816,22 @@ TEST_F(RegisterActorTest, RecordsThatArriveDuringAPassStartAnotherOne) {
   Pass();
   EXPECT_FALSE(State().is_due());
   EXPECT_GT(Matches().size(), first);
+}
+
+TEST_F(RegisterActorTest, TheSecondPassWaitsForASolveThatUsesAllMatchesOfTheFirst) {
+  turn_pairs_max_ = 1;
+  SpawnAll();
+  StoreDrive();
+  team_.AdvanceTime(seconds(3));
+  AnswerAsPgo(20);
+  ASSERT_FALSE(Matches().empty());
+  StorePose({1, 0}, RawAt({1, 0}), 2);  // A solve during the pass.
+  AnswerAsPgo();
+  for (int i = 0; i < 20; ++i) Pass();
+  EXPECT_EQ(State().pass_count(), 1);
+  StorePose({2, 0}, Pose::FromPlanar(0.4, 0, 0) * RawAt({2, 0}), 3);
+  Pass();
+  EXPECT_EQ(State().pass_count(), 2);
 }
 
 TEST_F(RegisterActorTest, CountsMapsWithoutAPoseAndMatchesOfRemovedMaps) {

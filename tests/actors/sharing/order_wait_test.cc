@@ -374,7 +374,7 @@ class OrderNewsTest : public OrderWaitTest {
  protected:
   std::uint64_t Order() { return Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC)).order(); }
 
-  void AskForNews(std::uint64_t order, std::uint64_t after_version, double wait_s, bool is_relayed = false) {
+  void RequestChanges(std::uint64_t order, std::uint64_t after_version, double wait_s, bool is_relayed = false) {
     proto::Message question;
     proto::ShareProgressRequest& request = *question.mutable_share_progress_request();
     request.set_kind(proto::SHARING_KIND_SYNC);
@@ -396,12 +396,12 @@ TEST_F(OrderNewsTest, ArrivesAtMostTwicePerSecondAndOverTheRadioOnceInFiveSecond
   team_.radio().bytes_per_second = 3'000;
   for (const bool is_relayed : {false, true}) {
     const std::uint64_t order = Order();
-    AskForNews(order, 0, 60, is_relayed);
+    RequestChanges(order, 0, 60, is_relayed);
     auto news = News(milliseconds(100));
     ASSERT_TRUE(news) << "the first news comes at once";
     EXPECT_EQ(news->order(), order);
     EXPECT_FALSE(news->is_over());
-    AskForNews(order, news->version(), 60, is_relayed);
+    RequestChanges(order, news->version(), 60, is_relayed);
     EXPECT_FALSE(News(is_relayed ? milliseconds(4900) : milliseconds(400)));
     const auto next = News(milliseconds(700));
     ASSERT_TRUE(next);
@@ -414,7 +414,7 @@ TEST_F(OrderNewsTest, ReportsTheEnd) {
   const std::uint64_t order = Order();
   std::uint64_t version = 0;
   for (int i = 0; i < 100; ++i) {
-    AskForNews(order, version, 60);
+    RequestChanges(order, version, 60);
     const auto news = News(seconds(61));
     ASSERT_TRUE(news);
     EXPECT_GT(news->version(), version);
@@ -432,13 +432,13 @@ TEST_F(OrderNewsTest, ArrivesUnchangedAfterTheWaitIfNothingChanged) {
   InsertAt(kRover, 1);
   const std::uint64_t order = Order();
   team_.AdvanceTime(seconds(5));
-  AskForNews(order, UINT64_MAX, 2);
+  RequestChanges(order, UINT64_MAX, 2);
   EXPECT_FALSE(News(milliseconds(1900)));
   EXPECT_TRUE(News(milliseconds(200)));
 }
 
 TEST_F(OrderNewsTest, AboutAnUnknownOrderIsAnError) {
-  AskForNews(12345, 0, 60);
+  RequestChanges(12345, 0, 60);
   const auto news = News(milliseconds(100));
   ASSERT_TRUE(news);
   EXPECT_EQ(news->error().code(), proto::ERROR_CODE_NOT_FOUND);
@@ -449,9 +449,9 @@ TEST_F(OrderNewsTest, ForgetsOldOrdersExceptThoseWithAWaitingClient) {
   team_.radio().bytes_per_second = 1'000;
   const std::uint64_t waited_for = Order();
   const std::uint64_t forgotten = Order();
-  AskForNews(waited_for, UINT64_MAX, 60);
+  RequestChanges(waited_for, UINT64_MAX, 60);
   for (int i = 0; i < 40; ++i) (void)Order();
-  AskForNews(forgotten, 0, 60);
+  RequestChanges(forgotten, 0, 60);
   EXPECT_EQ(News(milliseconds(100)).value().error().code(), proto::ERROR_CODE_NOT_FOUND);
   const auto news = News(seconds(61));
   ASSERT_TRUE(news);
@@ -463,7 +463,7 @@ TEST_F(OrderNewsTest, RefusesTooManyRequests) {
   Drive(kRover, 3600);
   InsertAt(kRover, 1);
   const std::uint64_t order = Order();
-  for (int i = 0; i < 65; ++i) AskForNews(order, UINT64_MAX, 60);
+  for (int i = 0; i < 65; ++i) RequestChanges(order, UINT64_MAX, 60);
   const auto refused = News(seconds(1));
   ASSERT_TRUE(refused);
   EXPECT_EQ(refused->error().code(), proto::ERROR_CODE_FULL);

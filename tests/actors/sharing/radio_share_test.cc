@@ -17,11 +17,11 @@ TEST(RadioShareTest, GivesEachActiveSessionAnEqualPart) {
 TEST(RadioShareTest, NotifiesTheOtherActorOfEachChangeAndAgainAfterItsRestart) {
   RadioShare share(12'000);
   EXPECT_TRUE(share.MustNotify(0)) << "it has heard nothing yet";
-  share.NoteNotified(0);
+  share.ObserveNotified(0);
   EXPECT_FALSE(share.MustNotify(0));
   share.SetMovingElsewhere(0);
   EXPECT_FALSE(share.MustNotify(0)) << "or two idle actors would notify each other permanently";
-  share.NoteNotified(2);
+  share.ObserveNotified(2);
   EXPECT_FALSE(share.MustNotify(2));
   share.SetMovingElsewhere(3);
   EXPECT_FALSE(share.MustNotify(2));

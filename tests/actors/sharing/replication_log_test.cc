@@ -40,12 +40,12 @@ class NotesOverTime {
     // A session begins. In one of four cases its destination has lost its disk.
     if (what == 0) {
       if (rng_() % 4 == 0) have_ = HaveSet();
-      notes_.NoteAnswer(have_, {}, actions);
+      notes_.ObserveAnswer(have_, {}, actions);
     } else if (what == 1) {
       Restart();
     } else {
       const HaveSet heard = AnyNews();
-      notes_.NoteAcknowledged(heard, have_, actions);
+      notes_.ObserveAcknowledged(heard, have_, actions);
       have_.Merge(heard);
     }
     if (rng_() % 4 != 0) Deliver(actions);
@@ -53,11 +53,11 @@ class NotesOverTime {
   }
 
   // Sends a note and delivers it. The note is not lost, and the database is writable.
-  void NoteOnce() {
+  void ObserveOnce() {
     SharingActions actions;
     HaveSet news;
     news[Any()].held.Add(++fresh_);
-    notes_.NoteAcknowledged(news, have_, actions);
+    notes_.ObserveAcknowledged(news, have_, actions);
     have_.Merge(news);
     is_writable_ = true;
     Deliver(actions);
@@ -113,7 +113,7 @@ class NotesOverTime {
       } else {
         ++requests_;
         SharingActions again;
-        notes_.NoteAllAgain(action.message.request_id(), have_, {}, again);
+        notes_.ObserveAllAgain(action.message.request_id(), have_, {}, again);
         Deliver(again);
       }
     }
@@ -139,7 +139,7 @@ TEST(ReplicationLogTest, DifferencesAddUpToTheWholeHaveSetWhateverIsLost) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     NotesOverTime time(seed);
     for (int i = 0; i < 300 && !testing::Test::HasFailure(); ++i) time.Step();
-    for (int i = 0; i < 30 && time.Shown() != HadOf(time.have()); ++i) time.NoteOnce();
+    for (int i = 0; i < 30 && time.Shown() != HadOf(time.have()); ++i) time.ObserveOnce();
     EXPECT_EQ(time.Shown(), HadOf(time.have()));
     requests += time.requests();
   }

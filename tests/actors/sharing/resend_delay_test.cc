@@ -85,7 +85,7 @@ TEST_F(ResendDelayTest, DoublesUpToTheLimitAndResetsAfterProgress) {
     delay.Grow();
   }
   EXPECT_TRUE(delay.has_grown());
-  delay.NoteProgress(/*has_records=*/false);
+  delay.ObserveProgress(/*has_records=*/false);
   EXPECT_EQ(delay.delay(), seconds(5));
   EXPECT_FALSE(delay.has_grown());
 }
@@ -93,13 +93,13 @@ TEST_F(ResendDelayTest, DoublesUpToTheLimitAndResetsAfterProgress) {
 TEST_F(ResendDelayTest, AfterARefusalOnlyRecordsAreProgress) {
   ResendDelay delay(seconds(5), seconds(30));
   delay.Grow();
-  delay.NoteRefusal();
-  delay.NoteProgress(/*has_records=*/false);
+  delay.ObserveRefusal();
+  delay.ObserveProgress(/*has_records=*/false);
   EXPECT_EQ(delay.delay(), seconds(10));
-  delay.NoteProgress(/*has_records=*/true);
+  delay.ObserveProgress(/*has_records=*/true);
   EXPECT_EQ(delay.delay(), seconds(5));
   delay.Grow();
-  delay.NoteProgress(/*has_records=*/false);
+  delay.ObserveProgress(/*has_records=*/false);
   EXPECT_EQ(delay.delay(), seconds(5)) << "nothing was refused since";
 }
 
@@ -109,7 +109,7 @@ TEST_F(ResendDelayTest, StartsOverImmediatelyOncePerProgress) {
   EXPECT_FALSE(delay.TakeStartAtOnce());
   delay.Grow();
   EXPECT_FALSE(delay.TakeStartAtOnce());
-  delay.NoteProgress(/*has_records=*/true);
+  delay.ObserveProgress(/*has_records=*/true);
   EXPECT_TRUE(delay.TakeStartAtOnce());
 }
 

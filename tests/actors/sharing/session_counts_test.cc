@@ -53,11 +53,11 @@ TEST_F(SessionCountsTest, CountsRecordsAcknowledgedSinceTheDestinationAnswered) 
 
 TEST_F(SessionCountsTest, CountsEachKindOfEndSeparately) {
   SessionCounts counts;
-  counts.NoteEnd(Ending::kCompleted, {});
-  counts.NoteEnd(Ending::kCompleted, {});
-  counts.NoteEnd(Ending::kClosed, {});
-  counts.NoteEnd(Ending::kLimited, {});
-  counts.NoteResends(3);
+  counts.ObserveEnd(Ending::kCompleted, {});
+  counts.ObserveEnd(Ending::kCompleted, {});
+  counts.ObserveEnd(Ending::kClosed, {});
+  counts.ObserveEnd(Ending::kLimited, {});
+  counts.ObserveResends(3);
   proto::ShareSession status;
   counts.AddTo(status, SessionCounts::Time(std::chrono::seconds(5)));
   EXPECT_EQ(status.completed_sessions(), 2);

@@ -333,7 +333,7 @@ class Conversation {
         ASSERT_TRUE(reply) << ToString(reply.error());
         TakeOfSession(session_.OnMissingReply(message.request_id(), *reply, now_));
       } else if (message.has_peer_have()) {
-        const Result<bool> noted = source_->NotePeerHave(message.peer_have());
+        const Result<bool> noted = source_->ObservePeerHave(message.peer_have());
         ASSERT_TRUE(noted) << ToString(noted.error());
         EXPECT_TRUE(*noted) << "no note was lost";
       }

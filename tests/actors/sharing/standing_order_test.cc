@@ -405,7 +405,7 @@ TEST_F(StandingOrderTest, CoversOnlyTheStatesOfItsFilterInAWindowForStates) {
   EXPECT_TRUE(order.SetWindow(Window::kStatesOnly));
   EXPECT_FALSE(order.SetWindow(Window::kStatesOnly)) << "it is no change";
   EXPECT_TRUE(order.is_waiting()) << "the states, too, until it looks again";
-  order.LookAgain();
+  order.EvaluateAgain();
   EXPECT_FALSE(order.is_waiting());
   order.StartOver();
   EXPECT_TRUE(order.is_for_states());

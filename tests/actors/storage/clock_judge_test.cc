@@ -15,7 +15,7 @@ constexpr std::int64_t kUtc_ns = 1'767'225'600'000'000'000;  // Start of 2026-01
 class ClockJudgeTest : public testing::Test {
  protected:
   // Reports a clock of `peer` to `judge_`. The clock is `ahead` of the true time.
-  void Hear(AgentId peer, nanoseconds ahead = {}) { judge_.NotePeer(peer, Utc(ahead), now_); }
+  void Hear(AgentId peer, nanoseconds ahead = {}) { judge_.ObservePeer(peer, Utc(ahead), now_); }
   ClockJudge::Verdict Judge(nanoseconds ahead = {}) { return judge_.Judge(Utc(ahead), now_); }
   bool IsSuspect(nanoseconds ahead = {}) { return !Judge(ahead).suspect.empty(); }
   std::int64_t Utc(nanoseconds ahead) const { return kUtc_ns + (now_ - start_ + ahead).count(); }
@@ -71,7 +71,7 @@ TEST_F(ClockJudgeTest, ExtrapolatesThePeersClocks) {
 TEST_F(ClockJudgeTest, IgnoresPeersWhoseClockWasNeverSet) {
   Hear(2, -hours(24 * 365 * 50));
   Hear(3, -hours(24 * 365 * 50));
-  judge_.NotePeer(kBase, INT64_MIN, now_);
+  judge_.ObservePeer(kBase, INT64_MIN, now_);
   EXPECT_FALSE(IsSuspect());
 }
 

@@ -22,7 +22,7 @@ proto::TeamConfig TeamOf(double keep_days) {
 class CopyWatchTest : public testing::Test {
  protected:
   void SetUp() override {
-    watch_.NoteTime(At(0), store_->next_row_id());
+    watch_.ObserveTime(At(0), store_->next_row_id());
     for (std::uint64_t i = 0; i < 4; ++i) keys_.push_back(InsertOne(*store_, NodeRecord(2, i)));
   }
 
@@ -40,7 +40,7 @@ class CopyWatchTest : public testing::Test {
     stream.set_data_type(proto::POSE_GRAPH_NODE);
     stream.add_held()->set_first(1);
     stream.mutable_held(0)->set_last(count);
-    const auto noted = store_->NotePeerHave(note);
+    const auto noted = store_->ObservePeerHave(note);
     ASSERT_TRUE(noted) << ToString(noted.error());
   }
 
@@ -73,7 +73,7 @@ TEST_F(CopyWatchTest, CountsAgainWhenThePeerHasLostItsDisk) {
   empty.set_kind(proto::SHARING_KIND_SYNC);
   empty.set_number(++number_);
   empty.mutable_acknowledged();
-  ASSERT_TRUE(store_->NotePeerHave(empty));
+  ASSERT_TRUE(store_->ObservePeerHave(empty));
   EXPECT_EQ(Status(watch_).one_copy().count(), 4);
 }
 
@@ -87,9 +87,9 @@ TEST_F(CopyWatchTest, NamesWhatEachPeerLacks) {
 }
 
 TEST_F(CopyWatchTest, SaysForHowLongTheOldestRecordHasOneCopy) {
-  watch_.NoteTime(At(10), store_->next_row_id());
+  watch_.ObserveTime(At(10), store_->next_row_id());
   InsertOne(*store_, NodeRecord(2, 4));
-  watch_.NoteTime(At(70), store_->next_row_id());
+  watch_.ObserveTime(At(70), store_->next_row_id());
   EXPECT_EQ(Status(watch_, 100).one_copy().age_s(), 100);
   Acknowledge(1, 4);
   EXPECT_EQ(Status(watch_, 100).one_copy().age_s(), 90);
@@ -97,7 +97,7 @@ TEST_F(CopyWatchTest, SaysForHowLongTheOldestRecordHasOneCopy) {
 
 TEST_F(CopyWatchTest, RecordsFromBeforeTheStartAreAtLeastAsOldAsTheProcess) {
   CopyWatch restarted(2, TeamOf(0));
-  restarted.NoteTime(At(1000), store_->next_row_id());
+  restarted.ObserveTime(At(1000), store_->next_row_id());
   EXPECT_EQ(Status(restarted, 1060).one_copy().age_s(), 60);
 }
 
@@ -106,14 +106,14 @@ TEST_F(CopyWatchTest, CountsOnlyAgentsThatKeepRecordsIfTheTeamHasLimits) {
   CopyWatch limited(2, TeamOf(1));
   proto::RoleAssignment roles;
   roles.set_leader(1);
-  limited.NoteRoles(roles);
+  limited.ObserveRoles(roles);
   Acknowledge(3, 4);
   EXPECT_EQ(Status(limited).one_copy().count(), 4);
   Acknowledge(1, 4);
   EXPECT_EQ(Status(limited).one_copy().count(), 0);
   roles.set_leader(3);
   roles.set_survivor(2);
-  limited.NoteRoles(roles);
+  limited.ObserveRoles(roles);
   EXPECT_EQ(Status(limited).one_copy().count(), 0) << "3 leads now";
 }
 
@@ -126,16 +126,16 @@ TEST_F(CopyWatchTest, CountsOthersRecordsAtALeaderUnderLimitsAlone) {
   roles.set_survivor(1);
   CopyWatch limited(2, TeamOf(1));
   EXPECT_EQ(Status(limited).one_copy().count(), 4) << "nobody has a role yet";
-  limited.NoteRoles(roles);
-  watch_.NoteRoles(roles);
+  limited.ObserveRoles(roles);
+  watch_.ObserveRoles(roles);
   EXPECT_EQ(Status(limited).one_copy().count(), 1);
   EXPECT_EQ(Status(watch_).one_copy().count(), 0) << "its origin keeps it";
 }
 
 TEST_F(CopyWatchTest, KnowsAgesOfALongMissionWithinAFewPerCent) {
   Acknowledge(1, 4);
-  const auto note = [this](int s) { watch_.NoteTime(At(s), store_->next_row_id() + static_cast<std::uint64_t>(s)); };
-  watch_.NoteTime(At(500'000), store_->next_row_id());
+  const auto note = [this](int s) { watch_.ObserveTime(At(s), store_->next_row_id() + static_cast<std::uint64_t>(s)); };
+  watch_.ObserveTime(At(500'000), store_->next_row_id());
   InsertOne(*store_, NodeRecord(2, 10));
   for (int s = 500'010; s <= 1'000'000; s += 10) note(s);
   const double age_s = Status(watch_, 1'000'000).one_copy().age_s();

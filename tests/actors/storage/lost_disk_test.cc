@@ -130,11 +130,11 @@ TEST_F(LostDiskTest, LearnsItsLaterEpochsFromAReportAHaveSetOrANoteOfAnAcknowled
     note.set_peer(1);
     *note.mutable_acknowledged() = peer_->GetHave().have();
     if (way == 0) {
-      ASSERT_TRUE(store_->NoteEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
+      ASSERT_TRUE(store_->ObserveEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
     } else if (way == 1) {
       ASSERT_TRUE(store_->GetMissing(question));
     } else {
-      ASSERT_TRUE(store_->NotePeerHave(note));
+      ASSERT_TRUE(store_->ObservePeerHave(note));
     }
     ASSERT_EQ(Contents(*store_).size(), 1u);
     const std::uint64_t after = Contents(*store_)[0].key().epoch();
@@ -196,7 +196,7 @@ TEST_F(LostDiskTest, TheReplacementDisksStatesWinWhenTheOldDiskReturns) {
   Live(3);
   CopyAside("old.db");
   Wipe();
-  ASSERT_TRUE(store_->NoteEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
+  ASSERT_TRUE(store_->ObserveEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
   Live(2);
   InsertOne(*store_, CustomRecordOf(kBeacon, "new", "a"));
   Exchange(*store_, *peer_);
@@ -216,11 +216,11 @@ TEST_F(LostDiskTest, AnOldDiskThatLearnsOnlyALaterEpochAssumesThatItsSharedState
   proto::PeerHave acknowledged;
   acknowledged.set_peer(1);
   *acknowledged.mutable_acknowledged() = peer_->GetHave().have();
-  ASSERT_TRUE(store_->NotePeerHave(acknowledged));
+  ASSERT_TRUE(store_->ObservePeerHave(acknowledged));
   InsertOne(*store_, CustomRecordOf(kBeacon, "2", "b"));
   proto::EpochReport report;
   report.add_epochs(EpochOf({PartsOf(Contents(*store_)[0].key().epoch()).counter + 5, 1, 1, 1}, 0));
-  ASSERT_TRUE(store_->NoteEpochReport(kPeer, report));
+  ASSERT_TRUE(store_->ObserveEpochReport(kPeer, report));
   // Epoch of each beacon, by the beacon's latest_key.
   std::map<std::string, std::uint64_t> epochs;
   for (const proto::StoredRecord& record : Contents(*store_)) {
@@ -281,7 +281,7 @@ TEST_F(LostDiskTest, StoresNoRecordOfALaterEpochBeforeReissuingItsStates) {
   *question.mutable_destination_have() = peer_->GetHave().have();
   for (int i = 0; i < 2; ++i) {
     EXPECT_EQ(StoreOne(*store_, Contents(*peer_)[0]).error().code(), proto::ERROR_CODE_INTERNAL);
-    EXPECT_FALSE(store_->NoteEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
+    EXPECT_FALSE(store_->ObserveEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
     EXPECT_TRUE(store_->GetMissing(question)) << "what is there is shared meanwhile";
     EXPECT_EQ(store_->TakeReissued().last_row_id(), 0u);
     EXPECT_EQ(store_->GetHave().have().SerializeAsString(), have);
@@ -303,7 +303,7 @@ TEST_F(LostDiskTest, ReissuesAStateOnlyOnce) {
   Wipe();
   InsertOne(*store_, TemperatureRecord(55));
   for (int i = 0; i < 3; ++i) {
-    ASSERT_TRUE(store_->NoteEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
+    ASSERT_TRUE(store_->ObserveEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
     Exchange(*store_, *peer_);
     Restart();
   }
@@ -333,7 +333,7 @@ TEST_F(LostDiskTest, RefusesAMalformedEpochReport) {
   const auto note = [this](const std::vector<std::uint64_t>& epochs) {
     proto::EpochReport report;
     for (const std::uint64_t epoch : epochs) report.add_epochs(epoch);
-    const Result<void> noted = store_->NoteEpochReport(kPeer, report);
+    const Result<void> noted = store_->ObserveEpochReport(kPeer, report);
     return noted ? std::string() : ToString(noted.error());
   };
   EXPECT_EQ(note({}), "");
@@ -342,7 +342,7 @@ TEST_F(LostDiskTest, RefusesAMalformedEpochReport) {
   EXPECT_EQ(note({0, own + 5}), "epochs: must be at least 1 and in rising order");
   std::vector<std::uint64_t> many;
   for (std::uint64_t i = 1; i <= 65; ++i) many.push_back(own + i);
-  EXPECT_EQ(note(many), "epochs: has more than 64");
+  EXPECT_EQ(note(many), "epochs: has more than 64 entries");
   EXPECT_EQ(store_->GetHave().epoch(), own);
   EXPECT_EQ(note({UINT64_MAX}), "");
   EXPECT_EQ(store_->GetHave().epoch(), own);

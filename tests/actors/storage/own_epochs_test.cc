@@ -36,7 +36,7 @@ std::uint64_t Epoch(std::uint64_t counter, std::uint32_t tag, std::uint64_t base
 // Returns the OwnEpochs of a file that began `epochs` in its present incarnation.
 OwnEpochs Began(const std::vector<std::uint64_t>& epochs) {
   OwnEpochs own;
-  for (const std::uint64_t epoch : epochs) own.NoteBegun({epoch, kOurs});
+  for (const std::uint64_t epoch : epochs) own.ObserveBegun({epoch, kOurs});
   return own;
 }
 
@@ -46,10 +46,10 @@ TEST(OwnEpochsTest, AnEpochEncodesItsDiskBaseAndPredecessor) {
   const OwnEpochs::Next first = *own.Draw(random);
   EXPECT_EQ(PartsOf(first.epoch), (EpochParts{1, first.tag, 0, 0}));
   EXPECT_NE(first.tag, 0u);
-  own.NoteBegun(first);
+  own.ObserveBegun(first);
   const OwnEpochs::Next second = *own.Draw(random);
   EXPECT_EQ(PartsOf(second.epoch), (EpochParts{2, first.tag, BaseMarkOf(first.epoch), MarkOf(first.epoch)}));
-  own.NoteBegun(second);
+  own.ObserveBegun(second);
   const std::uint64_t foreign = Epoch(9, kLost, 0);
   own.Learn(foreign);
   EXPECT_EQ(PartsOf(own.Draw(random)->epoch), (EpochParts{10, first.tag, BaseMarkOf(foreign), MarkOf(second.epoch)}));
@@ -72,7 +72,7 @@ TEST(OwnEpochsTest, IsLoadedAsItWasWritten) {
   for (int i = 0; i < 3; ++i) {
     begun.push_back(*own.Draw(random));
     ASSERT_TRUE(own.Write(*database, begun.back()));
-    own.NoteBegun(begun.back());
+    own.ObserveBegun(begun.back());
   }
   ASSERT_TRUE(database->Execute("UPDATE own_epoch SET hash = hash + 1 WHERE epoch >> 48 = 2"));
   OwnEpochs loaded;
@@ -96,7 +96,7 @@ TEST(OwnEpochsTest, EndangersEpochsThatALostDiskCannotHaveKnown) {
   const std::uint64_t lost = Epoch(9, kLost, 0);
   own.Learn(lost);
   EXPECT_THAT(own.Endangered().certain, ElementsAre(first, second));
-  own.NoteBegun({Epoch(10, kOurs, lost), kOurs});
+  own.ObserveBegun({Epoch(10, kOurs, lost), kOurs});
   own.Learn(Epoch(8, kLost, 0));
   EXPECT_THAT(own.Endangered().certain, ElementsAre(first, second)) << "none below the tenth";
   own.Learn(Epoch(12, kLost, 0));
@@ -111,7 +111,7 @@ TEST(OwnEpochsTest, EndangersNoEpochThatTheBaseKnew) {
   own.Learn(Epoch(6, kLost, fifth));
   EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t sixth = Epoch(6, kOurs, fifth);
-  own.NoteBegun({sixth, kOurs});
+  own.ObserveBegun({sixth, kOurs});
   EXPECT_THAT(own.Endangered().certain, ElementsAre(sixth)) << "a base's counter is lower";
 }
 
@@ -197,7 +197,7 @@ TEST(OwnEpochsTest, ReportsPossibleDangerIfSeveralEpochsShareAMark) {
   own.Learn(Epoch(2, kLost, lost));
   EXPECT_THAT(own.Endangered().possible, ElementsAre(first)) << "it may have been begun upon either";
   const std::uint64_t second = Epoch(2, kOurs, first);
-  own.NoteBegun({second, kOurs});
+  own.ObserveBegun({second, kOurs});
   own.Learn(Epoch(3, kLost, Epoch(2, kLost, lost)));
   EXPECT_THAT(own.Endangered().possible, ElementsAre(first));
   EXPECT_THAT(own.Endangered().certain, ElementsAre(second)) << "neither knew it";
@@ -219,16 +219,16 @@ TEST(OwnEpochsTest, DoesNotEndangerEpochsFromARestoredBackup) {
   const std::uint64_t second = Epoch(2, kLost, first);
   const std::uint64_t third = Epoch(3, kOurs, second);
   OwnEpochs own;
-  own.NoteBegun({first, kLost});
-  own.NoteBegun({second, kLost});
-  own.NoteBegun({third, kOurs});
+  own.ObserveBegun({first, kLost});
+  own.ObserveBegun({second, kLost});
+  own.ObserveBegun({third, kOurs});
   own.Learn(Epoch(9, kLost, 0));
   EXPECT_THAT(own.Endangered().certain, ElementsAre(third));
 }
 
 TEST(OwnEpochsTest, RejectsClaimsThatAreTooHighAndKeepsABoundedNumber) {
   OwnEpochs own = Began({Epoch(2, kOurs, 0)});
-  own.NoteStart();
+  own.ObserveStart();
   EXPECT_FALSE(own.IsPossible(0));
   const std::uint64_t last = own.highest() + kOwnEpochJumpMax;
   EXPECT_TRUE(own.IsPossible(last));
@@ -249,7 +249,7 @@ TEST(OwnEpochsTest, DrawsHigherEpochsUntilNoneIsLeft) {
     const Result<OwnEpochs::Next> next = own.Draw(random);
     if (!next) break;
     EXPECT_GT(next->epoch, own.highest());
-    own.NoteBegun(*next);
+    own.ObserveBegun(*next);
   }
   own.Learn(UINT64_MAX);
   EXPECT_EQ(own.Draw(random).error().code, ErrorCode::kInternal);
@@ -329,7 +329,7 @@ class Robot {
     Disk backup;
     backup.begun = disk().begun;
     backup.known = disk().known;
-    for (const std::uint64_t epoch : backup.begun) backup.own.NoteBegun({epoch, 0});
+    for (const std::uint64_t epoch : backup.begun) backup.own.ObserveBegun({epoch, 0});
     for (const std::uint64_t epoch : backup.known) backup.own.Learn(epoch);
     return backup;
   }
@@ -344,7 +344,7 @@ class Robot {
       knew.insert(parent);
       knew.insert(knew_[parent].begin(), knew_[parent].end());
     }
-    disk().own.NoteBegun(next);
+    disk().own.ObserveBegun(next);
     disk().known.insert(next.epoch);
     disk().begun.insert(next.epoch);
     disk().of_incarnation.insert(next.epoch);

@@ -177,11 +177,11 @@ TEST(PeerAuthorityTest, BelievesClaimsAboutItsOwnEpochsOnlyFromAgentsWithARoleAn
   const std::uint64_t present = store->GetHave().epoch();
   proto::EpochReport report;
   report.add_epochs(present + (1ull << 50));
-  ASSERT_TRUE(store->NoteEpochReport(3, report));
+  ASSERT_TRUE(store->ObserveEpochReport(3, report));
   InsertOne(*store, NodeRecord(1, 2));
   EXPECT_EQ(store->GetHave().epoch(), present) << "a plain rover's word moves nothing";
   EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1) << "but people are to hear of it";
-  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  ASSERT_TRUE(store->ObserveEpochReport(2, report));
   InsertOne(*store, NodeRecord(1, 3));
   EXPECT_GT(store->GetHave().epoch(), present);
 }
@@ -194,7 +194,7 @@ TEST(PeerAuthorityTest, RepeatedClaimsCannotUseUpItsOwnEpochs) {
     claimed += kOwnEpochJumpMax / 2;
     proto::EpochReport report;
     report.add_epochs(claimed);
-    ASSERT_TRUE(store->NoteEpochReport(2, report));
+    ASSERT_TRUE(store->ObserveEpochReport(2, report));
   }
   EXPECT_LE(store->GetHave().epoch(), 3 * kOwnEpochJumpMax);
   InsertOne(*store, NodeRecord(1, 2));
@@ -235,9 +235,9 @@ TEST(PeerAuthorityTest, ReportsAClaimedOwnEpochUntilItsRecordsArrive) {
   auto store = OpenStore(OptionsWithKeys());
   proto::EpochReport report;
   report.add_epochs(7);
-  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  ASSERT_TRUE(store->ObserveEpochReport(2, report));
   EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1);
-  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  ASSERT_TRUE(store->ObserveEpochReport(2, report));
   EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1) << "known by now, and still not here";
   EXPECT_EQ(StoreFrom(*store, 2, {Node(1, 1, 7)}).stored_count(), 1u);
   EXPECT_TRUE(RefusedBy(*store).empty());
@@ -262,26 +262,26 @@ TEST(PeerAuthorityTest, ReportsAClaimedOwnEpochThoughThePeerAcknowledgesNewRecor
   const auto is_said = [&store] { return RefusedBy(*store).contains({2, proto::REFUSAL_CAUSE_OWN_EPOCH}); };
   proto::EpochReport report;
   report.add_epochs(7);
-  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  ASSERT_TRUE(store->ObserveEpochReport(2, report));
   InsertOne(*store, NodeRecord(1, 1));
   proto::PeerHave news = NoteOfNodes(store->GetHave().epoch(), 1);
   news.set_is_difference(true);
-  ASSERT_TRUE(store->NotePeerHave(news));
+  ASSERT_TRUE(store->ObservePeerHave(news));
   EXPECT_TRUE(is_said()) << "after a report, and an acknowledgment of what is new";
 
-  ASSERT_TRUE(store->NotePeerHave(NoteOfNodes(7, 2)));
-  ASSERT_TRUE(store->NotePeerHave(news));
+  ASSERT_TRUE(store->ObservePeerHave(NoteOfNodes(7, 2)));
+  ASSERT_TRUE(store->ObservePeerHave(news));
   EXPECT_TRUE(is_said()) << "after an answer, and an acknowledgment of what is new";
   EXPECT_EQ(StoreFrom(*store, 2, {Node(1, 1, 7)}).stored_count(), 1u);
   EXPECT_TRUE(is_said()) << "the second one is still not here";
 
   proto::PeerHave of_another = NoteOfNodes(store->GetHave().epoch(), 1);
   of_another.add_origin_agents(3);
-  ASSERT_TRUE(store->NotePeerHave(of_another));
+  ASSERT_TRUE(store->ObservePeerHave(of_another));
   EXPECT_TRUE(is_said()) << "the peer was asked about another agent's records";
 
   report.set_epochs(0, 9);
-  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  ASSERT_TRUE(store->ObserveEpochReport(2, report));
   EXPECT_EQ(StoreFrom(*store, 2, {Node(1, 1, 9)}).stored_count(), 1u);
   EXPECT_TRUE(is_said()) << "after a report of another epoch, which came home";
   EXPECT_EQ(StoreFrom(*store, 2, {Node(1, 2, 7)}).stored_count(), 1u);
@@ -290,18 +290,18 @@ TEST(PeerAuthorityTest, ReportsAClaimedOwnEpochThoughThePeerAcknowledgesNewRecor
 
 TEST(PeerAuthorityTest, StopsReportingAClaimThatThePeerWithdraws) {
   auto store = OpenStore(OptionsWithKeys());
-  ASSERT_TRUE(store->NotePeerHave(NoteOfNodes(7, 2)));
+  ASSERT_TRUE(store->ObservePeerHave(NoteOfNodes(7, 2)));
   EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1);
   proto::PeerHave closed;
   closed.set_peer(2);
   closed.set_is_session_closed(true);
-  ASSERT_TRUE(store->NotePeerHave(closed));
+  ASSERT_TRUE(store->ObservePeerHave(closed));
   EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1) << "that says nothing of what it has";
   proto::PeerHave nothing;
   nothing.set_peer(2);
   nothing.add_origin_agents(1);
   nothing.mutable_acknowledged();
-  ASSERT_TRUE(store->NotePeerHave(nothing));
+  ASSERT_TRUE(store->ObservePeerHave(nothing));
   EXPECT_TRUE(RefusedBy(*store).empty()) << "the peer's own disk was lost";
 }
 
@@ -432,15 +432,15 @@ TEST(PeerAuthorityTest, ReportsOriginsWhoseRecordsReadersLeaveOut) {
   auto store = OpenStore(OptionsWithKeys());
   proto::LeftOutReport report;
   (*report.mutable_without_role())[3] = 4;
-  store->NoteLeftOut("merge", report);
+  store->AddExcluded("merge", report);
   (*report.mutable_without_role())[3] = 7;
-  store->NoteLeftOut("pgo", report);
+  store->AddExcluded("pgo", report);
   EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_UNCOUNTED}]), 7) << "both may read the same records";
   (*report.mutable_without_room())[2] = 5;
-  store->NoteLeftOut("pgo", report);
+  store->AddExcluded("pgo", report);
   EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_NO_ROOM}]), 5);
-  store->NoteLeftOut("pgo", {});
-  store->NoteLeftOut("merge", {});
+  store->AddExcluded("pgo", {});
+  store->AddExcluded("merge", {});
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 

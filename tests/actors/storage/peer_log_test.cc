@@ -23,7 +23,7 @@ const StreamKey kOther{3, 9, proto::POWER};
 
 class PeerLogTest : public testing::Test {
  protected:
-  Result<bool> Note(const proto::PeerHave& note) { return store_->NotePeerHave(note); }
+  Result<bool> Note(const proto::PeerHave& note) { return store_->ObservePeerHave(note); }
 
   static proto::PeerHave All(std::uint64_t number, const HaveSet& have, AgentId peer = kPeer) {
     proto::PeerHave note;

@@ -196,7 +196,7 @@ TEST(RecordStoreTest, IgnoresAnImpossibleEpochWhenItBeginsOne) {
   proto::PeerHave note;
   note.set_peer(3);
   *note.mutable_acknowledged() = question.destination_have();
-  ASSERT_TRUE(store->NotePeerHave(note));
+  ASSERT_TRUE(store->ObservePeerHave(note));
   EXPECT_EQ(InsertOne(*store, TemperatureRecord(3)).epoch(), own);
   EXPECT_EQ(store->GetStatus()->rejected_count(), 4);
 }
@@ -241,7 +241,7 @@ TEST(RecordStoreTest, ReturnsTheSameKeyWhenARobotRepeatsANode) {
   proto::InsertRequest local;
   *local.add_records() = NodeRecord(2, 7, 1.0);
   local.set_is_local(true);
-  EXPECT_EQ(store->Insert(local).reply.error().text(), "2:7 already exists and is shared");
+  EXPECT_EQ(store->Insert(local).reply.error().text(), "2:7 already exists and is shared with other agents");
 }
 
 TEST(RecordStoreTest, PreservesUnknownFields) {
@@ -937,7 +937,7 @@ TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperDefinesThem) {
   acknowledged[FromProto(first).stream].held.Add(first.seq());
   *note.mutable_acknowledged() = ToProto(acknowledged);
   *note.add_handed_over() = second;
-  ASSERT_TRUE(store->NotePeerHave(note));
+  ASSERT_TRUE(store->ObservePeerHave(note));
   const auto in_log = [&store](const proto::RecordKey& key, int sent_status, int ack) {
     return Number(*store, "SELECT count(*) FROM replication_log WHERE replica_id = '" + ToString(FromProto(key)) +
                               "' AND agent_id = 2 AND destination_id = 1 AND sent_status = " +
@@ -954,7 +954,7 @@ TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperDefinesThem) {
   *note.mutable_acknowledged() = ToProto(acknowledged);
   note.clear_handed_over();
   note.set_is_session_closed(true);
-  ASSERT_TRUE(store->NotePeerHave(note));
+  ASSERT_TRUE(store->ObservePeerHave(note));
   EXPECT_EQ(in_log(first, 0, 1), 1);
   EXPECT_EQ(in_log(second, 0, 1), 1);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM peer_have"), 1);
@@ -964,7 +964,7 @@ TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperDefinesThem) {
   acknowledged[Key(3, proto::POSE_GRAPH_NODE, 1).stream].held.Add(1);
   *note.mutable_acknowledged() = ToProto(acknowledged);
   note.add_origin_agents(3);
-  ASSERT_TRUE(store->NotePeerHave(note));
+  ASSERT_TRUE(store->ObservePeerHave(note));
   EXPECT_EQ(in_log(first, 0, 1), 1);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM peer_have"), 2);
 }

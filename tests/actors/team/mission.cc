@@ -309,8 +309,8 @@ class Mission {
 
   // Sends the requests, and repeats each request until it succeeds, at most kTriesMax times. Complains and returns
   // nullopt for a request that never succeeded.
-  std::vector<std::optional<proto::ControlReply>> AskAll(AgentId agent,
-                                                         const std::vector<proto::ControlRequest>& requests) {
+  std::vector<std::optional<proto::ControlReply>> RequestAll(AgentId agent,
+                                                             const std::vector<proto::ControlRequest>& requests) {
     std::vector<std::optional<proto::ControlReply>> replies(requests.size());
     for (int i = 0; i < kTriesMax; ++i) {
       std::vector<proto::ControlRequest> open;
@@ -336,7 +336,7 @@ class Mission {
   }
 
   std::optional<proto::ControlReply> Ask(AgentId agent, const proto::ControlRequest& request) {
-    return AskAll(agent, {request}).front();
+    return RequestAll(agent, {request}).front();
   }
 
   // Inserts all batches at once, each from a client of its own, while another client requests the status.
@@ -347,13 +347,13 @@ class Mission {
       for (const proto::Record& record : batch) *requests.back().mutable_insert()->add_records() = record;
     }
     requests.emplace_back().mutable_status();
-    const auto replies = AskAll(agent, requests);
+    const auto replies = RequestAll(agent, requests);
     for (std::size_t i = 0; i < batches.size(); ++i) {
-      if (replies[i]) NoteInserted(agent, batches[i], replies[i]->insert());
+      if (replies[i]) ObserveInserted(agent, batches[i], replies[i]->insert());
     }
   }
 
-  void NoteInserted(AgentId agent, const std::vector<proto::Record>& records, const proto::InsertReply& reply) {
+  void ObserveInserted(AgentId agent, const std::vector<proto::Record>& records, const proto::InsertReply& reply) {
     if (reply.keys_size() != static_cast<int>(records.size())) return Complain("an insert without keys");
     for (std::size_t i = 0; i < records.size(); ++i) {
       const RecordKey key = FromProto(reply.keys(static_cast<int>(i)));
@@ -520,7 +520,7 @@ class Mission {
 
   void Complain(std::string text) { report_.faults.push_back(std::move(text)); }
 
-  proto::Message AskStorage(AgentId agent, proto::Message question) {
+  proto::Message RequestStorage(AgentId agent, proto::Message question) {
     const Address requester{agent, "checker"};
     (void)team_.Post(requester, {agent, actor_name::kStorage}, std::move(question));
     team_.RunUntilIdle();
@@ -533,7 +533,7 @@ class Mission {
     for (std::uint64_t after = 0;;) {
       proto::Message question;
       question.mutable_read_request()->set_after_row_id(after);
-      const proto::Message answer = AskStorage(agent, std::move(question));
+      const proto::Message answer = RequestStorage(agent, std::move(question));
       const proto::ReadReply& reply = answer.read_reply();
       for (const proto::StoredRecord& record : reply.records()) {
         records[FromProto(record.key())] = record.content();
@@ -546,7 +546,7 @@ class Mission {
   HaveSet HaveOf(AgentId agent) {
     proto::Message question;
     question.mutable_have_request();
-    return *FromProto(AskStorage(agent, std::move(question)).have_reply().have());
+    return *FromProto(RequestStorage(agent, std::move(question)).have_reply().have());
   }
 
   void CheckAll() {
@@ -584,7 +584,7 @@ class Mission {
   void CheckStoredRoles(AgentId agent, const proto::RoleAssignment& roles) {
     proto::Message question;
     question.mutable_load_roles_request();
-    const proto::Message answer = AskStorage(agent, std::move(question));
+    const proto::Message answer = RequestStorage(agent, std::move(question));
     const auto& history = answer.load_roles_reply().history();
     if (history.empty() || history.rbegin()->SerializeAsString() != roles.SerializeAsString()) {
       Complain("agent " + std::to_string(agent) + " acts on roles that it has not stored");

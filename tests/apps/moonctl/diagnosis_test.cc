@@ -136,7 +136,7 @@ TEST_F(DiagnosisTest, FindsANameThatIsALoopbackAddressOnThisComputer) {
 TEST_F(DiagnosisTest, NamesTheComputerOfAnAgentThatIsElsewhere) {
   facts_.is_elsewhere = true;
   facts_.keys_error = "rover1.sec: no such file";
-  ExpectFault("keys", "not on this computer, but another agent's are");
+  ExpectFault("keys", "has the secret keys of another agent, but not those of rover1");
   EXPECT_THAT(OnlyFinding().remedy, HasSubstr("on the computer of rover1"));
 }
 

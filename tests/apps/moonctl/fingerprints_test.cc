@@ -24,7 +24,7 @@ Hashes SomeHashes(std::uint64_t count) {
   return hashes;
 }
 
-AskFingerprint Asking(const Hashes& hashes, int& asked) {
+RequestFingerprint Asking(const Hashes& hashes, int& asked) {
   return [&hashes, &asked](const StreamKey&, const IntervalSet& seqs) -> Result<Fingerprint> {
     ++asked;
     Fingerprint fingerprint;
@@ -76,7 +76,7 @@ TEST(FingerprintsTest, ReturnsAnErrorAtOnce) {
   held[kStream].held.Add({1, 9});
   int asked = 0;
   const Hashes sound = SomeHashes(9);
-  const AskFingerprint failing = [](const StreamKey&, const IntervalSet&) {
+  const RequestFingerprint failing = [](const StreamKey&, const IntervalSet&) {
     return Result<Fingerprint>(Fail(ErrorCode::kTimedOut, "no answer"));
   };
   EXPECT_EQ(FindDiffering(held, Asking(sound, asked), failing, 10).error().code, ErrorCode::kTimedOut);
@@ -103,7 +103,7 @@ FakeAgent::Answer InParts(std::uint64_t per_answer) {
   };
 }
 
-Result<Fingerprint> AskInParts(std::uint64_t per_answer) {
+Result<Fingerprint> RequestInParts(std::uint64_t per_answer) {
   FakeAgent agent(InParts(per_answer));
   const auto client = Client::Connect(agent.endpoint(), "rover1", {});
   EXPECT_TRUE(client);
@@ -115,14 +115,16 @@ Result<Fingerprint> AskInParts(std::uint64_t per_answer) {
 
 TEST(FingerprintsTest, PutsTheFingerprintTogetherFromAnswersInParts) {
   for (const std::uint64_t per_answer : {1, 2, 5, 9, 100}) {
-    const auto whole = AskInParts(per_answer);
+    const auto whole = RequestInParts(per_answer);
     ASSERT_TRUE(whole) << ToString(whole.error());
     EXPECT_EQ(whole->record_count, 9);
     EXPECT_EQ(whole->hash, (1 ^ 2 ^ 3 ^ 4 ^ 5) ^ (8 ^ 9 ^ 10 ^ 11));
   }
 }
 
-TEST(FingerprintsTest, GivesUpIfAnswersMakeNoProgress) { EXPECT_EQ(AskInParts(0).error().code, ErrorCode::kCorrupt); }
+TEST(FingerprintsTest, GivesUpIfAnswersMakeNoProgress) {
+  EXPECT_EQ(RequestInParts(0).error().code, ErrorCode::kCorrupt);
+}
 
 }  // namespace
 }  // namespace moondb

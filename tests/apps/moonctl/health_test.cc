@@ -364,8 +364,9 @@ TEST_F(HealthTest, FindsMapsThatTakeTheOthersHazardsAwayAndSaysHowToRepair) {
   cleared.set_x_m(1.25);
   EXPECT_THAT(
       Of(2),
-      ElementsAre("its maps of one minute set 900 of the other agents' 1000 hazard cells to free: 'moonctl map why "
-                  "1.25 0.00' explains one of the cells; if the maps are wrong: moonctl map quarantine --agent rover2 "
+      ElementsAre("within one minute, its maps marked as free 900 of the 1000 cells that other agents hold as hazards: "
+                  "'moonctl map why 1.25 0.00' explains one of the cells; if the maps are wrong: moonctl map "
+                  "quarantine --agent rover2 "
                   "--from 2026-11-18T11:06:40Z --to 2026-11-18T11:07:10Z"));
 }
 

@@ -24,7 +24,7 @@ LabOptions Robots(int count) {
 TEST(LabTeamTest, RobotsShareEverythingByThemselves) {
   const TemporaryFolder folder;
   LabOptions options = Robots(3);
-  options.addresses = {"rover1=10.0.0.11", "rover2=robot2.local:7500", "rover3=[fe80::1]"};
+  options.addresses = {"rover1=10.0.0.11", "rover2=robot2.local:7500", "rover3=[fe80::1%wlan0]"};
   const Result<proto::TeamConfig> team = MakeLabTeam(options);
   ASSERT_TRUE(team) << team.error().text;
   ASSERT_TRUE(WriteTeam(folder.path() / "team.yaml", *team));
@@ -34,7 +34,7 @@ TEST(LabTeamTest, RobotsShareEverythingByThemselves) {
   ASSERT_EQ(config.agents_size(), 3);
   EXPECT_EQ(config.agents(0).address(), "tcp://10.0.0.11:7400");
   EXPECT_EQ(config.agents(1).address(), "tcp://robot2.local:7500");
-  EXPECT_EQ(config.agents(2).address(), "tcp://[fe80::1]:7400");
+  EXPECT_EQ(config.agents(2).address(), "tcp://[fe80::1%wlan0]:7400");
   EXPECT_EQ(config.radio().sync_period_s(), 2);
   EXPECT_FALSE(config.radio().quiet_while_driving());
   EXPECT_EQ(config.roles().failover(), proto::FAILOVER_AUTOMATIC);

@@ -57,18 +57,18 @@ TEST_F(MapFilesTest, EachFormatHoldsTheNotes) {
   }
 }
 
-// Paths of the two files of an export. The signal handler LookAtFiles counts how often the first file exists without
+// Paths of the two files of an export. The signal handler InspectFiles counts how often the first file exists without
 // the second.
 char picture_file[256];
 char text_file[256];
 std::atomic<int> half_count = 0;
 
-void LookAtFiles(int) {
+void InspectFiles(int) {
   if (::access(picture_file, F_OK) == 0 && ::access(text_file, F_OK) != 0) ++half_count;
 }
 
 TEST_F(MapFilesTest, ASignalFindsBothFilesOrNone) {
-  const auto before = std::signal(SIGINT, LookAtFiles);
+  const auto before = std::signal(SIGINT, InspectFiles);
   const pthread_t writer = ::pthread_self();
   std::atomic<bool> is_done = false;
   std::thread sender([&] {

@@ -811,7 +811,7 @@ bool IsOrderToPeer(Context& context, const Address& to, const proto::Message& me
 }
 
 // Removes the issuer from all terms, so that terms with the same number are equal.
-bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
+bool SendTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   const auto strip = [](proto::RoleAssignment& roles) {
     if (roles.term().number() == 0) return;
     roles.mutable_term()->set_issuer(1);
@@ -829,7 +829,7 @@ bool KeepRoles(Context&, const Address&, proto::Message& message) {
   return !message.has_roles_changed() || (roles.leader() != 0 && roles.survivor() != 0);
 }
 
-bool AskForNoMaps(Context&, proto::Message& message) {
+bool RequestNoMaps(Context&, proto::Message& message) {
   proto::RecordFilter& filter = *message.mutable_missing_request()->mutable_filter();
   const auto types = filter.data_types();
   filter.clear_data_types();
@@ -1151,7 +1151,7 @@ const std::vector<Mutant>& Mutants() {
        5,
        [](SimOptions& options) {
          options.faults_per_hour = {{"partition", 10}, {"reassign", 30}};
-         Says(kRole, SayTermsWithoutIssuer)(options);
+         Says(kRole, SendTermsWithoutIssuer)(options);
        }},
       {"OneIsNotNotified",
        "agent 3 hears of no change of roles",
@@ -1227,7 +1227,7 @@ const std::vector<Mutant>& Mutants() {
        5,
        Hears(kStorage,
              [](Context& context, proto::Message& message) {
-               return !message.has_missing_request() || AskForNoMaps(context, message);
+               return !message.has_missing_request() || RequestNoMaps(context, message);
              })},
       {"QuarantinesStay",
        "a leader brings others no quarantines of maps but its own",
@@ -1485,7 +1485,7 @@ const std::vector<Mutant>& Mutants() {
        5,
        Says(kDownlink,
             [](Context& context, const Address&, proto::Message& message) {
-              return !message.has_missing_request() || AskForNoMaps(context, message);
+              return !message.has_missing_request() || RequestNoMaps(context, message);
             }),
        SimulatedActors::kAll},
       {"MakesUnsavedBundles",

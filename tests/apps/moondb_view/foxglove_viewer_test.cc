@@ -132,7 +132,7 @@ TEST_F(FoxgloveViewerTest, AnnouncesNewAndRemovedChannels) {
 TEST_F(FoxgloveViewerTest, RefusesWhatItDoesNotKnow) {
   Begin();
   viewer_.OnMessage({"\1data", true});
-  EXPECT_THAT(NextText(), HasSubstr(R"("op":"status","level":2,"message":"this server takes no data)"));
+  EXPECT_THAT(NextText(), HasSubstr(R"("op":"status","level":2,"message":"this server accepts no data)"));
   for (const char* text : {"", "nonsense", "[]", R"({"op":7)", R"({"op":"subscribe","subscriptions":[{"id":-1}]})"}) {
     Send(text);
     EXPECT_THAT(NextText(), HasSubstr(R"("level":2)")) << text;

@@ -212,7 +212,8 @@ const BadFile kBadFiles[] = {
     {"CustomPolicy", GoodAnd("custom_types: [{id: 1000, name: soil, share: lastest}]"),
      "t:8:46: custom_types[0].share: expected none, latest or all, got \"lastest\"; did you mean \"latest\"?"},
     {"CustomBadName", GoodAnd("custom_types: [{id: 1000, name: 3-soil}]"),
-     "t:8:33: custom_types[0].name: expected at most 32 lower-case letters, digits and _, from a letter on, got "
+     "t:8:33: custom_types[0].name: expected a lower-case letter, then at most 31 lower-case letters, digits and _, "
+     "got "
      "\"3-soil\""},
     {"CustomBuiltInName", GoodAnd("custom_types: [{id: 1000, name: temperature}, {id: 1001, name: type_1000}]"),
      "t:8:33: custom_types[0].name: temperature is a name of moondb's own\n"

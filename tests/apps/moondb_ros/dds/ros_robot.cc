@@ -74,7 +74,7 @@ class Robot {
       std::this_thread::sleep_until(start + i * std::chrono::duration_cast<std::chrono::nanoseconds>(step));
       time_s_ = i * kStep_s;
       Move();
-      NoteTruth(i);
+      ObserveTruth(i);
       PublishOdometry();
       if (i % 2 == 0) PublishScan();
       Receive();
@@ -118,7 +118,7 @@ class Robot {
     odom_m_ += odom_way_m * Eigen::Vector2d(std::cos(odom_yaw_rad_), std::sin(odom_yaw_rad_));
   }
 
-  void NoteTruth(int step) {
+  void ObserveTruth(int step) {
     if (arguments_.truth_file.empty() || step % static_cast<int>(1 / kStep_s) != 0) return;
     if (!truth_.is_open()) truth_.open(arguments_.truth_file);
     truth_ << std::lround(time_s_) << " " << position_m_.x() << " " << position_m_.y() << " " << yaw_rad_ << std::endl;
