@@ -25,6 +25,7 @@ namespace {
 using testing::HasSubstr;
 using testing::IsSupersetOf;
 using testing::Not;
+using testing::StartsWith;
 
 class ProcessTest : public ProcessTeam {
  protected:
@@ -151,6 +152,24 @@ TEST_F(ProcessTest, HealthReportsToScriptsByItsExitCode) {
   EXPECT_THAT(text, HasSubstr("rover3  unknown"));
   EXPECT_THAT(text, HasSubstr("does not reach rover3"));
   EXPECT_FALSE(MoonctlJson(1, {"health"}).fields().at("is_healthy").bool_value());
+  Kill("rover1");
+  EXPECT_THAT(MoonctlExpecting(3, {"status"}), HasSubstr("rover1 leads (term 1), but does not answer"));
+}
+
+TEST_F(ProcessTest, OnARobotCommandsTakeTheOnlyAgentWhoseSecretKeyIsThere) {
+  MoonctlExpecting(0, {"up"});
+  MoonctlExpecting(0, {"config", "pack", "rover2", folder_ / "rover2.pack"});
+  MoonctlExpecting(0, {"config", "unpack", folder_ / "rover2.pack", folder_ / "robot"});
+  const std::string robot = folder_ / "robot" / "team.yaml";
+  EXPECT_THAT(MoonctlExpecting(0, {"-t", robot, "record", "next-node"}), StartsWith("0"));
+  MoonctlExpecting(0, {"-t", robot, "record", "insert", "temperature", R"({"celsius": 4})"});
+  EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover2", "record", "list", "temperature"}), HasSubstr("rover2"));
+  EXPECT_THAT(MoonctlExpecting(0, {"-t", robot, "drive", "off"}), HasSubstr("rover2 neither drives nor sleeps"));
+  EXPECT_THAT(Moonctl({"record", "next-node"}).error, HasSubstr("the secret keys of several agents are here"));
+  const Outcome elsewhere = Moonctl({"-t", robot, "doctor", "-a", "rover3"});
+  EXPECT_EQ(elsewhere.exit_code, 1);
+  EXPECT_THAT(elsewhere.out, HasSubstr("but not those of rover3"));
+  EXPECT_THAT(elsewhere.out, HasSubstr("run moonctl doctor on the computer of rover3"));
 }
 
 // Overwrites bytes 4096 to 12287 of a stopped agent's store with noise.
