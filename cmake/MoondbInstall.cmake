@@ -14,7 +14,7 @@ set(MOONDB_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/moondb)
 # moondb_install_library(TARGET [NAME name] [EXPORT set] [HEADERS public headers of this folder...]): installs the
 # library `TARGET` as moondb::NAME. Without NAME, the name is that of the target without "moondb_". The set is
 # moondbClient for the client and what it links, otherwise moondb. If a public header includes another header, that
-# header must be public too.
+# header must be public too. Libraries that were not built are skipped: a build of the target `programs` has the client.
 function(moondb_install_library target)
   cmake_parse_arguments(ARG "" "NAME;EXPORT" "HEADERS" ${ARGN})
   if(NOT ARG_NAME)
@@ -25,14 +25,14 @@ function(moondb_install_library target)
   endif()
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${ARG_NAME})
   add_library(moondb::${ARG_NAME} ALIAS ${target})
-  install(TARGETS ${target} EXPORT ${ARG_EXPORT} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+  install(TARGETS ${target} EXPORT ${ARG_EXPORT} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development OPTIONAL)
   file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
   install(FILES ${ARG_HEADERS} DESTINATION ${MOONDB_INCLUDE_DIR}/${folder} COMPONENT development)
 endfunction()
 
-# moondb_install_program(TARGET): installs a program.
+# moondb_install_program(TARGET): installs a program, if it was built.
 function(moondb_install_program target)
-  install(TARGETS ${target} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
+  install(TARGETS ${target} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs OPTIONAL)
 endfunction()
 
 # moondb_install_package(): installs the package. Call it once, after all libraries are declared.

@@ -52,20 +52,20 @@ class Descent {
     PlanarState moved = system_.Plus(state_, step);
     system_.SettlePositions(moved);
     const double cost = system_.Cost(moved);
-    const double fall = result_.cost - cost;
-    if (!(fall >= 0)) {
-      const bool is_least = -fall <= kRoundingPart * result_.cost || expected <= kRoundingPart * result_.cost;
+    const double cost_decrease = result_.cost - cost;
+    if (!(cost_decrease >= 0)) {
+      const bool is_least = -cost_decrease <= kRoundingPart * result_.cost || expected <= kRoundingPart * result_.cost;
       result_.has_converged = is_least && std::isfinite(cost);
       return RejectStep();
     }
-    result_.has_converged = std::max(fall, expected) <= kFunctionTolerance * result_.cost;
-    const double share = std::min(fall / expected, 1.0);
-    radius_ = std::min(kRadiusMax, radius_ / std::max(1.0 / 3, 1 - std::pow(2 * share - 1, 3)));
+    result_.has_converged = std::max(cost_decrease, expected) <= kFunctionTolerance * result_.cost;
+    const double gain_ratio = std::min(cost_decrease / expected, 1.0);
+    radius_ = std::min(kRadiusMax, radius_ / std::max(1.0 / 3, 1 - std::pow(2 * gain_ratio - 1, 3)));
     shrink_ = 2;
     result_.cost = cost;
     state_ = std::move(moved);
     if (gauss_newton_steps_ > 0) --gauss_newton_steps_;
-    const bool is_exact = gauss_newton_steps_ == 0 && fall <= kNearPart * cost;
+    const bool is_exact = gauss_newton_steps_ == 0 && cost_decrease <= kNearPart * cost;
     curvature_ = is_exact ? Curvature::kExact : Curvature::kGaussNewton;
     system_.Linearise(state_, curvature_);
   }

@@ -1,6 +1,6 @@
 // OwnEpochs keeps the known epochs of this agent's own records: epochs that were begun in the history of this agent's
 // present database file, and *foreign* epochs, which were begun elsewhere. It finds the epochs whose states (records
-// under the policy `latest`) a higher foreign epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
+// under the policy `latest`) a higher foreign epoch cannot have known (docs/decisions/0010-epoch-reports.md).
 //
 // The 64 bits of an epoch identify its ancestry:
 //   - 16 bits: counter, one above the counter of its *base*, which is the highest own epoch known when the epoch began;
