@@ -5,6 +5,7 @@
 
 #include "apps/moonctl/command_tree.h"
 #include "model/did_you_mean.h"
+#include "model/duration.h"
 
 namespace moondb {
 namespace {
@@ -62,6 +63,14 @@ std::string InsteadOf(std::string_view words, std::string_view word, const std::
   return found == std::end(kSynonyms) ? DidYouMean(word, names) : std::string("; use ") + found->instead;
 }
 
+// Returns the error for a word that follows a command without arguments. `group` is the command, with a blank behind
+// it.
+std::string UnexpectedText(const std::string& group, const std::string& word) {
+  const std::string what = "unexpected \"" + word + "\" after \"" + group.substr(0, group.size() - 1) + "\"; ";
+  if (ParseDuration(word)) return what + "a time limit is --timeout " + word;
+  return what + "an agent is named by -a " + word;
+}
+
 }  // namespace
 
 std::optional<std::string> DescribeMistyped(const Command& app, const std::vector<std::string>& words) {
@@ -85,6 +94,7 @@ std::optional<std::string> DescribeMistyped(const Command& app, const std::vecto
     }
     std::vector<std::string> names;
     for (const Command* sub : current->subcommands()) names.push_back(sub->name());
+    if (names.empty() && ArgumentsOf(*current).empty()) return UnexpectedText(group, word);
     if (names.empty()) continue;  // The word is an argument, because the command has no subcommands.
     return "unknown command \"" + word + "\"" + InsteadOf(group + word, word, names);
   }

@@ -77,7 +77,8 @@ ExitCode ShowHistory(CommandContext& context) {
 
 // Converts pairs of agent and role, such as "rover2 leader rover3 survivor", to a request.
 Result<proto::RoleSetRequest> ParsePairs(const proto::TeamConfig& team, const std::vector<std::string>& words) {
-  if (words.empty() || words.size() % 2 != 0) {
+  const bool begins_with_role = !words.empty() && (words[0] == "leader" || words[0] == "survivor");
+  if (words.empty() || words.size() % 2 != 0 || begins_with_role) {
     return Fail(ErrorCode::kInvalid, "expected pairs of an agent and a role, such as: role set rover2 leader");
   }
   proto::RoleSetRequest request;
@@ -219,7 +220,7 @@ void AddRoleCommands(Command& app, CommandContext& context) {
   set.AddOption("pairs", arguments->words, "AGENT ROLE ...")
       .TypeName("{AGENT,leader,survivor}")
       .Required()
-      .Expected(2, 4);
+      .Expected(1, 4);
   add_common(set);
   set.Callback([&context, arguments] {
     context.action = [&context, arguments] {

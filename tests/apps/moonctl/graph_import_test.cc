@@ -142,7 +142,12 @@ TEST(MistypedTest, FindsTheWordAndItsNeighbour) {
   EXPECT_EQ(DescribeMistyped(app, {"--agent", "rloe", "role", "shwo"}),
             "unknown command \"shwo\"; did you mean \"show\"?");
   EXPECT_EQ(DescribeMistyped(app, {"role", "show", "--jsn"}), "unknown option --jsn; did you mean \"--json\"?");
-  EXPECT_EQ(DescribeMistyped(app, {"role", "show", "--json", "more"}), std::nullopt);
+  EXPECT_EQ(DescribeMistyped(app, {"role", "show", "--json", "rover3"}),
+            "unexpected \"rover3\" after \"role show\"; an agent is named by -a rover3");
+  EXPECT_EQ(DescribeMistyped(app, {"role", "show", "10s"}),
+            "unexpected \"10s\" after \"role show\"; a time limit is --timeout 10s");
+  role.AddSubcommand("set", "").AddOption("agent", agent);
+  EXPECT_EQ(DescribeMistyped(app, {"role", "set", "more"}), std::nullopt);
   EXPECT_EQ(DescribeMistyped(app, {"stop"}), "unknown command \"stop\"; use moonctl down");
   EXPECT_EQ(DescribeMistyped(app, {"role", "get"}), "unknown command \"get\"; use moonctl role show");
 }
