@@ -8,6 +8,7 @@
 #include "apps/common/table.h"
 #include "apps/moonctl/db_commands.h"
 #include "model/text.h"
+#include "runtime/team/team_keys.h"
 
 namespace moondb {
 namespace {
@@ -25,7 +26,15 @@ Result<std::filesystem::path> StoreOf(CommandContext& context, const std::string
       data_folder.empty() ? DefaultDataRoot(team.folder) : std::filesystem::path(data_folder);
   const auto folder = FindDataFolder(root, team.config, **chosen);
   if (!folder) return tl::unexpected(folder.error());
-  return *folder / kDatabaseFile;
+  const std::filesystem::path file = *folder / kDatabaseFile;
+  std::error_code ignored;
+  if (!std::filesystem::exists(file, ignored) && !HasSecretKey(team.config, team.folder, **chosen)) {
+    const std::string& name = (*chosen)->name();
+    return Fail(ErrorCode::kNotFound,
+                "the store of " + name + " is not on this computer: run the command on the computer of " + name,
+                "--agent");
+  }
+  return file;
 }
 
 std::string TextOf(const QueryCell& cell) {

@@ -166,6 +166,9 @@ TEST_F(ProcessTest, OnARobotCommandsTakeTheOnlyAgentWhoseSecretKeyIsThere) {
   EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover2", "record", "list", "temperature"}), HasSubstr("rover2"));
   EXPECT_THAT(MoonctlExpecting(0, {"-t", robot, "drive", "off"}), HasSubstr("rover2 neither drives nor sleeps"));
   EXPECT_THAT(Moonctl({"record", "next-node"}).error, HasSubstr("the secret keys of several agents are here"));
+  const Outcome no_store = Moonctl({"-t", robot, "-a", "rover3", "db", "query", "SELECT 1"});
+  EXPECT_EQ(no_store.exit_code, 1);
+  EXPECT_THAT(no_store.error, HasSubstr("the store of rover3 is not on this computer"));
   const Outcome elsewhere = Moonctl({"-t", robot, "doctor", "-a", "rover3"});
   EXPECT_EQ(elsewhere.exit_code, 1);
   EXPECT_THAT(elsewhere.out, HasSubstr("but not those of rover3"));
