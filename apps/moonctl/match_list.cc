@@ -107,7 +107,8 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
 
 std::string MatchingLeftText(const proto::RegistrationReply& state) {
   if (state.left_count() > 0) return FormatCount(state.left_count(), "pair") + " of maps left to match";
-  return state.is_due() ? "the matching of maps will begin" : "";
+  const bool has_maps = state.map_count() + state.other_map_count() > 0;
+  return state.is_due() && has_maps ? "the matching of maps will begin" : "";
 }
 
 std::string VerdictText(const ListedMatch& match) {

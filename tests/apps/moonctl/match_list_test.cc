@@ -169,6 +169,8 @@ TEST(RegistrationTextTest, CountsResultsAndGivesTheReasonWhyNothingIsMatched) {
   EXPECT_EQ(MatchingLeftText(none), "the matching of maps will begin");
   EXPECT_EQ(MatchingLeftText(state), "3 pairs of maps left to match");
   EXPECT_EQ(MatchingLeftText({}), "");
+  none.set_other_map_count(0);
+  EXPECT_EQ(MatchingLeftText(none), "") << "there are no maps";
 }
 
 TEST(RegistrationTextTest, SaysHowFarTheSearchForStartsCame) {
