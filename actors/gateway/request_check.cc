@@ -170,7 +170,8 @@ Result<void> CheckRead(const proto::ReadRequest& read) {
   }
   if (!read.data_types().empty() || !read.origin_agents().empty() || has_from || has_to || read.is_newest_first() ||
       read.wait_s() > 0 || read.is_history()) {
-    return Fail(ErrorCode::kInvalid, "can be combined only with after_row_id and the limits of a page", "read.keys");
+    return Fail(ErrorCode::kInvalid, "can be combined only with after_row_id, records_max and content_bytes_max",
+                "read.keys");
   }
   return {};
 }
@@ -244,7 +245,8 @@ Result<void> CheckPrune(const proto::PruneOrder& prune) {
     return Fail(ErrorCode::kInvalid, "too many data types", "prune.data_types");
   }
   if (prune.occluded_maps() && !prune.data_types().empty()) {
-    return Fail(ErrorCode::kInvalid, "must be empty with occluded_maps, which removes only maps", "prune.data_types");
+    return Fail(ErrorCode::kInvalid, "must be empty if occluded_maps is set, because that removes only maps",
+                "prune.data_types");
   }
   if (prune.occluded_maps() && prune.is_history()) {
     return Fail(ErrorCode::kInvalid, "cannot be combined with occluded_maps: maps have no history", "prune.is_history");

@@ -221,7 +221,7 @@ Result<void> RetentionActor::CheckOrder(const proto::PruneOrder& order) const {
     if (SharePolicyOf(options_.team, type) == proto::POLICY_ALL) continue;
     return Fail(ErrorCode::kInvalid,
                 DataTypeName(type, options_.team.custom_types()) +
-                    " does not have the share policy all: only types with that "
+                    " does not have the share policy \"all\": only types with this "
                     "policy are pruned",
                 "prune.data_types[" + std::to_string(i) + "]");
   }

@@ -120,7 +120,8 @@ void DownlinkActor::RequestRecords(Context& context) {
 
 void DownlinkActor::OnMissing(Context& context, const proto::MissingReply& reply) {
   if (reply.records().empty() && reply.remaining() > 0) {
-    return EndWithError(context, {ErrorCode::kUnavailable, "storage cannot read the missing records", {}});
+    return EndWithError(context,
+                        {ErrorCode::kUnavailable, "storage cannot read the records that the ground station lacks", {}});
   }
   if (writer_) return Fill(context, reply);
   reply_.set_left_count(static_cast<double>(reply.remaining()) + reply.records_size());

@@ -32,7 +32,7 @@ Result<HaveSet> HaveCollector::Check(const proto::Have& page) const {
     const RecordKey first{key, covered.is_empty() ? UINT64_MAX : covered.intervals().front().first};
     const RecordKey last{key, covered.Max()};
     if (first < next_ || (!is_last && last >= end)) {
-      return Fail(ErrorCode::kInvalid, "lists records outside the range of its page", "have");
+      return Fail(ErrorCode::kInvalid, "lists records that were not asked for", "have");
     }
   }
   if (const Result<void> fits = have_.CheckJoins(*have); !fits) return tl::unexpected(fits.error());

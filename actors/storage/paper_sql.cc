@@ -397,7 +397,7 @@ Result<proto::Record> ReadRow(const PaperTable& table, const RecordKey& key, sql
   if (result != SQLITE_OK || sqlite3_step(prepared) != SQLITE_ROW) return tl::unexpected(Corrupt("inserts no row"));
   const bool is_announced = IsText(prepared, 0, ToString(key)) && sqlite3_column_type(prepared, 1) == SQLITE_INTEGER &&
                             sqlite3_column_int64(prepared, 1) == std::int64_t{key.stream.origin};
-  if (!is_announced) return tl::unexpected(Corrupt("inserts a row with another key than announced"));
+  if (!is_announced) return tl::unexpected(Corrupt("inserts a row whose key differs from the key of its message"));
   proto::Record record;
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
     const int number = static_cast<int>(i) + 2;

@@ -346,8 +346,10 @@ int Database::OnSteps(void* database) {
 
 tl::unexpected<Error> Database::FailWith(int code) const {
   if (code == SQLITE_INTERRUPT) {
-    return Fail(ErrorCode::kCorrupt,
-                "database " + path_ + ": a statement does not end: another program changed the file");
+    return Fail(
+        ErrorCode::kCorrupt,
+        "database " + path_ +
+            ": a statement was stopped because it did not end: another program changed the file; restore a backup");
   }
   const bool is_full = (code & 0xFF) == SQLITE_IOERR && connection_ != nullptr &&
                        (sqlite3_system_errno(connection_) == ENOSPC || sqlite3_system_errno(connection_) == EDQUOT);

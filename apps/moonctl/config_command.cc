@@ -176,7 +176,7 @@ ExitCode InitLab(CommandContext& context, const ConfigArguments& arguments) {
   JsonWriter json;
   json.BeginObject().Key("file").String(arguments.file).EndObject();
   std::string text =
-      "wrote " + arguments.file + " and its keys: records and the team's map are sent to all robots automatically";
+      "wrote " + arguments.file + " and its keys. Records and the team's map are sent to all robots automatically";
   if (arguments.addresses.empty())
     text += "\nnote: all agents have addresses of this machine; give --address for agents on robots";
   if (team->agents_size() == 2) {

@@ -70,7 +70,9 @@ RobotCheck SqliteCheck(const RobotFacts& facts) {
 }
 
 RobotCheck DiskCheck(const proto::TeamConfig& team, const RobotFacts& facts) {
-  if (!facts.disk_free_bytes) return Unknown("disk", "the free space is unknown", "");
+  if (!facts.disk_free_bytes)
+    return Unknown("disk", "the free space of the disk cannot be read",
+                   "check that the disk of the data folder is mounted");
   const auto free = static_cast<double>(*facts.disk_free_bytes);
   const double least = team.retention().disk_free_mb_min() * kMegabyte_bytes;
   const std::string text = FormatBytes(free) + " are free";

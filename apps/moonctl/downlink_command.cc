@@ -141,7 +141,7 @@ Result<void> CheckSame(Client& client, const DownlinkArguments& arguments) {
   for (const proto::DownlinkBundle& bundle : reply->waiting()) {
     if (bundle.number() != arguments.number) continue;
     if (bundle.hash() == HashOfBundle(*file)) return {};
-    return Fail(ErrorCode::kRefused, "differs from the agent's bundle " + std::to_string(bundle.number()),
+    return Fail(ErrorCode::kRefused, "is not identical to the agent's bundle " + std::to_string(bundle.number()),
                 arguments.file);
   }
   return Fail(ErrorCode::kNotFound, "the agent has no unacknowledged bundle " + std::to_string(arguments.number));

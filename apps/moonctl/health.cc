@@ -309,7 +309,8 @@ void JudgeMap(const proto::TeamConfig& team, const proto::MapStatsReply& stats,
               const proto::RegistrationReply& registration, std::map<std::uint32_t, Findings>& all) {
   const auto remedy = [&](AgentId rover) {
     const std::string searched = SearchText(team, registration, rover);
-    return searched.empty() ? ": " + std::string(kHowToPlace) : "; " + searched + ", or give it a start";
+    return searched.empty() ? ": " + std::string(kHowToPlace)
+                            : "; " + searched + ", or set its start pose (start in the team file)";
   };
   if (stats.frame_of() != 0) {
     all[stats.frame_of()].push_back("not placed in the team's map" + remedy(stats.frame_of()));

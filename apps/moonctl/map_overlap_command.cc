@@ -125,7 +125,8 @@ Result<Overlap> ReadOverlap(AgentClient& target, const proto::TeamConfig& team, 
   if (const std::optional<Pose> match = MatchOf(graph, nodes)) {
     overlap.placements.push_back({"match", map_from_first, map_from_first * *match});
   } else {
-    overlap.remarks.push_back(agent + " holds no match of these nodes");
+    overlap.remarks.push_back(agent +
+                              " holds no match between these two nodes: moonctl graph matches lists the matches");
   }
   return overlap;
 }

@@ -57,7 +57,7 @@ void AddOptions(Command& app, Arguments& arguments) {
       .OneOf({"text", "json"});
   app.AddOption("--merge-backend", arguments.merge_backend, "Backend that merges maps").OneOf({"auto", "cpu", "gl"});
   app.AddOption("--clients", arguments.clients_file,
-                "File that lists clients for client_address (clients.yaml beside the team file)");
+                "File that lists the clients that may use client_address (default: clients.yaml beside the team file)");
   app.AddOption("--secret-key", arguments.secret_key, "File of the secret key (beside the public one, as .sec)");
 }
 

@@ -445,8 +445,8 @@ Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count
   }
   if (first_port < 1 || first_port + agent_count - 1 > 65535) {
     return Fail(ErrorCode::kInvalid,
-                "the ports must lie from 1 to 65535, got " + std::to_string(first_port) + " and " +
-                    std::to_string(agent_count - 1) + " more",
+                "the ports " + std::to_string(first_port) + " to " + std::to_string(first_port + agent_count - 1) +
+                    " must lie from 1 to 65535",
                 "first_port");
   }
   proto::TeamConfig team;

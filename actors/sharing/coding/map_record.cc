@@ -81,7 +81,7 @@ Result<std::string> JoinMap(std::string_view frame, const std::vector<MapLayer>&
   proto::Record record;
   if (!ParseMap(frame, record) ||
       static_cast<std::size_t>(record.local_traversability_map().layers_size()) != layers.size()) {
-    return Fail(ErrorCode::kCorrupt, "is not a map with the announced layers", "coded");
+    return Fail(ErrorCode::kCorrupt, "does not hold the map layers that its batch states", "coded");
   }
   proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
   for (int i = 0; i < map.layers_size(); ++i) {

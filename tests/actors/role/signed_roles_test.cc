@@ -255,7 +255,7 @@ TEST(SignedRolesTest, MayBeChangedByLeaderSurvivorAndCommandingAgents) {
   const Result<void> refused = team.Set(3, 3, 2);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
-  EXPECT_THAT(refused.error().text, HasSubstr("ask the leader, agent 1, the survivor, agent 2"));
+  EXPECT_THAT(refused.error().text, HasSubstr("send the command to the leader (agent 1), to the survivor (agent 2)"));
   EXPECT_EQ(team.refusals(), 0);
 }
 

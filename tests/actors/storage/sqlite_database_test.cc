@@ -65,7 +65,7 @@ TEST(SqliteDatabaseTest, AbortsAStatementThatDoesNotEnd) {
   const Result<std::int64_t> counted = database->Number("SELECT count(*) FROM record");
   ASSERT_FALSE(counted);
   EXPECT_EQ(counted.error().code, ErrorCode::kCorrupt);
-  EXPECT_THAT(counted.error().text, testing::HasSubstr("does not end"));
+  EXPECT_THAT(counted.error().text, testing::HasSubstr("did not end"));
   EXPECT_EQ(database->Number("SELECT 7").value(), 7) << "each step has its own";
 }
 

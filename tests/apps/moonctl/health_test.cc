@@ -317,10 +317,10 @@ TEST_F(HealthTest, SaysHowFarTheSearchForARoverCame) {
     start.set_text(evidence < 5 ? "too little looks alike" : "another place fits nearly as well");
     start.set_remedy("drive one of them on");
   }
-  EXPECT_THAT(Of(2),
-              ElementsAre("not placed, 40 maps excluded from the team's map; its maps compared with those of rover1: "
-                          "another place fits nearly as well (evidence 12.9, best alternative 10.8, matched 97 "
-                          "%, contradicted 0 %); drive one of them on, or give it a start"));
+  EXPECT_THAT(
+      Of(2), ElementsAre("not placed, 40 maps excluded from the team's map; its maps compared with those of rover1: "
+                         "another place fits nearly as well (evidence 12.9, best alternative 10.8, matched 97 "
+                         "%, contradicted 0 %); drive one of them on, or set its start pose (start in the team file)"));
 }
 
 TEST_F(HealthTest, NamesARoverWhoseStartTheMapsContradict) {
