@@ -145,7 +145,7 @@ TEST_F(FourMachinesTest, AnAgentOutsideCommandFromRelaysOnlyQueries) {
   EXPECT_THAT(refused.error, HasSubstr("rover1 takes no commands relayed by rover3: command_from of its team file"));
   EXPECT_EQ(At("rover3", {"role", "swap", "-a", "rover3"}).exit_code, 4) << "it neither leads nor survives";
   EXPECT_EQ(At("rover3", {"-a", "rover3", "record", "insert", "temperature", "{\"celsius\": 1}"}).exit_code, 0);
-  EXPECT_THAT(At("rover2", {"log"}).out, HasSubstr("refused insert through rover3"));
+  EXPECT_THAT(At("rover2", {"log"}).out, HasSubstr("refused insert relayed by rover3"));
   EXPECT_THAT(At("rover2", {"health"}).out, HasSubstr("relayed by rover3"));
   EXPECT_THAT(At("rover2", {"health", "acknowledge"}).out, HasSubstr("1 refused commands"));
   EXPECT_THAT(At("rover2", {"health"}).out, Not(HasSubstr("relayed by rover3")));
