@@ -202,6 +202,7 @@ void RegisterActor::StartPass(Context& context) {
   Check(phase_ == Phase::kIdle, "one pass runs at a time");
   if (WhyNot()) return;
   if (!records_.empty()) return StoreMatches(context);
+  quiet_.Stop();  // The pass reads all records that have arrived.
   if (std::exchange(has_news_, false)) passes_since_news_ = 0;
   for (Waiting& waiting : waiting_) waiting.is_covered = true;
   pass_.Clear();

@@ -90,7 +90,8 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
   if (const double quarantined = state.other_map_count() - state.unposed_map_count(); quarantined > 0) {
     text += "; " + FormatCount(quarantined, "map") + " quarantined, or newer than the last pass";
   }
-  if (state.is_due()) text += "; the next pass will begin";
+  const bool has_maps = state.map_count() + state.other_map_count() > 0;
+  if (state.is_due() && has_maps) text += "; the next pass will begin";
   text += (state.text().empty() ? "" : "; " + state.text()) + "\n";
   for (const proto::LeftOutPairs& pairs : state.left_out()) {
     const bool is_one_agent = pairs.agent_id() == pairs.other_agent_id();
