@@ -206,7 +206,7 @@ def measure_update(team):
         while len(viewer.tile_times) == seen and time.time() - start < 60:
             time.sleep(0.01)
         found.append(viewer.tile_times[seen] - start if len(viewer.tile_times) > seen else None)
-        team.run("moonctl", "-a", "rover1", "map", "quarantine", "--lift", re.search(r"quarantine (\S+) stands", said).group(1))
+        team.run("moonctl", "-a", "rover1", "map", "quarantine", "--lift", said.split()[1])
         time.sleep(5)
     viewer.end()
     return {"update_s": [value and round(value, 2) for value in found]}

@@ -71,7 +71,10 @@ std::error_code MoveToNew(const std::filesystem::path& from, const std::filesyst
   if (!lacks_support()) return LastError();
   // The name is taken by an empty file of this process, which the rename replaces.
   if (const std::error_code taken = WriteNew(to, "", {.mode = 0600})) return taken;
-  return rename(from.c_str(), to.c_str()) == 0 ? std::error_code() : LastError();
+  if (rename(from.c_str(), to.c_str()) == 0) return {};
+  const std::error_code failure = LastError();
+  (void)unlink(to.c_str());
+  return failure;
 }
 
 bool HasPermissions(const std::filesystem::path& path) {

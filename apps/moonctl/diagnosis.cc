@@ -102,11 +102,6 @@ RobotCheck ClockCheck(const RobotFacts& facts) {
   return Good("clock", "the clock is synchronised");
 }
 
-bool IsLoopback(const std::string& endpoint) {
-  return endpoint.starts_with("tcp://127.") || endpoint.starts_with("tcp://localhost:") ||
-         endpoint.starts_with("tcp://[::1]:");
-}
-
 RobotCheck PortCheck(const proto::TeamConfig& team, const proto::AgentConfig& agent, const RobotFacts& facts) {
   const bool has_others = std::ranges::any_of(team.agents(), [&](const proto::AgentConfig& other) {
     return other.id() != agent.id() && other.address().starts_with("tcp://") && !IsLoopback(other.address());
@@ -199,6 +194,11 @@ void AddPeerChecks(const PeerFacts& peer, const RobotFacts& facts, std::vector<R
 }
 
 }  // namespace
+
+bool IsLoopback(const std::string& endpoint) {
+  return endpoint.starts_with("tcp://127.") || endpoint.starts_with("tcp://localhost:") ||
+         endpoint.starts_with("tcp://[::1]:");
+}
 
 std::vector<RobotCheck> Diagnose(const proto::TeamConfig& team, const proto::AgentConfig& agent,
                                  const RobotFacts& facts) {

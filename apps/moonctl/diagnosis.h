@@ -64,6 +64,9 @@ struct RobotCheck {
   std::string remedy;  // Advice to the user; empty: none.
 };
 
+// Returns whether a TCP endpoint names the loopback interface by itself, without a lookup of its host name.
+bool IsLoopback(const std::string& endpoint);
+
 // Returns all checks, the good ones too, in a fixed order.
 std::vector<RobotCheck> Diagnose(const proto::TeamConfig& team, const proto::AgentConfig& agent,
                                  const RobotFacts& facts);

@@ -29,6 +29,11 @@ std::string VerdictName(const ListedMatch& match) {
   return IsRejected(match) ? "rejected" : "kept";
 }
 
+// Returns whether a pass will begin that has maps to match.
+bool IsMatchingDue(const proto::RegistrationReply& state) {
+  return state.is_due() && state.map_count() + state.other_map_count() > 0;
+}
+
 }  // namespace
 
 void MatchList::Add(const RecordKey& key, const proto::Record& record) {
@@ -90,8 +95,7 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
   if (const double quarantined = state.other_map_count() - state.unposed_map_count(); quarantined > 0) {
     text += "; " + FormatCount(quarantined, "map") + " quarantined, or newer than the last pass";
   }
-  const bool has_maps = state.map_count() + state.other_map_count() > 0;
-  if (state.is_due() && has_maps) text += "; the next pass will begin";
+  if (IsMatchingDue(state)) text += "; the next pass will begin";
   text += (state.text().empty() ? "" : "; " + state.text()) + "\n";
   for (const proto::LeftOutPairs& pairs : state.left_out()) {
     const bool is_one_agent = pairs.agent_id() == pairs.other_agent_id();
@@ -108,8 +112,7 @@ std::string RegistrationText(const proto::TeamConfig& team, const proto::Registr
 
 std::string MatchingLeftText(const proto::RegistrationReply& state) {
   if (state.left_count() > 0) return FormatCount(state.left_count(), "pair") + " of maps left to match";
-  const bool has_maps = state.map_count() + state.other_map_count() > 0;
-  return state.is_due() && has_maps ? "the matching of maps will begin" : "";
+  return IsMatchingDue(state) ? "the matching of maps will begin" : "";
 }
 
 std::string VerdictText(const ListedMatch& match) {

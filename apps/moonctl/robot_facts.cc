@@ -258,8 +258,7 @@ std::string ListenError(const proto::AgentConfig& agent) {
 // a computer's own name: other computers do not reach it. Empty: the name has another address, or is a loopback one.
 std::string LoopbackOf(const proto::AgentConfig& agent) {
   const std::string& endpoint = ListenAddressOf(agent);
-  if (!endpoint.starts_with("tcp://") || endpoint.starts_with("tcp://127.") || endpoint.starts_with("tcp://localhost:"))
-    return "";
+  if (!endpoint.starts_with("tcp://") || IsLoopback(endpoint)) return "";
   const auto address = Resolve(endpoint);
   if (!address || address->family() != AF_INET) return "";
   const std::string text = address->text();

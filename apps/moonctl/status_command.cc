@@ -137,8 +137,8 @@ std::string UnplacedLines(CommandContext& context, const proto::AgentStatus& lea
   std::string text;
   for (const auto& [agent, is_so] : is_unplaced) {
     if (!is_so) continue;
-    text += AgentName(team, agent) + ": not placed in the team's map, " + FormatCount(maps[agent]) +
-            (maps[agent] == 1 ? " map waits" : " maps wait") + ", see moonctl map stats\n";
+    text += AgentName(team, agent) + ": not placed in the team's map, " +
+            FormatCount(maps[agent], "map waits", "maps wait") + ", see moonctl map stats\n";
   }
   return text;
 }

@@ -8,7 +8,7 @@ namespace {
 
 std::string MapsText(double map_count) {
   if (map_count == 0) return "no map";
-  return FormatCount(map_count) + (map_count == 1 ? " map waits" : " maps wait");
+  return FormatCount(map_count, "map waits", "maps wait");
 }
 
 }  // namespace

@@ -212,25 +212,24 @@ class RegisterActorTest : public testing::Test {
   // Answers RegisterActor's questions in PgoActor's place, until it asks no more.
   void AnswerAsPgo() {
     for (int i = 0; i < 1000; ++i) {
-      const std::vector<proto::Message> asked = team_.TakeMessages(pgo_);
-      if (asked.empty()) return;
-      proto::Message answer;
-      *answer.mutable_graph_stats_reply() = stats_;
-      answer.set_request_id(asked.back().request_id());
-      ASSERT_EQ(team_.Post(pgo_, register_, answer), SendResult::kAccepted);
-      team_.RunUntilIdle();
+      if (!AnswerOnce()) return;
     }
     FAIL() << "RegisterActor asks without end";
   }
-  // Answers at most `count` questions.
+  // Answers `count` questions. RegisterActor must ask as many.
   void AnswerAsPgo(int count) {
-    for (int i = 0; i < count; ++i) {
-      proto::Message answer;
-      *answer.mutable_graph_stats_reply() = stats_;
-      answer.set_request_id(team_.TakeMessages(pgo_).back().request_id());
-      ASSERT_EQ(team_.Post(pgo_, register_, answer), SendResult::kAccepted);
-      team_.RunUntilIdle();
-    }
+    for (int i = 0; i < count; ++i) ASSERT_TRUE(AnswerOnce());
+  }
+  // Answers the newest question in PgoActor's place. Returns false if there is none.
+  bool AnswerOnce() {
+    const std::vector<proto::Message> asked = team_.TakeMessages(pgo_);
+    if (asked.empty()) return false;
+    proto::Message answer;
+    *answer.mutable_graph_stats_reply() = stats_;
+    answer.set_request_id(asked.back().request_id());
+    EXPECT_EQ(team_.Post(pgo_, register_, answer), SendResult::kAccepted);
+    team_.RunUntilIdle();
+    return true;
   }
   void Pass() {
     team_.AdvanceTime(seconds(3));
